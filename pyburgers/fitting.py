@@ -1,0 +1,180 @@
+"""Fit an experiment: run, gather, check, and keep it all in a run directory."""
+
+import json
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+
+import pandas as pd
+import xarray as xr
+
+from pyburgers.diagnostics import CheckResult, check_fit
+from pyburgers.errors import InputError
+from pyburgers.experiment import Experiment, load_experiment
+from pyburgers.posterior import build_posterior, load_posterior, summary_table
+from pyburgers.priors import PriorSet, load_priors
+from pyburgers.run_directory import RunDirectory, write_json, write_text
+from pyburgers.sampling import ChainFailure, SamplerOptions, run_chains
+from pyburgers.stan_data import SolverOptions
+
+
+def _silent(_: str) -> None:
+    """Report to nobody."""
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A finished fit.
+
+    Attributes
+    ----------
+    directory : RunDirectory
+        Where its files are.
+    experiment : Experiment
+        What was fitted.
+    priors : PriorSet
+        Priors in SI, the noise scale resolved.
+    posterior : DataTree
+        Labelled draws (groups and units: `pyburgers.posterior.build_posterior`).
+    manifest : dict
+        Command, seeds, versions, hashes, wall times.
+    """
+
+    directory: RunDirectory
+    experiment: Experiment
+    priors: PriorSet
+    posterior: xr.DataTree
+    manifest: dict[str, Any]
+
+    def summary(self) -> pd.DataFrame:
+        """Posterior table in SI units (`pyburgers.posterior.summary_table`)."""
+        return summary_table(self.posterior, self.priors)
+
+    def checks(self) -> tuple[CheckResult, ...]:
+        """Checks with their verdicts (`pyburgers.diagnostics.check_fit`)."""
+        failures = tuple(ChainFailure(**failure) for failure in self.manifest["failures"])
+        return check_fit(self.posterior, failures, self.manifest["sampler"]["max_treedepth"])
+
+    def save(self, path: str | Path) -> None:
+        """Copy the run directory.
+
+        Raises
+        ------
+        InputError
+            If `path` exists.
+        """
+        path = Path(path)
+        if path.exists():
+            raise InputError(f"{path}: exists already, expected a new folder.")
+        shutil.copytree(self.directory.path, path, ignore=shutil.ignore_patterns(".*"))
+
+    @classmethod
+    def load(cls, path: str | Path, *, report: Callable[[str], None] = _silent) -> Self:
+        """Read a run directory.
+
+        Raises
+        ------
+        InputError
+            If it is not a run or has no finished chain.
+        """
+        run = RunDirectory(Path(path))
+        manifest = run.read_manifest()
+        if not run.finished_chains():
+            raise InputError(
+                f"{path}: no chain is finished yet (status {manifest['status']!r}); run the "
+                "command in its manifest again to complete it."
+            )
+        posterior = load_posterior(run)
+        if posterior is None:
+            posterior = build_posterior(run, report=report)
+        return cls(
+            directory=run,
+            experiment=load_experiment(run.experiment_file),
+            priors=load_priors(run.priors_file),
+            posterior=posterior,
+            manifest=manifest,
+        )
+
+
+def fit(
+    experiment: Experiment,
+    priors: PriorSet,
+    *,
+    out: str | Path,
+    options: SamplerOptions | None = None,
+    solver: SolverOptions | None = None,
+    use_likelihood: bool = True,
+    command: str = "pyburgers.fit(...)",
+    report: Callable[[str], None] = _silent,
+) -> Fit:
+    """Fit the nonlinear Burgers model to an experiment.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        A test with data (`pyburgers.load_experiment`).
+    priors : PriorSet
+        Priors of every parameter (`pyburgers.load_priors`).
+    out : path
+        Run directory. An earlier run with the same inputs there is continued: only missing
+        chains are run.
+    options : SamplerOptions, optional
+        Chains, iterations, seed.
+    solver : SolverOptions, optional
+        Tolerance of the ODE solver while sampling.
+    use_likelihood : bool
+        False samples the prior predictive distribution with the same program.
+    command : str
+        What regenerates the run, for the manifest.
+    report : callable
+        Receives progress sentences.
+
+    Returns
+    -------
+    Fit
+        Draws, table and checks. Chains that failed are named by the check "chains".
+
+    Raises
+    ------
+    InputError
+        If an input is wrong or `out` holds something else.
+    SamplingError
+        If no chain finished.
+    """
+    run = RunDirectory(Path(out))
+    run_chains(
+        experiment,
+        priors,
+        run.path,
+        options=options or SamplerOptions(),
+        solver=solver or SolverOptions(),
+        use_likelihood=use_likelihood,
+        command=command,
+        report=report,
+    )
+    result = Fit.load(run.path, report=report)
+    _write_tables(result)
+    return result
+
+
+def _write_tables(result: Fit) -> None:
+    """Save the table and the verdicts, and note in the manifest that the run is complete."""
+    run = result.directory
+    write_text(run.summary_file, result.summary().to_csv())
+    checks = result.checks()
+    write_json(
+        run.checks_file,
+        [
+            {
+                "name": check.name,
+                "passed": check.passed,
+                "sentence": check.sentence,
+                "table": json.loads(check.table.reset_index().to_json(orient="records")),
+            }
+            for check in checks
+        ],
+    )
+    if not result.manifest["failures"]:
+        run.update_manifest({"status": "complete"})

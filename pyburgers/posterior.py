@@ -1,0 +1,313 @@
+"""Chain files -> labelled draws: names, symbols, SI units, coordinates.
+
+The only module that knows ArviZ's versions. Draws are kept as an `xarray.DataTree` with ArviZ's
+group names, which `arviz.from_netcdf` reads whatever its version.
+"""
+
+import json
+import tempfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import arviz as az
+import cmdstanpy
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+import xarray as xr
+
+from pyburgers.cmdstan import load_model
+from pyburgers.experiment import Experiment, load_experiment
+from pyburgers.parameters import PARAMETERS
+from pyburgers.priors import PriorSet, load_priors
+from pyburgers.run_directory import RunDirectory, write_atomically
+from pyburgers.simulation import (
+    REFERENCE_SOLVER,
+    constant_rate_program,
+    output_strain,
+    quiet_cmdstanpy,
+    simulate,
+)
+from pyburgers.stan_data import REFERENCE_STRESS, constant_rate_data
+
+FloatArray = npt.NDArray[np.float64]
+
+SAMPLE_STATS = {
+    "lp__": "lp",
+    "accept_stat__": "acceptance_rate",
+    "stepsize__": "step_size",
+    "treedepth__": "tree_depth",
+    "n_leapfrog__": "n_steps",
+    "divergent__": "diverging",
+    "energy__": "energy",
+}
+GRID_VARIABLES = {
+    "grid_stress": ("stress", "Pa"),
+    "grid_stress_replicated": ("stress_replicated", "Pa"),
+    "grid_kelvin_strain": ("kelvin_strain", "1"),
+    "grid_grain_size": ("grain_size", "m"),
+    "grid_fabric_factor": ("fabric_factor", "1"),
+    "grid_grain_size_softening": ("grain_size_softening", "1"),
+    "grid_fabric_softening": ("fabric_softening", "1"),
+}
+
+
+def prediction_strain(experiment: Experiment) -> FloatArray:
+    """Strains of the predictive bands, shape (n,): denser at each segment's start."""
+    ends = [*(s.start_strain for s in experiment.segments[1:]), experiment.final_strain]
+    shape = np.union1d(np.geomspace(2e-3, 1.0, 30), np.linspace(0.0, 1.0, 31)[1:])
+    curves = [
+        segment.start_strain + (end - segment.start_strain) * shape
+        for segment, end in zip(experiment.segments, ends, strict=True)
+    ]
+    strain: FloatArray = np.unique(np.concatenate(curves))
+    return strain
+
+
+def build_posterior(run: RunDirectory, *, report: Callable[[str], None]) -> xr.DataTree:
+    """Gather the finished chains of a run into labelled draws and save them.
+
+    Every kept draw is evaluated again at the reference tolerance of the solver, which gives the
+    predictive bands and the log ratios for the solver check (Timonen et al. 2023, Stat 12,
+    e614).
+
+    Parameters
+    ----------
+    run : RunDirectory
+        A run with at least one finished chain.
+    report : callable
+        Receives progress sentences.
+
+    Returns
+    -------
+    DataTree
+        Groups posterior, sample_stats, log_likelihood, log_prior, posterior_predictive (at the
+        observed points), predictions (on a grid of strains), posterior_mean_solution,
+        observed_data, constant_data; dimensions chain, draw, point, strain.
+    """
+    experiment = load_experiment(run.experiment_file)
+    priors = load_priors(run.priors_file)
+    manifest = run.read_manifest()
+    files = [str(run.draws_file(chain)) for chain in run.finished_chains()]
+    with quiet_cmdstanpy():
+        fit = cmdstanpy.from_csv(files, method="sample")
+        report("Solving every draw again at the reference tolerance.")
+        checked = _reference_solution(
+            files, experiment, priors, seed=manifest["sampler"]["seed"], report=report
+        )
+    chains = {"chain": list(run.finished_chains())}
+    draws = fit.draws_xr([p.name for p in PARAMETERS] + [REFERENCE_STRESS]).assign_coords(chains)
+    at_points = (
+        fit.draws_xr(["stress_replicated", "log_lik", "lprior"])
+        .rename({"stress_replicated_dim_0": "point", "log_lik_dim_0": "log_lik_point"})
+        .assign_coords(chains)
+    )
+    log_lik = at_points["log_lik"].rename({"log_lik_point": "point"})
+    points = {"point": np.arange(experiment.n_points)}
+    reference_log_lik = checked["log_lik"].sum("log_lik_dim_0").assign_coords(chains)
+    stats = _sample_stats(fit).assign_coords(chains)
+    stats["solver_log_ratio"] = reference_log_lik - log_lik.sum("point")
+    groups = {
+        "posterior": _label(draws, priors),
+        "sample_stats": stats,
+        "log_likelihood": xr.Dataset({"stress": log_lik}).assign_coords(points),
+        "log_prior": xr.Dataset({"lprior": at_points["lprior"]}),
+        "posterior_predictive": xr.Dataset(
+            {"stress": at_points["stress_replicated"]}
+        ).assign_coords(points),
+        "predictions": _predictions(checked, experiment).assign_coords(chains),
+        "posterior_mean_solution": _solution_at_mean(draws, experiment, report),
+        "observed_data": xr.Dataset({"stress": ("point", experiment.stress, {"units": "Pa"})}),
+        "constant_data": xr.Dataset(
+            {
+                "strain": ("point", experiment.strain, {"units": "1"}),
+                "time": ("point", experiment.time_at(experiment.strain), {"units": "s"}),
+            }
+        ),
+    }
+    for dataset in groups.values():
+        for name in ("point", "strain"):
+            if name in dataset.dims and name not in dataset.coords:
+                dataset.coords[name] = np.arange(dataset.sizes[name])
+    tree: xr.DataTree = xr.DataTree.from_dict(
+        {name: dataset.drop_attrs(deep=False) for name, dataset in groups.items()}
+    )
+    tree.attrs = {
+        "experiment": experiment.id,
+        "data_kind": experiment.provenance.kind,
+        "fingerprint": manifest["fingerprint"],
+        "chains": json.dumps(list(run.finished_chains())),
+    }
+    write_atomically(run.posterior_file, lambda path: tree.to_netcdf(path, engine="h5netcdf"))
+    return tree
+
+
+def load_posterior(run: RunDirectory) -> xr.DataTree | None:
+    """Labelled draws of a run, or None where they do not cover all finished chains yet."""
+    if not run.posterior_file.is_file():
+        return None
+    with xr.open_datatree(run.posterior_file, engine="h5netcdf") as opened:
+        tree = opened.load()
+    if json.loads(tree.attrs["chains"]) != list(run.finished_chains()):
+        return None
+    return tree
+
+
+def _reference_solution(
+    files: Sequence[str],
+    experiment: Experiment,
+    priors: PriorSet,
+    *,
+    seed: int,
+    report: Callable[[str], None],
+) -> xr.Dataset:
+    """Log likelihood and grid of solutions of every draw at the reference tolerance."""
+    data = constant_rate_data(
+        experiment, priors, solver=REFERENCE_SOLVER, grid_strain=prediction_strain(experiment)
+    )
+    model = load_model(constant_rate_program(), report=report)
+    with tempfile.TemporaryDirectory() as folder:
+        data_file = Path(folder) / "data.json"
+        data_file.write_text(json.dumps(data), encoding="utf-8")
+        quantities = model.generate_quantities(
+            data=str(data_file), previous_fit=list(files), seed=seed, gq_output_dir=folder
+        )
+        solution: xr.Dataset = quantities.draws_xr(["log_lik", *GRID_VARIABLES]).load()
+    return solution
+
+
+def _sample_stats(fit: cmdstanpy.CmdStanMCMC) -> xr.Dataset:
+    """ArviZ's names for the sampler's columns."""
+    columns: dict[str, Any] = fit.method_variables()
+    dataset = xr.Dataset(
+        {name: (("draw", "chain"), columns[key]) for key, name in SAMPLE_STATS.items()}
+    ).transpose("chain", "draw")
+    dataset["diverging"] = dataset["diverging"].astype(bool)
+    return dataset.assign_coords(draw=np.arange(dataset.sizes["draw"]))
+
+
+def _label(draws: xr.Dataset, priors: PriorSet) -> xr.Dataset:
+    """Attach symbols, units and whether a parameter was fixed."""
+    for parameter in PARAMETERS:
+        draws[parameter.name].attrs = {
+            "long_name": parameter.label,
+            "symbol": parameter.symbol,
+            "units": parameter.si_unit,
+            "fixed": int(priors[parameter.name].is_fixed),
+        }
+    draws[REFERENCE_STRESS].attrs = {
+        "long_name": "reference stress",
+        "symbol": "S_0",
+        "units": "Pa",
+        "fixed": 0,
+    }
+    return draws
+
+
+def _predictions(checked: xr.Dataset, experiment: Experiment) -> xr.Dataset:
+    """Grid of solutions with strain as coordinate."""
+    variables = {}
+    for column, (name, unit) in GRID_VARIABLES.items():
+        values = checked[column].rename({f"{column}_dim_0": "strain"})
+        values.attrs = {"units": unit}
+        variables[name] = values.astype(np.float32)  # drawn, not computed with
+    strain = prediction_strain(experiment)
+    return xr.Dataset(variables).assign_coords(strain=strain)
+
+
+def _solution_at_mean(
+    draws: xr.Dataset, experiment: Experiment, report: Callable[[str], None]
+) -> xr.Dataset:
+    """Solution at the posterior mean of the parameters, as drawn in the paper's Fig. 3."""
+    mean = {parameter.name: float(draws[parameter.name].mean()) for parameter in PARAMETERS}
+    curve = simulate(experiment, mean, strain=output_strain(experiment), report=report)
+    return xr.Dataset(
+        {
+            "stress": ("strain", curve["stress_Pa"].to_numpy(), {"units": "Pa"}),
+            "grain_size": ("strain", curve["grain_size_m"].to_numpy(), {"units": "m"}),
+            "fabric_factor": ("strain", curve["fabric_factor"].to_numpy(), {"units": "1"}),
+        },
+        coords={"strain": curve["strain"].to_numpy()},
+    )
+
+
+def free_parameters(posterior: xr.DataTree) -> list[str]:
+    """Names of the sampled quantities: free parameters, and the reference stress."""
+    dataset = posterior["posterior"].to_dataset()
+    return [str(name) for name in dataset.data_vars if not dataset[name].attrs["fixed"]]
+
+
+def convergence_table(posterior: xr.DataTree) -> pd.DataFrame:
+    """R-hat and effective sample sizes, a row for each sampled quantity.
+
+    Returns
+    -------
+    DataFrame
+        Index parameter; columns rhat, ess_bulk, ess_tail (Vehtari et al. 2021, rank-normalised).
+    """
+    draws = posterior["posterior"].to_dataset()[free_parameters(posterior)]
+    columns = {
+        "rhat": az.rhat(draws),
+        "ess_bulk": az.ess(draws, method="bulk"),
+        "ess_tail": az.ess(draws, method="tail", prob=0.9),
+    }
+    return pd.DataFrame(
+        {name: {key: float(value[key]) for key in draws} for name, value in columns.items()}
+    ).rename_axis("parameter")
+
+
+def summary_table(posterior: xr.DataTree, priors: PriorSet) -> pd.DataFrame:
+    """Posterior table in SI units with the prior beside it.
+
+    Returns
+    -------
+    DataFrame
+        Index parameter; columns unit, mean, sd, q5, q95, ess_bulk, ess_tail, rhat, prior,
+        prior_mean, prior_sd, prior_q5, prior_q95. The reference stress has no prior of its own:
+        NaN there.
+    """
+    draws = posterior["posterior"].to_dataset()[free_parameters(posterior)]
+    rows = {}
+    for name, values in draws.data_vars.items():
+        row: dict[str, Any] = {
+            "unit": values.attrs["units"],
+            "mean": float(values.mean()),
+            "sd": float(values.std(ddof=1)),
+            "q5": float(values.quantile(0.05)),
+            "q95": float(values.quantile(0.95)),
+        }
+        if name != REFERENCE_STRESS:
+            prior = priors[str(name)]
+            law = prior.distribution()
+            row |= {
+                "prior": prior.family,
+                "prior_mean": float(law.mean()),
+                "prior_sd": float(law.std()),
+                "prior_q5": float(law.ppf(0.05)),
+                "prior_q95": float(law.ppf(0.95)),
+            }
+        rows[str(name)] = row
+    table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("parameter")
+    joined = table.join(convergence_table(posterior))
+    order = ["unit", "mean", "sd", "q5", "q95", "ess_bulk", "ess_tail", "rhat"]
+    return joined[order + [column for column in table if column not in order]]
+
+
+def pareto_k(log_ratios: FloatArray) -> float:
+    """Shape of the generalised Pareto tail of importance ratios (PSIS).
+
+    Parameters
+    ----------
+    log_ratios : array, shape (n,)
+        Log ratios of target to proposal density.
+
+    Returns
+    -------
+    float
+        Pareto k; minus infinity where all ratios are the same, so that there is no tail.
+    """
+    if np.ptp(log_ratios) < 1e-12:
+        return -np.inf
+    _, shape = az.psislw(log_ratios.ravel())
+    return float(shape)

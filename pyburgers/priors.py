@@ -1,0 +1,435 @@
+"""Prior distributions of the model's parameters, read from TOML files.
+
+Values are SI after reading. Priors are data of the Stan programs: changing one, or fixing a
+parameter, needs no change of Stan code.
+"""
+
+import importlib.resources
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from pydantic import Field
+from scipy import stats
+
+from pyburgers.errors import InputError
+from pyburgers.parameters import PARAMETER_BY_NAME, PARAMETERS
+from pyburgers.run_directory import write_text
+from pyburgers.toml_files import Table, nearest, read_toml, toml_text
+from pyburgers.units import factor_to_si
+
+if TYPE_CHECKING:
+    from scipy.stats._distn_infrastructure import rv_continuous_frozen
+
+Family = Literal["uniform", "normal", "half_normal", "lognormal", "fixed"]
+
+MAX_STRESS = "max_stress"
+"""Unit of a stress that is a share of the largest measured stress, known only with the data."""
+
+REQUIRED_KEYS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "uniform": ("lower", "upper"),
+        "normal": ("location", "scale"),
+        "half_normal": ("scale",),
+        "lognormal": ("location", "scale"),
+        "fixed": ("value",),
+    }
+)
+OPTIONAL_KEYS: Mapping[str, tuple[str, ...]] = MappingProxyType({"normal": ("lower", "upper")})
+"""Number keys of each family; no other is allowed."""
+
+UNSIGNED = frozenset({"beta", "activation_enthalpy"})
+"""Parameters whose priors may reach below zero."""
+
+BOUNDED_AWAY_FROM_ZERO = frozenset(
+    {"steady_state_fabric_factor", "critical_strain_grain_size", "critical_strain_fabric"}
+)
+"""Parameters that divide: at zero the model breaks down, so priors may not pile up there.
+
+The lower bound of zero that the paper prints for the critical strain of olivine is one of these.
+"""
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Prior of one parameter in SI units.
+
+    Attributes
+    ----------
+    parameter : str
+        A name of `pyburgers.parameters.PARAMETERS`.
+    family : {"uniform", "normal", "half_normal", "lognormal", "fixed"}
+        Normal priors may be truncated to [lower, upper].
+    location : float
+        Normal: mean before truncation. Half-normal: 0. Lognormal: median. Uniform: midpoint.
+        Fixed: the value.
+    scale : float
+        Normal and half-normal: standard deviation of the normal before truncation. Lognormal:
+        standard deviation of the logarithm. Uniform: half the range. Fixed: 0.
+    lower, upper : float
+        Support; infinite where there is no bound.
+    unit : str
+        Unit in the file that was read: a record, `location` and the others are SI.
+    source : str
+        Where the prior comes from.
+    relative_to_max_stress : bool
+        Whether the numbers are shares of the largest measured stress, see `PriorSet.resolved`.
+    """
+
+    parameter: str
+    family: Family
+    location: float
+    scale: float
+    lower: float
+    upper: float
+    unit: str = field(compare=False)
+    source: str
+    relative_to_max_stress: bool = False
+
+    @property
+    def is_fixed(self) -> bool:
+        """Whether the parameter has one value and is not inferred."""
+        return self.family == "fixed"
+
+    def distribution(self) -> "rv_continuous_frozen[Any, Any]":
+        """Return the prior as a frozen distribution of `scipy.stats`, SI units.
+
+        Raises
+        ------
+        ValueError
+            If the parameter is fixed, or the numbers are still shares of the largest stress.
+        """
+        if self.relative_to_max_stress:
+            raise ValueError(f"the prior of {self.parameter} needs PriorSet.resolved first")
+        if self.family == "uniform":
+            return stats.uniform(loc=self.lower, scale=self.upper - self.lower)
+        if self.family == "lognormal":
+            return stats.lognorm(s=self.scale, scale=self.location)
+        if self.family == "fixed":
+            raise ValueError(f"{self.parameter} is fixed and has no distribution")
+        lower, upper = ((end - self.location) / self.scale for end in (self.lower, self.upper))
+        return stats.truncnorm(lower, upper, loc=self.location, scale=self.scale)
+
+    def sample(self, rng: np.random.Generator) -> float:
+        """Draw one value (SI); a fixed parameter gives its value."""
+        if self.is_fixed:
+            return self.location
+        return float(self.distribution().rvs(random_state=rng))
+
+
+@dataclass(frozen=True)
+class PriorSet:
+    """Priors of all parameters for one material.
+
+    Attributes
+    ----------
+    material, title : str
+        What the priors are for.
+    priors : mapping of str to Prior
+        Every parameter, in the order of `pyburgers.parameters.PARAMETERS`.
+    name : str
+        Name of the file without its ending.
+    notes : str or None
+        Remarks for the reader.
+    """
+
+    material: str
+    title: str
+    priors: Mapping[str, Prior]
+    name: str = field(compare=False)
+    notes: str | None = None
+
+    def __getitem__(self, parameter: str) -> Prior:
+        """Return the prior of a parameter."""
+        return self.priors[parameter]
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Names of the parameters that are inferred."""
+        return tuple(name for name, prior in self.priors.items() if not prior.is_fixed)
+
+    def resolved(self, max_stress: float) -> "PriorSet":
+        """Return the set with shares of the largest stress turned into Pa.
+
+        Parameters
+        ----------
+        max_stress : float
+            Largest measured absolute stress (Pa).
+        """
+        return replace(
+            self,
+            priors=MappingProxyType(
+                {
+                    name: _in_pascal(prior, max_stress) if prior.relative_to_max_stress else prior
+                    for name, prior in self.priors.items()
+                }
+            ),
+        )
+
+
+class _PriorTable(Table):
+    family: Family = Field(description="the family of the prior")
+    unit: str = Field(description="the unit of the numbers")
+    source: str = Field(min_length=1, description="where the prior comes from")
+    location: float | None = Field(None, description="the mean, or median of a lognormal prior")
+    scale: float | None = Field(None, gt=0, description="the spread of the prior")
+    lower: float | None = Field(None, description="the lower bound")
+    upper: float | None = Field(None, description="the upper bound")
+    value: float | None = Field(None, description="the value of a fixed parameter")
+
+    def numbers(self) -> dict[str, float]:
+        """Return the number keys that are present."""
+        keys = ("location", "scale", "lower", "upper", "value")
+        return {key: value for key in keys if (value := getattr(self, key)) is not None}
+
+
+class _PriorFile(Table):
+    material: str = Field(min_length=1, description="the material, such as ice")
+    title: str = Field(min_length=1, description="a title for tables and figures")
+    notes: str | None = None
+    parameters: dict[str, _PriorTable] = Field(description="one table for each parameter")
+
+
+def load_priors(path: str | Path) -> PriorSet:
+    """Read and check a prior file.
+
+    Parameters
+    ----------
+    path : str or Path
+        TOML with material, title and one table ``[parameters.NAME]`` for every parameter.
+
+    Raises
+    ------
+    InputError
+        If the file, a key, a unit or a number is not what it has to be, or a prior gives mass to
+        values that the model excludes.
+    """
+    path = Path(path)
+    file = read_toml(path, _PriorFile)
+    for name in file.parameters:
+        if name not in PARAMETER_BY_NAME:
+            raise InputError(
+                f"{path}: unknown parameter {name!r} in [parameters], "
+                f"{nearest(name, PARAMETER_BY_NAME)}"
+            )
+    for name, parameter in PARAMETER_BY_NAME.items():
+        if name not in file.parameters:
+            raise InputError(
+                f"{path}: table [parameters.{name}] is missing, expected a prior or a fixed value "
+                f"of the {parameter.label}."
+            )
+    priors = {p.name: _load_prior(path, p.name, file.parameters[p.name]) for p in PARAMETERS}
+    return PriorSet(
+        material=file.material,
+        title=file.title,
+        priors=MappingProxyType(priors),
+        name=path.stem,
+        notes=file.notes,
+    )
+
+
+def save_priors(priors: PriorSet, path: Path) -> None:
+    """Write a prior file in SI units; `load_priors` reads back an equal set.
+
+    Parameters
+    ----------
+    priors : PriorSet
+        What to write.
+    path : Path
+        The TOML file; its folder must exist.
+    """
+    parameters = {
+        name: {
+            "family": prior.family,
+            **_numbers(prior),
+            "unit": MAX_STRESS if prior.relative_to_max_stress else PARAMETER_BY_NAME[name].si_unit,
+            "source": prior.source,
+        }
+        for name, prior in priors.priors.items()
+    }
+    table = {
+        "material": priors.material,
+        "title": priors.title,
+        "notes": priors.notes,
+        "parameters": parameters,
+    }
+    write_text(path, toml_text(table))
+
+
+def default_priors(material: str) -> PriorSet:
+    """Return the priors that come with the package for a material.
+
+    Parameters
+    ----------
+    material : str
+        For example ``"ice"``.
+
+    Raises
+    ------
+    InputError
+        If there are none; the message names the materials that have some.
+    """
+    package = Path(str(importlib.resources.files("pyburgers")))
+    # In a wheel the data lie inside the package, in a checkout beside it.
+    folders = [root / "data" / "priors" for root in (package, package.parent)]
+    files = {path.stem: path for folder in folders for path in sorted(folder.glob("*.toml"))}
+    if material not in files:
+        raise InputError(
+            f"material {material!r} has no default priors, expected one of {', '.join(files)}, "
+            "or a prior file of your own."
+        )
+    return load_priors(files[material])
+
+
+def _load_prior(path: Path, name: str, table: _PriorTable) -> Prior:
+    """Check one table and convert it to SI."""
+    where = f"{path}: [parameters.{name}]"
+    numbers = table.numbers()
+    _check_keys(where, table.family, numbers)
+    quantity = PARAMETER_BY_NAME[name].quantity
+    relative = name == "stress_noise" and table.unit == MAX_STRESS
+    factor = 1.0 if relative else factor_to_si(table.unit, quantity, f"{where}: key 'unit'")
+    prior = _prior(
+        name,
+        table.family,
+        _scaled(numbers, factor, table.family),
+        unit=table.unit,
+        source=table.source,
+        relative=relative,
+    )
+    _check_prior(where, prior)
+    return prior
+
+
+def _check_keys(where: str, family: Family, numbers: Mapping[str, float]) -> None:
+    """Check that a family has the numbers that it needs and no others."""
+    required = REQUIRED_KEYS[family]
+    allowed = (*required, *OPTIONAL_KEYS.get(family, ()))
+    for key in required:
+        if key not in numbers:
+            raise InputError(f"{where}: key {key!r} is missing, the family {family!r} needs it.")
+    for key in numbers:
+        if key not in allowed:
+            raise InputError(
+                f"{where}: key {key!r} does not go with the family {family!r}, "
+                f"expected {' and '.join(allowed)}."
+            )
+
+
+def _scaled(numbers: Mapping[str, float], factor: float, family: Family) -> dict[str, float]:
+    """Multiply all numbers except the dimensionless scale of a lognormal prior."""
+    return {
+        key: value if (family, key) == ("lognormal", "scale") else value * factor
+        for key, value in numbers.items()
+    }
+
+
+def _prior(
+    name: str,
+    family: Family,
+    numbers: Mapping[str, float],
+    *,
+    unit: str,
+    source: str,
+    relative: bool,
+) -> Prior:
+    """Build a prior from the numbers of its family."""
+    positive = family in ("half_normal", "lognormal")
+    lower = numbers.get("lower", 0.0 if positive else -math.inf)
+    upper = numbers.get("upper", math.inf)
+    if family == "uniform":
+        location, scale = 0.5 * (lower + upper), 0.5 * (upper - lower)
+    elif family == "fixed":
+        location, scale = numbers["value"], 0.0
+    else:
+        location, scale = numbers.get("location", 0.0), numbers["scale"]
+    return Prior(name, family, location, scale, lower, upper, unit, source, relative)
+
+
+def _numbers(prior: Prior) -> dict[str, float]:
+    """Return the numbers of a prior under the keys of its family, the inverse of `_prior`."""
+    values = {
+        "location": prior.location,
+        "scale": prior.scale,
+        "lower": prior.lower,
+        "upper": prior.upper,
+        "value": prior.location,
+    }
+    keys = (*REQUIRED_KEYS[prior.family], *OPTIONAL_KEYS.get(prior.family, ()))
+    return {key: values[key] for key in keys if math.isfinite(values[key])}
+
+
+def _in_pascal(prior: Prior, max_stress: float) -> Prior:
+    return _prior(
+        prior.parameter,
+        prior.family,
+        _scaled(_numbers(prior), max_stress, prior.family),
+        unit=PARAMETER_BY_NAME[prior.parameter].si_unit,
+        source=prior.source,
+        relative=False,
+    )
+
+
+def _check_prior(where: str, prior: Prior) -> None:
+    """Check that a prior is a distribution over values that the model allows."""
+    if prior.lower >= prior.upper:
+        raise InputError(
+            f"{where}: key 'lower' is not below key 'upper', found {prior.lower:g} and "
+            f"{prior.upper:g} {PARAMETER_BY_NAME[prior.parameter].si_unit}."
+        )
+    if prior.family == "lognormal" and prior.location <= 0:
+        raise InputError(
+            f"{where}: key 'location': found {prior.location:g}, expected a positive median."
+        )
+    if prior.parameter == "beta":
+        _check_beta(where, prior)
+    if prior.parameter not in UNSIGNED:
+        _check_sign(where, prior)
+    if prior.parameter == "steady_state_fabric_factor":
+        largest = prior.location if prior.is_fixed else prior.upper
+        if largest > 1:
+            key = "value" if prior.is_fixed else "upper"
+            raise InputError(
+                f"{where}: key {key!r}: found {largest:g}, expected at most 1, the value of an "
+                "isotropic fabric."
+            )
+
+
+def _check_beta(where: str, prior: Prior) -> None:
+    if prior.location < 0:
+        return
+    key = {"uniform": "upper", "half_normal": "family", "fixed": "value"}.get(
+        prior.family, "location"
+    )
+    raise InputError(
+        f"{where}: key {key!r} puts beta at {prior.location:g} mol/J, expected a negative value: "
+        "Table 1 of the paper prints +7.29e-4 mol/J for ice, which in SI units gives strain rates "
+        "of about 1e35 1/s at laboratory stress, so the sign is a misprint; use -7.29e-4."
+    )
+
+
+def _check_sign(where: str, prior: Prior) -> None:
+    """Refuse mass below zero, and mass near zero for parameters that divide."""
+    if prior.is_fixed:
+        if prior.location < 0 or (prior.location == 0 and prior.parameter != "grain_size_exponent"):
+            raise InputError(
+                f"{where}: key 'value': found {prior.location:g}, expected a positive number."
+            )
+        return
+    key = "family" if prior.family == "half_normal" else "lower"
+    found = "no lower bound" if math.isinf(prior.lower) else f"a lower bound of {prior.lower:g}"
+    if prior.lower < 0:
+        raise InputError(
+            f"{where}: key {key!r}: found {found}, expected at least 0 because the parameter "
+            "cannot be negative."
+        )
+    strict = prior.parameter in BOUNDED_AWAY_FROM_ZERO and prior.family != "lognormal"
+    if strict and prior.lower == 0:
+        raise InputError(
+            f"{where}: key {key!r}: found {found}, expected a positive one (such as 1e-3) because "
+            "the model breaks down at zero."
+        )

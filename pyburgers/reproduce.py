@@ -1,0 +1,81 @@
+"""The whole study in one call: fits of the shipped experiments and the page about them."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from types import MappingProxyType
+
+from pyburgers.experiment import load_experiment
+from pyburgers.fitting import Fit, fit
+from pyburgers.priors import default_priors
+from pyburgers.report import write_report
+from pyburgers.sampling import SamplerOptions
+
+PRESETS: Mapping[str, SamplerOptions] = MappingProxyType(
+    {
+        "quick": SamplerOptions(chains=4, warmup=300, draws=300, seed=20261120),
+        "paper": SamplerOptions(chains=5, warmup=1000, draws=3000, seed=20261120),
+    }
+)
+"""Sampler settings: `paper` has the chains and draws of the paper's Methods."""
+
+ICE_TWINS = ("PIL40", "PIL72", "PIL105")
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What `reproduce` made.
+
+    Attributes
+    ----------
+    page : Path
+        The HTML page.
+    fits : tuple of Fit
+        The fits it shows.
+    """
+
+    page: Path
+    fits: tuple[Fit, ...]
+
+
+def shipped_data_directory() -> Path:
+    """Folder of the experiments that come with the package."""
+    package = Path(str(files("pyburgers")))
+    inside = package / "data"
+    return inside if inside.is_dir() else package.parent / "data"
+
+
+def reproduce(
+    preset: str, out: Path, *, command: str, report: Callable[[str], None]
+) -> Outcome:
+    """Fit the three ice twins and write the page; continue where an earlier call stopped.
+
+    Parameters
+    ----------
+    preset : str
+        A key of `PRESETS`.
+    out : Path
+        Folder of the page; the runs go into its subfolder ``runs``.
+    command : str
+        Command that regenerates the page, for the manifests.
+    report : callable
+        Receives progress sentences.
+    """
+    fits = []
+    for number, name in enumerate(ICE_TWINS, start=1):
+        report(f"Fit {number} of {len(ICE_TWINS)}: {name}, preset {preset}.")
+        experiment = load_experiment(shipped_data_directory() / "ice" / f"{name}.toml")
+        fits.append(
+            fit(
+                experiment,
+                default_priors(experiment.material),
+                out=out / "runs" / preset / name,
+                options=PRESETS[preset],
+                command=command,
+                report=report,
+            )
+        )
+    title = f"Nonlinear Burgers fits of three ice tests ({preset} preset)"
+    page = write_report(fits, out, title=title, command=command, report=report)
+    return Outcome(page=page, fits=tuple(fits))

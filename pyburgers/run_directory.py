@@ -1,0 +1,241 @@
+"""The run directory: where every file of a fit lives, written so that a kill leaves no half file.
+
+Files are written beside their final name and renamed over it; a chain's folder is filled under
+``.scratch`` and renamed into place as a whole. What is under ``.scratch`` is never read.
+"""
+
+import hashlib
+import json
+import os
+import shutil
+import uuid
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from filelock import FileLock, Timeout
+
+from pyburgers.errors import InputError
+
+
+def sha256_of_json(content: Any) -> str:
+    """Hash of a JSON-serialisable object, independent of key order."""
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def sha256_of_file(path: Path) -> str:
+    """Hash of a file's bytes."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _flush_to_disk(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def write_atomically(path: Path, write: Callable[[Path], None]) -> None:
+    """Let `write` fill a temporary file beside `path`, then rename it over `path`.
+
+    Parameters
+    ----------
+    path : Path
+        Final name; its folder must exist. The temporary name keeps the suffix, which some
+        writers look at.
+    write : callable
+        Receives the temporary path.
+    """
+    temporary = path.with_name(f".{uuid.uuid4().hex}{path.suffix}")
+    try:
+        write(temporary)
+        _flush_to_disk(temporary)
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file atomically."""
+    write_atomically(path, lambda temporary: _write_utf8(temporary, text))
+
+
+def _write_utf8(path: Path, text: str) -> None:
+    path.write_text(text, encoding="utf-8")
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Write a JSON file atomically; floats keep every digit, infinities are allowed."""
+    write_text(path, json.dumps(content, indent=1) + "\n")
+
+
+@dataclass(frozen=True)
+class RunDirectory:
+    """Names of the files of one run.
+
+    Attributes
+    ----------
+    path : Path
+        The directory.
+    """
+
+    path: Path
+
+    @property
+    def manifest_file(self) -> Path:
+        """Command, seeds, versions, hashes, wall times, status."""
+        return self.path / "manifest.json"
+
+    @property
+    def inputs(self) -> Path:
+        """Self-contained copies of the experiment and the priors."""
+        return self.path / "inputs"
+
+    @property
+    def experiment_file(self) -> Path:
+        """Copy of the experiment."""
+        return self.inputs / "experiment.toml"
+
+    @property
+    def priors_file(self) -> Path:
+        """Copy of the priors, noise scale resolved."""
+        return self.inputs / "priors.toml"
+
+    @property
+    def stan_data_file(self) -> Path:
+        """Data that every chain read."""
+        return self.path / "stan_data.json"
+
+    @property
+    def posterior_file(self) -> Path:
+        """Labelled draws."""
+        return self.path / "posterior.nc"
+
+    @property
+    def checks_file(self) -> Path:
+        """Verdicts of the checks."""
+        return self.path / "checks.json"
+
+    @property
+    def summary_file(self) -> Path:
+        """Posterior table."""
+        return self.path / "summary.csv"
+
+    def initial_values_file(self, chain: int) -> Path:
+        """Start of one chain."""
+        return self.path / "initial_values" / f"chain_{chain}.json"
+
+    def chain_folder(self, chain: int) -> Path:
+        """Folder of one finished chain; it exists only when the chain is complete."""
+        return self.path / "chains" / f"chain_{chain}"
+
+    def draws_file(self, chain: int) -> Path:
+        """CmdStan's CSV of one finished chain."""
+        return self.chain_folder(chain) / "draws.csv"
+
+    def failure_file(self, chain: int) -> Path:
+        """Console of the last failed attempt at one chain."""
+        return self.path / "failures" / f"chain_{chain}.txt"
+
+    def finished_chains(self) -> tuple[int, ...]:
+        """Identifiers of the chains that are complete, in order."""
+        folders = (self.path / "chains").glob("chain_*")
+        return tuple(sorted(int(folder.name.removeprefix("chain_")) for folder in folders))
+
+    def read_manifest(self) -> dict[str, Any]:
+        """Read the manifest.
+
+        Raises
+        ------
+        InputError
+            If the directory is not a run.
+        """
+        if not self.manifest_file.is_file():
+            raise InputError(
+                f"{self.path}: not a run directory, expected a folder that holds manifest.json."
+            )
+        manifest: dict[str, Any] = json.loads(self.manifest_file.read_text(encoding="utf-8"))
+        return manifest
+
+    def update_manifest(self, changes: Mapping[str, Any]) -> None:
+        """Merge `changes` into the manifest's top level."""
+        current = self.read_manifest() if self.manifest_file.is_file() else {}
+        write_json(self.manifest_file, {**current, **changes})
+
+    def claim(self, fingerprint: str) -> None:
+        """Make the directory ready for a run with these inputs, new or to be continued.
+
+        Parameters
+        ----------
+        fingerprint : str
+            Hash of everything that decides the draws.
+
+        Raises
+        ------
+        InputError
+            If the directory holds another run, or other files, or cannot be written.
+        """
+        if self.manifest_file.is_file():
+            found = self.read_manifest().get("fingerprint")
+            if found != fingerprint:
+                raise InputError(
+                    f"{self.path}: holds a run of other inputs (fingerprint {str(found)[:12]}, "
+                    f"these inputs have {fingerprint[:12]}); choose another --out or remove it."
+                )
+        elif self.path.is_dir() and any(
+            entry.name not in {".lock", ".scratch"} for entry in self.path.iterdir()
+        ):
+            raise InputError(
+                f"{self.path}: has files but no manifest.json; expected an empty or new folder, "
+                "or one of an earlier run."
+            )
+        try:
+            for folder in (self.inputs, self.path / "initial_values", self.path / "chains"):
+                folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"{self.path}: cannot be written ({error.strerror}).") from error
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Hold the directory against a second process; a killed process lets go of it.
+
+        Raises
+        ------
+        InputError
+            If another process runs here, or the directory cannot be written.
+        """
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            lock = FileLock(self.path / ".lock", timeout=0)
+            lock.acquire()
+        except Timeout as error:
+            raise InputError(
+                f"{self.path}: another process is running a fit here; wait for it or choose "
+                "another --out."
+            ) from error
+        except OSError as error:
+            raise InputError(f"{self.path}: cannot be written ({error.strerror}).") from error
+        try:
+            yield
+        finally:
+            lock.release()
+
+    def new_scratch(self) -> Path:
+        """Return a new folder for files that are not finished."""
+        folder = self.path / ".scratch" / uuid.uuid4().hex
+        folder.mkdir(parents=True)
+        return folder
+
+    def clear_scratch(self) -> None:
+        """Remove what killed attempts left behind."""
+        shutil.rmtree(self.path / ".scratch", ignore_errors=True)
+
+    def keep_chain(self, chain: int, finished: Path) -> None:
+        """Move the folder of a finished chain into place, all files at once."""
+        for file in finished.iterdir():
+            _flush_to_disk(file)
+        finished.rename(self.chain_folder(chain))
+        _flush_to_disk(self.path / "chains")

@@ -1,0 +1,427 @@
+"""NUTS runs: initial values, chains as processes, resume, manifest."""
+
+import json
+import os
+import platform
+import shutil
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import redirect_stdout
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import cmdstanpy
+import numpy as np
+import psutil
+
+from pyburgers.cmdstan import find_cmdstan, load_model, toolchain
+from pyburgers.errors import InputError, SamplingError
+from pyburgers.experiment import Experiment, save_experiment
+from pyburgers.priors import PriorSet, save_priors
+from pyburgers.progress import ChainProgress, IterationLines
+from pyburgers.run_directory import (
+    RunDirectory,
+    sha256_of_file,
+    sha256_of_json,
+    write_atomically,
+    write_json,
+    write_text,
+)
+from pyburgers.simulation import console_tail, constant_rate_program, quiet_cmdstanpy, simulate
+from pyburgers.stan_data import (
+    REFERENCE_STRESS,
+    SolverOptions,
+    StanData,
+    constant_rate_data,
+    plain_coordinates,
+)
+
+INITIAL_ATTEMPTS = 100
+PACKAGES = ("pyburgers", "cmdstanpy", "arviz", "numpy", "scipy", "pandas", "xarray")
+
+
+@dataclass(frozen=True)
+class SamplerOptions:
+    """How NUTS runs.
+
+    Attributes
+    ----------
+    chains, warmup, draws : int
+        Number of chains, and iterations of each in the two phases.
+    seed : int
+        Seed of initial values and chains.
+    adapt_delta : float
+        Target acceptance rate.
+    max_treedepth : int
+        Trajectories have at most 2**max_treedepth - 1 leapfrog steps.
+    chain_timeout : float or None
+        Seconds after which a chain is stopped and reported as failed.
+    """
+
+    chains: int = 4
+    warmup: int = 1000
+    draws: int = 1000
+    seed: int = 1
+    adapt_delta: float = 0.9
+    max_treedepth: int = 12
+    chain_timeout: float | None = None
+
+    def __post_init__(self) -> None:
+        """Check the values.
+
+        Raises
+        ------
+        InputError
+            If one is out of range.
+        """
+        limits = {
+            "chains": (self.chains, 1, 1000),
+            "warmup": (self.warmup, 20, 10**6),
+            "draws": (self.draws, 4, 10**6),
+            "seed": (self.seed, 0, 2**31 - 1),
+            "max_treedepth": (self.max_treedepth, 1, 20),
+        }
+        for name, (value, least, most) in limits.items():
+            if not least <= value <= most:
+                raise InputError(f"{name} is {value}, expected a number from {least} to {most}.")
+        if not 0 < self.adapt_delta < 1:
+            raise InputError(f"adapt_delta is {self.adapt_delta}, expected between 0 and 1.")
+        if self.chain_timeout is not None and self.chain_timeout <= 0:
+            raise InputError(f"chain_timeout is {self.chain_timeout} s, expected more than 0.")
+
+
+@dataclass(frozen=True)
+class ChainFailure:
+    """A chain that did not finish.
+
+    Attributes
+    ----------
+    chain : int
+        Identifier.
+    reason : str
+        What ended it, where, and what to try, as one sentence.
+    """
+
+    chain: int
+    reason: str
+
+
+def fingerprint(data: StanData, options: SamplerOptions, program_hash: str) -> str:
+    """Hash of everything that decides the draws of a chain (not how many chains there are)."""
+    decisive = {k: v for k, v in asdict(options).items() if k not in {"chains", "chain_timeout"}}
+    return sha256_of_json({"data": data, "options": decisive, "program": program_hash})
+
+
+def draw_initial_values(
+    experiment: Experiment, priors: PriorSet, *, seed: int, chain: int
+) -> dict[str, list[float]]:
+    """Draw a start from the prior, again where the solver finds no solution.
+
+    Parameters
+    ----------
+    experiment, priors
+        The problem; priors resolved.
+    seed, chain : int
+        The start depends on these two alone.
+
+    Returns
+    -------
+    dict
+        Initial values as the program's parameters block wants them.
+
+    Raises
+    ------
+    SamplingError
+        If none of `INITIAL_ATTEMPTS` prior draws has a finite solution.
+    """
+    rng = np.random.default_rng([seed, chain])
+    coordinates = plain_coordinates(experiment, priors)
+    for _ in range(INITIAL_ATTEMPTS):
+        values = {
+            name: prior.location if prior.is_fixed else prior.sample(rng)
+            for name, prior in priors.priors.items()
+        }
+        try:
+            solution = simulate(
+                experiment, values, strain=experiment.strain, solver=SolverOptions()
+            )
+        except SamplingError:
+            continue  # this prior draw has no finite solution; the next one may
+        reference_stress = solution.attrs[REFERENCE_STRESS]
+        start = coordinates.at({**values, REFERENCE_STRESS: reference_stress})
+        return {"coordinate": start.tolist()}
+    raise SamplingError(
+        f"{experiment.id}: none of {INITIAL_ATTEMPTS} draws from the prior has a finite solution; "
+        "check the units and the bounds of the priors."
+    )
+
+
+def run_chains(
+    experiment: Experiment,
+    priors: PriorSet,
+    directory: Path,
+    *,
+    options: SamplerOptions,
+    solver: SolverOptions,
+    use_likelihood: bool,
+    command: str,
+    report: Callable[[str], None],
+) -> tuple[ChainFailure, ...]:
+    """Run the chains that a run directory lacks and record everything in it.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        A test with data.
+    priors : PriorSet
+        Priors; relative noise scales are resolved here.
+    directory : Path
+        Run directory, new or of an earlier run with the same inputs.
+    options, solver
+        Sampler and solver.
+    use_likelihood : bool
+        False samples the prior.
+    command : str
+        What regenerates the run, for the manifest.
+    report : callable
+        Receives progress sentences.
+
+    Returns
+    -------
+    tuple of ChainFailure
+        Chains that did not finish; the others are in the directory.
+
+    Raises
+    ------
+    InputError
+        If the directory holds a different run or cannot be written.
+    SamplingError
+        If no chain finished.
+    KeyboardInterrupt
+        Passed on after the chains were stopped; the same call continues the run.
+    """
+    if experiment.n_points == 0:
+        raise InputError(f"{experiment.id}: the experiment has no data, expected a [data] table.")
+    run = RunDirectory(directory)
+    priors = priors.resolved(float(np.max(np.abs(experiment.stress))))
+    data = constant_rate_data(
+        experiment, priors, solver=solver, use_likelihood=use_likelihood
+    )
+    model = load_model(constant_rate_program(), report=report)
+    identity = fingerprint(data, options, sha256_of_file(Path(str(model.exe_file))))
+    with run.locked():
+        run.claim(identity)
+        run.clear_scratch()
+        _write_inputs(run, experiment, priors, data)
+        _write_manifest(run, experiment, options, solver, identity, use_likelihood, command)
+        wanted = range(1, options.chains + 1)
+        missing = [chain for chain in wanted if chain not in run.finished_chains()]
+        if len(missing) < options.chains:
+            report(f"{options.chains - len(missing)} of {options.chains} chains are there already.")
+        for chain in missing:
+            if not run.initial_values_file(chain).is_file():
+                start = draw_initial_values(experiment, priors, seed=options.seed, chain=chain)
+                write_json(run.initial_values_file(chain), start)
+        failures = _run_missing(model, run, missing, options) if missing else ()
+        finished = run.finished_chains()
+        run.update_manifest(
+            {
+                "status": "chains missing" if failures else "sampled",
+                "failures": [asdict(failure) for failure in failures],
+                "chains": {str(chain): _chain_record(run, chain) for chain in finished},
+            }
+        )
+    if not finished:
+        raise SamplingError(f"No chain finished: {failures[0].reason}")
+    return failures
+
+
+def _write_inputs(
+    run: RunDirectory, experiment: Experiment, priors: PriorSet, data: StanData
+) -> None:
+    """Save what the run needs to be trusted and repeated; written once, before sampling."""
+    if not run.experiment_file.is_file():
+        scratch = run.new_scratch()
+        save_experiment(experiment, scratch)
+        # The table goes first: the TOML file is what tells that the copy is complete.
+        for file in sorted(scratch.iterdir()):
+            file.replace(run.inputs / file.name)
+    write_atomically(run.priors_file, lambda path: save_priors(priors, path))
+    write_json(run.stan_data_file, data)
+
+
+def _write_manifest(
+    run: RunDirectory,
+    experiment: Experiment,
+    options: SamplerOptions,
+    solver: SolverOptions,
+    identity: str,
+    use_likelihood: bool,
+    command: str,
+) -> None:
+    """Note what will run: command, settings, versions, hashes of the inputs."""
+    found = find_cmdstan()
+    tools = toolchain(found) if found is not None else None
+    run.update_manifest(
+        {
+            "fingerprint": identity,
+            "experiment": experiment.id,
+            "data_kind": experiment.provenance.kind,
+            "command": command,
+            "started": datetime.now(UTC).isoformat(timespec="seconds"),
+            "status": "sampling",
+            "sampler": asdict(options),
+            "solver": asdict(solver),
+            "use_likelihood": use_likelihood,
+            "versions": {
+                "python": platform.python_version(),
+                **{package: version(package) for package in PACKAGES},
+                "cmdstan": tools.cmdstan_version if tools else None,
+                "compiler": tools.compiler if tools else None,
+            },
+            "hashes": {
+                file.relative_to(run.path).as_posix(): sha256_of_file(file)
+                for file in (*sorted(run.inputs.iterdir()), run.stan_data_file)
+            },
+        }
+    )
+
+
+def _run_missing(
+    model: cmdstanpy.CmdStanModel,
+    run: RunDirectory,
+    chains: Sequence[int],
+    options: SamplerOptions,
+) -> tuple[ChainFailure, ...]:
+    """Run chains side by side, one for each core; stop them all on an interrupt."""
+    stopping = threading.Event()
+    failures: list[ChainFailure] = []
+    screen = ChainProgress(chains, options.warmup + options.draws, sys.stderr)
+    lines = IterationLines(screen.advance)
+    workers = min(len(chains), os.cpu_count() or 1)
+    with quiet_cmdstanpy(), screen, redirect_stdout(lines), ThreadPoolExecutor(workers) as pool:
+        pending: set[Future[ChainFailure | None]] = {
+            pool.submit(_run_chain, model, run, chain, options, stopping) for chain in chains
+        }
+        try:
+            while pending:
+                done, pending = wait(pending, return_when=FIRST_COMPLETED)
+                failures += [failure for f in done if (failure := f.result()) is not None]
+        except KeyboardInterrupt:
+            stopping.set()
+            for future in pending:
+                future.cancel()
+            _kill_chains(model)
+            run.update_manifest({"status": "interrupted"})
+            raise
+    return tuple(sorted(failures, key=lambda failure: failure.chain))
+
+
+def _kill_chains(model: cmdstanpy.CmdStanModel) -> None:
+    """Kill the CmdStan processes that this process started."""
+    for child in psutil.Process().children(recursive=True):
+        try:
+            if child.exe() == os.path.realpath(str(model.exe_file)):
+                child.kill()
+        except psutil.NoSuchProcess:
+            continue  # it ended by itself in the meantime
+
+
+def _run_chain(
+    model: cmdstanpy.CmdStanModel,
+    run: RunDirectory,
+    chain: int,
+    options: SamplerOptions,
+    stopping: threading.Event,
+) -> ChainFailure | None:
+    """Run one chain in a scratch folder and move it into place when it is complete."""
+    if stopping.is_set():
+        return None
+    scratch = run.new_scratch()
+    total = options.warmup + options.draws
+    started = time.monotonic()
+    try:
+        model.sample(
+            data=str(run.stan_data_file),
+            chains=1,
+            chain_ids=[chain],
+            seed=options.seed,
+            inits=str(run.initial_values_file(chain)),
+            iter_warmup=options.warmup,
+            iter_sampling=options.draws,
+            metric="dense_e",
+            adapt_delta=options.adapt_delta,
+            max_treedepth=options.max_treedepth,
+            output_dir=str(scratch),
+            sig_figs=12,
+            refresh=max(1, total // 100),
+            timeout=options.chain_timeout,
+            show_progress=False,
+            show_console=True,
+            force_one_process_per_chain=True,
+        )
+    except (RuntimeError, TimeoutError, ValueError) as error:
+        if stopping.is_set():
+            return None
+        return _explain_failure(run, chain, scratch, error, time.monotonic() - started)
+    finished = scratch / "finished"
+    finished.mkdir()
+    (draws,) = scratch.glob("*.csv")
+    draws.rename(finished / "draws.csv")
+    for console in scratch.glob("*stdout.txt"):
+        console.rename(finished / "console.txt")
+    write_json(finished / "timing.json", {"wall_seconds": time.monotonic() - started})
+    run.keep_chain(chain, finished)
+    shutil.rmtree(scratch)
+    return None
+
+
+def _explain_failure(
+    run: RunDirectory, chain: int, scratch: Path, error: Exception, seconds: float
+) -> ChainFailure:
+    """Put into one sentence what ended a chain, where, and what to try; keep its console."""
+    consoles = sorted(scratch.glob("*stdout.txt"))
+    text = consoles[0].read_text(encoding="utf-8", errors="replace") if consoles else ""
+    run.failure_file(chain).parent.mkdir(exist_ok=True)
+    write_text(run.failure_file(chain), text + f"\n{error}\n")
+    iterations = [line for line in text.splitlines() if line.startswith("Iteration:")]
+    place = iterations[-1].strip() if iterations else "before the first iteration"
+    values = run.initial_values_file(chain).read_text(encoding="utf-8")
+    if isinstance(error, TimeoutError):
+        cause = f"ran into its time limit after {seconds:.0f} s"
+        remedy = "raise the limit or shorten the run"
+    elif "killed by signal" in str(error) or _signal_in(str(error)):
+        cause = f"was killed by the system ({_signal_in(str(error)) or 'a signal'})"
+        remedy = "free memory, or run fewer programs beside it"
+    else:
+        cause = "ended with an error"
+        remedy = "tighten the prior bounds or raise the solver's step limit"
+    return ChainFailure(
+        chain,
+        f"Chain {chain} {cause} at '{place}', started from {' '.join(values.split())}, last console "
+        f"lines: {console_tail(scratch)}; {remedy}, then run the same command again: it repeats "
+        f"only the missing chains (whole console in {run.failure_file(chain).name}).",
+    )
+
+
+def _signal_in(message: str) -> str | None:
+    """Name of the signal in cmdstanpy's error text, which gives a negative return code."""
+    for number in (signal.SIGKILL, signal.SIGSEGV, signal.SIGABRT, signal.SIGTERM):
+        if f"-{int(number)}" in message:
+            return number.name
+    return None
+
+
+def _chain_record(run: RunDirectory, chain: int) -> Mapping[str, Any]:
+    """What the manifest says of a finished chain."""
+    timing: dict[str, Any] = json.loads(
+        (run.chain_folder(chain) / "timing.json").read_text(encoding="utf-8")
+    )
+    return {**timing, "sha256": sha256_of_file(run.draws_file(chain))}

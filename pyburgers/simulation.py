@@ -1,0 +1,241 @@
+"""Forward solutions at given parameters, through the Stan program."""
+
+import json
+import logging
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import cmdstanpy
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from pyburgers.cmdstan import load_model, stan_directory
+from pyburgers.errors import InputError, SamplingError
+from pyburgers.experiment import Experiment
+from pyburgers.parameters import PARAMETER_BY_NAME, PARAMETERS
+from pyburgers.priors import Prior, PriorSet
+from pyburgers.stan_data import REFERENCE_STRESS, SolverOptions, constant_rate_data
+
+FloatArray = npt.NDArray[np.float64]
+
+REFERENCE_SOLVER = SolverOptions(tolerance=1e-10, max_num_steps=1_000_000)
+"""Tolerance at which a solution is taken as exact."""
+
+
+def constant_rate_program() -> Path:
+    """Path of the program for tests at imposed strain rate."""
+    return stan_directory() / "constant_rate.stan"
+
+
+@contextmanager
+def quiet_cmdstanpy() -> Iterator[None]:
+    """Silence cmdstanpy's log; what went wrong is read from the console files instead."""
+    logger = logging.getLogger("cmdstanpy")
+    before = logger.disabled
+    logger.disabled = True
+    try:
+        yield
+    finally:
+        logger.disabled = before
+
+
+def load_parameters(path: str | Path) -> dict[str, float]:
+    """Read a JSON object of parameter values in SI units, checked by `check_parameters`.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, is no JSON object, or has wrong names or values.
+    """
+    path = Path(path)
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}).") from error
+    except ValueError as error:
+        raise InputError(f"{path}: is not valid JSON ({error}).") from error
+    if not isinstance(content, dict):
+        raise InputError(
+            f"{path}: found {type(content).__name__}, expected a JSON object of parameter values."
+        )
+    return check_parameters(content, where=str(path))
+
+
+def check_parameters(values: Mapping[str, object], where: str = "parameters") -> dict[str, float]:
+    """Return the values of a forward solution as floats.
+
+    ``stress_noise`` may be left out: a solution has none.
+
+    Parameters
+    ----------
+    values : mapping
+        Names of `pyburgers.parameters.PARAMETERS` to SI values.
+    where : str
+        File or argument, for messages.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown or missing or a value is not a finite number in the model's domain.
+    """
+    unknown = [name for name in values if name not in PARAMETER_BY_NAME]
+    if unknown:
+        expected = ", ".join(p.name for p in PARAMETERS)
+        raise InputError(f"{where}: unknown parameter {unknown[0]!r}; expected {expected}.")
+    required = [p.name for p in PARAMETERS if p.name != "stress_noise"]
+    missing = [name for name in required if name not in values]
+    if missing:
+        raise InputError(f"{where}: parameter {missing[0]!r} is missing.")
+    checked = {}
+    for name, value in values.items():
+        if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+            raise InputError(f"{where}: {name} is {value!r}, expected a finite number.")
+        checked[name] = float(value)
+        unit = PARAMETER_BY_NAME[name].si_unit
+        if name not in {"beta", "grain_size_exponent", "stress_noise"} and value <= 0:
+            raise InputError(f"{where}: {name} is {value!r} {unit}, expected a positive number.")
+    if checked["steady_state_fabric_factor"] > 1:
+        found = checked["steady_state_fabric_factor"]
+        raise InputError(
+            f"{where}: steady_state_fabric_factor is {found!r}, expected at most 1 (isotropic)."
+        )
+    return checked
+
+
+def output_strain(experiment: Experiment) -> FloatArray:
+    """Strains at which a smooth curve is drawn, shape (n,): dense where stress first rises.
+
+    They include the observed strains.
+    """
+    end = experiment.final_strain
+    starts = [segment.start_strain for segment in experiment.segments]
+    spans = np.diff([*starts, end])
+    curves = [
+        start + span * np.concatenate([np.geomspace(1e-4, 1.0, 120), np.linspace(0, 1, 101)[1:]])
+        for start, span in zip(starts, spans, strict=True)
+    ]
+    strain: FloatArray = np.unique(np.concatenate([*curves, experiment.strain]))
+    return strain
+
+
+def _fixed(name: str, value: float) -> Prior:
+    parameter = PARAMETER_BY_NAME[name]
+    return Prior(
+        parameter=name,
+        family="fixed",
+        location=value,
+        scale=0.0,
+        lower=-np.inf,
+        upper=np.inf,
+        unit=parameter.si_unit,
+        source="given",
+        relative_to_max_stress=False,
+    )
+
+
+def simulate(
+    experiment: Experiment,
+    parameters: Mapping[str, float],
+    *,
+    strain: FloatArray | None = None,
+    solver: SolverOptions = REFERENCE_SOLVER,
+    report: Callable[[str], None] = lambda _: None,
+) -> pd.DataFrame:
+    """Solve the model for the experiment's protocol at given parameters.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        Protocol, temperature and initial grain size; data are not needed.
+    parameters : mapping
+        SI values by name (see `check_parameters`).
+    strain : array, shape (n,), optional
+        Strains (fraction, positive); default `output_strain`. The strains of rate steps are
+        added.
+    solver : SolverOptions
+        Tolerance and step limit.
+    report : callable
+        Receives progress sentences (a first call compiles the program).
+
+    Returns
+    -------
+    DataFrame
+        Columns time_s, strain, stress_Pa, kelvin_strain, grain_size_m, fabric_factor. The
+        reference stress S_0 (Pa) is in ``.attrs["reference_stress"]``.
+
+    Raises
+    ------
+    InputError
+        If a parameter is wrong.
+    SamplingError
+        If the solver finds no solution.
+    """
+    values = check_parameters(parameters)
+    grid = output_strain(experiment) if strain is None else np.asarray(strain, dtype=np.float64)
+    priors = PriorSet(
+        material=experiment.material,
+        title="given parameters",
+        priors={p.name: _fixed(p.name, values.get(p.name, 1.0)) for p in PARAMETERS},
+        name="given",
+    )
+    protocol = replace(experiment, strain=np.empty(0), stress=np.empty(0))
+    data = constant_rate_data(protocol, priors, solver=solver, grid_strain=grid)
+    model = load_model(constant_rate_program(), report=report)
+    with tempfile.TemporaryDirectory() as folder:
+        draw = _single_draw(model, data, Path(folder))
+    solution = pd.DataFrame(
+        {
+            "time_s": experiment.time_at(np.array(data["grid_strain"])),
+            "strain": data["grid_strain"],
+            "stress_Pa": draw["grid_stress"][0],
+            "kelvin_strain": draw["grid_kelvin_strain"][0],
+            "grain_size_m": draw["grid_grain_size"][0],
+            "fabric_factor": draw["grid_fabric_factor"][0],
+        }
+    )
+    if not np.isfinite(solution["stress_Pa"]).all():
+        raise SamplingError(
+            f"{experiment.id}: the solver found no finite stress at these parameters; check their "
+            "units (SI) and the sign of beta."
+        )
+    solution.attrs[REFERENCE_STRESS] = float(draw[REFERENCE_STRESS][0])
+    return solution
+
+
+def _single_draw(
+    model: cmdstanpy.CmdStanModel, data: Mapping[str, object], folder: Path
+) -> dict[str, FloatArray]:
+    """Run the program once at fixed parameters; variables have a leading dimension of one."""
+    data_file = folder / "data.json"
+    data_file.write_text(json.dumps(data), encoding="utf-8")
+    try:
+        with quiet_cmdstanpy():
+            run = model.sample(
+                data=str(data_file),
+                fixed_param=True,
+                chains=1,
+                iter_sampling=1,
+                seed=1,
+                sig_figs=17,
+                output_dir=str(folder),
+                show_progress=False,
+            )
+            variables: dict[str, FloatArray] = run.stan_variables()
+    except RuntimeError as error:
+        raise SamplingError(
+            f"The forward solution failed at these parameters: {console_tail(folder)}"
+        ) from error
+    return variables
+
+
+def console_tail(folder: Path, lines: int = 6) -> str:
+    """Last lines of the console file that a CmdStan process left in `folder`."""
+    consoles = sorted(folder.glob("*stdout.txt"))
+    if not consoles:
+        return "it left no console output."
+    text = consoles[-1].read_text(encoding="utf-8", errors="replace").strip().splitlines()
+    return " | ".join(line.strip() for line in text[-lines:] if line.strip())

@@ -1,0 +1,239 @@
+"""Experiment, priors and solver options -> the data dictionary of the Stan programs.
+
+The only module that knows the data blocks in `stan/data/` and `stan/constant_rate.stan`.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from pyburgers.experiment import Experiment
+from pyburgers.parameters import PARAMETERS
+from pyburgers.priors import Prior, PriorSet
+
+FloatArray = npt.NDArray[np.float64]
+StanData = dict[str, Any]
+
+FAMILY_CODE = {"fixed": 0, "uniform": 1, "normal": 2, "half_normal": 2, "lognormal": 3}
+"""Codes of `stan/functions/priors.stan`; a half-normal is a normal cut at zero."""
+
+REFERENCE_STRESS = "reference_stress"
+"""Name of the coordinate ln S_0 that replaces Q_M or beta."""
+
+REFERENCE_STRESS_SCALE = 0.1
+"""Scale of ln S_0: data fix it to about 0.01, the prior to about 1."""
+
+
+@dataclass(frozen=True)
+class SolverOptions:
+    """Options of Stan's `ode_bdf_tol`.
+
+    Attributes
+    ----------
+    tolerance : float
+        Relative and absolute tolerance; the states are O(1), so one number fits both.
+    max_num_steps : int
+        Steps between two output strains before the solver gives up, which rejects the draw. Low,
+        so that an impossible region fails at once instead of crawling.
+    """
+
+    tolerance: float = 1e-6
+    max_num_steps: int = 20_000
+
+
+@dataclass(frozen=True)
+class PlainCoordinates:
+    """Coordinates of the sampler: free parameters, shifted and scaled to O(1).
+
+    Attributes
+    ----------
+    names : tuple of str
+        Parameter of each coordinate; `REFERENCE_STRESS` where ln S_0 replaces one.
+    parameters : tuple of str
+        Parameter that each coordinate gives a value to.
+    shift, scale, lower, upper : tuple of float
+        value = shift + scale * coordinate in SI (ln Pa for the reference stress); bounds are of
+        the coordinate.
+    """
+
+    names: tuple[str, ...]
+    parameters: tuple[str, ...]
+    shift: tuple[float, ...]
+    scale: tuple[float, ...]
+    lower: tuple[float, ...]
+    upper: tuple[float, ...]
+
+    @property
+    def replaced_parameter(self) -> str | None:
+        """Parameter whose place ln S_0 takes, if any."""
+        if REFERENCE_STRESS not in self.names:
+            return None
+        return self.parameters[self.names.index(REFERENCE_STRESS)]
+
+    def at(self, values: Mapping[str, float]) -> FloatArray:
+        """Coordinates, shape (n_coordinates,), of SI values that include the reference stress."""
+        position = [
+            np.log(values[name]) if name == REFERENCE_STRESS else values[name]
+            for name in self.names
+        ]
+        return (np.array(position) - np.array(self.shift)) / np.array(self.scale)
+
+
+def plain_coordinates(experiment: Experiment, priors: PriorSet) -> PlainCoordinates:
+    """Choose shift and scale of every free parameter and what ln S_0 replaces.
+
+    ln S_0 replaces Q_M, or beta where Q_M cannot be replaced: a parameter with two finite bounds
+    keeps its own coordinate, because its bounds would cut the replaced one obliquely.
+    """
+    replaced = next(
+        (
+            name
+            for name in ("activation_enthalpy", "beta")
+            if not priors[name].is_fixed
+            and not (np.isfinite(priors[name].lower) and np.isfinite(priors[name].upper))
+        ),
+        None,
+    )
+    names, shift, scale, lower, upper = [], [], [], [], []
+    for name in priors.free:
+        if name == replaced:
+            names.append(REFERENCE_STRESS)
+            shift.append(float(np.log(_stress_scale(experiment))))
+            scale.append(REFERENCE_STRESS_SCALE)
+            lower.append(-np.inf)
+            upper.append(np.inf)
+        else:
+            prior = priors[name]
+            names.append(name)
+            # A lognormal's scale is that of the logarithm: its median sets the size.
+            size = prior.location if prior.family == "lognormal" else prior.scale
+            origin = 0.0 if prior.family == "lognormal" else prior.location
+            shift.append(origin)
+            scale.append(size)
+            lower.append((prior.lower - origin) / size)
+            upper.append((prior.upper - origin) / size)
+    return PlainCoordinates(
+        tuple(names), tuple(priors.free), tuple(shift), tuple(scale), tuple(lower), tuple(upper)
+    )
+
+
+def _stress_scale(experiment: Experiment) -> float:
+    """Largest observed stress (Pa), or a laboratory stress where nothing was observed."""
+    if experiment.n_points == 0:
+        return 1e7
+    return float(np.max(np.abs(experiment.stress)))
+
+
+def _outputs(experiment: Experiment, strain: FloatArray) -> tuple[list[float], list[int]]:
+    """Solver outputs for the wanted strains: increasing, rate steps included, with counts.
+
+    A rate step is an output of the segment that ends there (the solver restarts from it).
+    """
+    steps = np.array([segment.start_strain for segment in experiment.segments[1:]])
+    outputs = np.unique(np.concatenate([strain, steps]))
+    segment = np.searchsorted(steps, outputs, side="left")
+    counts = np.bincount(segment, minlength=len(experiment.segments))
+    return outputs.tolist(), counts.tolist()
+
+
+def experiment_block(experiment: Experiment, *, use_likelihood: bool) -> StanData:
+    """Return the block `stan/data/constant_rate_experiment.stan`."""
+    strain, counts = _outputs(experiment, experiment.strain)
+    return {
+        "temperature": experiment.temperature,
+        "initial_grain_size": experiment.initial_grain_size,
+        "n_segments": len(experiment.segments),
+        "segment_start": [segment.start_strain for segment in experiment.segments],
+        "segment_rate": [segment.strain_rate for segment in experiment.segments],
+        "n_strains": len(strain),
+        "strain": strain,
+        "n_strains_in_segment": counts,
+        "n_points": experiment.n_points,
+        "strain_of_point": (np.searchsorted(strain, experiment.strain) + 1).tolist(),
+        "stress_observed": experiment.stress.tolist(),
+        "use_likelihood": int(use_likelihood),
+    }
+
+
+def prior_block(priors: PriorSet) -> StanData:
+    """Return the block `stan/data/priors.stan`."""
+    ordered: Sequence[Prior] = [priors[parameter.name] for parameter in PARAMETERS]
+    return {
+        "prior_family": [FAMILY_CODE[prior.family] for prior in ordered],
+        "prior_location": [prior.location for prior in ordered],
+        "prior_scale": [prior.scale for prior in ordered],
+        "prior_lower": [prior.lower for prior in ordered],
+        "prior_upper": [prior.upper for prior in ordered],
+    }
+
+
+def coordinate_block(coordinates: PlainCoordinates) -> StanData:
+    """Return the block `stan/data/plain_coordinates.stan`."""
+    index = {parameter.name: k for k, parameter in enumerate(PARAMETERS, start=1)}
+    replaced = coordinates.replaced_parameter
+    return {
+        "n_coordinates": len(coordinates.names),
+        "parameter_of_coordinate": [index[name] for name in coordinates.parameters],
+        "coordinate_shift": list(coordinates.shift),
+        "coordinate_scale": list(coordinates.scale),
+        "coordinate_lower": list(coordinates.lower),
+        "coordinate_upper": list(coordinates.upper),
+        "replaced_parameter": 0 if replaced is None else index[replaced],
+    }
+
+
+def solver_block(solver: SolverOptions) -> StanData:
+    """Return the block `stan/data/solver.stan`."""
+    return {
+        "relative_tolerance": solver.tolerance,
+        "absolute_tolerance": solver.tolerance,
+        "max_num_steps": solver.max_num_steps,
+    }
+
+
+def grid_block(experiment: Experiment, grid_strain: FloatArray) -> StanData:
+    """Return the strains at which the solution is reported apart from the observed ones.
+
+    Rate steps are added to the grid, so that what comes back may be longer than `grid_strain`.
+    """
+    strain, counts = _outputs(experiment, grid_strain) if grid_strain.size else ([], None)
+    return {
+        "n_grid": len(strain),
+        "grid_strain": strain,
+        "n_grid_in_segment": counts or [0] * len(experiment.segments),
+    }
+
+
+def constant_rate_data(
+    experiment: Experiment,
+    priors: PriorSet,
+    *,
+    solver: SolverOptions,
+    grid_strain: FloatArray | None = None,
+    use_likelihood: bool = True,
+) -> StanData:
+    """Return all data of `stan/constant_rate.stan`.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        The test; without points it can only be simulated.
+    priors : PriorSet
+        Priors in SI, resolved (`PriorSet.resolved`).
+    solver : SolverOptions
+        Tolerance and step limit.
+    grid_strain : array, shape (n_grid,), optional
+        Strains (fraction, positive) at which to report the solution.
+    use_likelihood : bool
+        False gives the prior.
+    """
+    return {
+        **experiment_block(experiment, use_likelihood=use_likelihood),
+        **prior_block(priors),
+        **coordinate_block(plain_coordinates(experiment, priors)),
+        **solver_block(solver),
+        **grid_block(experiment, np.empty(0) if grid_strain is None else grid_strain),
+    }

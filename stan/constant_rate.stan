@@ -1,0 +1,143 @@
+// Nonlinear Burgers model of one test at imposed, piecewise constant strain rate:
+// Maxwell spring and power-law dashpot in series with a Kelvin-Voigt element, grain size and
+// fabric evolving with strain (Maor, Hansen, Jerolmack and Goldsby, Eqs. 1-4), in the exact
+// two-state reduction of functions/constant_rate_dynamics.stan.
+//
+// All values are SI. Priors, fixed parameters, solver tolerances and the likelihood switch are
+// data. With every parameter fixed (n_coordinates = 0, algorithm=fixed_param) the program is a
+// forward simulation.
+functions {
+#include functions/parameters.stan
+#include functions/flow_law.stan
+#include functions/microstructure.stan
+#include functions/priors.stan
+#include functions/coordinates.stan
+#include functions/constant_rate_dynamics.stan
+}
+data {
+#include data/constant_rate_experiment.stan
+#include data/priors.stan
+#include data/plain_coordinates.stan
+#include data/solver.stan
+  // Strains at which generated quantities report the solution, apart from the observed ones.
+  int<lower=0> n_grid;
+  array[n_grid] real<lower=0> grid_strain;
+  array[n_segments] int<lower=0> n_grid_in_segment;
+}
+transformed data {
+  vector[n_parameters()] prior_mass;
+  for (k in 1 : n_parameters()) {
+    prior_mass[k] = prior_log_mass(prior_family[k], prior_location[k], prior_scale[k],
+                                   prior_lower[k], prior_upper[k]);
+  }
+}
+parameters {
+  vector<lower=coordinate_lower, upper=coordinate_upper>[n_coordinates] coordinate;
+}
+transformed parameters {
+  real maxwell_modulus;
+  real kelvin_modulus;
+  real kelvin_viscosity;
+  real stress_exponent;
+  real grain_size_exponent;
+  real activation_enthalpy;
+  real beta;
+  real steady_state_grain_size;
+  real steady_state_fabric_factor;
+  real critical_strain_grain_size;
+  real critical_strain_fabric;
+  real stress_noise;
+  real reference_stress; // S_0 at the rate of the first segment, Pa
+  real lprior; // log density of the priors on the physical parameters
+  real log_jacobian; // ln |d(physical)/d(coordinates)| beyond Stan's own bounds transforms
+  {
+    vector[n_parameters()] parameter = parameters_from_plain(coordinate,
+                                                             parameter_of_coordinate,
+                                                             coordinate_shift,
+                                                             coordinate_scale, prior_location,
+                                                             replaced_parameter,
+                                                             segment_rate[1],
+                                                             initial_grain_size, temperature);
+    lprior = joint_prior_log_density(parameter, prior_family, prior_location, prior_scale,
+                                     prior_lower, prior_upper, prior_mass);
+    log_jacobian = log_jacobian_of_plain(parameter, replaced_parameter, temperature);
+    maxwell_modulus = parameter[1];
+    kelvin_modulus = parameter[2];
+    kelvin_viscosity = parameter[3];
+    stress_exponent = parameter[4];
+    grain_size_exponent = parameter[5];
+    activation_enthalpy = parameter[6];
+    beta = parameter[7];
+    steady_state_grain_size = parameter[8];
+    steady_state_fabric_factor = parameter[9];
+    critical_strain_grain_size = parameter[10];
+    critical_strain_fabric = parameter[11];
+    stress_noise = parameter[12];
+  }
+  reference_stress = exp(log_reference_stress(segment_rate[1], initial_grain_size, temperature,
+                                              stress_exponent, grain_size_exponent,
+                                              activation_enthalpy, beta));
+}
+model {
+  target += lprior + log_jacobian;
+  if (use_likelihood) {
+    array[n_strains] vector[2] solution = constant_rate_solution(strain, n_strains_in_segment,
+      segment_start, segment_rate, initial_grain_size, reference_stress, maxwell_modulus,
+      kelvin_modulus, kelvin_viscosity, stress_exponent, grain_size_exponent,
+      steady_state_grain_size, steady_state_fabric_factor, critical_strain_grain_size,
+      critical_strain_fabric, relative_tolerance, absolute_tolerance, max_num_steps);
+    vector[n_points] stress_model;
+    for (i in 1 : n_points) {
+      stress_model[i] = solution[strain_of_point[i]][1];
+    }
+    target += normal_lpdf(stress_observed | stress_model, stress_noise);
+  }
+}
+generated quantities {
+  vector[n_points] stress_model; // Pa
+  vector[n_points] stress_replicated; // Pa
+  vector[n_points] log_lik;
+  vector[n_grid] grid_stress; // Pa
+  vector[n_grid] grid_stress_replicated; // Pa
+  vector[n_grid] grid_kelvin_strain;
+  vector[n_grid] grid_grain_size; // m
+  vector[n_grid] grid_fabric_factor;
+  // Softening of the flow strength along strain, split between its two causes.
+  vector[n_grid] grid_grain_size_softening;
+  vector[n_grid] grid_fabric_softening;
+  {
+    array[n_strains] vector[2] solution = constant_rate_solution(strain, n_strains_in_segment,
+      segment_start, segment_rate, initial_grain_size, reference_stress, maxwell_modulus,
+      kelvin_modulus, kelvin_viscosity, stress_exponent, grain_size_exponent,
+      steady_state_grain_size, steady_state_fabric_factor, critical_strain_grain_size,
+      critical_strain_fabric, relative_tolerance, absolute_tolerance, max_num_steps);
+    for (i in 1 : n_points) {
+      stress_model[i] = solution[strain_of_point[i]][1];
+      stress_replicated[i] = normal_rng(stress_model[i], stress_noise);
+      log_lik[i] = normal_lpdf(stress_observed[i] | stress_model[i], stress_noise);
+    }
+  }
+  {
+    array[n_grid] vector[2] solution = constant_rate_solution(grid_strain, n_grid_in_segment,
+      segment_start, segment_rate, initial_grain_size, reference_stress, maxwell_modulus,
+      kelvin_modulus, kelvin_viscosity, stress_exponent, grain_size_exponent,
+      steady_state_grain_size, steady_state_fabric_factor, critical_strain_grain_size,
+      critical_strain_fabric, relative_tolerance, absolute_tolerance, max_num_steps);
+    for (i in 1 : n_grid) {
+      grid_stress[i] = solution[i][1];
+      grid_stress_replicated[i] = normal_rng(solution[i][1], stress_noise);
+      grid_kelvin_strain[i] = solution[i][2];
+      grid_grain_size[i] = microstructure_at(grid_strain[i], initial_grain_size,
+                                             steady_state_grain_size,
+                                             critical_strain_grain_size);
+      grid_fabric_factor[i] = microstructure_at(grid_strain[i], 1, steady_state_fabric_factor,
+                                                critical_strain_fabric);
+      grid_grain_size_softening[i] = strength_factor(grid_strain[i], initial_grain_size,
+                                                     steady_state_grain_size,
+                                                     critical_strain_grain_size,
+                                                     grain_size_exponent / stress_exponent);
+      grid_fabric_softening[i] = strength_factor(grid_strain[i], 1, steady_state_fabric_factor,
+                                                 critical_strain_fabric, 1);
+    }
+  }
+}

@@ -1,0 +1,143 @@
+/**
+ * Stress at imposed, piecewise constant strain rate: the two-state form of the Burgers model.
+ *
+ * Grain size and fabric are known functions of strain (functions/microstructure.stan), so the
+ * six states of the paper reduce exactly to stress and Kelvin strain. Strain is the independent
+ * variable and both states are O(1):
+ *
+ *   y = stress/S_0,  z = E_K kelvin_strain/(eta_K rate),
+ *   dy/d(strain) = (E_M/S_0) (1 - v_K - v_d),  dz/d(strain) = (E_K/(eta_K rate)) v_K,
+ *   v_K = S_0 y/(eta_K rate) - z,  v_d = (rate_0/rate) (y/F)^n (d/d_0)^-p.
+ *
+ * v_K and v_d are the rates of the Kelvin element and of the dashpot over the imposed rate; S_0
+ * is the reference stress (functions/flow_law.stan) at the rate of the first segment, rate_0.
+ */
+
+/**
+ * Right-hand side; see the head of this file.
+ *
+ * @param strain total strain
+ * @param state [y, z]
+ * @param stiffness E_M/S_0
+ * @param kelvin_fluidity S_0/(eta_K rate)
+ * @param kelvin_decay E_K/(eta_K rate), per unit strain
+ * @param grain_size_deficit 1 - d_ss/d_0
+ * @param fabric_deficit 1 - F_ss
+ * @param inverse_critical_strain_grain_size 1/epsilon_c1
+ * @param inverse_critical_strain_fabric 1/epsilon_c2
+ * @param log_rate_ratio ln(rate_0/rate)
+ */
+vector constant_rate_rhs(real strain, vector state, real stiffness, real kelvin_fluidity,
+                         real kelvin_decay, real stress_exponent, real grain_size_exponent,
+                         real grain_size_deficit, real fabric_deficit,
+                         real inverse_critical_strain_grain_size,
+                         real inverse_critical_strain_fabric, data real log_rate_ratio) {
+  real kelvin_rate = kelvin_fluidity * state[1] - state[2];
+  real dashpot_rate = 0;
+  if (state[1] != 0) {
+    real log_stress = state[1] > 0 ? log(state[1]) : log(-state[1]);
+    dashpot_rate = exp(stress_exponent
+                       * (log_stress
+                          - log_relative_microstructure(strain, fabric_deficit,
+                                                        inverse_critical_strain_fabric))
+                       - grain_size_exponent
+                         * log_relative_microstructure(strain, grain_size_deficit,
+                                                       inverse_critical_strain_grain_size)
+                       + log_rate_ratio);
+    if (state[1] < 0) {
+      dashpot_rate = -dashpot_rate;
+    }
+  }
+  return [stiffness * (1 - kelvin_rate - dashpot_rate), kelvin_decay * kelvin_rate]';
+}
+
+/**
+ * Scaled states at the given strains of one constant-rate segment.
+ *
+ * @param initial_state [y, z] at start_strain
+ * @param strain increasing, all greater than start_strain
+ * @return array over strain of [y, z]
+ */
+array[] vector constant_rate_segment(vector initial_state, data real start_strain,
+                                     data array[] real strain, data real strain_rate,
+                                     data real log_rate_ratio, real reference_stress,
+                                     real maxwell_modulus, real kelvin_modulus,
+                                     real kelvin_viscosity, real stress_exponent,
+                                     real grain_size_exponent, real grain_size_deficit,
+                                     real fabric_deficit, real critical_strain_grain_size,
+                                     real critical_strain_fabric, data real relative_tolerance,
+                                     data real absolute_tolerance, data int max_num_steps) {
+  return ode_bdf_tol(constant_rate_rhs, initial_state, start_strain, strain,
+                     relative_tolerance, absolute_tolerance, max_num_steps,
+                     maxwell_modulus / reference_stress,
+                     reference_stress / (kelvin_viscosity * strain_rate),
+                     kelvin_modulus / (kelvin_viscosity * strain_rate), stress_exponent,
+                     grain_size_exponent, grain_size_deficit, fabric_deficit,
+                     1 / critical_strain_grain_size, 1 / critical_strain_fabric,
+                     log_rate_ratio);
+}
+
+/**
+ * Stress and Kelvin strain along a test that starts at rest and steps through strain rates.
+ *
+ * The solver is restarted at every step of the rate; stress and Kelvin strain are carried over.
+ *
+ * @param strain output strains, increasing and positive; the strain of every rate step is one of
+ *   them, as the last output of the segment that ends there
+ * @param n_strains_in number of output strains in each segment
+ * @param segment_start strain at which each segment starts, the first 0
+ * @param segment_rate imposed strain rate of each segment, 1/s
+ * @param reference_stress S_0 at the rate of the first segment, Pa
+ * @return array over output strains of [stress (Pa), kelvin strain]
+ */
+array[] vector constant_rate_solution(data array[] real strain, data array[] int n_strains_in,
+                                      data array[] real segment_start,
+                                      data array[] real segment_rate,
+                                      data real initial_grain_size, real reference_stress,
+                                      real maxwell_modulus, real kelvin_modulus,
+                                      real kelvin_viscosity, real stress_exponent,
+                                      real grain_size_exponent, real steady_state_grain_size,
+                                      real steady_state_fabric_factor,
+                                      real critical_strain_grain_size,
+                                      real critical_strain_fabric,
+                                      data real relative_tolerance,
+                                      data real absolute_tolerance, data int max_num_steps) {
+  real grain_size_deficit = 1 - steady_state_grain_size / initial_grain_size;
+  real fabric_deficit = 1 - steady_state_fabric_factor;
+  array[size(strain)] vector[2] solution;
+  vector[2] state;
+  int first = 1;
+  for (k in 1 : size(segment_start)) {
+    int last = first + n_strains_in[k] - 1;
+    array[n_strains_in[k]] vector[2] scaled;
+    if (n_strains_in[k] > 0) {
+      if (k == 1) {
+        // A literal initial state is constant to the solver: no sensitivities to it.
+        scaled = constant_rate_segment(rep_vector(0, 2), segment_start[k], strain[first : last],
+                                       segment_rate[k], log(segment_rate[1] / segment_rate[k]),
+                                       reference_stress, maxwell_modulus, kelvin_modulus,
+                                       kelvin_viscosity, stress_exponent, grain_size_exponent,
+                                       grain_size_deficit, fabric_deficit,
+                                       critical_strain_grain_size, critical_strain_fabric,
+                                       relative_tolerance, absolute_tolerance, max_num_steps);
+      } else {
+        state[2] *= segment_rate[k - 1] / segment_rate[k];
+        scaled = constant_rate_segment(state, segment_start[k], strain[first : last],
+                                       segment_rate[k], log(segment_rate[1] / segment_rate[k]),
+                                       reference_stress, maxwell_modulus, kelvin_modulus,
+                                       kelvin_viscosity, stress_exponent, grain_size_exponent,
+                                       grain_size_deficit, fabric_deficit,
+                                       critical_strain_grain_size, critical_strain_fabric,
+                                       relative_tolerance, absolute_tolerance, max_num_steps);
+      }
+      for (i in 1 : n_strains_in[k]) {
+        solution[first + i - 1] = [reference_stress * scaled[i][1],
+                                   scaled[i][2] * kelvin_viscosity * segment_rate[k]
+                                   / kelvin_modulus]';
+      }
+      state = scaled[n_strains_in[k]];
+    }
+    first = last + 1;
+  }
+  return solution;
+}

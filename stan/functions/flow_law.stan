@@ -1,0 +1,91 @@
+/**
+ * Flow law of the power-law dashpot (Maor et al., Eq. 1) and the reference stress.
+ *
+ * Everything is SI: stress Pa, grain size m, temperature K, strain rate 1/s,
+ * activation enthalpy Q_M J/mol, beta = ln(A)/Q_M mol/J with A in Pa^-n m^p s^-1.
+ */
+
+/** Gas constant R, J/(mol K) (CODATA 2018). */
+real gas_constant() {
+  return 8.314462618;
+}
+
+/**
+ * ln of the thermally activated rate factor, Q_M (beta - 1/(R T)).
+ *
+ * @param activation_enthalpy Q_M, J/mol
+ * @param beta ln(A)/Q_M, mol/J
+ * @param temperature T, K
+ * @return ln of A exp(-Q_M/(R T)), A in Pa^-n m^p s^-1
+ */
+real log_rate_factor(real activation_enthalpy, real beta, real temperature) {
+  return activation_enthalpy * (beta - 1 / (gas_constant() * temperature));
+}
+
+/**
+ * Strain rate of the dashpot, sgn(stress) (|stress|/F)^n d^-p exp[Q_M (beta - 1/(R T))].
+ *
+ * The sign function and the absolute value are not printed in Eq. 1; they keep the law odd in
+ * stress where an oscillating test changes sign.
+ *
+ * @param stress sigma, Pa
+ * @param grain_size d, m
+ * @param fabric_factor F, 1 = isotropic
+ * @param stress_exponent n
+ * @param grain_size_exponent p
+ * @param log_factor value of log_rate_factor()
+ * @return strain rate, 1/s
+ */
+real dashpot_strain_rate(real stress, real grain_size, real fabric_factor, real stress_exponent,
+                         real grain_size_exponent, real log_factor) {
+  real log_softening = grain_size_exponent * log(grain_size);
+  if (stress > 0) {
+    return exp(stress_exponent * log(stress / fabric_factor) - log_softening + log_factor);
+  }
+  if (stress < 0) {
+    return -exp(stress_exponent * log(-stress / fabric_factor) - log_softening + log_factor);
+  }
+  return 0;
+}
+
+/**
+ * ln of the reference stress S_0 at which undeformed material (F = 1, d = d_0) flows at the
+ * imposed rate: S_0^n = strain_rate d_0^p exp[-Q_M (beta - 1/(R T))].
+ *
+ * @return ln(S_0 / Pa)
+ */
+real log_reference_stress(real strain_rate, real initial_grain_size, real temperature,
+                          real stress_exponent, real grain_size_exponent,
+                          real activation_enthalpy, real beta) {
+  return (log(strain_rate) + grain_size_exponent * log(initial_grain_size)
+          - log_rate_factor(activation_enthalpy, beta, temperature))
+         / stress_exponent;
+}
+
+/**
+ * Q_M for which the reference stress has a given value (log_reference_stress solved for Q_M).
+ *
+ * |d Q_M / d ln S_0| = n / (1/(R T) - beta).
+ */
+real activation_enthalpy_from_reference_stress(real log_s0, real strain_rate,
+                                               real initial_grain_size, real temperature,
+                                               real stress_exponent, real grain_size_exponent,
+                                               real beta) {
+  return (log(strain_rate) + grain_size_exponent * log(initial_grain_size)
+          - stress_exponent * log_s0)
+         / (beta - 1 / (gas_constant() * temperature));
+}
+
+/**
+ * beta for which the reference stress has a given value (log_reference_stress solved for beta).
+ *
+ * |d beta / d ln S_0| = n / Q_M.
+ */
+real beta_from_reference_stress(real log_s0, real strain_rate, real initial_grain_size,
+                                real temperature, real stress_exponent,
+                                real grain_size_exponent, real activation_enthalpy) {
+  return (log(strain_rate) + grain_size_exponent * log(initial_grain_size)
+          - stress_exponent * log_s0)
+         / activation_enthalpy
+         + 1 / (gas_constant() * temperature);
+}

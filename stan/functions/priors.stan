@@ -1,0 +1,57 @@
+/**
+ * Prior distributions chosen by data.
+ *
+ * family 0: fixed (no density), 1: uniform on [lower, upper], 2: normal truncated to
+ * [lower, upper] (bounds may be infinite; a half-normal is location 0, lower 0),
+ * 3: lognormal with median `location` and standard deviation `scale` of the logarithm.
+ */
+
+/**
+ * ln of the mass that truncation leaves; a constant of the data, computed once.
+ */
+real prior_log_mass(data int family, data real location, data real scale, data real lower_bound,
+                    data real upper_bound) {
+  if (family == 2) {
+    return log(Phi((upper_bound - location) / scale) - Phi((lower_bound - location) / scale));
+  }
+  if (family == 1) {
+    return log(upper_bound - lower_bound);
+  }
+  return 0;
+}
+
+/**
+ * Normalised log density of one parameter, SI units; minus infinity outside its support.
+ *
+ * @param log_mass value of prior_log_mass()
+ */
+real prior_log_density(real value, data int family, data real location, data real scale,
+                       data real lower_bound, data real upper_bound, data real log_mass) {
+  if (family == 0) {
+    return 0;
+  }
+  if (value < lower_bound || value > upper_bound) {
+    return negative_infinity();
+  }
+  if (family == 1) {
+    return -log_mass;
+  }
+  if (family == 2) {
+    return normal_lpdf(value | location, scale) - log_mass;
+  }
+  return lognormal_lpdf(value | log(location), scale);
+}
+
+/**
+ * Log density of the whole parameter vector, in the order of functions/parameters.stan.
+ */
+real joint_prior_log_density(vector parameter, data array[] int family, data vector location,
+                             data vector scale, data vector lower_bound, data vector upper_bound,
+                             data vector log_mass) {
+  real total = 0;
+  for (k in 1:num_elements(parameter)) {
+    total += prior_log_density(parameter[k], family[k], location[k], scale[k], lower_bound[k],
+                               upper_bound[k], log_mass[k]);
+  }
+  return total;
+}

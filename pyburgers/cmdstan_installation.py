@@ -16,6 +16,7 @@ from http.client import HTTPException
 from pathlib import Path
 from threading import Thread
 from typing import Literal
+from urllib.error import URLError
 
 from pyburgers.errors import ToolchainError
 from pyburgers.toolchain import (
@@ -210,7 +211,8 @@ def _latest_release() -> str:
     try:
         return answer.result(timeout=GITHUB_ANSWER_S)
     except (OSError, HTTPException, KeyError, TypeError, ValueError) as error:
-        reason = str(error) or f"nothing came within {GITHUB_ANSWER_S:.0f} s"
+        cause = error.reason if isinstance(error, URLError) else error
+        reason = str(cause) or f"nothing came within {GITHUB_ANSWER_S:.0f} s"
         raise ToolchainError(f"GitHub did not hand out CmdStan ({reason}).") from error
 
 

@@ -51,12 +51,8 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter(
         "activation_enthalpy", r"Q_M", "activation enthalpy", "molar energy", "J/mol", "kJ/mol"
     ),
-    Parameter(
-        "beta", r"\beta", "pre-exponent ln(A)/Q", "inverse molar energy", "mol/J", "mol/kJ"
-    ),
-    Parameter(
-        "steady_state_grain_size", r"d_{ss}", "steady-state grain size", "length", "m", "um"
-    ),
+    Parameter("beta", r"\beta", "pre-exponent ln(A)/Q", "inverse molar energy", "mol/J", "mol/kJ"),
+    Parameter("steady_state_grain_size", r"d_{ss}", "steady-state grain size", "length", "m", "um"),
     Parameter(
         "steady_state_fabric_factor",
         r"F_{ss}",

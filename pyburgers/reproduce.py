@@ -46,9 +46,7 @@ def shipped_data_directory() -> Path:
     return inside if inside.is_dir() else package.parent / "data"
 
 
-def reproduce(
-    preset: str, out: Path, *, command: str, report: Callable[[str], None]
-) -> Outcome:
+def reproduce(preset: str, out: Path, *, command: str, report: Callable[[str], None]) -> Outcome:
     """Fit the three ice twins and write the page; continue where an earlier call stopped.
 
     Parameters

@@ -211,9 +211,7 @@ def run_chains(
         raise InputError(f"{experiment.id}: the experiment has no data, expected a [data] table.")
     run = RunDirectory(directory)
     priors = priors.resolved(float(np.max(np.abs(experiment.stress))))
-    data = constant_rate_data(
-        experiment, priors, solver=solver, use_likelihood=use_likelihood
-    )
+    data = constant_rate_data(experiment, priors, solver=solver, use_likelihood=use_likelihood)
     model = load_model(constant_rate_program(), report=report)
     identity = fingerprint(data, options, sha256_of_file(Path(str(model.exe_file))))
     with run.locked():

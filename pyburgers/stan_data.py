@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.special import logit
 
 from pyburgers.experiment import Experiment
 from pyburgers.parameters import PARAMETERS
@@ -44,46 +45,54 @@ class SolverOptions:
     max_num_steps: int = 20_000
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PlainCoordinates:
-    """Coordinates of the sampler: free parameters, shifted and scaled to O(1).
+    """Real-line coordinates of the free parameters, as in `stan/functions/coordinates.stan`.
 
     Attributes
     ----------
-    names : tuple of str
-        Parameter of each coordinate; `REFERENCE_STRESS` where ln S_0 replaces one.
+    quantities : tuple of str
+        Quantity of each coordinate: a parameter, or `REFERENCE_STRESS` (as ln S_0) in place of
+        one.
     parameters : tuple of str
         Parameter that each coordinate gives a value to.
-    shift, scale, lower, upper : tuple of float
-        value = shift + scale * coordinate in SI (ln Pa for the reference stress); bounds are of
-        the coordinate.
+    shift, scale, lower, upper : array, shape (n_coordinates,)
+        Origin, size and bounds of the quantities in SI (ln Pa for the reference stress).
     """
 
-    names: tuple[str, ...]
+    quantities: tuple[str, ...]
     parameters: tuple[str, ...]
-    shift: tuple[float, ...]
-    scale: tuple[float, ...]
-    lower: tuple[float, ...]
-    upper: tuple[float, ...]
+    shift: FloatArray
+    scale: FloatArray
+    lower: FloatArray
+    upper: FloatArray
 
     @property
     def replaced_parameter(self) -> str | None:
         """Parameter whose place ln S_0 takes, if any."""
-        if REFERENCE_STRESS not in self.names:
+        if REFERENCE_STRESS not in self.quantities:
             return None
-        return self.parameters[self.names.index(REFERENCE_STRESS)]
+        return self.parameters[self.quantities.index(REFERENCE_STRESS)]
 
     def at(self, values: Mapping[str, float]) -> FloatArray:
         """Coordinates, shape (n_coordinates,), of SI values that include the reference stress."""
-        position = [
-            np.log(values[name]) if name == REFERENCE_STRESS else values[name]
-            for name in self.names
-        ]
-        return (np.array(position) - np.array(self.shift)) / np.array(self.scale)
+        position = np.array(
+            [
+                np.log(values[name]) if name == REFERENCE_STRESS else values[name]
+                for name in self.quantities
+            ]
+        )
+        with np.errstate(invalid="ignore", divide="ignore"):
+            inside = logit((position - self.lower) / (self.upper - self.lower))
+            above = np.log((position - self.lower) / self.scale)
+        anywhere = (position - self.shift) / self.scale
+        bounded = np.where(np.isinf(self.upper), above, inside)
+        coordinates: FloatArray = np.where(np.isinf(self.lower), anywhere, bounded)
+        return coordinates
 
 
 def plain_coordinates(experiment: Experiment, priors: PriorSet) -> PlainCoordinates:
-    """Choose shift and scale of every free parameter and what ln S_0 replaces.
+    """Choose origin and size of every free parameter and what ln S_0 replaces.
 
     ln S_0 replaces Q_M, or beta where Q_M cannot be replaced: a parameter with two finite bounds
     keeps its own coordinate, because its bounds would cut the replaced one obliquely.
@@ -97,27 +106,20 @@ def plain_coordinates(experiment: Experiment, priors: PriorSet) -> PlainCoordina
         ),
         None,
     )
-    names, shift, scale, lower, upper = [], [], [], [], []
+    rows = []
     for name in priors.free:
+        prior = priors[name]
         if name == replaced:
-            names.append(REFERENCE_STRESS)
-            shift.append(float(np.log(_stress_scale(experiment))))
-            scale.append(REFERENCE_STRESS_SCALE)
-            lower.append(-np.inf)
-            upper.append(np.inf)
+            shift = float(np.log(_stress_scale(experiment)))
+            rows.append((REFERENCE_STRESS, shift, REFERENCE_STRESS_SCALE, -np.inf, np.inf))
+        elif prior.family == "lognormal":
+            # Its scale is that of the logarithm; the median sets the size.
+            rows.append((name, 0.0, prior.location, prior.lower, prior.upper))
         else:
-            prior = priors[name]
-            names.append(name)
-            # A lognormal's scale is that of the logarithm: its median sets the size.
-            size = prior.location if prior.family == "lognormal" else prior.scale
-            origin = 0.0 if prior.family == "lognormal" else prior.location
-            shift.append(origin)
-            scale.append(size)
-            lower.append((prior.lower - origin) / size)
-            upper.append((prior.upper - origin) / size)
-    return PlainCoordinates(
-        tuple(names), tuple(priors.free), tuple(shift), tuple(scale), tuple(lower), tuple(upper)
-    )
+            rows.append((name, prior.location, prior.scale, prior.lower, prior.upper))
+    quantities = tuple(row[0] for row in rows)
+    numbers = np.array([row[1:] for row in rows], dtype=np.float64).reshape(len(rows), 4)
+    return PlainCoordinates(quantities, tuple(priors.free), *numbers.T)
 
 
 def _stress_scale(experiment: Experiment) -> float:
@@ -171,16 +173,16 @@ def prior_block(priors: PriorSet) -> StanData:
 
 
 def coordinate_block(coordinates: PlainCoordinates) -> StanData:
-    """Return the block `stan/data/plain_coordinates.stan`."""
+    """Return the block `stan/data/coordinates.stan`."""
     index = {parameter.name: k for k, parameter in enumerate(PARAMETERS, start=1)}
     replaced = coordinates.replaced_parameter
     return {
-        "n_coordinates": len(coordinates.names),
+        "n_coordinates": len(coordinates.quantities),
         "parameter_of_coordinate": [index[name] for name in coordinates.parameters],
-        "coordinate_shift": list(coordinates.shift),
-        "coordinate_scale": list(coordinates.scale),
-        "coordinate_lower": list(coordinates.lower),
-        "coordinate_upper": list(coordinates.upper),
+        "quantity_shift": coordinates.shift.tolist(),
+        "quantity_scale": coordinates.scale.tolist(),
+        "quantity_lower": coordinates.lower.tolist(),
+        "quantity_upper": coordinates.upper.tolist(),
         "replaced_parameter": 0 if replaced is None else index[replaced],
     }
 

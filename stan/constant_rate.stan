@@ -17,7 +17,7 @@ functions {
 data {
 #include data/constant_rate_experiment.stan
 #include data/priors.stan
-#include data/plain_coordinates.stan
+#include data/coordinates.stan
 #include data/solver.stan
   // Strains at which generated quantities report the solution, apart from the observed ones.
   int<lower=0> n_grid;
@@ -32,7 +32,7 @@ transformed data {
   }
 }
 parameters {
-  vector<lower=coordinate_lower, upper=coordinate_upper>[n_coordinates] coordinate;
+  vector[n_coordinates] coordinate;
 }
 transformed parameters {
   real maxwell_modulus;
@@ -49,18 +49,15 @@ transformed parameters {
   real stress_noise;
   real reference_stress; // S_0 at the rate of the first segment, Pa
   real lprior; // log density of the priors on the physical parameters
-  real log_jacobian; // ln |d(physical)/d(coordinates)| beyond Stan's own bounds transforms
+  real log_jacobian; // ln |d(physical parameters)/d(coordinates)|
   {
-    vector[n_parameters()] parameter = parameters_from_plain(coordinate,
-                                                             parameter_of_coordinate,
-                                                             coordinate_shift,
-                                                             coordinate_scale, prior_location,
-                                                             replaced_parameter,
-                                                             segment_rate[1],
-                                                             initial_grain_size, temperature);
+    vector[n_parameters() + 1] mapped = parameters_from_plain(coordinate,
+      parameter_of_coordinate, quantity_shift, quantity_scale, quantity_lower, quantity_upper,
+      prior_location, replaced_parameter, segment_rate[1], initial_grain_size, temperature);
+    vector[n_parameters()] parameter = head(mapped, n_parameters());
+    log_jacobian = mapped[n_parameters() + 1];
     lprior = joint_prior_log_density(parameter, prior_family, prior_location, prior_scale,
                                      prior_lower, prior_upper, prior_mass);
-    log_jacobian = log_jacobian_of_plain(parameter, replaced_parameter, temperature);
     maxwell_modulus = parameter[1];
     kelvin_modulus = parameter[2];
     kelvin_viscosity = parameter[3];

@@ -1,50 +1,74 @@
 /**
- * Coordinates in which NUTS moves, and the way back to the physical parameters.
+ * Plain coordinates: every free parameter mapped to the whole real line, one by one.
  *
- * Plain coordinates: every free parameter, shifted and scaled to O(1), with its prior's bounds.
- * One of them is replaced: data fix the reference stress S_0 tightly while n, p, Q_M and beta stay
- * broad along the surface of constant S_0, so ln S_0 is sampled in place of Q_M (or of beta, where
- * Q_M is fixed). The prior is still that of Q_M (or beta), evaluated on the value that follows
- * from ln S_0, times the Jacobian below: the posterior is the same one.
+ * One of them is replaced: data fix the reference stress S_0 tightly while n, p, Q_M and beta
+ * stay broad along the surface of constant S_0, so ln S_0 is sampled in place of Q_M (or of beta,
+ * where Q_M is fixed). The prior is still that of Q_M (or beta), evaluated on the value that
+ * follows from ln S_0, and the Jacobian is that of the whole map: the posterior is the same one.
  */
 
 /**
- * Physical parameters at given plain coordinates.
+ * A parameter within its bounds from a real number u.
  *
- * @param coordinate sampled coordinates, (value - shift)/scale
- * @param parameter_of_coordinate index of the parameter that each coordinate stands for
- * @param shift, scale of each coordinate, SI (ln Pa for the reference stress)
- * @param fixed_value parameter vector; entries of free parameters are overwritten
- * @param replaced_parameter 6 (activation_enthalpy) or 7 (beta): its coordinate is ln S_0;
- *   0: none is replaced
- * @param strain_rate rate of the first segment, 1/s
- * @return parameters in the order of functions/parameters.stan
+ * Two finite bounds: lower + (upper - lower) inv_logit(u). Only a lower one:
+ * lower + scale exp(u). None: shift + scale u.
  */
-vector parameters_from_plain(vector coordinate, data array[] int parameter_of_coordinate,
-                             data vector shift, data vector scale, data vector fixed_value,
-                             data int replaced_parameter, data real strain_rate,
-                             data real initial_grain_size, data real temperature) {
-  vector[num_elements(fixed_value)] parameter = fixed_value;
-  for (i in 1 : num_elements(coordinate)) {
-    parameter[parameter_of_coordinate[i]] = shift[i] + scale[i] * coordinate[i];
+real bounded_from_real(real u, data real shift, data real scale, data real lower_bound,
+                       data real upper_bound) {
+  if (is_inf(lower_bound)) {
+    return shift + scale * u;
   }
-  if (replaced_parameter == 6) {
-    parameter[6] = activation_enthalpy_from_reference_stress(parameter[6], strain_rate,
-                                                             initial_grain_size, temperature,
-                                                             parameter[4], parameter[5],
-                                                             parameter[7]);
-  } else if (replaced_parameter == 7) {
-    parameter[7] = beta_from_reference_stress(parameter[7], strain_rate, initial_grain_size,
-                                              temperature, parameter[4], parameter[5],
-                                              parameter[6]);
+  if (is_inf(upper_bound)) {
+    return lower_bound + scale * exp(u);
   }
-  return parameter;
+  return lower_bound + (upper_bound - lower_bound) * inv_logit(u);
 }
 
 /**
- * ln |d(replaced parameter)/d(ln S_0)|; the linear scales are constants and are left out.
+ * ln of the derivative of bounded_from_real() with respect to u.
  */
-real log_jacobian_of_plain(vector parameter, data int replaced_parameter, data real temperature) {
+real log_slope_of_bounded(real u, data real scale, data real lower_bound,
+                          data real upper_bound) {
+  if (is_inf(lower_bound)) {
+    return log(scale);
+  }
+  if (is_inf(upper_bound)) {
+    return log(scale) + u;
+  }
+  return log(upper_bound - lower_bound) + log_inv_logit(u) + log1m_inv_logit(u);
+}
+
+/**
+ * Put Q_M (6) or beta (7) in the place of ln S_0.
+ *
+ * @param parameter vector whose entry `replaced_parameter` holds ln(S_0 / Pa)
+ * @param replaced_parameter 6, 7, or 0 where no parameter is replaced
+ * @param strain_rate rate of the first segment, 1/s
+ */
+vector resolve_reference_stress(vector parameter, data int replaced_parameter,
+                                data real strain_rate, data real initial_grain_size,
+                                data real temperature) {
+  vector[num_elements(parameter)] resolved = parameter;
+  if (replaced_parameter == 6) {
+    resolved[6] = activation_enthalpy_from_reference_stress(parameter[6], strain_rate,
+                                                            initial_grain_size, temperature,
+                                                            parameter[4], parameter[5],
+                                                            parameter[7]);
+  } else if (replaced_parameter == 7) {
+    resolved[7] = beta_from_reference_stress(parameter[7], strain_rate, initial_grain_size,
+                                             temperature, parameter[4], parameter[5],
+                                             parameter[6]);
+  }
+  return resolved;
+}
+
+/**
+ * ln |d(replaced parameter)/d(ln S_0)|.
+ *
+ * @param parameter resolved parameters
+ */
+real log_slope_of_replaced(vector parameter, data int replaced_parameter,
+                           data real temperature) {
   if (replaced_parameter == 6) {
     return log(parameter[4]) - log(1 / (gas_constant() * temperature) - parameter[7]);
   }
@@ -52,4 +76,35 @@ real log_jacobian_of_plain(vector parameter, data int replaced_parameter, data r
     return log(parameter[4]) - log(parameter[6]);
   }
   return 0;
+}
+
+/**
+ * Physical parameters at given plain coordinates.
+ *
+ * @param coordinate real numbers, one for each free parameter
+ * @param parameter_of_coordinate index of the parameter that each coordinate stands for
+ * @param shift, scale, lower_bound, upper_bound of each coordinate's quantity, SI (ln Pa for the
+ *   reference stress)
+ * @param fixed_value parameter vector; entries of free parameters are overwritten
+ * @return parameters in the order of functions/parameters.stan, then ln |d parameter/d
+ *   coordinate|
+ */
+vector parameters_from_plain(vector coordinate, data array[] int parameter_of_coordinate,
+                             data vector shift, data vector scale, data vector lower_bound,
+                             data vector upper_bound, data vector fixed_value,
+                             data int replaced_parameter, data real strain_rate,
+                             data real initial_grain_size, data real temperature) {
+  vector[n_parameters()] parameter = fixed_value;
+  real log_jacobian = 0;
+  for (i in 1 : num_elements(coordinate)) {
+    parameter[parameter_of_coordinate[i]] = bounded_from_real(coordinate[i], shift[i],
+                                                              scale[i], lower_bound[i],
+                                                              upper_bound[i]);
+    log_jacobian += log_slope_of_bounded(coordinate[i], scale[i], lower_bound[i],
+                                         upper_bound[i]);
+  }
+  parameter = resolve_reference_stress(parameter, replaced_parameter, strain_rate,
+                                       initial_grain_size, temperature);
+  log_jacobian += log_slope_of_replaced(parameter, replaced_parameter, temperature);
+  return append_row(parameter, log_jacobian);
 }

@@ -1,0 +1,109 @@
+"""How quantities are shown: display units, symbols, digits. Nothing here is read back."""
+
+import math
+
+from pyburgers.parameters import PARAMETER_BY_NAME, Parameter
+from pyburgers.priors import Prior
+from pyburgers.stan_data import REFERENCE_STRESS
+from pyburgers.units import UNITS
+
+SHOWN_REFERENCE_STRESS = Parameter(
+    REFERENCE_STRESS, r"S_0", "reference stress", "stress", "Pa", "MPa"
+)
+
+STRESS_UNIT, STRESS_FACTOR = "MPa", 1.0 / UNITS["stress"]["MPa"]
+STRAIN_UNIT, STRAIN_FACTOR = "%", 1.0 / UNITS["strain"]["percent"]
+LENGTH_UNIT, LENGTH_FACTOR = "µm", 1.0 / UNITS["length"]["um"]
+"""Units of curves and the factors from SI."""
+
+_GREEK = {r"\eta": "η", r"\beta": "β", r"\epsilon": "ε"}
+_UNIT_TEXT = {"1": "–", "um": "µm"}
+
+
+def shown_quantity(name: str) -> Parameter:
+    """Return symbol, label and units of a sampled quantity.
+
+    Parameters
+    ----------
+    name : str
+        A parameter, or the reference stress.
+
+    Raises
+    ------
+    KeyError
+        If there is no such quantity.
+    """
+    if name == REFERENCE_STRESS:
+        return SHOWN_REFERENCE_STRESS
+    return PARAMETER_BY_NAME[name]
+
+
+def unit_text(quantity: Parameter) -> str:
+    """Display unit as printed; an en dash where there is none."""
+    return _UNIT_TEXT.get(quantity.display_unit, quantity.display_unit)
+
+
+def axis_label(quantity: Parameter) -> str:
+    """Symbol and unit for an axis, as matplotlib text."""
+    return f"${quantity.symbol}$ ({unit_text(quantity)})"
+
+
+def symbol_text(quantity: Parameter) -> str:
+    """Symbol as plain text, what follows an underscore being its subscript."""
+    text = quantity.symbol.replace("{", "").replace("}", "")
+    for command, letter in _GREEK.items():
+        text = text.replace(command, letter)
+    return text
+
+
+def rounded(value: float, sd: float) -> str:
+    """Return a number with as many decimals as two significant digits of `sd` need.
+
+    Parameters
+    ----------
+    value : float
+        What to print.
+    sd : float
+        Standard deviation in the same unit; without a positive one, four significant digits are
+        printed.
+    """
+    if not (math.isfinite(sd) and sd > 0):
+        return f"{value:.4g}"
+    decimals = max(0, 1 - math.floor(math.log10(sd)))
+    return f"{value:.{decimals}f}"
+
+
+def number(value: float) -> str:
+    """Return a number as a person wrote it, without the noise of unit conversion."""
+    return f"{value:.6g}"
+
+
+def prior_text(prior: Prior) -> str:
+    """Return a prior in the notation of statistics and display units, such as ``N(65, 2) kJ/mol``.
+
+    U is uniform, N normal with its standard deviation, HN half-normal, LN lognormal with median
+    and standard deviation of the logarithm.
+    """
+    quantity = PARAMETER_BY_NAME[prior.parameter]
+    factor = quantity.display_factor
+    location, scale = number(prior.location * factor), number(prior.scale * factor)
+    lower, upper = number(prior.lower * factor), number(prior.upper * factor)
+    unit = "" if quantity.display_unit in {"1", "fraction"} else f" {unit_text(quantity)}"
+    match prior.family:
+        case "fixed":
+            return f"fixed: {location}{unit}"
+        case "uniform":
+            return f"U[{lower}, {upper}]{unit}"
+        case "half_normal":
+            return f"HN({scale}){unit}"
+        case "lognormal":
+            return f"LN({location}, {number(prior.scale)}){unit}"
+        case "normal":
+            bounds = (math.isfinite(prior.lower), math.isfinite(prior.upper))
+            cut = {
+                (False, False): "",
+                (True, False): f", > {lower}",
+                (False, True): f", < {upper}",
+                (True, True): f", in [{lower}, {upper}]",
+            }[bounds]
+            return f"N({location}, {scale}){unit}{cut}"

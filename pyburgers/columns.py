@@ -103,7 +103,7 @@ def _cell(path: Path, line: int, row: list[str], index: int, column: Column) -> 
     """Return the number in one cell."""
     place = f"{path}: line {line}, column {column!r}"
     if index >= len(row):
-        raise InputError(f"{place}: the row has only {len(row)} cells.")
+        raise InputError(f"{place}: the row ends before this column.")
     try:
         value = float(row[index])
     except ValueError:

@@ -6,6 +6,7 @@ Values are converted to display units here and nowhere earlier.
 
 import io
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -50,20 +51,14 @@ BLUE, VERMILION, PURPLE = "#0072B2", "#D55E00", "#CC79A7"
 CHAIN_COLOURS = (BLUE, ORANGE, GREEN, PURPLE, SKY_BLUE, VERMILION)
 CHAIN_DASHES = ("-", "-.", ":")
 
-STYLE: dict[str, Any] = {
-    "font.size": 10.0,
-    "axes.titlesize": 10.0,
-    "axes.labelsize": 10.0,
-    "xtick.labelsize": 9.0,
-    "ytick.labelsize": 9.0,
-    "legend.fontsize": 9.5,
-    "legend.frameon": False,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.formatter.useoffset": False,
-    "svg.hashsalt": "pyburgers",
-}
 PNG_DOTS_PER_INCH = 150
+TRUE_VALUE: dict[str, Any] = {
+    "marker": "X",
+    "markersize": 7,
+    "color": BLACK,
+    "markeredgecolor": "white",
+    "markeredgewidth": 0.8,
+}
 
 RETRODICTIONS = 1000
 PAIRED_DRAWS = 1000
@@ -84,6 +79,9 @@ PAIRED_QUANTITIES = (
     "critical_strain_fabric",
 )
 """Quantities whose trade-offs are worth a panel."""
+
+STUCK_BANDWIDTH = 0.02
+"""Kernel, in standard deviations of all draws, that shows a chain that did not move as a spike."""
 
 NARROW = 0.12
 """Share of the prior's range below which a posterior gets limits of its own."""
@@ -111,12 +109,31 @@ class FigureRecipe:
     draw: Callable[[Fit], Figure]
 
 
+def _style() -> AbstractContextManager[None]:
+    """Set what all figures share; undone when the context ends."""
+    return rc_context(
+        {
+            "font.size": 10.0,
+            "axes.titlesize": 10.0,
+            "axes.labelsize": 10.0,
+            "xtick.labelsize": 9.0,
+            "ytick.labelsize": 9.0,
+            "legend.fontsize": 9.5,
+            "legend.frameon": False,
+            "axes.spines.top": False,
+            "axes.spines.right": False,
+            "axes.formatter.useoffset": False,
+            "svg.hashsalt": "pyburgers",
+        }
+    )
+
+
 def image(figure: Figure, kind: Literal["png", "svg"]) -> bytes:
     """Render a figure; the same figure gives the same bytes."""
     buffer = io.BytesIO()
     metadata: dict[str, Any] = {"Software": None} if kind == "png" else {"Date": None}
     # Tick labels are made when a figure is drawn, so the style has to hold here as well.
-    with rc_context(STYLE):
+    with _style():
         figure.savefig(buffer, format=kind, dpi=PNG_DOTS_PER_INCH, metadata=metadata)
     return buffer.getvalue()
 
@@ -133,7 +150,7 @@ STRESS_STRAIN_CAPTION = (
 
 def stress_strain(fit: Fit) -> Figure:
     """Draw data, retrodictions, predictive band and residuals along strain."""
-    with rc_context(STYLE):
+    with _style():
         figure = Figure(figsize=(8.0, 6.4), layout="constrained")
         upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1])
         _draw_curve(upper, fit)
@@ -210,10 +227,8 @@ def _draw_residuals(axes: Axes, fit: Fit) -> None:
 
 
 def _mark_rate_steps(panels: Sequence[Axes], experiment: Experiment) -> None:
-    """Mark the start of each rate segment, and write the rates where there are several."""
-    if len(experiment.segments) == 1:
-        return
-    for segment in experiment.segments:
+    """Mark where the imposed rate changes, and to what; the first rate is in the title."""
+    for segment in experiment.segments[1:]:
         position = segment.start_strain * STRAIN_FACTOR
         for axes in panels:
             axes.axvline(position, color=BLACK, linestyle=":", linewidth=0.9)
@@ -226,6 +241,7 @@ def _mark_rate_steps(panels: Sequence[Axes], experiment: Experiment) -> None:
             rotation=90,
             va="bottom",
             fontsize=9,
+            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.5},
         )
 
 
@@ -245,17 +261,15 @@ def prior_posterior(fit: Fit) -> Figure:
     """Draw prior and posterior densities, chain by chain, a panel for each sampled quantity."""
     names = free_parameters(fit.posterior)
     truths = fit.experiment.true_parameters or {}
-    with rc_context(STYLE):
+    with _style():
         figure, panels = _panel_grid(len(names))
         for axes, name in zip(panels, names, strict=True):
             prior = fit.priors.priors.get(name)
             _draw_densities(axes, shown_quantity(name), _draws(fit, name), prior, truths.get(name))
-        handles: list[Any] = [Patch(color=GREY, label="prior"), *_chain_handles(fit)]
+        handles: list[Patch | Line2D] = [Patch(color=GREY, label="prior"), *_chain_handles(fit)]
         if truths:
             handles.append(Line2D([], [], color=BLACK, linestyle="--", label="true value"))
-        figure.legend(
-            handles=handles, loc="outside upper center", ncols=5, title=_title(fit.experiment)
-        )
+        _legend_above(figure, handles, fit.experiment, panels)
     return figure
 
 
@@ -269,20 +283,26 @@ def _draw_densities(
     """Draw one panel of `prior_posterior`."""
     factor = quantity.display_factor
     bounds = (-np.inf, np.inf) if prior is None else (prior.lower, prior.upper)
+    least_bandwidth = STUCK_BANDWIDTH * float(draws.std())
+    peaks = []
     for k, values in enumerate(draws.to_numpy()):
-        x, height = density(values, *bounds)
+        x, height = density(values, *bounds, least_bandwidth=least_bandwidth)
         axes.plot(x * factor, height / factor, linewidth=1.1, **_chain_style(k))
+        peaks.append(height.max() / factor)
+    # A chain that hardly moved has a spike that would flatten everything else.
+    top = min(max(peaks), 3.0 * sorted(peaks)[(len(peaks) - 1) // 2])
     if truth is not None:
         axes.axvline(truth * factor, color=BLACK, linestyle="--", linewidth=1.1)
     title = quantity.label
     if prior is not None:
         law = prior.distribution()
-        title += f"\nsd {float(draws.std(ddof=1) / law.std()):.0%} of the prior's"
+        title += f"\nsd {float(100.0 * draws.std(ddof=1) / law.std()):.0f} % of the prior's"
         low, high, cut = _density_limits(draws, prior, truth)
         x = np.linspace(low, high, 400)
         # Sampling the bounds themselves draws the vertical sides of a uniform prior.
         x = np.union1d(x, [end for end in bounds if low <= end <= high])
         height = law.pdf(x) / factor
+        top = max(top, height.max())
         axes.fill_between(x * factor, height, color=GREY, alpha=0.6, linewidth=0, zorder=0)
         axes.plot(x * factor, height, color="#777777", linewidth=0.8, zorder=1)
         axes.set_xlim(low * factor, high * factor)
@@ -290,7 +310,7 @@ def _draw_densities(
             span = " to ".join(number(float(f"{end * factor:.3g}")) for end in _prior_range(prior))
             title += f"\nprior spans {span}"
     axes.set_title(title, loc="left", fontsize=9.5)
-    axes.set_ylim(bottom=0.0)
+    axes.set_ylim(0.0, 1.06 * top)
     axes.set_xlabel(axis_label(quantity))
     axes.set_ylabel(_density_label(quantity))
     axes.xaxis.set_major_locator(MaxNLocator(4))
@@ -298,13 +318,13 @@ def _draw_densities(
 
 
 def _density_label(quantity: Parameter) -> str:
+    """Axis label of a density, whose unit is the inverse of the quantity's."""
+    unit = unit_text(quantity)
     if quantity.display_unit in {"1", "fraction"}:
         return "density (–)"
-    return (
-        f"density (1/({unit_text(quantity)}))"
-        if " " in quantity.display_unit or "/" in quantity.display_unit
-        else f"density (1/{unit_text(quantity)})"
-    )
+    if "/" in unit:
+        return f"density ({'/'.join(reversed(unit.split('/')))})"
+    return f"density (1/({unit}))" if " " in unit else f"density (1/{unit})"
 
 
 def _prior_range(prior: Prior) -> tuple[float, float]:
@@ -333,7 +353,9 @@ def _density_limits(
     return low - margin, high + margin, cut
 
 
-def density(draws: FloatArray, lower: float, upper: float) -> tuple[FloatArray, FloatArray]:
+def density(
+    draws: FloatArray, lower: float, upper: float, *, least_bandwidth: float = 0.0
+) -> tuple[FloatArray, FloatArray]:
     """Kernel density estimate that loses no mass at hard bounds.
 
     A fine histogram is smoothed with a Gaussian kernel and reflected at the ends, which are the
@@ -345,6 +367,8 @@ def density(draws: FloatArray, lower: float, upper: float) -> tuple[FloatArray, 
         Values within the bounds.
     lower, upper : float
         Support; may be infinite.
+    least_bandwidth : float
+        Floor under the kernel's standard deviation.
 
     Returns
     -------
@@ -353,8 +377,10 @@ def density(draws: FloatArray, lower: float, upper: float) -> tuple[FloatArray, 
     """
     spreads = [float(np.std(draws)), float(stats.iqr(draws)) / 1.349]
     spread = min((s for s in spreads if s > 0), default=0.0)
-    # Silverman's rule; the floor keeps a stuck chain visible as a spike.
-    bandwidth = max(0.9 * spread * draws.size**-0.2, 1e-5 * float(np.max(np.abs(draws))), 1e-300)
+    # Silverman's rule; the last floor is for draws that are all equal.
+    bandwidth = max(
+        0.9 * spread * draws.size**-0.2, least_bandwidth, 1e-5 * float(np.max(np.abs(draws)))
+    )
     low = max(lower, float(draws.min()) - 4 * bandwidth)
     high = min(upper, float(draws.max()) + 4 * bandwidth)
     counts, edges = np.histogram(draws, bins=512, range=(low, high), density=True)
@@ -382,7 +408,7 @@ def rank(fit: Fit) -> Figure:
     total = n_chains * n_draws
     in_bin = round(total / (edges.size - 1))
     expected = stats.hypergeom(total, in_bin, n_draws)
-    with rc_context(STYLE):
+    with _style():
         figure, panels = _panel_grid(len(names), height=1.75)
         for axes, name in zip(panels, names, strict=True):
             values = _draws(fit, name).to_numpy()
@@ -392,7 +418,7 @@ def rank(fit: Fit) -> Figure:
             )
             for k, of_chain in enumerate(ranks):
                 counts, _ = np.histogram(of_chain, bins=edges)
-                axes.stairs(counts, 100 * edges, linewidth=1.1, **_chain_style(k))
+                axes.stairs(counts, 100 * edges, baseline=None, linewidth=1.1, **_chain_style(k))
             quantity = shown_quantity(name)
             axes.set_title(f"{quantity.label}, ${quantity.symbol}$", loc="left", fontsize=9.5)
             axes.set_ylim(bottom=0.0)
@@ -402,12 +428,7 @@ def rank(fit: Fit) -> Figure:
         figure.supxlabel("rank among the draws of all chains (%)", fontsize=10)
         figure.supylabel("draws in bin (count)", fontsize=10)
         band = Patch(color=GREY, alpha=0.5, label="expected of independent draws")
-        figure.legend(
-            handles=[band, *_chain_handles(fit)],
-            loc="outside upper center",
-            ncols=5,
-            title=_title(fit.experiment),
-        )
+        _legend_above(figure, [band, *_chain_handles(fit)], fit.experiment, panels)
     return figure
 
 
@@ -416,7 +437,8 @@ PAIRS_CAPTION = (
     "fix two quantities independently, a narrow oblique or bent one that they fix a combination "
     "only: moving one can be made up for by the other. Divergent draws, where the sampler lost its "
     "way in a strongly curved region, lie on top; if they gather in one place, the posterior "
-    "reaches further there than the draws show."
+    "reaches further there than the draws show. Crosses are the true values, where data are "
+    "synthetic and they are known."
 )
 
 
@@ -427,13 +449,17 @@ def pairs(fit: Fit) -> Figure:
     names = telling if len(telling) > 1 else sampled
     values = np.stack([_flat(_draws(fit, name)) for name in names], axis=1)
     values *= [shown_quantity(name).display_factor for name in names]
-    diverging = _flat(fit.posterior["sample_stats"]["diverging"]).astype(bool)
+    diverging = _flat(fit.posterior["sample_stats"].to_dataset()["diverging"]).astype(bool)
     shown, divergent = (
         _evenly_spaced(part, PAIRED_DRAWS) for part in (values[~diverging], values[diverging])
     )
+    truths = {
+        name: value * shown_quantity(name).display_factor
+        for name, value in (fit.experiment.true_parameters or {}).items()
+    }
     size = len(names) - 1
     width = 2.0 + 0.95 * size
-    with rc_context(STYLE):
+    with _style():
         figure = Figure(figsize=(max(width, 5.0), max(width, 4.0)), layout="constrained")
         grid = figure.add_gridspec(size, size)
         for row in range(size):
@@ -449,12 +475,17 @@ def pairs(fit: Fit) -> Figure:
                         linewidths=0,
                         rasterized=True,
                     )
+                if names[column] in truths and names[row + 1] in truths:
+                    position = (truths[names[column]], truths[names[row + 1]])
+                    axes.plot(*position, linestyle="none", **TRUE_VALUE)
                 _label_pair(axes, names[column], names[row + 1], row == size - 1, column == 0)
         figure.align_labels()
         handles = [
             _dot(BLUE, f"draw ({len(shown)} of {len(values)} shown)"),
             _dot(VERMILION, f"divergent draw ({int(diverging.sum()) or 'none'})"),
         ]
+        if truths:
+            handles.append(Line2D([], [], linestyle="none", label="true value", **TRUE_VALUE))
         figure.legend(handles=handles, loc="outside upper right", title=_title(fit.experiment))
     return figure
 
@@ -492,7 +523,7 @@ def softening(fit: Fit) -> Figure:
     """Draw how grain size and fabric soften the material along strain."""
     predictions = fit.posterior["predictions"].to_dataset()
     by_grains, by_fabric = predictions["grain_size_softening"], predictions["fabric_softening"]
-    with rc_context(STYLE):
+    with _style():
         figure = Figure(figsize=(8.6, 6.8), layout="constrained")
         panels = figure.subplots(2, 2)
         of_grains, of_fabric, of_strength, of_share = panels.flat
@@ -519,10 +550,11 @@ def softening(fit: Fit) -> Figure:
         of_strength.set_ylim(bottom=0.0)
         for axes in (of_grains, of_fabric, of_strength):
             axes.set_xlabel(f"axial strain ({STRAIN_UNIT})")
-            axes.set_xlim(left=0.0)
+            axes.set_xlim(0.0, fit.experiment.final_strain * STRAIN_FACTOR)
             axes.legend(loc="best")
         _draw_share(of_share, by_grains, by_fabric)
-        figure.suptitle(_title(fit.experiment), fontsize=10)
+        lines_and_areas = "lines: posterior median, areas: 90 % of draws"
+        figure.suptitle(f"{_title(fit.experiment)}\n{lines_and_areas}", fontsize=10)
     return figure
 
 
@@ -573,12 +605,11 @@ FIGURES: tuple[FigureRecipe, ...] = (
 
 def _title(experiment: Experiment) -> str:
     """Sample, material, conditions and kind of data."""
-    rates = [segment.strain_rate for segment in experiment.segments]
-    rate = f", {_rate_text(rates[0])}" if len(rates) == 1 else ""
-    kind = experiment.provenance.kind
-    return (
-        f"{experiment.id}: {experiment.material}, {experiment.temperature:g} K{rate}, {kind} data"
-    )
+    rate = _rate_text(experiment.segments[0].strain_rate)
+    if len(experiment.segments) > 1:
+        rate = f"first {rate}"
+    conditions = f"{experiment.material}, {experiment.temperature:g} K, {rate}"
+    return f"{experiment.id}: {conditions}, {experiment.provenance.kind} data"
 
 
 def _rate_text(rate: float) -> str:
@@ -621,6 +652,19 @@ def _panel_grid(count: int, height: float = 2.35) -> tuple[Figure, list[Axes]]:
     figure = Figure(figsize=size, layout="constrained")
     grid = figure.add_gridspec(rows, columns)
     return figure, [figure.add_subplot(grid[divmod(k, columns)]) for k in range(count)]
+
+
+def _legend_above(
+    figure: Figure,
+    handles: Sequence[Patch | Line2D],
+    experiment: Experiment,
+    panels: Sequence[Axes],
+) -> None:
+    """Put title and legend above a panel grid, as wide as the grid allows."""
+    columns = max(2, 2 * min(4, len(panels)) - 2)
+    figure.legend(
+        handles=list(handles), loc="outside upper center", ncols=columns, title=_title(experiment)
+    )
 
 
 def _chain_style(index: int) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 import json
 import shutil
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -54,8 +54,26 @@ class Fit:
 
     def checks(self) -> tuple[CheckResult, ...]:
         """Checks with their verdicts (`pyburgers.diagnostics.check_fit`)."""
-        failures = tuple(ChainFailure(**failure) for failure in self.manifest["failures"])
-        return check_fit(self.posterior, failures, self.manifest["sampler"]["max_treedepth"])
+        return check_fit(
+            self.posterior, self.missing_chains(), self.manifest["sampler"]["max_treedepth"]
+        )
+
+    def missing_chains(self) -> tuple[ChainFailure, ...]:
+        """Chains that were asked for and are not there, and why."""
+        finished = set(self.posterior["posterior"]["chain"].to_numpy().tolist())
+        reasons = {failure["chain"]: failure["reason"] for failure in self.manifest["failures"]}
+        return tuple(
+            ChainFailure(
+                chain,
+                reasons.get(
+                    chain,
+                    f"Chain {chain} has not run to its end because the run was stopped; run the "
+                    "same command again: it runs only the missing chains.",
+                ),
+            )
+            for chain in range(1, self.manifest["sampler"]["chains"] + 1)
+            if chain not in finished
+        )
 
     def save(self, path: str | Path) -> None:
         """Copy the run directory.
@@ -156,7 +174,7 @@ def fit(
     )
     result = Fit.load(run.path, report=report)
     _write_tables(result)
-    return result
+    return replace(result, manifest=run.read_manifest())
 
 
 def _write_tables(result: Fit) -> None:
@@ -176,5 +194,5 @@ def _write_tables(result: Fit) -> None:
             for check in checks
         ],
     )
-    if not result.manifest["failures"]:
+    if not result.missing_chains():
         run.update_manifest({"status": "complete"})

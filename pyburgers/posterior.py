@@ -28,6 +28,7 @@ from pyburgers.simulation import (
     output_strain,
     quiet_cmdstanpy,
     simulate,
+    strain_grid,
 )
 from pyburgers.stan_data import REFERENCE_STRESS, constant_rate_data
 
@@ -55,14 +56,8 @@ GRID_VARIABLES = {
 
 def prediction_strain(experiment: Experiment) -> FloatArray:
     """Strains of the predictive bands, shape (n,): denser at each segment's start."""
-    ends = [*(s.start_strain for s in experiment.segments[1:]), experiment.final_strain]
     shape = np.union1d(np.geomspace(2e-3, 1.0, 30), np.linspace(0.0, 1.0, 31)[1:])
-    curves = [
-        segment.start_strain + (end - segment.start_strain) * shape
-        for segment, end in zip(experiment.segments, ends, strict=True)
-    ]
-    strain: FloatArray = np.unique(np.concatenate(curves))
-    return strain
+    return strain_grid(experiment, shape)
 
 
 def build_posterior(run: RunDirectory, *, report: Callable[[str], None]) -> xr.DataTree:

@@ -379,7 +379,7 @@ def _check_prior(where: str, prior: Prior) -> None:
     if prior.lower >= prior.upper:
         raise InputError(
             f"{where}: key 'lower' is not below key 'upper', found {prior.lower:g} and "
-            f"{prior.upper:g} {PARAMETER_BY_NAME[prior.parameter].si_unit}."
+            f"{prior.upper:g} in SI units."
         )
     if prior.family == "lognormal" and prior.location <= 0:
         raise InputError(

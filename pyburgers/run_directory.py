@@ -1,7 +1,8 @@
 """The run directory: where every file of a fit lives, written so that a kill leaves no half file.
 
 Files are written beside their final name and renamed over it; a chain's folder is filled under
-``.scratch`` and renamed into place as a whole. What is under ``.scratch`` is never read.
+``.scratch`` and renamed into place as a whole. What is under ``.scratch`` is never read, nor are
+files whose name starts with `UNFINISHED`; both are removed when the run is continued.
 """
 
 import hashlib
@@ -18,6 +19,9 @@ from typing import Any
 from filelock import FileLock, Timeout
 
 from pyburgers.errors import InputError
+
+UNFINISHED = ".unfinished-"
+"""Start of the name of a file that is being written; a killed process leaves it behind."""
 
 
 def sha256_of_json(content: Any) -> str:
@@ -49,7 +53,7 @@ def write_atomically(path: Path, write: Callable[[Path], None]) -> None:
     write : callable
         Receives the temporary path.
     """
-    temporary = path.with_name(f".{uuid.uuid4().hex}{path.suffix}")
+    temporary = path.with_name(f"{UNFINISHED}{uuid.uuid4().hex}{path.suffix}")
     try:
         write(temporary)
         _flush_to_disk(temporary)
@@ -165,8 +169,11 @@ class RunDirectory:
         current = self.read_manifest() if self.manifest_file.is_file() else {}
         write_json(self.manifest_file, {**current, **changes})
 
-    def claim(self, fingerprint: str) -> None:
-        """Make the directory ready for a run with these inputs, new or to be continued.
+    @contextmanager
+    def claimed(self, fingerprint: str) -> Iterator[None]:
+        """Hold the directory for a run with these inputs, new or to be continued.
+
+        A second process is kept out; a killed process lets go.
 
         Parameters
         ----------
@@ -176,40 +183,43 @@ class RunDirectory:
         Raises
         ------
         InputError
-            If the directory holds another run, or other files, or cannot be written.
+            If the directory holds another run, or other files, or cannot be written, or another
+            process runs here.
         """
-        if self.manifest_file.is_file():
-            found = self.read_manifest().get("fingerprint")
-            if found != fingerprint:
-                raise InputError(
-                    f"{self.path}: holds a run of other inputs (fingerprint {str(found)[:12]}, "
-                    f"these inputs have {fingerprint[:12]}); choose another --out or remove it."
-                )
-        elif self.path.is_dir() and any(
-            entry.name not in {".lock", ".scratch"} for entry in self.path.iterdir()
-        ):
-            raise InputError(
-                f"{self.path}: has files but no manifest.json; expected an empty or new folder, "
-                "or one of an earlier run."
-            )
+        self._refuse_others(fingerprint)
+        with self._locked():
+            # Another process may have come first.
+            self._refuse_others(fingerprint)
+            self._prepare(fingerprint)
+            yield
+
+    def _refuse_others(self, fingerprint: str) -> None:
+        """Raise where the directory holds something else; nothing is written."""
         try:
-            for folder in (self.inputs, self.path / "initial_values", self.path / "chains"):
-                folder.mkdir(parents=True, exist_ok=True)
+            if self.manifest_file.is_file():
+                found = self.read_manifest().get("fingerprint")
+                if found != fingerprint:
+                    raise InputError(
+                        f"{self.path}: holds a run of other inputs (fingerprint "
+                        f"{str(found)[:12]}, these inputs have {fingerprint[:12]}); choose "
+                        "another --out or remove it."
+                    )
+            elif self.path.is_dir():
+                strangers = [entry.name for entry in self.path.iterdir() if not _is_ours(entry)]
+                if strangers:
+                    raise InputError(
+                        f"{self.path}: has files ({min(strangers)}) but no manifest.json; "
+                        "expected an empty or new folder, or one of an earlier run."
+                    )
         except OSError as error:
-            raise InputError(f"{self.path}: cannot be written ({error.strerror}).") from error
+            raise InputError(f"{self.path}: cannot be read ({error.strerror}).") from error
 
     @contextmanager
-    def locked(self) -> Iterator[None]:
-        """Hold the directory against a second process; a killed process lets go of it.
-
-        Raises
-        ------
-        InputError
-            If another process runs here, or the directory cannot be written.
-        """
+    def _locked(self) -> Iterator[None]:
+        """Keep other processes out."""
+        lock = FileLock(self.path / ".lock", timeout=0)
         try:
             self.path.mkdir(parents=True, exist_ok=True)
-            lock = FileLock(self.path / ".lock", timeout=0)
             lock.acquire()
         except Timeout as error:
             raise InputError(
@@ -223,15 +233,30 @@ class RunDirectory:
         finally:
             lock.release()
 
+    def _prepare(self, fingerprint: str) -> None:
+        """Make the folders and remove what killed attempts left behind."""
+        try:
+            if not self.manifest_file.is_file():
+                # Before everything else, so that a run killed early is known as ours.
+                write_json(self.manifest_file, {"fingerprint": fingerprint, "status": "claimed"})
+            for folder in (self.inputs, self.path / "initial_values", self.path / "chains"):
+                folder.mkdir(exist_ok=True)
+            # What cannot be removed is in nobody's way: it is never read.
+            shutil.rmtree(self._scratch, ignore_errors=True)
+            for leftover in self.path.rglob(f"{UNFINISHED}*"):
+                leftover.unlink()
+        except OSError as error:
+            raise InputError(f"{self.path}: cannot be written ({error.strerror}).") from error
+
+    @property
+    def _scratch(self) -> Path:
+        return self.path / ".scratch"
+
     def new_scratch(self) -> Path:
         """Return a new folder for files that are not finished."""
-        folder = self.path / ".scratch" / uuid.uuid4().hex
+        folder = self._scratch / uuid.uuid4().hex
         folder.mkdir(parents=True)
         return folder
-
-    def clear_scratch(self) -> None:
-        """Remove what killed attempts left behind."""
-        shutil.rmtree(self.path / ".scratch", ignore_errors=True)
 
     def keep_chain(self, chain: int, finished: Path) -> None:
         """Move the folder of a finished chain into place, all files at once."""
@@ -239,3 +264,8 @@ class RunDirectory:
             _flush_to_disk(file)
         finished.rename(self.chain_folder(chain))
         _flush_to_disk(self.path / "chains")
+
+
+def _is_ours(entry: Path) -> bool:
+    """Tell whether a run killed before its first file may have left this."""
+    return entry.name in {".lock", ".scratch"} or entry.name.startswith(UNFINISHED)

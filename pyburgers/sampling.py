@@ -3,6 +3,7 @@
 import json
 import os
 import platform
+import re
 import shutil
 import signal
 import sys
@@ -43,7 +44,7 @@ from pyburgers.stan_data import (
     plain_coordinates,
 )
 
-INITIAL_ATTEMPTS = 100
+_SIGNAL = re.compile(r"retcodes=\[-(\d+)\]")
 PACKAGES = ("pyburgers", "cmdstanpy", "arviz", "numpy", "scipy", "pandas", "xarray")
 
 
@@ -119,50 +120,6 @@ def fingerprint(data: StanData, options: SamplerOptions, program_hash: str) -> s
     return sha256_of_json({"data": data, "options": decisive, "program": program_hash})
 
 
-def draw_initial_values(
-    experiment: Experiment, priors: PriorSet, *, seed: int, chain: int
-) -> dict[str, list[float]]:
-    """Draw a start from the prior, again where the solver finds no solution.
-
-    Parameters
-    ----------
-    experiment, priors
-        The problem; priors resolved.
-    seed, chain : int
-        The start depends on these two alone.
-
-    Returns
-    -------
-    dict
-        Initial values as the program's parameters block wants them.
-
-    Raises
-    ------
-    SamplingError
-        If none of `INITIAL_ATTEMPTS` prior draws has a finite solution.
-    """
-    rng = np.random.default_rng([seed, chain])
-    coordinates = plain_coordinates(experiment, priors)
-    for _ in range(INITIAL_ATTEMPTS):
-        values = {
-            name: prior.location if prior.is_fixed else prior.sample(rng)
-            for name, prior in priors.priors.items()
-        }
-        try:
-            solution = simulate(
-                experiment, values, strain=experiment.strain, solver=SolverOptions()
-            )
-        except SamplingError:
-            continue  # this prior draw has no finite solution; the next one may
-        reference_stress = solution.attrs[REFERENCE_STRESS]
-        start = coordinates.at({**values, REFERENCE_STRESS: reference_stress})
-        return {"coordinate": start.tolist()}
-    raise SamplingError(
-        f"{experiment.id}: none of {INITIAL_ATTEMPTS} draws from the prior has a finite solution; "
-        "check the units and the bounds of the priors."
-    )
-
-
 def run_chains(
     experiment: Experiment,
     priors: PriorSet,
@@ -214,9 +171,7 @@ def run_chains(
     data = constant_rate_data(experiment, priors, solver=solver, use_likelihood=use_likelihood)
     model = load_model(constant_rate_program(), report=report)
     identity = fingerprint(data, options, sha256_of_file(Path(str(model.exe_file))))
-    with run.locked():
-        run.claim(identity)
-        run.clear_scratch()
+    with run.claimed(identity):
         _write_inputs(run, experiment, priors, data)
         _write_manifest(run, experiment, options, solver, identity, use_likelihood, command)
         wanted = range(1, options.chains + 1)
@@ -275,6 +230,7 @@ def _write_manifest(
             "command": command,
             "started": datetime.now(UTC).isoformat(timespec="seconds"),
             "status": "sampling",
+            "failures": [],
             "sampler": asdict(options),
             "solver": asdict(solver),
             "use_likelihood": use_likelihood,
@@ -312,21 +268,30 @@ def _run_missing(
             while pending:
                 done, pending = wait(pending, return_when=FIRST_COMPLETED)
                 failures += [failure for f in done if (failure := f.result()) is not None]
-        except KeyboardInterrupt:
+        except BaseException:
             stopping.set()
-            for future in pending:
-                future.cancel()
-            _kill_chains(model)
+            _stop_chains(model, pending)
             run.update_manifest({"status": "interrupted"})
             raise
     return tuple(sorted(failures, key=lambda failure: failure.chain))
 
 
+def _stop_chains(
+    model: cmdstanpy.CmdStanModel, pending: set[Future[ChainFailure | None]]
+) -> None:
+    """Kill the CmdStan processes that this process started, until no thread waits for one."""
+    running = {future for future in pending if not future.cancel()}
+    while running:
+        _kill_chains(model)
+        # Again, since a thread may have been about to start its process.
+        running = wait(running, timeout=0.2).not_done
+
+
 def _kill_chains(model: cmdstanpy.CmdStanModel) -> None:
-    """Kill the CmdStan processes that this process started."""
+    executable = os.path.realpath(str(model.exe_file))
     for child in psutil.Process().children(recursive=True):
         try:
-            if child.exe() == os.path.realpath(str(model.exe_file)):
+            if child.exe() == executable:
                 child.kill()
         except psutil.NoSuchProcess:
             continue  # it ended by itself in the meantime
@@ -392,11 +357,12 @@ def _explain_failure(
     iterations = [line for line in text.splitlines() if line.startswith("Iteration:")]
     place = iterations[-1].strip() if iterations else "before the first iteration"
     values = run.initial_values_file(chain).read_text(encoding="utf-8")
+    killed_by = _signal_in(str(error))
     if isinstance(error, TimeoutError):
         cause = f"ran into its time limit after {seconds:.0f} s"
         remedy = "raise the limit or shorten the run"
-    elif "killed by signal" in str(error) or _signal_in(str(error)):
-        cause = f"was killed by the system ({_signal_in(str(error)) or 'a signal'})"
+    elif killed_by is not None:
+        cause = f"was killed by the system ({killed_by})"
         remedy = "free memory, or run fewer programs beside it"
     else:
         cause = "ended with an error"
@@ -410,11 +376,9 @@ def _explain_failure(
 
 
 def _signal_in(message: str) -> str | None:
-    """Name of the signal in cmdstanpy's error text, which gives a negative return code."""
-    for number in (signal.SIGKILL, signal.SIGSEGV, signal.SIGABRT, signal.SIGTERM):
-        if f"-{int(number)}" in message:
-            return number.name
-    return None
+    """Name of the signal in cmdstanpy's error text, where it gives a negative return code."""
+    found = _SIGNAL.search(message)
+    return signal.Signals(int(found[1])).name if found else None
 
 
 def _chain_record(run: RunDirectory, chain: int) -> Mapping[str, Any]:

@@ -111,14 +111,31 @@ def output_strain(experiment: Experiment) -> FloatArray:
 
     They include the observed strains.
     """
-    end = experiment.final_strain
-    starts = [segment.start_strain for segment in experiment.segments]
-    spans = np.diff([*starts, end])
-    curves = [
-        start + span * np.concatenate([np.geomspace(1e-4, 1.0, 120), np.linspace(0, 1, 101)[1:]])
-        for start, span in zip(starts, spans, strict=True)
-    ]
-    strain: FloatArray = np.unique(np.concatenate([*curves, experiment.strain]))
+    shape = np.union1d(np.geomspace(1e-4, 1.0, 120), np.linspace(0.0, 1.0, 101)[1:])
+    return np.union1d(strain_grid(experiment, shape), experiment.strain)
+
+
+def strain_grid(experiment: Experiment, shape: FloatArray) -> FloatArray:
+    """Strains spread in the same way over every rate segment.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        Its segments and final strain.
+    shape : array, shape (n_shape,)
+        Positions in a segment, increasing, more than 0 to 1.
+
+    Returns
+    -------
+    array, shape (n_shape * n_segments,)
+        Increasing; the strains of rate steps are among them exactly, since rounding that put
+        one just behind a step would give the solver a segment too short to start in.
+    """
+    starts = np.array([segment.start_strain for segment in experiment.segments])
+    ends = np.append(starts[1:], experiment.final_strain)
+    grid = starts[:, np.newaxis] + (ends - starts)[:, np.newaxis] * shape
+    grid[:, -1] = ends
+    strain: FloatArray = grid.ravel()
     return strain
 
 
@@ -176,6 +193,47 @@ def simulate(
     """
     values = check_parameters(parameters)
     grid = output_strain(experiment) if strain is None else np.asarray(strain, dtype=np.float64)
+    draw = solve(experiment, values, grid, solver=solver, report=report)
+    solution = pd.DataFrame(
+        {
+            "time_s": experiment.time_at(draw["grid_strain"]),
+            "strain": draw["grid_strain"],
+            "stress_Pa": draw["grid_stress"],
+            "kelvin_strain": draw["grid_kelvin_strain"],
+            "grain_size_m": draw["grid_grain_size"],
+            "fabric_factor": draw["grid_fabric_factor"],
+        }
+    )
+    solution.attrs[REFERENCE_STRESS] = float(draw[REFERENCE_STRESS])
+    return solution
+
+
+def solve(
+    experiment: Experiment,
+    values: Mapping[str, float],
+    strain: FloatArray,
+    *,
+    solver: SolverOptions,
+    report: Callable[[str], None] = lambda _: None,
+) -> dict[str, FloatArray]:
+    """Solve the model once and return every generated quantity of the Stan program.
+
+    Parameters
+    ----------
+    experiment, values, strain, solver, report
+        As for `simulate`; `values` are taken as they are.
+
+    Returns
+    -------
+    dict
+        ``grid_*`` arrays, shape (n,), as named in ``stan/constant_rate.stan``, the strains
+        themselves as ``grid_strain``, and scalars such as ``reference_stress`` (SI).
+
+    Raises
+    ------
+    SamplingError
+        If the solver finds no solution.
+    """
     priors = PriorSet(
         material=experiment.material,
         title="given parameters",
@@ -183,27 +241,18 @@ def simulate(
         name="given",
     )
     protocol = replace(experiment, strain=np.empty(0), stress=np.empty(0))
-    data = constant_rate_data(protocol, priors, solver=solver, grid_strain=grid)
+    data = constant_rate_data(protocol, priors, solver=solver, grid_strain=strain)
     model = load_model(constant_rate_program(), report=report)
     with tempfile.TemporaryDirectory() as folder:
-        draw = _single_draw(model, data, Path(folder))
-    solution = pd.DataFrame(
-        {
-            "time_s": experiment.time_at(np.array(data["grid_strain"])),
-            "strain": data["grid_strain"],
-            "stress_Pa": draw["grid_stress"][0],
-            "kelvin_strain": draw["grid_kelvin_strain"][0],
-            "grain_size_m": draw["grid_grain_size"][0],
-            "fabric_factor": draw["grid_fabric_factor"][0],
+        draw = {
+            name: value[0] for name, value in _single_draw(model, data, Path(folder)).items()
         }
-    )
-    if not np.isfinite(solution["stress_Pa"]).all():
+    if not np.isfinite(draw["grid_stress"]).all():
         raise SamplingError(
             f"{experiment.id}: the solver found no finite stress at these parameters; check their "
             "units (SI) and the sign of beta."
         )
-    solution.attrs[REFERENCE_STRESS] = float(draw[REFERENCE_STRESS][0])
-    return solution
+    return {**draw, "grid_strain": np.array(data["grid_strain"])}
 
 
 def _single_draw(

@@ -27,6 +27,9 @@ REFERENCE_STRESS = "reference_stress"
 REFERENCE_STRESS_SCALE = 0.1
 """Scale of ln S_0: data fix it to about 0.01, the prior to about 1."""
 
+STEP_ROUNDING = 1e-12
+"""Relative distance from a rate step below which a strain counts as the step."""
+
 
 @dataclass(frozen=True)
 class SolverOptions:
@@ -129,21 +132,37 @@ def _stress_scale(experiment: Experiment) -> float:
     return float(np.max(np.abs(experiment.stress)))
 
 
-def _outputs(experiment: Experiment, strain: FloatArray) -> tuple[list[float], list[int]]:
-    """Solver outputs for the wanted strains: increasing, rate steps included, with counts.
+def _outputs(
+    experiment: Experiment, strain: FloatArray
+) -> tuple[list[float], list[int], list[int]]:
+    """Solver outputs for the wanted strains: increasing, rate steps included.
 
-    A rate step is an output of the segment that ends there (the solver restarts from it).
+    A rate step is an output of the segment that ends there (the solver restarts from it). A strain
+    that rounding puts beside a step counts as the step: the solver cannot start into so short a
+    segment.
+
+    Returns
+    -------
+    outputs : list of float
+        Strains without repetition.
+    counts : list of int
+        Number of outputs in each segment.
+    positions : list of int
+        Place of each wanted strain among the outputs, from 0.
     """
     steps = np.array([segment.start_strain for segment in experiment.segments[1:]])
-    outputs = np.unique(np.concatenate([strain, steps]))
+    snapped = strain.copy()
+    for step in steps:
+        snapped[np.isclose(strain, step, rtol=STEP_ROUNDING, atol=0.0)] = step
+    outputs = np.unique(np.concatenate([snapped, steps]))
     segment = np.searchsorted(steps, outputs, side="left")
     counts = np.bincount(segment, minlength=len(experiment.segments))
-    return outputs.tolist(), counts.tolist()
+    return outputs.tolist(), counts.tolist(), np.searchsorted(outputs, snapped).tolist()
 
 
 def experiment_block(experiment: Experiment, *, use_likelihood: bool) -> StanData:
     """Return the block `stan/data/constant_rate_experiment.stan`."""
-    strain, counts = _outputs(experiment, experiment.strain)
+    strain, counts, positions = _outputs(experiment, experiment.strain)
     return {
         "temperature": experiment.temperature,
         "initial_grain_size": experiment.initial_grain_size,
@@ -154,7 +173,7 @@ def experiment_block(experiment: Experiment, *, use_likelihood: bool) -> StanDat
         "strain": strain,
         "n_strains_in_segment": counts,
         "n_points": experiment.n_points,
-        "strain_of_point": (np.searchsorted(strain, experiment.strain) + 1).tolist(),
+        "strain_of_point": [position + 1 for position in positions],
         "stress_observed": experiment.stress.tolist(),
         "use_likelihood": int(use_likelihood),
     }
@@ -187,6 +206,60 @@ def coordinate_block(coordinates: PlainCoordinates) -> StanData:
     }
 
 
+@dataclass(frozen=True, eq=False)
+class ValleyReference:
+    """Reference point and pins of the valley coordinates, as in `stan/data/valley.stan`.
+
+    Attributes
+    ----------
+    coordinate : array, shape (n_coordinates,)
+        Plain coordinates of the reference point, the posterior mode.
+    linear_from : array, shape (n_coordinates,)
+        Where a coordinate turns from logarithmic to linear; 0 keeps the plain one.
+    knot_time_step, knot_stress : array, shape (n_knots,)
+        The solution at the reference point: time since the knot before (s) and stress (Pa).
+    pin_knot : array, shape (n_pins,)
+        Knot of each pin, counted from 1.
+    pin : array, shape (n_pins, 5)
+        Strain, stress slope (Pa), strain rate (1/s), ln of the first rate over this rate, and
+        inverse variance of ln stress.
+    """
+
+    coordinate: FloatArray
+    linear_from: FloatArray
+    knot_time_step: FloatArray
+    knot_stress: FloatArray
+    pin_knot: npt.NDArray[np.int64]
+    pin: FloatArray
+
+
+def valley_block(reference: ValleyReference | None) -> StanData:
+    """Return the block `stan/data/valley.stan`; None keeps the plain coordinates."""
+    if reference is None:
+        return {
+            "coordinate_system": 1,
+            "n_knots": 0,
+            "knot_time_step": [],
+            "knot_stress": [],
+            "n_pins": 0,
+            "pin_knot": [],
+            "pin": [],
+            "reference_coordinate": [],
+            "linear_from": [],
+        }
+    return {
+        "coordinate_system": 2,
+        "n_knots": reference.knot_stress.size,
+        "knot_time_step": reference.knot_time_step.tolist(),
+        "knot_stress": reference.knot_stress.tolist(),
+        "n_pins": reference.pin_knot.size,
+        "pin_knot": reference.pin_knot.tolist(),
+        "pin": reference.pin.tolist(),
+        "reference_coordinate": reference.coordinate.tolist(),
+        "linear_from": reference.linear_from.tolist(),
+    }
+
+
 def solver_block(solver: SolverOptions) -> StanData:
     """Return the block `stan/data/solver.stan`."""
     return {
@@ -201,12 +274,14 @@ def grid_block(experiment: Experiment, grid_strain: FloatArray) -> StanData:
 
     Rate steps are added to the grid, so that what comes back may be longer than `grid_strain`.
     """
-    strain, counts = _outputs(experiment, grid_strain) if grid_strain.size else ([], None)
-    return {
-        "n_grid": len(strain),
-        "grid_strain": strain,
-        "n_grid_in_segment": counts or [0] * len(experiment.segments),
-    }
+    if grid_strain.size == 0:
+        return {
+            "n_grid": 0,
+            "grid_strain": [],
+            "n_grid_in_segment": [0] * len(experiment.segments),
+        }
+    strain, counts, _ = _outputs(experiment, grid_strain)
+    return {"n_grid": len(strain), "grid_strain": strain, "n_grid_in_segment": counts}
 
 
 def constant_rate_data(
@@ -216,6 +291,7 @@ def constant_rate_data(
     solver: SolverOptions,
     grid_strain: FloatArray | None = None,
     use_likelihood: bool = True,
+    valley: ValleyReference | None = None,
 ) -> StanData:
     """Return all data of `stan/constant_rate.stan`.
 
@@ -231,11 +307,14 @@ def constant_rate_data(
         Strains (fraction, positive) at which to report the solution.
     use_likelihood : bool
         False gives the prior.
+    valley : ValleyReference, optional
+        Sample in valley coordinates around this reference; default plain coordinates.
     """
     return {
         **experiment_block(experiment, use_likelihood=use_likelihood),
         **prior_block(priors),
         **coordinate_block(plain_coordinates(experiment, priors)),
+        **valley_block(valley),
         **solver_block(solver),
         **grid_block(experiment, np.empty(0) if grid_strain is None else grid_strain),
     }

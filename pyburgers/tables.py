@@ -188,7 +188,7 @@ def checks_table(checks: Sequence[CheckResult]) -> pd.DataFrame:
 
 
 def sampler_table(fit: Fit) -> pd.DataFrame:
-    """What the sampler did, a row for each finished chain.
+    """Say what the sampler did, a row for each finished chain.
 
     Returns
     -------
@@ -231,15 +231,15 @@ def overview_row(
         Share of the data inside the 90 % predictive band (`pyburgers.diagnostics.coverage`).
     """
     seconds = _wall_seconds(fit).values()
-    passed = sum(check.passed for check in checks)
+    failed = sum(not check.passed for check in checks)
+    passed = f"{len(checks) - failed} of {len(checks)}"
     return {
         "experiment": fit.experiment.id,
         "data": fit.experiment.provenance.kind,
         "stress exponent n": _mean_sd(fit, summary, "stress_exponent", 1.0),
         f"residual s ({STRESS_UNIT})": _mean_sd(fit, summary, "stress_noise", STRESS_FACTOR),
-        "data in 90 % band": f"{share_inside:.0%}",
-        "checks passed": f"{passed} of {len(checks)}"
-        + ("" if passed == len(checks) else " FAILED"),
+        "data in 90 % band": f"{100.0 * share_inside:.0f} %",
+        "checks passed": f"{passed}, {failed} FAILED" if failed else passed,
         "slowest chain": duration_text(max(seconds)),
         "all chains": duration_text(sum(seconds)),
     }
@@ -248,7 +248,7 @@ def overview_row(
 def _mean_sd(fit: Fit, summary: pd.DataFrame, name: str, factor: float) -> str:
     if name not in summary.index:
         return f"{number(fit.priors[name].location * factor)} (fixed)"
-    mean, sd = (float(summary.loc[name, key]) * factor for key in ("mean", "sd"))
+    mean, sd = (float(summary[key][name]) * factor for key in ("mean", "sd"))
     return f"{rounded(mean, sd)} ± {rounded(sd, sd)}"
 
 

@@ -12,12 +12,14 @@ functions {
 #include functions/microstructure.stan
 #include functions/priors.stan
 #include functions/coordinates.stan
+#include functions/valley_coordinates.stan
 #include functions/constant_rate_dynamics.stan
 }
 data {
 #include data/constant_rate_experiment.stan
 #include data/priors.stan
 #include data/coordinates.stan
+#include data/valley.stan
 #include data/solver.stan
   // Strains at which generated quantities report the solution, apart from the observed ones.
   int<lower=0> n_grid;
@@ -26,9 +28,30 @@ data {
 }
 transformed data {
   vector[n_parameters()] prior_mass;
+  array[n_parameters()] int coordinate_of; // position among the coordinates, 0 where fixed
+  vector[coordinate_system == 2 ? 6 : 0] reference;
+  vector[n_pins] reference_log_strength;
   for (k in 1 : n_parameters()) {
     prior_mass[k] = prior_log_mass(prior_family[k], prior_location[k], prior_scale[k],
                                    prior_lower[k], prior_upper[k]);
+  }
+  for (k in 1 : n_parameters()) {
+    coordinate_of[k] = 0;
+  }
+  for (i in 1 : n_coordinates) {
+    coordinate_of[parameter_of_coordinate[i]] = i;
+  }
+  if (coordinate_system == 2) {
+    vector[n_parameters()] parameter = head(parameters_from_plain(reference_coordinate,
+      parameter_of_coordinate, quantity_shift, quantity_scale, quantity_lower, quantity_upper,
+      prior_location, replaced_parameter, segment_rate[1], initial_grain_size, temperature),
+      n_parameters());
+    reference = valley_reference(reference_coordinate, coordinate_of, quantity_shift,
+                                 quantity_scale, parameter, replaced_parameter,
+                                 initial_grain_size);
+    reference_log_strength = log_strength_at_pins(knot_time_step, knot_stress, pin_knot, pin,
+                                                  parameter[1], parameter[2], parameter[3],
+                                                  parameter[4]);
   }
 }
 parameters {
@@ -51,10 +74,23 @@ transformed parameters {
   real lprior; // log density of the priors on the physical parameters
   real log_jacobian; // ln |d(physical parameters)/d(coordinates)|
   {
-    vector[n_parameters() + 1] mapped = parameters_from_plain(coordinate,
-      parameter_of_coordinate, quantity_shift, quantity_scale, quantity_lower, quantity_upper,
-      prior_location, replaced_parameter, segment_rate[1], initial_grain_size, temperature);
-    vector[n_parameters()] parameter = head(mapped, n_parameters());
+    vector[n_parameters() + 1] mapped;
+    vector[n_parameters()] parameter;
+    if (coordinate_system == 1) {
+      mapped = parameters_from_plain(coordinate, parameter_of_coordinate, quantity_shift,
+                                     quantity_scale, quantity_lower, quantity_upper,
+                                     prior_location, replaced_parameter, segment_rate[1],
+                                     initial_grain_size, temperature);
+    } else {
+      mapped = parameters_from_valley(coordinate, parameter_of_coordinate, coordinate_of,
+                                      quantity_shift, quantity_scale, quantity_lower,
+                                      quantity_upper, prior_location, replaced_parameter,
+                                      segment_rate[1], initial_grain_size, temperature,
+                                      knot_time_step, knot_stress, pin_knot, pin,
+                                      reference_coordinate, reference,
+                                      reference_log_strength, linear_from);
+    }
+    parameter = head(mapped, n_parameters());
     log_jacobian = mapped[n_parameters() + 1];
     lprior = joint_prior_log_density(parameter, prior_family, prior_location, prior_scale,
                                      prior_lower, prior_upper, prior_mass);
@@ -99,6 +135,8 @@ generated quantities {
   vector[n_grid] grid_kelvin_strain;
   vector[n_grid] grid_grain_size; // m
   vector[n_grid] grid_fabric_factor;
+  vector[n_grid] grid_dashpot_share; // dashpot rate over imposed rate
+  vector[n_grid] grid_stress_slope; // d stress/d strain, Pa
   // Softening of the flow strength along strain, split between its two causes.
   vector[n_grid] grid_grain_size_softening;
   vector[n_grid] grid_fabric_softening;
@@ -120,7 +158,14 @@ generated quantities {
       kelvin_modulus, kelvin_viscosity, stress_exponent, grain_size_exponent,
       steady_state_grain_size, steady_state_fabric_factor, critical_strain_grain_size,
       critical_strain_fabric, relative_tolerance, absolute_tolerance, max_num_steps);
+    real log_factor = log_rate_factor(activation_enthalpy, beta, temperature);
+    int k = 1; // segment of the grid point
+    int n_before = n_grid_in_segment[1]; // grid points up to the end of segment k
     for (i in 1 : n_grid) {
+      while (i > n_before) {
+        k += 1;
+        n_before += n_grid_in_segment[k];
+      }
       grid_stress[i] = solution[i][1];
       grid_stress_replicated[i] = normal_rng(solution[i][1], stress_noise);
       grid_kelvin_strain[i] = solution[i][2];
@@ -129,6 +174,14 @@ generated quantities {
                                              critical_strain_grain_size);
       grid_fabric_factor[i] = microstructure_at(grid_strain[i], 1, steady_state_fabric_factor,
                                                 critical_strain_fabric);
+      grid_dashpot_share[i] = dashpot_strain_rate(grid_stress[i], grid_grain_size[i],
+                                                  grid_fabric_factor[i], stress_exponent,
+                                                  grain_size_exponent, log_factor)
+                              / segment_rate[k];
+      grid_stress_slope[i] = maxwell_modulus
+                             * (1 - grid_dashpot_share[i]
+                                - (grid_stress[i] - kelvin_modulus * grid_kelvin_strain[i])
+                                  / (kelvin_viscosity * segment_rate[k]));
       grid_grain_size_softening[i] = strength_factor(grid_strain[i], initial_grain_size,
                                                      steady_state_grain_size,
                                                      critical_strain_grain_size,

@@ -234,7 +234,11 @@ def make_fit(
             "constant_data": xr.Dataset({"strain": ("point", at_points)}, coords=points),
         }
     )
-    tree.attrs = {"experiment": name, "data_kind": kind, "chains": json.dumps([*range(1, chains + 1)])}
+    tree.attrs = {
+        "experiment": name,
+        "data_kind": kind,
+        "chains": json.dumps([*range(1, chains + 1)]),
+    }
     manifest = _manifest(experiment, command, chains, draws, seed)
     path.mkdir(parents=True, exist_ok=True)
     run = RunDirectory(path)

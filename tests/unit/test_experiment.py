@@ -279,7 +279,7 @@ class TestBadInput:
             ("strain,stress\n", ["no data rows"]),
             ("strain,stress\n1,2\n2,high\n", ["line 3", "'stress'", "'high'"]),
             ("strain,stress\n1,2\n2,\n", ["line 3", "'stress'", "an empty cell"]),
-            ("strain,stress\n1,2\n2\n", ["line 3", "'stress'", "1 cells"]),
+            ("strain,stress\n1,2\n2\n", ["line 3", "'stress'", "row ends before"]),
             ("strain,stress\n1,2\nnan,3\n", ["line 3", "'strain'", "finite"]),
             ("strain,stress\n1,2\n2,inf\n", ["line 3", "'stress'", "finite"]),
             (curve((1, 2, 3, 2, 4, 5, 6)), ["row 4", "backwards", "0.01"]),

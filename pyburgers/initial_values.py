@@ -1,0 +1,55 @@
+"""Initial values of chains, drawn from the prior."""
+
+import numpy as np
+
+from pyburgers.errors import SamplingError
+from pyburgers.experiment import Experiment
+from pyburgers.priors import PriorSet
+from pyburgers.simulation import simulate
+from pyburgers.stan_data import REFERENCE_STRESS, SolverOptions, plain_coordinates
+
+INITIAL_ATTEMPTS = 100
+
+
+def draw_initial_values(
+    experiment: Experiment, priors: PriorSet, *, seed: int, chain: int
+) -> dict[str, list[float]]:
+    """Draw a start from the prior, again where the solver finds no solution.
+
+    Parameters
+    ----------
+    experiment, priors
+        The problem; priors resolved.
+    seed, chain : int
+        The start depends on these two alone.
+
+    Returns
+    -------
+    dict
+        Initial values as the program's parameters block wants them.
+
+    Raises
+    ------
+    SamplingError
+        If none of `INITIAL_ATTEMPTS` prior draws has a finite solution.
+    """
+    rng = np.random.default_rng([seed, chain])
+    coordinates = plain_coordinates(experiment, priors)
+    for _ in range(INITIAL_ATTEMPTS):
+        values = {
+            name: prior.location if prior.is_fixed else prior.sample(rng)
+            for name, prior in priors.priors.items()
+        }
+        try:
+            solution = simulate(
+                experiment, values, strain=experiment.strain, solver=SolverOptions()
+            )
+        except SamplingError:
+            continue  # this prior draw has no finite solution; the next one may
+        reference_stress = solution.attrs[REFERENCE_STRESS]
+        start = coordinates.at({**values, REFERENCE_STRESS: reference_stress})
+        return {"coordinate": start.tolist()}
+    raise SamplingError(
+        f"{experiment.id}: none of {INITIAL_ATTEMPTS} draws from the prior has a finite solution; "
+        "check the units and the bounds of the priors."
+    )

@@ -1,0 +1,275 @@
+"""One self-contained page about one or several fits, with its figures and tables as files."""
+
+import base64
+import importlib.metadata
+import json
+import platform
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import pandas as pd
+
+from pyburgers import tables
+from pyburgers.diagnostics import CheckResult, coverage
+from pyburgers.errors import InputError
+from pyburgers.experiment import Experiment
+from pyburgers.figures import FIGURES, FigureRecipe, image
+from pyburgers.fitting import Fit
+from pyburgers.run_directory import sha256_of_file, write_atomically, write_json, write_text
+
+REPORT_KIND = "pyburgers report"
+"""What the manifest of a report says, so that no other manifest is overwritten."""
+
+PIXELS_PER_INCH = 100
+
+PACKAGES = ("pyburgers", "arviz", "jinja2", "matplotlib", "numpy", "pandas", "scipy", "xarray")
+
+
+@dataclass(frozen=True)
+class Illustration:
+    """A figure on the page.
+
+    Attributes
+    ----------
+    recipe : FigureRecipe
+        Its name, title and caption.
+    data_uri : str
+        The picture itself.
+    width : int
+        Width on the page (CSS pixels), the same size of letters for every figure.
+    """
+
+    recipe: FigureRecipe
+    data_uri: str
+    width: int
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """What the page says about one fit.
+
+    Attributes
+    ----------
+    key : str
+        Name of its files and its anchor, unique on the page.
+    fit : Fit
+        The fit.
+    checks : tuple of CheckResult
+        Verdicts.
+    overview : dict
+        Row of the table over experiments.
+    parameters, priors, sampler : DataFrame
+        Tables as text.
+    truth : DataFrame or None
+        Comparison with the truth as text, for synthetic data.
+    illustrations : tuple of Illustration
+        Figures.
+    """
+
+    key: str
+    fit: Fit
+    checks: tuple[CheckResult, ...]
+    overview: dict[str, Any]
+    parameters: pd.DataFrame
+    priors: pd.DataFrame
+    sampler: pd.DataFrame
+    truth: pd.DataFrame | None
+    illustrations: tuple[Illustration, ...]
+
+    @property
+    def experiment(self) -> Experiment:
+        """The experiment of the fit."""
+        return self.fit.experiment
+
+    @property
+    def failed(self) -> list[CheckResult]:
+        """Checks that failed."""
+        return [check for check in self.checks if not check.passed]
+
+
+def write_report(
+    fits: Sequence[Fit],
+    out: Path,
+    *,
+    title: str,
+    command: str,
+    report: Callable[[str], None],
+) -> Path:
+    """Write the page ``index.html``, ``figures/``, ``tables/`` and ``manifest.json``.
+
+    The page needs no other file and no network. An earlier report in the same folder is replaced,
+    file by file and each at once, the page last.
+
+    Parameters
+    ----------
+    fits : sequence of Fit
+        At least one.
+    out : Path
+        Folder, new or of an earlier report.
+    title : str
+        Heading of the page.
+    command : str
+        What makes the report again.
+    report : callable
+        Receives progress sentences.
+
+    Returns
+    -------
+    Path
+        The page.
+
+    Raises
+    ------
+    InputError
+        If there is no fit, or the folder cannot be written or holds something else.
+    """
+    if not fits:
+        raise InputError(f"{out}: a report needs at least one run, found none.")
+    _claim(out)
+    write_json(out / "manifest.json", _manifest(fits, title, command))
+    sections = []
+    for key, fit in zip(_keys(fits), fits, strict=True):
+        report(f"Drawing the figures of {key}.")
+        sections.append(_write_section(key, fit, out))
+    page = out / "index.html"
+    write_text(page, render_page(sections, title=title, command=command))
+    report(f"The report is at {page}.")
+    return page
+
+
+def render_page(sections: Sequence[Section], *, title: str, command: str) -> str:
+    """Fill the page's template; everything that comes from files is escaped."""
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("pyburgers"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template("report.html").render(
+        title=title,
+        command=command,
+        sections=sections,
+        overview=pd.DataFrame([section.overview for section in sections]),
+        synthetic=[s for s in sections if s.experiment.provenance.kind == "synthetic"],
+        failing=[section for section in sections if section.failed],
+        written=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        version=importlib.metadata.version("pyburgers"),
+        number_table=_number_table,
+    )
+
+
+def _claim(out: Path) -> None:
+    """Make the folders, and refuse one that holds a run or a page of another kind."""
+    manifest = out / "manifest.json"
+    if manifest.is_file():
+        content = json.loads(manifest.read_text(encoding="utf-8"))
+        is_report = isinstance(content, dict) and content.get("kind") == REPORT_KIND
+    else:
+        is_report = not (out / "index.html").exists()
+    if not is_report:
+        raise InputError(
+            f"{out}: holds something else than a report (a run or a page), expected a new folder "
+            "or one of an earlier report."
+        )
+    try:
+        for folder in (out, out / "figures", out / "tables"):
+            folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{out}: cannot be written ({error.strerror}).") from error
+
+
+def _keys(fits: Sequence[Fit]) -> list[str]:
+    """Name each fit after its experiment; further ones of the same experiment get a number."""
+    seen: Counter[str] = Counter()
+    keys = []
+    for fit in fits:
+        name = fit.experiment.id
+        seen[name] += 1
+        keys.append(name if seen[name] == 1 else f"{name}_run{seen[name]}")
+    return keys
+
+
+def _write_section(key: str, fit: Fit, out: Path) -> Section:
+    """Write figures and tables of one fit and gather what the page shows of it."""
+    summary, checks = fit.summary(), fit.checks()
+    truth = tables.truth_table(fit)
+    sampler = tables.sampler_table(fit)
+    files = {
+        "summary": summary.reset_index(),
+        "checks": tables.checks_table(checks),
+        "priors": tables.prior_table(fit.priors),
+        "sampler": sampler,
+    }
+    if truth is not None:
+        files["truth"] = truth.reset_index()
+    for name, table in files.items():
+        write_text(out / "tables" / f"{key}_{name}.csv", table.to_csv(index=False))
+    return Section(
+        key=key,
+        fit=fit,
+        checks=checks,
+        overview=tables.overview_row(fit, summary, checks, coverage(fit.posterior)),
+        parameters=tables.parameter_table(summary, fit.priors),
+        priors=files["priors"],
+        sampler=sampler,
+        truth=None if truth is None else tables.shown_truth_table(truth),
+        illustrations=tuple(_illustrate(key, fit, recipe, out) for recipe in FIGURES),
+    )
+
+
+def _illustrate(key: str, fit: Fit, recipe: FigureRecipe, out: Path) -> Illustration:
+    """Draw a figure, write it as PNG and SVG, and keep the PNG for the page."""
+    figure = recipe.draw(fit)
+    pictures = {"png": image(figure, "png"), "svg": image(figure, "svg")}
+    for kind, content in pictures.items():
+        _write_bytes(out / "figures" / f"{key}_{recipe.name}.{kind}", content)
+    encoded = base64.b64encode(pictures["png"]).decode("ascii")
+    width = round(PIXELS_PER_INCH * figure.get_figwidth())
+    return Illustration(recipe, f"data:image/png;base64,{encoded}", width)
+
+
+def _write_bytes(path: Path, content: bytes) -> None:
+    def write(temporary: Path) -> None:
+        temporary.write_bytes(content)
+
+    write_atomically(path, write)
+
+
+def _number_table(table: pd.DataFrame) -> pd.DataFrame:
+    """Return a table of numbers as text of four significant digits, its index as a column."""
+    columns = table.reset_index(names=table.index.name or "index")
+    if table.index.name is None:
+        columns = columns.drop(columns="index")
+    return columns.map(lambda cell: f"{cell:.4g}" if isinstance(cell, float) else str(cell))
+
+
+def _manifest(fits: Sequence[Fit], title: str, command: str) -> dict[str, Any]:
+    """Record what made the report and from what."""
+    return {
+        "kind": REPORT_KIND,
+        "title": title,
+        "command": command,
+        "written": datetime.now(UTC).isoformat(timespec="seconds"),
+        "versions": {
+            "python": platform.python_version(),
+            **{package: importlib.metadata.version(package) for package in PACKAGES},
+        },
+        "runs": [
+            {
+                "id": key,
+                "directory": fit.directory.path.name,
+                "data_kind": fit.experiment.provenance.kind,
+                "command": fit.manifest["command"],
+                "fingerprint": fit.manifest["fingerprint"],
+                "status": fit.manifest["status"],
+                "manifest_sha256": sha256_of_file(fit.directory.manifest_file),
+            }
+            for key, fit in zip(_keys(fits), fits, strict=True)
+        ],
+    }

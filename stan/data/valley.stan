@@ -1,0 +1,12 @@
+// Valley coordinates (functions/valley_coordinates.stan); all sizes 0 with plain coordinates.
+int<lower=1, upper=2> coordinate_system; // 1 plain, 2 valley
+int<lower=0> n_knots; // the reference curve: the solution at the reference point
+vector<lower=0>[n_knots] knot_time_step; // time since the knot before, the first since 0, s
+vector[n_knots] knot_stress; // Pa
+int<lower=0> n_pins; // knots at which the softening is pinned to the reference curve
+array[n_pins] int<lower=1, upper=n_knots> pin_knot;
+matrix[n_pins, 5] pin; // columns: see functions/valley_coordinates.stan
+vector[coordinate_system == 2 ? n_coordinates : 0] reference_coordinate; // plain
+// (value - lower)/(upper - value) at which a coordinate turns from logarithmic to linear;
+// 0 keeps the plain coordinate
+vector<lower=0>[coordinate_system == 2 ? n_coordinates : 0] linear_from;

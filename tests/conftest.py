@@ -1,0 +1,126 @@
+"""Fixtures shared by all tests: compiled programs, values of Stan functions, small problems."""
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from pyburgers.cmdstan import compile_programs, load_model, stan_directory
+from pyburgers.experiment import Experiment, load_experiment, save_experiment
+from pyburgers.fitting import Fit, fit
+from pyburgers.priors import Prior, PriorSet, default_priors, load_priors, save_priors
+from pyburgers.sampling import SamplerOptions
+from pyburgers.simulation import quiet_cmdstanpy
+
+FloatArray = npt.NDArray[np.float64]
+FunctionValues = Callable[[str, Mapping[str, object]], dict[str, FloatArray]]
+
+TESTS = Path(__file__).parent
+ICE = TESTS.parent / "data" / "ice"
+
+SMALL_RUN = SamplerOptions(chains=2, warmup=150, draws=100, seed=11)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Input files of a fit that takes seconds."""
+
+    experiment_file: Path
+    priors_file: Path
+
+    @property
+    def experiment(self) -> Experiment:
+        return load_experiment(self.experiment_file)
+
+    @property
+    def priors(self) -> PriorSet:
+        return load_priors(self.priors_file)
+
+
+def fixed(name: str, value: float) -> Prior:
+    """Prior of a parameter that is not inferred."""
+    return Prior(name, "fixed", value, 0.0, -np.inf, np.inf, "SI", "test")
+
+
+def with_fixed(priors: PriorSet, values: Mapping[str, float]) -> PriorSet:
+    """Fix some parameters of a set of priors."""
+    changed = {name: fixed(name, value) for name, value in values.items()}
+    return replace(priors, priors=MappingProxyType({**priors.priors, **changed}))
+
+
+def write_problem(folder: Path, *, free: set[str], max_strain: float, stride: int) -> Problem:
+    """Write the first part of PIL40, thinned, with all but a few parameters fixed at the truth."""
+    full = load_experiment(ICE / "PIL40.toml")
+    assert full.true_parameters is not None
+    kept = np.flatnonzero(full.strain <= max_strain)[::stride]
+    experiment = replace(
+        full, strain=full.strain[kept], stress=full.stress[kept], final_strain=max_strain
+    )
+    known = {name: value for name, value in full.true_parameters.items() if name not in free}
+    folder.mkdir()
+    experiment_file = save_experiment(experiment, folder)
+    save_priors(with_fixed(default_priors("ice"), known), folder / "priors.toml")
+    return Problem(experiment_file, folder / "priors.toml")
+
+
+@pytest.fixture(scope="session")
+def programs() -> None:
+    """Compile what the tests need, side by side."""
+    compile_programs(
+        [
+            stan_directory() / "constant_rate.stan",
+            stan_directory() / "reference" / "six_state.stan",
+            *sorted((TESTS / "stan").glob("*.stan")),
+        ],
+        report=print,
+    )
+
+
+@pytest.fixture
+def function_values(programs: None, tmp_path: Path) -> FunctionValues:
+    """Run a program without parameters from tests/stan once; arrays of what it generates."""
+
+    def values(program: str, data: Mapping[str, object]) -> dict[str, FloatArray]:
+        model = load_model(TESTS / "stan" / f"{program}.stan", report=print)
+        data_file = tmp_path / f"{program}.json"
+        data_file.write_text(json.dumps(data), encoding="utf-8")
+        with quiet_cmdstanpy():
+            run = model.sample(
+                data=str(data_file),
+                fixed_param=True,
+                chains=1,
+                iter_sampling=1,
+                sig_figs=17,
+                output_dir=str(tmp_path),
+                show_progress=False,
+            )
+            return {name: value[0] for name, value in run.stan_variables().items()}
+
+    return values
+
+
+@pytest.fixture(scope="session")
+def small_problem(tmp_path_factory: pytest.TempPathFactory) -> Problem:
+    """Three parameters and a short curve: a fit takes a second or two."""
+    return write_problem(
+        tmp_path_factory.mktemp("small") / "inputs",
+        free={"maxwell_modulus", "activation_enthalpy", "stress_noise"},
+        max_strain=0.02,
+        stride=2,
+    )
+
+
+@pytest.fixture(scope="session")
+def small_fit(programs: None, small_problem: Problem, tmp_path_factory: pytest.TempPathFactory) -> Fit:
+    """Finished fit of the small problem; not to be changed (copy its folder instead)."""
+    return fit(
+        small_problem.experiment,
+        small_problem.priors,
+        out=tmp_path_factory.mktemp("fit") / "run",
+        options=SMALL_RUN,
+    )

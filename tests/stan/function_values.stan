@@ -1,0 +1,66 @@
+// Values of the constitutive functions, one row of data each.
+functions {
+#include functions/flow_law.stan
+#include functions/microstructure.stan
+}
+data {
+  real<lower=0> temperature;
+  real<lower=0> initial_grain_size;
+  real<lower=0> strain_rate;
+  real stress_exponent;
+  real grain_size_exponent;
+  real activation_enthalpy;
+  real beta;
+  int<lower=0> n_stresses;
+  vector[n_stresses] stress;
+  real<lower=0> grain_size;
+  real<lower=0> fabric_factor;
+  real<lower=0> steady_state;
+  real<lower=0> critical_strain;
+  int<lower=0> n_path_strains;
+  vector<lower=0>[n_path_strains] path_strain;
+}
+generated quantities {
+  vector[n_stresses] dashpot_rate;
+  real log_s0 = log_reference_stress(strain_rate, initial_grain_size, temperature,
+                                     stress_exponent, grain_size_exponent, activation_enthalpy,
+                                     beta);
+  real rate_at_reference_stress
+    = dashpot_strain_rate(exp(log_s0), initial_grain_size, 1, stress_exponent,
+                          grain_size_exponent,
+                          log_rate_factor(activation_enthalpy, beta, temperature));
+  real activation_enthalpy_back
+    = activation_enthalpy_from_reference_stress(log_s0, strain_rate, initial_grain_size,
+                                                temperature, stress_exponent,
+                                                grain_size_exponent, beta);
+  real beta_back = beta_from_reference_stress(log_s0, strain_rate, initial_grain_size,
+                                              temperature, stress_exponent,
+                                              grain_size_exponent, activation_enthalpy);
+  vector[n_path_strains] grain_size_at;
+  vector[n_path_strains] grain_size_rate; // 1/s, at strain_rate
+  vector[n_path_strains] grain_size_rate_reversed; // at -strain_rate
+  vector[n_path_strains] log_relative_grain_size;
+  vector[n_path_strains] grain_size_strength;
+  for (i in 1 : n_stresses) {
+    dashpot_rate[i] = dashpot_strain_rate(stress[i], grain_size, fabric_factor, stress_exponent,
+                                          grain_size_exponent,
+                                          log_rate_factor(activation_enthalpy, beta,
+                                                          temperature));
+  }
+  for (i in 1 : n_path_strains) {
+    grain_size_at[i] = microstructure_at(path_strain[i], initial_grain_size, steady_state,
+                                         critical_strain);
+    grain_size_rate[i] = microstructure_rate(grain_size_at[i], steady_state, critical_strain,
+                                             strain_rate);
+    grain_size_rate_reversed[i] = microstructure_rate(grain_size_at[i], steady_state,
+                                                      critical_strain, -strain_rate);
+    log_relative_grain_size[i] = log_relative_microstructure(path_strain[i],
+                                                             1
+                                                             - steady_state
+                                                               / initial_grain_size,
+                                                             1 / critical_strain);
+    grain_size_strength[i] = strength_factor(path_strain[i], initial_grain_size, steady_state,
+                                             critical_strain,
+                                             grain_size_exponent / stress_exponent);
+  }
+}

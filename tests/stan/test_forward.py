@@ -1,0 +1,291 @@
+"""Forward solutions of the Stan programs against independent solutions."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import oracle
+import pytest
+from conftest import ICE, FunctionValues
+from scipy.integrate import simpson
+
+from pyburgers.errors import InputError, SamplingError
+from pyburgers.experiment import Experiment, RateSegment, load_experiment
+from pyburgers.parameters import PARAMETERS
+from pyburgers.simulation import simulate
+
+FloatArray = npt.NDArray[np.float64]
+pytestmark = pytest.mark.usefixtures("programs")
+
+# model.md, section 5, from an independent solver: MPa, and the strain of the peak.
+STRESS_OF_PIL40 = {0.002: 3.93, 0.005: 5.23, 0.01: 6.54, 0.05: 7.72, 0.1: 6.67, 0.2: 5.55}
+PEAKS = {"PIL40": (7.995, 0.0313), "PIL72": (6.118, 0.0279), "PIL105": (4.420, 0.0272)}
+
+ONE_RATE = ((0.0, 1e-4),)
+STEPS = ((0.0, 1e-4), (0.03, 2e-5), (0.0501, 3e-4))
+
+
+def protocol(segments: Sequence[tuple[float, float]], final_strain: float) -> Experiment:
+    """Return a test without data at the conditions of the ice twins."""
+    return replace(
+        load_experiment(ICE / "PIL40.toml"),
+        segments=tuple(RateSegment(start, rate) for start, rate in segments),
+        strain=np.empty(0),
+        stress=np.empty(0),
+        final_strain=final_strain,
+    )
+
+
+def truth(name: str) -> dict[str, float]:
+    parameters = load_experiment(ICE / f"{name}.toml").true_parameters
+    assert parameters is not None
+    return dict(parameters)
+
+
+def linear_parameters() -> dict[str, float]:
+    """A linear dashpot of 5e10 Pa s beside the elements of a twin."""
+    enthalpy = 65e3
+    log_factor = -np.log(5e10)
+    return truth("PIL40") | {
+        "stress_exponent": 1.0,
+        "grain_size_exponent": 0.0,
+        "steady_state_fabric_factor": 1.0,
+        "activation_enthalpy": enthalpy,
+        "beta": log_factor / enthalpy + 1 / (oracle.GAS_CONSTANT * 260.0),
+    }
+
+
+def test_stress_agrees_with_the_independent_table() -> None:
+    strain = np.array(list(STRESS_OF_PIL40))
+    solution = simulate(load_experiment(ICE / "PIL40.toml"), truth("PIL40"), strain=strain)
+    np.testing.assert_allclose(
+        solution["stress_Pa"] / 1e6, list(STRESS_OF_PIL40.values()), rtol=2e-3
+    )
+
+
+@pytest.mark.parametrize("name", PEAKS)
+def test_peak_agrees_with_the_independent_table(name: str) -> None:
+    strain = np.linspace(2e-4, 0.06, 300)
+    solution = simulate(load_experiment(ICE / f"{name}.toml"), truth(name), strain=strain)
+    stress, at = PEAKS[name]
+    assert solution["stress_Pa"].max() / 1e6 == pytest.approx(stress, rel=2e-3)
+    assert strain[solution["stress_Pa"].argmax()] == pytest.approx(at, abs=3e-4)
+
+
+@pytest.mark.parametrize("segments", [ONE_RATE, STEPS], ids=["one rate", "rate steps"])
+def test_linear_limit_is_the_matrix_exponential(segments: Sequence[tuple[float, float]]) -> None:
+    parameters = linear_parameters()
+    solution = simulate(protocol(segments, 0.1), parameters)
+    exact = oracle.linear_stress(parameters, 260.0, segments, solution["strain"].to_numpy())
+    np.testing.assert_allclose(solution["stress_Pa"], exact, rtol=1e-6)
+
+
+def test_stress_becomes_steady_at_large_strain() -> None:
+    parameters = truth("PIL40") | {
+        "critical_strain_grain_size": 0.05,
+        "critical_strain_fabric": 0.05,
+    }
+    rate = 1.69e-4
+    solution = simulate(protocol([(0.0, rate)], 2.0), parameters, strain=np.array([1.5, 2.0]))
+    steady = parameters["steady_state_fabric_factor"] * (
+        rate
+        * parameters["steady_state_grain_size"] ** parameters["grain_size_exponent"]
+        / oracle.rate_factor(parameters, 260.0)
+    ) ** (1 / parameters["stress_exponent"])
+    np.testing.assert_allclose(solution["stress_Pa"].iloc[-1], steady, rtol=1e-7)
+    np.testing.assert_allclose(
+        solution["kelvin_strain"].iloc[-1], steady / parameters["kelvin_modulus"], rtol=1e-7
+    )
+
+
+@pytest.mark.parametrize("segments", [ONE_RATE, STEPS], ids=["one rate", "rate steps"])
+def test_strains_of_the_elements_add_up(segments: Sequence[tuple[float, float]]) -> None:
+    """The dashpot's strain, by quadrature of its flow law, is what the springs leave over."""
+    parameters = truth("PIL40")
+    starts = np.array([start for start, _ in segments])
+    within = np.concatenate([np.geomspace(1e-9, 1e-3, 3001), np.linspace(1e-3, 1.0, 12001)[1:]])
+    ends = np.append(starts[1:], 0.1)
+    strain = (starts[:, None] + (ends - starts)[:, None] * within).ravel()
+    strain[within.size - 1 :: within.size] = ends
+    solution = simulate(protocol(segments, 0.1), parameters, strain=strain)
+    dashpot_rate = oracle.dashpot_rate(
+        parameters,
+        260.0,
+        solution["stress_Pa"].to_numpy(),
+        solution["grain_size_m"].to_numpy(),
+        solution["fabric_factor"].to_numpy(),
+    )
+    time = solution["time_s"].to_numpy()
+    dashpot_strain = 0.0
+    for first in range(0, strain.size, within.size):
+        # The solution of a segment starts at the last output of the one before.
+        part = slice(max(first - 1, 0), first + within.size)
+        dashpot_strain += simpson(dashpot_rate[part], x=time[part])
+        last = solution.iloc[first + within.size - 1]
+        elastic_strain = last["stress_Pa"] / parameters["maxwell_modulus"]
+        total = last["kelvin_strain"] + elastic_strain + dashpot_strain
+        assert total == pytest.approx(last["strain"], abs=1e-8)
+
+
+def six_state_data(
+    segments: Sequence[tuple[float, float]], parameters: Mapping[str, float], strain: FloatArray
+) -> dict[str, object]:
+    test = protocol(segments, float(strain[-1]))
+    starts = np.array([start for start, _ in segments])
+    segment = np.searchsorted(starts[1:], strain, side="left")
+    return {
+        "temperature": test.temperature,
+        "initial_grain_size": test.initial_grain_size,
+        "n_segments": len(segments),
+        "segment_time": test.time_at(starts).tolist(),
+        "segment_rate": [rate for _, rate in segments],
+        "n_times": strain.size,
+        "time": test.time_at(strain).tolist(),
+        "n_times_in_segment": np.bincount(segment, minlength=len(segments)).tolist(),
+        "parameter": [parameters[p.name] for p in PARAMETERS if p.name != "stress_noise"],
+    }
+
+
+@pytest.mark.parametrize("name", PEAKS)
+@pytest.mark.parametrize("segments", [ONE_RATE, STEPS], ids=["one rate", "rate steps"])
+def test_two_states_six_states_and_an_independent_solver_agree(
+    segments: Sequence[tuple[float, float]], name: str, function_values: FunctionValues
+) -> None:
+    parameters = truth(name)
+    two = simulate(protocol(segments, 0.1), parameters)
+    strain = two["strain"].to_numpy()
+    six = function_values("six_state_solution", six_state_data(segments, parameters, strain))
+    state = six["state"].T
+    independent = oracle.six_states(parameters, 260.0, 230e-6, segments, strain)
+    for other in (state, independent):
+        np.testing.assert_allclose(two["stress_Pa"], other[0], rtol=1e-6)
+        np.testing.assert_allclose(two["kelvin_strain"], other[1], rtol=1e-6, atol=1e-11)
+        np.testing.assert_allclose(two["grain_size_m"], other[4], rtol=1e-7)
+        np.testing.assert_allclose(two["fabric_factor"], other[5], rtol=1e-7)
+    np.testing.assert_allclose(state[1] + state[2] + state[3], strain, atol=1e-8, rtol=0)
+    np.testing.assert_allclose(
+        state[2] * parameters["maxwell_modulus"], state[0], rtol=1e-7, atol=1
+    )
+
+
+@pytest.mark.parametrize("start", [0.051, 0.0803, 1 / 30, 0.07])
+def test_a_reading_at_a_rate_step_is_the_end_of_the_segment_before(start: float) -> None:
+    """Readings a rounding error beside the step count as readings at the step."""
+    parameters = truth("PIL40")
+    test = protocol([(0.0, 1e-4), (start, 1e-5)], 0.1)
+    beside = np.array([np.nextafter(start, 0), start, np.nextafter(start, 1)])
+    solution = simulate(test, parameters, strain=np.append(beside, 0.1))
+    np.testing.assert_allclose(
+        solution["stress_Pa"].iloc[:-1], solution["stress_Pa"].iloc[0], rtol=1e-9
+    )
+
+
+def test_a_rate_step_down_lowers_the_stress_by_the_power_law() -> None:
+    parameters = truth("PIL40")
+    solution = simulate(
+        protocol([(0.0, 1e-4), (1.0, 1e-5)], 2.0), parameters, strain=np.array([1.0, 2.0])
+    )
+    before, after = solution["stress_Pa"]
+    assert after / before == pytest.approx(0.1 ** (1 / parameters["stress_exponent"]), rel=1e-3)
+
+
+def test_solution_has_the_columns_and_times_of_the_protocol() -> None:
+    solution = simulate(protocol(STEPS, 0.1), truth("PIL40"), strain=np.array([0.01, 0.04, 0.1]))
+    assert list(solution) == [
+        "time_s",
+        "strain",
+        "stress_Pa",
+        "kelvin_strain",
+        "grain_size_m",
+        "fabric_factor",
+    ]
+    np.testing.assert_allclose(solution["strain"], [0.01, 0.03, 0.04, 0.0501, 0.1])
+    np.testing.assert_allclose(
+        solution["time_s"],
+        [100, 300, 300 + 0.01 / 2e-5, 300 + 0.0201 / 2e-5, 300 + 0.0201 / 2e-5 + 0.0499 / 3e-4],
+    )
+
+
+def test_a_solution_that_cannot_be_found_is_an_error(tmp_path: Path) -> None:
+    with pytest.raises(SamplingError, match="solver"):
+        simulate(protocol(ONE_RATE, 0.1), truth("PIL40") | {"activation_enthalpy": 65e9})
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"maxwell_modulus": -1.0}, "maxwell_modulus"),
+        ({"beta": float("nan")}, "beta"),
+        ({"steady_state_fabric_factor": 1.2}, "steady_state_fabric_factor"),
+        ({"viscosity": 1.0}, "unknown parameter 'viscosity'"),
+        ({"kelvin_modulus": "1e9"}, "kelvin_modulus"),
+    ],
+)
+def test_wrong_parameters_are_refused(change: dict[str, float], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        simulate(protocol(ONE_RATE, 0.1), truth("PIL40") | change)
+
+
+FLOW = {
+    "temperature": 260.0,
+    "initial_grain_size": 230e-6,
+    "strain_rate": 1.69e-4,
+    "stress_exponent": 3.779,
+    "grain_size_exponent": 0.55,
+    "activation_enthalpy": 62.08e3,
+    "beta": -7.29e-4,
+    "grain_size": 180e-6,
+    "fabric_factor": 0.7,
+    "steady_state": 82e-6,
+    "critical_strain": 0.083,
+}
+
+
+def function_data(stress: Sequence[float], path_strain: Sequence[float]) -> dict[str, object]:
+    return {
+        **FLOW,
+        "n_stresses": len(stress),
+        "stress": list(stress),
+        "n_path_strains": len(path_strain),
+        "path_strain": list(path_strain),
+    }
+
+
+def test_flow_law_is_odd_in_stress_and_zero_at_rest(function_values: FunctionValues) -> None:
+    stress = np.array([1e3, 1e6, 8e6])
+    values = function_values("function_values", function_data([*stress, *-stress, 0.0], []))
+    rate = values["dashpot_rate"]
+    expected = oracle.dashpot_rate(FLOW, 260.0, stress, np.float64(180e-6), np.float64(0.7))
+    np.testing.assert_allclose(rate[:3], expected, rtol=1e-12)
+    np.testing.assert_array_equal(rate[3:6], -rate[:3])
+    assert rate[6] == 0
+
+
+def test_reference_stress_and_enthalpy_are_inverse(function_values: FunctionValues) -> None:
+    values = function_values("function_values", function_data([], []))
+    assert values["activation_enthalpy_back"] == pytest.approx(62.08e3, rel=1e-12)
+    assert values["beta_back"] == pytest.approx(-7.29e-4, rel=1e-12)
+    assert values["rate_at_reference_stress"] == pytest.approx(1.69e-4, rel=1e-10)
+
+
+def test_closed_form_of_the_microstructure_solves_its_equation(
+    function_values: FunctionValues,
+) -> None:
+    step = 1e-5
+    middle = np.array([0.01, 0.05, 0.2])
+    path = np.concatenate([[0.0], middle, middle - step, middle + step])
+    values = function_values("function_values", function_data([], path.tolist()))
+    grain_size = values["grain_size_at"]
+    assert grain_size[0] == pytest.approx(230e-6, rel=1e-14)
+    slope = (grain_size[7:] - grain_size[4:7]) / (2 * step)  # per unit strain
+    np.testing.assert_allclose(values["grain_size_rate"][1:4], slope * 1.69e-4, rtol=1e-6)
+    # Strain that runs backwards goes on changing the microstructure in the same sense.
+    np.testing.assert_array_equal(values["grain_size_rate_reversed"], values["grain_size_rate"])
+    np.testing.assert_allclose(
+        values["log_relative_grain_size"], np.log(grain_size / 230e-6), rtol=1e-10, atol=1e-15
+    )
+    np.testing.assert_allclose(
+        values["grain_size_strength"], (grain_size / 230e-6) ** (0.55 / 3.779), rtol=1e-12
+    )

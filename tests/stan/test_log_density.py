@@ -1,0 +1,179 @@
+"""The program against the paper's form: log density and gradient in six and in two states."""
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from conftest import ICE
+from log_density import Program
+from oracle import GAS_CONSTANT
+from scipy.special import logit
+
+from pyburgers.cmdstan import compile_program, stan_directory
+from pyburgers.experiment import Experiment, RateSegment, load_experiment
+from pyburgers.parameters import PARAMETERS
+from pyburgers.priors import PriorSet, default_priors
+from pyburgers.stan_data import (
+    REFERENCE_STRESS,
+    PlainCoordinates,
+    SolverOptions,
+    constant_rate_data,
+    plain_coordinates,
+)
+
+FloatArray = npt.NDArray[np.float64]
+ComplexArray = npt.NDArray[np.complex128]
+pytestmark = pytest.mark.usefixtures("programs")
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Both programs with the same data."""
+
+    experiment: Experiment
+    priors: PriorSet
+    coordinates: PlainCoordinates
+    reduced: Program
+    six_state: Program
+
+
+@pytest.fixture
+def make_pair(tmp_path: Path) -> Callable[[Experiment], Pair]:
+    def make(experiment: Experiment) -> Pair:
+        priors = default_priors("ice").resolved(float(np.abs(experiment.stress).max()))
+        data = constant_rate_data(
+            experiment, priors, solver=SolverOptions(tolerance=1e-10, max_num_steps=1_000_000)
+        )
+        data_file = tmp_path / "data.json"
+        data_file.write_text(json.dumps(data), encoding="utf-8")
+        size = len(PARAMETERS)
+
+        def position(columns: Mapping[str, float]) -> FloatArray:
+            return np.array([columns[f"coordinate.{k}"] for k in range(1, size + 1)])
+
+        def unconstrained(columns: Mapping[str, float]) -> FloatArray:
+            return np.array([_unconstrained(priors, p.name, columns[p.name]) for p in PARAMETERS])
+
+        # The six-state program samples unbounded parameters in SI.
+        scale = [
+            1.0 if np.isfinite(priors[p.name].lower) else priors[p.name].scale for p in PARAMETERS
+        ]
+        return Pair(
+            experiment,
+            priors,
+            plain_coordinates(experiment, priors),
+            Program(
+                compile_program(stan_directory() / "constant_rate.stan", report=print),
+                data_file,
+                tmp_path,
+                position,
+                np.ones(size),
+            ),
+            Program(
+                compile_program(stan_directory() / "reference" / "six_state.stan", report=print),
+                data_file,
+                tmp_path,
+                unconstrained,
+                np.array(scale),
+            ),
+        )
+
+    return make
+
+
+def _unconstrained(priors: PriorSet, name: str, value: float) -> float:
+    """Stan's own transform of a bounded parameter."""
+    prior = priors[name]
+    if np.isinf(prior.lower):
+        return value
+    if np.isinf(prior.upper):
+        return float(np.log(value - prior.lower))
+    return float(logit((value - prior.lower) / (prior.upper - prior.lower)))
+
+
+def six_state_position(pair: Pair, coordinate: ComplexArray) -> tuple[ComplexArray, complex]:
+    """Coordinates of the six-state program at plain ones, and ln of the map's determinant.
+
+    Written out for ice, where all parameters are free and ln S_0 stands for Q_M. Takes complex
+    numbers, so that a step along the imaginary axis gives exact derivatives.
+    """
+    value: dict[str, complex] = {}
+    position: dict[str, complex] = {}
+    log_determinant: complex = 0.0
+    plain = pair.coordinates
+    for k, name in enumerate(plain.quantities):
+        u, low, high = coordinate[k], plain.lower[k], plain.upper[k]
+        if np.isinf(low):
+            value[name] = position[name] = plain.shift[k] + plain.scale[k] * u
+            log_determinant += np.log(plain.scale[k])
+        elif np.isinf(high):
+            value[name] = low + plain.scale[k] * np.exp(u)
+            position[name] = np.log(plain.scale[k]) + u
+        else:
+            value[name] = low + (high - low) / (1 + np.exp(-u))
+            position[name] = u
+    inverse_rt = 1 / (GAS_CONSTANT * pair.experiment.temperature)
+    position["activation_enthalpy"] = (
+        np.log(pair.experiment.segments[0].strain_rate)
+        + value["grain_size_exponent"] * np.log(pair.experiment.initial_grain_size)
+        - value["stress_exponent"] * value[REFERENCE_STRESS]
+    ) / (value["beta"] - inverse_rt)
+    log_determinant += np.log(value["stress_exponent"]) - np.log(inverse_rt - value["beta"])
+    return np.array([position[p.name] for p in PARAMETERS]), log_determinant
+
+
+def log_reference_stress(experiment: Experiment, values: Mapping[str, float]) -> float:
+    log_factor = values["activation_enthalpy"] * (
+        values["beta"] - 1 / (GAS_CONSTANT * experiment.temperature)
+    )
+    log_grain_size = np.log(experiment.initial_grain_size)
+    return float(
+        np.log(experiment.segments[0].strain_rate)
+        + values["grain_size_exponent"] * log_grain_size
+        - log_factor
+    ) / values["stress_exponent"]
+
+
+def assert_programs_agree(pair: Pair, seed: int, draws: int) -> None:
+    rng = np.random.default_rng(seed)
+    assert pair.coordinates.replaced_parameter == "activation_enthalpy"
+    for _ in range(draws):
+        values = {name: prior.sample(rng) for name, prior in pair.priors.priors.items()}
+        reference_stress = np.exp(log_reference_stress(pair.experiment, values))
+        coordinate = pair.coordinates.at({**values, REFERENCE_STRESS: reference_stress})
+        reduced = pair.reduced.at({"coordinate": coordinate.tolist()})
+        paper = pair.six_state.at(values)
+
+        np.testing.assert_allclose(
+            [reduced.columns[p.name] for p in PARAMETERS], list(values.values()), rtol=1e-9
+        )
+        _, log_determinant = six_state_position(pair, coordinate.astype(np.complex128))
+        assert reduced.log_density == pytest.approx(
+            paper.log_density + log_determinant.real, rel=1e-6
+        )
+
+        jacobian, slope = np.empty((coordinate.size,) * 2), np.empty(coordinate.size)
+        for k in range(coordinate.size):
+            shifted = coordinate.astype(np.complex128)
+            shifted[k] += 1e-30j
+            position, logarithm = six_state_position(pair, shifted)
+            jacobian[:, k], slope[k] = position.imag / 1e-30, logarithm.imag / 1e-30
+        terms = jacobian * paper.gradient[:, None]
+        # Relative to the largest of the terms that make up a component.
+        size = np.abs(terms).max(axis=0)
+        deviation = np.abs(reduced.gradient - terms.sum(axis=0) - slope) / size
+        assert deviation.max() < 1e-6
+
+
+def test_programs_agree_at_prior_draws(make_pair: Callable[[Experiment], Pair]) -> None:
+    assert_programs_agree(make_pair(load_experiment(ICE / "PIL72.toml")), seed=3, draws=20)
+
+
+def test_programs_agree_with_rate_steps(make_pair: Callable[[Experiment], Pair]) -> None:
+    segments = (RateSegment(0.0, 8e-5), RateSegment(0.04, 2e-5), RateSegment(0.1, 3e-4))
+    stepped = replace(load_experiment(ICE / "PIL72.toml"), segments=segments)
+    assert_programs_agree(make_pair(stepped), seed=4, draws=5)

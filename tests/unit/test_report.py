@@ -1,0 +1,261 @@
+import hashlib
+import json
+from collections.abc import Sequence
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from synthetic_fit import make_fit
+
+from pyburgers.errors import InputError
+from pyburgers.experiment import Provenance
+from pyburgers.figures import FIGURES
+from pyburgers.fitting import Fit
+from pyburgers.report import write_report
+
+FEW = (
+    "maxwell_modulus",
+    "kelvin_viscosity",
+    "kelvin_modulus",
+    "grain_size_exponent",
+    "activation_enthalpy",
+    "beta",
+    "steady_state_grain_size",
+    "steady_state_fabric_factor",
+    "critical_strain_fabric",
+)
+HOSTILE = "<script>alert('data')</script> & \"quotes\""
+COMMAND = "pyburgers report runs/A runs/B --out page"
+
+
+class Page(HTMLParser):
+    """Collects what a page refers to, its text, and whether elements are closed."""
+
+    VOID = frozenset({"meta", "img", "br", "link", "hr", "input"})
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.references: list[tuple[str, str]] = []
+        self.tags: list[str] = []
+        self.open: list[str] = []
+        self.ids: list[str] = []
+        self.alternatives: list[str] = []
+        self.words: list[str] = []
+        self.feed(text)
+        self.close()
+        self.text = " ".join(" ".join(self.words).split())
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        if tag not in self.VOID:
+            self.open.append(tag)
+        for name, value in attrs:
+            if name in {"src", "href"}:
+                self.references.append((tag, value or ""))
+            if name == "id":
+                self.ids.append(value or "")
+            if name == "alt":
+                self.alternatives.append(value or "")
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if not self.open or self.open[-1] != "style":
+            self.words.append(data)
+
+
+def write(fits: Sequence[Fit], out: Path) -> Page:
+    page = write_report(fits, out, title="Two tests", command=COMMAND, report=lambda _: None)
+    assert page == out / "index.html"
+    return Page(page.read_text(encoding="utf-8"))
+
+
+def small_fit(path: Path, name: str = "A", **changes: object) -> Fit:
+    arguments: dict[str, object] = {"chains": 2, "draws": 300, "fixed": FEW, **changes}
+    return make_fit(path, name=name, **arguments)  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("report")
+
+
+@pytest.fixture(scope="module")
+def fits(folder: Path) -> list[Fit]:
+    """A synthetic test whose checks fail and a measured one that passes."""
+    failing = small_fit(folder / "runs" / "A", divergences=5, apart=3.0)
+    hostile = Provenance("measured", HOSTILE, doi='10.1/x" onload="y', notes=HOSTILE)
+    passing = small_fit(
+        folder / "runs" / "B",
+        "B",
+        kind="measured",
+        segments=((0.0, 1e-4), (0.05, 1e-5)),
+        provenance=hostile,
+        notices=(HOSTILE,),
+        material=HOSTILE,
+        metadata={HOSTILE: HOSTILE},
+        command=HOSTILE,
+        draws=600,
+    )
+    return [failing, passing]
+
+
+@pytest.fixture(scope="module")
+def page(folder: Path, fits: list[Fit]) -> Page:
+    return write(fits, folder / "page")
+
+
+def test_the_page_is_well_formed_and_its_links_lead_somewhere(page: Page) -> None:
+    assert not page.open
+    assert len(set(page.ids)) == len(page.ids)
+    for tag, reference in page.references:
+        if tag == "a" and reference.startswith("#"):
+            assert reference[1:] in page.ids
+
+
+def test_the_page_needs_nothing_but_itself(page: Page) -> None:
+    assert not {"script", "link", "iframe", "object"} & set(page.tags)
+    for tag, reference in page.references:
+        allowed = ("#", "https://doi.org/") if tag == "a" else ("data:image/png;base64,",)
+        assert reference.startswith(allowed), reference
+
+
+def test_every_figure_is_on_the_page_with_a_text_alternative(page: Page) -> None:
+    assert page.alternatives == [recipe.caption for recipe in FIGURES] * 2
+
+
+def test_strings_from_files_are_escaped(folder: Path, page: Page) -> None:
+    raw = (folder / "page" / "index.html").read_text(encoding="utf-8")
+    assert "<script>" not in raw
+    assert 'onload="y' not in raw
+    assert page.text.count(HOSTILE) >= 5
+
+
+def test_synthetic_data_are_announced_by_name_at_the_top(page: Page) -> None:
+    banner = page.text.index("SYNTHETIC DATA: A")
+    assert banner < page.text.index("Overview")
+    assert "It says nothing about nature" in page.text
+    assert "synthetic-data" in page.ids
+    assert "SYNTHETIC DATA: A , B" not in page.text
+
+
+@pytest.mark.parametrize("kind", ["measured", "digitised"])
+def test_there_is_no_banner_without_synthetic_data(kind: str, tmp_path: Path) -> None:
+    page = write([small_fit(tmp_path / "run", kind=kind)], tmp_path / "page")
+    assert "synthetic-data" not in page.ids
+    assert "SYNTHETIC DATA" not in page.text
+    assert f"{kind.upper()} DATA" in page.text
+
+
+def test_failed_checks_cannot_be_overlooked(page: Page, fits: list[Fit]) -> None:
+    failed = [check for check in fits[0].checks() if not check.passed]
+    assert {"R-hat", "divergences"} <= {check.name for check in failed}
+    assert page.text.index("✗ CHECKS FAILED") < page.text.index("Overview")
+    for check in failed:
+        assert " ".join(f"✗ FAILED {check.name} : {check.sentence}".split()) in page.text
+    assert f"{len(failed)} FAILED" in page.text
+    assert page.text.count("✗ FAILED") == len(failed)
+    passed = sum(check.passed for fit in fits for check in fit.checks())
+    assert page.text.count("✓ PASSED") == passed
+
+
+def test_a_page_without_failures_says_so(fits: list[Fit], tmp_path: Path) -> None:
+    assert all(check.passed for check in fits[1].checks())
+    page = write([fits[1]], tmp_path / "page")
+    assert "✓ All checks passed." in page.text
+    assert "FAILED" not in page.text
+
+
+def test_a_fit_without_likelihood_says_so(tmp_path: Path) -> None:
+    fit = small_fit(tmp_path / "run")
+    fit.manifest["use_likelihood"] = False
+    assert "Fitted without the data." in write([fit], tmp_path / "page").text
+
+
+def test_the_page_says_how_to_make_everything_again(page: Page, fits: list[Fit]) -> None:
+    assert COMMAND in page.text
+    manifest = fits[0].manifest
+    for text in (manifest["command"], manifest["fingerprint"], *manifest["hashes"].values()):
+        assert text in page.text
+    assert f"seed {manifest['sampler']['seed']}" in page.text
+
+
+def test_tables_hold_the_summary_at_full_precision(folder: Path, fits: list[Fit]) -> None:
+    for fit in fits:
+        key = fit.experiment.id
+        written = pd.read_csv(folder / "page" / "tables" / f"{key}_summary.csv", index_col=0)
+        pd.testing.assert_frame_equal(written, fit.summary(), check_exact=True, check_dtype=False)
+        checks = pd.read_csv(folder / "page" / "tables" / f"{key}_checks.csv")
+        assert (checks["verdict"] == "passed").tolist() == [c.passed for c in fit.checks()]
+        assert checks["sentence"].tolist() == [c.sentence for c in fit.checks()]
+    assert (folder / "page" / "tables" / "A_truth.csv").is_file()
+    assert not (folder / "page" / "tables" / "B_truth.csv").exists()
+
+
+def test_figures_are_written_as_pictures_and_vectors(folder: Path) -> None:
+    for recipe in FIGURES:
+        base = folder / "page" / "figures" / f"A_{recipe.name}"
+        assert base.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
+        assert "<svg" in base.with_suffix(".svg").read_text(encoding="utf-8")
+
+
+def test_the_manifest_pins_the_runs(folder: Path, fits: list[Fit]) -> None:
+    manifest = json.loads((folder / "page" / "manifest.json").read_text(encoding="utf-8"))
+    assert manifest["command"] == COMMAND
+    assert manifest["versions"]["matplotlib"]
+    for run, fit in zip(manifest["runs"], fits, strict=True):
+        content = fit.directory.manifest_file.read_bytes()
+        assert run["manifest_sha256"] == hashlib.sha256(content).hexdigest()
+
+
+def test_two_runs_of_one_experiment_do_not_overwrite_each_other(tmp_path: Path) -> None:
+    fits = [small_fit(tmp_path / name) for name in ("first", "second")]
+    page = write(fits, tmp_path / "page")
+    assert {"A", "A_run2"} <= set(page.ids)
+    assert (tmp_path / "page" / "tables" / "A_run2_summary.csv").is_file()
+
+
+def test_a_report_replaces_an_earlier_one_and_leaves_no_scraps(
+    fits: list[Fit], tmp_path: Path
+) -> None:
+    write([fits[1]], tmp_path / "page")
+    write([fits[1]], tmp_path / "page")
+    names = [path.name for path in (tmp_path / "page").rglob("*")]
+    assert not [name for name in names if name.startswith(".")]
+
+
+def test_a_run_directory_is_not_overwritten(fits: list[Fit]) -> None:
+    run = fits[0].directory
+    before = run.manifest_file.read_bytes()
+    with pytest.raises(InputError, match="something else than a report"):
+        write_report(fits, run.path, title="x", command="x", report=lambda _: None)
+    assert run.manifest_file.read_bytes() == before
+    assert [path.name for path in run.path.iterdir()] == ["manifest.json"]
+
+
+def test_a_page_of_another_kind_is_not_overwritten(fits: list[Fit], tmp_path: Path) -> None:
+    (tmp_path / "index.html").write_text("mine", encoding="utf-8")
+    with pytest.raises(InputError, match="something else than a report"):
+        write(fits, tmp_path)
+    assert (tmp_path / "index.html").read_text(encoding="utf-8") == "mine"
+
+
+def test_a_folder_that_cannot_be_made_is_refused(fits: list[Fit], tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    with pytest.raises(InputError, match="cannot be written"):
+        write(fits, tmp_path / "file" / "page")
+
+
+def test_a_report_needs_a_run(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="at least one run"):
+        write([], tmp_path / "page")
+
+
+def test_a_figure_that_fails_ends_the_report(tmp_path: Path) -> None:
+    fit = small_fit(tmp_path / "run")
+    del fit.posterior["posterior_mean_solution"]
+    with pytest.raises(KeyError):
+        write([fit], tmp_path / "page")
+    assert not (tmp_path / "page" / "index.html").exists()

@@ -105,7 +105,9 @@ def _parser() -> argparse.ArgumentParser:
 def _add_sampler_options(command: argparse.ArgumentParser) -> None:
     """Options named after the fields of `SamplerOptions`, with its defaults."""
     for field in fields(SamplerOptions):
-        kind = float if field.name in {"adapt_delta", "chain_timeout"} else int
+        kind = {"adapt_delta": float, "chain_timeout": float, "coordinates": str}.get(
+            field.name, int
+        )
         command.add_argument(
             f"--{field.name.replace('_', '-')}",
             type=kind,

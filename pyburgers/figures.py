@@ -17,6 +17,7 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
@@ -129,11 +130,17 @@ def _style() -> AbstractContextManager[None]:
 
 
 def image(figure: Figure, kind: Literal["png", "svg"]) -> bytes:
-    """Render a figure; the same figure gives the same bytes."""
+    """Render a figure; the same figure gives the same bytes.
+
+    The first rendering settles where panels lie: the layout engine moves them a little each time.
+    """
     buffer = io.BytesIO()
     metadata: dict[str, Any] = {"Software": None} if kind == "png" else {"Date": None}
     # Tick labels are made when a figure is drawn, so the style has to hold here as well.
     with _style():
+        if isinstance(figure.get_layout_engine(), ConstrainedLayoutEngine):
+            figure.draw_without_rendering()
+            figure.set_layout_engine("none")
         figure.savefig(buffer, format=kind, dpi=PNG_DOTS_PER_INCH, metadata=metadata)
     return buffer.getvalue()
 

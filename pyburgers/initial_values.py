@@ -1,12 +1,13 @@
-"""Initial values of chains, drawn from the prior."""
+"""Initial values of chains: from the prior, or around the mode in valley coordinates."""
 
+import cmdstanpy
 import numpy as np
 
 from pyburgers.errors import SamplingError
 from pyburgers.experiment import Experiment
 from pyburgers.priors import PriorSet
-from pyburgers.simulation import simulate
-from pyburgers.stan_data import REFERENCE_STRESS, SolverOptions, plain_coordinates
+from pyburgers.simulation import evaluate, simulate
+from pyburgers.stan_data import REFERENCE_STRESS, SolverOptions, StanData, plain_coordinates
 
 INITIAL_ATTEMPTS = 100
 
@@ -52,4 +53,42 @@ def draw_initial_values(
     raise SamplingError(
         f"{experiment.id}: none of {INITIAL_ATTEMPTS} draws from the prior has a finite solution; "
         "check the units and the bounds of the priors."
+    )
+
+
+def draw_valley_start(
+    model: cmdstanpy.CmdStanModel, data: StanData, *, seed: int, chain: int
+) -> dict[str, list[float]]:
+    """Draw a start around the posterior mode, again where the solver finds no solution.
+
+    Valley coordinates are about as wide as the prior where the data say little and whitened where
+    they say much, so that standard normal draws are dispersed and still near the valley.
+
+    Parameters
+    ----------
+    model : CmdStanModel
+        The program.
+    data : dict
+        Its data, valley coordinates included.
+    seed, chain : int
+        The start depends on these two alone.
+
+    Raises
+    ------
+    SamplingError
+        If none of `INITIAL_ATTEMPTS` draws has a finite solution.
+    """
+    rng = np.random.default_rng([seed, chain])
+    n_coordinates = len(data["parameter_of_coordinate"])
+    for _ in range(INITIAL_ATTEMPTS):
+        start = {"coordinate": rng.standard_normal(n_coordinates).tolist()}
+        try:
+            solution = evaluate(model, data, start)
+        except SamplingError:
+            continue  # no solution here; the next draw may have one
+        if np.isfinite(solution["log_lik"]).all():
+            return start
+    raise SamplingError(
+        f"none of {INITIAL_ATTEMPTS} starts around the posterior mode has a finite solution; "
+        "repeat the fit with --coordinates plain."
     )

@@ -30,7 +30,7 @@ from pyburgers.simulation import (
     simulate,
     strain_grid,
 )
-from pyburgers.stan_data import REFERENCE_STRESS, constant_rate_data
+from pyburgers.stan_data import REFERENCE_STRESS, grid_block, solver_block
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -89,7 +89,7 @@ def build_posterior(run: RunDirectory, *, report: Callable[[str], None]) -> xr.D
         fit = cmdstanpy.from_csv(files, method="sample")
         report("Solving every draw again at the reference tolerance.")
         checked = _reference_solution(
-            files, experiment, priors, seed=manifest["sampler"]["seed"], report=report
+            run, files, experiment, seed=manifest["sampler"]["seed"], report=report
         )
     chains = {"chain": list(run.finished_chains())}
     draws = fit.draws_xr([p.name for p in PARAMETERS] + [REFERENCE_STRESS]).assign_coords(chains)
@@ -150,17 +150,19 @@ def load_posterior(run: RunDirectory) -> xr.DataTree | None:
 
 
 def _reference_solution(
+    run: RunDirectory,
     files: Sequence[str],
     experiment: Experiment,
-    priors: PriorSet,
     *,
     seed: int,
     report: Callable[[str], None],
 ) -> xr.Dataset:
     """Log likelihood and grid of solutions of every draw at the reference tolerance."""
-    data = constant_rate_data(
-        experiment, priors, solver=REFERENCE_SOLVER, grid_strain=prediction_strain(experiment)
-    )
+    data = {
+        **json.loads(run.stan_data_file.read_text(encoding="utf-8")),
+        **solver_block(REFERENCE_SOLVER),
+        **grid_block(experiment, prediction_strain(experiment)),
+    }
     model = load_model(constant_rate_program(), report=report)
     with tempfile.TemporaryDirectory() as folder:
         data_file = Path(folder) / "data.json"

@@ -16,7 +16,7 @@ from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 import cmdstanpy
 import numpy as np
@@ -25,6 +25,7 @@ import psutil
 from pyburgers.cmdstan import find_cmdstan, load_model, toolchain
 from pyburgers.errors import InputError, SamplingError
 from pyburgers.experiment import Experiment, save_experiment
+from pyburgers.initial_values import draw_initial_values, draw_valley_start
 from pyburgers.priors import PriorSet, save_priors
 from pyburgers.progress import ChainProgress, IterationLines
 from pyburgers.run_directory import (
@@ -37,15 +38,19 @@ from pyburgers.run_directory import (
 )
 from pyburgers.simulation import console_tail, constant_rate_program, quiet_cmdstanpy, simulate
 from pyburgers.stan_data import (
-    REFERENCE_STRESS,
+    PLAIN,
     SolverOptions,
     StanData,
+    ValleyReference,
     constant_rate_data,
-    plain_coordinates,
+    valley_block,
 )
+from pyburgers.valley import ValleyUnsuited, find_valley
 
 _SIGNAL = re.compile(r"retcodes=\[-(\d+)\]")
 PACKAGES = ("pyburgers", "cmdstanpy", "arviz", "numpy", "scipy", "pandas", "xarray")
+
+COORDINATES = Literal["auto", "plain", "valley"]
 
 
 @dataclass(frozen=True)
@@ -62,6 +67,9 @@ class SamplerOptions:
         Target acceptance rate.
     max_treedepth : int
         Trajectories have at most 2**max_treedepth - 1 leapfrog steps.
+    coordinates : {"auto", "plain", "valley"}
+        Coordinates of the sampler (`docs/coordinates.md`); the posterior is the same. "auto"
+        takes valley coordinates where the priors and the record suit them.
     chain_timeout : float or None
         Seconds after which a chain is stopped and reported as failed.
     """
@@ -72,6 +80,7 @@ class SamplerOptions:
     seed: int = 1
     adapt_delta: float = 0.9
     max_treedepth: int = 12
+    coordinates: COORDINATES = "auto"
     chain_timeout: float | None = None
 
     def __post_init__(self) -> None:
@@ -94,6 +103,11 @@ class SamplerOptions:
                 raise InputError(f"{name} is {value}, expected a number from {least} to {most}.")
         if not 0 < self.adapt_delta < 1:
             raise InputError(f"adapt_delta is {self.adapt_delta}, expected between 0 and 1.")
+        if self.coordinates not in get_args(COORDINATES):
+            raise InputError(
+                f"coordinates is {self.coordinates!r}, expected one of "
+                f"{', '.join(get_args(COORDINATES))}."
+            )
         if self.chain_timeout is not None and self.chain_timeout <= 0:
             raise InputError(f"chain_timeout is {self.chain_timeout} s, expected more than 0.")
 
@@ -114,10 +128,20 @@ class ChainFailure:
     reason: str
 
 
-def fingerprint(data: StanData, options: SamplerOptions, program_hash: str) -> str:
-    """Hash of everything that decides the draws of a chain (not how many chains there are)."""
+def fingerprint(data: StanData, options: SamplerOptions, program_key: str) -> str:
+    """Hash of everything that decides the draws of a chain (not how many chains there are).
+
+    Parameters
+    ----------
+    data : dict
+        Stan data in plain coordinates; those of the valley follow from them and the seed.
+    options : SamplerOptions
+        Settings of the sampler.
+    program_key : str
+        Hash of the program, its compiler and its flags.
+    """
     decisive = {k: v for k, v in asdict(options).items() if k not in {"chains", "chain_timeout"}}
-    return sha256_of_json({"data": data, "options": decisive, "program": program_hash})
+    return sha256_of_json({"data": data, "options": decisive, "program": program_key})
 
 
 def run_chains(
@@ -170,9 +194,14 @@ def run_chains(
     priors = priors.resolved(float(np.max(np.abs(experiment.stress))))
     data = constant_rate_data(experiment, priors, solver=solver, use_likelihood=use_likelihood)
     model = load_model(constant_rate_program(), report=report)
-    identity = fingerprint(data, options, sha256_of_file(Path(str(model.exe_file))))
+    identity = fingerprint(data, options, Path(str(model.exe_file)).parent.name)
     with run.claimed(identity):
-        _write_inputs(run, experiment, priors, data)
+        _write_inputs(run, experiment, priors)
+        if not run.stan_data_file.is_file():
+            valley = _choose_coordinates(
+                run, experiment, priors, options, solver, use_likelihood, report
+            )
+            write_json(run.stan_data_file, {**data, **valley_block(valley)})
         _write_manifest(run, experiment, options, solver, identity, use_likelihood, command)
         wanted = range(1, options.chains + 1)
         missing = [chain for chain in wanted if chain not in run.finished_chains()]
@@ -180,7 +209,7 @@ def run_chains(
             report(f"{options.chains - len(missing)} of {options.chains} chains are there already.")
         for chain in missing:
             if not run.initial_values_file(chain).is_file():
-                start = draw_initial_values(experiment, priors, seed=options.seed, chain=chain)
+                start = _draw_start(model, run, experiment, priors, options.seed, chain)
                 write_json(run.initial_values_file(chain), start)
         failures = _run_missing(model, run, missing, options) if missing else ()
         finished = run.finished_chains()
@@ -196,9 +225,62 @@ def run_chains(
     return failures
 
 
-def _write_inputs(
-    run: RunDirectory, experiment: Experiment, priors: PriorSet, data: StanData
-) -> None:
+def _choose_coordinates(
+    run: RunDirectory,
+    experiment: Experiment,
+    priors: PriorSet,
+    options: SamplerOptions,
+    solver: SolverOptions,
+    use_likelihood: bool,
+    report: Callable[[str], None],
+) -> ValleyReference | None:
+    """Set up the valley, or say in the manifest why the plain coordinates are used."""
+    valley = None
+    reason = "asked for"
+    if not use_likelihood:
+        # Coordinates whitened by the likelihood are a poor fit to the prior.
+        reason = "the likelihood is off"
+    elif options.coordinates != "plain":
+        try:
+            report("Finding the posterior mode, which sets the sampler's coordinates.")
+            valley = find_valley(
+                experiment, priors, seed=options.seed, solver=solver, report=report
+            )
+        except ValleyUnsuited as error:
+            if options.coordinates == "valley":
+                raise InputError(
+                    f"{experiment.id}: valley coordinates do not apply, because {error}; use "
+                    "--coordinates auto or plain."
+                ) from error
+            reason = str(error)
+        else:
+            reason = "the priors and the record suit them"
+    system = "plain" if valley is None else "valley"
+    report(
+        f"Coordinates: {system}, because {reason}."
+        if reason != "asked for"
+        else f"Coordinates: {system}, as asked for."
+    )
+    run.update_manifest({"coordinates": {"system": system, "reason": reason}})
+    return valley
+
+
+def _draw_start(
+    model: cmdstanpy.CmdStanModel,
+    run: RunDirectory,
+    experiment: Experiment,
+    priors: PriorSet,
+    seed: int,
+    chain: int,
+) -> dict[str, list[float]]:
+    """Start of one chain: from the prior, or around the mode in valley coordinates."""
+    data: StanData = json.loads(run.stan_data_file.read_text(encoding="utf-8"))
+    if data["coordinate_system"] == PLAIN:
+        return draw_initial_values(experiment, priors, seed=seed, chain=chain)
+    return draw_valley_start(model, data, seed=seed, chain=chain)
+
+
+def _write_inputs(run: RunDirectory, experiment: Experiment, priors: PriorSet) -> None:
     """Save what the run needs to be trusted and repeated; written once, before sampling."""
     if not run.experiment_file.is_file():
         scratch = run.new_scratch()
@@ -207,7 +289,6 @@ def _write_inputs(
         for file in sorted(scratch.iterdir()):
             file.replace(run.inputs / file.name)
     write_atomically(run.priors_file, lambda path: save_priors(priors, path))
-    write_json(run.stan_data_file, data)
 
 
 def _write_manifest(
@@ -276,9 +357,7 @@ def _run_missing(
     return tuple(sorted(failures, key=lambda failure: failure.chain))
 
 
-def _stop_chains(
-    model: cmdstanpy.CmdStanModel, pending: set[Future[ChainFailure | None]]
-) -> None:
+def _stop_chains(model: cmdstanpy.CmdStanModel, pending: set[Future[ChainFailure | None]]) -> None:
     """Kill the CmdStan processes that this process started, until no thread waits for one."""
     running = {future for future in pending if not future.cancel()}
     while running:

@@ -243,10 +243,7 @@ def solve(
     protocol = replace(experiment, strain=np.empty(0), stress=np.empty(0))
     data = constant_rate_data(protocol, priors, solver=solver, grid_strain=strain)
     model = load_model(constant_rate_program(), report=report)
-    with tempfile.TemporaryDirectory() as folder:
-        draw = {
-            name: value[0] for name, value in _single_draw(model, data, Path(folder)).items()
-        }
+    draw = evaluate(model, data)
     if not np.isfinite(draw["grid_stress"]).all():
         raise SamplingError(
             f"{experiment.id}: the solver found no finite stress at these parameters; check their "
@@ -255,16 +252,41 @@ def solve(
     return {**draw, "grid_strain": np.array(data["grid_strain"])}
 
 
-def _single_draw(
-    model: cmdstanpy.CmdStanModel, data: Mapping[str, object], folder: Path
+def evaluate(
+    model: cmdstanpy.CmdStanModel,
+    data: Mapping[str, object],
+    position: Mapping[str, object] | None = None,
 ) -> dict[str, FloatArray]:
-    """Run the program once at fixed parameters; variables have a leading dimension of one."""
-    data_file = folder / "data.json"
-    data_file.write_text(json.dumps(data), encoding="utf-8")
-    try:
-        with quiet_cmdstanpy():
+    """Run a program once, without sampling.
+
+    Parameters
+    ----------
+    model : CmdStanModel
+        The program.
+    data : mapping
+        Its data.
+    position : mapping, optional
+        Its parameters; not needed where every parameter is fixed.
+
+    Returns
+    -------
+    dict
+        Every variable of the program.
+
+    Raises
+    ------
+    SamplingError
+        If the program stops with an error.
+    """
+    with tempfile.TemporaryDirectory() as name, quiet_cmdstanpy():
+        folder = Path(name)
+        data_file, position_file = folder / "data.json", folder / "position.json"
+        data_file.write_text(json.dumps(data), encoding="utf-8")
+        position_file.write_text(json.dumps(position or {}), encoding="utf-8")
+        try:
             run = model.sample(
                 data=str(data_file),
+                inits=str(position_file),
                 fixed_param=True,
                 chains=1,
                 iter_sampling=1,
@@ -273,12 +295,11 @@ def _single_draw(
                 output_dir=str(folder),
                 show_progress=False,
             )
-            variables: dict[str, FloatArray] = run.stan_variables()
-    except RuntimeError as error:
-        raise SamplingError(
-            f"The forward solution failed at these parameters: {console_tail(folder)}"
-        ) from error
-    return variables
+            return {name: value[0] for name, value in run.stan_variables().items()}
+        except RuntimeError as error:
+            raise SamplingError(
+                f"The forward solution failed at these parameters: {console_tail(folder)}"
+            ) from error
 
 
 def console_tail(folder: Path, lines: int = 6) -> str:

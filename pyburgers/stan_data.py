@@ -24,6 +24,9 @@ FAMILY_CODE = {"fixed": 0, "uniform": 1, "normal": 2, "half_normal": 2, "lognorm
 REFERENCE_STRESS = "reference_stress"
 """Name of the coordinate ln S_0 that replaces Q_M or beta."""
 
+PLAIN, VALLEY = 1, 2
+"""Codes of the coordinate systems."""
+
 REFERENCE_STRESS_SCALE = 0.1
 """Scale of ln S_0: data fix it to about 0.01, the prior to about 1."""
 
@@ -237,7 +240,7 @@ def valley_block(reference: ValleyReference | None) -> StanData:
     """Return the block `stan/data/valley.stan`; None keeps the plain coordinates."""
     if reference is None:
         return {
-            "coordinate_system": 1,
+            "coordinate_system": PLAIN,
             "n_knots": 0,
             "knot_time_step": [],
             "knot_stress": [],
@@ -248,7 +251,7 @@ def valley_block(reference: ValleyReference | None) -> StanData:
             "linear_from": [],
         }
     return {
-        "coordinate_system": 2,
+        "coordinate_system": VALLEY,
         "n_knots": reference.knot_stress.size,
         "knot_time_step": reference.knot_time_step.tolist(),
         "knot_stress": reference.knot_stress.tolist(),

@@ -116,7 +116,9 @@ def small_problem(tmp_path_factory: pytest.TempPathFactory) -> Problem:
 
 
 @pytest.fixture(scope="session")
-def small_fit(programs: None, small_problem: Problem, tmp_path_factory: pytest.TempPathFactory) -> Fit:
+def small_fit(
+    programs: None, small_problem: Problem, tmp_path_factory: pytest.TempPathFactory
+) -> Fit:
     """Finished fit of the small problem; not to be changed (copy its folder instead)."""
     return fit(
         small_problem.experiment,

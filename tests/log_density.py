@@ -48,9 +48,13 @@ class Program:
     unconstrain: Unconstrain
     scale: FloatArray
 
+    def columns_at(self, initial_values: Mapping[str, object]) -> Mapping[str, float]:
+        """Columns of the output at the given values of the program's parameters."""
+        return self._leapfrog(initial_values, 1e-14 * self.scale)[0]
+
     def at(self, initial_values: Mapping[str, object]) -> Evaluation:
-        """Evaluate at the given values of the program's parameters."""
-        still, rough = self._leapfrog(initial_values, np.full(self.scale.size, 1e-14))
+        """Log density and gradient at the given values of the program's parameters."""
+        still, rough = self._leapfrog(initial_values, 1e-14 * self.scale)
         step = 1e-3 * self.scale / np.sqrt(np.maximum(np.abs(rough * self.scale), 1.0))
         start = self.unconstrain(still)
         one, two = (

@@ -1,16 +1,18 @@
 """The program against the paper's form: log density and gradient in six and in two states."""
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+import oracle
 import pytest
 from conftest import ICE
 from log_density import Program
 from oracle import GAS_CONSTANT
+from scipy import stats
 from scipy.special import logit
 
 from pyburgers.cmdstan import compile_program, stan_directory
@@ -27,6 +29,7 @@ from pyburgers.stan_data import (
 
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
+MakePair = Callable[[Experiment], "Pair"]
 pytestmark = pytest.mark.usefixtures("programs")
 
 
@@ -42,7 +45,7 @@ class Pair:
 
 
 @pytest.fixture
-def make_pair(tmp_path: Path) -> Callable[[Experiment], Pair]:
+def make_pair(tmp_path: Path) -> MakePair:
     def make(experiment: Experiment) -> Pair:
         priors = default_priors("ice").resolved(float(np.abs(experiment.stress).max()))
         data = constant_rate_data(
@@ -131,18 +134,27 @@ def log_reference_stress(experiment: Experiment, values: Mapping[str, float]) ->
         values["beta"] - 1 / (GAS_CONSTANT * experiment.temperature)
     )
     log_grain_size = np.log(experiment.initial_grain_size)
-    return float(
-        np.log(experiment.segments[0].strain_rate)
-        + values["grain_size_exponent"] * log_grain_size
-        - log_factor
-    ) / values["stress_exponent"]
+    return (
+        float(
+            np.log(experiment.segments[0].strain_rate)
+            + values["grain_size_exponent"] * log_grain_size
+            - log_factor
+        )
+        / values["stress_exponent"]
+    )
 
 
-def assert_programs_agree(pair: Pair, seed: int, draws: int) -> None:
+def prior_draws(pair: Pair, seed: int, number: int) -> list[dict[str, float]]:
     rng = np.random.default_rng(seed)
+    return [
+        {name: prior.sample(rng) for name, prior in pair.priors.priors.items()}
+        for _ in range(number)
+    ]
+
+
+def assert_programs_agree(pair: Pair, points: Sequence[Mapping[str, float]]) -> None:
     assert pair.coordinates.replaced_parameter == "activation_enthalpy"
-    for _ in range(draws):
-        values = {name: prior.sample(rng) for name, prior in pair.priors.priors.items()}
+    for values in points:
         reference_stress = np.exp(log_reference_stress(pair.experiment, values))
         coordinate = pair.coordinates.at({**values, REFERENCE_STRESS: reference_stress})
         reduced = pair.reduced.at({"coordinate": coordinate.tolist()})
@@ -169,11 +181,44 @@ def assert_programs_agree(pair: Pair, seed: int, draws: int) -> None:
         assert deviation.max() < 1e-6
 
 
-def test_programs_agree_at_prior_draws(make_pair: Callable[[Experiment], Pair]) -> None:
-    assert_programs_agree(make_pair(load_experiment(ICE / "PIL72.toml")), seed=3, draws=20)
+def test_programs_agree_at_prior_draws(make_pair: MakePair) -> None:
+    pair = make_pair(load_experiment(ICE / "PIL72.toml"))
+    assert_programs_agree(pair, prior_draws(pair, seed=3, number=20))
 
 
-def test_programs_agree_with_rate_steps(make_pair: Callable[[Experiment], Pair]) -> None:
-    segments = (RateSegment(0.0, 8e-5), RateSegment(0.04, 2e-5), RateSegment(0.1, 3e-4))
-    stepped = replace(load_experiment(ICE / "PIL72.toml"), segments=segments)
-    assert_programs_agree(make_pair(stepped), seed=4, draws=5)
+def test_density_with_rate_steps(make_pair: MakePair) -> None:
+    """Against an independent solver, since the six states in SI are too stiff to restart."""
+    segments = ((0.0, 8e-5), (0.04, 2e-5), (0.1, 3e-4))
+    stepped = replace(
+        load_experiment(ICE / "PIL72.toml"),
+        segments=tuple(RateSegment(start, rate) for start, rate in segments),
+    )
+    pair = make_pair(stepped)
+    truth = stepped.true_parameters
+    assert truth is not None
+    for draw in prior_draws(pair, seed=4, number=3):
+        values = {name: truth[name] + 0.1 * (draw[name] - truth[name]) for name in draw}
+        stress = oracle.six_states(
+            values, stepped.temperature, stepped.initial_grain_size, segments, stepped.strain
+        )[0]
+        residual = stats.norm.logpdf(stepped.stress, stress, values["stress_noise"])
+        prior = sum(
+            prior.distribution().logpdf(values[name]) for name, prior in pair.priors.priors.items()
+        )
+        reference_stress = np.exp(log_reference_stress(stepped, values))
+        coordinate = pair.coordinates.at({**values, REFERENCE_STRESS: reference_stress})
+        program = pair.reduced.at({"coordinate": coordinate.tolist()})
+        expected = residual.sum() + prior + program.columns["log_jacobian"]
+        assert program.log_density == pytest.approx(expected, rel=1e-6)
+
+        step = 1e-3
+        for k in range(coordinate.size):
+            shift = step * np.eye(coordinate.size)[k]
+            above, below = (
+                pair.reduced.columns_at({"coordinate": (coordinate + sign * shift).tolist()})[
+                    "lp__"
+                ]
+                for sign in (1, -1)
+            )
+            difference = (above - below) / (2 * step)
+            assert program.gradient[k] == pytest.approx(difference, rel=1e-3, abs=1e-2), k

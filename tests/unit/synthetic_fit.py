@@ -258,9 +258,7 @@ def _posterior(
     values[REFERENCE_STRESS] = REFERENCE + 5e4 * rng.normal(size=shape)
     for name, prior in priors.priors.items():
         values[name][0] += apart * SPREAD[name]
-        below, above = prior.lower, prior.upper
-        values[name] = np.where(values[name] < below, 2 * below - values[name], values[name])
-        values[name] = np.where(values[name] > above, 2 * above - values[name], values[name])
+        values[name] = _folded(values[name], prior.lower, prior.upper)
         if prior.is_fixed:
             values[name] = np.full(shape, prior.location)
     if stuck_chain:
@@ -275,6 +273,15 @@ def _posterior(
         is_fixed = name in priors.priors and priors[name].is_fixed
         dataset[name].attrs = {"units": unit, "fixed": int(is_fixed)}
     return dataset
+
+
+def _folded(values: FloatArray, lower: float, upper: float) -> FloatArray:
+    """Reflect values at the bounds until they lie inside."""
+    inside = values if np.isinf(lower) else lower + np.abs(values - lower)
+    if np.isfinite(upper):
+        width = upper - lower
+        inside = lower + width - np.abs((inside - lower) % (2 * width) - width)
+    return inside
 
 
 def _final(posterior: xr.Dataset) -> FloatArray:

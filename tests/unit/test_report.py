@@ -1,5 +1,6 @@
 import hashlib
 import json
+import shutil
 from collections.abc import Sequence
 from html.parser import HTMLParser
 from pathlib import Path
@@ -107,6 +108,12 @@ def page(folder: Path, fits: list[Fit]) -> Page:
     return write(fits, folder / "page")
 
 
+@pytest.fixture(scope="module")
+def passing_page(folder: Path, fits: list[Fit]) -> Page:
+    """Page about the measured test alone."""
+    return write([fits[1]], folder / "passing")
+
+
 def test_the_page_is_well_formed_and_its_links_lead_somewhere(page: Page) -> None:
     assert not page.open
     assert len(set(page.ids)) == len(page.ids)
@@ -141,12 +148,10 @@ def test_synthetic_data_are_announced_by_name_at_the_top(page: Page) -> None:
     assert "SYNTHETIC DATA: A , B" not in page.text
 
 
-@pytest.mark.parametrize("kind", ["measured", "digitised"])
-def test_there_is_no_banner_without_synthetic_data(kind: str, tmp_path: Path) -> None:
-    page = write([small_fit(tmp_path / "run", kind=kind)], tmp_path / "page")
-    assert "synthetic-data" not in page.ids
-    assert "SYNTHETIC DATA" not in page.text
-    assert f"{kind.upper()} DATA" in page.text
+def test_there_is_no_banner_without_synthetic_data(passing_page: Page) -> None:
+    assert "synthetic-data" not in passing_page.ids
+    assert "SYNTHETIC DATA" not in passing_page.text
+    assert "MEASURED DATA" in passing_page.text
 
 
 def test_failed_checks_cannot_be_overlooked(page: Page, fits: list[Fit]) -> None:
@@ -161,11 +166,10 @@ def test_failed_checks_cannot_be_overlooked(page: Page, fits: list[Fit]) -> None
     assert page.text.count("✓ PASSED") == passed
 
 
-def test_a_page_without_failures_says_so(fits: list[Fit], tmp_path: Path) -> None:
+def test_a_page_without_failures_says_so(fits: list[Fit], passing_page: Page) -> None:
     assert all(check.passed for check in fits[1].checks())
-    page = write([fits[1]], tmp_path / "page")
-    assert "✓ All checks passed." in page.text
-    assert "FAILED" not in page.text
+    assert "✓ All checks passed." in passing_page.text
+    assert "FAILED" not in passing_page.text
 
 
 def test_a_fit_without_likelihood_says_so(tmp_path: Path) -> None:
@@ -218,12 +222,12 @@ def test_two_runs_of_one_experiment_do_not_overwrite_each_other(tmp_path: Path) 
 
 
 def test_a_report_replaces_an_earlier_one_and_leaves_no_scraps(
-    fits: list[Fit], tmp_path: Path
+    folder: Path, page: Page, fits: list[Fit], tmp_path: Path
 ) -> None:
-    write([fits[1]], tmp_path / "page")
-    write([fits[1]], tmp_path / "page")
-    names = [path.name for path in (tmp_path / "page").rglob("*")]
-    assert not [name for name in names if name.startswith(".")]
+    assert "Two tests" in page.text
+    copy = shutil.copytree(folder / "page", tmp_path / "page")
+    assert "A" not in write([fits[1]], copy).ids
+    assert not [path for path in copy.rglob("*") if path.name.startswith(".")]
 
 
 def test_a_run_directory_is_not_overwritten(fits: list[Fit]) -> None:

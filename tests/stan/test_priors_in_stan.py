@@ -1,0 +1,126 @@
+"""Priors are data of the program: densities, fixed parameters, and draws without likelihood."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from types import MappingProxyType
+
+import arviz as az
+import numpy as np
+import pytest
+from conftest import ICE, with_fixed
+from log_density import Program
+from oracle import GAS_CONSTANT
+from scipy import stats
+
+from pyburgers.cmdstan import compile_program, load_model, stan_directory
+from pyburgers.experiment import Experiment, load_experiment
+from pyburgers.parameters import PARAMETERS
+from pyburgers.priors import Prior, PriorSet, default_priors
+from pyburgers.simulation import quiet_cmdstanpy
+from pyburgers.stan_data import (
+    REFERENCE_STRESS,
+    SolverOptions,
+    constant_rate_data,
+    plain_coordinates,
+)
+
+pytestmark = pytest.mark.usefixtures("programs")
+
+
+def reference_stress(experiment: Experiment, values: Mapping[str, float]) -> float:
+    log_factor = values["activation_enthalpy"] * (
+        values["beta"] - 1 / (GAS_CONSTANT * experiment.temperature)
+    )
+    log_flow = (
+        np.log(experiment.segments[0].strain_rate)
+        + values["grain_size_exponent"] * np.log(experiment.initial_grain_size)
+        - log_factor
+    )
+    return float(np.exp(log_flow / values["stress_exponent"]))
+
+
+def priors_of(kind: str) -> PriorSet:
+    """Return sets that between them have every family, and ln S_0 in place of Q_M and of beta."""
+    if kind == "dunite":
+        return default_priors("dunite")
+    ice = default_priors("ice")
+    if kind == "enthalpy fixed":
+        narrow = Prior("maxwell_modulus", "normal", 4e9, 2e9, 3e9, 4.5e9, "Pa", "test")
+        ice = replace(ice, priors=MappingProxyType({**ice.priors, "maxwell_modulus": narrow}))
+        return with_fixed(ice, {"activation_enthalpy": 64e3, "critical_strain_fabric": 0.2})
+    return ice
+
+
+KINDS = ("ice", "enthalpy fixed", "dunite")
+
+
+@pytest.fixture(scope="module")
+def short_test() -> Experiment:
+    """Two readings at little strain: a quick solution for programs that need one."""
+    full = load_experiment(ICE / "PIL40.toml")
+    return replace(full, strain=full.strain[:2], stress=full.stress[:2], final_strain=0.01)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_prior_density_is_the_sum_of_the_families(
+    kind: str, short_test: Experiment, tmp_path: Path
+) -> None:
+    priors = priors_of(kind).resolved(8e6)
+    data = constant_rate_data(short_test, priors, solver=SolverOptions(), use_likelihood=False)
+    data_file = tmp_path / "data.json"
+    data_file.write_text(json.dumps(data), encoding="utf-8")
+    coordinates = plain_coordinates(short_test, priors)
+    program = Program(
+        compile_program(stan_directory() / "constant_rate.stan", report=print),
+        data_file,
+        tmp_path,
+        lambda columns: np.array([columns[f"coordinate.{k + 1}"] for k in range(len(priors.free))]),
+        np.ones(len(priors.free)),
+    )
+    rng = np.random.default_rng(8)
+    for _ in range(3):
+        values = {name: prior.sample(rng) for name, prior in priors.priors.items()}
+        start = coordinates.at({**values, REFERENCE_STRESS: reference_stress(short_test, values)})
+        columns = program.columns_at({"coordinate": start.tolist()})
+        expected = sum(priors[name].distribution().logpdf(values[name]) for name in priors.free)
+        assert columns["lprior"] == pytest.approx(expected, rel=1e-8)
+        assert columns["lp__"] == pytest.approx(expected + columns["log_jacobian"], rel=1e-8)
+        for parameter in PARAMETERS:
+            if priors[parameter.name].is_fixed:
+                assert columns[parameter.name] == priors[parameter.name].location
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_without_likelihood_draws_have_the_priors_marginals(
+    kind: str, short_test: Experiment, tmp_path: Path
+) -> None:
+    priors = priors_of(kind).resolved(8e6)
+    data = constant_rate_data(short_test, priors, solver=SolverOptions(), use_likelihood=False)
+    data_file = tmp_path / "data.json"
+    data_file.write_text(json.dumps(data), encoding="utf-8")
+    with quiet_cmdstanpy():
+        sample = load_model(stan_directory() / "constant_rate.stan", report=print).sample(
+            data=str(data_file),
+            chains=4,
+            parallel_chains=2,
+            seed=20,
+            inits=0,
+            iter_warmup=500,
+            iter_sampling=2000,
+            metric="dense_e",
+            adapt_delta=0.9,
+            sig_figs=12,
+            output_dir=str(tmp_path),
+            show_progress=False,
+        )
+        draws = sample.draws_xr([p.name for p in PARAMETERS])
+    family_wise_level = 1e-3
+    for name in priors.free:
+        size = float(az.ess(draws[name])[name])
+        assert size > 1000, name
+        step = int(np.ceil(draws[name].size / size))
+        independent = draws[name].to_numpy().ravel()[::step]
+        p_value = stats.kstest(independent, priors[name].distribution().cdf).pvalue
+        assert p_value > family_wise_level / len(priors.free), name

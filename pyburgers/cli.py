@@ -20,7 +20,7 @@ from pyburgers.run_directory import write_text
 from pyburgers.sampling import SamplerOptions
 from pyburgers.simulation import load_parameters, simulate
 from pyburgers.stan_data import SolverOptions
-from pyburgers.tables import format_checks, format_summary
+from pyburgers.tables import checks_table, parameter_table
 
 EXIT_CHECK_FAILED = 3
 EXIT_INTERRUPTED = 130
@@ -161,13 +161,14 @@ def _fit(options: argparse.Namespace) -> int:
         command=_command_line(),
         report=_say,
     )
-    print(format_summary(result))
+    print(parameter_table(result.summary(), result.priors).to_string(index=False))
     print(f"run directory: {result.directory.path}")
     return _print_checks(result.checks())
 
 
 def _print_checks(checks: Sequence[CheckResult]) -> int:
-    print(format_checks(checks))
+    for row in checks_table(checks).itertuples():
+        print(f"{row.verdict:<6}  {row.check}: {row.sentence}")
     return 0 if all(check.passed for check in checks) else EXIT_CHECK_FAILED
 
 
@@ -183,10 +184,13 @@ def _simulate(options: argparse.Namespace) -> int:
             "warning: beta is positive; in SI units (Pa, m, s) laboratory flow laws have a "
             "negative one, and the +7.29e-4 mol/J printed in the paper's Table 1 is a misprint."
         )
+    if options.out.is_dir():
+        raise InputError(f"--out {options.out}: is a folder, expected a file name.")
     solution = simulate(experiment, parameters, report=_say)
-    if not options.out.parent.is_dir():
-        raise InputError(f"{options.out.parent}: no such folder for --out.")
-    write_text(options.out, solution.to_csv(index=False))
+    try:
+        write_text(options.out, solution.to_csv(index=False))
+    except OSError as error:
+        raise InputError(f"--out {options.out}: cannot be written ({error.strerror}).") from error
     print(f"{len(solution)} rows in {options.out}")
     return 0
 

@@ -81,20 +81,21 @@ def check_chains(posterior: xr.DataTree, failures: tuple[ChainFailure, ...]) -> 
 def check_rhat(posterior: xr.DataTree) -> CheckResult:
     """Chains agree: R-hat at most 1.01 for every sampled quantity."""
     table = convergence_table(posterior)[["rhat"]]
-    worst = table["rhat"].idxmax() if table["rhat"].notna().all() else None
-    if worst is None:
+    if posterior["posterior"].sizes["chain"] == 1:
         return CheckResult(
             "R-hat",
             False,
             table,
             "R-hat compares chains and there is only one; run at least two (--chains 4).",
         )
-    value = table["rhat"].max()
-    passed = bool(value <= RHAT_LIMIT)
-    sentence = f"The chains agree with each other (largest R-hat {value:.3f}, {worst})."
+    # Draws that never moved give a NaN.
+    worst = int(table["rhat"].fillna(np.inf).argmax())
+    name, value = table.index[worst], float(table["rhat"].iloc[worst])
+    passed = value <= RHAT_LIMIT
+    sentence = f"The chains agree with each other (largest R-hat {value:.3f}, {name})."
     if not passed:
         sentence = (
-            f"The chains have not yet found the same distribution (R-hat {value:.3f} for {worst}, "
+            f"The chains have not yet found the same distribution (R-hat {value:.3f} for {name}, "
             f"at most {RHAT_LIMIT} wanted), so means and intervals may still move; run longer "
             "(--warmup, --draws) or tighten priors that the data do not inform."
         )
@@ -170,7 +171,7 @@ def check_energy(posterior: xr.DataTree) -> CheckResult:
 
 
 def check_solver(posterior: xr.DataTree) -> CheckResult:
-    """The solver's tolerance did not matter: Pareto k below 0.7 (Timonen et al. 2023)."""
+    """Tolerance of the solver did not matter: Pareto k below 0.7 (Timonen et al. 2023)."""
     ratios = posterior["sample_stats"]["solver_log_ratio"]
     unsolved = int((~np.isfinite(ratios)).sum())
     k = pareto_k(ratios.to_numpy()) if unsolved == 0 else np.inf
@@ -185,6 +186,8 @@ def check_solver(posterior: xr.DataTree) -> CheckResult:
     sentence = (
         "Solving every draw again at the reference tolerance changes nothing that matters "
         f"(Pareto k {k:.2f})."
+        if np.isfinite(k)
+        else "Solving every draw again at the reference tolerance changes nothing."
     )
     if not passed:
         sentence = (
@@ -203,7 +206,7 @@ def coverage(posterior: xr.DataTree) -> float:
 
 
 def check_coverage(posterior: xr.DataTree) -> CheckResult:
-    """The 90 % predictive band holds about 90 % of the data.
+    """Predictive band of 90 % holds about 90 % of the data.
 
     The verdict asks that the count inside is not below what 99 % of correct models would give.
     """

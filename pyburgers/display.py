@@ -95,7 +95,8 @@ def prior_text(prior: Prior) -> str:
         case "uniform":
             return f"U[{lower}, {upper}]{unit}"
         case "half_normal":
-            return f"HN({scale}){unit}"
+            # Often a share of the largest stress, whose digits mean nothing.
+            return f"HN({prior.scale * factor:.3g}){unit}"
         case "lognormal":
             return f"LN({location}, {number(prior.scale)}){unit}"
         case "normal":

@@ -149,9 +149,12 @@ STRESS_STRAIN_CAPTION = (
     "Top: the stress-strain curve (circles) with the solution at the posterior mean of the "
     "parameters (solid line), up to 1000 retrodictions, that is solutions for single draws from "
     "the posterior (thin lines), and the band that should hold 90 % of new measurements, noise "
-    "included. Dotted vertical lines mark where the imposed strain rate changes. Bottom: data "
-    "minus the mean prediction, with the band that should hold 90 % of residuals if they were "
-    "noise alone; a run of points on one side of zero means that the model misses something there."
+    "included. The means of all parameters need not be a good combination: where parameters trade "
+    "off along a bent ridge, the solid line leaves the band although the fit is good, so judge the "
+    "fit by the band and the residuals. Dotted vertical lines mark where the imposed strain rate "
+    "changes. Bottom: data minus the mean prediction, with the band that should hold 90 % of "
+    "residuals if they were noise alone; a run of points on one side of zero means that the model "
+    "misses something there."
 )
 
 
@@ -220,7 +223,7 @@ def _draw_residuals(axes: Axes, fit: Fit) -> None:
     axes.axhspan(
         -half_width, half_width, color=GREY, alpha=0.5, linewidth=0, label="90 % band of the noise"
     )
-    axes.axhline(0.0, color=VERMILION, linewidth=1.0)
+    axes.axhline(0.0, color=BLUE, linewidth=1.0)
     axes.plot(
         fit.experiment.strain * STRAIN_FACTOR,
         (fit.experiment.stress - predicted) * STRESS_FACTOR,
@@ -230,7 +233,7 @@ def _draw_residuals(axes: Axes, fit: Fit) -> None:
         color=BLACK,
         label="data minus mean prediction",
     )
-    axes.yaxis.set_major_locator(MaxNLocator(5))
+    axes.yaxis.set_major_locator(_few_ticks(5))
 
 
 def _mark_rate_steps(panels: Sequence[Axes], experiment: Experiment) -> None:
@@ -258,9 +261,10 @@ PRIOR_POSTERIOR_CAPTION = (
     "posterior standard deviation as a share of the prior's: near 100 % the data say nothing about "
     "the parameter, and its posterior is what the prior put in. Where the posterior is much "
     "narrower than the prior, the panel shows only the part around it and states the range of the "
-    "prior. The reference stress has no prior of its own; it is the stress at which the undeformed "
-    "material flows at the first imposed rate, which the other priors imply. Dashed vertical lines "
-    "are the true values, where data are synthetic and they are known."
+    "prior (its bounds, or what holds 98 % of it). The reference stress has no prior of its own; "
+    "it is the stress at which the undeformed material flows at the first imposed rate, which the "
+    "other priors imply. Dashed vertical lines are the true values, where data are synthetic and "
+    "they are known."
 )
 
 
@@ -320,8 +324,8 @@ def _draw_densities(
     axes.set_ylim(0.0, 1.06 * top)
     axes.set_xlabel(axis_label(quantity))
     axes.set_ylabel(_density_label(quantity))
-    axes.xaxis.set_major_locator(MaxNLocator(4))
-    axes.yaxis.set_major_locator(MaxNLocator(3))
+    axes.xaxis.set_major_locator(_few_ticks(4))
+    axes.yaxis.set_major_locator(_few_ticks(3))
 
 
 def _density_label(quantity: Parameter) -> str:
@@ -335,10 +339,10 @@ def _density_label(quantity: Parameter) -> str:
 
 
 def _prior_range(prior: Prior) -> tuple[float, float]:
-    """Bounds of a uniform prior, or the central 99.8 % of another (SI)."""
+    """Bounds of a uniform prior, or the central 98 % of another (SI)."""
     if prior.family == "uniform":
         return prior.lower, prior.upper
-    low, high = prior.distribution().ppf([0.001, 0.999])
+    low, high = prior.distribution().ppf([0.01, 0.99])
     return (prior.lower if prior.lower == 0 else float(low)), float(high)
 
 
@@ -347,7 +351,7 @@ def _density_limits(
 ) -> tuple[float, float, bool]:
     """Limits of a panel (SI), and whether they cut the prior's range."""
     ends = _prior_range(prior)
-    low, high = (float(end) for end in np.quantile(draws, [0.001, 0.999]))
+    low, high = (float(end) for end in np.quantile(draws, [0.005, 0.995]))
     cut = high - low < NARROW * (ends[1] - ends[0])
     if cut:
         width = max(high - low, 1e-3 * abs(high))
@@ -430,8 +434,8 @@ def rank(fit: Fit) -> Figure:
             axes.set_title(f"{quantity.label}, ${quantity.symbol}$", loc="left", fontsize=9.5)
             axes.set_ylim(bottom=0.0)
             axes.set_xlim(0.0, 100.0)
-            axes.xaxis.set_major_locator(MaxNLocator(4))
-            axes.yaxis.set_major_locator(MaxNLocator(4))
+            axes.xaxis.set_major_locator(_few_ticks(4))
+            axes.yaxis.set_major_locator(_few_ticks(4))
         figure.supxlabel("rank among the draws of all chains (%)", fontsize=10)
         figure.supylabel("draws in bin (count)", fontsize=10)
         band = Patch(color=GREY, alpha=0.5, label="expected of independent draws")
@@ -503,7 +507,7 @@ def _label_pair(axes: Axes, x_name: str, y_name: str, at_bottom: bool, at_left: 
         (axes.xaxis, x_name, at_bottom),
         (axes.yaxis, y_name, at_left),
     ):
-        axis.set_major_locator(MaxNLocator(2))
+        axis.set_major_locator(_few_ticks(2))
         if outer:
             quantity = shown_quantity(name)
             axis.set_label_text(f"${quantity.symbol}$\n({unit_text(quantity)})")
@@ -519,9 +523,10 @@ def _dot(colour: str, label: str) -> Line2D:
 SOFTENING_CAPTION = (
     "Why the material weakens, as far as the curve can tell: (a) mean grain size, (b) fabric "
     "factor (1 = isotropic), (c) the factors by which smaller grains and stronger fabric lower the "
-    "flow stress, and their product; lines are posterior medians, areas hold 90 % of draws. "
-    "(d) Share of the total softening, on a logarithmic scale, that grain size accounts for at the "
-    "final strain. The data fix the product well; where the histogram is broad, they do not tell "
+    "flow stress, and their product; lines are posterior medians, areas hold 90 % of draws. (d) "
+    "Share of the total softening, on a logarithmic scale, that grain size accounts for at the "
+    "final strain; below 0 or above 1 one of the two hardens, and the outermost 1 % of draws may "
+    "be cut off. The data fix the product well; where the histogram is broad, they do not tell "
     "which of the two mechanisms did it."
 )
 
@@ -581,7 +586,8 @@ def _draw_share(axes: Axes, by_grains: xr.DataArray, by_fabric: xr.DataArray) ->
     )
     total = of_grains + of_fabric
     share = of_grains[total != 0] / total[total != 0]
-    ends = (min(0.0, share.min(initial=0.0)), max(1.0, share.max(initial=1.0)))
+    low, high = np.quantile(share, [0.005, 0.995]) if share.size else (0.0, 1.0)
+    ends = (min(0.0, float(low)), max(1.0, float(high)))
     weights = np.full(share.size, 100.0 / max(share.size, 1))
     axes.hist(share, bins=30, range=ends, weights=weights, color=SKY_BLUE, label="posterior draws")
     if share.size:
@@ -605,9 +611,14 @@ FIGURES: tuple[FigureRecipe, ...] = (
     ),
     FigureRecipe("softening", "What softens the material", SOFTENING_CAPTION, softening),
     FigureRecipe("pairs", "Trade-offs between quantities", PAIRS_CAPTION, pairs),
-    FigureRecipe("rank", "Do the chains agree?", RANK_CAPTION, rank),
+    FigureRecipe("rank", "Agreement of the chains", RANK_CAPTION, rank),
 )
 """Figures of every report, in their order on the page."""
+
+
+def _few_ticks(intervals: int) -> MaxNLocator:
+    """Return ticks at round numbers, few enough for small panels."""
+    return MaxNLocator(intervals, steps=[1, 2, 5, 10])
 
 
 def _title(experiment: Experiment) -> str:

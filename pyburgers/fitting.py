@@ -53,13 +53,13 @@ class Fit:
         return summary_table(self.posterior, self.priors)
 
     def checks(self) -> tuple[CheckResult, ...]:
-        """Checks with their verdicts (`pyburgers.diagnostics.check_fit`)."""
+        """Return the checks with their verdicts (`pyburgers.diagnostics.check_fit`)."""
         return check_fit(
             self.posterior, self.missing_chains(), self.manifest["sampler"]["max_treedepth"]
         )
 
     def missing_chains(self) -> tuple[ChainFailure, ...]:
-        """Chains that were asked for and are not there, and why."""
+        """Return the chains that were asked for and are not there, and why."""
         finished = set(self.posterior["posterior"]["chain"].to_numpy().tolist())
         reasons = {failure["chain"]: failure["reason"] for failure in self.manifest["failures"]}
         return tuple(
@@ -112,7 +112,8 @@ class Fit:
             experiment=load_experiment(run.experiment_file),
             priors=load_priors(run.priors_file),
             posterior=posterior,
-            manifest=manifest,
+            # A killed process did not note the chains that it had finished.
+            manifest={**manifest, "chains": run.chain_records()},
         )
 
 

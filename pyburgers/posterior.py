@@ -86,7 +86,7 @@ def build_posterior(run: RunDirectory, *, report: Callable[[str], None]) -> xr.D
     manifest = run.read_manifest()
     files = [str(run.draws_file(chain)) for chain in run.finished_chains()]
     with quiet_cmdstanpy():
-        fit = cmdstanpy.from_csv(files, method="sample")
+        fit = _read_chains(files)
         report("Solving every draw again at the reference tolerance.")
         checked = _reference_solution(
             run, files, experiment, seed=manifest["sampler"]["seed"], report=report
@@ -102,7 +102,11 @@ def build_posterior(run: RunDirectory, *, report: Callable[[str], None]) -> xr.D
     points = {"point": np.arange(experiment.n_points)}
     reference_log_lik = checked["log_lik"].sum("log_lik_dim_0").assign_coords(chains)
     stats = _sample_stats(fit).assign_coords(chains)
-    stats["solver_log_ratio"] = reference_log_lik - log_lik.sum("point")
+    stats["solver_log_ratio"] = (
+        reference_log_lik - log_lik.sum("point")
+        if manifest["use_likelihood"]
+        else xr.zeros_like(reference_log_lik)  # the solver has no part in the prior
+    )
     groups = {
         "posterior": _label(draws, priors),
         "sample_stats": stats,
@@ -147,6 +151,12 @@ def load_posterior(run: RunDirectory) -> xr.DataTree | None:
     if json.loads(tree.attrs["chains"]) != list(run.finished_chains()):
         return None
     return tree
+
+
+def _read_chains(files: Sequence[str]) -> cmdstanpy.CmdStanMCMC:
+    fit = cmdstanpy.from_csv(list(files), method="sample")
+    assert isinstance(fit, cmdstanpy.CmdStanMCMC)  # what from_csv gives for this method
+    return fit
 
 
 def _reference_solution(
@@ -244,11 +254,12 @@ def convergence_table(posterior: xr.DataTree) -> pd.DataFrame:
         Index parameter; columns rhat, ess_bulk, ess_tail (Vehtari et al. 2021, rank-normalised).
     """
     draws = posterior["posterior"].to_dataset()[free_parameters(posterior)]
-    columns = {
-        "rhat": az.rhat(draws),
-        "ess_bulk": az.ess(draws, method="bulk"),
-        "ess_tail": az.ess(draws, method="tail", prob=0.9),
-    }
+    with np.errstate(invalid="ignore", divide="ignore"):  # draws that never moved
+        columns = {
+            "rhat": az.rhat(draws),
+            "ess_bulk": az.ess(draws, method="bulk"),
+            "ess_tail": az.ess(draws, method="tail", prob=0.9),
+        }
     return pd.DataFrame(
         {name: {key: float(value[key]) for key in draws} for name, value in columns.items()}
     ).rename_axis("parameter")

@@ -145,9 +145,19 @@ class RunDirectory:
         return self.path / "failures" / f"chain_{chain}.txt"
 
     def finished_chains(self) -> tuple[int, ...]:
-        """Identifiers of the chains that are complete, in order."""
+        """Return the identifiers of the chains that are complete, in order."""
         folders = (self.path / "chains").glob("chain_*")
         return tuple(sorted(int(folder.name.removeprefix("chain_")) for folder in folders))
+
+    def chain_records(self) -> dict[str, dict[str, Any]]:
+        """Return wall time (``wall_seconds``) and hash of each finished chain."""
+        return {
+            str(chain): {
+                **json.loads((self.chain_folder(chain) / "timing.json").read_text("utf-8")),
+                "sha256": sha256_of_file(self.draws_file(chain)),
+            }
+            for chain in self.finished_chains()
+        }
 
     def read_manifest(self) -> dict[str, Any]:
         """Read the manifest.
@@ -155,13 +165,16 @@ class RunDirectory:
         Raises
         ------
         InputError
-            If the directory is not a run.
+            If the directory is not a run or its manifest was damaged.
         """
         if not self.manifest_file.is_file():
             raise InputError(
                 f"{self.path}: not a run directory, expected a folder that holds manifest.json."
             )
-        manifest: dict[str, Any] = json.loads(self.manifest_file.read_text(encoding="utf-8"))
+        try:
+            manifest: dict[str, Any] = json.loads(self.manifest_file.read_text(encoding="utf-8"))
+        except ValueError as error:
+            raise InputError(f"{self.manifest_file}: is not valid JSON ({error}).") from error
         return manifest
 
     def update_manifest(self, changes: Mapping[str, Any]) -> None:

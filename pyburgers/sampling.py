@@ -9,14 +9,14 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from contextlib import redirect_stdout
+from contextlib import contextmanager, redirect_stdout
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import cmdstanpy
 import numpy as np
@@ -36,7 +36,7 @@ from pyburgers.run_directory import (
     write_json,
     write_text,
 )
-from pyburgers.simulation import console_tail, constant_rate_program, quiet_cmdstanpy, simulate
+from pyburgers.simulation import console_tail, constant_rate_program, quiet_cmdstanpy
 from pyburgers.stan_data import (
     PLAIN,
     SolverOptions,
@@ -195,7 +195,7 @@ def run_chains(
     data = constant_rate_data(experiment, priors, solver=solver, use_likelihood=use_likelihood)
     model = load_model(constant_rate_program(), report=report)
     identity = fingerprint(data, options, Path(str(model.exe_file)).parent.name)
-    with run.claimed(identity):
+    with run.claimed(identity), _no_process_left(model):
         _write_inputs(run, experiment, priors)
         if not run.stan_data_file.is_file():
             valley = _choose_coordinates(
@@ -217,7 +217,7 @@ def run_chains(
             {
                 "status": "chains missing" if failures else "sampled",
                 "failures": [asdict(failure) for failure in failures],
-                "chains": {str(chain): _chain_record(run, chain) for chain in finished},
+                "chains": run.chain_records(),
             }
         )
     if not finished:
@@ -366,7 +366,18 @@ def _stop_chains(model: cmdstanpy.CmdStanModel, pending: set[Future[ChainFailure
         running = wait(running, timeout=0.2).not_done
 
 
+@contextmanager
+def _no_process_left(model: cmdstanpy.CmdStanModel) -> Iterator[None]:
+    """Kill what runs of the program when an exception, such as an interrupt, ends the block."""
+    try:
+        yield
+    except BaseException:
+        _kill_chains(model)
+        raise
+
+
 def _kill_chains(model: cmdstanpy.CmdStanModel) -> None:
+    """Kill the processes of the program that this process started."""
     executable = os.path.realpath(str(model.exe_file))
     for child in psutil.Process().children(recursive=True):
         try:
@@ -448,9 +459,10 @@ def _explain_failure(
         remedy = "tighten the prior bounds or raise the solver's step limit"
     return ChainFailure(
         chain,
-        f"Chain {chain} {cause} at '{place}', started from {' '.join(values.split())}, last console "
-        f"lines: {console_tail(scratch)}; {remedy}, then run the same command again: it repeats "
-        f"only the missing chains (whole console in {run.failure_file(chain).name}).",
+        f"Chain {chain} {cause} at '{place}', started from {' '.join(values.split())}, last "
+        f"console lines: {console_tail(scratch)}; {remedy}, then run the same command again: it "
+        "repeats only the missing chains (whole console in "
+        f"{run.failure_file(chain).relative_to(run.path)}).",
     )
 
 
@@ -458,11 +470,3 @@ def _signal_in(message: str) -> str | None:
     """Name of the signal in cmdstanpy's error text, where it gives a negative return code."""
     found = _SIGNAL.search(message)
     return signal.Signals(int(found[1])).name if found else None
-
-
-def _chain_record(run: RunDirectory, chain: int) -> Mapping[str, Any]:
-    """What the manifest says of a finished chain."""
-    timing: dict[str, Any] = json.loads(
-        (run.chain_folder(chain) / "timing.json").read_text(encoding="utf-8")
-    )
-    return {**timing, "sha256": sha256_of_file(run.draws_file(chain))}

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import logit
 
+from pyburgers.errors import InputError
 from pyburgers.experiment import Experiment
 from pyburgers.parameters import PARAMETERS
 from pyburgers.priors import Prior, PriorSet
@@ -49,6 +50,21 @@ class SolverOptions:
 
     tolerance: float = 1e-6
     max_num_steps: int = 20_000
+
+    def __post_init__(self) -> None:
+        """Check the values.
+
+        Raises
+        ------
+        InputError
+            If one is out of range.
+        """
+        if not 1e-13 <= self.tolerance <= 1e-2:
+            raise InputError(
+                f"tolerance is {self.tolerance:g}, expected a number from 1e-13 to 1e-2."
+            )
+        if self.max_num_steps < 1:
+            raise InputError(f"max_num_steps is {self.max_num_steps}, expected at least 1.")
 
 
 @dataclass(frozen=True, eq=False)

@@ -61,7 +61,7 @@ class Program:
             self.unconstrain(self._leapfrog(initial_values, factor * step)[0]) - start
             for factor in (1, 2)
         )
-        assert np.any(one) and np.any(two), "the step was rejected"
+        assert np.all(np.any([one, two], axis=1)), "a step was rejected"
         return Evaluation(still["lp__"], (two - 2 * one) / step**2, still)
 
     def _leapfrog(

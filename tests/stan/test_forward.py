@@ -257,7 +257,7 @@ def test_flow_law_is_odd_in_stress_and_zero_at_rest(function_values: FunctionVal
     stress = np.array([1e3, 1e6, 8e6])
     values = function_values("function_values", function_data([*stress, *-stress, 0.0], []))
     rate = values["dashpot_rate"]
-    expected = oracle.dashpot_rate(FLOW, 260.0, stress, np.float64(180e-6), np.float64(0.7))
+    expected = oracle.dashpot_rate(FLOW, 260.0, stress, np.full(3, 180e-6), np.full(3, 0.7))
     np.testing.assert_allclose(rate[:3], expected, rtol=1e-12)
     np.testing.assert_array_equal(rate[3:6], -rate[:3])
     assert rate[6] == 0

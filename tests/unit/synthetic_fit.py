@@ -321,6 +321,7 @@ def _manifest(
             "max_treedepth": 12,
             "chain_timeout": None,
         },
+        "coordinates": {"system": "plain", "reason": "asked for"},
         "solver": {"tolerance": 1e-6, "max_num_steps": 20000},
         "use_likelihood": True,
         "versions": {"python": "3.11", "cmdstan": "2.27.0", "compiler": "g++ 12"},

@@ -1,0 +1,276 @@
+"""A fit from files to checks: what it writes, repeats, continues and refuses."""
+
+import json
+import shutil
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import arviz as az
+import numpy as np
+import pandas as pd
+import pytest
+from conftest import SMALL_RUN, Problem
+
+from pyburgers.errors import InputError
+from pyburgers.fitting import Fit, fit
+from pyburgers.parameters import PARAMETERS
+from pyburgers.run_directory import sha256_of_file
+from pyburgers.stan_data import REFERENCE_STRESS, SolverOptions
+
+FREE = ["maxwell_modulus", "activation_enthalpy", "stress_noise"]
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {
+        file.relative_to(folder).as_posix(): file.read_bytes()
+        for file in folder.rglob("*")
+        if file.is_file()
+    }
+
+
+@pytest.fixture
+def copy(small_fit: Fit, tmp_path: Path) -> Path:
+    """Run directory of the small fit that a test may change."""
+    small_fit.save(tmp_path / "copy")
+    return tmp_path / "copy"
+
+
+def test_a_fit_writes_everything(small_fit: Fit) -> None:
+    files = set(contents(small_fit.directory.path)) - {".lock"}
+    chain_files = {
+        f"chains/chain_{chain}/{name}"
+        for chain in (1, 2)
+        for name in ("draws.csv", "console.txt", "timing.json")
+    }
+    assert files == chain_files | {
+        "manifest.json",
+        "stan_data.json",
+        "posterior.nc",
+        "checks.json",
+        "summary.csv",
+        "inputs/experiment.toml",
+        "inputs/experiment.csv",
+        "inputs/priors.toml",
+        "initial_values/chain_1.json",
+        "initial_values/chain_2.json",
+    }
+
+
+def test_the_manifest_says_what_was_run(small_fit: Fit) -> None:
+    manifest = small_fit.manifest
+    assert manifest["status"] == "complete"
+    assert manifest["sampler"]["seed"] == SMALL_RUN.seed
+    assert manifest["solver"]["tolerance"] == SolverOptions().tolerance
+    assert manifest["failures"] == []
+    assert {"python", "cmdstan", "compiler", "cmdstanpy", "numpy"} <= set(manifest["versions"])
+    assert set(manifest["chains"]) == {"1", "2"}
+    assert manifest["chains"]["1"]["wall_seconds"] > 0
+    for name, digest in manifest["hashes"].items():
+        assert sha256_of_file(small_fit.directory.path / name) == digest
+    assert "inputs/experiment.toml" in manifest["hashes"]
+
+
+def test_chains_tell_their_metric_and_step_size(small_fit: Fit) -> None:
+    text = small_fit.directory.draws_file(1).read_text(encoding="utf-8")
+    assert "# Step size = " in text
+    assert "# Elements of inverse mass matrix:" in text
+
+
+def test_the_posterior_is_labelled(small_fit: Fit) -> None:
+    posterior = small_fit.posterior["posterior"].to_dataset()
+    assert set(posterior.data_vars) == {p.name for p in PARAMETERS} | {REFERENCE_STRESS}
+    assert posterior.sizes == {"chain": 2, "draw": SMALL_RUN.draws}
+    assert posterior["chain"].to_numpy().tolist() == [1, 2]
+    modulus = posterior["maxwell_modulus"]
+    assert (modulus.attrs["units"], modulus.attrs["symbol"]) == ("Pa", "E_M")
+    n_points = small_fit.experiment.n_points
+    assert small_fit.posterior["log_likelihood"].sizes["point"] == n_points
+    assert small_fit.posterior["posterior_predictive"].sizes["point"] == n_points
+    predictions = small_fit.posterior["predictions"]
+    assert float(predictions["strain"].max()) == pytest.approx(small_fit.experiment.final_strain)
+
+
+def test_fixed_parameters_stay_fixed_and_the_others_find_the_truth(small_fit: Fit) -> None:
+    posterior = small_fit.posterior["posterior"].to_dataset()
+    truth = small_fit.experiment.true_parameters
+    assert truth is not None
+    for parameter in PARAMETERS:
+        draws = posterior[parameter.name].to_numpy()
+        if parameter.name in FREE:
+            assert np.ptp(draws) > 0
+            assert abs(draws.mean() - truth[parameter.name]) < 4 * draws.std()
+        else:
+            np.testing.assert_allclose(draws, truth[parameter.name], rtol=1e-11)
+
+
+def test_any_arviz_reads_the_posterior(small_fit: Fit) -> None:
+    data = az.from_netcdf(small_fit.directory.posterior_file)
+    np.testing.assert_array_equal(
+        data["posterior"]["maxwell_modulus"],
+        small_fit.posterior["posterior"]["maxwell_modulus"],
+    )
+
+
+def test_the_table_has_the_prior_beside_the_posterior(small_fit: Fit) -> None:
+    table = small_fit.summary()
+    assert set(table.index) == {*FREE, REFERENCE_STRESS}
+    enthalpy = table.loc["activation_enthalpy"]
+    assert enthalpy["prior_mean"] == pytest.approx(65e3)
+    assert enthalpy["prior_sd"] == pytest.approx(2e3)
+    assert enthalpy["q5"] < enthalpy["mean"] < enthalpy["q95"]
+    assert enthalpy["sd"] < enthalpy["prior_sd"]
+    assert table.loc[REFERENCE_STRESS, ["prior_mean", "prior_sd"]].isna().all()
+    written = pd.read_csv(small_fit.directory.summary_file, index_col="parameter")
+    np.testing.assert_allclose(written["mean"], table["mean"])
+
+
+def test_the_checks_are_written_with_their_sentences(small_fit: Fit) -> None:
+    written = json.loads(small_fit.directory.checks_file.read_text(encoding="utf-8"))
+    checks = small_fit.checks()
+    assert [(c["name"], c["passed"], c["sentence"]) for c in written] == [
+        (c.name, c.passed, c.sentence) for c in checks
+    ]
+    assert {c.name: c.passed for c in checks}["chains"]
+
+
+def test_the_same_call_again_does_nothing_and_is_quick(copy: Path, small_problem: Problem) -> None:
+    before = contents(copy)
+    started = time.monotonic()
+    again = fit(small_problem.experiment, small_problem.priors, out=copy, options=SMALL_RUN)
+    assert time.monotonic() - started < 5
+    after = contents(copy)
+    for name in set(before) - {"manifest.json"}:
+        assert after[name] == before[name], name
+    assert again.manifest["status"] == "complete"
+
+
+def test_the_same_seed_gives_the_same_draws_and_another_seed_others(
+    small_fit: Fit, small_problem: Problem, tmp_path: Path
+) -> None:
+    runs = {
+        seed: fit(
+            small_problem.experiment,
+            small_problem.priors,
+            out=tmp_path / str(seed),
+            options=replace(SMALL_RUN, seed=seed),
+        )
+        for seed in (SMALL_RUN.seed, SMALL_RUN.seed + 1)
+    }
+    first = small_fit.posterior["posterior"].to_dataset()
+    same = runs[SMALL_RUN.seed].posterior["posterior"].to_dataset()
+    other = runs[SMALL_RUN.seed + 1].posterior["posterior"].to_dataset()
+    assert same.equals(first)
+    assert not np.any(other["maxwell_modulus"].to_numpy() == first["maxwell_modulus"].to_numpy())
+    for group in ("posterior_predictive", "predictions", "sample_stats"):
+        assert runs[SMALL_RUN.seed].posterior[group].equals(small_fit.posterior[group])
+
+
+def test_more_chains_continue_the_run(copy: Path, small_fit: Fit, small_problem: Problem) -> None:
+    before = contents(copy)
+    more = fit(
+        small_problem.experiment,
+        small_problem.priors,
+        out=copy,
+        options=replace(SMALL_RUN, chains=3),
+    )
+    posterior = more.posterior["posterior"].to_dataset()
+    assert posterior["chain"].to_numpy().tolist() == [1, 2, 3]
+    assert posterior.sel(chain=[1, 2]).equals(small_fit.posterior["posterior"].to_dataset())
+    for chain in (1, 2):
+        name = f"chains/chain_{chain}/draws.csv"
+        assert contents(copy)[name] == before[name]
+
+
+@pytest.mark.parametrize("changed", ["seed", "draws", "tolerance", "prior", "data", "likelihood"])
+def test_other_inputs_in_the_same_directory_are_refused(
+    changed: str, small_fit: Fit, small_problem: Problem
+) -> None:
+    folder = small_fit.directory.path
+    before = contents(folder)
+    experiment, priors = small_problem.experiment, small_problem.priors
+    if changed == "data":
+        experiment = replace(experiment, stress=1.001 * experiment.stress)
+    if changed == "prior":
+        prior = replace(priors["maxwell_modulus"], scale=3e9)
+        priors = replace(priors, priors={**priors.priors, "maxwell_modulus": prior})
+    options = {
+        "seed": replace(SMALL_RUN, seed=99),
+        "draws": replace(SMALL_RUN, draws=150),
+    }.get(changed, SMALL_RUN)
+    with pytest.raises(InputError, match="other inputs"):
+        fit(
+            experiment,
+            priors,
+            out=folder,
+            options=options,
+            solver=SolverOptions(tolerance=1e-7 if changed == "tolerance" else 1e-6),
+            use_likelihood=changed != "likelihood",
+        )
+    assert contents(folder) == before
+
+
+def test_a_saved_copy_is_a_complete_fit(small_fit: Fit, copy: Path) -> None:
+    loaded = Fit.load(copy)
+    assert loaded.posterior["posterior"].equals(small_fit.posterior["posterior"])
+    assert loaded.priors == small_fit.priors
+    assert [check.passed for check in loaded.checks()] == [
+        check.passed for check in small_fit.checks()
+    ]
+    with pytest.raises(InputError, match="exists"):
+        small_fit.save(copy)
+
+
+def test_the_posterior_is_gathered_again_where_it_is_missing(small_fit: Fit, copy: Path) -> None:
+    (copy / "posterior.nc").unlink()
+    loaded = Fit.load(copy)
+    for group in ("posterior", "predictions", "sample_stats", "posterior_predictive"):
+        assert loaded.posterior[group].equals(small_fit.posterior[group])
+    assert (copy / "posterior.nc").is_file()
+
+
+def test_a_run_stopped_after_its_first_chain_can_be_looked_at(copy: Path) -> None:
+    """As a kill leaves it: one chain there, the manifest still from the start of sampling."""
+    shutil.rmtree(copy / "chains" / "chain_2")
+    for name in ("posterior.nc", "checks.json", "summary.csv"):
+        (copy / name).unlink()
+    manifest = json.loads((copy / "manifest.json").read_text(encoding="utf-8"))
+    del manifest["chains"]
+    (copy / "manifest.json").write_text(
+        json.dumps({**manifest, "status": "sampling"}), encoding="utf-8"
+    )
+    loaded = Fit.load(copy)
+    chains = loaded.checks()[0]
+    assert not chains.passed
+    assert "Chain 2 has not run to its end" in chains.sentence
+    assert "same command again" in chains.sentence
+    assert list(loaded.manifest["chains"]) == ["1"]
+
+
+def test_a_folder_that_is_no_run_or_has_no_chain_is_refused(copy: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="not a run directory"):
+        Fit.load(tmp_path / "nowhere")
+    shutil.rmtree(copy / "chains")
+    with pytest.raises(InputError, match="no chain is finished"):
+        Fit.load(copy)
+
+
+def test_without_likelihood_the_draws_are_the_prior(
+    programs: None, small_problem: Problem, tmp_path: Path
+) -> None:
+    options = replace(SMALL_RUN, draws=500)
+    prior = fit(
+        small_problem.experiment,
+        small_problem.priors,
+        out=tmp_path / "run",
+        options=options,
+        use_likelihood=False,
+    )
+    table = prior.summary()
+    for name in FREE:
+        assert table.loc[name, "mean"] == pytest.approx(
+            table.loc[name, "prior_mean"], abs=0.3 * table.loc[name, "prior_sd"]
+        )
+        assert table.loc[name, "sd"] == pytest.approx(table.loc[name, "prior_sd"], rel=0.2)
+    # The solver has no part in the prior, so its tolerance cannot matter.
+    assert {check.name: check.passed for check in prior.checks()}["solver"]

@@ -6,11 +6,11 @@ group names, which `arviz.from_netcdf` reads whatever its version.
 
 import json
 import tempfile
+import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-import arviz as az
 import cmdstanpy
 import numpy as np
 import numpy.typing as npt
@@ -31,6 +31,11 @@ from pyburgers.simulation import (
     strain_grid,
 )
 from pyburgers.stan_data import REFERENCE_STRESS, grid_block, solver_block
+
+with warnings.catch_warnings():
+    # ArviZ 0.23 announces its next major version at import, once a day.
+    warnings.filterwarnings("ignore", "\\s*ArviZ is undergoing", FutureWarning)
+    import arviz as az
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -114,6 +114,11 @@ class RunDirectory:
         return self.path / "stan_data.json"
 
     @property
+    def metric_file(self) -> Path:
+        """First metric of the sampler; absent where it starts from the unit metric."""
+        return self.path / "metric.json"
+
+    @property
     def posterior_file(self) -> Path:
         """Labelled draws."""
         return self.path / "posterior.nc"

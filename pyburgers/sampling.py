@@ -26,6 +26,7 @@ from pyburgers.cmdstan import find_cmdstan, load_model, toolchain
 from pyburgers.errors import InputError, SamplingError
 from pyburgers.experiment import Experiment, save_experiment
 from pyburgers.initial_values import draw_initial_values, draw_valley_start
+from pyburgers.metric import laplace_metric
 from pyburgers.priors import PriorSet, save_priors
 from pyburgers.progress import ChainProgress, IterationLines
 from pyburgers.run_directory import (
@@ -49,6 +50,9 @@ from pyburgers.valley import ValleyUnsuited, find_valley
 
 _SIGNAL = re.compile(r"retcodes=\[-(\d+)\]")
 PACKAGES = ("pyburgers", "cmdstanpy", "arviz", "numpy", "scipy", "pandas", "xarray")
+
+FIRST_STEP = 0.1
+"""First step size where the first metric fits the posterior."""
 
 COORDINATES = Literal["auto", "plain", "valley"]
 
@@ -78,7 +82,7 @@ class SamplerOptions:
     warmup: int = 1000
     draws: int = 1000
     seed: int = 1
-    adapt_delta: float = 0.9
+    adapt_delta: float = 0.95
     max_treedepth: int = 12
     coordinates: COORDINATES = "auto"
     chain_timeout: float | None = None
@@ -201,7 +205,10 @@ def run_chains(
             valley = _choose_coordinates(
                 run, experiment, priors, options, solver, use_likelihood, report
             )
-            write_json(run.stan_data_file, {**data, **valley_block(valley)})
+            data |= valley_block(valley)
+            if valley is not None:
+                write_json(run.metric_file, {"inv_metric": laplace_metric(model, data).tolist()})
+            write_json(run.stan_data_file, data)
         _write_manifest(run, experiment, options, solver, identity, use_likelihood, command)
         wanted = range(1, options.chains + 1)
         missing = [chain for chain in wanted if chain not in run.finished_chains()]
@@ -398,6 +405,7 @@ def _run_chain(
     if stopping.is_set():
         return None
     scratch = run.new_scratch()
+    first_metric = str(run.metric_file) if run.metric_file.is_file() else None
     total = options.warmup + options.draws
     started = time.monotonic()
     try:
@@ -410,6 +418,8 @@ def _run_chain(
             iter_warmup=options.warmup,
             iter_sampling=options.draws,
             metric="dense_e",
+            inv_metric=first_metric,
+            step_size=None if first_metric is None else FIRST_STEP,
             adapt_delta=options.adapt_delta,
             max_treedepth=options.max_treedepth,
             output_dir=str(scratch),
@@ -423,7 +433,8 @@ def _run_chain(
     except (RuntimeError, TimeoutError, ValueError) as error:
         if stopping.is_set():
             return None
-        return _explain_failure(run, chain, scratch, error, time.monotonic() - started)
+        seconds = time.monotonic() - started
+        return _explain_failure(run, chain, scratch, error, seconds, options.chain_timeout)
     finished = scratch / "finished"
     finished.mkdir()
     (draws,) = scratch.glob("*.csv")
@@ -437,7 +448,12 @@ def _run_chain(
 
 
 def _explain_failure(
-    run: RunDirectory, chain: int, scratch: Path, error: Exception, seconds: float
+    run: RunDirectory,
+    chain: int,
+    scratch: Path,
+    error: Exception,
+    seconds: float,
+    limit: float | None,
 ) -> ChainFailure:
     """Put into one sentence what ended a chain, where, and what to try; keep its console."""
     consoles = sorted(scratch.glob("*stdout.txt"))
@@ -448,7 +464,9 @@ def _explain_failure(
     place = iterations[-1].strip() if iterations else "before the first iteration"
     values = run.initial_values_file(chain).read_text(encoding="utf-8")
     killed_by = _signal_in(str(error))
-    if isinstance(error, TimeoutError):
+    # cmdstanpy may find the chain terminated before its timer has said why.
+    stopped = killed_by == "SIGTERM" and limit is not None and seconds >= limit
+    if isinstance(error, TimeoutError) or stopped:
         cause = f"ran into its time limit after {seconds:.0f} s"
         remedy = "raise the limit or shorten the run"
     elif killed_by is not None:

@@ -117,7 +117,7 @@ def find_valley(
 
 
 def _check_priors(priors: PriorSet, coordinates: PlainCoordinates) -> None:
-    """The solved parameters must be free with two finite bounds, and ln S_0 a coordinate."""
+    """Ask for solved parameters between finite bounds, and for ln S_0 as a coordinate."""
     for name in SOLVED:
         prior = priors[name]
         if prior.is_fixed or not np.isfinite([prior.lower, prior.upper]).all():

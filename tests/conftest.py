@@ -24,6 +24,8 @@ TESTS = Path(__file__).parent
 ICE = TESTS.parent / "data" / "ice"
 
 SMALL_RUN = SamplerOptions(chains=2, warmup=150, draws=100, seed=11)
+LONG_RUN = replace(SMALL_RUN, warmup=300, draws=1200)
+"""Long enough to pass all checks, and for a signal to hit the sampling."""
 
 
 @dataclass(frozen=True)
@@ -125,4 +127,17 @@ def small_fit(
         small_problem.priors,
         out=tmp_path_factory.mktemp("fit") / "run",
         options=SMALL_RUN,
+    )
+
+
+@pytest.fixture(scope="session")
+def long_fit(
+    programs: None, small_problem: Problem, tmp_path_factory: pytest.TempPathFactory
+) -> Fit:
+    """Finished fit of the small problem that passes all checks; not to be changed."""
+    return fit(
+        small_problem.experiment,
+        small_problem.priors,
+        out=tmp_path_factory.mktemp("long_fit") / "run",
+        options=LONG_RUN,
     )

@@ -22,9 +22,11 @@ from pyburgers.simulation import quiet_cmdstanpy
 from pyburgers.stan_data import (
     REFERENCE_STRESS,
     SolverOptions,
+    StanData,
     constant_rate_data,
     plain_coordinates,
 )
+from pyburgers.valley import find_valley
 
 pytestmark = pytest.mark.usefixtures("programs")
 
@@ -97,13 +99,11 @@ def test_prior_density_is_the_sum_of_the_families(
                 assert columns[parameter.name] == priors[parameter.name].location
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_without_likelihood_draws_have_the_priors_marginals(
-    kind: str, short_test: Experiment, tmp_path: Path
+def assert_prior_marginals(
+    data: StanData, priors: PriorSet, folder: Path, *, draws: int, least_size: int
 ) -> None:
-    priors = priors_of(kind).resolved(8e6)
-    data = constant_rate_data(short_test, priors, solver=SolverOptions(), use_likelihood=False)
-    data_file = tmp_path / "data.json"
+    """Sample and compare every marginal with its prior (Kolmogorov-Smirnov)."""
+    data_file = folder / "data.json"
     data_file.write_text(json.dumps(data), encoding="utf-8")
     with quiet_cmdstanpy():
         sample = load_model(stan_directory() / "constant_rate.stan", report=print).sample(
@@ -113,19 +113,42 @@ def test_without_likelihood_draws_have_the_priors_marginals(
             seed=20,
             inits=0,
             iter_warmup=500,
-            iter_sampling=4000,
+            iter_sampling=draws,
             metric="dense_e",
             adapt_delta=0.9,
             sig_figs=12,
-            output_dir=str(tmp_path),
+            output_dir=str(folder),
             show_progress=False,
         )
-        draws = sample.draws_xr([p.name for p in PARAMETERS])
+        values = sample.draws_xr([p.name for p in PARAMETERS])
     family_wise_level = 1e-3
     for name in priors.free:
-        size = az.ess(draws[[name]])[name].item()
-        assert size > 1000, name
-        step = int(np.ceil(draws[name].size / size))
-        independent = draws[name].to_numpy().ravel()[::step]
+        size = az.ess(values[[name]])[name].item()
+        assert size > least_size, name
+        step = int(np.ceil(values[name].size / size))
+        independent = values[name].to_numpy().ravel()[::step]
         p_value = stats.kstest(independent, priors[name].distribution().cdf).pvalue
         assert p_value > family_wise_level / len(priors.free), name
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_without_likelihood_draws_have_the_priors_marginals(
+    kind: str, short_test: Experiment, tmp_path: Path
+) -> None:
+    priors = priors_of(kind).resolved(8e6)
+    data = constant_rate_data(short_test, priors, solver=SolverOptions(), use_likelihood=False)
+    assert_prior_marginals(data, priors, tmp_path, draws=4000, least_size=1000)
+
+
+@pytest.mark.slow
+def test_valley_coordinates_leave_the_prior_as_it_is(
+    short_test: Experiment, tmp_path: Path
+) -> None:
+    """Slow, because they are made for the posterior and suit the prior badly."""
+    full = load_experiment(ICE / "PIL72.toml")
+    priors = default_priors("ice").resolved(float(np.abs(full.stress).max()))
+    valley = find_valley(full, priors, seed=1, solver=SolverOptions(), report=print)
+    data = constant_rate_data(
+        short_test, priors, solver=SolverOptions(), use_likelihood=False, valley=valley
+    )
+    assert_prior_marginals(data, priors, tmp_path, draws=2000, least_size=300)

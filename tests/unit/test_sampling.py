@@ -2,28 +2,27 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import psutil
 import pytest
-from conftest import SMALL_RUN, Problem
+from conftest import LONG_RUN, SMALL_RUN, Problem
 
 from pyburgers.errors import InputError, SamplingError
 from pyburgers.fitting import Fit, fit
 from pyburgers.initial_values import draw_initial_values
-from pyburgers.run_directory import UNFINISHED, RunDirectory
+from pyburgers.run_directory import UNFINISHED, RunDirectory, write_json
 from pyburgers.sampling import SamplerOptions, fingerprint
 from pyburgers.stan_data import SolverOptions, constant_rate_data
-
-LONG_RUN = replace(SMALL_RUN, warmup=300, draws=1500)
-"""Long enough for a signal to hit the sampling."""
 
 StartFit = Callable[..., subprocess.Popen[str]]
 
@@ -53,23 +52,15 @@ def start_fit(programs: None, small_problem: Problem, tmp_path: Path) -> Iterato
 
     yield start
     for process in started:
-        process.kill()
-        process.communicate()
-
-
-@pytest.fixture(scope="module")
-def undisturbed(
-    programs: None, small_problem: Problem, tmp_path_factory: pytest.TempPathFactory
-) -> Fit:
-    """Finished fit with the options of `start_fit`."""
-    out = tmp_path_factory.mktemp("undisturbed") / "run"
-    return fit(small_problem.experiment, small_problem.priors, out=out, options=LONG_RUN)
+        if process.poll() is None:
+            process.kill()
+            process.communicate()
 
 
 def chains_of(process: subprocess.Popen[str]) -> list[psutil.Process]:
     """Return the CmdStan processes of a fit that sample."""
     children = psutil.Process(process.pid).children(recursive=True)
-    return [child for child in children if "num_samples=1500" in _command_line(child)]
+    return [child for child in children if f"num_samples={LONG_RUN.draws}" in _command_line(child)]
 
 
 def _command_line(process: psutil.Process) -> list[str]:
@@ -93,6 +84,10 @@ def wait_until(condition: Callable[[], bool], what: str, seconds: float = 60.0) 
     while not condition():
         assert time.monotonic() < end, f"waited {seconds} s for {what}"
         time.sleep(0.02)
+
+
+def is_sampling_or_done(process: subprocess.Popen[str]) -> bool:
+    return process.poll() is not None or bool(chains_of(process))
 
 
 def wait_for_draws(run: RunDirectory, process: subprocess.Popen[str]) -> None:
@@ -191,7 +186,7 @@ def test_an_experiment_without_data_cannot_be_fitted(
 
 
 def test_a_killed_chain_is_named_and_the_next_call_completes_the_run(
-    start_fit: StartFit, undisturbed: Fit, small_problem: Problem, tmp_path: Path
+    start_fit: StartFit, long_fit: Fit, small_problem: Problem, tmp_path: Path
 ) -> None:
     run = RunDirectory(tmp_path / "run")
     process = start_fit(run.path)
@@ -217,7 +212,7 @@ def test_a_killed_chain_is_named_and_the_next_call_completes_the_run(
     assert run.failure_file(2).is_file()
 
     completed = fit(small_problem.experiment, small_problem.priors, out=run.path, options=LONG_RUN)
-    assert_same_draws(run, undisturbed)
+    assert_same_draws(run, long_fit)
     assert completed.manifest["status"] == "complete"
     assert completed.checks()[0].passed
 
@@ -239,8 +234,26 @@ def test_chains_out_of_time_are_named_and_can_be_run_again(
         Fit.load(run.path)
 
 
+def test_a_chain_that_cannot_start_is_named(
+    small_fit: Fit, small_problem: Problem, tmp_path: Path
+) -> None:
+    """A start from which the solver finds nothing, in a run whose first chain is there."""
+    small_fit.save(tmp_path / "run")
+    run = RunDirectory(tmp_path / "run")
+    shutil.rmtree(run.chain_folder(2))
+    start = json.loads(run.initial_values_file(2).read_text(encoding="utf-8"))
+    write_json(run.initial_values_file(2), {"coordinate": [1e9] * len(start["coordinate"])})
+    result = fit(small_problem.experiment, small_problem.priors, out=run.path, options=SMALL_RUN)
+    check = result.checks()[0]
+    assert not check.passed
+    assert "Chain 2 ended with an error at 'before the first iteration'" in check.sentence
+    assert "1000000000.0" in check.sentence
+    assert "tighten the prior" in check.sentence
+    assert run.finished_chains() == (1,)
+
+
 def test_ctrl_c_leaves_a_run_that_can_be_continued(
-    start_fit: StartFit, undisturbed: Fit, small_problem: Problem, tmp_path: Path
+    start_fit: StartFit, long_fit: Fit, small_problem: Problem, tmp_path: Path
 ) -> None:
     run = RunDirectory(tmp_path / "run")
     process = start_fit(run.path)
@@ -256,7 +269,7 @@ def test_ctrl_c_leaves_a_run_that_can_be_continued(
     assert_whole(run)
 
     fit(small_problem.experiment, small_problem.priors, out=run.path, options=LONG_RUN)
-    assert_same_draws(run, undisturbed)
+    assert_same_draws(run, long_fit)
 
 
 def test_ctrl_c_in_a_terminal_reaches_the_chains_too(start_fit: StartFit, tmp_path: Path) -> None:
@@ -272,17 +285,14 @@ def test_ctrl_c_in_a_terminal_reaches_the_chains_too(start_fit: StartFit, tmp_pa
 
 
 def test_sigkill_at_random_moments_and_then_a_complete_run(
-    start_fit: StartFit, undisturbed: Fit, tmp_path: Path
+    start_fit: StartFit, long_fit: Fit, tmp_path: Path
 ) -> None:
     run = RunDirectory(tmp_path / "run")
     rng = np.random.default_rng(31)
     for moment in [*rng.uniform(0.8, 4.0, 3), None]:
         process = start_fit(run.path)
         if moment is None:
-            wait_until(
-                lambda process=process: bool(chains_of(process)) or process.poll() is not None,
-                "a chain",
-            )
+            wait_until(partial(is_sampling_or_done, process), "a chain")
         else:
             time.sleep(moment)
         process.kill()
@@ -293,7 +303,7 @@ def test_sigkill_at_random_moments_and_then_a_complete_run(
     output, _ = process.communicate(timeout=120)
     assert process.returncode in (0, 3), output
     assert_whole(run)
-    assert_same_draws(run, undisturbed)
+    assert_same_draws(run, long_fit)
     assert run.read_manifest()["status"] == "complete"
     assert not list(run.path.rglob(f"{UNFINISHED}*"))
     assert not list((run.path / ".scratch").glob("*"))

@@ -1,0 +1,79 @@
+"""First metric of the sampler: the inverse curvature of the log density at the reference point."""
+
+import json
+import tempfile
+from pathlib import Path
+
+import cmdstanpy
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from pyburgers.simulation import quiet_cmdstanpy
+from pyburgers.stan_data import StanData
+
+FloatArray = npt.NDArray[np.float64]
+
+DIFFERENCE = 0.05
+"""Step of the central differences; coordinates are O(1)."""
+
+LEAST_CURVATURE = 0.15
+"""Floor of the eigenvalues: flat directions are about as wide as a logistic prior, sd 1.8-2.6."""
+
+
+def laplace_metric(model: cmdstanpy.CmdStanModel, data: StanData) -> FloatArray:
+    """Covariance of the Laplace approximation around the origin of the coordinates.
+
+    Parameters
+    ----------
+    model : CmdStanModel
+        Program whose parameter is the vector ``coordinate``.
+    data : dict
+        Its data, with coordinates in which the origin is the posterior mode.
+
+    Returns
+    -------
+    array, shape (n_coordinates, n_coordinates)
+        Inverse of the Hessian of minus the log density by central differences of Stan's
+        gradients, with its eigenvalues kept above `LEAST_CURVATURE`.
+    """
+    n = len(data["parameter_of_coordinate"])
+    steps = DIFFERENCE * np.eye(n)
+    with tempfile.TemporaryDirectory() as folder, quiet_cmdstanpy():
+        data_file = Path(folder) / "data.json"
+        data_file.write_text(json.dumps(data), encoding="utf-8")
+        difference = [
+            _gradient(model, data_file, step) - _gradient(model, data_file, -step) for step in steps
+        ]
+    hessian = -np.array(difference) / (2 * DIFFERENCE)
+    curvature, axes = np.linalg.eigh((hessian + hessian.T) / 2)
+    covariance: FloatArray = (axes / np.maximum(curvature, LEAST_CURVATURE)) @ axes.T
+    return covariance
+
+
+def _gradient(model: cmdstanpy.CmdStanModel, data_file: Path, coordinate: FloatArray) -> FloatArray:
+    """Gradient of the log density: what one step of vanishing length records."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        position = folder / "position.json"
+        position.write_text(json.dumps({"coordinate": coordinate.tolist()}), encoding="utf-8")
+        model.sample(
+            data=str(data_file),
+            inits=str(position),
+            chains=1,
+            iter_warmup=0,
+            iter_sampling=1,
+            adapt_engaged=False,
+            step_size=1e-14,
+            max_treedepth=1,
+            seed=1,
+            sig_figs=17,
+            save_latent_dynamics=True,
+            output_dir=name,
+            show_progress=False,
+        )
+        (record,) = folder.glob("*diagnostic*.csv")
+        row = pd.read_csv(record, comment="#").iloc[0]
+    # The record holds the gradient of the potential, which is minus the log density.
+    gradient: FloatArray = -row.filter(regex="^g_").to_numpy(dtype=np.float64)
+    return gradient

@@ -1,0 +1,62 @@
+"""Full fits: the truth behind the twins is found again, and measured tests are described."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from conftest import ICE, TESTS
+
+from pyburgers.diagnostics import coverage
+from pyburgers.experiment import load_experiment
+from pyburgers.fitting import Fit, fit
+from pyburgers.priors import default_priors
+from pyburgers.sampling import SamplerOptions
+from pyburgers.tables import truth_table
+
+pytestmark = pytest.mark.slow
+
+OPTIONS = SamplerOptions(chains=4, warmup=1000, draws=1000, seed=20261120)
+MEASURED = TESTS.parents[1] / "shared" / "data" / "chopra_paterson_1984_dunite"
+
+RecordProperty = Callable[[str, object], None]
+
+
+def failed(result: Fit) -> list[str]:
+    return [f"{check.name}: {check.sentence}" for check in result.checks() if not check.passed]
+
+
+@pytest.mark.parametrize("name", ["PIL40", "PIL72", "PIL105"])
+def test_the_truth_of_a_twin_is_recovered(
+    name: str, tmp_path: Path, record_property: RecordProperty
+) -> None:
+    experiment = load_experiment(ICE / f"{name}.toml")
+    result = fit(
+        experiment, default_priors("ice"), out=tmp_path / "run", options=OPTIONS, report=print
+    )
+    assert failed(result) == []
+    truth = truth_table(result)
+    assert truth is not None
+    for share in (50, 90):
+        inside = int(truth[f"inside_{share}"].sum())
+        record_property(f"inside_{share}", inside)
+        print(f"{name}: {inside} of {len(truth)} true values inside the central {share} % interval")
+    assert truth.index[~truth["inside_95"]].tolist() == []
+
+
+@pytest.mark.skipif(
+    not MEASURED.is_dir(), reason="the measured columns are not in ../shared/data on this machine"
+)
+@pytest.mark.parametrize("name", ["dunite_4506", "dunite_4581"])
+def test_a_measured_dunite_test_is_described(name: str, tmp_path: Path) -> None:
+    experiment = load_experiment(TESTS / "data" / f"{name}.toml")
+    result = fit(
+        experiment, default_priors("dunite"), out=tmp_path / "run", options=OPTIONS, report=print
+    )
+    table = result.summary()
+    for parameter, factor in {"stress_exponent": 1.0, "stress_noise": 1e-6}.items():
+        mean, sd = (table[column][parameter] * factor for column in ("mean", "sd"))
+        print(f"{name}: {parameter} {mean:.3f} +- {sd:.3f}")
+    print(f"{name}: {coverage(result.posterior):.1%} of the points inside the 90 % band")
+    assert failed(result) == []
+    assert 2.0 < table["mean"]["stress_exponent"] < 6.0
+    assert table["mean"]["stress_noise"] < 0.1 * abs(experiment.stress).max()

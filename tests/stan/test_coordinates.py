@@ -1,0 +1,124 @@
+"""Coordinates of the sampler: the Jacobian is that of the map, whatever the coordinates."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from conftest import ICE
+from log_density import Program
+from scipy import stats
+
+from pyburgers.cmdstan import compile_program, stan_directory
+from pyburgers.experiment import Experiment, load_experiment
+from pyburgers.parameters import PARAMETERS
+from pyburgers.priors import PriorSet, default_priors
+from pyburgers.stan_data import SolverOptions, ValleyReference, constant_rate_data
+from pyburgers.valley import find_valley
+
+FloatArray = npt.NDArray[np.float64]
+pytestmark = pytest.mark.usefixtures("programs")
+
+SOLVER = SolverOptions(tolerance=1e-10, max_num_steps=1_000_000)
+SIZE = len(PARAMETERS)
+
+
+@pytest.fixture(scope="module")
+def experiment() -> Experiment:
+    return load_experiment(ICE / "PIL72.toml")
+
+
+@pytest.fixture(scope="module")
+def priors(experiment: Experiment) -> PriorSet:
+    return default_priors("ice").resolved(float(np.abs(experiment.stress).max()))
+
+
+@pytest.fixture(scope="module")
+def valley(programs: None, experiment: Experiment, priors: PriorSet) -> ValleyReference:
+    return find_valley(experiment, priors, seed=1, solver=SolverOptions(), report=print)
+
+
+@pytest.fixture(params=["plain", "valley"])
+def program(
+    request: pytest.FixtureRequest,
+    experiment: Experiment,
+    priors: PriorSet,
+    valley: ValleyReference,
+    tmp_path: Path,
+) -> Program:
+    reference = valley if request.param == "valley" else None
+    data = constant_rate_data(experiment, priors, solver=SOLVER, valley=reference)
+    data_file = tmp_path / "data.json"
+    data_file.write_text(json.dumps(data), encoding="utf-8")
+    return Program(
+        compile_program(stan_directory() / "constant_rate.stan", report=print),
+        data_file,
+        tmp_path,
+        lambda columns: np.array([columns[f"coordinate.{k + 1}"] for k in range(SIZE)]),
+        np.ones(SIZE),
+    )
+
+
+def parameters_at(program: Program, coordinate: FloatArray) -> FloatArray:
+    columns = program.columns_at({"coordinate": coordinate.tolist()})
+    return np.array([columns[parameter.name] for parameter in PARAMETERS])
+
+
+def derivative(program: Program, coordinate: FloatArray, k: int) -> FloatArray:
+    """Derivative of the parameters by a coordinate, fourth order in the step."""
+    step = 2e-3 * np.eye(SIZE)[k]
+    one, two = (
+        parameters_at(program, coordinate + m * step)
+        - parameters_at(program, coordinate - m * step)
+        for m in (1, 2)
+    )
+    slope: FloatArray = (8 * one - two) / (12 * 2e-3)
+    return slope
+
+
+def test_log_jacobian_is_that_of_the_map(program: Program) -> None:
+    rng = np.random.default_rng(12)
+    for _ in range(3):
+        coordinate = rng.standard_normal(SIZE)
+        columns = program.columns_at({"coordinate": coordinate.tolist()})
+        jacobian = np.column_stack([derivative(program, coordinate, k) for k in range(SIZE)])
+        # Parameters in SI differ by many powers of ten.
+        scale = np.abs(parameters_at(program, coordinate))
+        sign, logarithm = np.linalg.slogdet(jacobian / scale[:, None])
+        assert sign != 0
+        assert columns["log_jacobian"] == pytest.approx(logarithm + np.log(scale).sum(), abs=1e-5)
+
+
+def test_density_is_prior_likelihood_and_jacobian(
+    program: Program, experiment: Experiment, priors: PriorSet
+) -> None:
+    rng = np.random.default_rng(13)
+    for _ in range(3):
+        columns = program.columns_at({"coordinate": rng.standard_normal(SIZE).tolist()})
+        prior = sum(
+            prior.distribution().logpdf(columns[name]) for name, prior in priors.priors.items()
+        )
+        points = range(1, experiment.n_points + 1)
+        stress = np.array([columns[f"stress_model.{point}"] for point in points])
+        noise = columns["stress_noise"]
+        likelihood = stats.norm.logpdf(experiment.stress, stress, noise).sum()
+        assert columns["lprior"] == pytest.approx(prior, rel=1e-8)
+        assert columns["lp__"] == pytest.approx(
+            prior + likelihood + columns["log_jacobian"], rel=1e-7
+        )
+
+
+def test_gradient_is_the_slope_of_the_density(program: Program) -> None:
+    coordinate = 0.3 * np.random.default_rng(14).standard_normal(SIZE)
+    gradient = program.at({"coordinate": coordinate.tolist()}).gradient
+    step = 1e-3
+    for k in range(SIZE):
+        shift = step * np.eye(SIZE)[k]
+        above, below = (
+            program.columns_at({"coordinate": (coordinate + sign * shift).tolist()})["lp__"]
+            for sign in (1, -1)
+        )
+        assert gradient[k] == pytest.approx(
+            (above - below) / (2 * step), rel=1e-3, abs=1e-4 * np.abs(gradient).max()
+        )

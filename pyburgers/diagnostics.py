@@ -189,7 +189,13 @@ def check_solver(posterior: xr.DataTree) -> CheckResult:
         if np.isfinite(k)
         else "Solving every draw again at the reference tolerance changes nothing."
     )
-    if not passed:
+    if unsolved:
+        sentence = (
+            f"{unsolved} of {ratios.size} draws have no solution at the reference tolerance, so "
+            "the solver cannot be trusted there; repeat the fit with a tighter --tolerance or "
+            "narrower priors."
+        )
+    elif not passed:
         sentence = (
             f"The solver's tolerance is too loose for this posterior (Pareto k {k:.2f}, below "
             f"{PARETO_K_LIMIT} wanted); repeat the fit with a tighter --tolerance."

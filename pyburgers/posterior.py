@@ -18,6 +18,7 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.cmdstan import load_model
+from pyburgers.errors import SamplingError
 from pyburgers.experiment import Experiment, load_experiment
 from pyburgers.parameters import PARAMETERS
 from pyburgers.priors import PriorSet, load_priors
@@ -25,12 +26,13 @@ from pyburgers.run_directory import RunDirectory, write_atomically
 from pyburgers.simulation import (
     REFERENCE_SOLVER,
     constant_rate_program,
+    evaluate,
     output_strain,
     quiet_cmdstanpy,
     simulate,
     strain_grid,
 )
-from pyburgers.stan_data import REFERENCE_STRESS, grid_block, solver_block
+from pyburgers.stan_data import REFERENCE_STRESS, StanData, grid_block, solver_block
 
 with warnings.catch_warnings():
     # ArviZ 0.23 announces its next major version at import, once a day.
@@ -105,10 +107,10 @@ def build_posterior(run: RunDirectory, *, report: Callable[[str], None]) -> xr.D
     )
     log_lik = at_points["log_lik"].rename({"log_lik_point": "point"})
     points = {"point": np.arange(experiment.n_points)}
-    reference_log_lik = checked["log_lik"].sum("log_lik_dim_0").assign_coords(chains)
+    reference_log_lik = checked["log_lik"].sum("log_lik_dim_0", skipna=False).assign_coords(chains)
     stats = _sample_stats(fit).assign_coords(chains)
     stats["solver_log_ratio"] = (
-        reference_log_lik - log_lik.sum("point")
+        reference_log_lik - log_lik.sum("point", skipna=False)
         if manifest["use_likelihood"]
         else xr.zeros_like(reference_log_lik)  # the solver has no part in the prior
     )
@@ -172,7 +174,10 @@ def _reference_solution(
     seed: int,
     report: Callable[[str], None],
 ) -> xr.Dataset:
-    """Log likelihood and grid of solutions of every draw at the reference tolerance."""
+    """Log likelihood and grid of solutions of every draw at the reference tolerance.
+
+    A draw that has no solution there has NaN.
+    """
     data = {
         **json.loads(run.stan_data_file.read_text(encoding="utf-8")),
         **solver_block(REFERENCE_SOLVER),
@@ -182,11 +187,37 @@ def _reference_solution(
     with tempfile.TemporaryDirectory() as folder:
         data_file = Path(folder) / "data.json"
         data_file.write_text(json.dumps(data), encoding="utf-8")
-        quantities = model.generate_quantities(
-            data=str(data_file), previous_fit=list(files), seed=seed, gq_output_dir=folder
-        )
-        solution: xr.Dataset = quantities.draws_xr(["log_lik", *GRID_VARIABLES]).load()
+        try:
+            quantities = model.generate_quantities(
+                data=str(data_file), previous_fit=list(files), seed=seed, gq_output_dir=folder
+            )
+            solution: xr.Dataset = quantities.draws_xr(["log_lik", *GRID_VARIABLES]).load()
+        except RuntimeError:
+            # One draw without solution is enough for that, and CmdStan does not say which.
+            report("Some draws have no solution at the reference tolerance: solving one by one.")
+            return _one_by_one(model, data, _read_chains(files))
     return solution
+
+
+def _one_by_one(
+    model: cmdstanpy.CmdStanModel, data: StanData, fit: cmdstanpy.CmdStanMCMC
+) -> xr.Dataset:
+    """As `generate_quantities`, slower, with NaN where a draw has no solution."""
+    coordinates = fit.draws_xr(["coordinate"])["coordinate"].to_numpy()
+    shape = coordinates.shape[:2]
+    sizes = dict.fromkeys(GRID_VARIABLES, data["n_grid"]) | {"log_lik": data["n_points"]}
+    values = {name: np.full((*shape, size), np.nan) for name, size in sizes.items()}
+    for number, index in enumerate(np.ndindex(*shape)):
+        position = {"coordinate": coordinates[index].tolist()}
+        try:
+            solved = evaluate(model, data, position, seed=number)
+        except SamplingError:
+            continue  # stays NaN, which the solver check reports
+        for name, array in values.items():
+            array[index] = solved[name]
+    return xr.Dataset(
+        {name: (("chain", "draw", f"{name}_dim_0"), array) for name, array in values.items()}
+    )
 
 
 def _sample_stats(fit: cmdstanpy.CmdStanMCMC) -> xr.Dataset:

@@ -14,8 +14,8 @@ from pyburgers.sampling import SamplerOptions
 
 PRESETS: Mapping[str, SamplerOptions] = MappingProxyType(
     {
-        "quick": SamplerOptions(chains=4, warmup=300, draws=300, seed=20261120),
-        "paper": SamplerOptions(chains=5, warmup=1000, draws=3000, seed=20261120),
+        "quick": SamplerOptions(chains=4, warmup=300, draws=500, seed=1),
+        "paper": SamplerOptions(chains=5, warmup=500, draws=3000, seed=1),
     }
 )
 """Sampler settings: `paper` has the chains and draws of the paper's Methods."""

@@ -256,6 +256,8 @@ def evaluate(
     model: cmdstanpy.CmdStanModel,
     data: Mapping[str, object],
     position: Mapping[str, object] | None = None,
+    *,
+    seed: int = 1,
 ) -> dict[str, FloatArray]:
     """Run a program once, without sampling.
 
@@ -267,6 +269,8 @@ def evaluate(
         Its data.
     position : mapping, optional
         Its parameters; not needed where every parameter is fixed.
+    seed : int
+        Of replicated data.
 
     Returns
     -------
@@ -290,7 +294,7 @@ def evaluate(
                 fixed_param=True,
                 chains=1,
                 iter_sampling=1,
-                seed=1,
+                seed=seed,
                 sig_figs=17,
                 output_dir=str(folder),
                 show_progress=False,

@@ -102,7 +102,7 @@ def test_density_is_prior_likelihood_and_jacobian(
         points = range(1, experiment.n_points + 1)
         stress = np.array([columns[f"stress_model.{point}"] for point in points])
         noise = columns["stress_noise"]
-        likelihood = stats.norm.logpdf(experiment.stress, stress, noise).sum()
+        likelihood = np.sum(stats.norm.logpdf(experiment.stress, stress, noise))
         assert columns["lprior"] == pytest.approx(prior, rel=1e-8)
         assert columns["lp__"] == pytest.approx(
             prior + likelihood + columns["log_jacobian"], rel=1e-7

@@ -234,6 +234,22 @@ def test_the_posterior_is_gathered_again_where_it_is_missing(small_fit: Fit, cop
     assert (copy / "posterior.nc").is_file()
 
 
+def test_draws_without_solution_at_the_reference_tolerance_do_not_end_the_fit(
+    programs: None, small_problem: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    impossible = SolverOptions(tolerance=1e-10, max_num_steps=5)
+    monkeypatch.setattr("pyburgers.posterior.REFERENCE_SOLVER", impossible)
+    options = replace(SMALL_RUN, draws=10)
+    result = fit(
+        small_problem.experiment, small_problem.priors, out=tmp_path / "run", options=options
+    )
+    check = next(check for check in result.checks() if check.name == "solver")
+    assert not check.passed
+    assert "20 of 20 draws have no solution" in check.sentence
+    assert np.isnan(group(result, "predictions")["stress"]).all()
+    assert np.isfinite(group(result, "log_likelihood")["stress"]).all()
+
+
 def test_a_run_stopped_after_its_first_chain_can_be_looked_at(copy: Path) -> None:
     """As a kill leaves it: one chain there, the manifest still from the start of sampling."""
     shutil.rmtree(copy / "chains" / "chain_2")

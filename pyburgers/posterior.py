@@ -8,6 +8,7 @@ import json
 import tempfile
 import warnings
 from collections.abc import Callable, Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +39,11 @@ with warnings.catch_warnings():
     # ArviZ 0.23 announces its next major version at import, once a day.
     warnings.filterwarnings("ignore", "\\s*ArviZ is undergoing", FutureWarning)
     import arviz as az
+
+# ArviZ 0.x has this function at the top; 1.x keeps it with the array statistics.
+_psislw = (
+    az.psislw if hasattr(az, "psislw") else import_module("arviz_stats.base").array_stats.psislw
+)
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -353,5 +359,5 @@ def pareto_k(log_ratios: FloatArray) -> float:
     """
     if np.ptp(log_ratios) < 1e-12:
         return -np.inf
-    _, shape = az.psislw(log_ratios.ravel())
+    _, shape = _psislw(log_ratios.ravel())
     return float(shape)

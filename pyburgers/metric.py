@@ -68,7 +68,7 @@ def _gradient(model: cmdstanpy.CmdStanModel, data_file: Path, coordinate: FloatA
             max_treedepth=1,
             seed=1,
             sig_figs=17,
-            save_latent_dynamics=True,
+            save_diagnostics=True,
             output_dir=name,
             show_progress=False,
         )

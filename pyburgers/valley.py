@@ -19,7 +19,7 @@ from pyburgers.initial_values import draw_initial_values
 from pyburgers.parameters import PARAMETERS
 from pyburgers.priors import PriorSet
 from pyburgers.run_directory import write_json
-from pyburgers.simulation import constant_rate_program, quiet_cmdstanpy, solve
+from pyburgers.simulation import constant_rate_program, quiet_cmdstanpy, solve, strain_grid
 from pyburgers.stan_data import (
     PlainCoordinates,
     SolverOptions,
@@ -170,11 +170,8 @@ def _mode(
 
 def _knot_strain(experiment: Experiment, pin_strain: FloatArray) -> FloatArray:
     """Strains of the piecewise linear reference curve: dense at each segment's start."""
-    starts = [s.start_strain for s in experiment.segments]
-    ends = [*starts[1:], experiment.final_strain]
     shape = np.union1d(np.geomspace(1e-3, 1.0, 25), np.linspace(0.0, 1.0, 16)[1:])
-    curves = [start + (end - start) * shape for start, end in zip(starts, ends, strict=True)]
-    strain: FloatArray = np.unique(np.concatenate([*curves, pin_strain]))
+    strain: FloatArray = np.union1d(strain_grid(experiment, shape), pin_strain)
     return strain
 
 

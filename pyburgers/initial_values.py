@@ -2,6 +2,7 @@
 
 import cmdstanpy
 import numpy as np
+import numpy.typing as npt
 
 from pyburgers.errors import SamplingError
 from pyburgers.experiment import Experiment
@@ -57,12 +58,17 @@ def draw_initial_values(
 
 
 def draw_valley_start(
-    model: cmdstanpy.CmdStanModel, data: StanData, *, seed: int, chain: int
+    model: cmdstanpy.CmdStanModel,
+    data: StanData,
+    covariance: npt.NDArray[np.float64],
+    *,
+    seed: int,
+    chain: int,
 ) -> dict[str, list[float]]:
     """Draw a start around the posterior mode, again where the solver finds no solution.
 
-    Valley coordinates are about as wide as the prior where the data say little and whitened where
-    they say much, so that standard normal draws are dispersed and still near the valley.
+    The Laplace approximation with its floor under the curvature is as wide as the prior where the
+    data say little, so that starts are dispersed there, and they begin near the curve elsewhere.
 
     Parameters
     ----------
@@ -70,8 +76,15 @@ def draw_valley_start(
         The program.
     data : dict
         Its data, valley coordinates included.
+    covariance : array, shape (n_coordinates, n_coordinates)
+        `pyburgers.metric.laplace_metric`.
     seed, chain : int
         The start depends on these two alone.
+
+    Returns
+    -------
+    dict
+        Initial values as the program's parameters block wants them.
 
     Raises
     ------
@@ -79,9 +92,9 @@ def draw_valley_start(
         If none of `INITIAL_ATTEMPTS` draws has a finite solution.
     """
     rng = np.random.default_rng([seed, chain])
-    n_coordinates = len(data["parameter_of_coordinate"])
+    factor = np.linalg.cholesky(covariance)
     for _ in range(INITIAL_ATTEMPTS):
-        start = {"coordinate": rng.standard_normal(n_coordinates).tolist()}
+        start = {"coordinate": (factor @ rng.standard_normal(len(factor))).tolist()}
         try:
             solution = evaluate(model, data, start)
         except SamplingError:

@@ -83,7 +83,7 @@ class SamplerOptions:
     draws: int = 1000
     seed: int = 1
     adapt_delta: float = 0.95
-    max_treedepth: int = 12
+    max_treedepth: int = 10
     coordinates: COORDINATES = "auto"
     chain_timeout: float | None = None
 
@@ -284,7 +284,9 @@ def _draw_start(
     data: StanData = json.loads(run.stan_data_file.read_text(encoding="utf-8"))
     if data["coordinate_system"] == PLAIN:
         return draw_initial_values(experiment, priors, seed=seed, chain=chain)
-    return draw_valley_start(model, data, seed=seed, chain=chain)
+    metric = json.loads(run.metric_file.read_text(encoding="utf-8"))
+    covariance = np.array(metric["inv_metric"])
+    return draw_valley_start(model, data, covariance, seed=seed, chain=chain)
 
 
 def _write_inputs(run: RunDirectory, experiment: Experiment, priors: PriorSet) -> None:

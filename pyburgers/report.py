@@ -138,7 +138,6 @@ def write_report(
         sections.append(_write_section(key, fit, out))
     page = out / "index.html"
     write_text(page, render_page(sections, title=title, command=command))
-    report(f"The report is at {page}.")
     return page
 
 

@@ -79,10 +79,10 @@ class SamplerOptions:
     """
 
     chains: int = 4
-    warmup: int = 1000
+    warmup: int = 600
     draws: int = 1000
     seed: int = 1
-    adapt_delta: float = 0.95
+    adapt_delta: float = 0.99
     max_treedepth: int = 10
     coordinates: COORDINATES = "auto"
     chain_timeout: float | None = None

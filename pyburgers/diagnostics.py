@@ -128,7 +128,7 @@ def check_divergences(posterior: xr.DataTree) -> CheckResult:
     if total:
         sentence = (
             f"{total} of {diverging.size} trajectories diverged, so a strongly curved region may "
-            "be missed; raise --adapt-delta towards 0.99 and look where they sit in the pairs "
+            "be missed; raise --adapt-delta closer to 1 and look where they sit in the pairs "
             "figure."
         )
     return CheckResult("divergences", total == 0, table, sentence)

@@ -2,14 +2,9 @@
 
 import math
 
-from pyburgers.parameters import PARAMETER_BY_NAME, Parameter
+from pyburgers.parameters import PARAMETER_BY_NAME, REFERENCE_STRESS_QUANTITY, Parameter
 from pyburgers.priors import Prior
-from pyburgers.stan_data import REFERENCE_STRESS
 from pyburgers.units import UNITS
-
-SHOWN_REFERENCE_STRESS = Parameter(
-    REFERENCE_STRESS, r"S_0", "reference stress", "stress", "Pa", "MPa"
-)
 
 STRESS_UNIT, STRESS_FACTOR = "MPa", 1.0 / UNITS["stress"]["MPa"]
 STRAIN_UNIT, STRAIN_FACTOR = "%", 1.0 / UNITS["strain"]["percent"]
@@ -33,8 +28,8 @@ def shown_quantity(name: str) -> Parameter:
     KeyError
         If there is no such quantity.
     """
-    if name == REFERENCE_STRESS:
-        return SHOWN_REFERENCE_STRESS
+    if name == REFERENCE_STRESS_QUANTITY.name:
+        return REFERENCE_STRESS_QUANTITY
     return PARAMETER_BY_NAME[name]
 
 

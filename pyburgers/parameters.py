@@ -82,3 +82,9 @@ PARAMETERS: tuple[Parameter, ...] = (
 """Every parameter a prior file can name, in the order of the Stan programs."""
 
 PARAMETER_BY_NAME: Mapping[str, Parameter] = MappingProxyType({p.name: p for p in PARAMETERS})
+
+REFERENCE_STRESS_QUANTITY = Parameter(
+    "reference_stress", r"S_0", "reference stress", "stress", "Pa", "MPa"
+)
+"""The stress at which undeformed material flows at the first imposed rate; it follows from the
+parameters and has no prior of its own."""

@@ -21,7 +21,7 @@ import xarray as xr
 from pyburgers.cmdstan import load_model
 from pyburgers.errors import SamplingError
 from pyburgers.experiment import Experiment, load_experiment
-from pyburgers.parameters import PARAMETERS
+from pyburgers.parameters import PARAMETERS, REFERENCE_STRESS_QUANTITY
 from pyburgers.priors import PriorSet, load_priors
 from pyburgers.run_directory import RunDirectory, write_atomically
 from pyburgers.simulation import (
@@ -238,19 +238,14 @@ def _sample_stats(fit: cmdstanpy.CmdStanMCMC) -> xr.Dataset:
 
 def _label(draws: xr.Dataset, priors: PriorSet) -> xr.Dataset:
     """Attach symbols, units and whether a parameter was fixed."""
-    for parameter in PARAMETERS:
-        draws[parameter.name].attrs = {
-            "long_name": parameter.label,
-            "symbol": parameter.symbol,
-            "units": parameter.si_unit,
-            "fixed": int(priors[parameter.name].is_fixed),
+    for quantity in (*PARAMETERS, REFERENCE_STRESS_QUANTITY):
+        fixed = quantity in PARAMETERS and priors[quantity.name].is_fixed
+        draws[quantity.name].attrs = {
+            "long_name": quantity.label,
+            "symbol": quantity.symbol,
+            "units": quantity.si_unit,
+            "fixed": int(fixed),
         }
-    draws[REFERENCE_STRESS].attrs = {
-        "long_name": "reference stress",
-        "symbol": "S_0",
-        "units": "Pa",
-        "fixed": 0,
-    }
     return draws
 
 

@@ -13,7 +13,7 @@ from scipy.special import logit
 
 from pyburgers.errors import InputError
 from pyburgers.experiment import Experiment
-from pyburgers.parameters import PARAMETERS
+from pyburgers.parameters import PARAMETERS, REFERENCE_STRESS_QUANTITY
 from pyburgers.priors import Prior, PriorSet
 
 FloatArray = npt.NDArray[np.float64]
@@ -22,7 +22,7 @@ StanData = dict[str, Any]
 FAMILY_CODE = {"fixed": 0, "uniform": 1, "normal": 2, "half_normal": 2, "lognormal": 3}
 """Codes of `stan/functions/priors.stan`; a half-normal is a normal cut at zero."""
 
-REFERENCE_STRESS = "reference_stress"
+REFERENCE_STRESS = REFERENCE_STRESS_QUANTITY.name
 """Name of the coordinate ln S_0 that replaces Q_M or beta."""
 
 PLAIN, VALLEY = 1, 2

@@ -13,14 +13,19 @@
  *
  *  - the two critical strains, as real numbers u_1 and u_2, are rotated to a coordinate across,
  *    b = u_1 - a u_2, and one along, t = a u_1 + u_2, with a = valley_slope();
- *  - for every value of the other coordinates, (ln S_0, u_F, t) get the least-squares solution of
- *    (*) at a few strains, the pins, plus a whitened remainder w: solution + L^-T w, where
- *    L L' is the Gauss-Newton matrix of that least-squares problem.
+ *  - t is centred and scaled, as a function of the other coordinates, by the least-squares
+ *    solution of (*) at a few strains, the pins, for (ln S_0, u_F, t) together;
+ *  - u_F is centred and scaled by the least-squares solution for (ln S_0, u_F) at this t;
+ *  - ln S_0 is centred and scaled by the least-squares solution at this t and u_F, which is
+ *    linear.
  *
- * The solution is reached by Gauss-Newton steps along a straight path from a reference point (the
- * posterior mode). It has to be smooth in the other coordinates, not exact: whatever it is, the
- * map (other coordinates, w) -> parameters is one to one with the Jacobian given here, and the
- * posterior is exactly that of the plain coordinates. Only the speed depends on the pins.
+ * Solving in turn, rather than whitening all three at once, keeps to the valley where it bends:
+ * far from the solution in t, (u_F, ln S_0) still fit the curve.
+ *
+ * The solutions are reached by Gauss-Newton steps along a straight path from a reference point
+ * (the posterior mode). They have to be smooth in the other coordinates, not exact: whatever they
+ * are, the map is triangular and one to one with the Jacobian given here, and the posterior is
+ * exactly that of the plain coordinates. Only the speed depends on the pins.
  *
  * Pins are rows of a matrix with the columns
  *   1 strain, 2 slope d stress/d strain (Pa), 3 strain rate (1/s),
@@ -29,12 +34,26 @@
 
 /** Slope a of the valley's axis in the plane of the two critical strains. */
 real valley_slope() {
-  return 1.5;
+  return 1.0;
 }
 
 /** Gauss-Newton steps along the path from the reference point. */
 int n_valley_steps() {
   return 16;
+}
+
+/** Gauss-Newton steps along the path from the solution in t to the t asked for. */
+int n_fabric_steps() {
+  return 6;
+}
+
+/** Share of the pins' weight with which t is solved.
+ *
+ * For some grain-size softenings the least-squares problem has two solutions, one on each arm of
+ * the valley. At less than full weight the solution moves between them instead of jumping.
+ */
+real softened_share() {
+  return 0.25;
 }
 
 /** Precision of ln S_0, and of each real number behind a bounded parameter, that keeps the
@@ -94,75 +113,89 @@ vector critical_strains_from_rotated(real across, real along) {
 }
 
 /**
+ * Softening ln F + (p/n) ln(d/d_0) at the pins, and its slopes.
+ *
+ * @param u real numbers behind (epsilon_c1, epsilon_c2, F_ss)
+ * @param exponent_ratio p/n
+ * @param grain_size_ratio d_ss/d_0
+ * @param strain of the pins
+ * @param lower_bound, upper_bound of (epsilon_c1, epsilon_c2, F_ss)
+ * @return columns: the softening, its derivatives by u_1, u_2 and u_F
+ */
+matrix softening_at_pins(vector u, real exponent_ratio, real grain_size_ratio,
+                         data vector strain, data vector lower_bound,
+                         data vector upper_bound) {
+  vector[3] s = inv_logit(u);
+  vector[3] value = lower_bound + (upper_bound - lower_bound) .* s;
+  vector[3] slope = (upper_bound - lower_bound) .* s .* (1 - s);
+  vector[rows(strain)] grain_decay = exp(-strain / value[1]);
+  vector[rows(strain)] fabric_decay = exp(-strain / value[2]);
+  vector[rows(strain)] grain_size = grain_size_ratio + (1 - grain_size_ratio) * grain_decay;
+  vector[rows(strain)] fabric = value[3] + (1 - value[3]) * fabric_decay;
+  matrix[rows(strain), 4] softening;
+  softening[ : , 1] = log(fabric) + exponent_ratio * log(grain_size);
+  softening[ : , 2] = slope[1] * exponent_ratio * (1 - grain_size_ratio) / square(value[1])
+                      * (strain .* grain_decay ./ grain_size);
+  softening[ : , 3] = slope[2] * (1 - value[3]) / square(value[2])
+                      * (strain .* fabric_decay ./ fabric);
+  softening[ : , 4] = slope[3] * (1 - fabric_decay) ./ fabric;
+  return softening;
+}
+
+/** Slope of the regularising ln prior of the real numbers behind bounded parameters. */
+vector pull_to_middle(vector u) {
+  return 2 * bounded_parameter_precision() * (1 - 2 * inv_logit(u));
+}
+
+/**
  * One Gauss-Newton step for (ln S_0, u_F, along).
  *
  * @param solved current (ln S_0, u_F, along)
  * @param across rotated coordinate of the critical strains
- * @param exponent_ratio p/n
- * @param grain_size_ratio d_ss/d_0
+ * @param exponent_ratio, grain_size_ratio see softening_at_pins()
  * @param log_strength left-hand side of (*) at the pins
+ * @param strain, weight of the pins
  * @param reference_log_stress ln S_0 of the reference point
  * @param lower_bound, upper_bound of (epsilon_c1, epsilon_c2, F_ss)
  * @return first column: the step; the others: the Gauss-Newton matrix
  */
 matrix softening_step(vector solved, real across, real exponent_ratio, real grain_size_ratio,
-                      vector log_strength, data matrix pin, data real reference_log_stress,
-                      data vector lower_bound, data vector upper_bound) {
-  real a = valley_slope();
-  real shrink = 1 / (1 + square(a));
-  vector[2] u = critical_strains_from_rotated(across, solved[3]);
-  vector[3] s = inv_logit([u[1], u[2], solved[2]]');
-  vector[3] value = lower_bound + (upper_bound - lower_bound) .* s;
-  vector[3] slope = (upper_bound - lower_bound) .* s .* (1 - s);
-  vector[3] pull = bounded_parameter_precision() * 2 * (1 - 2 * s);
-  vector[rows(pin)] strain = col(pin, 1);
-  vector[rows(pin)] weight = col(pin, 5);
-  vector[rows(pin)] grain_decay = exp(-strain / value[1]);
-  vector[rows(pin)] fabric_decay = exp(-strain / value[2]);
-  vector[rows(pin)] grain_size = grain_size_ratio + (1 - grain_size_ratio) * grain_decay;
-  vector[rows(pin)] fabric = value[3] + (1 - value[3]) * fabric_decay;
-  vector[rows(pin)] residual = log_strength - solved[1] - log(fabric)
-                               - exponent_ratio * log(grain_size);
-  vector[rows(pin)] by_fabric = slope[3] * (1 - fabric_decay) ./ fabric;
-  vector[rows(pin)] by_along
-    = shrink * slope[2] * (1 - value[3]) / square(value[2]) * (strain .* fabric_decay ./ fabric)
-      + a * shrink * slope[1] * exponent_ratio * (1 - grain_size_ratio) / square(value[1])
-        * (strain .* grain_decay ./ grain_size);
-  vector[rows(pin)] weighted_fabric = weight .* by_fabric;
-  vector[rows(pin)] weighted_along = weight .* by_along;
+                      vector log_strength, data vector strain, data vector weight,
+                      data real reference_log_stress, data vector lower_bound,
+                      data vector upper_bound) {
+  vector[3] u = append_row(critical_strains_from_rotated(across, solved[3]), solved[2]);
+  matrix[rows(strain), 4] softening = softening_at_pins(u, exponent_ratio, grain_size_ratio,
+                                                        strain, lower_bound, upper_bound);
+  vector[2] by_along = [valley_slope(), 1]' / (1 + square(valley_slope())); // du_1, du_2
+  vector[3] pull = pull_to_middle(u);
+  matrix[rows(strain), 3] slope;
   matrix[3, 3] curvature;
   vector[3] gradient;
-  matrix[3, 4] step;
-  curvature[1, 1] = sum(weight) + reference_stress_precision();
-  curvature[1, 2] = sum(weighted_fabric);
-  curvature[1, 3] = sum(weighted_along);
-  curvature[2, 2] = dot_product(weighted_fabric, by_fabric) + bounded_parameter_precision();
-  curvature[2, 3] = dot_product(weighted_fabric, by_along);
-  curvature[3, 3] = dot_product(weighted_along, by_along)
-                    + bounded_parameter_precision() * shrink;
-  curvature[2, 1] = curvature[1, 2];
-  curvature[3, 1] = curvature[1, 3];
-  curvature[3, 2] = curvature[2, 3];
-  gradient[1] = dot_product(weight, residual)
-                - reference_stress_precision() * (solved[1] - reference_log_stress);
-  gradient[2] = dot_product(weighted_fabric, residual) + pull[3];
-  gradient[3] = dot_product(weighted_along, residual) + shrink * (a * pull[1] + pull[2]);
-  step[ : , 1] = mdivide_left_spd(curvature, gradient);
-  step[ : , 2 : 4] = curvature;
-  return step;
+  slope[ : , 1] = rep_vector(1, rows(strain));
+  slope[ : , 2] = softening[ : , 4];
+  slope[ : , 3] = softening[ : , 2 : 3] * by_along;
+  curvature = crossprod(diag_pre_multiply(sqrt(weight), slope));
+  curvature[1, 1] += reference_stress_precision();
+  curvature[2, 2] += bounded_parameter_precision();
+  curvature[3, 3] += bounded_parameter_precision() * dot_self(by_along);
+  gradient = slope' * (weight .* (log_strength - solved[1] - softening[ : , 1]));
+  gradient[1] -= reference_stress_precision() * (solved[1] - reference_log_stress);
+  gradient[2] += pull[3];
+  gradient[3] += dot_product(pull[1 : 2], by_along);
+  return append_col(mdivide_left_spd(curvature, gradient), curvature);
 }
 
 /**
- * (ln S_0, u_F, along) that solve (*) at the given other coordinates.
+ * (ln S_0, u_F, along) that solve (*) at the given other coordinates, at softened_share().
  *
  * @param reference (across, p/n, ln(d_ss/d_0), ln S_0, u_F, along) of the reference point
  * @param reference_log_strength left-hand side of (*) there
- * @return first column: the solution; the others: the Gauss-Newton matrix at the last step
+ * @return first column: the solution; the others: the Gauss-Newton matrix there, at full weight
  */
 matrix solve_softening(real across, real exponent_ratio, real log_grain_size_ratio,
                        vector log_strength, data vector reference,
-                       data vector reference_log_strength, data matrix pin,
-                       data vector lower_bound, data vector upper_bound) {
+                       data vector reference_log_strength, data vector strain,
+                       data vector weight, data vector lower_bound, data vector upper_bound) {
   vector[3] solved = reference[4 : 6];
   matrix[3, 4] step;
   for (k in 1 : n_valley_steps()) {
@@ -171,11 +204,89 @@ matrix solve_softening(real across, real exponent_ratio, real log_grain_size_rat
                           reference[2] + f * (exponent_ratio - reference[2]),
                           exp(reference[3] + f * (log_grain_size_ratio - reference[3])),
                           reference_log_strength + f * (log_strength - reference_log_strength),
-                          pin, reference[4], lower_bound, upper_bound);
+                          strain, softened_share() * weight, reference[4], lower_bound,
+                          upper_bound);
     solved += step[ : , 1];
   }
+  step = softening_step(solved, across, exponent_ratio, exp(log_grain_size_ratio),
+                        log_strength, strain, weight, reference[4], lower_bound, upper_bound);
   step[ : , 1] = solved;
   return step;
+}
+
+/**
+ * ln S_0 that solves (*) at given microstructure, which is linear in it, and its precision.
+ *
+ * @param softening ln F + (p/n) ln(d/d_0) at the pins
+ */
+vector solve_reference_stress(vector softening, vector log_strength, data vector weight,
+                              data real reference_log_stress) {
+  real precision = sum(weight) + reference_stress_precision();
+  return [(dot_product(weight, log_strength - softening)
+           + reference_stress_precision() * reference_log_stress) / precision,
+          precision]';
+}
+
+/**
+ * u_F that solves (*), together with ln S_0, at a given position along the valley.
+ *
+ * The path starts at a solution for all three and follows the position.
+ *
+ * @param fabric u_F at the start of the path
+ * @param start, along position along the valley at the start and at the end of the path
+ * @return u_F and its precision, ln S_0 eliminated
+ */
+vector solve_fabric(real fabric, real start, real along, real across, real exponent_ratio,
+                    real grain_size_ratio, vector log_strength, data vector strain,
+                    data vector weight, data real reference_log_stress,
+                    data vector lower_bound, data vector upper_bound) {
+  real solved = fabric;
+  real precision;
+  for (k in 1 : n_fabric_steps()) {
+    real f = k * 1.0 / n_fabric_steps();
+    vector[3] u = append_row(critical_strains_from_rotated(across,
+                                                           start + f * (along - start)),
+                             solved);
+    matrix[rows(strain), 4] softening = softening_at_pins(u, exponent_ratio, grain_size_ratio,
+                                                          strain, lower_bound, upper_bound);
+    vector[2] stress = solve_reference_stress(softening[ : , 1], log_strength, weight,
+                                              reference_log_stress);
+    vector[rows(strain)] weighted = weight .* softening[ : , 4];
+    precision = dot_product(weighted, softening[ : , 4]) - square(sum(weighted)) / stress[2]
+                + bounded_parameter_precision();
+    solved += (dot_product(weighted, log_strength - softening[ : , 1] - stress[1])
+               + pull_to_middle(u)[3]) / precision;
+  }
+  return [solved, precision]';
+}
+
+/**
+ * (ln S_0, u_F, along) from their whitened remainders, in turn.
+ *
+ * @param remainder (of ln S_0, of u_F, of along) in standard deviations
+ * @return (ln S_0, u_F, along), then ln |d(these)/d(remainder)|
+ */
+vector softening_from_remainder(vector remainder, real across, real exponent_ratio,
+                                real log_grain_size_ratio, vector log_strength,
+                                data vector reference, data vector reference_log_strength,
+                                data vector strain, data vector weight,
+                                data vector lower_bound, data vector upper_bound) {
+  matrix[3, 4] joint = solve_softening(across, exponent_ratio, log_grain_size_ratio,
+                                       log_strength, reference, reference_log_strength, strain,
+                                       weight, lower_bound, upper_bound);
+  real along_scale = cholesky_decompose(joint[ : , 2 : 4])[3, 3];
+  real along = joint[3, 1] + remainder[3] / along_scale;
+  vector[2] fabric = solve_fabric(joint[2, 1], joint[3, 1], along, across, exponent_ratio,
+                                  exp(log_grain_size_ratio), log_strength, strain, weight,
+                                  reference[4], lower_bound, upper_bound);
+  real fabric_factor = fabric[1] + remainder[2] / sqrt(fabric[2]);
+  vector[3] u = append_row(critical_strains_from_rotated(across, along), fabric_factor);
+  vector[2] stress = solve_reference_stress(softening_at_pins(u, exponent_ratio,
+                                              exp(log_grain_size_ratio), strain, lower_bound,
+                                              upper_bound)[ : , 1],
+                                            log_strength, weight, reference[4]);
+  return [stress[1] + remainder[1] / sqrt(stress[2]), fabric_factor, along,
+          -log(along_scale) - 0.5 * (log(fabric[2]) + log(stress[2]))]';
 }
 
 /**
@@ -197,7 +308,7 @@ vector plain_from_softened(real x, data real linear_from) {
  * Physical parameters at given valley coordinates.
  *
  * The coordinates stand in the order of the plain ones; those of ln S_0, F_ss and epsilon_c2 are
- * the whitened remainder w, that of epsilon_c1 is the rotated coordinate across.
+ * the whitened remainders, that of epsilon_c1 is the rotated coordinate across.
  *
  * @param coordinate_of position of each parameter among the coordinates, 0 where fixed
  * @param reference_coordinate plain coordinates of the reference point
@@ -221,9 +332,7 @@ vector parameters_from_valley(vector coordinate, data array[] int parameter_of_c
                            coordinate_of[11]};
   vector[n] plain = reference_coordinate;
   vector[n_parameters()] parameter = fixed_value;
-  matrix[3, 4] solution;
-  matrix[3, 3] cholesky;
-  vector[3] solved;
+  vector[4] solved;
   real across = reference[1] + coordinate[coordinate_of[10]];
   real log_jacobian = 0;
   for (i in 1 : n) {
@@ -238,23 +347,19 @@ vector parameters_from_valley(vector coordinate, data array[] int parameter_of_c
                                        upper_bound[i]);
     }
   }
-  solution = solve_softening(across, parameter[5] / parameter[4],
-                             log(parameter[8] / initial_grain_size),
-                             log_strength_at_pins(knot_time_step, knot_stress, pin_knot, pin,
-                                                  parameter[1], parameter[2], parameter[3],
-                                                  parameter[4]),
-                             reference, reference_log_strength, pin, lower_bound[bounded],
-                             upper_bound[bounded]);
-  cholesky = cholesky_decompose(solution[ : , 2 : 4]);
-  solved = solution[ : , 1]
-           + mdivide_right_tri_low(coordinate[whitened]', cholesky)';
+  solved = softening_from_remainder(coordinate[whitened], across,
+    parameter[5] / parameter[4], log(parameter[8] / initial_grain_size),
+    log_strength_at_pins(knot_time_step, knot_stress, pin_knot, pin, parameter[1],
+                         parameter[2], parameter[3], parameter[4]),
+    reference, reference_log_strength, col(pin, 1), col(pin, 5), lower_bound[bounded],
+    upper_bound[bounded]);
   plain[coordinate_of[replaced_parameter]] = (solved[1]
                                               - shift[coordinate_of[replaced_parameter]])
                                              / scale[coordinate_of[replaced_parameter]];
   plain[coordinate_of[9]] = solved[2];
   plain[{coordinate_of[10], coordinate_of[11]}]
     = critical_strains_from_rotated(across, solved[3]);
-  log_jacobian += -sum(log(diagonal(cholesky))) - log1p(square(valley_slope()))
+  log_jacobian += solved[4] - log1p(square(valley_slope()))
                   - log(scale[coordinate_of[replaced_parameter]]);
   {
     vector[n_parameters() + 1] mapped = parameters_from_plain(plain, parameter_of_coordinate,

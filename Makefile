@@ -3,6 +3,7 @@
 #   make report                 fit, and write the page (PRESET=paper for the full length)
 #   make test                   the fast test suite
 #   make lint                   format, style and types
+#   make bench                  sampling benchmark against the paper's form, about 25 minutes
 #   make clean                  remove what make wrote (never runs/, never CmdStan)
 #
 # PYTHON=/path/to/python picks the interpreter for the virtual environment.
@@ -13,7 +14,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 CANDIDATES := python3 python3.14 python3.13 python3.12 python3.11
 
-.PHONY: help report test lint clean venv install cmdstan
+.PHONY: help report test lint bench clean venv install cmdstan
 
 help:
 	@sed -n '2,/^$$/s/^# \{0,1\}//p' Makefile
@@ -31,6 +32,10 @@ lint: $(VENV)/.lint-installed
 	@$(BIN)/ruff format --check
 	@$(BIN)/ruff check
 	@$(BIN)/mypy
+
+bench: cmdstan
+	@echo "==> Measuring the sampler against the paper's form"
+	@$(BIN)/python benchmarks/sampling.py
 
 clean:
 	@echo "==> Removing the virtual environment, caches and report/"

@@ -10,14 +10,17 @@ from typing import Any, Self
 import pandas as pd
 import xarray as xr
 
-from pyburgers.diagnostics import CheckResult, check_fit
+from pyburgers.diagnostics import CheckResult, check_fit, check_solver
 from pyburgers.errors import InputError
 from pyburgers.experiment import Experiment, load_experiment
 from pyburgers.posterior import build_posterior, load_posterior, summary_table
 from pyburgers.priors import PriorSet, load_priors
 from pyburgers.run_directory import RunDirectory, write_json, write_text
-from pyburgers.sampling import ChainFailure, SamplerOptions, run_chains
+from pyburgers.sampling import ChainFailure, SamplerOptions, run_chains, tighten_solver
 from pyburgers.stan_data import SolverOptions
+
+MAX_REFITS = 2
+"""Times that a run is repeated at a tighter tolerance of the solver."""
 
 
 def _silent(_: str) -> None:
@@ -142,7 +145,9 @@ def fit(
     options : SamplerOptions, optional
         Chains, iterations, seed.
     solver : SolverOptions, optional
-        Tolerance of the ODE solver while sampling.
+        Tolerance of the ODE solver while sampling. Where the draws, solved again at the reference
+        tolerance, show it too loose (Pareto k), all chains are run again ten times tighter, at
+        most `MAX_REFITS` times; the manifest notes it.
     use_likelihood : bool
         False samples the prior predictive distribution with the same program.
     command : str
@@ -163,17 +168,24 @@ def fit(
         If no chain finished.
     """
     run = RunDirectory(Path(out))
-    run_chains(
-        experiment,
-        priors,
-        run.path,
-        options=options or SamplerOptions(),
-        solver=solver or SolverOptions(),
-        use_likelihood=use_likelihood,
-        command=command,
-        report=report,
-    )
-    result = Fit.load(run.path, report=report)
+    while True:
+        run_chains(
+            experiment,
+            priors,
+            run.path,
+            options=options or SamplerOptions(),
+            solver=solver or SolverOptions(),
+            use_likelihood=use_likelihood,
+            command=command,
+            report=report,
+        )
+        result = Fit.load(run.path, report=report)
+        verdict = check_solver(result.posterior)
+        n_refits = len(result.manifest["refits"])
+        if verdict.passed or n_refits == MAX_REFITS or result.missing_chains():
+            break
+        tight = tighten_solver(run, float(verdict.table["pareto_k"].iloc[0]))
+        report(f"{verdict.sentence} Sampling all chains again at a tolerance of {tight:g}.")
     _write_tables(result)
     return replace(result, manifest=run.read_manifest())
 

@@ -1,4 +1,4 @@
-"""Initial values of chains: from the prior, or around the mode in valley coordinates."""
+"""Initial values of chains: from the prior, or around the posterior mode."""
 
 import cmdstanpy
 import numpy as np
@@ -57,9 +57,10 @@ def draw_initial_values(
     )
 
 
-def draw_valley_start(
+def draw_start_around(
     model: cmdstanpy.CmdStanModel,
     data: StanData,
+    centre: npt.NDArray[np.float64],
     covariance: npt.NDArray[np.float64],
     *,
     seed: int,
@@ -75,7 +76,9 @@ def draw_valley_start(
     model : CmdStanModel
         The program.
     data : dict
-        Its data, valley coordinates included.
+        Its data.
+    centre : array, shape (n_coordinates,)
+        The mode.
     covariance : array, shape (n_coordinates, n_coordinates)
         `pyburgers.metric.laplace_metric`.
     seed, chain : int
@@ -94,7 +97,7 @@ def draw_valley_start(
     rng = np.random.default_rng([seed, chain])
     factor = np.linalg.cholesky(covariance)
     for _ in range(INITIAL_ATTEMPTS):
-        start = {"coordinate": (factor @ rng.standard_normal(len(factor))).tolist()}
+        start = {"coordinate": (centre + factor @ rng.standard_normal(len(factor))).tolist()}
         try:
             solution = evaluate(model, data, start)
         except SamplingError:
@@ -103,5 +106,5 @@ def draw_valley_start(
             return start
     raise SamplingError(
         f"none of {INITIAL_ATTEMPTS} starts around the posterior mode has a finite solution; "
-        "repeat the fit with --coordinates plain."
+        "narrow the priors."
     )

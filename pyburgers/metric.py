@@ -1,4 +1,4 @@
-"""First metric of the sampler: the inverse curvature of the log density at the reference point."""
+"""First metric of the sampler: the inverse curvature of the log density at the posterior mode."""
 
 import json
 import tempfile
@@ -21,15 +21,17 @@ LEAST_CURVATURE = 0.15
 """Floor of the eigenvalues: flat directions are about as wide as a logistic prior, sd 1.8-2.6."""
 
 
-def laplace_metric(model: cmdstanpy.CmdStanModel, data: StanData) -> FloatArray:
-    """Covariance of the Laplace approximation around the origin of the coordinates.
+def laplace_metric(model: cmdstanpy.CmdStanModel, data: StanData, centre: FloatArray) -> FloatArray:
+    """Covariance of the Laplace approximation around the posterior mode.
 
     Parameters
     ----------
     model : CmdStanModel
         Program whose parameter is the vector ``coordinate``.
     data : dict
-        Its data, with coordinates in which the origin is the posterior mode.
+        Its data.
+    centre : array, shape (n_coordinates,)
+        The mode in the coordinates that the data choose.
 
     Returns
     -------
@@ -37,13 +39,13 @@ def laplace_metric(model: cmdstanpy.CmdStanModel, data: StanData) -> FloatArray:
         Inverse of the Hessian of minus the log density by central differences of Stan's
         gradients, with its eigenvalues kept above `LEAST_CURVATURE`.
     """
-    n = len(data["parameter_of_coordinate"])
-    steps = DIFFERENCE * np.eye(n)
+    steps = DIFFERENCE * np.eye(centre.size)
     with tempfile.TemporaryDirectory() as folder, quiet_cmdstanpy():
         data_file = Path(folder) / "data.json"
         data_file.write_text(json.dumps(data), encoding="utf-8")
         difference = [
-            _gradient(model, data_file, step) - _gradient(model, data_file, -step) for step in steps
+            _gradient(model, data_file, centre + step) - _gradient(model, data_file, centre - step)
+            for step in steps
         ]
     hessian = -np.array(difference) / (2 * DIFFERENCE)
     curvature, axes = np.linalg.eigh((hessian + hessian.T) / 2)

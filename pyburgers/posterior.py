@@ -339,6 +339,33 @@ def summary_table(posterior: xr.DataTree, priors: PriorSet) -> pd.DataFrame:
     return joined[order + [column for column in table if column not in order]]
 
 
+def grain_size_share(posterior: xr.DataTree) -> xr.DataArray:
+    """Share of the softening beyond the stress peak that grain size does; fabric does the rest.
+
+    Tells the two arms of the valley in the critical strains apart (`docs/coordinates.md`).
+
+    Parameters
+    ----------
+    posterior : DataTree
+        Labelled draws.
+
+    Returns
+    -------
+    DataArray, dimensions chain and draw
+        ln of the strength lost to grain size between peak and end over ln of all that is lost.
+    """
+    predictions = posterior["predictions"].to_dataset()
+    peak = predictions["stress"].argmax("strain")
+    lost = {
+        name: np.log(predictions[name].isel(strain=peak) / predictions[name].isel(strain=-1))
+        for name in ("grain_size_softening", "fabric_softening")
+    }
+    share: xr.DataArray = lost["grain_size_softening"] / (
+        lost["grain_size_softening"] + lost["fabric_softening"]
+    )
+    return share
+
+
 def pareto_k(log_ratios: FloatArray) -> float:
     """Shape of the generalised Pareto tail of importance ratios (PSIS).
 

@@ -276,6 +276,27 @@ class RunDirectory:
         folder.mkdir(parents=True)
         return folder
 
+    def supersede_chains(self, name: str) -> str:
+        """Put the finished chains, and what was made of them, aside.
+
+        Parameters
+        ----------
+        name : str
+            Tells these chains from others that were put aside.
+
+        Returns
+        -------
+        str
+            Where the chains are now, relative to the run directory.
+        """
+        aside = self.path / "superseded" / name
+        aside.parent.mkdir(exist_ok=True)
+        (self.path / "chains").rename(aside)
+        (self.path / "chains").mkdir()
+        for file in (self.posterior_file, self.checks_file, self.summary_file):
+            file.unlink(missing_ok=True)
+        return aside.relative_to(self.path).as_posix()
+
     def keep_chain(self, chain: int, finished: Path) -> None:
         """Move the folder of a finished chain into place, all files at once."""
         for file in finished.iterdir():

@@ -25,8 +25,9 @@ import psutil
 from pyburgers.cmdstan import find_cmdstan, load_model, toolchain
 from pyburgers.errors import InputError, SamplingError
 from pyburgers.experiment import Experiment, save_experiment
-from pyburgers.initial_values import draw_initial_values, draw_valley_start
+from pyburgers.initial_values import draw_initial_values, draw_start_around
 from pyburgers.metric import laplace_metric
+from pyburgers.mode import Mode, ModeNotFound, find_mode
 from pyburgers.priors import PriorSet, save_priors
 from pyburgers.progress import ChainProgress, IterationLines
 from pyburgers.run_directory import (
@@ -39,7 +40,6 @@ from pyburgers.run_directory import (
 )
 from pyburgers.simulation import console_tail, constant_rate_program, quiet_cmdstanpy
 from pyburgers.stan_data import (
-    PLAIN,
     SolverOptions,
     StanData,
     ValleyReference,
@@ -53,6 +53,9 @@ PACKAGES = ("pyburgers", "cmdstanpy", "arviz", "numpy", "scipy", "pandas", "xarr
 
 FIRST_STEP = 0.1
 """First step size where the first metric fits the posterior."""
+
+TIGHTENING = 10.0
+"""Factor between the tolerance of a run and of its repetition."""
 
 COORDINATES = Literal["auto", "plain", "valley"]
 
@@ -79,7 +82,7 @@ class SamplerOptions:
     """
 
     chains: int = 4
-    warmup: int = 600
+    warmup: int = 400
     draws: int = 1000
     seed: int = 1
     adapt_delta: float = 0.99
@@ -202,12 +205,17 @@ def run_chains(
     with run.claimed(identity), _no_process_left(model):
         _write_inputs(run, experiment, priors)
         if not run.stan_data_file.is_file():
-            valley = _choose_coordinates(
+            mode, valley = _choose_coordinates(
                 run, experiment, priors, options, solver, use_likelihood, report
             )
             data |= valley_block(valley)
-            if valley is not None:
-                write_json(run.metric_file, {"inv_metric": laplace_metric(model, data).tolist()})
+            if mode is not None:
+                # The mode is the origin of the valley coordinates.
+                centre = mode.coordinate if valley is None else np.zeros_like(mode.coordinate)
+                metric = laplace_metric(model, data, centre)
+                write_json(
+                    run.metric_file, {"inv_metric": metric.tolist(), "centre": centre.tolist()}
+                )
             write_json(run.stan_data_file, data)
         _write_manifest(run, experiment, options, solver, identity, use_likelihood, command)
         wanted = range(1, options.chains + 1)
@@ -232,6 +240,45 @@ def run_chains(
     return failures
 
 
+def tighten_solver(run: RunDirectory, pareto_k: float) -> float:
+    """Put a run's chains aside and have them sampled again at a tighter tolerance.
+
+    Coordinates, metric and initial values stay; `run_chains` with the same inputs then runs all
+    chains. The manifest's list ``refits`` notes what was put aside and why.
+
+    Parameters
+    ----------
+    run : RunDirectory
+        A run with finished chains.
+    pareto_k : float
+        Its diagnostic of the solver's tolerance.
+
+    Returns
+    -------
+    float
+        The new tolerance.
+    """
+    loose = _tolerance_in(run)
+    manifest = run.read_manifest()
+    with run.claimed(manifest["fingerprint"]):
+        aside = run.supersede_chains(f"tolerance_{loose:.0e}")
+        refit = {"tolerance": loose, "pareto_k": pareto_k, "chains": aside}
+        run.update_manifest({"refits": [*manifest["refits"], refit]})
+        data: StanData = json.loads(run.stan_data_file.read_text(encoding="utf-8"))
+        tight = loose / TIGHTENING
+        write_json(
+            run.stan_data_file,
+            {**data, "relative_tolerance": tight, "absolute_tolerance": tight},
+        )
+    return tight
+
+
+def _tolerance_in(run: RunDirectory) -> float:
+    """Tolerance with which the run's chains are sampled, tightened or as asked for."""
+    data: StanData = json.loads(run.stan_data_file.read_text(encoding="utf-8"))
+    return float(data["relative_tolerance"])
+
+
 def _choose_coordinates(
     run: RunDirectory,
     experiment: Experiment,
@@ -240,28 +287,30 @@ def _choose_coordinates(
     solver: SolverOptions,
     use_likelihood: bool,
     report: Callable[[str], None],
-) -> ValleyReference | None:
-    """Set up the valley, or say in the manifest why the plain coordinates are used."""
-    valley = None
+) -> tuple[Mode | None, ValleyReference | None]:
+    """Find the mode and set up the valley, or say in the manifest why plain coordinates are used.
+
+    Both are None without likelihood: what the data fix is a poor guide to the prior.
+    """
+    mode = valley = None
     reason = "asked for"
     if not use_likelihood:
-        # Coordinates whitened by the likelihood are a poor fit to the prior.
         reason = "the likelihood is off"
-    elif options.coordinates != "plain":
+    else:
         try:
-            report("Finding the posterior mode, which sets the sampler's coordinates.")
-            valley = find_valley(
-                experiment, priors, seed=options.seed, solver=solver, report=report
-            )
-        except ValleyUnsuited as error:
+            report("Finding the posterior mode, which sets the sampler's coordinates and metric.")
+            mode = find_mode(experiment, priors, seed=options.seed, solver=solver, report=report)
+            if options.coordinates != "plain":
+                valley = find_valley(experiment, priors, mode, solver=solver)
+                reason = "the priors and the record suit them"
+        except (ModeNotFound, ValleyUnsuited) as error:
             if options.coordinates == "valley":
                 raise InputError(
                     f"{experiment.id}: valley coordinates do not apply, because {error}; use "
                     "--coordinates auto or plain."
                 ) from error
-            reason = str(error)
-        else:
-            reason = "the priors and the record suit them"
+            if options.coordinates == "auto":
+                reason = str(error)
     system = "plain" if valley is None else "valley"
     report(
         f"Coordinates: {system}, because {reason}."
@@ -269,7 +318,7 @@ def _choose_coordinates(
         else f"Coordinates: {system}, as asked for."
     )
     run.update_manifest({"coordinates": {"system": system, "reason": reason}})
-    return valley
+    return mode, valley
 
 
 def _draw_start(
@@ -280,13 +329,13 @@ def _draw_start(
     seed: int,
     chain: int,
 ) -> dict[str, list[float]]:
-    """Start of one chain: from the prior, or around the mode in valley coordinates."""
-    data: StanData = json.loads(run.stan_data_file.read_text(encoding="utf-8"))
-    if data["coordinate_system"] == PLAIN:
+    """Start of one chain: around the mode, or from the prior where none was found."""
+    if not run.metric_file.is_file():
         return draw_initial_values(experiment, priors, seed=seed, chain=chain)
-    metric = json.loads(run.metric_file.read_text(encoding="utf-8"))
-    covariance = np.array(metric["inv_metric"])
-    return draw_valley_start(model, data, covariance, seed=seed, chain=chain)
+    data: StanData = json.loads(run.stan_data_file.read_text(encoding="utf-8"))
+    laplace = json.loads(run.metric_file.read_text(encoding="utf-8"))
+    centre, covariance = (np.array(laplace[key]) for key in ("centre", "inv_metric"))
+    return draw_start_around(model, data, centre, covariance, seed=seed, chain=chain)
 
 
 def _write_inputs(run: RunDirectory, experiment: Experiment, priors: PriorSet) -> None:
@@ -321,8 +370,9 @@ def _write_manifest(
             "started": datetime.now(UTC).isoformat(timespec="seconds"),
             "status": "sampling",
             "failures": [],
+            "refits": run.read_manifest().get("refits", []),
             "sampler": asdict(options),
-            "solver": asdict(solver),
+            "solver": {**asdict(solver), "tolerance": _tolerance_in(run)},
             "use_likelihood": use_likelihood,
             "versions": {
                 "python": platform.python_version(),

@@ -48,7 +48,7 @@ class SolverOptions:
         so that an impossible region fails at once instead of crawling.
     """
 
-    tolerance: float = 1e-6
+    tolerance: float = 1e-5
     max_num_steps: int = 20_000
 
     def __post_init__(self) -> None:

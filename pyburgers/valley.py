@@ -1,36 +1,27 @@
 """Reference point and pins of the valley coordinates (`stan/functions/valley_coordinates.stan`).
 
-Everything comes from the posterior mode in plain coordinates, found by Stan's optimiser: the mode
-is the reference point, its solution the smooth curve that the pins lie on, and its residual sets
-their weight. Digitising jitter, short records, rate steps and curves without a peak need no
-special care then, and the speed of a run, not its result, is all that depends on it.
+Everything comes from the posterior mode: it is the reference point, its solution the smooth curve
+that the pins lie on, and its residual sets their weight. Digitising jitter, short records, rate
+steps and curves without a peak need no special care then, and the speed of a run, not its result,
+is all that depends on it.
 """
-
-import tempfile
-from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from pyburgers.cmdstan import load_model
 from pyburgers.experiment import Experiment
-from pyburgers.initial_values import draw_initial_values
-from pyburgers.parameters import PARAMETERS
+from pyburgers.mode import Mode
 from pyburgers.priors import PriorSet
-from pyburgers.run_directory import write_json
-from pyburgers.simulation import constant_rate_program, quiet_cmdstanpy, solve, strain_grid
+from pyburgers.simulation import solve, strain_grid
 from pyburgers.stan_data import (
     PlainCoordinates,
     SolverOptions,
     ValleyReference,
-    constant_rate_data,
     plain_coordinates,
 )
 
 FloatArray = npt.NDArray[np.float64]
 
-N_STARTS = 4
 N_PINS = 12
 MIN_FLOWING_POINTS = 4
 FLOWING_SHARE = 0.5
@@ -47,14 +38,9 @@ class ValleyUnsuited(Exception):  # noqa: N818 - an outcome with a reason, not a
 
 
 def find_valley(
-    experiment: Experiment,
-    priors: PriorSet,
-    *,
-    seed: int,
-    solver: SolverOptions,
-    report: Callable[[str], None],
+    experiment: Experiment, priors: PriorSet, mode: Mode, *, solver: SolverOptions
 ) -> ValleyReference:
-    """Find the posterior mode and set the pins.
+    """Set the pins along the solution at the posterior mode.
 
     Parameters
     ----------
@@ -62,12 +48,10 @@ def find_valley(
         A test with data.
     priors : PriorSet
         Resolved priors.
-    seed : int
-        Decides the prior draws from which the optimiser starts.
+    mode : Mode
+        Their posterior mode.
     solver : SolverOptions
         Tolerance and step limit.
-    report : callable
-        Receives progress sentences.
 
     Raises
     ------
@@ -76,7 +60,7 @@ def find_valley(
     """
     coordinates = plain_coordinates(experiment, priors)
     _check_priors(priors, coordinates)
-    values, position = _mode(experiment, priors, coordinates, seed, solver, report)
+    values = mode.values
     observed = solve(experiment, values, np.unique(experiment.strain), solver=solver)
     flowing = np.isin(
         experiment.strain,
@@ -99,8 +83,8 @@ def find_valley(
     weight = n_flowing / pin_strain.size * (stress / values["stress_noise"]) ** 2
     time = experiment.time_at(knots["grid_strain"])
     return ValleyReference(
-        coordinate=position,
-        linear_from=_linear_from(position, coordinates),
+        coordinate=mode.coordinate,
+        linear_from=_linear_from(mode.coordinate, coordinates),
         knot_time_step=np.diff(time, prepend=0.0),
         knot_stress=knots["grid_stress"],
         pin_knot=pin_knot + 1,
@@ -124,48 +108,6 @@ def _check_priors(priors: PriorSet, coordinates: PlainCoordinates) -> None:
             raise ValleyUnsuited(f"{name} is not free between two finite bounds")
     if coordinates.replaced_parameter is None:
         raise ValleyUnsuited("neither Q_M nor beta leaves its place to the reference stress")
-
-
-def _mode(
-    experiment: Experiment,
-    priors: PriorSet,
-    coordinates: PlainCoordinates,
-    seed: int,
-    solver: SolverOptions,
-    report: Callable[[str], None],
-) -> tuple[dict[str, float], FloatArray]:
-    """Posterior mode on the real line: SI values by name, and plain coordinates."""
-    data = constant_rate_data(experiment, priors, solver=solver)
-    model = load_model(constant_rate_program(), report=report)
-    best = None
-    for start in range(1, N_STARTS + 1):
-        initial = draw_initial_values(experiment, priors, seed=seed, chain=start)
-        with tempfile.TemporaryDirectory() as folder, quiet_cmdstanpy():
-            files = {name: Path(folder) / f"{name}.json" for name in ("data", "initial")}
-            write_json(files["data"], data)
-            write_json(files["initial"], initial)
-            try:
-                found = model.optimize(
-                    data=str(files["data"]),
-                    inits=str(files["initial"]),
-                    seed=seed,
-                    algorithm="lbfgs",
-                    iter=5000,
-                    output_dir=folder,
-                    sig_figs=17,
-                    require_converged=False,
-                )
-                variables = found.stan_variables()
-                density = float(found.optimized_params_dict["lp__"])
-            except RuntimeError:
-                continue  # the optimiser left the region where the solver finds a solution
-        if best is None or density > best[0]:
-            best = (density, variables)
-    if best is None:
-        raise ValleyUnsuited(f"the optimiser failed from all {N_STARTS} starts")
-    variables = best[1]
-    values = {p.name: float(variables[p.name]) for p in PARAMETERS}
-    return values, np.atleast_1d(np.asarray(variables["coordinate"], dtype=np.float64))
 
 
 def _knot_strain(experiment: Experiment, pin_strain: FloatArray) -> FloatArray:

@@ -13,9 +13,12 @@ import pytest
 from pyburgers.cmdstan import compile_programs, load_model, stan_directory
 from pyburgers.experiment import Experiment, load_experiment, save_experiment
 from pyburgers.fitting import Fit, fit
+from pyburgers.mode import find_mode
 from pyburgers.priors import Prior, PriorSet, default_priors, load_priors, save_priors
 from pyburgers.sampling import SamplerOptions
 from pyburgers.simulation import quiet_cmdstanpy
+from pyburgers.stan_data import SolverOptions, ValleyReference
+from pyburgers.valley import find_valley
 
 FloatArray = npt.NDArray[np.float64]
 FunctionValues = Callable[[str, Mapping[str, object]], dict[str, FloatArray]]
@@ -68,6 +71,13 @@ def write_problem(folder: Path, *, free: set[str], max_strain: float, stride: in
     experiment_file = save_experiment(experiment, folder)
     save_priors(with_fixed(default_priors("ice"), known), folder / "priors.toml")
     return Problem(experiment_file, folder / "priors.toml")
+
+
+def valley_of(experiment: Experiment, priors: PriorSet) -> ValleyReference:
+    """Reference of the valley coordinates, as a fit with seed 1 sets it up."""
+    solver = SolverOptions()
+    mode = find_mode(experiment, priors, seed=1, solver=solver, report=print)
+    return find_valley(experiment, priors, mode, solver=solver)
 
 
 @pytest.fixture(scope="session")

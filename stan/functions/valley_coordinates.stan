@@ -15,7 +15,8 @@
  *    b = u_1 - a u_2, and one along, t = a u_1 + u_2, with a = valley_slope();
  *  - t is centred and scaled, as a function of the other coordinates, by the least-squares
  *    solution of (*) at a few strains, the pins, for (ln S_0, u_F, t) together;
- *  - u_F is centred and scaled by the least-squares solution for (ln S_0, u_F) at this t;
+ *  - u_F is centred and scaled by the least-squares solution for (ln S_0, u_F) at this t, such
+ *    that F_ss is nearly linear in what remains;
  *  - ln S_0 is centred and scaled by the least-squares solution at this t and u_F, which is
  *    linear.
  *
@@ -261,6 +262,31 @@ vector solve_fabric(real fabric, real start, real along, real across, real expon
 }
 
 /**
+ * Real number u behind a bounded parameter, from a remainder that is whitened in the parameter.
+ *
+ * Data fix the parameter, not u: where it is fixed to a small part of its range, but close to a
+ * bound, u would have a long tail. The parameter's place in its range, f = inv_logit(u), is
+ * therefore linear in the remainder as long as f is further from 0 and 1 than its standard
+ * deviation c, and approaches them exponentially:
+ *
+ *   f = c [log1p_exp(a) - log1p_exp(a - 1/c)],  a = a(solution) + remainder.
+ *
+ * @param solved solution for u
+ * @param precision of u at the solution
+ * @return u, then ln |du/d(remainder)|
+ */
+vector bounded_from_remainder(real solved, real precision, real remainder) {
+  real place = inv_logit(solved);
+  real c = place * (1 - place) / sqrt(precision);
+  real a = place / c + log1m_exp(-place / c) - log1m_exp(-(1 - place) / c) + remainder;
+  real log_place = log(log1p_exp(a) - log1p_exp(a - 1 / c)); // ln(f/c)
+  real log_rest = log(log1p_exp(1 / c - a) - log1p_exp(-a)); // ln((1 - f)/c)
+  return [log_place - log_rest,
+          log_diff_exp(log_inv_logit(a), log_inv_logit(a - 1 / c)) - log_place - log_rest
+          - log(c)]';
+}
+
+/**
  * (ln S_0, u_F, along) from their whitened remainders, in turn.
  *
  * @param remainder (of ln S_0, of u_F, of along) in standard deviations
@@ -279,14 +305,14 @@ vector softening_from_remainder(vector remainder, real across, real exponent_rat
   vector[2] fabric = solve_fabric(joint[2, 1], joint[3, 1], along, across, exponent_ratio,
                                   exp(log_grain_size_ratio), log_strength, strain, weight,
                                   reference[4], lower_bound, upper_bound);
-  real fabric_factor = fabric[1] + remainder[2] / sqrt(fabric[2]);
-  vector[3] u = append_row(critical_strains_from_rotated(across, along), fabric_factor);
+  vector[2] fabric_factor = bounded_from_remainder(fabric[1], fabric[2], remainder[2]);
+  vector[3] u = append_row(critical_strains_from_rotated(across, along), fabric_factor[1]);
   vector[2] stress = solve_reference_stress(softening_at_pins(u, exponent_ratio,
                                               exp(log_grain_size_ratio), strain, lower_bound,
                                               upper_bound)[ : , 1],
                                             log_strength, weight, reference[4]);
-  return [stress[1] + remainder[1] / sqrt(stress[2]), fabric_factor, along,
-          -log(along_scale) - 0.5 * (log(fabric[2]) + log(stress[2]))]';
+  return [stress[1] + remainder[1] / sqrt(stress[2]), fabric_factor[1], along,
+          -log(along_scale) + fabric_factor[2] - 0.5 * log(stress[2])]';
 }
 
 /**

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import pytest
-from conftest import ICE
+from conftest import ICE, valley_of
 from log_density import Program
 from scipy import stats
 
@@ -15,7 +15,6 @@ from pyburgers.experiment import Experiment, load_experiment
 from pyburgers.parameters import PARAMETERS
 from pyburgers.priors import PriorSet, default_priors
 from pyburgers.stan_data import SolverOptions, ValleyReference, constant_rate_data
-from pyburgers.valley import find_valley
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
@@ -36,7 +35,7 @@ def priors(experiment: Experiment) -> PriorSet:
 
 @pytest.fixture(scope="module")
 def valley(programs: None, experiment: Experiment, priors: PriorSet) -> ValleyReference:
-    return find_valley(experiment, priors, seed=1, solver=SolverOptions(), report=print)
+    return valley_of(experiment, priors)
 
 
 @pytest.fixture(params=["plain", "valley"])

@@ -9,7 +9,7 @@ from types import MappingProxyType
 import arviz as az
 import numpy as np
 import pytest
-from conftest import ICE, with_fixed
+from conftest import ICE, valley_of, with_fixed
 from log_density import Program
 from oracle import GAS_CONSTANT
 from scipy import stats
@@ -26,7 +26,6 @@ from pyburgers.stan_data import (
     constant_rate_data,
     plain_coordinates,
 )
-from pyburgers.valley import find_valley
 
 pytestmark = pytest.mark.usefixtures("programs")
 
@@ -147,7 +146,7 @@ def test_valley_coordinates_leave_the_prior_as_it_is(
     """Slow, because they are made for the posterior and suit the prior badly."""
     full = load_experiment(ICE / "PIL72.toml")
     priors = default_priors("ice").resolved(float(np.abs(full.stress).max()))
-    valley = find_valley(full, priors, seed=1, solver=SolverOptions(), report=print)
+    valley = valley_of(full, priors)
     data = constant_rate_data(
         short_test, priors, solver=SolverOptions(), use_likelihood=False, valley=valley
     )

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from conftest import SMALL_RUN, Problem
+from conftest import SMALL_RUN, Problem, with_fixed
 
 from pyburgers.errors import InputError
 from pyburgers.fitting import Fit, fit
@@ -51,6 +51,7 @@ def test_a_fit_writes_everything(small_fit: Fit) -> None:
     assert files == chain_files | {
         "manifest.json",
         "stan_data.json",
+        "metric.json",
         "posterior.nc",
         "checks.json",
         "summary.csv",
@@ -209,7 +210,7 @@ def test_other_inputs_in_the_same_directory_are_refused(
             priors,
             out=folder,
             options=options,
-            solver=SolverOptions(tolerance=1e-7 if changed == "tolerance" else 1e-6),
+            solver=SolverOptions(tolerance=1e-7) if changed == "tolerance" else SolverOptions(),
             use_likelihood=changed != "likelihood",
         )
     assert contents(folder) == before
@@ -248,6 +249,35 @@ def test_draws_without_solution_at_the_reference_tolerance_do_not_end_the_fit(
     assert "20 of 20 draws have no solution" in check.sentence
     assert np.isnan(group(result, "predictions")["stress"]).all()
     assert np.isfinite(group(result, "log_likelihood")["stress"]).all()
+
+
+def test_a_tolerance_too_loose_is_tightened_and_the_chains_run_again(
+    programs: None, small_problem: Problem, tmp_path: Path
+) -> None:
+    loose = SolverOptions(tolerance=1e-2)
+    # With little noise the solver's error counts for more.
+    priors = with_fixed(small_problem.priors, {"stress_noise": 3e4})
+    arguments = (small_problem.experiment, priors)
+    said: list[str] = []
+    result = fit(
+        *arguments, out=tmp_path / "run", options=SMALL_RUN, solver=loose, report=said.append
+    )
+    (first, *_) = result.manifest["refits"]
+    assert first["tolerance"] == 1e-2
+    assert first["pareto_k"] > 0.7
+    assert result.manifest["solver"]["tolerance"] <= 1e-3
+    assert sum("Sampling all chains again" in line for line in said) == len(
+        result.manifest["refits"]
+    )
+    assert {check.name: check.passed for check in result.checks()}["solver"]
+    aside = tmp_path / "run" / first["chains"]
+    assert sorted(folder.name for folder in aside.iterdir()) == ["chain_1", "chain_2"]
+    # The same inputs continue the tightened run; nothing is sampled again.
+    before = contents(tmp_path / "run")
+    again = fit(*arguments, out=tmp_path / "run", options=SMALL_RUN, solver=loose)
+    assert again.manifest["refits"] == result.manifest["refits"]
+    after = contents(tmp_path / "run")
+    assert {name for name in before if after[name] != before[name]} <= {"manifest.json"}
 
 
 def test_a_run_stopped_after_its_first_chain_can_be_looked_at(copy: Path) -> None:

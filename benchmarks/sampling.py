@@ -1,0 +1,327 @@
+"""Effective draws per second: the paper's six-state form, plain and valley coordinates.
+
+Fits every test with the product (valley and plain coordinates) and runs the paper's form beside
+it for a bounded time, one after the other on the same machine. Writes a table, a figure, and a
+description of the machine:
+
+    python benchmarks/sampling.py            # everything, about 20 minutes on two cores
+    python benchmarks/sampling.py PIL40      # some tests
+"""
+
+import argparse
+import json
+import math
+import platform
+import shutil
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import psutil
+from chain_files import read_chain
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from processes import run_together
+from six_state import N_CHAINS, USUAL_LENGTH, WARMUP, Baseline, run_baseline
+
+from pyburgers.cmdstan import find_cmdstan, load_model, toolchain
+from pyburgers.figures import BLUE, GREY, ORANGE
+from pyburgers.fitting import Fit
+from pyburgers.posterior import convergence_table, grain_size_share
+from pyburgers.simulation import constant_rate_program
+
+ROOT = Path(__file__).parents[1]
+RESULTS = ROOT / "benchmarks" / "results"
+ICE, DUNITE = ROOT / "data" / "ice", ROOT / "tests" / "data"
+TESTS = {
+    "PIL40": ICE / "PIL40.toml",
+    "PIL72": ICE / "PIL72.toml",
+    "PIL105": ICE / "PIL105.toml",
+    "4506": DUNITE / "dunite_4506.toml",
+    "4581": DUNITE / "dunite_4581.toml",
+}
+PICTURED = "PIL40"
+MEASURED = {"4506", "4581"}
+
+VALLEY = ("--chains", "4", "--warmup", "400", "--draws", "1000", "--coordinates", "valley")
+PLAIN = ("--chains", "2", "--warmup", "300", "--draws", "300", "--coordinates", "plain")
+BASELINE_SECONDS = 150.0
+MIB = 2**20
+
+
+def main() -> None:
+    """Run the benchmark and write its results."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("tests", nargs="*", metavar="TEST", choices=[[], *TESTS])
+    parser.add_argument("--out", type=Path, default=RESULTS)
+    parser.add_argument("--seed", type=int, default=1)
+    options = parser.parse_args()
+    load_model(constant_rate_program(), report=print)
+    rows: list[dict[str, Any]] = []
+    with tempfile.TemporaryDirectory() as scratch:
+        for name in options.tests or TESTS:
+            if not _is_there(TESTS[name]):
+                print(f"{name}: its measured columns are not on this machine; left out")
+                continue
+            folder = Path(scratch) / name
+            valley, row = _product(name, "valley", VALLEY, folder / "valley", options.seed)
+            rows.append(row)
+            if name == PICTURED:
+                picture = _valley_picture(valley)
+                options.out.mkdir(parents=True, exist_ok=True)
+                picture.savefig(options.out / "valley.png", dpi=130)
+            rows.append(_product(name, "plain", PLAIN, folder / "plain", options.seed)[1])
+            baseline = run_baseline(
+                valley,
+                folder / "six_state",
+                limit_seconds=BASELINE_SECONDS,
+                seed=options.seed,
+            )
+            rows.append(_baseline_row(name, baseline))
+            print(pd.DataFrame(rows[-3:]).to_string(), flush=True)
+            shutil.rmtree(folder)
+    table = pd.DataFrame(rows).set_index(["test", "form"])
+    options.out.mkdir(parents=True, exist_ok=True)
+    table.to_csv(options.out / "sampling.csv", float_format="%.4g")
+    machine = _machine()
+    (options.out / "machine.json").write_text(json.dumps(machine, indent=1) + "\n")
+    (options.out / "sampling.md").write_text(_page(table, machine), encoding="utf-8")
+    _figure(table).savefig(options.out / "sampling.png", dpi=130)
+
+
+def _is_there(experiment: Path) -> bool:
+    return (
+        experiment.parent == ICE
+        or (ROOT.parent / "shared" / "data" / "chopra_paterson_1984_dunite").is_dir()
+    )
+
+
+def _product(
+    name: str, form: str, settings: tuple[str, ...], folder: Path, seed: int
+) -> tuple[Fit, dict[str, Any]]:
+    """Fit through the command line, as a user does, and read the run directory."""
+    command = [sys.executable, "-c", "from pyburgers.cli import main; raise SystemExit(main())"]
+    arguments = ["fit", str(TESTS[name]), "--out", str(folder), "--seed", str(seed), *settings]
+    cost = run_together([[*command, *arguments]])
+    fit = Fit.load(folder)
+    chains = [read_chain(fit.directory.draws_file(c)) for c in fit.directory.finished_chains()]
+    warmup = sum(chain.warmup_seconds for chain in chains)
+    sampling = sum(chain.sampling_seconds for chain in chains)
+    draws = pd.concat([chain.draws for chain in chains])
+    steps = [chain.draws["stepsize__"].iloc[-1] for chain in chains]
+    convergence = convergence_table(fit.posterior)
+    bulk, tail = (float(convergence[key].min()) for key in ("ess_bulk", "ess_tail"))
+    return fit, {
+        "test": name,
+        "form": form,
+        "ms_per_gradient": 1e3 * sampling / draws["n_leapfrog__"].sum(),
+        "leapfrogs_per_draw": draws["n_leapfrog__"].mean(),
+        "step_size_ratio": min(steps) / max(steps),
+        "draws": len(draws),
+        "divergences": int(draws["divergent__"].sum()),
+        "rhat": float(convergence["rhat"].max()),
+        "ess_bulk": bulk,
+        "ess_tail": tail,
+        "ess_bulk_per_s": bulk / sampling,
+        "ess_tail_per_s": tail / sampling,
+        "ess_bulk_per_s_with_warmup": bulk / (sampling + warmup),
+        "ess_tail_per_s_with_warmup": tail / (sampling + warmup),
+        "wall_s": cost.wall_seconds,
+        "peak_MiB": cost.peak_bytes / MIB,
+    }
+
+
+def _baseline_row(name: str, baseline: Baseline | None) -> dict[str, Any]:
+    """Row of the six-state form, extrapolated to a run of the usual length."""
+    if baseline is None:
+        return {"test": name, "form": "six states"}
+    per_second = baseline.ess_per_draw_least / baseline.seconds_per_draw
+    return {
+        "test": name,
+        "form": "six states",
+        "ms_per_gradient": baseline.ms_per_gradient,
+        "leapfrogs_per_draw": baseline.leapfrogs_per_draw,
+        "draws": baseline.draws,
+        "divergences": baseline.divergences,
+        "ess_bulk_per_s": per_second,
+        "ess_bulk_per_s_with_warmup": per_second / 2,
+        "ess_bulk_per_s_median": baseline.ess_per_draw_median / baseline.seconds_per_draw,
+        "wall_s": baseline.cost.wall_seconds,
+        "peak_MiB": baseline.cost.peak_bytes / MIB,
+    }
+
+
+def _machine() -> dict[str, Any]:
+    found = find_cmdstan()
+    if found is None:
+        raise SystemExit("CmdStan is missing; run pyburgers install-cmdstan.")
+    tools = toolchain(found)
+    models = [
+        line.split(":", 1)[1].strip()
+        for line in Path("/proc/cpuinfo").read_text().splitlines()
+        if line.startswith("model name")
+    ]
+    return {
+        "processor": models[0] if models else platform.processor(),
+        "cores": psutil.cpu_count(),
+        "memory_GiB": round(psutil.virtual_memory().total / 2**30),
+        "system": platform.system(),
+        "python": platform.python_version(),
+        "cmdstan": tools.cmdstan_version,
+        "compiler": tools.compiler,
+    }
+
+
+COLUMNS = {
+    "ms_per_gradient": "ms per gradient",
+    "leapfrogs_per_draw": "leapfrogs per draw",
+    "step_size_ratio": "smallest/largest step",
+    "divergences": "divergences",
+    "draws": "draws",
+    "rhat": "R-hat",
+    "ess_bulk": "bulk ESS",
+    "ess_tail": "tail ESS",
+    "ess_bulk_per_s": "bulk ESS/s",
+    "ess_tail_per_s": "tail ESS/s",
+    "ess_bulk_per_s_with_warmup": "bulk ESS/s with warm-up",
+    "ess_tail_per_s_with_warmup": "tail ESS/s with warm-up",
+    "ess_bulk_per_s_median": "median ESS/s",
+    "wall_s": "wall s",
+    "peak_MiB": "peak MiB",
+}
+
+EXPLANATION = """# Sampling benchmark
+
+Written by `make bench`; do not edit. PIL40, PIL72 and PIL105 are synthetic tests, 4506 and 4581
+measured dunite. Effective sample sizes (ESS) are the least over the sampled quantities, per second
+of one core.
+
+![Leapfrog steps per draw and effective draws per second, by form](sampling.png)
+
+## Ratios of valley coordinates to the six-state form
+
+{ratios}
+
+The six-state row is extrapolated from a run stopped after {seconds:.0f} s: {chains} chains side by
+side that start at posterior draws with the dense metric of the posterior, both given, and adapt
+their step size for {warmup} iterations. Effective draws per draw come from the mean squared jump of
+each parameter against its posterior variance, as of a first-order autoregressive chain, for the
+slowest parameter; the column "median ESS/s" has that of the median parameter. With warm-up:
+{length} more iterations for {length} draws, none longer than the draws. All of this is kind to it:
+with CmdStan's own metric and a start from the prior its warm-up does not end in hours.
+
+The plain row has 2 chains of 300 + 300 iterations; memory is that of all processes together.
+
+## Table
+
+{table}
+
+## Machine
+
+{machine}
+"""
+
+
+def _page(table: pd.DataFrame, machine: dict[str, Any]) -> str:
+    """Table in Markdown, ratios first."""
+    ratios = []
+    for name in table.index.unique("test"):
+        valley, paper = table.loc[(name, "valley")], table.loc[(name, "six states")]
+        ratios.append(
+            {
+                "test": name,
+                "bulk ESS/s": valley["ess_bulk_per_s"] / paper["ess_bulk_per_s"],
+                "with warm-up": valley["ess_bulk_per_s_with_warmup"]
+                / paper["ess_bulk_per_s_with_warmup"],
+                "gradients per second": paper["ms_per_gradient"] / valley["ms_per_gradient"],
+                "fewer leapfrogs per draw": paper["leapfrogs_per_draw"]
+                / valley["leapfrogs_per_draw"],
+            }
+        )
+    shown = table.reindex(columns=list(COLUMNS)).rename(columns=COLUMNS)
+    return EXPLANATION.format(
+        ratios=_markdown(pd.DataFrame(ratios).set_index("test").reset_index()),
+        seconds=BASELINE_SECONDS,
+        chains=N_CHAINS,
+        warmup=WARMUP,
+        length=USUAL_LENGTH,
+        table=_markdown(shown.reset_index()),
+        machine="\n".join(f"- {key}: {value}" for key, value in machine.items()),
+    )
+
+
+def _markdown(table: pd.DataFrame) -> str:
+    """Table of Markdown, numbers in three digits, what is missing left blank."""
+    rows = [table.columns.tolist(), ["---"] * table.shape[1]]
+    rows += [[_cell(value) for value in row] for row in table.itertuples(index=False)]
+    return "\n".join("| " + " | ".join(row) + " |" for row in rows)
+
+
+def _cell(value: float | str) -> str:
+    if isinstance(value, str):
+        return value
+    if math.isnan(value):
+        return ""
+    return f"{value:.0f}" if value >= 1000 else f"{value:.4g}" if value > 1 else f"{value:.3g}"
+
+
+def _figure(table: pd.DataFrame) -> Figure:
+    """Leapfrogs for each draw, and effective draws for each second, by form."""
+    figure = Figure(figsize=(10, 4.2), layout="constrained")
+    axes = figure.subplots(1, 2)
+    _bars(axes[0], table, "leapfrogs_per_draw", "Leapfrog steps per draw")
+    _bars(
+        axes[1],
+        table,
+        "ess_bulk_per_s_with_warmup",
+        "Least bulk ESS per core-second, warm-up included (1/s)",
+    )
+    axes[0].legend(frameon=False)
+    return figure
+
+
+def _valley_picture(fit: Fit) -> Figure:
+    """Draws in the plane of the critical strains, by density and by what softens."""
+    draws = fit.posterior["posterior"].to_dataset()
+    density = fit.posterior["log_likelihood"]["stress"].sum("point")
+    density = density + fit.posterior["log_prior"]["lprior"]
+    figure = Figure(figsize=(10, 4.2), layout="constrained")
+    axes = figure.subplots(1, 2, sharex=True, sharey=True)
+    colours = {
+        "log posterior density below its largest": (density - density.max()).clip(min=-15),
+        "share of grain size in the softening": grain_size_share(fit.posterior).clip(0, 1),
+    }
+    order = np.argsort(density.to_numpy().ravel())
+    for axis, (label, values) in zip(axes, colours.items(), strict=True):
+        points = axis.scatter(
+            draws["critical_strain_grain_size"].to_numpy().ravel()[order],
+            draws["critical_strain_fabric"].to_numpy().ravel()[order],
+            c=values.to_numpy().ravel()[order],
+            s=4,
+            cmap="cividis",
+        )
+        figure.colorbar(points, ax=axis, label=label)
+        axis.set_xlabel("critical strain of grain size ε_c1 (1)")
+    axes[0].set_ylabel("critical strain of fabric ε_c2 (1)")
+    figure.suptitle(f"{fit.experiment.id} (synthetic): {draws['beta'].size} draws", fontsize=11)
+    return figure
+
+
+def _bars(axes: Axes, table: pd.DataFrame, column: str, label: str) -> None:
+    forms = {"six states": (GREY, "six states (extrapolated)"), "plain": (ORANGE, "plain"),
+             "valley": (BLUE, "valley")}  # fmt: skip
+    names = list(table.index.unique("test"))
+    for k, (form, (colour, text)) in enumerate(forms.items()):
+        heights = [table[column].get((name, form), np.nan) for name in names]
+        axes.bar(np.arange(len(names)) + 0.27 * (k - 1), heights, 0.25, color=colour, label=text)
+    axes.set_yscale("log")
+    axes.set_xticks(range(len(names)), [f"{n}\n(measured)" if n in MEASURED else n for n in names])
+    axes.set_ylabel(label)
+    axes.grid(axis="y", alpha=0.3)
+
+
+if __name__ == "__main__":
+    main()

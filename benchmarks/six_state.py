@@ -1,0 +1,172 @@
+"""The paper's six-state form on the same data: a bounded run, extrapolated.
+
+As printed, the posterior cannot be sampled in reasonable time: with CmdStan's defaults the
+warm-up alone does not end in hours. The baseline is therefore given more than a user would have:
+it starts at a posterior draw, with the dense metric of the posterior, both taken from the
+product's finished fit, and adapts its step size only.
+"""
+
+import json
+import subprocess
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from chain_files import read_chain
+from processes import Cost, run_together
+from scipy.special import logit
+
+from pyburgers.cmdstan import compile_program, stan_directory
+from pyburgers.fitting import Fit
+from pyburgers.parameters import PARAMETERS
+from pyburgers.priors import Prior
+
+FloatArray = npt.NDArray[np.float64]
+
+WARMUP = 8
+"""Iterations of step-size adaptation."""
+
+N_CHAINS = 2
+USUAL_LENGTH = 1000
+"""Warm-up iterations, and draws, of the run that the extrapolation stands for."""
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """What the bounded run says.
+
+    Attributes
+    ----------
+    draws : int
+        Draws after the step-size adaptation, all chains together.
+    seconds_per_draw, leapfrogs_per_draw, ms_per_gradient : float
+        Means over them.
+    divergences : int
+        Among them.
+    ess_per_draw_least, ess_per_draw_median : float
+        Over the parameters; see `effective_draws()`.
+    cost : Cost
+        Of the bounded run.
+    """
+
+    draws: int
+    seconds_per_draw: float
+    leapfrogs_per_draw: float
+    ms_per_gradient: float
+    divergences: int
+    ess_per_draw_least: float
+    ess_per_draw_median: float
+    cost: Cost
+
+
+def run_baseline(fit: Fit, folder: Path, *, limit_seconds: float, seed: int) -> Baseline | None:
+    """Run two chains of the six-state program side by side for a bounded time.
+
+    Returns
+    -------
+    Baseline or None
+        None where no chain made two draws.
+    """
+    folder.mkdir(parents=True)
+    program = compile_program(stan_directory() / "reference" / "six_state.stan", report=print)
+    draws = fit.posterior["posterior"].to_dataset()
+    values = {p.name: draws[p.name].to_numpy() for p in PARAMETERS}
+    unconstrained = np.column_stack(
+        [_unconstrained(fit.priors[name], value).ravel() for name, value in values.items()]
+    )
+    metric = folder / "metric.json"
+    metric.write_text(json.dumps({"inv_metric": np.cov(unconstrained.T).tolist()}))
+    commands = []
+    for chain in range(1, N_CHAINS + 1):
+        start = folder / f"start_{chain}.json"
+        start.write_text(
+            json.dumps({name: float(value[chain - 1, -1]) for name, value in values.items()})
+        )
+        commands.append(
+            [
+                *(str(program), "sample", f"num_warmup={WARMUP}", "num_samples=1000000"),
+                *("adapt", "delta=0.8", "algorithm=hmc", "engine=nuts", "max_depth=10"),
+                *("metric=dense_e", f"metric_file={metric}", "stepsize=0.002", f"id={chain}"),
+                *("data", f"file={fit.directory.stan_data_file}", f"init={start}"),
+                *("random", f"seed={seed}", "output", f"file={folder}/chain_{chain}.csv"),
+                *("refresh=1", "sig_figs=12"),
+            ]
+        )
+    cost = run_together(commands, limit_seconds=limit_seconds)
+    chains = [read_chain(folder / f"chain_{c}.csv").draws for c in range(1, N_CHAINS + 1)]
+    positions = [
+        np.column_stack([_unconstrained(fit.priors[p.name], chain[p.name]) for p in PARAMETERS])
+        for chain in chains
+    ]
+    n_draws = sum(map(len, chains))
+    if n_draws < N_CHAINS * 2:
+        return None
+    leapfrogs = float(np.concatenate([chain["n_leapfrog__"] for chain in chains]).mean())
+    ms_per_gradient = 1e3 * _seconds_per_gradient(commands[0], folder)
+    per_draw = effective_draws(positions, unconstrained.std(axis=0, ddof=1))
+    return Baseline(
+        draws=n_draws,
+        seconds_per_draw=leapfrogs * ms_per_gradient / 1e3,
+        leapfrogs_per_draw=leapfrogs,
+        ms_per_gradient=ms_per_gradient,
+        divergences=int(sum(chain["divergent__"].sum() for chain in chains)),
+        ess_per_draw_least=float(per_draw.min()),
+        ess_per_draw_median=float(np.median(per_draw)),
+        cost=cost,
+    )
+
+
+def effective_draws(chains: list[FloatArray], spread: FloatArray) -> FloatArray:
+    """Effective draws per draw of each parameter, from how far it moves in one draw.
+
+    With s the posterior standard deviation, known from a converged fit, the lag-one
+    autocorrelation is r = 1 - mean squared jump/(2 s^2). For a first-order autoregressive chain
+    the effective sample size is (1 - r)/(1 + r) per draw; slower modes would make it less.
+
+    Parameters
+    ----------
+    chains : list of array, shape (n_draws, n_parameters)
+        Positions.
+    spread : array, shape (n_parameters,)
+        s.
+    """
+    squared_jumps = np.concatenate([np.diff(chain, axis=0) ** 2 for chain in chains])
+    correlation = np.clip(1 - squared_jumps.mean(axis=0) / (2 * spread**2), 0.0, 1.0)
+    per_draw: FloatArray = (1 - correlation) / (1 + correlation)
+    return per_draw
+
+
+def _seconds_per_gradient(command: list[str], folder: Path) -> float:
+    """Time of short static trajectories with few and many steps; their difference is gradients."""
+
+    def seconds(steps: int) -> float:
+        start, output = next(a for a in command if "init=" in a), folder / "timing.csv"
+        data = next(a for a in command if a.startswith("file=") and a.endswith(".json"))
+        started = time.monotonic()
+        subprocess.run(
+            [
+                *(command[0], "sample", "num_warmup=0", "num_samples=1", "adapt", "engaged=0"),
+                *("algorithm=hmc", "engine=static", f"int_time={steps * 1e-12:g}"),
+                *("metric=dense_e", f"metric_file={folder}/metric.json", "stepsize=1e-12"),
+                *("id=1", "data", data, start, "random", "seed=1", "output", f"file={output}"),
+            ],
+            check=True,
+            capture_output=True,
+        )
+        return time.monotonic() - started
+
+    return (seconds(220) - seconds(20)) / 200
+
+
+def _unconstrained(prior: Prior, value: npt.ArrayLike) -> FloatArray:
+    """Stan's transform of a parameter declared with its prior's bounds."""
+    value = np.asarray(value, dtype=np.float64)
+    if np.isinf(prior.lower):
+        return value
+    if np.isinf(prior.upper):
+        logarithm: FloatArray = np.log(value - prior.lower)
+        return logarithm
+    place: FloatArray = logit((value - prior.lower) / (prior.upper - prior.lower))
+    return place

@@ -1,0 +1,105 @@
+"""Posterior mode, found by Stan's optimiser: where the sampler's coordinates and metric are set."""
+
+import tempfile
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from pyburgers.cmdstan import load_model
+from pyburgers.experiment import Experiment
+from pyburgers.initial_values import draw_initial_values
+from pyburgers.parameters import PARAMETERS
+from pyburgers.priors import PriorSet
+from pyburgers.run_directory import write_json
+from pyburgers.simulation import constant_rate_program, quiet_cmdstanpy
+from pyburgers.stan_data import SolverOptions, constant_rate_data
+
+FloatArray = npt.NDArray[np.float64]
+
+N_STARTS = 4
+
+
+class ModeNotFound(Exception):  # noqa: N818 - an outcome with a reason, not an error
+    """The optimiser failed; the message says how."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mode:
+    """The highest density found, on the real line of the plain coordinates.
+
+    Attributes
+    ----------
+    values : mapping of str to float
+        Every parameter in SI.
+    coordinate : array, shape (n_coordinates,)
+        Plain coordinates.
+    """
+
+    values: Mapping[str, float]
+    coordinate: FloatArray
+
+
+def find_mode(
+    experiment: Experiment,
+    priors: PriorSet,
+    *,
+    seed: int,
+    solver: SolverOptions,
+    report: Callable[[str], None],
+) -> Mode:
+    """Climb from `N_STARTS` draws of the prior and keep the best.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        A test with data.
+    priors : PriorSet
+        Resolved priors.
+    seed : int
+        Decides the prior draws.
+    solver : SolverOptions
+        Tolerance and step limit.
+    report : callable
+        Receives progress sentences.
+
+    Raises
+    ------
+    ModeNotFound
+        If the optimiser fails from all starts.
+    """
+    data = constant_rate_data(experiment, priors, solver=solver)
+    model = load_model(constant_rate_program(), report=report)
+    best = None
+    for start in range(1, N_STARTS + 1):
+        initial = draw_initial_values(experiment, priors, seed=seed, chain=start)
+        with tempfile.TemporaryDirectory() as folder, quiet_cmdstanpy():
+            files = {name: Path(folder) / f"{name}.json" for name in ("data", "initial")}
+            write_json(files["data"], data)
+            write_json(files["initial"], initial)
+            try:
+                found = model.optimize(
+                    data=str(files["data"]),
+                    inits=str(files["initial"]),
+                    seed=seed,
+                    algorithm="lbfgs",
+                    iter=5000,
+                    output_dir=folder,
+                    sig_figs=17,
+                    require_converged=False,
+                )
+                variables = found.stan_variables()
+                density = float(found.optimized_params_dict["lp__"])
+            except RuntimeError:
+                continue  # the optimiser left the region where the solver finds a solution
+        if best is None or density > best[0]:
+            best = (density, variables)
+    if best is None:
+        raise ModeNotFound(f"the optimiser failed from all {N_STARTS} starts")
+    variables = best[1]
+    return Mode(
+        {p.name: float(variables[p.name]) for p in PARAMETERS},
+        np.atleast_1d(np.asarray(variables["coordinate"], dtype=np.float64)),
+    )

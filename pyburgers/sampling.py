@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager, redirect_stdout
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -44,9 +44,10 @@ from pyburgers.stan_data import (
     StanData,
     ValleyReference,
     constant_rate_data,
+    plain_coordinates,
     valley_block,
 )
-from pyburgers.valley import ValleyUnsuited, find_valley
+from pyburgers.valley import ValleyUnsuited, find_valley, noise_exponents
 
 _SIGNAL = re.compile(r"retcodes=\[-(\d+)\]")
 PACKAGES = ("pyburgers", "cmdstanpy", "arviz", "numpy", "scipy", "pandas", "xarray")
@@ -213,6 +214,11 @@ def run_chains(
                 # The mode is the origin of the valley coordinates.
                 centre = mode.coordinate if valley is None else np.zeros_like(mode.coordinate)
                 metric = laplace_metric(model, data, centre)
+                if valley is not None:
+                    exponents = noise_exponents(
+                        plain_coordinates(experiment, priors), priors, metric
+                    )
+                    data |= valley_block(replace(valley, noise_exponent=exponents))
                 write_json(
                     run.metric_file, {"inv_metric": metric.tolist(), "centre": centre.tolist()}
                 )

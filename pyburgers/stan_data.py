@@ -98,19 +98,29 @@ class PlainCoordinates:
 
     def at(self, values: Mapping[str, float]) -> FloatArray:
         """Coordinates, shape (n_coordinates,), of SI values that include the reference stress."""
-        position = np.array(
+        return np.array(
             [
-                np.log(values[name]) if name == REFERENCE_STRESS else values[name]
-                for name in self.quantities
-            ]
+                self.of_quantity(
+                    k, np.log(values[name]) if name == REFERENCE_STRESS else values[name]
+                )
+                for k, name in enumerate(self.quantities)
+            ],
+            dtype=np.float64,
         )
-        with np.errstate(invalid="ignore", divide="ignore"):
-            inside = logit((position - self.lower) / (self.upper - self.lower))
-            above = np.log((position - self.lower) / self.scale)
-        anywhere = (position - self.shift) / self.scale
-        bounded = np.where(np.isinf(self.upper), above, inside)
-        coordinates: FloatArray = np.where(np.isinf(self.lower), anywhere, bounded)
-        return coordinates
+
+    def of_quantity(self, k: int, position: npt.ArrayLike) -> FloatArray:
+        """Coordinate k, of any shape, where its quantity has the given values (ln Pa for S_0)."""
+        position = np.asarray(position, dtype=np.float64)
+        lower, upper, scale = self.lower[k], self.upper[k], self.scale[k]
+        if np.isinf(lower):
+            anywhere: FloatArray = (position - self.shift[k]) / scale
+            return anywhere
+        with np.errstate(divide="ignore"):
+            if np.isinf(upper):
+                above: FloatArray = np.log((position - lower) / scale)
+                return above
+            inside: FloatArray = logit((position - lower) / (upper - lower))
+            return inside
 
 
 def plain_coordinates(experiment: Experiment, priors: PriorSet) -> PlainCoordinates:
@@ -234,7 +244,8 @@ class ValleyReference:
     coordinate : array, shape (n_coordinates,)
         Plain coordinates of the reference point, the posterior mode.
     linear_from : array, shape (n_coordinates,)
-        Where a coordinate turns from logarithmic to linear; 0 keeps the plain one.
+        Where a coordinate turns from logarithmic to linear, below 0 in the inverse; 0 keeps the
+        plain one.
     knot_time_step, knot_stress : array, shape (n_knots,)
         The solution at the reference point: time since the knot before (s) and stress (Pa).
     pin_knot : array, shape (n_pins,)
@@ -242,6 +253,8 @@ class ValleyReference:
     pin : array, shape (n_pins, 5)
         Strain, stress slope (Pa), strain rate (1/s), ln of the first rate over this rate, and
         inverse variance of ln stress.
+    noise_exponent : array, shape (n_coordinates,)
+        Power of the stress noise with which the width of each coordinate grows.
     """
 
     coordinate: FloatArray
@@ -250,6 +263,7 @@ class ValleyReference:
     knot_stress: FloatArray
     pin_knot: npt.NDArray[np.int64]
     pin: FloatArray
+    noise_exponent: FloatArray
 
 
 def valley_block(reference: ValleyReference | None) -> StanData:
@@ -265,6 +279,7 @@ def valley_block(reference: ValleyReference | None) -> StanData:
             "pin": [],
             "reference_coordinate": [],
             "linear_from": [],
+            "noise_exponent": [],
         }
     return {
         "coordinate_system": VALLEY,
@@ -276,6 +291,7 @@ def valley_block(reference: ValleyReference | None) -> StanData:
         "pin": reference.pin.tolist(),
         "reference_coordinate": reference.coordinate.tolist(),
         "linear_from": reference.linear_from.tolist(),
+        "noise_exponent": reference.noise_exponent.tolist(),
     }
 
 

@@ -27,8 +27,15 @@ MIN_FLOWING_POINTS = 4
 FLOWING_SHARE = 0.5
 """Pins lie where the dashpot carries at least this share of the imposed rate."""
 
+N_PRIOR_DRAWS = 1000
+
 NEAR_BOUND = 0.05
 """A mode within this fraction of a parameter's range above its lower bound leans on the bound."""
+
+SMALL_PART = 0.1
+
+NOISE_SCALED = ("maxwell_modulus", "kelvin_viscosity")
+"""Parameters fixed by stresses alone; the others' widths also come from priors of partners."""
 
 SOLVED = ("steady_state_fabric_factor", "critical_strain_grain_size", "critical_strain_fabric")
 
@@ -97,7 +104,37 @@ def find_valley(
                 weight,
             ]
         ),
+        noise_exponent=np.zeros(mode.coordinate.size),
     )
+
+
+def noise_exponents(
+    coordinates: PlainCoordinates, priors: PriorSet, covariance: FloatArray
+) -> FloatArray:
+    """Power of the stress noise with which the posterior width of each coordinate grows.
+
+    Parameters
+    ----------
+    coordinates : PlainCoordinates
+        What the coordinates stand for.
+    priors : PriorSet
+        Resolved priors.
+    covariance : array, shape (n_coordinates, n_coordinates)
+        Laplace approximation of the posterior in valley coordinates.
+
+    Returns
+    -------
+    array, shape (n_coordinates,)
+        1 - posterior variance/prior variance, between 0 and 1, for `NOISE_SCALED`; 0 for others.
+    """
+    rng = np.random.default_rng(0)
+    exponents = np.zeros(len(coordinates.quantities))
+    for name in set(NOISE_SCALED) & set(coordinates.quantities):
+        k = coordinates.quantities.index(name)
+        values = np.array([priors[name].sample(rng) for _ in range(N_PRIOR_DRAWS)])
+        prior_variance = float(np.var(coordinates.of_quantity(k, values)))
+        exponents[k] = np.clip(1 - covariance[k, k] / prior_variance, 0.0, 1.0)
+    return exponents
 
 
 def _check_priors(priors: PriorSet, coordinates: PlainCoordinates) -> None:
@@ -118,8 +155,16 @@ def _knot_strain(experiment: Experiment, pin_strain: FloatArray) -> FloatArray:
 
 
 def _linear_from(position: FloatArray, coordinates: PlainCoordinates) -> FloatArray:
-    """Odds (value - lower)/(upper - value) of modes that lean on a lower bound, 0 elsewhere."""
+    """Where coordinates turn from logarithmic to linear (below 0: linear in the inverse).
+
+    Modes that lean on a lower bound, from their odds (value - lower)/(upper - value) on; and the
+    inverse of the Maxwell modulus, from a small part of its value at the mode on.
+    """
     odds = np.exp(position)
     bounded = np.isfinite(coordinates.lower) & np.isfinite(coordinates.upper)
-    leaning: FloatArray = np.where(bounded & (odds < NEAR_BOUND), odds, 0.0)
-    return leaning
+    linear: FloatArray = np.where(bounded & (odds < NEAR_BOUND), odds, 0.0)
+    if "maxwell_modulus" in coordinates.quantities:
+        k = coordinates.quantities.index("maxwell_modulus")
+        if np.isinf(coordinates.upper[k]) and coordinates.lower[k] == 0.0:
+            linear[k] = -SMALL_PART / odds[k]
+    return linear

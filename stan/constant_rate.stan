@@ -88,7 +88,7 @@ transformed parameters {
                                       segment_rate[1], initial_grain_size, temperature,
                                       knot_time_step, knot_stress, pin_knot, pin,
                                       reference_coordinate, reference,
-                                      reference_log_strength, linear_from);
+                                      reference_log_strength, linear_from, noise_exponent);
     }
     parameter = head(mapped, n_parameters());
     log_jacobian = mapped[n_parameters() + 1];

@@ -7,6 +7,7 @@ int<lower=0> n_pins; // knots at which the softening is pinned to the reference 
 array[n_pins] int<lower=1, upper=n_knots> pin_knot;
 matrix[n_pins, 5] pin; // columns: see functions/valley_coordinates.stan
 vector[coordinate_system == 2 ? n_coordinates : 0] reference_coordinate; // plain
-// (value - lower)/(upper - value) at which a coordinate turns from logarithmic to linear;
-// 0 keeps the plain coordinate
-vector<lower=0>[coordinate_system == 2 ? n_coordinates : 0] linear_from;
+// where a coordinate turns from logarithmic to linear; below 0: in the inverse; 0: plain
+vector[coordinate_system == 2 ? n_coordinates : 0] linear_from;
+// power of the stress noise with which the width of a coordinate grows
+vector<lower=0, upper=1>[coordinate_system == 2 ? n_coordinates : 0] noise_exponent;

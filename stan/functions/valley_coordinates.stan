@@ -23,6 +23,10 @@
  * Solving in turn, rather than whitening all three at once, keeps to the valley where it bends:
  * far from the solution in t, (u_F, ln S_0) still fit the curve.
  *
+ * The widths of these three, of the Maxwell modulus and of the Kelvin viscosity grow with the
+ * stress noise s as far as the data, not the prior, set them; few points leave s, and with it the
+ * widths, uncertain by a factor, which would be a funnel.
+ *
  * The solutions are reached by Gauss-Newton steps along a straight path from a reference point
  * (the posterior mode). They have to be smooth in the other coordinates, not exact: whatever they
  * are, the map is triangular and one to one with the Jacobian given here, and the posterior is
@@ -156,14 +160,15 @@ vector pull_to_middle(vector u) {
  * @param exponent_ratio, grain_size_ratio see softening_at_pins()
  * @param log_strength left-hand side of (*) at the pins
  * @param strain, weight of the pins
+ * @param noise_variance over that of the reference point, for which the weights are
  * @param reference_log_stress ln S_0 of the reference point
  * @param lower_bound, upper_bound of (epsilon_c1, epsilon_c2, F_ss)
  * @return first column: the step; the others: the Gauss-Newton matrix
  */
 matrix softening_step(vector solved, real across, real exponent_ratio, real grain_size_ratio,
                       vector log_strength, data vector strain, data vector weight,
-                      data real reference_log_stress, data vector lower_bound,
-                      data vector upper_bound) {
+                      real noise_variance, data real reference_log_stress,
+                      data vector lower_bound, data vector upper_bound) {
   vector[3] u = append_row(critical_strains_from_rotated(across, solved[3]), solved[2]);
   matrix[rows(strain), 4] softening = softening_at_pins(u, exponent_ratio, grain_size_ratio,
                                                         strain, lower_bound, upper_bound);
@@ -175,11 +180,12 @@ matrix softening_step(vector solved, real across, real exponent_ratio, real grai
   slope[ : , 1] = rep_vector(1, rows(strain));
   slope[ : , 2] = softening[ : , 4];
   slope[ : , 3] = softening[ : , 2 : 3] * by_along;
-  curvature = crossprod(diag_pre_multiply(sqrt(weight), slope));
+  curvature = crossprod(diag_pre_multiply(sqrt(weight), slope)) / noise_variance;
   curvature[1, 1] += reference_stress_precision();
   curvature[2, 2] += bounded_parameter_precision();
   curvature[3, 3] += bounded_parameter_precision() * dot_self(by_along);
-  gradient = slope' * (weight .* (log_strength - solved[1] - softening[ : , 1]));
+  gradient = slope' * (weight .* (log_strength - solved[1] - softening[ : , 1]))
+             / noise_variance;
   gradient[1] -= reference_stress_precision() * (solved[1] - reference_log_stress);
   gradient[2] += pull[3];
   gradient[3] += dot_product(pull[1 : 2], by_along);
@@ -196,7 +202,8 @@ matrix softening_step(vector solved, real across, real exponent_ratio, real grai
 matrix solve_softening(real across, real exponent_ratio, real log_grain_size_ratio,
                        vector log_strength, data vector reference,
                        data vector reference_log_strength, data vector strain,
-                       data vector weight, data vector lower_bound, data vector upper_bound) {
+                       data vector weight, real noise_variance, data vector lower_bound,
+                       data vector upper_bound) {
   vector[3] solved = reference[4 : 6];
   matrix[3, 4] step;
   for (k in 1 : n_valley_steps()) {
@@ -205,12 +212,13 @@ matrix solve_softening(real across, real exponent_ratio, real log_grain_size_rat
                           reference[2] + f * (exponent_ratio - reference[2]),
                           exp(reference[3] + f * (log_grain_size_ratio - reference[3])),
                           reference_log_strength + f * (log_strength - reference_log_strength),
-                          strain, softened_share() * weight, reference[4], lower_bound,
-                          upper_bound);
+                          strain, softened_share() * weight, noise_variance, reference[4],
+                          lower_bound, upper_bound);
     solved += step[ : , 1];
   }
   step = softening_step(solved, across, exponent_ratio, exp(log_grain_size_ratio),
-                        log_strength, strain, weight, reference[4], lower_bound, upper_bound);
+                        log_strength, strain, weight, noise_variance, reference[4],
+                        lower_bound, upper_bound);
   step[ : , 1] = solved;
   return step;
 }
@@ -221,9 +229,9 @@ matrix solve_softening(real across, real exponent_ratio, real log_grain_size_rat
  * @param softening ln F + (p/n) ln(d/d_0) at the pins
  */
 vector solve_reference_stress(vector softening, vector log_strength, data vector weight,
-                              data real reference_log_stress) {
-  real precision = sum(weight) + reference_stress_precision();
-  return [(dot_product(weight, log_strength - softening)
+                              real noise_variance, data real reference_log_stress) {
+  real precision = sum(weight) / noise_variance + reference_stress_precision();
+  return [(dot_product(weight, log_strength - softening) / noise_variance
            + reference_stress_precision() * reference_log_stress) / precision,
           precision]';
 }
@@ -239,7 +247,7 @@ vector solve_reference_stress(vector softening, vector log_strength, data vector
  */
 vector solve_fabric(real fabric, real start, real along, real across, real exponent_ratio,
                     real grain_size_ratio, vector log_strength, data vector strain,
-                    data vector weight, data real reference_log_stress,
+                    data vector weight, real noise_variance, data real reference_log_stress,
                     data vector lower_bound, data vector upper_bound) {
   real solved = fabric;
   real precision;
@@ -251,8 +259,8 @@ vector solve_fabric(real fabric, real start, real along, real across, real expon
     matrix[rows(strain), 4] softening = softening_at_pins(u, exponent_ratio, grain_size_ratio,
                                                           strain, lower_bound, upper_bound);
     vector[2] stress = solve_reference_stress(softening[ : , 1], log_strength, weight,
-                                              reference_log_stress);
-    vector[rows(strain)] weighted = weight .* softening[ : , 4];
+                                              noise_variance, reference_log_stress);
+    vector[rows(strain)] weighted = weight .* softening[ : , 4] / noise_variance;
     precision = dot_product(weighted, softening[ : , 4]) - square(sum(weighted)) / stress[2]
                 + bounded_parameter_precision();
     solved += (dot_product(weighted, log_strength - softening[ : , 1] - stress[1])
@@ -296,38 +304,49 @@ vector softening_from_remainder(vector remainder, real across, real exponent_rat
                                 real log_grain_size_ratio, vector log_strength,
                                 data vector reference, data vector reference_log_strength,
                                 data vector strain, data vector weight,
-                                data vector lower_bound, data vector upper_bound) {
+                                real noise_variance, data vector lower_bound,
+                                data vector upper_bound) {
   matrix[3, 4] joint = solve_softening(across, exponent_ratio, log_grain_size_ratio,
                                        log_strength, reference, reference_log_strength, strain,
-                                       weight, lower_bound, upper_bound);
+                                       weight, noise_variance, lower_bound, upper_bound);
   real along_scale = cholesky_decompose(joint[ : , 2 : 4])[3, 3];
   real along = joint[3, 1] + remainder[3] / along_scale;
   vector[2] fabric = solve_fabric(joint[2, 1], joint[3, 1], along, across, exponent_ratio,
                                   exp(log_grain_size_ratio), log_strength, strain, weight,
-                                  reference[4], lower_bound, upper_bound);
+                                  noise_variance, reference[4], lower_bound, upper_bound);
   vector[2] fabric_factor = bounded_from_remainder(fabric[1], fabric[2], remainder[2]);
   vector[3] u = append_row(critical_strains_from_rotated(across, along), fabric_factor[1]);
   vector[2] stress = solve_reference_stress(softening_at_pins(u, exponent_ratio,
                                               exp(log_grain_size_ratio), strain, lower_bound,
                                               upper_bound)[ : , 1],
-                                            log_strength, weight, reference[4]);
+                                            log_strength, weight, noise_variance,
+                                            reference[4]);
   return [stress[1] + remainder[1] / sqrt(stress[2]), fabric_factor[1], along,
           -log(along_scale) + fabric_factor[2] - 0.5 * log(stress[2])]';
 }
 
 /**
- * Plain coordinate of a bounded parameter, linear in the parameter where `linear_from` says so.
+ * Plain coordinate of a parameter, straightened: linear in the parameter or in its inverse.
  *
  * Data can push a parameter against its lower bound (the Kelvin modulus of ice). There the plain
- * coordinate is logarithmic and runs away; ln(linear_from log1p(exp x)) is linear above.
+ * coordinate is logarithmic and runs away; ln(c log1p_exp(x)) is linear in the parameter above c.
+ * Of the Maxwell modulus they fix the inverse, to which elastic strain is proportional.
  *
- * @return plain coordinate, and ln of its derivative
+ * @param offset from the reference point, in the straightened coordinate
+ * @param reference plain coordinate of the reference point
+ * @param linear_from c > 0: linear in exp(plain) above c; c < 0: linear in exp(-plain) above -c;
+ *   0: plain
+ * @return plain coordinate, and ln of its derivative by the offset
  */
-vector plain_from_softened(real x, data real linear_from) {
+vector plain_from_straightened(real offset, data real reference, data real linear_from) {
   if (linear_from == 0) {
-    return [x, 0]';
+    return [reference + offset, 0]';
+  } else {
+    real sign = linear_from > 0 ? 1 : -1;
+    real c = linear_from > 0 ? linear_from : -linear_from;
+    real x = log(expm1(exp(sign * reference) / c)) + sign * offset;
+    return [sign * log(c * log1p_exp(x)), log_inv_logit(x) - log(log1p_exp(x))]';
   }
-  return [log(linear_from * log1p_exp(x)), log_inv_logit(x) - log(log1p_exp(x))]';
 }
 
 /**
@@ -339,7 +358,8 @@ vector plain_from_softened(real x, data real linear_from) {
  * @param coordinate_of position of each parameter among the coordinates, 0 where fixed
  * @param reference_coordinate plain coordinates of the reference point
  * @param reference, reference_log_strength see solve_softening()
- * @param linear_from see plain_from_softened()
+ * @param linear_from see plain_from_straightened()
+ * @param noise_exponent power of the noise s with which the width of each coordinate grows
  * @return as parameters_from_plain()
  */
 vector parameters_from_valley(vector coordinate, data array[] int parameter_of_coordinate,
@@ -351,7 +371,8 @@ vector parameters_from_valley(vector coordinate, data array[] int parameter_of_c
                               data vector knot_time_step, data vector knot_stress,
                               data array[] int pin_knot, data matrix pin,
                               data vector reference_coordinate, data vector reference,
-                              data vector reference_log_strength, data vector linear_from) {
+                              data vector reference_log_strength, data vector linear_from,
+                              data vector noise_exponent) {
   int n = num_elements(coordinate);
   array[3] int bounded = {coordinate_of[10], coordinate_of[11], coordinate_of[9]};
   array[3] int whitened = {coordinate_of[replaced_parameter], coordinate_of[9],
@@ -360,15 +381,23 @@ vector parameters_from_valley(vector coordinate, data array[] int parameter_of_c
   vector[n_parameters()] parameter = fixed_value;
   vector[4] solved;
   real across = reference[1] + coordinate[coordinate_of[10]];
+  real log_noise_ratio = 0; // ln(s/s of the reference point)
   real log_jacobian = 0;
+  if (coordinate_of[12] > 0) {
+    int i = coordinate_of[12];
+    log_noise_ratio = log(bounded_from_real(reference_coordinate[i] + coordinate[i], shift[i],
+                                            scale[i], lower_bound[i], upper_bound[i]))
+                      - log(bounded_from_real(reference_coordinate[i], shift[i], scale[i],
+                                              lower_bound[i], upper_bound[i]));
+  }
   for (i in 1 : n) {
     int k = parameter_of_coordinate[i];
     if (k != 9 && k != 10 && k != 11 && k != replaced_parameter) {
-      vector[2] softened = plain_from_softened(
-        (linear_from[i] > 0 ? log(expm1(exp(reference_coordinate[i]) / linear_from[i]))
-         : reference_coordinate[i]) + coordinate[i], linear_from[i]);
-      plain[i] = softened[1];
-      log_jacobian += softened[2];
+      vector[2] straightened = plain_from_straightened(
+        coordinate[i] * exp(noise_exponent[i] * log_noise_ratio), reference_coordinate[i],
+        linear_from[i]);
+      plain[i] = straightened[1];
+      log_jacobian += straightened[2] + noise_exponent[i] * log_noise_ratio;
       parameter[k] = bounded_from_real(plain[i], shift[i], scale[i], lower_bound[i],
                                        upper_bound[i]);
     }
@@ -377,8 +406,8 @@ vector parameters_from_valley(vector coordinate, data array[] int parameter_of_c
     parameter[5] / parameter[4], log(parameter[8] / initial_grain_size),
     log_strength_at_pins(knot_time_step, knot_stress, pin_knot, pin, parameter[1],
                          parameter[2], parameter[3], parameter[4]),
-    reference, reference_log_strength, col(pin, 1), col(pin, 5), lower_bound[bounded],
-    upper_bound[bounded]);
+    reference, reference_log_strength, col(pin, 1), col(pin, 5), exp(2 * log_noise_ratio),
+    lower_bound[bounded], upper_bound[bounded]);
   plain[coordinate_of[replaced_parameter]] = (solved[1]
                                               - shift[coordinate_of[replaced_parameter]])
                                              / scale[coordinate_of[replaced_parameter]];

@@ -52,6 +52,10 @@ from pyburgers.valley import ValleyUnsuited, find_valley, noise_exponents
 _SIGNAL = re.compile(r"retcodes=\[-(\d+)\]")
 PACKAGES = ("pyburgers", "cmdstanpy", "arviz", "numpy", "scipy", "pandas", "xarray")
 
+STEP_SIZE_SHARE = 0.35
+"""Share of the warm-up, at its end, in which the step size alone adapts. Longer than Stan's 50
+iterations: a chain that passes the valley's bend there would keep far too small a step."""
+
 FIRST_STEP = 0.1
 """First step size where the first metric fits the posterior."""
 
@@ -479,6 +483,7 @@ def _run_chain(
             inv_metric=first_metric,
             step_size=None if first_metric is None else FIRST_STEP,
             adapt_delta=options.adapt_delta,
+            adapt_step_size=int(STEP_SIZE_SHARE * options.warmup),
             max_treedepth=options.max_treedepth,
             output_dir=str(scratch),
             sig_figs=12,

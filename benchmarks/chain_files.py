@@ -13,7 +13,7 @@ class ChainFile:
     Attributes
     ----------
     draws : DataFrame
-        Rows that are complete, warm-up left out; a chain stopped early may have none.
+        Rows that are complete, warm-up left out unless it was saved; a chain stopped early may have none.
     warmup_seconds, sampling_seconds : float
         CmdStan's own timing; NaN where the chain was stopped.
     """
@@ -27,7 +27,8 @@ def read_chain(path: Path) -> ChainFile:
     """Read a CSV of CmdStan that may break off anywhere."""
     lines = path.read_text(encoding="utf-8").splitlines()
     table = [line.split(",") for line in lines if line and not line.startswith("#")]
-    header, rows = table[0], [row for row in table[1:] if len(row) == len(table[0])]
+    header = table[0] if table else []
+    rows = [row for row in table[1:] if len(row) == len(header)]
     seconds = {"Warm-up": float("nan"), "Sampling": float("nan")}
     for line in lines:
         for phase in seconds:

@@ -3,7 +3,8 @@
 As printed, the posterior cannot be sampled in reasonable time: with CmdStan's defaults the
 warm-up alone does not end in hours. The baseline is therefore given more than a user would have:
 it starts at a posterior draw, with the dense metric of the posterior, both taken from the
-product's finished fit, and adapts its step size only.
+product's finished fit, and adapts its step size only. What its warm-up costs is taken from the
+first iterations of chains with CmdStan's defaults, started at posterior draws too.
 """
 
 import json
@@ -29,6 +30,9 @@ WARMUP = 8
 """Iterations of step-size adaptation."""
 
 N_CHAINS = 2
+WARMUP_SECONDS = 60.0
+"""Time that the chains with CmdStan's defaults get."""
+
 USUAL_LENGTH = 1000
 """Warm-up iterations, and draws, of the run that the extrapolation stands for."""
 
@@ -43,6 +47,8 @@ class Baseline:
         Draws after the step-size adaptation, all chains together.
     seconds_per_draw, leapfrogs_per_draw, ms_per_gradient : float
         Means over them.
+    seconds_per_warmup_iteration : float
+        Of chains with CmdStan's defaults.
     divergences : int
         Among them.
     ess_per_draw_least, ess_per_draw_median : float
@@ -55,6 +61,7 @@ class Baseline:
     seconds_per_draw: float
     leapfrogs_per_draw: float
     ms_per_gradient: float
+    seconds_per_warmup_iteration: float
     divergences: int
     ess_per_draw_least: float
     ess_per_draw_median: float
@@ -78,39 +85,50 @@ def run_baseline(fit: Fit, folder: Path, *, limit_seconds: float, seed: int) -> 
     )
     metric = folder / "metric.json"
     metric.write_text(json.dumps({"inv_metric": np.cov(unconstrained.T).tolist()}))
-    commands = []
+    data = ("data", f"file={fit.directory.stan_data_file}")
+    commands, defaults = [], []
     for chain in range(1, N_CHAINS + 1):
         start = folder / f"start_{chain}.json"
         start.write_text(
             json.dumps({name: float(value[chain - 1, -1]) for name, value in values.items()})
         )
+        tail = (*data, f"init={start}", "random", f"seed={seed}", "output", "refresh=1")
         commands.append(
             [
                 *(str(program), "sample", f"num_warmup={WARMUP}", "num_samples=1000000"),
                 *("adapt", "delta=0.8", "algorithm=hmc", "engine=nuts", "max_depth=10"),
                 *("metric=dense_e", f"metric_file={metric}", "stepsize=0.002", f"id={chain}"),
-                *("data", f"file={fit.directory.stan_data_file}", f"init={start}"),
-                *("random", f"seed={seed}", "output", f"file={folder}/chain_{chain}.csv"),
-                *("refresh=1", "sig_figs=12"),
+                *(*tail, f"file={folder}/chain_{chain}.csv", "sig_figs=12"),
+            ]
+        )
+        defaults.append(
+            [
+                *(str(program), "sample", "num_warmup=1000", "save_warmup=1", f"id={chain}"),
+                *(*tail, f"file={folder}/warmup_{chain}.csv"),
             ]
         )
     cost = run_together(commands, limit_seconds=limit_seconds)
     chains = [read_chain(folder / f"chain_{c}.csv").draws for c in range(1, N_CHAINS + 1)]
+    n_draws = sum(map(len, chains))
+    if n_draws < N_CHAINS * 2:
+        return None
     positions = [
         np.column_stack([_unconstrained(fit.priors[p.name], chain[p.name]) for p in PARAMETERS])
         for chain in chains
     ]
-    n_draws = sum(map(len, chains))
-    if n_draws < N_CHAINS * 2:
-        return None
     leapfrogs = float(np.concatenate([chain["n_leapfrog__"] for chain in chains]).mean())
     ms_per_gradient = 1e3 * _seconds_per_gradient(commands[0], folder)
+    run_together(defaults, limit_seconds=WARMUP_SECONDS)
+    iterations = sum(
+        len(read_chain(folder / f"warmup_{c}.csv").draws) for c in range(1, N_CHAINS + 1)
+    )
     per_draw = effective_draws(positions, unconstrained.std(axis=0, ddof=1))
     return Baseline(
         draws=n_draws,
         seconds_per_draw=leapfrogs * ms_per_gradient / 1e3,
         leapfrogs_per_draw=leapfrogs,
         ms_per_gradient=ms_per_gradient,
+        seconds_per_warmup_iteration=N_CHAINS * WARMUP_SECONDS / max(iterations, 1),
         divergences=int(sum(chain["divergent__"].sum() for chain in chains)),
         ess_per_draw_least=float(per_draw.min()),
         ess_per_draw_median=float(np.median(per_draw)),

@@ -52,7 +52,7 @@ from pyburgers.valley import ValleyUnsuited, find_valley, noise_exponents
 _SIGNAL = re.compile(r"retcodes=\[-(\d+)\]")
 PACKAGES = ("pyburgers", "cmdstanpy", "arviz", "numpy", "scipy", "pandas", "xarray")
 
-STEP_SIZE_SHARE = 0.35
+STEP_SIZE_SHARE = 0.2
 """Share of the warm-up, at its end, in which the step size alone adapts. Longer than Stan's 50
 iterations: a chain that passes the valley's bend there would keep far too small a step."""
 
@@ -90,7 +90,7 @@ class SamplerOptions:
     warmup: int = 400
     draws: int = 1000
     seed: int = 1
-    adapt_delta: float = 0.99
+    adapt_delta: float = 0.98
     max_treedepth: int = 10
     coordinates: COORDINATES = "auto"
     chain_timeout: float | None = None

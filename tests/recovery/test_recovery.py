@@ -16,8 +16,8 @@ from pyburgers.tables import truth_table
 
 pytestmark = pytest.mark.slow
 
-OPTIONS = SamplerOptions(chains=4, warmup=1000, draws=1000, seed=20261120)
-PATIENT = replace(OPTIONS, draws=2000, adapt_delta=0.99)
+OPTIONS = SamplerOptions(seed=20261120)
+PATIENT = replace(OPTIONS, draws=2000)
 MEASURED = TESTS.parents[1] / "shared" / "data" / "chopra_paterson_1984_dunite"
 
 RecordProperty = Callable[[str, object], None]
@@ -43,11 +43,10 @@ def test_the_truth_of_a_twin_is_recovered(
         record_property(f"inside_{share}", inside)
         print(f"{name}: {inside} of {len(truth)} true values inside the central {share} % interval")
     assert truth.index[~truth["inside_95"]].tolist() == []
-    # Divergences are left to the page, which names them: a few per thousand draws at the ends of
-    # the valley, while chains, ranks and intervals agree.
+    # One in a thousand draws may be lost in the bend of the valley (docs/coordinates.md).
     assert set(failed(result)) <= {"divergences"}
     diverging = result.posterior["sample_stats"].to_dataset()["diverging"]
-    assert float(diverging.mean()) < 0.01
+    assert int(diverging.sum()) <= 3
 
 
 @pytest.mark.skipif(

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import pytest
-from conftest import ICE, valley_of
+from conftest import ICE, TESTS, valley_of
 from log_density import Program
 from scipy import stats
 
@@ -23,40 +23,46 @@ SOLVER = SolverOptions(tolerance=1e-10, max_num_steps=1_000_000)
 SIZE = len(PARAMETERS)
 
 
-@pytest.fixture(scope="module")
-def experiment() -> Experiment:
-    return load_experiment(ICE / "PIL72.toml")
+MEASURED = TESTS.parents[1] / "shared" / "data" / "chopra_paterson_1984_dunite"
+EXPERIMENTS = [
+    *(ICE / f"{name}.toml" for name in ("PIL40", "PIL72", "PIL105")),
+    *(
+        pytest.param(
+            TESTS / "data" / f"{name}.toml",
+            marks=pytest.mark.skipif(
+                not MEASURED.is_dir(), reason="the measured columns are not in ../shared/data"
+            ),
+        )
+        for name in ("dunite_4506", "dunite_4581")
+    ),
+]
 
 
-@pytest.fixture(scope="module")
-def priors(experiment: Experiment) -> PriorSet:
-    return default_priors("ice").resolved(float(np.abs(experiment.stress).max()))
+def resolved_priors(experiment: Experiment) -> PriorSet:
+    return default_priors(experiment.material).resolved(float(np.abs(experiment.stress).max()))
 
 
-@pytest.fixture(scope="module")
-def valley(programs: None, experiment: Experiment, priors: PriorSet) -> ValleyReference:
-    return valley_of(experiment, priors)
-
-
-@pytest.fixture(params=["plain", "valley"])
-def program(
-    request: pytest.FixtureRequest,
-    experiment: Experiment,
-    priors: PriorSet,
-    valley: ValleyReference,
-    tmp_path: Path,
+def program_for(
+    experiment: Experiment, priors: PriorSet, valley: ValleyReference | None, folder: Path
 ) -> Program:
-    reference = valley if request.param == "valley" else None
-    data = constant_rate_data(experiment, priors, solver=SOLVER, valley=reference)
-    data_file = tmp_path / "data.json"
+    data = constant_rate_data(experiment, priors, solver=SOLVER, valley=valley)
+    data_file = folder / "data.json"
     data_file.write_text(json.dumps(data), encoding="utf-8")
     return Program(
         compile_program(stan_directory() / "constant_rate.stan", report=print),
         data_file,
-        tmp_path,
+        folder,
         lambda columns: np.array([columns[f"coordinate.{k + 1}"] for k in range(SIZE)]),
         np.ones(SIZE),
     )
+
+
+@pytest.fixture(params=["plain", "valley"])
+def program(request: pytest.FixtureRequest, tmp_path: Path) -> Program:
+    experiment = load_experiment(ICE / "PIL72.toml")
+    priors = resolved_priors(experiment)
+    valley = valley_of(experiment, priors) if request.param == "valley" else None
+    return program_for(experiment, priors, valley, tmp_path)
 
 
 def parameters_at(program: Program, coordinate: FloatArray) -> FloatArray:
@@ -89,9 +95,16 @@ def test_log_jacobian_is_that_of_the_map(program: Program) -> None:
         assert columns["log_jacobian"] == pytest.approx(logarithm + np.log(scale).sum(), abs=1e-5)
 
 
+@pytest.mark.parametrize("system", ["plain", "valley"])
+@pytest.mark.parametrize("file", EXPERIMENTS, ids=lambda file: file.stem)
 def test_density_is_prior_likelihood_and_jacobian(
-    program: Program, experiment: Experiment, priors: PriorSet
+    programs: None, system: str, file: Path, tmp_path: Path
 ) -> None:
+    """The density less the Jacobian's logarithm does not depend on the coordinates."""
+    experiment = load_experiment(file)
+    priors = resolved_priors(experiment)
+    valley = valley_of(experiment, priors) if system == "valley" else None
+    program = program_for(experiment, priors, valley, tmp_path)
     rng = np.random.default_rng(13)
     for _ in range(3):
         columns = program.columns_at({"coordinate": rng.standard_normal(SIZE).tolist()})

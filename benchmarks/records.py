@@ -1,0 +1,119 @@
+"""How the sampler takes other records: noise levels, short ones, few points.
+
+Simulates tests at the truth behind the synthetic test PIL40 with other noise or less of the curve,
+fits each with the defaults, and writes a table:
+
+    python benchmarks/records.py             # about 8 minutes on two cores
+"""
+
+import argparse
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+from chain_files import read_chain
+from sampling import RESULTS, ROOT, markdown
+
+from pyburgers.experiment import Experiment, Provenance, load_experiment
+from pyburgers.fitting import fit
+from pyburgers.posterior import convergence_table
+from pyburgers.priors import default_priors
+from pyburgers.sampling import SamplerOptions
+from pyburgers.simulation import simulate
+from pyburgers.tables import truth_table
+
+EXPLANATION = """# Other records
+
+Written by `python benchmarks/records.py`; do not edit. All records are **synthetic**: the curve at
+the truth behind PIL40 (peak 8 MPa at 3.1 % strain, 61 points to 20 %), with other noise or less of
+it. Defaults throughout: 4 chains of 400 + 1000 iterations, target acceptance 0.98. ESS are the
+least over the sampled quantities; ESS/s are per second of one core, sampling alone and with
+warm-up.
+
+{table}
+"""
+
+
+@dataclass(frozen=True)
+class Record:
+    """A simulated record: its noise in Pa and the points that are kept of PIL40's strains."""
+
+    name: str
+    noise: float
+    kept: Callable[[npt.NDArray[np.float64]], npt.NDArray[np.float64]]
+
+
+RECORDS = (
+    *(Record(f"noise {noise:g} MPa", noise * 1e6, lambda e: e) for noise in (0.02, 0.05, 0.1, 0.3)),
+    Record("0.05 MPa, every fourth point", 5e4, lambda e: e[::4]),
+    Record("0.05 MPa, to 6 % strain: no steady state", 5e4, lambda e: e[e <= 0.06]),
+    Record("0.05 MPa, to 2.4 % strain: no peak", 5e4, lambda e: e[e <= 0.024]),
+)
+
+
+def main() -> None:
+    """Fit every record and write the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, default=RESULTS)
+    parser.add_argument("--seed", type=int, default=1)
+    options = parser.parse_args()
+    rows = []
+    for record in RECORDS:
+        with tempfile.TemporaryDirectory() as folder:
+            rows.append(_row(record, Path(folder) / "run", options.seed))
+        print(rows[-1], flush=True)
+    options.out.mkdir(parents=True, exist_ok=True)
+    page = EXPLANATION.format(table=markdown(pd.DataFrame(rows)))
+    (options.out / "records.md").write_text(page, encoding="utf-8")
+
+
+def _row(record: Record, folder: Path, seed: int) -> dict[str, str | float]:
+    experiment = _simulated(record, seed)
+    result = fit(experiment, default_priors("ice"), out=folder, options=SamplerOptions(seed=seed))
+    chains = [read_chain(result.directory.draws_file(c)) for c in (1, 2, 3, 4)]
+    sampling = sum(chain.sampling_seconds for chain in chains)
+    warmup = sum(chain.warmup_seconds for chain in chains)
+    convergence = convergence_table(result.posterior)
+    bulk = float(convergence["ess_bulk"].min())
+    truth = truth_table(result)
+    assert truth is not None
+    return {
+        "record": record.name,
+        "points": experiment.n_points,
+        "coordinates": result.manifest["coordinates"]["system"],
+        "leapfrogs per draw": float(np.mean([c.draws["n_leapfrog__"].mean() for c in chains])),
+        "divergences": int(sum(c.draws["divergent__"].sum() for c in chains)),
+        "R-hat": float(convergence["rhat"].max()),
+        "bulk ESS": bulk,
+        "tail ESS": float(convergence["ess_tail"].min()),
+        "bulk ESS/s": bulk / sampling,
+        "with warm-up": bulk / (sampling + warmup),
+        "true values inside 95 %": f"{int(truth['inside_95'].sum())} of {len(truth)}",
+    }
+
+
+def _simulated(record: Record, seed: int) -> Experiment:
+    full = load_experiment(ROOT / "data" / "ice" / "PIL40.toml")
+    assert full.true_parameters is not None
+    strain = record.kept(full.strain)
+    values = {**full.true_parameters, "stress_noise": record.noise}
+    solution = simulate(full, values, strain=np.unique(strain))
+    stress = np.interp(strain, solution["strain"], solution["stress_Pa"])
+    rng = np.random.default_rng(seed)
+    return replace(
+        full,
+        id="PIL40_other",
+        strain=strain,
+        stress=stress + record.noise * rng.standard_normal(strain.size),
+        final_strain=float(strain[-1]),
+        provenance=Provenance("synthetic", "pyburgers, at the truth of PIL40"),
+        true_parameters=values,
+    )
+
+
+if __name__ == "__main__":
+    main()

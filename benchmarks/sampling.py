@@ -335,8 +335,11 @@ def _bars(axes: Axes, table: pd.DataFrame, column: str, label: str) -> None:
         heights = [table[column].get((name, form), np.nan) for name in names]
         axes.bar(np.arange(len(names)) + 0.27 * (k - 1), heights, 0.25, color=colour, label=text)
     axes.set_yscale("log")
+    kinds = ["measured" if name in MEASURED else "synthetic" for name in names]
     axes.set_xticks(
-        range(len(names)), [f"{n}\n({'measured' if n in MEASURED else 'synthetic'})" for n in names]
+        range(len(names)),
+        [f"{name}\n({kind})" for name, kind in zip(names, kinds, strict=True)],
+        fontsize=8,
     )
     axes.set_ylabel(label)
     axes.grid(axis="y", alpha=0.3)

@@ -129,7 +129,9 @@ def noise_exponents(
     """
     rng = np.random.default_rng(0)
     exponents = np.zeros(len(coordinates.quantities))
-    for name in set(NOISE_SCALED) & set(coordinates.quantities):
+    for name in NOISE_SCALED:
+        if name not in coordinates.quantities:
+            continue
         k = coordinates.quantities.index(name)
         values = np.array([priors[name].sample(rng) for _ in range(N_PRIOR_DRAWS)])
         prior_variance = float(np.var(coordinates.of_quantity(k, values)))

@@ -15,15 +15,14 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from chain_files import read_chain
+from measures import measure
 from sampling import RESULTS, ROOT, markdown
 
-from pyburgers.experiment import Experiment, Provenance, load_experiment
+from pyburgers.calibration import simulate_data
+from pyburgers.experiment import Experiment, load_experiment
 from pyburgers.fitting import fit
-from pyburgers.posterior import convergence_table
 from pyburgers.priors import default_priors
 from pyburgers.sampling import SamplerOptions
-from pyburgers.simulation import simulate
 from pyburgers.tables import truth_table
 
 EXPLANATION = """# Other records
@@ -75,24 +74,20 @@ def main() -> None:
 def _row(record: Record, folder: Path, seed: int) -> dict[str, str | float]:
     experiment = _simulated(record, seed)
     result = fit(experiment, default_priors("ice"), out=folder, options=SamplerOptions(seed=seed))
-    chains = [read_chain(result.directory.draws_file(c)) for c in (1, 2, 3, 4)]
-    sampling = sum(chain.sampling_seconds for chain in chains)
-    warmup = sum(chain.warmup_seconds for chain in chains)
-    convergence = convergence_table(result.posterior)
-    bulk = float(convergence["ess_bulk"].min())
+    got = measure(result)
     truth = truth_table(result)
     assert truth is not None
     return {
         "record": record.name,
         "points": experiment.n_points,
         "coordinates": result.manifest["coordinates"]["system"],
-        "leapfrogs per draw": float(np.mean([c.draws["n_leapfrog__"].mean() for c in chains])),
-        "divergences": int(sum(c.draws["divergent__"].sum() for c in chains)),
-        "R-hat": float(convergence["rhat"].max()),
-        "bulk ESS": bulk,
-        "tail ESS": float(convergence["ess_tail"].min()),
-        "bulk ESS/s": bulk / sampling,
-        "with warm-up": bulk / (sampling + warmup),
+        "leapfrogs per draw": got.leapfrogs / got.draws,
+        "divergences": got.divergences,
+        "R-hat": got.rhat,
+        "bulk ESS": got.ess_bulk,
+        "tail ESS": got.ess_tail,
+        "bulk ESS/s": got.ess_bulk / got.sampling_seconds,
+        "with warm-up": got.ess_bulk / (got.sampling_seconds + got.warmup_seconds),
         "true values inside 95 %": f"{int(truth['inside_95'].sum())} of {len(truth)}",
     }
 
@@ -101,19 +96,10 @@ def _simulated(record: Record, seed: int) -> Experiment:
     full = load_experiment(ROOT / "data" / "ice" / "PIL40.toml")
     assert full.true_parameters is not None
     strain = record.kept(full.strain)
+    cut = replace(full, id="PIL40_other", strain=strain, final_strain=float(strain[-1]))
     values = {**full.true_parameters, "stress_noise": record.noise}
-    solution = simulate(full, values, strain=np.unique(strain))
-    stress = np.interp(strain, solution["strain"], solution["stress_Pa"])
     rng = np.random.default_rng(seed)
-    return replace(
-        full,
-        id="PIL40_other",
-        strain=strain,
-        stress=stress + record.noise * rng.standard_normal(strain.size),
-        final_strain=float(strain[-1]),
-        provenance=Provenance("synthetic", "pyburgers, at the truth of PIL40"),
-        true_parameters=values,
-    )
+    return simulate_data(cut, values, rng, source="at the truth of PIL40")[0]
 
 
 if __name__ == "__main__":

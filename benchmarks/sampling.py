@@ -20,16 +20,16 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import psutil
-from chain_files import read_chain
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from measures import measure
 from processes import run_together
 from six_state import N_CHAINS, USUAL_LENGTH, WARMUP, WARMUP_SECONDS, Baseline, run_baseline
 
 from pyburgers.cmdstan import find_cmdstan, load_model, toolchain
 from pyburgers.figures import BLUE, GREY, ORANGE
 from pyburgers.fitting import Fit
-from pyburgers.posterior import convergence_table, grain_size_share
+from pyburgers.posterior import grain_size_share
 from pyburgers.simulation import constant_rate_program
 
 ROOT = Path(__file__).parents[1]
@@ -45,7 +45,7 @@ TESTS = {
 PICTURED = "PIL40"
 MEASURED = {"4506", "4581"}
 
-VALLEY = ("--chains", "4", "--warmup", "400", "--draws", "1000", "--coordinates", "valley")
+VALLEY = ("--coordinates", "valley")
 PLAIN = ("--chains", "2", "--warmup", "200", "--draws", "200", "--coordinates", "plain")
 BASELINE_SECONDS = 90.0
 MIB = 2**20
@@ -113,29 +113,24 @@ def _product(
     arguments = ["fit", str(TESTS[name]), "--out", str(folder), "--seed", str(seed), *settings]
     cost = run_together([[*command, *arguments]])
     fit = Fit.load(folder)
-    chains = [read_chain(fit.directory.draws_file(c)) for c in fit.directory.finished_chains()]
-    warmup = sum(chain.warmup_seconds for chain in chains)
-    sampling = sum(chain.sampling_seconds for chain in chains)
-    draws = pd.concat([chain.draws for chain in chains])
-    steps = [chain.draws["stepsize__"].iloc[-1] for chain in chains]
-    convergence = convergence_table(fit.posterior)
-    bulk, tail = (float(convergence[key].min()) for key in ("ess_bulk", "ess_tail"))
+    got = measure(fit)
+    with_warmup = got.sampling_seconds + got.warmup_seconds
     return fit, {
         "test": name,
         "form": form,
-        "ms_per_gradient": 1e3 * sampling / draws["n_leapfrog__"].sum(),
-        "leapfrogs_per_draw": draws["n_leapfrog__"].mean(),
-        "step_size_ratio": min(steps) / max(steps),
-        "draws": len(draws),
-        "divergences": int(draws["divergent__"].sum()),
-        "rhat": float(convergence["rhat"].max()),
-        "ess_bulk": bulk,
-        "ess_tail": tail,
-        "ess_bulk_per_s": bulk / sampling,
-        "ess_tail_per_s": tail / sampling,
-        "ess_bulk_per_s_with_warmup": bulk / (sampling + warmup),
-        "ess_tail_per_s_with_warmup": tail / (sampling + warmup),
-        "s_per_draw": sampling / len(draws),
+        "ms_per_gradient": 1e3 * got.sampling_seconds / got.leapfrogs,
+        "leapfrogs_per_draw": got.leapfrogs / got.draws,
+        "step_size_ratio": got.step_size_ratio,
+        "draws": got.draws,
+        "divergences": got.divergences,
+        "rhat": got.rhat,
+        "ess_bulk": got.ess_bulk,
+        "ess_tail": got.ess_tail,
+        "ess_bulk_per_s": got.ess_bulk / got.sampling_seconds,
+        "ess_tail_per_s": got.ess_tail / got.sampling_seconds,
+        "ess_bulk_per_s_with_warmup": got.ess_bulk / with_warmup,
+        "ess_tail_per_s_with_warmup": got.ess_tail / with_warmup,
+        "s_per_draw": got.sampling_seconds / got.draws,
         "wall_s": cost.wall_seconds,
         "peak_MiB": cost.peak_bytes / MIB,
     }
@@ -259,7 +254,7 @@ def _page(table: pd.DataFrame, machine: dict[str, Any]) -> str:
         )
     shown = table.reindex(columns=list(COLUMNS)).rename(columns=COLUMNS)
     return EXPLANATION.format(
-        ratios=markdown(pd.DataFrame(ratios).set_index("test").reset_index()),
+        ratios=markdown(pd.DataFrame(ratios)),
         seconds=BASELINE_SECONDS,
         chains=N_CHAINS,
         warmup=WARMUP,

@@ -10,6 +10,7 @@ first iterations of chains with CmdStan's defaults, started at posterior draws t
 import json
 import subprocess
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,12 +18,12 @@ import numpy as np
 import numpy.typing as npt
 from chain_files import read_chain
 from processes import Cost, run_together
-from scipy.special import logit
 
 from pyburgers.cmdstan import compile_program, stan_directory
 from pyburgers.fitting import Fit
 from pyburgers.parameters import PARAMETERS
-from pyburgers.priors import Prior
+from pyburgers.priors import PriorSet
+from pyburgers.stan_data import PlainCoordinates
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -80,9 +81,8 @@ def run_baseline(fit: Fit, folder: Path, *, limit_seconds: float, seed: int) -> 
     program = compile_program(stan_directory() / "reference" / "six_state.stan", report=print)
     draws = fit.posterior["posterior"].to_dataset()
     values = {p.name: draws[p.name].to_numpy() for p in PARAMETERS}
-    unconstrained = np.column_stack(
-        [_unconstrained(fit.priors[name], value).ravel() for name, value in values.items()]
-    )
+    transform = _stan_transform(fit.priors)
+    unconstrained = _unconstrained(transform, values)
     metric = folder / "metric.json"
     metric.write_text(json.dumps({"inv_metric": np.cov(unconstrained.T).tolist()}))
     data = ("data", f"file={fit.directory.stan_data_file}")
@@ -113,7 +113,7 @@ def run_baseline(fit: Fit, folder: Path, *, limit_seconds: float, seed: int) -> 
     if n_draws < N_CHAINS * 2:
         return None
     positions = [
-        np.column_stack([_unconstrained(fit.priors[p.name], chain[p.name]) for p in PARAMETERS])
+        _unconstrained(transform, {p.name: chain[p.name].to_numpy() for p in PARAMETERS})
         for chain in chains
     ]
     leapfrogs = float(np.concatenate([chain["n_leapfrog__"] for chain in chains]).mean())
@@ -178,13 +178,20 @@ def _seconds_per_gradient(command: list[str], folder: Path) -> float:
     return (seconds(220) - seconds(20)) / 200
 
 
-def _unconstrained(prior: Prior, value: npt.ArrayLike) -> FloatArray:
-    """Stan's transform of a parameter declared with its prior's bounds."""
-    value = np.asarray(value, dtype=np.float64)
-    if np.isinf(prior.lower):
-        return value
-    if np.isinf(prior.upper):
-        logarithm: FloatArray = np.log(value - prior.lower)
-        return logarithm
-    place: FloatArray = logit((value - prior.lower) / (prior.upper - prior.lower))
-    return place
+def _stan_transform(priors: PriorSet) -> PlainCoordinates:
+    """Stan's own transforms of the parameters, declared in SI with their priors' bounds."""
+    names = tuple(p.name for p in PARAMETERS)
+    lower, upper = (
+        np.array([getattr(priors[name], end) for name in names]) for end in ("lower", "upper")
+    )
+    return PlainCoordinates(names, names, np.zeros(len(names)), np.ones(len(names)), lower, upper)
+
+
+def _unconstrained(transform: PlainCoordinates, values: Mapping[str, npt.ArrayLike]) -> FloatArray:
+    """Positions, shape (n_draws, n_parameters)."""
+    return np.column_stack(
+        [
+            transform.of_quantity(k, values[name]).ravel()
+            for k, name in enumerate(transform.quantities)
+        ]
+    )

@@ -15,7 +15,7 @@ from scipy import stats
 from pyburgers.errors import SamplingError
 from pyburgers.experiment import Experiment, Provenance
 from pyburgers.fitting import fit
-from pyburgers.posterior import free_parameters
+from pyburgers.posterior import convergence_table, free_parameters
 from pyburgers.priors import PriorSet
 from pyburgers.sampling import SamplerOptions
 from pyburgers.simulation import simulate
@@ -92,25 +92,59 @@ def simulate_from_prior(experiment: Experiment, priors: PriorSet, *, seed: int) 
     rng = np.random.default_rng(seed)
     n_unsolvable = 0
     while True:
-        values = {
-            name: prior.location if prior.is_fixed else prior.sample(rng)
-            for name, prior in priors.priors.items()
-        }
+        values = priors.sample(rng)
         try:
-            solution = simulate(experiment, values, strain=np.unique(experiment.strain))
+            simulated, reference_stress = simulate_data(
+                experiment, values, rng, source=f"a draw from the prior, seed {seed}"
+            )
         except SamplingError:
             n_unsolvable += 1
             continue
-        stress = np.interp(experiment.strain, solution["strain"], solution["stress_Pa"])
-        noise = values["stress_noise"] * rng.standard_normal(stress.size)
-        simulated = replace(
-            experiment,
-            id=f"{experiment.id}_simulated_{seed}",
-            stress=stress + noise,
-            provenance=Provenance("synthetic", f"pyburgers, a draw from the prior, seed {seed}"),
-            true_parameters=values,
-        )
-        return Simulated(simulated, float(solution.attrs[REFERENCE_STRESS]), n_unsolvable)
+        named = replace(simulated, id=f"{experiment.id}_simulated_{seed}")
+        return Simulated(named, reference_stress, n_unsolvable)
+
+
+def simulate_data(
+    experiment: Experiment,
+    values: Mapping[str, float],
+    rng: np.random.Generator,
+    *,
+    source: str,
+) -> tuple[Experiment, float]:
+    """Put the solution at given parameters, with noise, in the place of an experiment's stresses.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        Protocol and strains.
+    values : mapping
+        SI values by name.
+    rng : Generator
+        Gives the noise.
+    source : str
+        Where the parameters come from, for the provenance.
+
+    Returns
+    -------
+    Experiment
+        Synthetic; its true parameters are `values`.
+    float
+        Reference stress S_0 (Pa).
+
+    Raises
+    ------
+    SamplingError
+        If the solver finds no solution.
+    """
+    solution = simulate(experiment, values, strain=np.unique(experiment.strain))
+    stress = np.interp(experiment.strain, solution["strain"], solution["stress_Pa"])
+    simulated = replace(
+        experiment,
+        stress=stress + values["stress_noise"] * rng.standard_normal(stress.size),
+        provenance=Provenance("synthetic", f"pyburgers, {source}"),
+        true_parameters=values,
+    )
+    return simulated, float(solution.attrs[REFERENCE_STRESS])
 
 
 def replicate(
@@ -157,7 +191,7 @@ def replicate(
         n_draws=n_thinned,
         n_unsolvable=simulated.n_unsolvable,
         divergences=int(result.posterior["sample_stats"]["diverging"].sum()),
-        rhat=float(result.summary()["rhat"].max()),
+        rhat=float(convergence_table(result.posterior)["rhat"].max()),
         coordinates=result.manifest["coordinates"]["system"],
     )
 
@@ -187,15 +221,16 @@ def simultaneous_band(
         Limits of the number of ranks that are at most 0, 1, ..., n_draws - 1.
     """
     rng = np.random.default_rng(seed)
-    expected = np.arange(1, n_draws + 1) / (n_draws + 1)
-    tails = np.array(
-        [
-            _smallest_tail(rng.integers(0, n_draws + 1, n_ranks), n_draws, expected)
-            for _ in range(N_BAND_SIMULATIONS)
-        ]
-    )
-    level = float(np.quantile(tails, 1 - probability))
-    law = stats.binom(n_ranks, expected)
+    law = stats.binom(n_ranks, np.arange(1, n_draws + 1) / (n_draws + 1))
+    count = np.arange(n_ranks + 1)[:, None]
+    tail = np.minimum(law.cdf(count), law.sf(count - 1))  # one-sided, of each count at each rank
+    smallest = [
+        tail[
+            counts_at_most(rng.integers(0, n_draws + 1, n_ranks), n_draws), np.arange(n_draws)
+        ].min()
+        for _ in range(N_BAND_SIMULATIONS)
+    ]
+    level = float(np.quantile(smallest, 1 - probability))
     lower, upper = (np.asarray(limit, dtype=np.int64) for limit in (law.ppf(level), law.isf(level)))
     return lower, upper
 
@@ -204,10 +239,3 @@ def counts_at_most(ranks: Sequence[int] | IntArray, n_draws: int) -> IntArray:
     """Count the ranks that are at most 0, 1, ..., n_draws - 1, shape (n_draws,)."""
     counts: IntArray = np.cumsum(np.bincount(ranks, minlength=n_draws + 1))[:-1]
     return counts
-
-
-def _smallest_tail(ranks: IntArray, n_draws: int, expected: FloatArray) -> float:
-    """Smallest one-sided binomial probability of a rank distribution's counts."""
-    counts = counts_at_most(ranks, n_draws)
-    law = stats.binom(len(ranks), expected)
-    return float(np.minimum(law.cdf(counts), law.sf(counts - 1)).min())

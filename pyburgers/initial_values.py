@@ -38,10 +38,7 @@ def draw_initial_values(
     rng = np.random.default_rng([seed, chain])
     coordinates = plain_coordinates(experiment, priors)
     for _ in range(INITIAL_ATTEMPTS):
-        values = {
-            name: prior.location if prior.is_fixed else prior.sample(rng)
-            for name, prior in priors.priors.items()
-        }
+        values = priors.sample(rng)
         try:
             solution = simulate(
                 experiment, values, strain=experiment.strain, solver=SolverOptions()

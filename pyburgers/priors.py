@@ -152,6 +152,13 @@ class PriorSet:
         """Names of the parameters that are inferred."""
         return tuple(name for name, prior in self.priors.items() if not prior.is_fixed)
 
+    def sample(self, rng: np.random.Generator) -> dict[str, float]:
+        """Draw every parameter (SI); fixed ones have their value."""
+        return {
+            name: prior.location if prior.is_fixed else prior.sample(rng)
+            for name, prior in self.priors.items()
+        }
+
     def resolved(self, max_stress: float) -> "PriorSet":
         """Return the set with shares of the largest stress turned into Pa.
 

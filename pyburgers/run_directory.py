@@ -291,6 +291,8 @@ class RunDirectory:
         """
         aside = self.path / "superseded" / name
         aside.parent.mkdir(exist_ok=True)
+        # A run killed in the midst of this was sampled again: the same chains.
+        shutil.rmtree(aside, ignore_errors=True)
         (self.path / "chains").rename(aside)
         (self.path / "chains").mkdir()
         for file in (self.posterior_file, self.checks_file, self.summary_file):

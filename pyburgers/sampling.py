@@ -53,8 +53,11 @@ _SIGNAL = re.compile(r"retcodes=\[-(\d+)\]")
 PACKAGES = ("pyburgers", "cmdstanpy", "arviz", "numpy", "scipy", "pandas", "xarray")
 
 STEP_SIZE_SHARE = 0.2
-"""Share of the warm-up, at its end, in which the step size alone adapts. Longer than Stan's 50
-iterations: a chain that passes the valley's bend there would keep far too small a step."""
+"""Share of the warm-up, at its end, in which the step size alone adapts.
+
+By default longer than Stan's 50 iterations: a chain that passes the valley's bend there would keep
+far too small a step.
+"""
 
 FIRST_STEP = 0.1
 """First step size where the first metric fits the posterior."""

@@ -42,15 +42,13 @@ transformed data {
     coordinate_of[parameter_of_coordinate[i]] = i;
   }
   if (coordinate_system == 2) {
-    if (coordinate_of[12] > 0 && noise_exponent[coordinate_of[12]] != 0) {
-      reject("noise_exponent of the stress noise itself must be 0");
-    }
-  }
-  if (coordinate_system == 2) {
     vector[n_parameters()] parameter = head(parameters_from_plain(reference_coordinate,
       parameter_of_coordinate, quantity_shift, quantity_scale, quantity_lower, quantity_upper,
       prior_location, replaced_parameter, segment_rate[1], initial_grain_size, temperature),
       n_parameters());
+    if (coordinate_of[12] > 0 && noise_exponent[coordinate_of[12]] != 0) {
+      reject("noise_exponent of the stress noise itself must be 0");
+    }
     reference = valley_reference(reference_coordinate, coordinate_of, quantity_shift,
                                  quantity_scale, parameter, replaced_parameter,
                                  initial_grain_size);

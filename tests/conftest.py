@@ -26,6 +26,11 @@ FunctionValues = Callable[[str, Mapping[str, object]], dict[str, FloatArray]]
 TESTS = Path(__file__).parent
 ICE = TESTS.parent / "data" / "ice"
 
+MEASURED = TESTS.parents[1] / "shared" / "data" / "chopra_paterson_1984_dunite"
+needs_measured = pytest.mark.skipif(
+    not MEASURED.is_dir(), reason="the measured columns are not in ../shared/data on this machine"
+)
+
 SMALL_RUN = SamplerOptions(chains=2, warmup=150, draws=100, seed=11)
 LONG_RUN = replace(SMALL_RUN, warmup=300, draws=1200)
 """Long enough to pass all checks, and for a signal to hit the sampling."""
@@ -52,10 +57,19 @@ def fixed(name: str, value: float) -> Prior:
     return Prior(name, "fixed", value, 0.0, -np.inf, np.inf, "SI", "test")
 
 
+def with_priors(priors: PriorSet, changed: Mapping[str, Prior]) -> PriorSet:
+    """Exchange some priors of a set."""
+    return replace(priors, priors=MappingProxyType({**priors.priors, **changed}))
+
+
 def with_fixed(priors: PriorSet, values: Mapping[str, float]) -> PriorSet:
     """Fix some parameters of a set of priors."""
-    changed = {name: fixed(name, value) for name, value in values.items()}
-    return replace(priors, priors=MappingProxyType({**priors.priors, **changed}))
+    return with_priors(priors, {name: fixed(name, value) for name, value in values.items()})
+
+
+def resolved_priors(experiment: Experiment) -> PriorSet:
+    """Priors of the experiment's material, as a fit of it resolves them."""
+    return default_priors(experiment.material).resolved(float(np.abs(experiment.stress).max()))
 
 
 def write_problem(folder: Path, *, free: set[str], max_strain: float, stride: int) -> Problem:

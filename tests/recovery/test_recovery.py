@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from conftest import ICE, TESTS
+from conftest import ICE, TESTS, needs_measured
 
 from pyburgers.diagnostics import coverage
 from pyburgers.experiment import load_experiment
@@ -18,8 +18,6 @@ pytestmark = pytest.mark.slow
 
 OPTIONS = SamplerOptions(seed=20261120)
 PATIENT = replace(OPTIONS, draws=2000)
-MEASURED = TESTS.parents[1] / "shared" / "data" / "chopra_paterson_1984_dunite"
-
 RecordProperty = Callable[[str, object], None]
 
 
@@ -49,9 +47,7 @@ def test_the_truth_of_a_twin_is_recovered(
     assert int(diverging.sum()) <= 3
 
 
-@pytest.mark.skipif(
-    not MEASURED.is_dir(), reason="the measured columns are not in ../shared/data on this machine"
-)
+@needs_measured
 @pytest.mark.parametrize("name", ["dunite_4506", "dunite_4581"])
 def test_a_measured_dunite_test_is_described(name: str, tmp_path: Path) -> None:
     experiment = load_experiment(TESTS / "data" / f"{name}.toml")

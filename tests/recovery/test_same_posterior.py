@@ -5,13 +5,12 @@ from dataclasses import replace
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
-from types import MappingProxyType
 
 import arviz as az
 import numpy as np
 import pytest
 import xarray as xr
-from conftest import ICE
+from conftest import ICE, resolved_priors, with_priors
 
 from pyburgers.calibration import (
     Replication,
@@ -36,7 +35,7 @@ def laboratory_priors(experiment: Experiment) -> PriorSet:
 
     Table 1 allows reference stresses from 0.3 to 1000 MPa, most of them far from any test.
     """
-    priors = default_priors("ice").resolved(float(np.abs(experiment.stress).max()))
+    priors = resolved_priors(experiment)
     narrower = {
         "stress_exponent": replace(
             priors["stress_exponent"], location=3.95, scale=0.5, lower=3.7, upper=4.2
@@ -51,7 +50,7 @@ def laboratory_priors(experiment: Experiment) -> PriorSet:
             upper=np.inf,
         ),
     }
-    return replace(priors, priors=MappingProxyType({**priors.priors, **narrower}))
+    return with_priors(priors, narrower)
 
 
 def moments(result: Fit) -> tuple[xr.Dataset, xr.Dataset, xr.Dataset, xr.Dataset]:
@@ -74,11 +73,11 @@ def test_plain_and_valley_coordinates_give_the_same_moments(tmp_path: Path) -> N
     # Plain coordinates converge where the noise is large and the valley wide.
     rng = np.random.default_rng(5)
     noisy = replace(experiment, stress=experiment.stress + 8e5 * rng.standard_normal(61))
-    priors = default_priors("ice").resolved(float(np.abs(experiment.stress).max()))
+    priors = resolved_priors(experiment)
     wider = replace(
         priors["stress_noise"], family="lognormal", location=8e5, scale=0.5, upper=np.inf
     )
-    priors = replace(priors, priors=MappingProxyType({**priors.priors, "stress_noise": wider}))
+    priors = with_priors(priors, {"stress_noise": wider})
     results = {}
     for system in ("plain", "valley"):
         options = SamplerOptions(chains=4, warmup=500, draws=2500, coordinates=system)

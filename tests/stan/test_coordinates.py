@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import pytest
-from conftest import ICE, TESTS, valley_of
+from conftest import ICE, TESTS, needs_measured, resolved_priors, valley_of
 from log_density import Program
 from scipy import stats
 
 from pyburgers.cmdstan import compile_program, stan_directory
 from pyburgers.experiment import Experiment, load_experiment
 from pyburgers.parameters import PARAMETERS
-from pyburgers.priors import PriorSet, default_priors
+from pyburgers.priors import PriorSet
 from pyburgers.stan_data import SolverOptions, ValleyReference, constant_rate_data
 
 FloatArray = npt.NDArray[np.float64]
@@ -21,25 +21,13 @@ pytestmark = pytest.mark.usefixtures("programs")
 
 SOLVER = SolverOptions(tolerance=1e-10, max_num_steps=1_000_000)
 SIZE = len(PARAMETERS)
-
-
-MEASURED = TESTS.parents[1] / "shared" / "data" / "chopra_paterson_1984_dunite"
 EXPERIMENTS = [
     *(ICE / f"{name}.toml" for name in ("PIL40", "PIL72", "PIL105")),
     *(
-        pytest.param(
-            TESTS / "data" / f"{name}.toml",
-            marks=pytest.mark.skipif(
-                not MEASURED.is_dir(), reason="the measured columns are not in ../shared/data"
-            ),
-        )
+        pytest.param(TESTS / "data" / f"{name}.toml", marks=needs_measured)
         for name in ("dunite_4506", "dunite_4581")
     ),
 ]
-
-
-def resolved_priors(experiment: Experiment) -> PriorSet:
-    return default_priors(experiment.material).resolved(float(np.abs(experiment.stress).max()))
 
 
 def program_for(

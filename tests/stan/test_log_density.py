@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import oracle
 import pytest
-from conftest import ICE
+from conftest import ICE, resolved_priors
 from log_density import Program
 from oracle import GAS_CONSTANT
 from scipy import stats
@@ -18,7 +18,7 @@ from scipy.special import logit
 from pyburgers.cmdstan import compile_program, stan_directory
 from pyburgers.experiment import Experiment, RateSegment, load_experiment
 from pyburgers.parameters import PARAMETERS
-from pyburgers.priors import PriorSet, default_priors
+from pyburgers.priors import PriorSet
 from pyburgers.stan_data import (
     REFERENCE_STRESS,
     PlainCoordinates,
@@ -47,7 +47,7 @@ class Pair:
 @pytest.fixture
 def make_pair(tmp_path: Path) -> MakePair:
     def make(experiment: Experiment) -> Pair:
-        priors = default_priors("ice").resolved(float(np.abs(experiment.stress).max()))
+        priors = resolved_priors(experiment)
         data = constant_rate_data(
             experiment, priors, solver=SolverOptions(tolerance=1e-10, max_num_steps=1_000_000)
         )

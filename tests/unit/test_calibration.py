@@ -3,12 +3,11 @@
 import numpy as np
 import numpy.typing as npt
 import pytest
-from conftest import ICE
+from conftest import ICE, resolved_priors
 from scipy import stats
 
 from pyburgers.calibration import counts_at_most, simulate_from_prior, simultaneous_band
 from pyburgers.experiment import load_experiment
-from pyburgers.priors import default_priors
 from pyburgers.simulation import simulate
 
 N_DATA_SETS = N_DRAWS = 100
@@ -54,7 +53,7 @@ def test_counts_are_of_ranks_at_most() -> None:
 
 def test_simulated_data_are_the_solution_at_a_prior_draw_with_noise(programs: None) -> None:
     experiment = load_experiment(ICE / "PIL40.toml")
-    priors = default_priors("ice").resolved(float(np.abs(experiment.stress).max()))
+    priors = resolved_priors(experiment)
     simulated = simulate_from_prior(experiment, priors, seed=4)
     again = simulate_from_prior(experiment, priors, seed=4)
     np.testing.assert_array_equal(simulated.experiment.stress, again.experiment.stress)

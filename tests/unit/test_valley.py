@@ -1,15 +1,12 @@
 """Reference point and pins of the valley coordinates."""
 
-from dataclasses import replace
-from types import MappingProxyType
-
 import numpy as np
 import pytest
-from conftest import ICE, fixed, valley_of
+from conftest import ICE, resolved_priors, valley_of, with_fixed
 
 from pyburgers.experiment import Experiment, load_experiment
 from pyburgers.mode import find_mode
-from pyburgers.priors import PriorSet, default_priors
+from pyburgers.priors import PriorSet
 from pyburgers.stan_data import SolverOptions, plain_coordinates
 from pyburgers.valley import NOISE_SCALED, ValleyUnsuited, find_valley, noise_exponents
 
@@ -23,7 +20,7 @@ def experiment() -> Experiment:
 
 @pytest.fixture(scope="module")
 def priors(experiment: Experiment) -> PriorSet:
-    return default_priors("ice").resolved(float(np.abs(experiment.stress).max()))
+    return resolved_priors(experiment)
 
 
 def test_pins_lie_on_the_curve_where_the_dashpot_flows(
@@ -45,7 +42,7 @@ def test_a_prior_that_fixes_the_fabric_does_not_suit(
     experiment: Experiment, priors: PriorSet
 ) -> None:
     name = "steady_state_fabric_factor"
-    known = replace(priors, priors=MappingProxyType({**priors.priors, name: fixed(name, 0.5)}))
+    known = with_fixed(priors, {name: 0.5})
     solver = SolverOptions()
     mode = find_mode(experiment, known, seed=1, solver=solver, report=print)
     assert mode.values[name] == 0.5

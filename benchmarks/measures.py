@@ -1,0 +1,55 @@
+"""What a finished fit says of the sampler."""
+
+from dataclasses import dataclass
+
+import pandas as pd
+from chain_files import read_chain
+
+from pyburgers.fitting import Fit
+from pyburgers.posterior import convergence_table
+
+
+@dataclass(frozen=True)
+class Measures:
+    """Cost and yield of a fit; times are of CmdStan, summed over its chains.
+
+    Attributes
+    ----------
+    warmup_seconds, sampling_seconds : float
+        Of one core.
+    draws, leapfrogs, divergences : int
+        After the warm-up.
+    step_size_ratio : float
+        Smallest step size of a chain over the largest.
+    rhat, ess_bulk, ess_tail : float
+        The worst over the sampled quantities.
+    """
+
+    warmup_seconds: float
+    sampling_seconds: float
+    draws: int
+    leapfrogs: int
+    divergences: int
+    step_size_ratio: float
+    rhat: float
+    ess_bulk: float
+    ess_tail: float
+
+
+def measure(fit: Fit) -> Measures:
+    """Read the chains of a fit."""
+    chains = [read_chain(fit.directory.draws_file(c)) for c in fit.directory.finished_chains()]
+    draws = pd.concat([chain.draws for chain in chains])
+    steps = [chain.draws["stepsize__"].iloc[-1] for chain in chains]
+    convergence = convergence_table(fit.posterior)
+    return Measures(
+        warmup_seconds=sum(chain.warmup_seconds for chain in chains),
+        sampling_seconds=sum(chain.sampling_seconds for chain in chains),
+        draws=len(draws),
+        leapfrogs=int(draws["n_leapfrog__"].sum()),
+        divergences=int(draws["divergent__"].sum()),
+        step_size_ratio=float(min(steps) / max(steps)),
+        rhat=float(convergence["rhat"].max()),
+        ess_bulk=float(convergence["ess_bulk"].min()),
+        ess_tail=float(convergence["ess_tail"].min()),
+    )

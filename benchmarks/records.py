@@ -19,7 +19,7 @@ from measures import measure
 from sampling import RESULTS, ROOT, markdown
 
 from pyburgers.calibration import simulate_data
-from pyburgers.experiment import Experiment, load_experiment
+from pyburgers.constant_rate import ConstantRateExperiment, load_constant_rate
 from pyburgers.fitting import fit
 from pyburgers.priors import default_priors
 from pyburgers.sampling import SamplerOptions
@@ -92,8 +92,8 @@ def _row(record: Record, folder: Path, seed: int) -> dict[str, str | float]:
     }
 
 
-def _simulated(record: Record, seed: int) -> Experiment:
-    full = load_experiment(ROOT / "data" / "ice" / "PIL40.toml")
+def _simulated(record: Record, seed: int) -> ConstantRateExperiment:
+    full = load_constant_rate(ROOT / "data" / "ice" / "PIL40.toml")
     assert full.true_parameters is not None
     strain = record.kept(full.strain)
     cut = replace(full, id="PIL40_other", strain=strain, final_strain=float(strain[-1]))

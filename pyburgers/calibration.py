@@ -12,8 +12,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy import stats
 
+from pyburgers.constant_rate import ConstantRateExperiment
 from pyburgers.errors import SamplingError
-from pyburgers.experiment import Experiment, Provenance
+from pyburgers.experiment import Provenance
 from pyburgers.fitting import fit
 from pyburgers.posterior import convergence_table, free_parameters
 from pyburgers.priors import PriorSet
@@ -33,7 +34,7 @@ class Simulated:
 
     Attributes
     ----------
-    experiment : Experiment
+    experiment : ConstantRateExperiment
         The protocol with simulated stresses; its true parameters are the draw.
     reference_stress : float
         S_0 of the draw, Pa.
@@ -41,7 +42,7 @@ class Simulated:
         Draws before it whose curve the solver could not compute.
     """
 
-    experiment: Experiment
+    experiment: ConstantRateExperiment
     reference_stress: float
     n_unsolvable: int
 
@@ -77,12 +78,14 @@ class Replication:
     coordinates: str
 
 
-def simulate_from_prior(experiment: Experiment, priors: PriorSet, *, seed: int) -> Simulated:
+def simulate_from_prior(
+    experiment: ConstantRateExperiment, priors: PriorSet, *, seed: int
+) -> Simulated:
     """Draw parameters from the prior and simulate the experiment's data at its strains.
 
     Parameters
     ----------
-    experiment : Experiment
+    experiment : ConstantRateExperiment
         Protocol and strains.
     priors : PriorSet
         Resolved priors.
@@ -105,17 +108,17 @@ def simulate_from_prior(experiment: Experiment, priors: PriorSet, *, seed: int) 
 
 
 def simulate_data(
-    experiment: Experiment,
+    experiment: ConstantRateExperiment,
     values: Mapping[str, float],
     rng: np.random.Generator,
     *,
     source: str,
-) -> tuple[Experiment, float]:
+) -> tuple[ConstantRateExperiment, float]:
     """Put the solution at given parameters, with noise, in the place of an experiment's stresses.
 
     Parameters
     ----------
-    experiment : Experiment
+    experiment : ConstantRateExperiment
         Protocol and strains.
     values : mapping
         SI values by name.
@@ -126,7 +129,7 @@ def simulate_data(
 
     Returns
     -------
-    Experiment
+    ConstantRateExperiment
         Synthetic; its true parameters are `values`.
     float
         Reference stress S_0 (Pa).
@@ -148,7 +151,7 @@ def simulate_data(
 
 
 def replicate(
-    experiment: Experiment,
+    experiment: ConstantRateExperiment,
     priors: PriorSet,
     out: Path,
     *,
@@ -160,7 +163,7 @@ def replicate(
 
     Parameters
     ----------
-    experiment : Experiment
+    experiment : ConstantRateExperiment
         Protocol and strains.
     priors : PriorSet
         Resolved priors, the same for all data sets.

@@ -1,30 +1,28 @@
-"""Deformation experiments: the imposed protocol, the measured curve and where it comes from.
+"""Deformation experiments: what every test has, and what its file says about it.
 
 An experiment is a TOML file beside one or several text files of columns; the keys and what they
-hold are the fields of the tables below. Everything is converted to SI on reading.
+hold are the fields of the tables below and of the module of its protocol (`constant_rate`,
+`forced_oscillation`). Everything is converted to SI on reading.
 """
 
-import itertools
 import os
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from datetime import date, datetime, time
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from pyburgers.columns import Column, Separator, read_columns
-from pyburgers.curves import Curve, count_points, join_curves
+from pyburgers.columns import Separator
 from pyburgers.errors import InputError
-from pyburgers.parameters import PARAMETER_BY_NAME, PARAMETERS
+from pyburgers.parameters import PARAMETER_BY_NAME
 from pyburgers.run_directory import write_text
-from pyburgers.toml_files import Table, nearest, read_toml, toml_text
-from pyburgers.units import factor_to_si
+from pyburgers.toml_files import Table, nearest, toml_text
 
 FloatArray = npt.NDArray[np.float64]
 MetadataValue = str | float | int | bool
@@ -54,43 +52,22 @@ class Provenance:
     notes: str | None = None
 
 
-@dataclass(frozen=True)
-class RateSegment:
-    """Part of a test at one imposed strain rate.
-
-    Attributes
-    ----------
-    start_strain : float
-        Strain (fraction) from which the rate holds, until the next segment or the end.
-    strain_rate : float
-        Imposed axial strain rate (1/s), positive.
-    """
-
-    start_strain: float
-    strain_rate: float
-
-
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Experiment:
-    """One deformation test in SI units.
+    """What deformation tests of all protocols share, in SI units.
 
     Attributes
     ----------
+    protocol : str
+        Kind of test, as in files; a constant of each derived class.
     id, material : str
         Sample and material; the material names the default priors.
-    protocol : {"constant_rate"}
-        Piecewise constant strain rate.
     temperature : float
         Kelvin.
     initial_grain_size : float
-        Metres.
-    segments : tuple of RateSegment
-        The first starts at zero strain; start strains increase.
-    strain, stress : array, shape (n_points,)
-        Axial strain (fraction, positive, non-decreasing) and differential stress (Pa, compression
-        positive). Strains may repeat.
-    final_strain : float
-        Strain at which the protocol ends, not below the last data strain.
+        Metres, where the data start.
+    stress : array, shape (n_points,)
+        Differential stress (Pa, compression positive) that the model is compared with.
     provenance : Provenance
         Where the data come from.
     metadata : mapping
@@ -101,15 +78,12 @@ class Experiment:
         Parameters (SI) behind synthetic data.
     """
 
+    protocol: ClassVar[str]
     id: str
     material: str
-    protocol: Literal["constant_rate"]
     temperature: float
     initial_grain_size: float
-    segments: tuple[RateSegment, ...]
-    strain: FloatArray
     stress: FloatArray
-    final_strain: float
     provenance: Provenance
     metadata: Mapping[str, MetadataValue]
     notices: tuple[str, ...]
@@ -118,44 +92,22 @@ class Experiment:
     @property
     def n_points(self) -> int:
         """Number of data points; zero for an experiment that can only be simulated."""
-        return len(self.strain)
-
-    def time_at(self, strain: FloatArray) -> FloatArray:
-        """Return the times (s since the start) at which strains are reached.
-
-        Parameters
-        ----------
-        strain : array, shape (n,)
-            Axial strain (fraction), not negative.
-        """
-        starts, rates = _steps(self.segments)
-        segment = np.searchsorted(starts, strain, side="right") - 1
-        times: FloatArray = _step_times(starts, rates)[segment]
-        return times + (strain - starts[segment]) / rates[segment]
+        return len(self.stress)
 
 
-class _SegmentTable(Table):
-    strain_rate_per_s: float = Field(gt=0, description="the imposed strain rate in 1/s")
-    start_strain: float = Field(ge=0, description="the strain (fraction) at which the rate starts")
-    file: str | None = Field(None, description="the data file of this segment")
+class TextFilesTable(Table):
+    """What a table [data] of any protocol says about its text files."""
 
-
-class _DataTable(Table):
-    file: str | None = Field(None, description="the data file of the whole test")
     data_root: str | None = Field(
         None, description="the folder, relative to this file, in which data files lie"
     )
     separator: Separator = ","
     header: bool = Field(True, description="whether the first row of a data file holds names")
-    strain_column: Any = Field(None, description="a column name, or number without header")
-    strain_unit: str | None = Field(None, description="fraction or percent")
-    time_column: Any = Field(None, description="a column name, or number without header")
-    time_unit: str | None = Field(None, description="s, min or h")
-    stress_column: Any = Field(description="a column name, or number without header")
-    stress_unit: str = Field(description="Pa, MPa or GPa")
 
 
-class _ProvenanceTable(Table):
+class ProvenanceTable(Table):
+    """The table [provenance]."""
+
     kind: Literal["measured", "digitised", "synthetic"] = Field(
         description="measured, digitised or synthetic"
     )
@@ -165,72 +117,96 @@ class _ProvenanceTable(Table):
     notes: str | None = None
 
 
-class _ExperimentFile(Table):
+class ExperimentFile(Table):
+    """Keys that experiment files of all protocols share."""
+
     id: str = Field(description="the sample's name")
     material: str = Field(min_length=1, description="the material, such as ice")
-    protocol: Literal["constant_rate"] = Field(description="the kind of test")
+    protocol: str = Field(description="the kind of test")
     temperature_K: float = Field(description="the temperature in kelvin")  # noqa: N815 (the key of the file, K for kelvin)
     initial_grain_size_m: float = Field(description="the mean grain size at the start in metres")
-    final_strain: float | None = Field(
-        None, gt=0, description="the strain (fraction) at the end of the test"
-    )
     notices: list[str] = Field(
         default_factory=list, description="remarks of an earlier reading of the same data"
     )
-    segments: list[_SegmentTable] = Field(min_length=1, description="one table for each rate")
-    data: _DataTable | None = None
-    provenance: _ProvenanceTable = Field(description="the table that says where data come from")
+    provenance: ProvenanceTable = Field(description="the table that says where data come from")
     metadata: dict[str, Any] = Field(default_factory=dict)
     true_parameters: dict[str, float] | None = None
 
 
-def load_experiment(path: str | Path) -> Experiment:
-    """Read and check an experiment file and the data files that it names.
-
-    Strains that are out of order or outside their segment by a reading error (see
-    `pyburgers.curves`) are put right with a notice. Points at zero strain are dropped with a
-    notice: the model starts at rest, where its stress is zero whatever the parameters. Where data
-    files hold time, it counts from the start of the test and strain follows from the imposed
-    rates.
+def shared_values(path: Path, file: ExperimentFile) -> dict[str, Any]:
+    """Check the keys that all protocols share.
 
     Parameters
     ----------
-    path : str or Path
-        The TOML file.
+    path : Path
+        The TOML file, for messages.
+    file : ExperimentFile
+        Its contents.
+
+    Returns
+    -------
+    dict
+        Fields of `Experiment` (SI), without the stress and the notices.
 
     Raises
     ------
     InputError
-        If a file, key, unit or number is not what it has to be.
+        If a value is not what it has to be.
     """
-    path = Path(path)
-    file = read_toml(path, _ExperimentFile)
     _check_conditions(path, file)
-    segments = tuple(RateSegment(s.start_strain, s.strain_rate_per_s) for s in file.segments)
-    curves = _read_curves(path, file, segments)
-    final_strain = _final_strain(path, file, segments, curves)
-    strain, stress, changes = join_curves(curves, final_strain)
-    return Experiment(
-        id=file.id,
-        material=file.material,
-        protocol=file.protocol,
-        temperature=file.temperature_K,
-        initial_grain_size=file.initial_grain_size_m,
-        segments=segments,
-        strain=strain,
-        stress=stress,
-        final_strain=final_strain,
-        provenance=Provenance(**file.provenance.model_dump()),
-        metadata=MappingProxyType(dict(file.metadata)),
-        notices=tuple(dict.fromkeys([*file.notices, *changes, *_remarks(strain, stress)])),
-        true_parameters=_true_parameters(path, file),
-    )
+    return {
+        "id": file.id,
+        "material": file.material,
+        "temperature": file.temperature_K,
+        "initial_grain_size": file.initial_grain_size_m,
+        "provenance": Provenance(**file.provenance.model_dump()),
+        "metadata": MappingProxyType(dict(file.metadata)),
+        "true_parameters": _true_parameters(path, file),
+    }
 
 
-def save_experiment(experiment: Experiment, directory: Path) -> Path:
-    """Write a self-contained copy, ``experiment.toml`` and ``experiment.csv``, in SI units.
+def data_root(path: Path, data: TextFilesTable) -> Path:
+    """Return the folder from which names of data files start.
 
-    `load_experiment` reads back exactly equal contents, notices included.
+    Parameters
+    ----------
+    path : Path
+        The TOML file.
+    data : TextFilesTable
+        Its table [data].
+    """
+    if data.data_root is None:
+        return path.parent
+    override = os.environ.get(DATA_ROOT_VARIABLE)
+    return Path(override).expanduser() if override else path.parent / data.data_root
+
+
+def check_column(path: Path, key: str, column: object) -> None:
+    """Check that a key names a column.
+
+    Parameters
+    ----------
+    path : Path
+        The TOML file, for the message.
+    key : str
+        Key in its table [data].
+    column : object
+        What it holds.
+
+    Raises
+    ------
+    InputError
+        If it is neither text nor a whole number.
+    """
+    if isinstance(column, bool) or not isinstance(column, str | int):
+        raise InputError(
+            f"{path}: key {key!r} in [data]: found {column!r}, expected a column name, or a "
+            "number from 1 for files without header."
+        )
+
+
+def write_experiment(experiment: Experiment, directory: Path, own: Mapping[str, Any]) -> Path:
+    """Write ``experiment.toml``.
 
     Parameters
     ----------
@@ -238,47 +214,23 @@ def save_experiment(experiment: Experiment, directory: Path) -> Path:
         What to write.
     directory : Path
         An existing folder.
+    own : mapping
+        Keys and tables of the experiment's protocol.
 
     Returns
     -------
     Path
-        The TOML file.
+        The file.
     """
-    data = None
-    if experiment.n_points > 0:
-        rows = zip(experiment.strain.tolist(), experiment.stress.tolist(), strict=True)
-        lines = ["strain,stress_Pa", *(f"{strain!r},{stress!r}" for strain, stress in rows)]
-        write_text(directory / "experiment.csv", "\n".join(lines) + "\n")
-        data = {
-            "file": "experiment.csv",
-            "separator": ",",
-            "header": True,
-            "strain_column": "strain",
-            "strain_unit": "fraction",
-            "stress_column": "stress_Pa",
-            "stress_unit": "Pa",
-        }
-    provenance = experiment.provenance
     table = {
         "id": experiment.id,
         "material": experiment.material,
         "protocol": experiment.protocol,
         "temperature_K": experiment.temperature,
         "initial_grain_size_m": experiment.initial_grain_size,
-        "final_strain": experiment.final_strain,
+        **own,
         "notices": list(experiment.notices),
-        "segments": [
-            {"start_strain": s.start_strain, "strain_rate_per_s": s.strain_rate}
-            for s in experiment.segments
-        ],
-        "data": data,
-        "provenance": {
-            "kind": provenance.kind,
-            "source": provenance.source,
-            "doi": provenance.doi,
-            "licence": provenance.licence,
-            "notes": provenance.notes,
-        },
+        "provenance": asdict(experiment.provenance),
         "metadata": experiment.metadata,
         "true_parameters": experiment.true_parameters,
     }
@@ -287,7 +239,7 @@ def save_experiment(experiment: Experiment, directory: Path) -> Path:
     return target
 
 
-def _check_conditions(path: Path, file: _ExperimentFile) -> None:
+def _check_conditions(path: Path, file: ExperimentFile) -> None:
     """Check everything that needs no data file."""
     if not re.fullmatch(r"[A-Za-z0-9._-]+", file.id):
         raise InputError(
@@ -305,8 +257,6 @@ def _check_conditions(path: Path, file: _ExperimentFile) -> None:
             f"{path}: key 'initial_grain_size_m': found {file.initial_grain_size_m:g}, expected "
             "metres between 0 and 1 (230 um is 230e-6)."
         )
-    _check_segments(path, file.segments)
-    _check_data_keys(path, file)
     for key, value in file.metadata.items():
         if not isinstance(value, str | bool | int | float):
             kind = "a date" if isinstance(value, date | datetime | time) else "a table or list"
@@ -316,66 +266,7 @@ def _check_conditions(path: Path, file: _ExperimentFile) -> None:
             )
 
 
-def _check_segments(path: Path, segments: Sequence[_SegmentTable]) -> None:
-    starts = [segment.start_strain for segment in segments]
-    if starts[0] != 0:
-        raise InputError(
-            f"{path}: key 'start_strain' in [[segments]] number 1: found {starts[0]:g}, expected "
-            "0, the start of the test."
-        )
-    for number, (before, after) in enumerate(itertools.pairwise(starts), start=2):
-        if after <= before:
-            raise InputError(
-                f"{path}: key 'start_strain' in [[segments]] number {number}: found {after:g}, "
-                f"expected more than {before:g}, where the segment before starts."
-            )
-
-
-def _check_data_keys(path: Path, file: _ExperimentFile) -> None:
-    """Check that keys about data files fit together."""
-    with_file = [segment.file is not None for segment in file.segments]
-    data = file.data
-    if data is None:
-        if any(with_file):
-            raise InputError(
-                f"{path}: table [data] is missing, expected it because a segment has a 'file'."
-            )
-        if file.final_strain is None:
-            raise InputError(
-                f"{path}: key 'final_strain' is missing, expected the strain (fraction) at the "
-                "end of the test because there is no [data]."
-            )
-        return
-    if data.file is not None and any(with_file):
-        raise InputError(
-            f"{path}: key 'file': found it in [data] and in [[segments]], expected one of the two."
-        )
-    if data.file is None and not all(with_file):
-        raise InputError(
-            f"{path}: key 'file' is missing, expected it in [data] or in every one of [[segments]]."
-        )
-    if (data.strain_column is None) == (data.time_column is None):
-        raise InputError(
-            f"{path}: [data] needs exactly one of the keys 'strain_column' and 'time_column'."
-        )
-    for quantity in ("strain", "time"):
-        column = getattr(data, f"{quantity}_column")
-        unit = getattr(data, f"{quantity}_unit")
-        if (column is None) != (unit is None):
-            raise InputError(
-                f"{path}: [data] needs both or neither of the keys '{quantity}_column' and "
-                f"'{quantity}_unit'."
-            )
-    for key in ("strain_column", "time_column", "stress_column"):
-        column = getattr(data, key)
-        if column is not None and (isinstance(column, bool) or not isinstance(column, str | int)):
-            raise InputError(
-                f"{path}: key {key!r} in [data]: found {column!r}, expected a column name, or a "
-                "number from 1 for files without header."
-            )
-
-
-def _true_parameters(path: Path, file: _ExperimentFile) -> Mapping[str, float] | None:
+def _true_parameters(path: Path, file: ExperimentFile) -> Mapping[str, float] | None:
     """Check and return the parameters behind synthetic data."""
     if file.true_parameters is None:
         return None
@@ -391,129 +282,3 @@ def _true_parameters(path: Path, file: _ExperimentFile) -> Mapping[str, float] |
                 f"{nearest(name, PARAMETER_BY_NAME)}"
             )
     return MappingProxyType(dict(file.true_parameters))
-
-
-def _read_curves(path: Path, file: _ExperimentFile, segments: Sequence[RateSegment]) -> list[Curve]:
-    """Read the data files, in SI units but otherwise as they are."""
-    data = file.data
-    if data is None:
-        return []
-    root = _data_root(path, data)
-    end = np.inf if file.final_strain is None else file.final_strain
-    if data.file is not None:
-        strain, stress = _read_points(path, root / data.file, data, segments, "'file' in [data]")
-        return [Curve(root / data.file, strain, stress, 0.0, end)]
-    bounds = [*(segment.start_strain for segment in segments), end]
-    curves = []
-    for k, segment in enumerate(file.segments):
-        source = root / str(segment.file)
-        key = f"'file' in [[segments]] number {k + 1}"
-        strain, stress = _read_points(path, source, data, segments, key)
-        curves.append(Curve(source, strain, stress, bounds[k], bounds[k + 1]))
-    return curves
-
-
-def _data_root(path: Path, data: _DataTable) -> Path:
-    """Folder from which file names start."""
-    if data.data_root is None:
-        return path.parent
-    override = os.environ.get(DATA_ROOT_VARIABLE)
-    return Path(override).expanduser() if override else path.parent / data.data_root
-
-
-def _read_points(
-    path: Path, source: Path, data: _DataTable, segments: Sequence[RateSegment], file_key: str
-) -> tuple[FloatArray, FloatArray]:
-    """Strain (fraction) and stress (Pa) of one file, each of shape (n_rows,)."""
-    abscissa: Literal["strain", "time"] = "strain" if data.strain_column is not None else "time"
-    units = {abscissa: getattr(data, f"{abscissa}_unit"), "stress": data.stress_unit}
-    factors = {
-        quantity: factor_to_si(unit, quantity, f"{path}: key '{quantity}_unit' in [data]")
-        for quantity, unit in units.items()
-    }
-    columns: dict[str, Column] = {
-        f"{abscissa}_column": getattr(data, f"{abscissa}_column"),
-        "stress_column": data.stress_column,
-    }
-    position, stress = read_columns(
-        source,
-        columns,
-        separator=data.separator,
-        header=data.header,
-        where=str(path),
-        file_key=file_key,
-    )
-    position = position * factors[abscissa]
-    strain = position if abscissa == "strain" else _strain_at(position, segments)
-    return strain, stress * factors["stress"]
-
-
-def _steps(segments: Sequence[RateSegment]) -> tuple[FloatArray, FloatArray]:
-    """Start strains and rates (1/s) of the segments, each of shape (n_segments,)."""
-    return (
-        np.array([segment.start_strain for segment in segments]),
-        np.array([segment.strain_rate for segment in segments]),
-    )
-
-
-def _step_times(starts: FloatArray, rates: FloatArray) -> FloatArray:
-    """Return the times (s) at which the segments start."""
-    return np.concatenate([[0.0], np.cumsum(np.diff(starts) / rates[:-1])])
-
-
-def _strain_at(time: FloatArray, segments: Sequence[RateSegment]) -> FloatArray:
-    """Strain reached at times (s since the start); the first rate holds for times before it."""
-    starts, rates = _steps(segments)
-    times = _step_times(starts, rates)
-    segment = np.clip(np.searchsorted(times, time, side="right") - 1, 0, None)
-    strain: FloatArray = starts[segment] + (time - times[segment]) * rates[segment]
-    return strain
-
-
-def _final_strain(
-    path: Path, file: _ExperimentFile, segments: Sequence[RateSegment], curves: Sequence[Curve]
-) -> float:
-    """Return the end of the protocol: the key, or else the largest strain in the data."""
-    last_start = segments[-1].start_strain
-    last_segment = f"'start_strain' in [[segments]] number {len(segments)}"
-    if file.final_strain is None:
-        final = max(float(np.max(curve.strain)) for curve in curves)
-        if final <= last_start:
-            raise InputError(
-                f"{path}: key {last_segment} is {last_start:g}, but the data end at strain "
-                f"{final:g}, expected data beyond it or the key 'final_strain'."
-            )
-        return final
-    if file.final_strain <= last_start:
-        raise InputError(
-            f"{path}: key 'final_strain': found {file.final_strain:g}, expected more than "
-            f"{last_start:g}, the {last_segment}."
-        )
-    return file.final_strain
-
-
-def _remarks(strain: FloatArray, stress: FloatArray) -> list[str]:
-    """Sentences about data that can be used but that a reader should know about.
-
-    They name no file, so that a saved copy gives the same ones.
-    """
-    if strain.size == 0:
-        return []
-    remarks = []
-    repeated = np.count_nonzero(np.diff(strain) == 0)
-    if repeated > 0:
-        remarks.append(f"{count_points(repeated)} at the same strain as the point before.")
-    if strain.size < len(PARAMETERS):
-        remarks.append(
-            f"{count_points(strain.size)} for the {len(PARAMETERS)} parameters of the model: what "
-            "the data do not fix is left to the priors."
-        )
-    if np.mean(stress < 0) > 0.5:
-        remarks.append(
-            "Most stresses are negative, but compression is positive in this model: check the sign."
-        )
-    if strain[-1] > 1:
-        remarks.append(
-            f"The largest strain is {strain[-1]:g} as a fraction: check that it is not in percent."
-        )
-    return remarks

@@ -23,6 +23,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 from scipy import ndimage, stats
 
+from pyburgers.constant_rate import ConstantRateExperiment
 from pyburgers.diagnostics import BAND
 from pyburgers.display import (
     LENGTH_FACTOR,
@@ -36,7 +37,6 @@ from pyburgers.display import (
     shown_quantity,
     unit_text,
 )
-from pyburgers.experiment import Experiment
 from pyburgers.fitting import Fit
 from pyburgers.parameters import Parameter
 from pyburgers.posterior import free_parameters
@@ -110,7 +110,7 @@ class FigureRecipe:
     draw: Callable[[Fit], Figure]
 
 
-def _style() -> AbstractContextManager[None]:
+def style() -> AbstractContextManager[None]:
     """Set what all figures share; undone when the context ends."""
     return rc_context(
         {
@@ -137,7 +137,7 @@ def image(figure: Figure, kind: Literal["png", "svg"]) -> bytes:
     buffer = io.BytesIO()
     metadata: dict[str, Any] = {"Software": None} if kind == "png" else {"Date": None}
     # Tick labels are made when a figure is drawn, so the style has to hold here as well.
-    with _style():
+    with style():
         if isinstance(figure.get_layout_engine(), ConstrainedLayoutEngine):
             figure.draw_without_rendering()
             figure.set_layout_engine("none")
@@ -160,7 +160,7 @@ STRESS_STRAIN_CAPTION = (
 
 def stress_strain(fit: Fit) -> Figure:
     """Draw data, retrodictions, predictive band and residuals along strain."""
-    with _style():
+    with style():
         figure = Figure(figsize=(8.0, 6.4), layout="constrained")
         upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1])
         _draw_curve(upper, fit)
@@ -187,7 +187,7 @@ def _draw_curve(axes: Axes, fit: Fit) -> None:
     axes.fill_between(
         strain, low, high, color=ORANGE, alpha=0.35, linewidth=0, label="90 % predictive band"
     )
-    curves = _evenly_spaced(_flat(predictions["stress"]), RETRODICTIONS) * STRESS_FACTOR
+    curves = evenly_spaced(_flat(predictions["stress"]), RETRODICTIONS) * STRESS_FACTOR
     points = np.stack([np.broadcast_to(strain, curves.shape), curves], axis=-1)
     # One picture instead of a thousand paths keeps vector files small.
     axes.add_collection(
@@ -236,7 +236,7 @@ def _draw_residuals(axes: Axes, fit: Fit) -> None:
     axes.yaxis.set_major_locator(_few_ticks(5))
 
 
-def _mark_rate_steps(panels: Sequence[Axes], experiment: Experiment) -> None:
+def _mark_rate_steps(panels: Sequence[Axes], experiment: ConstantRateExperiment) -> None:
     """Mark where the imposed rate changes, and to what; the first rate is in the title."""
     for segment in experiment.segments[1:]:
         position = segment.start_strain * STRAIN_FACTOR
@@ -272,7 +272,7 @@ def prior_posterior(fit: Fit) -> Figure:
     """Draw prior and posterior densities, chain by chain, a panel for each sampled quantity."""
     names = free_parameters(fit.posterior)
     truths = fit.experiment.true_parameters or {}
-    with _style():
+    with style():
         figure, panels = _panel_grid(len(names))
         for axes, name in zip(panels, names, strict=True):
             prior = fit.priors.priors.get(name)
@@ -419,7 +419,7 @@ def rank(fit: Fit) -> Figure:
     total = n_chains * n_draws
     in_bin = round(total / (edges.size - 1))
     expected = stats.hypergeom(total, in_bin, n_draws)
-    with _style():
+    with style():
         figure, panels = _panel_grid(len(names), height=1.75)
         for axes, name in zip(panels, names, strict=True):
             values = _draws(fit, name).to_numpy()
@@ -462,7 +462,7 @@ def pairs(fit: Fit) -> Figure:
     values *= [shown_quantity(name).display_factor for name in names]
     diverging = _flat(fit.posterior["sample_stats"].to_dataset()["diverging"]).astype(bool)
     shown, divergent = (
-        _evenly_spaced(part, PAIRED_DRAWS) for part in (values[~diverging], values[diverging])
+        evenly_spaced(part, PAIRED_DRAWS) for part in (values[~diverging], values[diverging])
     )
     truths = {
         name: value * shown_quantity(name).display_factor
@@ -470,7 +470,7 @@ def pairs(fit: Fit) -> Figure:
     }
     size = len(names) - 1
     width = 2.0 + 0.95 * size
-    with _style():
+    with style():
         figure = Figure(figsize=(max(width, 5.0), max(width, 4.0)), layout="constrained")
         grid = figure.add_gridspec(size, size)
         for row in range(size):
@@ -535,7 +535,7 @@ def softening(fit: Fit) -> Figure:
     """Draw how grain size and fabric soften the material along strain."""
     predictions = fit.posterior["predictions"].to_dataset()
     by_grains, by_fabric = predictions["grain_size_softening"], predictions["fabric_softening"]
-    with _style():
+    with style():
         figure = Figure(figsize=(8.6, 6.8), layout="constrained")
         panels = figure.subplots(2, 2)
         of_grains, of_fabric, of_strength, of_share = panels.flat
@@ -621,7 +621,7 @@ def _few_ticks(intervals: int) -> MaxNLocator:
     return MaxNLocator(intervals, steps=[1, 2, 5, 10])
 
 
-def _title(experiment: Experiment) -> str:
+def _title(experiment: ConstantRateExperiment) -> str:
     """Sample, material, conditions and kind of data."""
     rate = _rate_text(experiment.segments[0].strain_rate)
     if len(experiment.segments) > 1:
@@ -649,8 +649,16 @@ def _flat(values: xr.DataArray) -> FloatArray:
     return flat
 
 
-def _evenly_spaced(rows: FloatArray, at_most: int) -> FloatArray:
-    """Thin rows at a fixed stride to a number that can be drawn."""
+def evenly_spaced(rows: FloatArray, at_most: int) -> FloatArray:
+    """Thin rows at a fixed stride to a number that can be drawn.
+
+    Parameters
+    ----------
+    rows : array, shape (n, ...)
+        What is thinned along its first axis.
+    at_most : int
+        Rows to keep, at most.
+    """
     kept = min(len(rows), at_most)
     thinned: FloatArray = rows[np.arange(kept) * len(rows) // max(kept, 1)]
     return thinned
@@ -675,7 +683,7 @@ def _panel_grid(count: int, height: float = 2.35) -> tuple[Figure, list[Axes]]:
 def _legend_above(
     figure: Figure,
     handles: Sequence[Patch | Line2D],
-    experiment: Experiment,
+    experiment: ConstantRateExperiment,
     panels: Sequence[Axes],
 ) -> None:
     """Put title and legend above a panel grid, as wide as the grid allows."""

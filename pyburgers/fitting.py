@@ -10,9 +10,9 @@ from typing import Any, Self
 import pandas as pd
 import xarray as xr
 
+from pyburgers.constant_rate import ConstantRateExperiment, load_constant_rate
 from pyburgers.diagnostics import CheckResult, check_fit, check_solver
 from pyburgers.errors import InputError
-from pyburgers.experiment import Experiment, load_experiment
 from pyburgers.posterior import build_posterior, load_posterior, summary_table
 from pyburgers.priors import PriorSet, load_priors
 from pyburgers.run_directory import RunDirectory, write_json, write_text
@@ -35,7 +35,7 @@ class Fit:
     ----------
     directory : RunDirectory
         Where its files are.
-    experiment : Experiment
+    experiment : ConstantRateExperiment
         What was fitted.
     priors : PriorSet
         Priors in SI, the noise scale resolved.
@@ -46,7 +46,7 @@ class Fit:
     """
 
     directory: RunDirectory
-    experiment: Experiment
+    experiment: ConstantRateExperiment
     priors: PriorSet
     posterior: xr.DataTree
     manifest: dict[str, Any]
@@ -112,7 +112,7 @@ class Fit:
             posterior = build_posterior(run, report=report)
         return cls(
             directory=run,
-            experiment=load_experiment(run.experiment_file),
+            experiment=load_constant_rate(run.experiment_file),
             priors=load_priors(run.priors_file),
             posterior=posterior,
             # A killed process did not note the chains that it had finished.
@@ -121,7 +121,7 @@ class Fit:
 
 
 def fit(
-    experiment: Experiment,
+    experiment: ConstantRateExperiment,
     priors: PriorSet,
     *,
     out: str | Path,
@@ -135,7 +135,7 @@ def fit(
 
     Parameters
     ----------
-    experiment : Experiment
+    experiment : ConstantRateExperiment
         A test with data (`pyburgers.load_experiment`).
     priors : PriorSet
         Priors of every parameter (`pyburgers.load_priors`).

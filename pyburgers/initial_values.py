@@ -4,8 +4,8 @@ import cmdstanpy
 import numpy as np
 import numpy.typing as npt
 
+from pyburgers.constant_rate import ConstantRateExperiment
 from pyburgers.errors import SamplingError
-from pyburgers.experiment import Experiment
 from pyburgers.priors import PriorSet
 from pyburgers.simulation import evaluate, simulate
 from pyburgers.stan_data import REFERENCE_STRESS, SolverOptions, StanData, plain_coordinates
@@ -14,7 +14,7 @@ INITIAL_ATTEMPTS = 100
 
 
 def draw_initial_values(
-    experiment: Experiment, priors: PriorSet, *, seed: int, chain: int
+    experiment: ConstantRateExperiment, priors: PriorSet, *, seed: int, chain: int
 ) -> dict[str, list[float]]:
     """Draw a start from the prior, again where the solver finds no solution.
 

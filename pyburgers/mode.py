@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pyburgers.cmdstan import load_model
-from pyburgers.experiment import Experiment
+from pyburgers.constant_rate import ConstantRateExperiment
 from pyburgers.initial_values import draw_initial_values
 from pyburgers.parameters import PARAMETERS
 from pyburgers.priors import PriorSet
@@ -43,7 +43,7 @@ class Mode:
 
 
 def find_mode(
-    experiment: Experiment,
+    experiment: ConstantRateExperiment,
     priors: PriorSet,
     *,
     seed: int,
@@ -54,7 +54,7 @@ def find_mode(
 
     Parameters
     ----------
-    experiment : Experiment
+    experiment : ConstantRateExperiment
         A test with data.
     priors : PriorSet
         Resolved priors.

@@ -19,8 +19,8 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.cmdstan import load_model
+from pyburgers.constant_rate import ConstantRateExperiment, load_constant_rate
 from pyburgers.errors import SamplingError
-from pyburgers.experiment import Experiment, load_experiment
 from pyburgers.parameters import PARAMETERS, REFERENCE_STRESS_QUANTITY
 from pyburgers.priors import PriorSet, load_priors
 from pyburgers.run_directory import RunDirectory, write_atomically
@@ -67,7 +67,7 @@ GRID_VARIABLES = {
 }
 
 
-def prediction_strain(experiment: Experiment) -> FloatArray:
+def prediction_strain(experiment: ConstantRateExperiment) -> FloatArray:
     """Strains of the predictive bands, shape (n,): denser at each segment's start."""
     shape = np.union1d(np.geomspace(2e-3, 1.0, 30), np.linspace(0.0, 1.0, 31)[1:])
     return strain_grid(experiment, shape)
@@ -94,7 +94,7 @@ def build_posterior(run: RunDirectory, *, report: Callable[[str], None]) -> xr.D
         observed points), predictions (on a grid of strains), posterior_mean_solution,
         observed_data, constant_data; dimensions chain, draw, point, strain.
     """
-    experiment = load_experiment(run.experiment_file)
+    experiment = load_constant_rate(run.experiment_file)
     priors = load_priors(run.priors_file)
     manifest = run.read_manifest()
     files = [str(run.draws_file(chain)) for chain in run.finished_chains()]
@@ -175,7 +175,7 @@ def _read_chains(files: Sequence[str]) -> cmdstanpy.CmdStanMCMC:
 def _reference_solution(
     run: RunDirectory,
     files: Sequence[str],
-    experiment: Experiment,
+    experiment: ConstantRateExperiment,
     *,
     seed: int,
     report: Callable[[str], None],
@@ -249,7 +249,7 @@ def _label(draws: xr.Dataset, priors: PriorSet) -> xr.Dataset:
     return draws
 
 
-def _predictions(checked: xr.Dataset, experiment: Experiment) -> xr.Dataset:
+def _predictions(checked: xr.Dataset, experiment: ConstantRateExperiment) -> xr.Dataset:
     """Grid of solutions with strain as coordinate."""
     variables = {}
     for column, (name, unit) in GRID_VARIABLES.items():
@@ -261,7 +261,7 @@ def _predictions(checked: xr.Dataset, experiment: Experiment) -> xr.Dataset:
 
 
 def _solution_at_mean(
-    draws: xr.Dataset, experiment: Experiment, report: Callable[[str], None]
+    draws: xr.Dataset, experiment: ConstantRateExperiment, report: Callable[[str], None]
 ) -> xr.Dataset:
     """Solution at the posterior mean of the parameters, as drawn in the paper's Fig. 3."""
     mean = {parameter.name: float(draws[parameter.name].mean()) for parameter in PARAMETERS}

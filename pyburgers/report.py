@@ -15,12 +15,12 @@ import jinja2
 import pandas as pd
 
 from pyburgers import tables
+from pyburgers.constant_rate import ConstantRateExperiment
 from pyburgers.diagnostics import CheckResult, coverage
 from pyburgers.errors import InputError
-from pyburgers.experiment import Experiment
 from pyburgers.figures import FIGURES, FigureRecipe, image
 from pyburgers.fitting import Fit
-from pyburgers.run_directory import sha256_of_file, write_atomically, write_json, write_text
+from pyburgers.run_directory import sha256_of_file, write_bytes, write_json, write_text
 
 REPORT_KIND = "pyburgers report"
 """What the manifest of a report says, so that no other manifest is overwritten."""
@@ -82,7 +82,7 @@ class Section:
     illustrations: tuple[Illustration, ...]
 
     @property
-    def experiment(self) -> Experiment:
+    def experiment(self) -> ConstantRateExperiment:
         """The experiment of the fit."""
         return self.fit.experiment
 
@@ -227,17 +227,10 @@ def _illustrate(key: str, fit: Fit, recipe: FigureRecipe, out: Path) -> Illustra
     figure = recipe.draw(fit)
     pictures = {"png": image(figure, "png"), "svg": image(figure, "svg")}
     for kind, content in pictures.items():
-        _write_bytes(out / "figures" / f"{key}_{recipe.name}.{kind}", content)
+        write_bytes(out / "figures" / f"{key}_{recipe.name}.{kind}", content)
     encoded = base64.b64encode(pictures["png"]).decode("ascii")
     width = round(PIXELS_PER_INCH * figure.get_figwidth())
     return Illustration(recipe, f"data:image/png;base64,{encoded}", width)
-
-
-def _write_bytes(path: Path, content: bytes) -> None:
-    def write(temporary: Path) -> None:
-        temporary.write_bytes(content)
-
-    write_atomically(path, write)
 
 
 def _number_table(table: pd.DataFrame) -> pd.DataFrame:

@@ -6,7 +6,7 @@ from importlib.resources import files
 from pathlib import Path
 from types import MappingProxyType
 
-from pyburgers.experiment import load_experiment
+from pyburgers.constant_rate import load_constant_rate
 from pyburgers.fitting import Fit, fit
 from pyburgers.priors import default_priors
 from pyburgers.report import write_report
@@ -63,7 +63,7 @@ def reproduce(preset: str, out: Path, *, command: str, report: Callable[[str], N
     fits = []
     for number, name in enumerate(ICE_TWINS, start=1):
         report(f"Fit {number} of {len(ICE_TWINS)}: {name}, preset {preset}.")
-        experiment = load_experiment(shipped_data_directory() / "ice" / f"{name}.toml")
+        experiment = load_constant_rate(shipped_data_directory() / "ice" / f"{name}.toml")
         fits.append(
             fit(
                 experiment,

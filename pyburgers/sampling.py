@@ -23,8 +23,10 @@ import numpy as np
 import psutil
 
 from pyburgers.cmdstan import find_cmdstan, load_model, toolchain
+from pyburgers.constant_rate import ConstantRateExperiment
 from pyburgers.errors import InputError, SamplingError
-from pyburgers.experiment import Experiment, save_experiment
+from pyburgers.experiment import Experiment
+from pyburgers.experiment_files import save_experiment
 from pyburgers.initial_values import draw_initial_values, draw_start_around
 from pyburgers.metric import laplace_metric
 from pyburgers.mode import Mode, ModeNotFound, find_mode
@@ -160,7 +162,7 @@ def fingerprint(data: StanData, options: SamplerOptions, program_key: str) -> st
 
 
 def run_chains(
-    experiment: Experiment,
+    experiment: ConstantRateExperiment,
     priors: PriorSet,
     directory: Path,
     *,
@@ -174,7 +176,7 @@ def run_chains(
 
     Parameters
     ----------
-    experiment : Experiment
+    experiment : ConstantRateExperiment
         A test with data.
     priors : PriorSet
         Priors; relative noise scales are resolved here.
@@ -294,7 +296,7 @@ def _tolerance_in(run: RunDirectory) -> float:
 
 def _choose_coordinates(
     run: RunDirectory,
-    experiment: Experiment,
+    experiment: ConstantRateExperiment,
     priors: PriorSet,
     options: SamplerOptions,
     solver: SolverOptions,
@@ -337,7 +339,7 @@ def _choose_coordinates(
 def _draw_start(
     model: cmdstanpy.CmdStanModel,
     run: RunDirectory,
-    experiment: Experiment,
+    experiment: ConstantRateExperiment,
     priors: PriorSet,
     seed: int,
     chain: int,
@@ -364,7 +366,7 @@ def _write_inputs(run: RunDirectory, experiment: Experiment, priors: PriorSet) -
 
 def _write_manifest(
     run: RunDirectory,
-    experiment: Experiment,
+    experiment: ConstantRateExperiment,
     options: SamplerOptions,
     solver: SolverOptions,
     identity: str,

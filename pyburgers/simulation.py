@@ -14,8 +14,8 @@ import numpy.typing as npt
 import pandas as pd
 
 from pyburgers.cmdstan import load_model, stan_directory
+from pyburgers.constant_rate import ConstantRateExperiment
 from pyburgers.errors import InputError, SamplingError
-from pyburgers.experiment import Experiment
 from pyburgers.parameters import PARAMETER_BY_NAME, PARAMETERS
 from pyburgers.priors import Prior, PriorSet
 from pyburgers.stan_data import REFERENCE_STRESS, SolverOptions, constant_rate_data
@@ -106,7 +106,7 @@ def check_parameters(values: Mapping[str, object], where: str = "parameters") ->
     return checked
 
 
-def output_strain(experiment: Experiment) -> FloatArray:
+def output_strain(experiment: ConstantRateExperiment) -> FloatArray:
     """Strains at which a smooth curve is drawn, shape (n,): dense where stress first rises.
 
     They include the observed strains.
@@ -115,12 +115,12 @@ def output_strain(experiment: Experiment) -> FloatArray:
     return np.union1d(strain_grid(experiment, shape), experiment.strain)
 
 
-def strain_grid(experiment: Experiment, shape: FloatArray) -> FloatArray:
+def strain_grid(experiment: ConstantRateExperiment, shape: FloatArray) -> FloatArray:
     """Strains spread in the same way over every rate segment.
 
     Parameters
     ----------
-    experiment : Experiment
+    experiment : ConstantRateExperiment
         Its segments and final strain.
     shape : array, shape (n_shape,)
         Positions in a segment, increasing, more than 0 to 1.
@@ -155,7 +155,7 @@ def _fixed(name: str, value: float) -> Prior:
 
 
 def simulate(
-    experiment: Experiment,
+    experiment: ConstantRateExperiment,
     parameters: Mapping[str, float],
     *,
     strain: FloatArray | None = None,
@@ -166,7 +166,7 @@ def simulate(
 
     Parameters
     ----------
-    experiment : Experiment
+    experiment : ConstantRateExperiment
         Protocol, temperature and initial grain size; data are not needed.
     parameters : mapping
         SI values by name (see `check_parameters`).
@@ -209,7 +209,7 @@ def simulate(
 
 
 def solve(
-    experiment: Experiment,
+    experiment: ConstantRateExperiment,
     values: Mapping[str, float],
     strain: FloatArray,
     *,

@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import logit
 
+from pyburgers.constant_rate import ConstantRateExperiment
 from pyburgers.errors import InputError
-from pyburgers.experiment import Experiment
 from pyburgers.parameters import PARAMETERS, REFERENCE_STRESS_QUANTITY
 from pyburgers.priors import Prior, PriorSet
 
@@ -123,7 +123,7 @@ class PlainCoordinates:
             return inside
 
 
-def plain_coordinates(experiment: Experiment, priors: PriorSet) -> PlainCoordinates:
+def plain_coordinates(experiment: ConstantRateExperiment, priors: PriorSet) -> PlainCoordinates:
     """Choose origin and size of every free parameter and what ln S_0 replaces.
 
     ln S_0 replaces Q_M, or beta where Q_M cannot be replaced: a parameter with two finite bounds
@@ -154,7 +154,7 @@ def plain_coordinates(experiment: Experiment, priors: PriorSet) -> PlainCoordina
     return PlainCoordinates(quantities, tuple(priors.free), *numbers.T)
 
 
-def _stress_scale(experiment: Experiment) -> float:
+def _stress_scale(experiment: ConstantRateExperiment) -> float:
     """Largest observed stress (Pa), or a laboratory stress where nothing was observed."""
     if experiment.n_points == 0:
         return 1e7
@@ -162,7 +162,7 @@ def _stress_scale(experiment: Experiment) -> float:
 
 
 def _outputs(
-    experiment: Experiment, strain: FloatArray
+    experiment: ConstantRateExperiment, strain: FloatArray
 ) -> tuple[list[float], list[int], list[int]]:
     """Solver outputs for the wanted strains: increasing, rate steps included.
 
@@ -189,7 +189,7 @@ def _outputs(
     return outputs.tolist(), counts.tolist(), np.searchsorted(outputs, snapped).tolist()
 
 
-def experiment_block(experiment: Experiment, *, use_likelihood: bool) -> StanData:
+def experiment_block(experiment: ConstantRateExperiment, *, use_likelihood: bool) -> StanData:
     """Return the block `stan/data/constant_rate_experiment.stan`."""
     strain, counts, positions = _outputs(experiment, experiment.strain)
     return {
@@ -304,7 +304,7 @@ def solver_block(solver: SolverOptions) -> StanData:
     }
 
 
-def grid_block(experiment: Experiment, grid_strain: FloatArray) -> StanData:
+def grid_block(experiment: ConstantRateExperiment, grid_strain: FloatArray) -> StanData:
     """Return the strains at which the solution is reported apart from the observed ones.
 
     Rate steps are added to the grid, so that what comes back may be longer than `grid_strain`.
@@ -320,7 +320,7 @@ def grid_block(experiment: Experiment, grid_strain: FloatArray) -> StanData:
 
 
 def constant_rate_data(
-    experiment: Experiment,
+    experiment: ConstantRateExperiment,
     priors: PriorSet,
     *,
     solver: SolverOptions,
@@ -332,7 +332,7 @@ def constant_rate_data(
 
     Parameters
     ----------
-    experiment : Experiment
+    experiment : ConstantRateExperiment
         The test; without points it can only be simulated.
     priors : PriorSet
         Priors in SI, resolved (`PriorSet.resolved`).

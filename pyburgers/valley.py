@@ -9,7 +9,7 @@ is all that depends on it.
 import numpy as np
 import numpy.typing as npt
 
-from pyburgers.experiment import Experiment
+from pyburgers.constant_rate import ConstantRateExperiment
 from pyburgers.mode import Mode
 from pyburgers.priors import PriorSet
 from pyburgers.simulation import solve, strain_grid
@@ -45,13 +45,13 @@ class ValleyUnsuited(Exception):  # noqa: N818 - an outcome with a reason, not a
 
 
 def find_valley(
-    experiment: Experiment, priors: PriorSet, mode: Mode, *, solver: SolverOptions
+    experiment: ConstantRateExperiment, priors: PriorSet, mode: Mode, *, solver: SolverOptions
 ) -> ValleyReference:
     """Set the pins along the solution at the posterior mode.
 
     Parameters
     ----------
-    experiment : Experiment
+    experiment : ConstantRateExperiment
         A test with data.
     priors : PriorSet
         Resolved priors.
@@ -149,7 +149,7 @@ def _check_priors(priors: PriorSet, coordinates: PlainCoordinates) -> None:
         raise ValleyUnsuited("neither Q_M nor beta leaves its place to the reference stress")
 
 
-def _knot_strain(experiment: Experiment, pin_strain: FloatArray) -> FloatArray:
+def _knot_strain(experiment: ConstantRateExperiment, pin_strain: FloatArray) -> FloatArray:
     """Strains of the piecewise linear reference curve: dense at each segment's start."""
     shape = np.union1d(np.geomspace(1e-3, 1.0, 25), np.linspace(0.0, 1.0, 16)[1:])
     strain: FloatArray = np.union1d(strain_grid(experiment, shape), pin_strain)

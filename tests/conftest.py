@@ -11,7 +11,9 @@ import numpy.typing as npt
 import pytest
 
 from pyburgers.cmdstan import compile_programs, load_model, stan_directory
-from pyburgers.experiment import Experiment, load_experiment, save_experiment
+from pyburgers.constant_rate import ConstantRateExperiment, load_constant_rate
+from pyburgers.experiment import Experiment
+from pyburgers.experiment_files import save_experiment
 from pyburgers.fitting import Fit, fit
 from pyburgers.mode import find_mode
 from pyburgers.priors import Prior, PriorSet, default_priors, load_priors, save_priors
@@ -44,8 +46,8 @@ class Problem:
     priors_file: Path
 
     @property
-    def experiment(self) -> Experiment:
-        return load_experiment(self.experiment_file)
+    def experiment(self) -> ConstantRateExperiment:
+        return load_constant_rate(self.experiment_file)
 
     @property
     def priors(self) -> PriorSet:
@@ -74,7 +76,7 @@ def resolved_priors(experiment: Experiment) -> PriorSet:
 
 def write_problem(folder: Path, *, free: set[str], max_strain: float, stride: int) -> Problem:
     """Write the first part of PIL40, thinned, with all but a few parameters fixed at the truth."""
-    full = load_experiment(ICE / "PIL40.toml")
+    full = load_constant_rate(ICE / "PIL40.toml")
     assert full.true_parameters is not None
     kept = np.flatnonzero(full.strain <= max_strain)[::stride]
     experiment = replace(
@@ -87,7 +89,7 @@ def write_problem(folder: Path, *, free: set[str], max_strain: float, stride: in
     return Problem(experiment_file, folder / "priors.toml")
 
 
-def valley_of(experiment: Experiment, priors: PriorSet) -> ValleyReference:
+def valley_of(experiment: ConstantRateExperiment, priors: PriorSet) -> ValleyReference:
     """Reference of the valley coordinates as a fit with seed 1 sets it up, save one part.
 
     The noise exponents are made up, so that only that of the noise itself (the last) is 0.

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from conftest import ICE, TESTS, needs_measured
 
+from pyburgers.constant_rate import load_constant_rate
 from pyburgers.diagnostics import coverage
-from pyburgers.experiment import load_experiment
 from pyburgers.fitting import Fit, fit
 from pyburgers.priors import default_priors
 from pyburgers.sampling import SamplerOptions
@@ -30,7 +30,7 @@ def failed(result: Fit) -> dict[str, str]:
 def test_the_truth_of_a_twin_is_recovered(
     name: str, tmp_path: Path, record_property: RecordProperty
 ) -> None:
-    experiment = load_experiment(ICE / f"{name}.toml")
+    experiment = load_constant_rate(ICE / f"{name}.toml")
     result = fit(
         experiment, default_priors("ice"), out=tmp_path / "run", options=OPTIONS, report=print
     )
@@ -50,7 +50,7 @@ def test_the_truth_of_a_twin_is_recovered(
 @needs_measured
 @pytest.mark.parametrize("name", ["dunite_4506", "dunite_4581"])
 def test_a_measured_dunite_test_is_described(name: str, tmp_path: Path) -> None:
-    experiment = load_experiment(TESTS / "data" / f"{name}.toml")
+    experiment = load_constant_rate(TESTS / "data" / f"{name}.toml")
     result = fit(
         experiment, default_priors("dunite"), out=tmp_path / "run", options=PATIENT, report=print
     )

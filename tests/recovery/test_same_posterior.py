@@ -18,7 +18,7 @@ from pyburgers.calibration import (
     replicate,
     simultaneous_band,
 )
-from pyburgers.experiment import Experiment, load_experiment
+from pyburgers.constant_rate import ConstantRateExperiment, load_constant_rate
 from pyburgers.fitting import Fit, fit
 from pyburgers.posterior import convergence_table, free_parameters, grain_size_share
 from pyburgers.priors import PriorSet, default_priors
@@ -30,7 +30,7 @@ N_DATA_SETS = 100
 N_RANKED_DRAWS = 100
 
 
-def laboratory_priors(experiment: Experiment) -> PriorSet:
+def laboratory_priors(experiment: ConstantRateExperiment) -> PriorSet:
     """Priors whose draws look like laboratory tests.
 
     Table 1 allows reference stresses from 0.3 to 1000 MPa, most of them far from any test.
@@ -69,7 +69,7 @@ def moments(result: Fit) -> tuple[xr.Dataset, xr.Dataset, xr.Dataset, xr.Dataset
 
 
 def test_plain_and_valley_coordinates_give_the_same_moments(tmp_path: Path) -> None:
-    experiment = load_experiment(ICE / "PIL40.toml")
+    experiment = load_constant_rate(ICE / "PIL40.toml")
     # Plain coordinates converge where the noise is large and the valley wide.
     rng = np.random.default_rng(5)
     noisy = replace(experiment, stress=experiment.stress + 8e5 * rng.standard_normal(61))
@@ -95,7 +95,7 @@ def test_plain_and_valley_coordinates_give_the_same_moments(tmp_path: Path) -> N
 
 
 def test_both_arms_of_the_valley_are_visited(tmp_path: Path) -> None:
-    experiment = load_experiment(ICE / "PIL40.toml")
+    experiment = load_constant_rate(ICE / "PIL40.toml")
     options = {
         "usual": SamplerOptions(seed=3),
         "long": SamplerOptions(seed=4, warmup=600, draws=4000),
@@ -118,7 +118,9 @@ def test_both_arms_of_the_valley_are_visited(tmp_path: Path) -> None:
     assert abs(difference) < 4 * np.hypot(errors["usual"], errors["long"])
 
 
-def replication(seed: int, experiment: Experiment, priors: PriorSet, folder: Path) -> Replication:
+def replication(
+    seed: int, experiment: ConstantRateExperiment, priors: PriorSet, folder: Path
+) -> Replication:
     return replicate(
         experiment,
         priors,
@@ -130,7 +132,7 @@ def replication(seed: int, experiment: Experiment, priors: PriorSet, folder: Pat
 
 
 def test_ranks_of_simulated_truths_are_uniform(tmp_path: Path) -> None:
-    experiment = load_experiment(ICE / "PIL40.toml")
+    experiment = load_constant_rate(ICE / "PIL40.toml")
     run = partial(
         replication,
         experiment=experiment,

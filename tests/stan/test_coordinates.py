@@ -11,7 +11,7 @@ from log_density import Program
 from scipy import stats
 
 from pyburgers.cmdstan import compile_program, stan_directory
-from pyburgers.experiment import Experiment, load_experiment
+from pyburgers.constant_rate import ConstantRateExperiment, load_constant_rate
 from pyburgers.parameters import PARAMETERS
 from pyburgers.priors import PriorSet
 from pyburgers.stan_data import SolverOptions, ValleyReference, constant_rate_data
@@ -31,7 +31,10 @@ EXPERIMENTS = [
 
 
 def program_for(
-    experiment: Experiment, priors: PriorSet, valley: ValleyReference | None, folder: Path
+    experiment: ConstantRateExperiment,
+    priors: PriorSet,
+    valley: ValleyReference | None,
+    folder: Path,
 ) -> Program:
     data = constant_rate_data(experiment, priors, solver=SOLVER, valley=valley)
     data_file = folder / "data.json"
@@ -47,7 +50,7 @@ def program_for(
 
 @pytest.fixture(params=["plain", "valley"])
 def program(request: pytest.FixtureRequest, tmp_path: Path) -> Program:
-    experiment = load_experiment(ICE / "PIL72.toml")
+    experiment = load_constant_rate(ICE / "PIL72.toml")
     priors = resolved_priors(experiment)
     valley = valley_of(experiment, priors) if request.param == "valley" else None
     return program_for(experiment, priors, valley, tmp_path)
@@ -89,7 +92,7 @@ def test_density_is_prior_likelihood_and_jacobian(
     programs: None, system: str, file: Path, tmp_path: Path
 ) -> None:
     """The density less the Jacobian's logarithm does not depend on the coordinates."""
-    experiment = load_experiment(file)
+    experiment = load_constant_rate(file)
     priors = resolved_priors(experiment)
     valley = valley_of(experiment, priors) if system == "valley" else None
     program = program_for(experiment, priors, valley, tmp_path)

@@ -11,8 +11,8 @@ import pytest
 from conftest import ICE, FunctionValues
 from scipy.integrate import simpson
 
+from pyburgers.constant_rate import ConstantRateExperiment, RateSegment, load_constant_rate
 from pyburgers.errors import InputError, SamplingError
-from pyburgers.experiment import Experiment, RateSegment, load_experiment
 from pyburgers.parameters import PARAMETERS
 from pyburgers.simulation import simulate
 
@@ -27,10 +27,12 @@ ONE_RATE = ((0.0, 1e-4),)
 STEPS = ((0.0, 1e-4), (0.03, 2e-5), (0.0501, 3e-4))
 
 
-def protocol(segments: Sequence[tuple[float, float]], final_strain: float) -> Experiment:
+def protocol(
+    segments: Sequence[tuple[float, float]], final_strain: float
+) -> ConstantRateExperiment:
     """Return a test without data at the conditions of the ice twins."""
     return replace(
-        load_experiment(ICE / "PIL40.toml"),
+        load_constant_rate(ICE / "PIL40.toml"),
         segments=tuple(RateSegment(start, rate) for start, rate in segments),
         strain=np.empty(0),
         stress=np.empty(0),
@@ -39,7 +41,7 @@ def protocol(segments: Sequence[tuple[float, float]], final_strain: float) -> Ex
 
 
 def truth(name: str) -> dict[str, float]:
-    parameters = load_experiment(ICE / f"{name}.toml").true_parameters
+    parameters = load_constant_rate(ICE / f"{name}.toml").true_parameters
     assert parameters is not None
     return dict(parameters)
 
@@ -59,7 +61,7 @@ def linear_parameters() -> dict[str, float]:
 
 def test_stress_agrees_with_the_independent_table() -> None:
     strain = np.array(list(STRESS_OF_PIL40))
-    solution = simulate(load_experiment(ICE / "PIL40.toml"), truth("PIL40"), strain=strain)
+    solution = simulate(load_constant_rate(ICE / "PIL40.toml"), truth("PIL40"), strain=strain)
     np.testing.assert_allclose(
         solution["stress_Pa"] / 1e6, list(STRESS_OF_PIL40.values()), rtol=2e-3
     )
@@ -68,7 +70,7 @@ def test_stress_agrees_with_the_independent_table() -> None:
 @pytest.mark.parametrize("name", PEAKS)
 def test_peak_agrees_with_the_independent_table(name: str) -> None:
     strain = np.linspace(2e-4, 0.06, 300)
-    solution = simulate(load_experiment(ICE / f"{name}.toml"), truth(name), strain=strain)
+    solution = simulate(load_constant_rate(ICE / f"{name}.toml"), truth(name), strain=strain)
     stress, at = PEAKS[name]
     assert solution["stress_Pa"].max() / 1e6 == pytest.approx(stress, rel=2e-3)
     assert strain[solution["stress_Pa"].argmax()] == pytest.approx(at, abs=3e-4)

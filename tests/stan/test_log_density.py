@@ -16,7 +16,7 @@ from scipy import stats
 from scipy.special import logit
 
 from pyburgers.cmdstan import compile_program, stan_directory
-from pyburgers.experiment import Experiment, RateSegment, load_experiment
+from pyburgers.constant_rate import ConstantRateExperiment, RateSegment, load_constant_rate
 from pyburgers.parameters import PARAMETERS
 from pyburgers.priors import PriorSet
 from pyburgers.stan_data import (
@@ -29,7 +29,7 @@ from pyburgers.stan_data import (
 
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
-MakePair = Callable[[Experiment], "Pair"]
+MakePair = Callable[[ConstantRateExperiment], "Pair"]
 pytestmark = pytest.mark.usefixtures("programs")
 
 
@@ -37,7 +37,7 @@ pytestmark = pytest.mark.usefixtures("programs")
 class Pair:
     """Both programs with the same data."""
 
-    experiment: Experiment
+    experiment: ConstantRateExperiment
     priors: PriorSet
     coordinates: PlainCoordinates
     reduced: Program
@@ -46,7 +46,7 @@ class Pair:
 
 @pytest.fixture
 def make_pair(tmp_path: Path) -> MakePair:
-    def make(experiment: Experiment) -> Pair:
+    def make(experiment: ConstantRateExperiment) -> Pair:
         priors = resolved_priors(experiment)
         data = constant_rate_data(
             experiment, priors, solver=SolverOptions(tolerance=1e-10, max_num_steps=1_000_000)
@@ -129,7 +129,7 @@ def six_state_position(pair: Pair, coordinate: ComplexArray) -> tuple[ComplexArr
     return np.array([position[p.name] for p in PARAMETERS]), log_determinant
 
 
-def log_reference_stress(experiment: Experiment, values: Mapping[str, float]) -> float:
+def log_reference_stress(experiment: ConstantRateExperiment, values: Mapping[str, float]) -> float:
     log_factor = values["activation_enthalpy"] * (
         values["beta"] - 1 / (GAS_CONSTANT * experiment.temperature)
     )
@@ -182,7 +182,7 @@ def assert_programs_agree(pair: Pair, points: Sequence[Mapping[str, float]]) -> 
 
 
 def test_programs_agree_at_prior_draws(make_pair: MakePair) -> None:
-    pair = make_pair(load_experiment(ICE / "PIL72.toml"))
+    pair = make_pair(load_constant_rate(ICE / "PIL72.toml"))
     assert_programs_agree(pair, prior_draws(pair, seed=3, number=20))
 
 
@@ -190,7 +190,7 @@ def test_density_with_rate_steps(make_pair: MakePair) -> None:
     """Against an independent solver, since the six states in SI are too stiff to restart."""
     segments = ((0.0, 8e-5), (0.04, 2e-5), (0.1, 3e-4))
     stepped = replace(
-        load_experiment(ICE / "PIL72.toml"),
+        load_constant_rate(ICE / "PIL72.toml"),
         segments=tuple(RateSegment(start, rate) for start, rate in segments),
     )
     pair = make_pair(stepped)

@@ -15,7 +15,7 @@ from oracle import GAS_CONSTANT
 from scipy import stats
 
 from pyburgers.cmdstan import compile_program, load_model, stan_directory
-from pyburgers.experiment import Experiment, load_experiment
+from pyburgers.constant_rate import ConstantRateExperiment, load_constant_rate
 from pyburgers.parameters import PARAMETERS
 from pyburgers.priors import Prior, PriorSet, default_priors
 from pyburgers.simulation import quiet_cmdstanpy
@@ -30,7 +30,7 @@ from pyburgers.stan_data import (
 pytestmark = pytest.mark.usefixtures("programs")
 
 
-def reference_stress(experiment: Experiment, values: Mapping[str, float]) -> float:
+def reference_stress(experiment: ConstantRateExperiment, values: Mapping[str, float]) -> float:
     log_factor = values["activation_enthalpy"] * (
         values["beta"] - 1 / (GAS_CONSTANT * experiment.temperature)
     )
@@ -63,15 +63,15 @@ KINDS = ("ice", "enthalpy fixed", "dunite")
 
 
 @pytest.fixture(scope="module")
-def short_test() -> Experiment:
+def short_test() -> ConstantRateExperiment:
     """Two readings at little strain: a quick solution for programs that need one."""
-    full = load_experiment(ICE / "PIL40.toml")
+    full = load_constant_rate(ICE / "PIL40.toml")
     return replace(full, strain=full.strain[:2], stress=full.stress[:2], final_strain=0.01)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_prior_density_is_the_sum_of_the_families(
-    kind: str, short_test: Experiment, tmp_path: Path
+    kind: str, short_test: ConstantRateExperiment, tmp_path: Path
 ) -> None:
     priors = priors_of(kind).resolved(8e6)
     data = constant_rate_data(short_test, priors, solver=SolverOptions(), use_likelihood=False)
@@ -132,7 +132,7 @@ def assert_prior_marginals(
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_without_likelihood_draws_have_the_priors_marginals(
-    kind: str, short_test: Experiment, tmp_path: Path
+    kind: str, short_test: ConstantRateExperiment, tmp_path: Path
 ) -> None:
     priors = priors_of(kind).resolved(8e6)
     data = constant_rate_data(short_test, priors, solver=SolverOptions(), use_likelihood=False)
@@ -141,10 +141,10 @@ def test_without_likelihood_draws_have_the_priors_marginals(
 
 @pytest.mark.slow
 def test_valley_coordinates_leave_the_prior_as_it_is(
-    short_test: Experiment, tmp_path: Path
+    short_test: ConstantRateExperiment, tmp_path: Path
 ) -> None:
     """Slow, because they are made for the posterior and suit the prior badly."""
-    full = load_experiment(ICE / "PIL72.toml")
+    full = load_constant_rate(ICE / "PIL72.toml")
     priors = default_priors("ice").resolved(float(np.abs(full.stress).max()))
     valley = valley_of(full, priors)
     data = constant_rate_data(

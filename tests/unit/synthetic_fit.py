@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from pyburgers.experiment import Experiment, Provenance, RateSegment
+from pyburgers.constant_rate import ConstantRateExperiment, RateSegment
+from pyburgers.experiment import Provenance
 from pyburgers.fitting import Fit
 from pyburgers.parameters import PARAMETER_BY_NAME, PARAMETERS
 from pyburgers.posterior import prediction_strain
@@ -112,13 +113,12 @@ def make_experiment(
     segments: tuple[tuple[float, float], ...],
     rng: np.random.Generator,
     **changes: Any,
-) -> Experiment:
+) -> ConstantRateExperiment:
     strain = np.concatenate([np.linspace(0.0005, 0.04, 30), np.linspace(0.045, 0.2, 30)])
     clean = _curve(strain, np.array(REFERENCE), np.array(0.5))
     values: dict[str, Any] = {
         "id": name,
         "material": "ice",
-        "protocol": "constant_rate",
         "temperature": 260.0,
         "initial_grain_size": INITIAL_GRAIN_SIZE,
         "segments": tuple(RateSegment(*segment) for segment in segments),
@@ -130,7 +130,7 @@ def make_experiment(
         "notices": ("3 points were sorted.",),
         "true_parameters": TRUTH if kind == "synthetic" else None,
     }
-    return Experiment(**{**values, **changes})
+    return ConstantRateExperiment(**{**values, **changes})
 
 
 def make_fit(
@@ -303,7 +303,7 @@ def _relaxation(posterior: xr.Dataset, which: Literal[0, 1], strain: FloatArray)
 
 
 def _manifest(
-    experiment: Experiment, command: str, chains: int, draws: int, seed: int
+    experiment: ConstantRateExperiment, command: str, chains: int, draws: int, seed: int
 ) -> dict[str, Any]:
     return {
         "fingerprint": "f" * 64,

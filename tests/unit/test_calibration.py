@@ -7,7 +7,7 @@ from conftest import ICE, resolved_priors
 from scipy import stats
 
 from pyburgers.calibration import counts_at_most, simulate_from_prior, simultaneous_band
-from pyburgers.experiment import load_experiment
+from pyburgers.constant_rate import load_constant_rate
 from pyburgers.simulation import simulate
 
 N_DATA_SETS = N_DRAWS = 100
@@ -52,7 +52,7 @@ def test_counts_are_of_ranks_at_most() -> None:
 
 
 def test_simulated_data_are_the_solution_at_a_prior_draw_with_noise(programs: None) -> None:
-    experiment = load_experiment(ICE / "PIL40.toml")
+    experiment = load_constant_rate(ICE / "PIL40.toml")
     priors = resolved_priors(experiment)
     simulated = simulate_from_prior(experiment, priors, seed=4)
     again = simulate_from_prior(experiment, priors, seed=4)

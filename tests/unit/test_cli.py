@@ -14,7 +14,7 @@ import pytest
 from conftest import ICE, Problem
 
 from pyburgers.cli import main
-from pyburgers.experiment import load_experiment
+from pyburgers.constant_rate import load_constant_rate
 from pyburgers.fitting import Fit
 
 EXPERIMENT = """\
@@ -68,7 +68,7 @@ def parameters(tmp_path: Path) -> Parameters:
     """Write the parameters of a twin, some changed, and return the file."""
 
     def parameters(**changes: object) -> Path:
-        truth = load_experiment(ICE / "PIL40.toml").true_parameters
+        truth = load_constant_rate(ICE / "PIL40.toml").true_parameters
         assert truth is not None
         path = tmp_path / "parameters.json"
         path.write_text(json.dumps({**truth, **changes}), encoding="utf-8")

@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pyburgers.constant_rate import ConstantRateExperiment, load_constant_rate
 from pyburgers.errors import InputError
-from pyburgers.experiment import Experiment, load_experiment, save_experiment
+from pyburgers.experiment import Experiment
+from pyburgers.experiment_files import load_experiment, save_experiment
 
 CHECKOUT = Path(__file__).parents[2]
 EXPERIMENT = """\
@@ -72,7 +74,8 @@ def write(tmp_path: Path) -> Write:
 
 
 def assert_equal(one: Experiment, other: Experiment) -> None:
-    for field in fields(Experiment):
+    assert type(one) is type(other)
+    for field in fields(one):
         left, right = getattr(one, field.name), getattr(other, field.name)
         if isinstance(left, np.ndarray):
             np.testing.assert_array_equal(left, right)
@@ -90,18 +93,18 @@ def message(path: Path) -> str:
     return text
 
 
-def measured(name: str) -> Experiment:
+def measured(name: str) -> ConstantRateExperiment:
     """Load an experiment of `tests/data`, whose columns are not part of the project."""
     default = CHECKOUT.parent / "shared" / "data"
     folder = Path(os.environ.get("PYBURGERS_DATA", default)) / "chopra_paterson_1984_dunite"
     if not folder.is_dir():
         pytest.skip("the measured dunite curves are absent: set PYBURGERS_DATA to their folder")
-    return load_experiment(CHECKOUT / "tests" / "data" / f"{name}.toml")
+    return load_constant_rate(CHECKOUT / "tests" / "data" / f"{name}.toml")
 
 
 class TestReading:
     def test_everything_is_converted_to_si(self, write: Write) -> None:
-        experiment = load_experiment(write())
+        experiment = load_constant_rate(write())
         np.testing.assert_allclose(experiment.strain, np.array(STRAINS_PERCENT) / 100, rtol=1e-15)
         np.testing.assert_allclose(experiment.stress[:2], [1.0e6, 1.1e6], rtol=1e-15)
         assert experiment.n_points == 12
@@ -114,7 +117,7 @@ class TestReading:
         }
 
     def test_time_follows_from_the_rates(self, write: Write) -> None:
-        times = load_experiment(write()).time_at(np.array([0.0, 0.02, 0.05, 0.06]))
+        times = load_constant_rate(write()).time_at(np.array([0.0, 0.02, 0.05, 0.06]))
         np.testing.assert_allclose(times, [0, 200, 500, 1500], rtol=1e-12)
 
     def test_strain_follows_from_time_and_the_rates(self, write: Write) -> None:
@@ -123,7 +126,7 @@ class TestReading:
             ('strain_unit = "percent"', 'time_unit = "min"'),
             curve="time,stress\n5,1\n10,2\n20,3\n",
         )
-        experiment = load_experiment(path)
+        experiment = load_constant_rate(path)
         np.testing.assert_allclose(experiment.strain, [0.03, 0.051, 0.057], rtol=1e-12)
         np.testing.assert_allclose(
             experiment.time_at(experiment.strain), [300, 600, 1200], rtol=1e-12
@@ -135,7 +138,7 @@ class TestReading:
             ('stress_column = "stress"', "strain_column = 3\nstress_column = 1"),
             curve="# stress, load, strain\n\n 1.0\t7  1.0\n 2.0 8 6.0 \n",
         )
-        experiment = load_experiment(path)
+        experiment = load_constant_rate(path)
         np.testing.assert_allclose(experiment.strain, [0.01, 0.06])
         np.testing.assert_allclose(experiment.stress, [1e6, 2e6])
 
@@ -147,7 +150,7 @@ class TestReading:
             curve=curve((1, 5.04)),
             second=curve((5, 6)),
         )
-        experiment = load_experiment(path)
+        experiment = load_constant_rate(path)
         np.testing.assert_allclose(experiment.strain, [0.01, 0.05, 0.05, 0.06])
         assert "curve.csv: 1 point moved by at most 0.0004" in experiment.notices[0]
         assert "1 point at the same strain" in experiment.notices[1]
@@ -155,7 +158,7 @@ class TestReading:
     def test_an_experiment_without_data_can_be_simulated(self, write: Write) -> None:
         start, end = EXPERIMENT.index("[data]"), EXPERIMENT.index("[provenance]")
         text = "final_strain = 0.1\n" + EXPERIMENT[:start] + EXPERIMENT[end:]
-        experiment = load_experiment(write(text=text))
+        experiment = load_constant_rate(write(text=text))
         assert experiment.n_points == 0
         assert experiment.final_strain == 0.1
 
@@ -166,7 +169,7 @@ class TestReading:
         monkeypatch.delenv("PYBURGERS_DATA", raising=False)
         assert "elsewhere" in message(path)
         monkeypatch.setenv("PYBURGERS_DATA", str(tmp_path))
-        assert load_experiment(path).n_points == 12
+        assert load_constant_rate(path).n_points == 12
 
     def test_nothing_depends_on_the_current_directory(
         self, write: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -174,13 +177,13 @@ class TestReading:
         path = write()
         (tmp_path / "empty").mkdir()
         monkeypatch.chdir(tmp_path / "empty")
-        assert load_experiment(path).n_points == 12
+        assert load_constant_rate(path).n_points == 12
 
 
 class TestJitter:
     def test_a_hair_out_of_order_is_sorted_and_reported(self, write: Write) -> None:
         strains = (1, 2, 3, 2.95, 4, 5, 6, 7, 8, 9, 10, 11)
-        experiment = load_experiment(write(curve=curve(strains)))
+        experiment = load_constant_rate(write(curve=curve(strains)))
         assert np.all(np.diff(experiment.strain) >= 0)
         np.testing.assert_allclose(experiment.stress[2:4], [1.3e6, 1.2e6])
         assert experiment.notices == (
@@ -189,19 +192,21 @@ class TestJitter:
 
     def test_repeated_strains_keep_their_order(self, write: Write) -> None:
         strains = (1, 2, 2, 2, 4, 5, 6, 7, 8, 9, 10, 11)
-        experiment = load_experiment(write(curve=curve(strains)))
+        experiment = load_constant_rate(write(curve=curve(strains)))
         np.testing.assert_allclose(experiment.stress[1:4], [1.1e6, 1.2e6, 1.3e6])
         assert experiment.notices == ("2 points at the same strain as the point before.",)
 
     def test_points_at_and_just_before_zero_are_dropped(self, write: Write) -> None:
-        experiment = load_experiment(write(curve=curve((-0.05, 0, *STRAINS_PERCENT))))
+        experiment = load_constant_rate(write(curve=curve((-0.05, 0, *STRAINS_PERCENT))))
         assert experiment.n_points == 12
         assert experiment.strain[0] == pytest.approx(0.01)
         assert "1 point moved" in experiment.notices[0]
         assert "2 points at zero strain dropped" in experiment.notices[1]
 
     def test_points_just_beyond_the_end_are_moved_onto_it(self, write: Write) -> None:
-        experiment = load_experiment(write(("[[segments]]", "final_strain = 0.1095\n[[segments]]")))
+        experiment = load_constant_rate(
+            write(("[[segments]]", "final_strain = 0.1095\n[[segments]]"))
+        )
         assert experiment.strain[-1] == experiment.final_strain == 0.1095
         assert "1 point moved by at most 0.0005" in experiment.notices[0]
 
@@ -215,7 +220,7 @@ class TestJitter:
     ],
 )
 def test_doubtful_data_are_announced(write: Write, content: str, notice: str) -> None:
-    assert notice in " ".join(load_experiment(write(curve=content)).notices)
+    assert notice in " ".join(load_constant_rate(write(curve=content)).notices)
 
 
 class TestBadInput:
@@ -259,7 +264,11 @@ class TestBadInput:
             ('kind = "measured"', 'kind = "guessed"', ["'kind' in [provenance]", "'guessed'"]),
             ('kind = "measured"\n', "", ["'kind' in [provenance] is missing"]),
             ('source = "Somebody (2020)"\n', "", ["'source' in [provenance] is missing"]),
-            ('protocol = "constant_rate"', 'protocol = "creep"', ["'protocol'", "constant_rate"]),
+            (
+                'protocol = "constant_rate"',
+                'protocol = "creep"',
+                ["'protocol'", "constant_rate", "forced_oscillation"],
+            ),
             ('id = "sample-1"', 'id = "../sample"', ["'id'", "letters"]),
             ("confined = true", "when = 2020-01-01", ["'when' in [metadata]", "a date"]),
             ("[metadata]", "[true_parameters]\nbeta = -1e-4\n[metadata]", ["synthetic"]),

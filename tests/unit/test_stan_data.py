@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from conftest import ICE, with_fixed
 
+from pyburgers.constant_rate import ConstantRateExperiment, RateSegment, load_constant_rate
 from pyburgers.errors import InputError
-from pyburgers.experiment import Experiment, RateSegment, load_experiment
 from pyburgers.parameters import PARAMETERS
 from pyburgers.priors import Family, Prior, PriorSet, default_priors
 from pyburgers.stan_data import (
@@ -25,9 +25,9 @@ INDEX = {parameter.name: k for k, parameter in enumerate(PARAMETERS, start=1)}
 
 def experiment(
     strain: Sequence[float], segments: Sequence[tuple[float, float]] = ((0.0, 1e-4),)
-) -> Experiment:
+) -> ConstantRateExperiment:
     return replace(
-        load_experiment(ICE / "PIL40.toml"),
+        load_constant_rate(ICE / "PIL40.toml"),
         segments=tuple(RateSegment(start, rate) for start, rate in segments),
         strain=np.array(strain),
         stress=np.linspace(1e6, 5e6, len(strain)),
@@ -44,7 +44,7 @@ def with_prior(priors: PriorSet, prior: Prior) -> PriorSet:
 
 
 def data_of(
-    test: Experiment,
+    test: ConstantRateExperiment,
     priors: PriorSet | None = None,
     *,
     grid: Sequence[float] = (),

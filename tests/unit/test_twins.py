@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pyburgers.experiment import load_experiment
+from pyburgers.constant_rate import load_constant_rate
 from pyburgers.parameters import PARAMETERS
 from pyburgers.priors import default_priors
 
@@ -60,7 +60,7 @@ def test_peak_agrees_with_the_independent_table(generator: ModuleType, number: i
 @pytest.mark.parametrize("name", PEAKS)
 class TestTwinFiles:
     def test_they_say_that_they_are_synthetic_and_know_their_truth(self, name: str) -> None:
-        experiment = load_experiment(ICE / f"{name}.toml")
+        experiment = load_constant_rate(ICE / f"{name}.toml")
         assert experiment.provenance.kind == "synthetic"
         assert experiment.true_parameters is not None
         assert list(experiment.true_parameters) == [parameter.name for parameter in PARAMETERS]
@@ -70,7 +70,7 @@ class TestTwinFiles:
         assert experiment.metadata["sample_temperature_K"] == 263
 
     def test_the_truth_lies_inside_the_priors(self, name: str) -> None:
-        experiment = load_experiment(ICE / f"{name}.toml")
+        experiment = load_constant_rate(ICE / f"{name}.toml")
         priors = default_priors("ice").resolved(float(np.max(experiment.stress)))
         assert experiment.true_parameters is not None
         for parameter, value in experiment.true_parameters.items():
@@ -78,7 +78,7 @@ class TestTwinFiles:
             assert 1e-3 < share < 1 - 1e-3, parameter
 
     def test_noise_has_the_stated_size(self, generator: ModuleType, name: str) -> None:
-        experiment = load_experiment(ICE / f"{name}.toml")
+        experiment = load_constant_rate(ICE / f"{name}.toml")
         twin = next(twin for twin in generator.TWINS if twin.name == name)
         residual = experiment.stress - generator.stress_at(twin, experiment.strain)
         assert np.std(residual) == pytest.approx(0.1e6, rel=0.3)
@@ -88,7 +88,7 @@ class TestTwinFiles:
 def test_the_fastest_twin_has_few_points_around_its_peak() -> None:
     counts = []
     for name in PEAKS:
-        strain = load_experiment(ICE / f"{name}.toml").strain
+        strain = load_constant_rate(ICE / f"{name}.toml").strain
         counts.append(np.count_nonzero((strain > 0.02) & (strain < 0.045)))
     assert counts[0] <= 3
     assert min(counts[1:]) >= 10

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from conftest import ICE, resolved_priors, valley_of, with_fixed
 
-from pyburgers.experiment import Experiment, load_experiment
+from pyburgers.constant_rate import ConstantRateExperiment, load_constant_rate
 from pyburgers.mode import find_mode
 from pyburgers.priors import PriorSet
 from pyburgers.stan_data import SolverOptions, plain_coordinates
@@ -14,17 +14,17 @@ pytestmark = pytest.mark.usefixtures("programs")
 
 
 @pytest.fixture(scope="module")
-def experiment() -> Experiment:
-    return load_experiment(ICE / "PIL105.toml")
+def experiment() -> ConstantRateExperiment:
+    return load_constant_rate(ICE / "PIL105.toml")
 
 
 @pytest.fixture(scope="module")
-def priors(experiment: Experiment) -> PriorSet:
+def priors(experiment: ConstantRateExperiment) -> PriorSet:
     return resolved_priors(experiment)
 
 
 def test_pins_lie_on_the_curve_where_the_dashpot_flows(
-    experiment: Experiment, priors: PriorSet
+    experiment: ConstantRateExperiment, priors: PriorSet
 ) -> None:
     valley = valley_of(experiment, priors)
     strain, weight = valley.pin[:, 0], valley.pin[:, 4]
@@ -39,7 +39,7 @@ def test_pins_lie_on_the_curve_where_the_dashpot_flows(
 
 
 def test_a_prior_that_fixes_the_fabric_does_not_suit(
-    experiment: Experiment, priors: PriorSet
+    experiment: ConstantRateExperiment, priors: PriorSet
 ) -> None:
     name = "steady_state_fabric_factor"
     known = with_fixed(priors, {name: 0.5})
@@ -51,7 +51,7 @@ def test_a_prior_that_fixes_the_fabric_does_not_suit(
 
 
 def test_widths_follow_the_noise_as_far_as_the_data_set_them(
-    experiment: Experiment, priors: PriorSet
+    experiment: ConstantRateExperiment, priors: PriorSet
 ) -> None:
     coordinates = plain_coordinates(experiment, priors)
     size = len(coordinates.quantities)

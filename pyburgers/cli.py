@@ -6,21 +6,36 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import fields
 from pathlib import Path
+from typing import Literal
 
+from pyburgers.attenuation import (
+    DEFAULT_FREQUENCIES,
+    PAPER_REGIMES,
+    Regime,
+    overview_table,
+    predict_attenuation,
+    quantile_table,
+    regimes_named,
+    save_spectrum,
+)
+from pyburgers.attenuation_figures import attenuation
 from pyburgers.cmdstan import ensure_cmdstan, install_cmdstan
+from pyburgers.constant_rate import load_constant_rate
 from pyburgers.diagnostics import CheckResult
 from pyburgers.doctor import can_fit, diagnose, format_findings
 from pyburgers.errors import InputError, PyburgersError
-from pyburgers.experiment import Experiment, load_experiment
+from pyburgers.experiment import Experiment
+from pyburgers.figures import image
 from pyburgers.fitting import Fit, fit
 from pyburgers.priors import PriorSet, default_priors, load_priors
 from pyburgers.report import write_report
 from pyburgers.reproduce import PRESETS, reproduce
-from pyburgers.run_directory import write_text
+from pyburgers.run_directory import write_bytes, write_text
 from pyburgers.sampling import SamplerOptions
 from pyburgers.simulation import load_parameters, simulate
 from pyburgers.stan_data import SolverOptions
 from pyburgers.tables import checks_table, parameter_table
+from pyburgers.units import UNITS
 
 EXIT_CHECK_FAILED = 3
 EXIT_INTERRUPTED = 130
@@ -89,6 +104,14 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("--out", type=Path, required=True, metavar="FILE.csv")
     command.set_defaults(run=_simulate)
 
+    command = commands.add_parser("predict", help="what a fit says about other experiments")
+    predictions = command.add_subparsers(title="predictions", required=True, metavar="WHAT")
+    command = predictions.add_parser(
+        "attenuation", help="tan(delta) of stress cycles about a median stress"
+    )
+    _add_attenuation_options(command)
+    command.set_defaults(run=_predict_attenuation)
+
     command = commands.add_parser("report", help="one HTML page about one or several runs")
     command.add_argument("directories", type=Path, nargs="+", metavar="RUN")
     command.add_argument("--out", type=Path, required=True, metavar="DIR")
@@ -114,6 +137,35 @@ def _add_sampler_options(command: argparse.ArgumentParser) -> None:
             default=field.default,
             help=f"default {field.default}",
         )
+
+
+def _add_attenuation_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument("directory", type=Path, metavar="RUN")
+    command.add_argument(
+        "--out",
+        type=Path,
+        required=True,
+        metavar="FILE.csv",
+        help="quantiles; beside it FILE.nc (all draws), FILE.png and FILE.svg",
+    )
+    command.add_argument(
+        "--regimes", nargs="+", metavar="M", help="some of the paper's: 1, 1.5, 2, 4 (median, MPa)"
+    )
+    for option, metavar, what in (
+        ("--median-stress-MPa", "M", "median stress of each regime"),
+        ("--amplitude-MPa", "A", "amplitude of each regime, as many"),
+        ("--frequencies-Hz", "F", "default: 60 from 1e-4 to 1"),
+    ):
+        command.add_argument(option, type=float, nargs="+", metavar=metavar, help=what)
+    for option, metavar, what in (
+        ("--temperature-K", "T", "default: the experiment's"),
+        ("--grain-size-um", "D", "default: by --microstructure"),
+        ("--fabric-factor", "F", "default: by --microstructure"),
+    ):
+        command.add_argument(option, type=float, metavar=metavar, help=what)
+    command.add_argument(
+        "--microstructure", default="initial", help="initial (default) or steady-state"
+    )
 
 
 def _say(sentence: str) -> None:
@@ -146,7 +198,7 @@ def _priors_for(experiment: Experiment, path: Path | None) -> PriorSet:
 
 
 def _fit(options: argparse.Namespace) -> int:
-    experiment = load_experiment(options.experiment)
+    experiment = load_constant_rate(options.experiment)
     priors = _priors_for(experiment, options.priors)
     sampler = SamplerOptions(**{f.name: getattr(options, f.name) for f in fields(SamplerOptions)})
     for notice in experiment.notices:
@@ -177,7 +229,7 @@ def _check(options: argparse.Namespace) -> int:
 
 
 def _simulate(options: argparse.Namespace) -> int:
-    experiment = load_experiment(options.experiment)
+    experiment = load_constant_rate(options.experiment)
     parameters = load_parameters(options.parameters)
     if parameters["beta"] > 0:
         _say(
@@ -193,6 +245,59 @@ def _simulate(options: argparse.Namespace) -> int:
         raise InputError(f"--out {options.out}: cannot be written ({error.strerror}).") from error
     print(f"{len(solution)} rows in {options.out}")
     return 0
+
+
+def _predict_attenuation(options: argparse.Namespace) -> int:
+    if options.out.suffix != ".csv":
+        raise InputError(f"--out {options.out}: expected a file name that ends in .csv.")
+    regimes = _regimes(options)
+    grain_size = options.grain_size_um
+    spectrum = predict_attenuation(
+        Fit.load(options.directory, report=_say),
+        options.frequencies_Hz or DEFAULT_FREQUENCIES,
+        regimes,
+        microstructure=options.microstructure.replace("-", "_"),
+        temperature=options.temperature_K,
+        grain_size=None if grain_size is None else grain_size * UNITS["length"]["um"],
+        fabric_factor=options.fabric_factor,
+    )
+    table = quantile_table(spectrum)
+    figure = attenuation(spectrum, spectrum.attrs["title"])
+    try:
+        write_text(options.out, table.to_csv(index=False))
+        save_spectrum(spectrum, options.out.with_suffix(".nc"))
+        kinds: tuple[Literal["png", "svg"], ...] = ("png", "svg")
+        for kind in kinds:
+            write_bytes(options.out.with_suffix(f".{kind}"), image(figure, kind))
+    except OSError as error:
+        raise InputError(f"--out {options.out}: cannot be written ({error.strerror}).") from error
+    print(f"{spectrum.attrs['title']}: tan(delta), median and 90 % of the draws")
+    print(overview_table(spectrum).to_string(index=False))
+    for suffix in (".csv", ".nc", ".png", ".svg"):
+        print(options.out.with_suffix(suffix))
+    return 0
+
+
+def _regimes(options: argparse.Namespace) -> Sequence[Regime]:
+    """Imposed stresses as asked for: the paper's, some of them, or given ones."""
+    medians, amplitudes = options.median_stress_MPa, options.amplitude_MPa
+    if options.regimes is not None and (medians is not None or amplitudes is not None):
+        raise InputError(
+            "--regimes: found it beside --median-stress-MPa or --amplitude-MPa, expected either "
+            "the paper's regimes or given ones."
+        )
+    if options.regimes is not None:
+        return regimes_named(options.regimes)
+    if medians is None and amplitudes is None:
+        return PAPER_REGIMES
+    if len(medians or []) != len(amplitudes or []):
+        raise InputError(
+            f"--median-stress-MPa, --amplitude-MPa: found {len(medians or [])} and "
+            f"{len(amplitudes or [])} numbers, expected as many of one as of the other."
+        )
+    factor = UNITS["stress"]["MPa"]
+    pairs = zip(medians, amplitudes, strict=True)
+    return tuple(Regime(median * factor, amplitude * factor) for median, amplitude in pairs)
 
 
 def _report(options: argparse.Namespace) -> int:

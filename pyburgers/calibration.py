@@ -139,7 +139,7 @@ def simulate_data(
     SamplingError
         If the solver finds no solution.
     """
-    solution = simulate(experiment, values, strain=np.unique(experiment.strain))
+    solution = simulate(experiment, values, at=np.unique(experiment.strain))
     stress = np.interp(experiment.strain, solution["strain"], solution["stress_Pa"])
     simulated = replace(
         experiment,

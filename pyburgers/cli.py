@@ -20,11 +20,11 @@ from pyburgers.attenuation import (
 )
 from pyburgers.attenuation_figures import attenuation
 from pyburgers.cmdstan import ensure_cmdstan, install_cmdstan
-from pyburgers.constant_rate import load_constant_rate
 from pyburgers.diagnostics import CheckResult
 from pyburgers.doctor import can_fit, diagnose, format_findings
 from pyburgers.errors import InputError, PyburgersError
 from pyburgers.experiment import Experiment
+from pyburgers.experiment_files import load_experiment
 from pyburgers.figures import image
 from pyburgers.fitting import Fit, fit
 from pyburgers.priors import PriorSet, default_priors, load_priors
@@ -87,7 +87,7 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("--out", type=Path, help="run directory (default: runs/ID)")
     _add_sampler_options(command)
     command.add_argument(
-        "--tolerance", type=float, default=SolverOptions().tolerance, help="of the ODE solver"
+        "--tolerance", type=float, help="of the ODE solver (default: the protocol's)"
     )
     command.add_argument(
         "--prior-only", action="store_true", help="switch the likelihood off: sample the prior"
@@ -198,7 +198,7 @@ def _priors_for(experiment: Experiment, path: Path | None) -> PriorSet:
 
 
 def _fit(options: argparse.Namespace) -> int:
-    experiment = load_constant_rate(options.experiment)
+    experiment = load_experiment(options.experiment)
     priors = _priors_for(experiment, options.priors)
     sampler = SamplerOptions(**{f.name: getattr(options, f.name) for f in fields(SamplerOptions)})
     for notice in experiment.notices:
@@ -208,7 +208,7 @@ def _fit(options: argparse.Namespace) -> int:
         priors,
         out=options.out or Path("runs") / experiment.id,
         options=sampler,
-        solver=SolverOptions(tolerance=options.tolerance),
+        solver=None if options.tolerance is None else SolverOptions(tolerance=options.tolerance),
         use_likelihood=not options.prior_only,
         command=_command_line(),
         report=_say,
@@ -229,7 +229,7 @@ def _check(options: argparse.Namespace) -> int:
 
 
 def _simulate(options: argparse.Namespace) -> int:
-    experiment = load_constant_rate(options.experiment)
+    experiment = load_experiment(options.experiment)
     parameters = load_parameters(options.parameters)
     if parameters["beta"] > 0:
         _say(

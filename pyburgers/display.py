@@ -2,7 +2,7 @@
 
 import math
 
-from pyburgers.parameters import PARAMETER_BY_NAME, REFERENCE_STRESS_QUANTITY, Parameter
+from pyburgers.parameters import PARAMETER_BY_NAME, REFERENCE_QUANTITIES, Parameter
 from pyburgers.priors import Prior
 from pyburgers.units import UNITS
 
@@ -11,8 +11,8 @@ STRAIN_UNIT, STRAIN_FACTOR = "%", 1.0 / UNITS["strain"]["percent"]
 LENGTH_UNIT, LENGTH_FACTOR = "µm", 1.0 / UNITS["length"]["um"]
 """Units of curves and the factors from SI."""
 
-_GREEK = {r"\eta": "η", r"\beta": "β", r"\epsilon": "ε"}
-_UNIT_TEXT = {"1": "–", "um": "µm"}
+_GREEK = {r"\eta": "η", r"\beta": "β", r"\dot\epsilon": "ε̇", r"\epsilon": "ε"}
+_UNIT_TEXT = {"1": "–", "um": "µm", "1e-6/s": "10⁻⁶/s"}
 
 
 def shown_quantity(name: str) -> Parameter:
@@ -21,16 +21,14 @@ def shown_quantity(name: str) -> Parameter:
     Parameters
     ----------
     name : str
-        A parameter, or the reference stress.
+        A parameter, or a point of the flow law such as the reference stress.
 
     Raises
     ------
     KeyError
         If there is no such quantity.
     """
-    if name == REFERENCE_STRESS_QUANTITY.name:
-        return REFERENCE_STRESS_QUANTITY
-    return PARAMETER_BY_NAME[name]
+    return REFERENCE_QUANTITIES.get(name) or PARAMETER_BY_NAME[name]
 
 
 def unit_text(quantity: Parameter) -> str:

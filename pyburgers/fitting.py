@@ -10,14 +10,15 @@ from typing import Any, Self
 import pandas as pd
 import xarray as xr
 
-from pyburgers.constant_rate import ConstantRateExperiment, load_constant_rate
 from pyburgers.diagnostics import CheckResult, check_fit, check_solver
 from pyburgers.errors import InputError
+from pyburgers.experiment import Experiment
+from pyburgers.experiment_files import load_experiment
 from pyburgers.posterior import build_posterior, load_posterior, summary_table
 from pyburgers.priors import PriorSet, load_priors
 from pyburgers.run_directory import RunDirectory, write_json, write_text
 from pyburgers.sampling import ChainFailure, SamplerOptions, run_chains, tighten_solver
-from pyburgers.stan_data import SolverOptions
+from pyburgers.stan_data import SolverOptions, default_solver
 
 MAX_REFITS = 2
 """Times that a run is repeated at a tighter tolerance of the solver."""
@@ -35,7 +36,7 @@ class Fit:
     ----------
     directory : RunDirectory
         Where its files are.
-    experiment : ConstantRateExperiment
+    experiment : Experiment
         What was fitted.
     priors : PriorSet
         Priors in SI, the noise scale resolved.
@@ -46,7 +47,7 @@ class Fit:
     """
 
     directory: RunDirectory
-    experiment: ConstantRateExperiment
+    experiment: Experiment
     priors: PriorSet
     posterior: xr.DataTree
     manifest: dict[str, Any]
@@ -112,7 +113,7 @@ class Fit:
             posterior = build_posterior(run, report=report)
         return cls(
             directory=run,
-            experiment=load_constant_rate(run.experiment_file),
+            experiment=load_experiment(run.experiment_file),
             priors=load_priors(run.priors_file),
             posterior=posterior,
             # A killed process did not note the chains that it had finished.
@@ -121,7 +122,7 @@ class Fit:
 
 
 def fit(
-    experiment: ConstantRateExperiment,
+    experiment: Experiment,
     priors: PriorSet,
     *,
     out: str | Path,
@@ -135,7 +136,7 @@ def fit(
 
     Parameters
     ----------
-    experiment : ConstantRateExperiment
+    experiment : Experiment
         A test with data (`pyburgers.load_experiment`).
     priors : PriorSet
         Priors of every parameter (`pyburgers.load_priors`).
@@ -145,7 +146,7 @@ def fit(
     options : SamplerOptions, optional
         Chains, iterations, seed.
     solver : SolverOptions, optional
-        Tolerance of the ODE solver while sampling. Where the draws, solved again at the reference
+        Tolerance of the ODE solver while sampling (`pyburgers.stan_data.default_solver`). Where the draws, solved again at the reference
         tolerance, show it too loose (Pareto k), all chains are run again ten times tighter, at
         most `MAX_REFITS` times; the manifest notes it.
     use_likelihood : bool
@@ -174,7 +175,7 @@ def fit(
             priors,
             run.path,
             options=options or SamplerOptions(),
-            solver=solver or SolverOptions(),
+            solver=solver or default_solver(experiment),
             use_likelihood=use_likelihood,
             command=command,
             report=report,

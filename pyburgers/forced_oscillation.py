@@ -68,7 +68,7 @@ class _OscillationTable(Table):
         None, ge=0, description="the degree of the polynomial trend of the stress"
     )
     background: Background = Field("removed", description="what becomes of bias and drift")
-    spin_up_cycles: int = Field(5, ge=1, description="cycles ahead of the record")
+    spin_up_cycles: int = Field(2, ge=1, description="cycles ahead of the record")
 
 
 class _DataTable(TextFilesTable):

@@ -105,6 +105,10 @@ class HarmonicFit:
         """Polynomial part (U), its constant included, shape (n,)."""
         return _polynomial(self._scaled(time), self.trend_coefficients)
 
+    def trend_shape(self, time: FloatArray) -> FloatArray:
+        """Legendre polynomials of the trend at times (s), shape (n, degree + 1)."""
+        return np.asarray(legendre.legvander(self._scaled(time), self.degree), dtype=np.float64)
+
     def trend_rate(self, time: FloatArray) -> FloatArray:
         """Time derivative (U/s) of the polynomial part, shape (n,)."""
         slope: FloatArray = legendre.legder(self.trend_coefficients).astype(np.float64)

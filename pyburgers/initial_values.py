@@ -4,17 +4,17 @@ import cmdstanpy
 import numpy as np
 import numpy.typing as npt
 
-from pyburgers.constant_rate import ConstantRateExperiment
 from pyburgers.errors import SamplingError
+from pyburgers.experiment import Experiment
 from pyburgers.priors import PriorSet
-from pyburgers.simulation import evaluate, simulate
-from pyburgers.stan_data import REFERENCE_STRESS, SolverOptions, StanData, plain_coordinates
+from pyburgers.simulation import evaluate, observed_grid, simulate
+from pyburgers.stan_data import SolverOptions, StanData, plain_coordinates, reference_quantity
 
 INITIAL_ATTEMPTS = 100
 
 
 def draw_initial_values(
-    experiment: ConstantRateExperiment, priors: PriorSet, *, seed: int, chain: int
+    experiment: Experiment, priors: PriorSet, *, seed: int, chain: int
 ) -> dict[str, list[float]]:
     """Draw a start from the prior, again where the solver finds no solution.
 
@@ -37,16 +37,14 @@ def draw_initial_values(
     """
     rng = np.random.default_rng([seed, chain])
     coordinates = plain_coordinates(experiment, priors)
+    grid, reference = observed_grid(experiment), reference_quantity(experiment).name
     for _ in range(INITIAL_ATTEMPTS):
         values = priors.sample(rng)
         try:
-            solution = simulate(
-                experiment, values, strain=experiment.strain, solver=SolverOptions()
-            )
+            solution = simulate(experiment, values, at=grid, solver=SolverOptions())
         except SamplingError:
             continue  # this prior draw has no finite solution; the next one may
-        reference_stress = solution.attrs[REFERENCE_STRESS]
-        start = coordinates.at({**values, REFERENCE_STRESS: reference_stress})
+        start = coordinates.at({**values, reference: solution.attrs[reference]})
         return {"coordinate": start.tolist()}
     raise SamplingError(
         f"{experiment.id}: none of {INITIAL_ATTEMPTS} draws from the prior has a finite solution; "

@@ -39,6 +39,24 @@ def laplace_metric(model: cmdstanpy.CmdStanModel, data: StanData, centre: FloatA
         Inverse of the Hessian of minus the log density by central differences of Stan's
         gradients, with its eigenvalues kept above `LEAST_CURVATURE`.
     """
+    curvature, axes = np.linalg.eigh(curvature_at(model, data, centre))
+    covariance: FloatArray = (axes / np.maximum(curvature, LEAST_CURVATURE)) @ axes.T
+    return covariance
+
+
+def curvature_at(model: cmdstanpy.CmdStanModel, data: StanData, centre: FloatArray) -> FloatArray:
+    """Hessian of minus the log density.
+
+    Parameters
+    ----------
+    model, data, centre
+        As for `laplace_metric`.
+
+    Returns
+    -------
+    array, shape (n_coordinates, n_coordinates)
+        By central differences of Stan's gradients, symmetric.
+    """
     steps = DIFFERENCE * np.eye(centre.size)
     with tempfile.TemporaryDirectory() as folder, quiet_cmdstanpy():
         data_file = Path(folder) / "data.json"
@@ -48,9 +66,8 @@ def laplace_metric(model: cmdstanpy.CmdStanModel, data: StanData, centre: FloatA
             for step in steps
         ]
     hessian = -np.array(difference) / (2 * DIFFERENCE)
-    curvature, axes = np.linalg.eigh((hessian + hessian.T) / 2)
-    covariance: FloatArray = (axes / np.maximum(curvature, LEAST_CURVATURE)) @ axes.T
-    return covariance
+    symmetric: FloatArray = (hessian + hessian.T) / 2
+    return symmetric
 
 
 def _gradient(model: cmdstanpy.CmdStanModel, data_file: Path, coordinate: FloatArray) -> FloatArray:

@@ -9,13 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from pyburgers.cmdstan import load_model
-from pyburgers.constant_rate import ConstantRateExperiment
+from pyburgers.experiment import Experiment
 from pyburgers.initial_values import draw_initial_values
 from pyburgers.parameters import PARAMETERS
 from pyburgers.priors import PriorSet
 from pyburgers.run_directory import write_json
-from pyburgers.simulation import constant_rate_program, quiet_cmdstanpy
-from pyburgers.stan_data import SolverOptions, constant_rate_data
+from pyburgers.simulation import program_for, quiet_cmdstanpy
+from pyburgers.stan_data import SolverOptions, program_data
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -43,7 +43,7 @@ class Mode:
 
 
 def find_mode(
-    experiment: ConstantRateExperiment,
+    experiment: Experiment,
     priors: PriorSet,
     *,
     seed: int,
@@ -54,7 +54,7 @@ def find_mode(
 
     Parameters
     ----------
-    experiment : ConstantRateExperiment
+    experiment : Experiment
         A test with data.
     priors : PriorSet
         Resolved priors.
@@ -70,8 +70,8 @@ def find_mode(
     ModeNotFound
         If the optimiser fails from all starts.
     """
-    data = constant_rate_data(experiment, priors, solver=solver)
-    model = load_model(constant_rate_program(), report=report)
+    data = program_data(experiment, priors, solver=solver)
+    model = load_model(program_for(experiment), report=report)
     best = None
     for start in range(1, N_STARTS + 1):
         initial = draw_initial_values(experiment, priors, seed=seed, chain=start)

@@ -128,6 +128,13 @@ class PreparedOscillation:
             background=self.background,
         )
 
+    def strain(self, time: FloatArray) -> FloatArray:
+        """Strain (fraction) at times (s), shape (n,): without its trend where that is removed."""
+        oscillating = self.strain_fit.periodic(time)
+        if self.background == "removed":
+            return oscillating
+        return oscillating + self.strain_fit.trend(time)
+
     def strain_rate(self, time: FloatArray) -> FloatArray:
         """Driving strain rate (1/s) at times (s), shape (n,)."""
         scaled = (time - self.t_middle) / self.t_half

@@ -88,3 +88,19 @@ REFERENCE_STRESS_QUANTITY = Parameter(
 )
 """The stress at which undeformed material flows at the first imposed rate; it follows from the
 parameters and has no prior of its own."""
+
+REFERENCE_FLOW_RATE_QUANTITY = Parameter(
+    "reference_flow_rate",
+    r"\dot\epsilon_0",
+    "reference flow rate",
+    "strain rate",
+    "1/s",
+    "1e-6/s",
+)
+"""The rate at which undeformed material flows at an observed stress (bias, or amplitude where the
+bias is removed); it follows from the parameters and has no prior of its own."""
+
+REFERENCE_QUANTITIES: Mapping[str, Parameter] = MappingProxyType(
+    {q.name: q for q in (REFERENCE_STRESS_QUANTITY, REFERENCE_FLOW_RATE_QUANTITY)}
+)
+"""Points of the flow law that are sampled, by their logarithms, in place of a parameter."""

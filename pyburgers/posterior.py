@@ -19,21 +19,24 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.cmdstan import load_model
-from pyburgers.constant_rate import ConstantRateExperiment, load_constant_rate
+from pyburgers.constant_rate import ConstantRateExperiment
 from pyburgers.errors import SamplingError
-from pyburgers.parameters import PARAMETERS, REFERENCE_STRESS_QUANTITY
+from pyburgers.experiment import Experiment
+from pyburgers.experiment_files import load_experiment
+from pyburgers.forced_oscillation import OscillationExperiment
+from pyburgers.parameters import PARAMETER_BY_NAME, PARAMETERS, REFERENCE_QUANTITIES
 from pyburgers.priors import PriorSet, load_priors
 from pyburgers.run_directory import RunDirectory, write_atomically
 from pyburgers.simulation import (
     REFERENCE_SOLVER,
-    constant_rate_program,
     evaluate,
-    output_strain,
+    program_for,
     quiet_cmdstanpy,
     simulate,
     strain_grid,
+    time_grid,
 )
-from pyburgers.stan_data import REFERENCE_STRESS, StanData, grid_block, solver_block
+from pyburgers.stan_data import StanData, reference_quantity, solver_block, with_grid
 
 with warnings.catch_warnings():
     # ArviZ 0.23 announces its next major version at import, once a day.
@@ -56,7 +59,7 @@ SAMPLE_STATS = {
     "divergent__": "diverging",
     "energy__": "energy",
 }
-GRID_VARIABLES = {
+STRAIN_VARIABLES = {
     "grid_stress": ("stress", "Pa"),
     "grid_stress_replicated": ("stress_replicated", "Pa"),
     "grid_kelvin_strain": ("kelvin_strain", "1"),
@@ -65,12 +68,35 @@ GRID_VARIABLES = {
     "grid_grain_size_softening": ("grain_size_softening", "1"),
     "grid_fabric_softening": ("fabric_softening", "1"),
 }
+TIME_VARIABLES = {
+    "grid_oscillating_stress": ("stress", "Pa"),
+    "grid_stress_replicated": ("stress_replicated", "Pa"),
+    "grid_kelvin_strain": ("kelvin_strain", "1"),
+    "grid_grain_size": ("grain_size", "m"),
+    "grid_dashpot_rate": ("dashpot_rate", "1/s"),
+}
+"""Generated quantities along strain, or time in oscillating tests: name and unit in the draws."""
+
+PREDICTIONS_PER_CYCLE = 30
 
 
-def prediction_strain(experiment: ConstantRateExperiment) -> FloatArray:
-    """Strains of the predictive bands, shape (n,): denser at each segment's start."""
+def prediction_grid(experiment: Experiment) -> FloatArray:
+    """Strains, or times (s) of an oscillating test, of the predictive bands, shape (n,).
+
+    Strains are denser at each segment's start.
+    """
+    if isinstance(experiment, OscillationExperiment):
+        return time_grid(experiment, PREDICTIONS_PER_CYCLE)
+    assert isinstance(experiment, ConstantRateExperiment)  # the only other protocol
     shape = np.union1d(np.geomspace(2e-3, 1.0, 30), np.linspace(0.0, 1.0, 31)[1:])
     return strain_grid(experiment, shape)
+
+
+def grid_variables(experiment: Experiment) -> tuple[str, dict[str, tuple[str, str]]]:
+    """Return the dimension of the predictions, and what they hold: see `STRAIN_VARIABLES`."""
+    if isinstance(experiment, OscillationExperiment):
+        return "time", TIME_VARIABLES
+    return "strain", STRAIN_VARIABLES
 
 
 def build_posterior(run: RunDirectory, *, report: Callable[[str], None]) -> xr.DataTree:
@@ -91,10 +117,12 @@ def build_posterior(run: RunDirectory, *, report: Callable[[str], None]) -> xr.D
     -------
     DataTree
         Groups posterior, sample_stats, log_likelihood, log_prior, posterior_predictive (at the
-        observed points), predictions (on a grid of strains), posterior_mean_solution,
-        observed_data, constant_data; dimensions chain, draw, point, strain.
+        observed points), predictions (on a grid of strains, or times of an oscillating test),
+        posterior_mean_solution, observed_data, constant_data; dimensions chain, draw, point, and
+        strain or time. Stresses of an oscillating test are without trend where its background is
+        removed, save that of posterior_mean_solution.
     """
-    experiment = load_constant_rate(run.experiment_file)
+    experiment = load_experiment(run.experiment_file)
     priors = load_priors(run.priors_file)
     manifest = run.read_manifest()
     files = [str(run.draws_file(chain)) for chain in run.finished_chains()]
@@ -105,7 +133,8 @@ def build_posterior(run: RunDirectory, *, report: Callable[[str], None]) -> xr.D
             run, files, experiment, seed=manifest["sampler"]["seed"], report=report
         )
     chains = {"chain": list(run.finished_chains())}
-    draws = fit.draws_xr([p.name for p in PARAMETERS] + [REFERENCE_STRESS]).assign_coords(chains)
+    reference = reference_quantity(experiment).name
+    draws = fit.draws_xr([p.name for p in PARAMETERS] + [reference]).assign_coords(chains)
     at_points = (
         fit.draws_xr(["stress_replicated", "log_lik", "lprior"])
         .rename({"stress_replicated_dim_0": "point", "log_lik_dim_0": "log_lik_point"})
@@ -131,17 +160,11 @@ def build_posterior(run: RunDirectory, *, report: Callable[[str], None]) -> xr.D
         "predictions": _predictions(checked, experiment).assign_coords(chains),
         "posterior_mean_solution": _solution_at_mean(draws, experiment, report),
         "observed_data": xr.Dataset({"stress": ("point", experiment.stress, {"units": "Pa"})}),
-        "constant_data": xr.Dataset(
-            {
-                "strain": ("point", experiment.strain, {"units": "1"}),
-                "time": ("point", experiment.time_at(experiment.strain), {"units": "s"}),
-            }
-        ),
+        "constant_data": _positions(experiment),
     }
     for dataset in groups.values():
-        for name in ("point", "strain"):
-            if name in dataset.dims and name not in dataset.coords:
-                dataset.coords[name] = np.arange(dataset.sizes[name])
+        if "point" in dataset.dims and "point" not in dataset.coords:
+            dataset.coords["point"] = np.arange(dataset.sizes["point"])
     tree: xr.DataTree = xr.DataTree.from_dict(
         {name: dataset.drop_attrs(deep=False) for name, dataset in groups.items()}
     )
@@ -175,7 +198,7 @@ def _read_chains(files: Sequence[str]) -> cmdstanpy.CmdStanMCMC:
 def _reference_solution(
     run: RunDirectory,
     files: Sequence[str],
-    experiment: ConstantRateExperiment,
+    experiment: Experiment,
     *,
     seed: int,
     report: Callable[[str], None],
@@ -187,9 +210,10 @@ def _reference_solution(
     data = {
         **json.loads(run.stan_data_file.read_text(encoding="utf-8")),
         **solver_block(REFERENCE_SOLVER),
-        **grid_block(experiment, prediction_strain(experiment)),
     }
-    model = load_model(constant_rate_program(), report=report)
+    data = with_grid(data, experiment, prediction_grid(experiment))
+    _, variables = grid_variables(experiment)
+    model = load_model(program_for(experiment), report=report)
     with tempfile.TemporaryDirectory() as folder:
         data_file = Path(folder) / "data.json"
         data_file.write_text(json.dumps(data), encoding="utf-8")
@@ -197,21 +221,24 @@ def _reference_solution(
             quantities = model.generate_quantities(
                 data=str(data_file), previous_fit=list(files), seed=seed, gq_output_dir=folder
             )
-            solution: xr.Dataset = quantities.draws_xr(["log_lik", *GRID_VARIABLES]).load()
+            solution: xr.Dataset = quantities.draws_xr(["log_lik", *variables]).load()
         except RuntimeError:
             # One draw without solution is enough for that, and CmdStan does not say which.
             report("Some draws have no solution at the reference tolerance: solving one by one.")
-            return _one_by_one(model, data, _read_chains(files))
+            return _one_by_one(model, data, _read_chains(files), list(variables))
     return solution
 
 
 def _one_by_one(
-    model: cmdstanpy.CmdStanModel, data: StanData, fit: cmdstanpy.CmdStanMCMC
+    model: cmdstanpy.CmdStanModel,
+    data: StanData,
+    fit: cmdstanpy.CmdStanMCMC,
+    variables: Sequence[str],
 ) -> xr.Dataset:
     """As `generate_quantities`, slower, with NaN where a draw has no solution."""
     coordinates = fit.draws_xr(["coordinate"])["coordinate"].to_numpy()
     shape = coordinates.shape[:2]
-    sizes = dict.fromkeys(GRID_VARIABLES, data["n_grid"]) | {"log_lik": data["n_points"]}
+    sizes = dict.fromkeys(variables, data["n_grid"]) | {"log_lik": data["n_points"]}
     values = {name: np.full((*shape, size), np.nan) for name, size in sizes.items()}
     for number, index in enumerate(np.ndindex(*shape)):
         position = {"coordinate": coordinates[index].tolist()}
@@ -238,7 +265,8 @@ def _sample_stats(fit: cmdstanpy.CmdStanMCMC) -> xr.Dataset:
 
 def _label(draws: xr.Dataset, priors: PriorSet) -> xr.Dataset:
     """Attach symbols, units and whether a parameter was fixed."""
-    for quantity in (*PARAMETERS, REFERENCE_STRESS_QUANTITY):
+    for name in draws.data_vars:
+        quantity = REFERENCE_QUANTITIES.get(str(name)) or PARAMETER_BY_NAME[str(name)]
         fixed = quantity in PARAMETERS and priors[quantity.name].is_fixed
         draws[quantity.name].attrs = {
             "long_name": quantity.label,
@@ -249,30 +277,49 @@ def _label(draws: xr.Dataset, priors: PriorSet) -> xr.Dataset:
     return draws
 
 
-def _predictions(checked: xr.Dataset, experiment: ConstantRateExperiment) -> xr.Dataset:
-    """Grid of solutions with strain as coordinate."""
+def _positions(experiment: Experiment) -> xr.Dataset:
+    """Where along the test stress was observed."""
+    if isinstance(experiment, OscillationExperiment):
+        time = experiment.prepared.time
+        strain = experiment.prepared.strain(time)
+    else:
+        assert isinstance(experiment, ConstantRateExperiment)  # the only other protocol
+        strain = experiment.strain
+        time = experiment.time_at(strain)
+    return xr.Dataset(
+        {
+            "strain": ("point", strain, {"units": "1"}),
+            "time": ("point", time, {"units": "s"}),
+        }
+    )
+
+
+def _predictions(checked: xr.Dataset, experiment: Experiment) -> xr.Dataset:
+    """Grid of solutions with strain or time as coordinate."""
+    dimension, names = grid_variables(experiment)
     variables = {}
-    for column, (name, unit) in GRID_VARIABLES.items():
-        values = checked[column].rename({f"{column}_dim_0": "strain"})
+    for column, (name, unit) in names.items():
+        values = checked[column].rename({f"{column}_dim_0": dimension})
         values.attrs = {"units": unit}
         variables[name] = values.astype(np.float32)  # drawn, not computed with
-    strain = prediction_strain(experiment)
-    return xr.Dataset(variables).assign_coords(strain=strain)
+    return xr.Dataset(variables).assign_coords({dimension: prediction_grid(experiment)})
 
 
 def _solution_at_mean(
-    draws: xr.Dataset, experiment: ConstantRateExperiment, report: Callable[[str], None]
+    draws: xr.Dataset, experiment: Experiment, report: Callable[[str], None]
 ) -> xr.Dataset:
     """Solution at the posterior mean of the parameters, as drawn in the paper's Fig. 3."""
     mean = {parameter.name: float(draws[parameter.name].mean()) for parameter in PARAMETERS}
-    curve = simulate(experiment, mean, strain=output_strain(experiment), report=report)
+    curve = simulate(experiment, mean, report=report)
+    dimension, _ = grid_variables(experiment)
+    column = {"strain": "strain", "time": "time_s"}[dimension]
     return xr.Dataset(
         {
-            "stress": ("strain", curve["stress_Pa"].to_numpy(), {"units": "Pa"}),
-            "grain_size": ("strain", curve["grain_size_m"].to_numpy(), {"units": "m"}),
-            "fabric_factor": ("strain", curve["fabric_factor"].to_numpy(), {"units": "1"}),
+            "stress": (dimension, curve["stress_Pa"].to_numpy(), {"units": "Pa"}),
+            "grain_size": (dimension, curve["grain_size_m"].to_numpy(), {"units": "m"}),
+            "fabric_factor": (dimension, curve["fabric_factor"].to_numpy(), {"units": "1"}),
         },
-        coords={"strain": curve["strain"].to_numpy()},
+        coords={dimension: curve[column].to_numpy()},
     )
 
 
@@ -309,7 +356,7 @@ def summary_table(posterior: xr.DataTree, priors: PriorSet) -> pd.DataFrame:
     -------
     DataFrame
         Index parameter; columns unit, mean, sd, q5, q95, ess_bulk, ess_tail, rhat, prior,
-        prior_mean, prior_sd, prior_q5, prior_q95. The reference stress has no prior of its own:
+        prior_mean, prior_sd, prior_q5, prior_q95. The reference stress or flow rate has none:
         NaN there.
     """
     draws = posterior["posterior"].to_dataset()[free_parameters(posterior)]
@@ -322,7 +369,7 @@ def summary_table(posterior: xr.DataTree, priors: PriorSet) -> pd.DataFrame:
             "q5": float(values.quantile(0.05)),
             "q95": float(values.quantile(0.95)),
         }
-        if name != REFERENCE_STRESS:
+        if name not in REFERENCE_QUANTITIES:
             prior = priors[str(name)]
             law = prior.distribution()
             row |= {

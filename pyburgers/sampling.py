@@ -9,27 +9,26 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
-from typing import Literal, get_args
+from types import MappingProxyType
+from typing import get_args
 
 import cmdstanpy
 import numpy as np
 import psutil
 
 from pyburgers.cmdstan import find_cmdstan, load_model, toolchain
-from pyburgers.constant_rate import ConstantRateExperiment
 from pyburgers.errors import InputError, SamplingError
 from pyburgers.experiment import Experiment
 from pyburgers.experiment_files import save_experiment
+from pyburgers.geometry import Coordinates, Geometry, choose_geometry
 from pyburgers.initial_values import draw_initial_values, draw_start_around
-from pyburgers.metric import laplace_metric
-from pyburgers.mode import Mode, ModeNotFound, find_mode
 from pyburgers.priors import PriorSet, save_priors
 from pyburgers.progress import ChainProgress, IterationLines
 from pyburgers.run_directory import (
@@ -40,19 +39,16 @@ from pyburgers.run_directory import (
     write_json,
     write_text,
 )
-from pyburgers.simulation import console_tail, constant_rate_program, quiet_cmdstanpy
-from pyburgers.stan_data import (
-    SolverOptions,
-    StanData,
-    ValleyReference,
-    constant_rate_data,
-    plain_coordinates,
-    valley_block,
-)
-from pyburgers.valley import ValleyUnsuited, find_valley, noise_exponents
+from pyburgers.simulation import console_tail, program_for, quiet_cmdstanpy
+from pyburgers.stan_data import SolverOptions, StanData, program_data
 
 _SIGNAL = re.compile(r"retcodes=\[-(\d+)\]")
 PACKAGES = ("pyburgers", "cmdstanpy", "arviz", "numpy", "scipy", "pandas", "xarray")
+
+TARGET_ACCEPTANCE: Mapping[str, float] = MappingProxyType(
+    {"constant_rate": 0.98, "forced_oscillation": 0.95}
+)
+"""Default target by protocol: as low as leaves (almost) no divergences."""
 
 STEP_SIZE_SHARE = 0.2
 """Share of the warm-up, at its end, in which the step size alone adapts.
@@ -67,8 +63,6 @@ FIRST_STEP = 0.1
 TIGHTENING = 10.0
 """Factor between the tolerance of a run and of its repetition."""
 
-COORDINATES = Literal["auto", "plain", "valley"]
-
 
 @dataclass(frozen=True)
 class SamplerOptions:
@@ -80,13 +74,14 @@ class SamplerOptions:
         Number of chains, and iterations of each in the two phases.
     seed : int
         Seed of initial values and chains.
-    adapt_delta : float
-        Target acceptance rate.
+    adapt_delta : float or None
+        Target acceptance rate; None takes that of the protocol, `TARGET_ACCEPTANCE`.
     max_treedepth : int
         Trajectories have at most 2**max_treedepth - 1 leapfrog steps.
-    coordinates : {"auto", "plain", "valley"}
+    coordinates : {"auto", "plain", "valley", "sheared"}
         Coordinates of the sampler (`docs/coordinates.md`); the posterior is the same. "auto"
-        takes valley coordinates where the priors and the record suit them.
+        takes valley coordinates (constant rate) or sheared ones (oscillation) where the priors
+        and the record suit them.
     chain_timeout : float or None
         Seconds after which a chain is stopped and reported as failed.
     """
@@ -95,9 +90,9 @@ class SamplerOptions:
     warmup: int = 400
     draws: int = 1000
     seed: int = 1
-    adapt_delta: float = 0.98
+    adapt_delta: float | None = None
     max_treedepth: int = 10
-    coordinates: COORDINATES = "auto"
+    coordinates: Coordinates = "auto"
     chain_timeout: float | None = None
 
     def __post_init__(self) -> None:
@@ -118,12 +113,12 @@ class SamplerOptions:
         for name, (value, least, most) in limits.items():
             if not least <= value <= most:
                 raise InputError(f"{name} is {value}, expected a number from {least} to {most}.")
-        if not 0 < self.adapt_delta < 1:
+        if self.adapt_delta is not None and not 0 < self.adapt_delta < 1:
             raise InputError(f"adapt_delta is {self.adapt_delta}, expected between 0 and 1.")
-        if self.coordinates not in get_args(COORDINATES):
+        if self.coordinates not in get_args(Coordinates):
             raise InputError(
                 f"coordinates is {self.coordinates!r}, expected one of "
-                f"{', '.join(get_args(COORDINATES))}."
+                f"{', '.join(get_args(Coordinates))}."
             )
         if self.chain_timeout is not None and self.chain_timeout <= 0:
             raise InputError(f"chain_timeout is {self.chain_timeout} s, expected more than 0.")
@@ -151,7 +146,7 @@ def fingerprint(data: StanData, options: SamplerOptions, program_key: str) -> st
     Parameters
     ----------
     data : dict
-        Stan data in plain coordinates; those of the valley follow from them and the seed.
+        Stan data in plain coordinates; other coordinates follow from them and the seed.
     options : SamplerOptions
         Settings of the sampler.
     program_key : str
@@ -162,7 +157,7 @@ def fingerprint(data: StanData, options: SamplerOptions, program_key: str) -> st
 
 
 def run_chains(
-    experiment: ConstantRateExperiment,
+    experiment: Experiment,
     priors: PriorSet,
     directory: Path,
     *,
@@ -176,7 +171,7 @@ def run_chains(
 
     Parameters
     ----------
-    experiment : ConstantRateExperiment
+    experiment : Experiment
         A test with data.
     priors : PriorSet
         Priors; relative noise scales are resolved here.
@@ -208,30 +203,26 @@ def run_chains(
     if experiment.n_points == 0:
         raise InputError(f"{experiment.id}: the experiment has no data, expected a [data] table.")
     run = RunDirectory(directory)
+    if options.adapt_delta is None:
+        options = replace(options, adapt_delta=TARGET_ACCEPTANCE[experiment.protocol])
     priors = priors.resolved(float(np.max(np.abs(experiment.stress))))
-    data = constant_rate_data(experiment, priors, solver=solver, use_likelihood=use_likelihood)
-    model = load_model(constant_rate_program(), report=report)
+    data = program_data(experiment, priors, solver=solver, use_likelihood=use_likelihood)
+    model = load_model(program_for(experiment), report=report)
     identity = fingerprint(data, options, Path(str(model.exe_file)).parent.name)
     with run.claimed(identity), _no_process_left(model):
         _write_inputs(run, experiment, priors)
         if not run.stan_data_file.is_file():
-            mode, valley = _choose_coordinates(
-                run, experiment, priors, options, solver, use_likelihood, report
+            geometry = choose_geometry(
+                model,
+                data,
+                experiment,
+                priors,
+                wanted=options.coordinates,
+                seed=options.seed,
+                solver=solver,
+                report=report,
             )
-            data |= valley_block(valley)
-            if mode is not None:
-                # The mode is the origin of the valley coordinates.
-                centre = mode.coordinate if valley is None else np.zeros_like(mode.coordinate)
-                metric = laplace_metric(model, data, centre)
-                if valley is not None:
-                    exponents = noise_exponents(
-                        plain_coordinates(experiment, priors), priors, metric
-                    )
-                    data |= valley_block(replace(valley, noise_exponent=exponents))
-                write_json(
-                    run.metric_file, {"inv_metric": metric.tolist(), "centre": centre.tolist()}
-                )
-            write_json(run.stan_data_file, data)
+            _write_geometry(run, data, geometry, report)
         _write_manifest(run, experiment, options, solver, identity, use_likelihood, command)
         wanted = range(1, options.chains + 1)
         missing = [chain for chain in wanted if chain not in run.finished_chains()]
@@ -294,52 +285,32 @@ def _tolerance_in(run: RunDirectory) -> float:
     return float(data["relative_tolerance"])
 
 
-def _choose_coordinates(
-    run: RunDirectory,
-    experiment: ConstantRateExperiment,
-    priors: PriorSet,
-    options: SamplerOptions,
-    solver: SolverOptions,
-    use_likelihood: bool,
-    report: Callable[[str], None],
-) -> tuple[Mode | None, ValleyReference | None]:
-    """Find the mode and set up the valley, or say in the manifest why plain coordinates are used.
-
-    Both are None without likelihood: what the data fix is a poor guide to the prior.
-    """
-    mode = valley = None
-    reason = "asked for"
-    if not use_likelihood:
-        reason = "the likelihood is off"
-    else:
-        try:
-            report("Finding the posterior mode, which sets the sampler's coordinates and metric.")
-            mode = find_mode(experiment, priors, seed=options.seed, solver=solver, report=report)
-            if options.coordinates != "plain":
-                valley = find_valley(experiment, priors, mode, solver=solver)
-                reason = "the priors and the record suit them"
-        except (ModeNotFound, ValleyUnsuited) as error:
-            if options.coordinates == "valley":
-                raise InputError(
-                    f"{experiment.id}: valley coordinates do not apply, because {error}; use "
-                    "--coordinates auto or plain."
-                ) from error
-            if options.coordinates == "auto":
-                reason = str(error)
-    system = "plain" if valley is None else "valley"
+def _write_geometry(
+    run: RunDirectory, data: StanData, geometry: Geometry, report: Callable[[str], None]
+) -> None:
+    """Save coordinates, metric and Stan data; the data go last: they tell that all is there."""
+    system, reason = geometry.system, geometry.reason
     report(
-        f"Coordinates: {system}, because {reason}."
-        if reason != "asked for"
-        else f"Coordinates: {system}, as asked for."
+        f"Coordinates: {system}, as asked for."
+        if reason == "asked for"
+        else f"Coordinates: {system}, because {reason}."
     )
     run.update_manifest({"coordinates": {"system": system, "reason": reason}})
-    return mode, valley
+    if geometry.centre is not None and geometry.covariance is not None:
+        write_json(
+            run.metric_file,
+            {
+                "inv_metric": geometry.covariance.tolist(),
+                "centre": geometry.centre.tolist(),
+            },
+        )
+    write_json(run.stan_data_file, {**data, **geometry.block})
 
 
 def _draw_start(
     model: cmdstanpy.CmdStanModel,
     run: RunDirectory,
-    experiment: ConstantRateExperiment,
+    experiment: Experiment,
     priors: PriorSet,
     seed: int,
     chain: int,
@@ -366,7 +337,7 @@ def _write_inputs(run: RunDirectory, experiment: Experiment, priors: PriorSet) -
 
 def _write_manifest(
     run: RunDirectory,
-    experiment: ConstantRateExperiment,
+    experiment: Experiment,
     options: SamplerOptions,
     solver: SolverOptions,
     identity: str,

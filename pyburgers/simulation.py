@@ -16,19 +16,34 @@ import pandas as pd
 from pyburgers.cmdstan import load_model, stan_directory
 from pyburgers.constant_rate import ConstantRateExperiment
 from pyburgers.errors import InputError, SamplingError
+from pyburgers.experiment import Experiment
+from pyburgers.forced_oscillation import OscillationExperiment
 from pyburgers.parameters import PARAMETER_BY_NAME, PARAMETERS
 from pyburgers.priors import Prior, PriorSet
-from pyburgers.stan_data import REFERENCE_STRESS, SolverOptions, constant_rate_data
+from pyburgers.stan_data import SolverOptions, program_data, reference_quantity
 
 FloatArray = npt.NDArray[np.float64]
 
 REFERENCE_SOLVER = SolverOptions(tolerance=1e-10, max_num_steps=1_000_000)
 """Tolerance at which a solution is taken as exact."""
 
+FABRIC_OF_OLIVINE = 1.0
+"""Oscillating tests have no fabric evolution (Eq. 5 of the paper)."""
+
+OUTPUTS_PER_CYCLE = 60
+"""Times in a cycle at which a smooth curve is drawn."""
+
 
 def constant_rate_program() -> Path:
     """Path of the program for tests at imposed strain rate."""
     return stan_directory() / "constant_rate.stan"
+
+
+def program_for(experiment: Experiment) -> Path:
+    """Path of the program for an experiment's protocol."""
+    if isinstance(experiment, OscillationExperiment):
+        return stan_directory() / "forced_oscillation.stan"
+    return constant_rate_program()
 
 
 @contextmanager
@@ -106,13 +121,31 @@ def check_parameters(values: Mapping[str, object], where: str = "parameters") ->
     return checked
 
 
-def output_strain(experiment: ConstantRateExperiment) -> FloatArray:
-    """Strains at which a smooth curve is drawn, shape (n,): dense where stress first rises.
+def output_grid(experiment: Experiment) -> FloatArray:
+    """Strains, or times (s) of an oscillating test, at which a smooth curve is drawn, shape (n,).
 
-    They include the observed strains.
+    They include the observed ones. Strains are dense where stress first rises.
     """
+    if isinstance(experiment, OscillationExperiment):
+        return np.union1d(time_grid(experiment, OUTPUTS_PER_CYCLE), experiment.prepared.time)
+    assert isinstance(experiment, ConstantRateExperiment)  # the only other protocol
     shape = np.union1d(np.geomspace(1e-4, 1.0, 120), np.linspace(0.0, 1.0, 101)[1:])
     return np.union1d(strain_grid(experiment, shape), experiment.strain)
+
+
+def observed_grid(experiment: Experiment) -> FloatArray:
+    """Strains, or times (s) of an oscillating test, at which stress was observed, (n_points,)."""
+    if isinstance(experiment, OscillationExperiment):
+        return experiment.prepared.time
+    assert isinstance(experiment, ConstantRateExperiment)  # the only other protocol
+    return experiment.strain
+
+
+def time_grid(experiment: OscillationExperiment, per_cycle: int) -> FloatArray:
+    """Evenly spaced times (s) from the start of a record to its last stress reading."""
+    prepared = experiment.prepared
+    start, end = prepared.start, float(prepared.time[-1])
+    return np.linspace(start, end, round(per_cycle * (end - start) / prepared.period) + 1)
 
 
 def strain_grid(experiment: ConstantRateExperiment, shape: FloatArray) -> FloatArray:
@@ -155,10 +188,10 @@ def _fixed(name: str, value: float) -> Prior:
 
 
 def simulate(
-    experiment: ConstantRateExperiment,
+    experiment: Experiment,
     parameters: Mapping[str, float],
     *,
-    strain: FloatArray | None = None,
+    at: FloatArray | None = None,
     solver: SolverOptions = REFERENCE_SOLVER,
     report: Callable[[str], None] = lambda _: None,
 ) -> pd.DataFrame:
@@ -166,13 +199,13 @@ def simulate(
 
     Parameters
     ----------
-    experiment : ConstantRateExperiment
-        Protocol, temperature and initial grain size; data are not needed.
+    experiment : Experiment
+        Protocol, temperature and initial grain size; stresses are not needed.
     parameters : mapping
         SI values by name (see `check_parameters`).
-    strain : array, shape (n,), optional
-        Strains (fraction, positive); default `output_strain`. The strains of rate steps are
-        added.
+    at : array, shape (n,), optional
+        Strains (fraction, positive; those of rate steps are added), or times (s, increasing, not
+        before the start of the record) of an oscillating test. Default `output_grid`.
     solver : SolverOptions
         Tolerance and step limit.
     report : callable
@@ -181,8 +214,9 @@ def simulate(
     Returns
     -------
     DataFrame
-        Columns time_s, strain, stress_Pa, kelvin_strain, grain_size_m, fabric_factor. The
-        reference stress S_0 (Pa) is in ``.attrs["reference_stress"]``.
+        Columns time_s, strain, stress_Pa, kelvin_strain, grain_size_m, fabric_factor. Strain is
+        what drives an oscillating test: without its trend where the background is removed. The
+        reference stress (Pa), or flow rate (1/s), is in ``.attrs`` under its name.
 
     Raises
     ------
@@ -192,26 +226,34 @@ def simulate(
         If the solver finds no solution.
     """
     values = check_parameters(parameters)
-    grid = output_strain(experiment) if strain is None else np.asarray(strain, dtype=np.float64)
+    grid = output_grid(experiment) if at is None else np.asarray(at, dtype=np.float64)
     draw = solve(experiment, values, grid, solver=solver, report=report)
+    if isinstance(experiment, OscillationExperiment):
+        time, strain = draw["grid_time"], experiment.prepared.strain(draw["grid_time"])
+        fabric = np.full_like(time, FABRIC_OF_OLIVINE)
+    else:
+        assert isinstance(experiment, ConstantRateExperiment)  # the only other protocol
+        time, strain = experiment.time_at(draw["grid_strain"]), draw["grid_strain"]
+        fabric = draw["grid_fabric_factor"]
     solution = pd.DataFrame(
         {
-            "time_s": experiment.time_at(draw["grid_strain"]),
-            "strain": draw["grid_strain"],
+            "time_s": time,
+            "strain": strain,
             "stress_Pa": draw["grid_stress"],
             "kelvin_strain": draw["grid_kelvin_strain"],
             "grain_size_m": draw["grid_grain_size"],
-            "fabric_factor": draw["grid_fabric_factor"],
+            "fabric_factor": fabric,
         }
     )
-    solution.attrs[REFERENCE_STRESS] = float(draw[REFERENCE_STRESS])
+    reference = reference_quantity(experiment).name
+    solution.attrs[reference] = float(draw[reference])
     return solution
 
 
 def solve(
-    experiment: ConstantRateExperiment,
+    experiment: Experiment,
     values: Mapping[str, float],
-    strain: FloatArray,
+    at: FloatArray,
     *,
     solver: SolverOptions,
     report: Callable[[str], None] = lambda _: None,
@@ -220,14 +262,15 @@ def solve(
 
     Parameters
     ----------
-    experiment, values, strain, solver, report
+    experiment, values, at, solver, report
         As for `simulate`; `values` are taken as they are.
 
     Returns
     -------
     dict
-        ``grid_*`` arrays, shape (n,), as named in ``stan/constant_rate.stan``, the strains
-        themselves as ``grid_strain``, and scalars such as ``reference_stress`` (SI).
+        ``grid_*`` arrays, shape (n,), as named in the Stan program, the strains or times (s)
+        themselves as ``grid_strain`` or ``grid_time``, and scalars such as ``reference_stress``
+        (SI).
 
     Raises
     ------
@@ -240,15 +283,17 @@ def solve(
         priors={p.name: _fixed(p.name, values.get(p.name, 1.0)) for p in PARAMETERS},
         name="given",
     )
-    protocol = replace(experiment, strain=np.empty(0), stress=np.empty(0))
-    data = constant_rate_data(protocol, priors, solver=solver, grid_strain=strain)
-    model = load_model(constant_rate_program(), report=report)
-    draw = evaluate(model, data)
+    if isinstance(experiment, ConstantRateExperiment):
+        experiment = replace(experiment, strain=np.empty(0), stress=np.empty(0))
+    data = program_data(experiment, priors, solver=solver, grid=at)
+    draw = evaluate(load_model(program_for(experiment), report=report), data)
     if not np.isfinite(draw["grid_stress"]).all():
         raise SamplingError(
             f"{experiment.id}: the solver found no finite stress at these parameters; check their "
             "units (SI) and the sign of beta."
         )
+    if isinstance(experiment, OscillationExperiment):
+        return {**draw, "grid_time": np.asarray(at)}
     return {**draw, "grid_strain": np.array(data["grid_strain"])}
 
 

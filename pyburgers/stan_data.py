@@ -1,6 +1,6 @@
 """Experiment, priors and solver options -> the data dictionary of the Stan programs.
 
-The only module that knows the data blocks in `stan/data/` and `stan/constant_rate.stan`.
+The only module that knows the data blocks in `stan/data/` and of the programs.
 """
 
 from collections.abc import Mapping, Sequence
@@ -9,11 +9,21 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.integrate import trapezoid
 from scipy.special import logit
 
 from pyburgers.constant_rate import ConstantRateExperiment
 from pyburgers.errors import InputError
-from pyburgers.parameters import PARAMETERS, REFERENCE_STRESS_QUANTITY
+from pyburgers.experiment import Experiment
+from pyburgers.forced_oscillation import OscillationExperiment
+from pyburgers.harmonics import trend_projection
+from pyburgers.parameters import (
+    PARAMETERS,
+    REFERENCE_FLOW_RATE_QUANTITY,
+    REFERENCE_QUANTITIES,
+    REFERENCE_STRESS_QUANTITY,
+    Parameter,
+)
 from pyburgers.priors import Prior, PriorSet
 
 FloatArray = npt.NDArray[np.float64]
@@ -25,11 +35,23 @@ FAMILY_CODE = {"fixed": 0, "uniform": 1, "normal": 2, "half_normal": 2, "lognorm
 REFERENCE_STRESS = REFERENCE_STRESS_QUANTITY.name
 """Name of the coordinate ln S_0 that replaces Q_M or beta."""
 
-PLAIN, VALLEY = 1, 2
-"""Codes of the coordinate systems."""
+REFERENCE_FLOW_RATE = REFERENCE_FLOW_RATE_QUANTITY.name
+"""Name of the coordinate ln(flow rate s) that replaces Q_M or beta in oscillating tests."""
+
+PLAIN, VALLEY, SHEARED = 1, 2, 2
+"""Codes of the coordinate systems: each program has plain ones and others of its own."""
 
 REFERENCE_STRESS_SCALE = 0.1
 """Scale of ln S_0: data fix it to about 0.01, the prior to about 1."""
+
+TYPICAL_FLOW_RATE = 0.1
+"""Origin of the sampled flow rate over the root mean square of the driving strain rate."""
+
+START_MARGIN = 1e-3
+"""Periods by which a record starts ahead of its first reading, so that the solver can start."""
+
+PATH_TIMES = 4001
+"""Times at which the strain rate is read off for the path strain of a record."""
 
 STEP_ROUNDING = 1e-12
 """Relative distance from a rate step below which a strain counts as the step."""
@@ -74,12 +96,13 @@ class PlainCoordinates:
     Attributes
     ----------
     quantities : tuple of str
-        Quantity of each coordinate: a parameter, or `REFERENCE_STRESS` (as ln S_0) in place of
-        one.
+        Quantity of each coordinate: a parameter, or in place of one the reference stress or flow
+        rate, as a logarithm.
     parameters : tuple of str
         Parameter that each coordinate gives a value to.
     shift, scale, lower, upper : array, shape (n_coordinates,)
-        Origin, size and bounds of the quantities in SI (ln Pa for the reference stress).
+        Origin, size and bounds of the quantities in SI (ln Pa for the reference stress, ln 1/s for
+        the flow rate).
     """
 
     quantities: tuple[str, ...]
@@ -91,17 +114,18 @@ class PlainCoordinates:
 
     @property
     def replaced_parameter(self) -> str | None:
-        """Parameter whose place ln S_0 takes, if any."""
-        if REFERENCE_STRESS not in self.quantities:
-            return None
-        return self.parameters[self.quantities.index(REFERENCE_STRESS)]
+        """Parameter whose place the reference stress or flow rate takes, if any."""
+        for quantity, parameter in zip(self.quantities, self.parameters, strict=True):
+            if quantity in REFERENCE_QUANTITIES:
+                return parameter
+        return None
 
     def at(self, values: Mapping[str, float]) -> FloatArray:
-        """Coordinates, shape (n_coordinates,), of SI values that include the reference stress."""
+        """Coordinates, shape (n_coordinates,), of SI values that include the reference one."""
         return np.array(
             [
                 self.of_quantity(
-                    k, np.log(values[name]) if name == REFERENCE_STRESS else values[name]
+                    k, np.log(values[name]) if name in REFERENCE_QUANTITIES else values[name]
                 )
                 for k, name in enumerate(self.quantities)
             ],
@@ -109,7 +133,7 @@ class PlainCoordinates:
         )
 
     def of_quantity(self, k: int, position: npt.ArrayLike) -> FloatArray:
-        """Coordinate k, of any shape, where its quantity has the given values (ln Pa for S_0)."""
+        """Coordinate k, of any shape, where its quantity (or its logarithm) has given values."""
         position = np.asarray(position, dtype=np.float64)
         lower, upper, scale = self.lower[k], self.upper[k], self.scale[k]
         if np.isinf(lower):
@@ -123,10 +147,27 @@ class PlainCoordinates:
             return inside
 
 
-def plain_coordinates(experiment: ConstantRateExperiment, priors: PriorSet) -> PlainCoordinates:
-    """Choose origin and size of every free parameter and what ln S_0 replaces.
+def default_solver(experiment: Experiment) -> SolverOptions:
+    """Solver for sampling: as loose as the check of the finished draws usually allows.
 
-    ln S_0 replaces Q_M, or beta where Q_M cannot be replaced: a parameter with two finite bounds
+    Oscillating tests are many times as long, and their noise hides more.
+    """
+    if isinstance(experiment, OscillationExperiment):
+        return SolverOptions(tolerance=1e-4)
+    return SolverOptions()
+
+
+def reference_quantity(experiment: Experiment) -> Parameter:
+    """Point of the flow law whose logarithm is sampled in place of Q_M or beta."""
+    if isinstance(experiment, OscillationExperiment):
+        return REFERENCE_FLOW_RATE_QUANTITY
+    return REFERENCE_STRESS_QUANTITY
+
+
+def plain_coordinates(experiment: Experiment, priors: PriorSet) -> PlainCoordinates:
+    """Choose origin and size of every free parameter and what the reference quantity replaces.
+
+    It replaces Q_M, or beta where Q_M cannot be replaced: a parameter with two finite bounds
     keeps its own coordinate, because its bounds would cut the replaced one obliquely.
     """
     replaced = next(
@@ -142,8 +183,8 @@ def plain_coordinates(experiment: ConstantRateExperiment, priors: PriorSet) -> P
     for name in priors.free:
         prior = priors[name]
         if name == replaced:
-            shift = float(np.log(_stress_scale(experiment)))
-            rows.append((REFERENCE_STRESS, shift, REFERENCE_STRESS_SCALE, -np.inf, np.inf))
+            origin = _reference_origin(experiment)
+            rows.append((reference_quantity(experiment).name, *origin, -np.inf, np.inf))
         elif prior.family == "lognormal":
             # Its scale is that of the logarithm; the median sets the size.
             rows.append((name, 0.0, prior.location, prior.lower, prior.upper))
@@ -154,11 +195,15 @@ def plain_coordinates(experiment: ConstantRateExperiment, priors: PriorSet) -> P
     return PlainCoordinates(quantities, tuple(priors.free), *numbers.T)
 
 
-def _stress_scale(experiment: ConstantRateExperiment) -> float:
-    """Largest observed stress (Pa), or a laboratory stress where nothing was observed."""
-    if experiment.n_points == 0:
-        return 1e7
-    return float(np.max(np.abs(experiment.stress)))
+def _reference_origin(experiment: Experiment) -> tuple[float, float]:
+    """Origin and size of the logarithm of the reference quantity."""
+    if isinstance(experiment, OscillationExperiment):
+        prepared = experiment.prepared
+        rate = float(np.sqrt(np.mean(prepared.strain_rate(prepared.time) ** 2)))
+        return float(np.log(TYPICAL_FLOW_RATE * rate)), 1.0
+    # The largest observed stress, or a laboratory stress where nothing was observed.
+    stress = float(np.max(np.abs(experiment.stress))) if experiment.n_points > 0 else 1e7
+    return float(np.log(stress)), REFERENCE_STRESS_SCALE
 
 
 def _outputs(
@@ -330,6 +375,8 @@ def constant_rate_data(
 ) -> StanData:
     """Return all data of `stan/constant_rate.stan`.
 
+    `program_data` does so for an experiment of any protocol.
+
     Parameters
     ----------
     experiment : ConstantRateExperiment
@@ -353,3 +400,178 @@ def constant_rate_data(
         **solver_block(solver),
         **grid_block(experiment, np.empty(0) if grid_strain is None else grid_strain),
     }
+
+
+@dataclass(frozen=True, eq=False)
+class ShearedReference:
+    """What sets the sheared coordinates up, as in `stan/data/sheared.stan`.
+
+    Attributes
+    ----------
+    flow_slope : array, shape (3,)
+        Derivatives of the ln(flow rate s) that fits best by n, p and p ln(d/d_0).
+    """
+
+    flow_slope: FloatArray
+
+
+def sheared_block(reference: ShearedReference | None) -> StanData:
+    """Return the block `stan/data/sheared.stan`; None keeps the plain coordinates."""
+    if reference is None:
+        return {"coordinate_system": PLAIN, "flow_slope": [0.0] * 3}
+    return {"coordinate_system": SHEARED, "flow_slope": reference.flow_slope.tolist()}
+
+
+def oscillation_block(experiment: OscillationExperiment, *, use_likelihood: bool) -> StanData:
+    """Return the block `stan/data/forced_oscillation_experiment.stan`."""
+    prepared = experiment.prepared
+    period = prepared.period
+    kept = prepared.background == "kept"
+    first_tau = prepared.start / period - START_MARGIN
+    sine, cosine = prepared.strain_sine[0], prepared.strain_cosine[0]
+    # The oscillation passes upwards through zero where tau + phase is a whole number.
+    phase = float(np.arctan2(cosine, sine)) / (2 * np.pi)
+    start_tau = float(np.floor(first_tau + phase)) - phase - experiment.spin_up_cycles
+    background = prepared.background_rate * period if kept else np.empty(0)
+    trend_shape, trend_fit = trend_projection(
+        prepared.time,
+        period=period,
+        degree=prepared.stress_fit.degree,
+        uncertainty=prepared.uncertainty,
+    )
+    n_trend = 0 if kept else trend_fit.shape[0]
+    bias = float(prepared.stress_fit.trend(np.array([prepared.start]))[0])
+    amplitude = prepared.stress_fit.amplitude()[0]
+    lag = prepared.stress_fit.phase()[0] - prepared.strain_fit.phase()[0]
+    compliance = float(np.hypot(sine, cosine)) / amplitude
+    return {
+        "temperature": experiment.temperature,
+        "initial_grain_size": experiment.initial_grain_size,
+        "period": period,
+        "n_harmonics": prepared.strain_sine.size,
+        "strain_sine": prepared.strain_sine.tolist(),
+        "strain_cosine": prepared.strain_cosine.tolist(),
+        "n_background": background.size,
+        "background": background.tolist(),
+        "background_middle": prepared.t_middle / period,
+        "background_half": prepared.t_half / period,
+        "start_tau": start_tau,
+        "start_stress": bias if kept else 0.0,
+        "first_tau": first_tau,
+        "stress_scale": max(amplitude, abs(bias)) if kept else amplitude,
+        "strain_scale": float(np.hypot(sine, cosine)),
+        "stress_amplitude": amplitude,
+        "storage_compliance": compliance * float(np.cos(lag)),
+        "loss_compliance": compliance * float(np.sin(lag)),
+        "typical_path_strain": 0.5 * _path_strain(experiment),
+        "n_points": experiment.n_points,
+        "tau": (prepared.time / period).tolist(),
+        "stress_observed": experiment.stress.tolist(),
+        "relative_noise": (
+            prepared.uncertainty / np.sqrt(np.mean(prepared.uncertainty**2))
+        ).tolist(),
+        "n_trend": n_trend,
+        "trend_shape": trend_shape[:, :n_trend].tolist(),
+        "trend_fit": trend_fit[:n_trend].tolist(),
+        "use_likelihood": int(use_likelihood),
+    }
+
+
+def _path_strain(experiment: OscillationExperiment) -> float:
+    """Integral of the absolute strain rate over the record."""
+    prepared = experiment.prepared
+    time = np.linspace(prepared.start, prepared.time[-1], PATH_TIMES)
+    return float(trapezoid(np.abs(prepared.strain_rate(time)), time))
+
+
+def forced_oscillation_data(
+    experiment: OscillationExperiment,
+    priors: PriorSet,
+    *,
+    solver: SolverOptions,
+    grid_time: FloatArray | None = None,
+    use_likelihood: bool = True,
+    sheared: ShearedReference | None = None,
+) -> StanData:
+    """Return all data of `stan/forced_oscillation.stan`.
+
+    Parameters
+    ----------
+    experiment : OscillationExperiment
+        The test.
+    priors : PriorSet
+        Priors in SI, resolved (`PriorSet.resolved`).
+    solver : SolverOptions
+        Tolerance and step limit.
+    grid_time : array, shape (n_grid,), optional
+        Times (s, increasing, from the start of the record on) at which to report the solution.
+    use_likelihood : bool
+        False gives the prior.
+    sheared : ShearedReference, optional
+        Sample in sheared coordinates; default plain coordinates.
+    """
+    return {
+        **oscillation_block(experiment, use_likelihood=use_likelihood),
+        **prior_block(priors),
+        **coordinate_block(plain_coordinates(experiment, priors)),
+        **sheared_block(sheared),
+        **solver_block(solver),
+        **time_grid_block(experiment, np.empty(0) if grid_time is None else grid_time),
+    }
+
+
+def time_grid_block(experiment: OscillationExperiment, grid_time: FloatArray) -> StanData:
+    """Return the times at which the solution is reported apart from the observed ones."""
+    prepared = experiment.prepared
+    shape = prepared.stress_fit.trend_shape(grid_time)
+    n_trend = shape.shape[1] if prepared.background == "removed" else 0
+    return {
+        "n_grid": grid_time.size,
+        "grid_tau": (grid_time / prepared.period).tolist(),
+        "grid_trend_shape": shape[:, :n_trend].tolist(),
+    }
+
+
+def program_data(
+    experiment: Experiment,
+    priors: PriorSet,
+    *,
+    solver: SolverOptions,
+    grid: FloatArray | None = None,
+    use_likelihood: bool = True,
+) -> StanData:
+    """Return all data, in plain coordinates, of the program for an experiment.
+
+    Parameters
+    ----------
+    experiment, priors, solver, use_likelihood
+        As for `constant_rate_data` and `forced_oscillation_data`.
+    grid : array, shape (n_grid,), optional
+        Strains, or times (s) of an oscillating test, at which to report the solution.
+    """
+    match experiment:
+        case ConstantRateExperiment():
+            return constant_rate_data(
+                experiment,
+                priors,
+                solver=solver,
+                grid_strain=grid,
+                use_likelihood=use_likelihood,
+            )
+        case OscillationExperiment():
+            return forced_oscillation_data(
+                experiment,
+                priors,
+                solver=solver,
+                grid_time=grid,
+                use_likelihood=use_likelihood,
+            )
+    raise TypeError(f"no program for {type(experiment).__name__}")
+
+
+def with_grid(data: StanData, experiment: Experiment, grid: FloatArray) -> StanData:
+    """Return the data of a program with other positions of its solution (see `program_data`)."""
+    if isinstance(experiment, OscillationExperiment):
+        return {**data, **time_grid_block(experiment, grid)}
+    assert isinstance(experiment, ConstantRateExperiment)  # the only other protocol
+    return {**data, **grid_block(experiment, grid)}

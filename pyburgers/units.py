@@ -13,6 +13,7 @@ UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
         "stress": {"Pa": 1.0, "MPa": 1e6, "GPa": 1e9},
         "viscosity": {"Pa s": 1.0, "MPa s": 1e6, "GPa s": 1e9},
         "strain": {"fraction": 1.0, "percent": 1e-2},
+        "strain rate": {"1/s": 1.0, "1e-6/s": 1e-6},
         "time": {"s": 1.0, "min": 60.0, "h": 3600.0},
         "length": {"m": 1.0, "mm": 1e-3, "um": 1e-6},
         "molar energy": {"J/mol": 1.0, "kJ/mol": 1e3},

@@ -44,8 +44,8 @@ transformed data {
   if (coordinate_system == 2) {
     vector[n_parameters()] parameter = head(parameters_from_plain(reference_coordinate,
       parameter_of_coordinate, quantity_shift, quantity_scale, quantity_lower, quantity_upper,
-      prior_location, replaced_parameter, segment_rate[1], initial_grain_size, temperature),
-      n_parameters());
+      prior_location, replaced_parameter, 1, log(segment_rate[1]), initial_grain_size,
+      temperature), n_parameters());
     if (coordinate_of[12] > 0 && noise_exponent[coordinate_of[12]] != 0) {
       reject("noise_exponent of the stress noise itself must be 0");
     }
@@ -82,8 +82,8 @@ transformed parameters {
     if (coordinate_system == 1) {
       mapped = parameters_from_plain(coordinate, parameter_of_coordinate, quantity_shift,
                                      quantity_scale, quantity_lower, quantity_upper,
-                                     prior_location, replaced_parameter, segment_rate[1],
-                                     initial_grain_size, temperature);
+                                     prior_location, replaced_parameter, 1,
+                                     log(segment_rate[1]), initial_grain_size, temperature);
     } else {
       mapped = parameters_from_valley(coordinate, parameter_of_coordinate, coordinate_of,
                                       quantity_shift, quantity_scale, quantity_lower,

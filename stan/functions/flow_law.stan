@@ -63,29 +63,41 @@ real log_reference_stress(real strain_rate, real initial_grain_size, real temper
 }
 
 /**
- * Q_M for which the reference stress has a given value (log_reference_stress solved for Q_M).
+ * ln of the rate at which undeformed material (F = 1, d = d_0) flows at a given stress.
  *
- * |d Q_M / d ln S_0| = n / (1/(R T) - beta).
+ * @return ln(strain rate s)
  */
-real activation_enthalpy_from_reference_stress(real log_s0, real strain_rate,
-                                               real initial_grain_size, real temperature,
-                                               real stress_exponent, real grain_size_exponent,
-                                               real beta) {
-  return (log(strain_rate) + grain_size_exponent * log(initial_grain_size)
-          - stress_exponent * log_s0)
+real log_flow_rate(real stress, real initial_grain_size, real temperature, real stress_exponent,
+                   real grain_size_exponent, real activation_enthalpy, real beta) {
+  return stress_exponent * log(stress) - grain_size_exponent * log(initial_grain_size)
+         + log_rate_factor(activation_enthalpy, beta, temperature);
+}
+
+/**
+ * Q_M for which undeformed material flows at a given rate under a given stress.
+ *
+ * |d Q_M / d log_rate| = 1 / (1/(R T) - beta), |d Q_M / d log_stress| = n times that.
+ *
+ * @param log_rate ln(strain rate s)
+ * @param log_stress ln(stress / Pa)
+ */
+real activation_enthalpy_from_flow(real log_rate, real log_stress, real initial_grain_size,
+                                   real temperature, real stress_exponent,
+                                   real grain_size_exponent, real beta) {
+  return (log_rate + grain_size_exponent * log(initial_grain_size)
+          - stress_exponent * log_stress)
          / (beta - 1 / (gas_constant() * temperature));
 }
 
 /**
- * beta for which the reference stress has a given value (log_reference_stress solved for beta).
+ * beta for which undeformed material flows at a given rate under a given stress.
  *
- * |d beta / d ln S_0| = n / Q_M.
+ * |d beta / d log_rate| = 1 / Q_M, |d beta / d log_stress| = n times that.
  */
-real beta_from_reference_stress(real log_s0, real strain_rate, real initial_grain_size,
-                                real temperature, real stress_exponent,
-                                real grain_size_exponent, real activation_enthalpy) {
-  return (log(strain_rate) + grain_size_exponent * log(initial_grain_size)
-          - stress_exponent * log_s0)
+real beta_from_flow(real log_rate, real log_stress, real initial_grain_size, real temperature,
+                    real stress_exponent, real grain_size_exponent, real activation_enthalpy) {
+  return (log_rate + grain_size_exponent * log(initial_grain_size)
+          - stress_exponent * log_stress)
          / activation_enthalpy
          + 1 / (gas_constant() * temperature);
 }

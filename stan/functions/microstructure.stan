@@ -16,6 +16,20 @@ real microstructure_rate(real value, real steady_state, real critical_strain, re
 }
 
 /**
+ * Grain size that a stress wants, 0.015 (|stress|/1 MPa)^-1.33 m (Maor et al., Eq. 5).
+ *
+ * Eq. 5 is printed without the absolute value and without a floor: grains would grow without
+ * limit in every passage of the stress through zero. |stress| is replaced by
+ * sqrt(stress^2 + (1 MPa)^2), a floor without a corner.
+ *
+ * @param stress sigma, Pa
+ * @return grain size, m
+ */
+real piezometer_grain_size(real stress) {
+  return 0.015 * pow(1 + square(stress * 1e-6), -0.665);
+}
+
+/**
  * Value of a microstructural variable after a path strain: Eq. 3 or 4 integrated.
  *
  * @param initial value of the undeformed material

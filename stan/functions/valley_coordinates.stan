@@ -418,8 +418,8 @@ vector parameters_from_valley(vector coordinate, data array[] int parameter_of_c
                   - log(scale[coordinate_of[replaced_parameter]]);
   {
     vector[n_parameters() + 1] mapped = parameters_from_plain(plain, parameter_of_coordinate,
-      shift, scale, lower_bound, upper_bound, fixed_value, replaced_parameter, strain_rate,
-      initial_grain_size, temperature);
+      shift, scale, lower_bound, upper_bound, fixed_value, replaced_parameter, 1,
+      log(strain_rate), initial_grain_size, temperature);
     mapped[n_parameters() + 1] += log_jacobian;
     return mapped;
   }

@@ -61,7 +61,7 @@ def linear_parameters() -> dict[str, float]:
 
 def test_stress_agrees_with_the_independent_table() -> None:
     strain = np.array(list(STRESS_OF_PIL40))
-    solution = simulate(load_constant_rate(ICE / "PIL40.toml"), truth("PIL40"), strain=strain)
+    solution = simulate(load_constant_rate(ICE / "PIL40.toml"), truth("PIL40"), at=strain)
     np.testing.assert_allclose(
         solution["stress_Pa"] / 1e6, list(STRESS_OF_PIL40.values()), rtol=2e-3
     )
@@ -70,7 +70,7 @@ def test_stress_agrees_with_the_independent_table() -> None:
 @pytest.mark.parametrize("name", PEAKS)
 def test_peak_agrees_with_the_independent_table(name: str) -> None:
     strain = np.linspace(2e-4, 0.06, 300)
-    solution = simulate(load_constant_rate(ICE / f"{name}.toml"), truth(name), strain=strain)
+    solution = simulate(load_constant_rate(ICE / f"{name}.toml"), truth(name), at=strain)
     stress, at = PEAKS[name]
     assert solution["stress_Pa"].max() / 1e6 == pytest.approx(stress, rel=2e-3)
     assert strain[solution["stress_Pa"].argmax()] == pytest.approx(at, abs=3e-4)
@@ -90,7 +90,7 @@ def test_stress_becomes_steady_at_large_strain() -> None:
         "critical_strain_fabric": 0.05,
     }
     rate = 1.69e-4
-    solution = simulate(protocol([(0.0, rate)], 2.0), parameters, strain=np.array([1.5, 2.0]))
+    solution = simulate(protocol([(0.0, rate)], 2.0), parameters, at=np.array([1.5, 2.0]))
     steady = parameters["steady_state_fabric_factor"] * (
         rate
         * parameters["steady_state_grain_size"] ** parameters["grain_size_exponent"]
@@ -111,7 +111,7 @@ def test_strains_of_the_elements_add_up(segments: Sequence[tuple[float, float]])
     ends = np.append(starts[1:], 0.1)
     strain = (starts[:, None] + (ends - starts)[:, None] * within).ravel()
     strain[within.size - 1 :: within.size] = ends
-    solution = simulate(protocol(segments, 0.1), parameters, strain=strain)
+    solution = simulate(protocol(segments, 0.1), parameters, at=strain)
     dashpot_rate = oracle.dashpot_rate(
         parameters,
         260.0,
@@ -178,7 +178,7 @@ def test_a_reading_at_a_rate_step_is_the_end_of_the_segment_before(start: float)
     parameters = truth("PIL40")
     test = protocol([(0.0, 1e-4), (start, 1e-5)], 0.1)
     beside = np.array([np.nextafter(start, 0), start, np.nextafter(start, 1)])
-    solution = simulate(test, parameters, strain=np.append(beside, 0.1))
+    solution = simulate(test, parameters, at=np.append(beside, 0.1))
     np.testing.assert_allclose(
         solution["stress_Pa"].iloc[:-1], solution["stress_Pa"].iloc[0], rtol=1e-9
     )
@@ -187,14 +187,14 @@ def test_a_reading_at_a_rate_step_is_the_end_of_the_segment_before(start: float)
 def test_a_rate_step_down_lowers_the_stress_by_the_power_law() -> None:
     parameters = truth("PIL40")
     solution = simulate(
-        protocol([(0.0, 1e-4), (1.0, 1e-5)], 2.0), parameters, strain=np.array([1.0, 2.0])
+        protocol([(0.0, 1e-4), (1.0, 1e-5)], 2.0), parameters, at=np.array([1.0, 2.0])
     )
     before, after = solution["stress_Pa"]
     assert after / before == pytest.approx(0.1 ** (1 / parameters["stress_exponent"]), rel=1e-3)
 
 
 def test_solution_has_the_columns_and_times_of_the_protocol() -> None:
-    solution = simulate(protocol(STEPS, 0.1), truth("PIL40"), strain=np.array([0.01, 0.04, 0.1]))
+    solution = simulate(protocol(STEPS, 0.1), truth("PIL40"), at=np.array([0.01, 0.04, 0.1]))
     assert list(solution) == [
         "time_s",
         "strain",

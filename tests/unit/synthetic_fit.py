@@ -14,10 +14,10 @@ from pyburgers.constant_rate import ConstantRateExperiment, RateSegment
 from pyburgers.experiment import Provenance
 from pyburgers.fitting import Fit
 from pyburgers.parameters import PARAMETER_BY_NAME, PARAMETERS
-from pyburgers.posterior import prediction_strain
+from pyburgers.posterior import prediction_grid
 from pyburgers.priors import Family, Prior, PriorSet
 from pyburgers.run_directory import RunDirectory, write_json
-from pyburgers.simulation import output_strain
+from pyburgers.simulation import output_grid
 from pyburgers.stan_data import REFERENCE_STRESS
 
 FloatArray = npt.NDArray[np.float64]
@@ -176,7 +176,7 @@ def make_fit(
     experiment = make_experiment(name, kind, segments, rng, **changes)
     priors = make_priors(fixed)
     posterior = _posterior(priors, (chains, draws), rng, apart, stuck_chain)
-    at_points, on_grid = experiment.strain, prediction_strain(experiment)
+    at_points, on_grid = experiment.strain, prediction_grid(experiment)
     reference, final = posterior[REFERENCE_STRESS].to_numpy(), _final(posterior)
     noise = posterior["stress_noise"].to_numpy()[..., None]
     model = _curve(at_points, reference, final)
@@ -209,7 +209,7 @@ def make_fit(
         "solver_log_ratio": 1e-4 * rng.normal(size=shape),
     }
     points = {"point": np.arange(at_points.size)}
-    smooth = output_strain(experiment)
+    smooth = output_grid(experiment)
     tree = xr.DataTree.from_dict(
         {
             "posterior": posterior,

@@ -60,7 +60,7 @@ def test_simulated_data_are_the_solution_at_a_prior_draw_with_noise(programs: No
     assert simulated.experiment.provenance.kind == "synthetic"
     truth = simulated.experiment.true_parameters
     assert truth is not None
-    solution = simulate(experiment, truth, strain=np.unique(experiment.strain))
+    solution = simulate(experiment, truth, at=np.unique(experiment.strain))
     stress = np.interp(experiment.strain, solution["strain"], solution["stress_Pa"])
     deviation = (simulated.experiment.stress - stress) / truth["stress_noise"]
     # A sum of 61 squares of standard normal numbers.

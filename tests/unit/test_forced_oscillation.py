@@ -144,7 +144,7 @@ class TestReading:
         assert settings.strain_trend_degree == 1
         assert settings.stress_trend_degree is not None
         assert settings.background == "removed"
-        assert experiment.spin_up_cycles == 5
+        assert experiment.spin_up_cycles == 2
 
     def test_what_is_given_is_used(self, write: Write) -> None:
         path = write(

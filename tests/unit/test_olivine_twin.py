@@ -79,7 +79,7 @@ class TestSolver:
         )
         turning = np.exp(1j * (omega * time + truth.strain_phase))
         expected = np.imag(truth.strain_amplitude / compliance * turning)
-        stress = generator.solve(linear, truth.initial_grain_size, time)[0]
+        stress = generator.states_at(linear, time)[0]
         np.testing.assert_allclose(stress, expected, atol=1e-6 * np.max(expected))
 
     def test_strain_and_its_parts_add_up(self, generator: ModuleType) -> None:
@@ -103,7 +103,7 @@ class TestSolver:
         self, generator: ModuleType
     ) -> None:
         truth = generator.TRUTH
-        grain_size = generator.states_at(truth, np.array([0.0, 2400.0]))[2]
+        grain_size = generator.states_at(truth, np.array([0.0, 1860.0]))[2]
         assert grain_size[0] == pytest.approx(truth.initial_grain_size, rel=1e-7)
         assert 1.1 < grain_size[1] / grain_size[0] < 1.4
 
@@ -111,13 +111,13 @@ class TestSolver:
         time = np.linspace(0.0, 300.0, 61)
         one, other = (
             generator.states_at(replace(generator.TRUTH, bias=bias), time)[0]
-            for bias in (140e6, 120e6)
+            for bias in (108e6, 100e6)
         )
         np.testing.assert_allclose(one, other, atol=0.05e6)
 
     def test_bias_and_amplitude_are_those_of_a_laboratory_test(self, generator: ModuleType) -> None:
         stress = generator.states_at(generator.TRUTH, np.linspace(0.0, 2400.0, 2400))[0]
-        assert np.mean(stress) == pytest.approx(150e6, rel=0.1)
+        assert np.mean(stress) == pytest.approx(110e6, rel=0.1)
         assert 0.5 * np.ptp(stress[:300]) == pytest.approx(50e6, rel=0.15)
         assert np.min(stress) > 50e6
 
@@ -172,7 +172,7 @@ class TestFiles:
         assert np.std(np.diff(record.stress_time)) > 0.5
         assert record.strain_time[0] < record.stress_time[0]
         assert record.stress_time[-1] < record.strain_time[-1]
-        assert 8 <= (record.strain_time[-1] - record.strain_time[0]) / 300 <= 8.5
+        assert 6 <= (record.strain_time[-1] - record.strain_time[0]) / 300 <= 6.5
 
 
 class TestPreparation:
@@ -194,7 +194,7 @@ class TestPreparation:
     def test_the_stress_drifts(self, twin: OscillationExperiment) -> None:
         assert twin.prepared.stress_fit.degree == 1
         trend = twin.prepared.stress_fit.trend(twin.prepared.time)
-        assert 10e6 < trend[-1] - trend[0] < 25e6
+        assert 5e6 < trend[-1] - trend[0] < 15e6
 
     def test_the_lag_is_that_of_the_noise_free_record(
         self, generator: ModuleType, twin: OscillationExperiment

@@ -1,0 +1,161 @@
+"""What the sampler moves in: coordinates, where their origin lies, and the first metric."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import cmdstanpy
+import numpy as np
+import numpy.typing as npt
+
+from pyburgers.constant_rate import ConstantRateExperiment
+from pyburgers.errors import InputError
+from pyburgers.experiment import Experiment
+from pyburgers.metric import laplace_metric
+from pyburgers.mode import Mode, ModeNotFound, find_mode
+from pyburgers.priors import PriorSet
+from pyburgers.sheared import ShearedUnsuited, find_sheared
+from pyburgers.stan_data import (
+    SolverOptions,
+    StanData,
+    plain_coordinates,
+    sheared_block,
+    valley_block,
+)
+from pyburgers.valley import ValleyUnsuited, find_valley, noise_exponents
+
+FloatArray = npt.NDArray[np.float64]
+
+Coordinates = Literal["auto", "plain", "valley", "sheared"]
+
+SUITED = "the priors and the record suit them"
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """Coordinates of a run.
+
+    Attributes
+    ----------
+    system : {"plain", "valley", "sheared"}
+        Name of the coordinates (`docs/coordinates.md`).
+    reason : str
+        Why they were taken.
+    block : dict
+        Stan data of the coordinates; empty for plain ones.
+    centre : array, shape (n_coordinates,), or None
+        The posterior mode; None where chains start from the prior with the unit metric.
+    covariance : array, shape (n_coordinates, n_coordinates), or None
+        Laplace approximation there, the sampler's first metric.
+    """
+
+    system: str
+    reason: str
+    block: StanData
+    centre: FloatArray | None = None
+    covariance: FloatArray | None = None
+
+
+def choose_geometry(
+    model: cmdstanpy.CmdStanModel,
+    data: StanData,
+    experiment: Experiment,
+    priors: PriorSet,
+    *,
+    wanted: Coordinates,
+    seed: int,
+    solver: SolverOptions,
+    report: Callable[[str], None],
+) -> Geometry:
+    """Find the posterior mode and set up the coordinates that suit, or fall back to plain ones.
+
+    Parameters
+    ----------
+    model : CmdStanModel
+        The program for the experiment.
+    data : dict
+        Its data in plain coordinates. Where they switch the likelihood off, coordinates stay
+        plain and chains start from the prior: what data fix is a poor guide to it.
+    experiment : Experiment
+        A test with data.
+    priors : PriorSet
+        Resolved priors.
+    wanted : {"auto", "plain", "valley", "sheared"}
+        "auto" takes valley coordinates for tests at constant rate and sheared ones for
+        oscillating tests, where priors and record suit them.
+    seed : int
+        Decides where the search for the mode starts.
+    solver : SolverOptions
+        Tolerance and step limit.
+    report : callable
+        Receives progress sentences.
+
+    Raises
+    ------
+    InputError
+        If the coordinates that were asked for do not apply.
+    """
+    special = "valley" if isinstance(experiment, ConstantRateExperiment) else "sheared"
+    if wanted not in ("auto", "plain", special):
+        raise InputError(
+            f"{experiment.id}: {wanted} coordinates are not for tests of the protocol "
+            f"{experiment.protocol}, expected --coordinates auto, plain or {special}."
+        )
+    if not data["use_likelihood"]:
+        return Geometry("plain", "the likelihood is off", {})
+    report("Finding the posterior mode, which sets the sampler's coordinates and metric.")
+    mode = None
+    try:
+        mode = find_mode(experiment, priors, seed=seed, solver=solver, report=report)
+        if wanted == "plain":
+            return _plain(model, data, mode, "asked for")
+        if isinstance(experiment, ConstantRateExperiment):
+            return _valley(model, data, experiment, priors, mode, solver)
+        return _sheared(model, data, experiment, priors, mode)
+    except (ModeNotFound, ValleyUnsuited, ShearedUnsuited) as error:
+        if wanted == special:
+            raise InputError(
+                f"{experiment.id}: {special} coordinates do not apply, because {error}; use "
+                "--coordinates auto or plain."
+            ) from error
+        return _plain(model, data, mode, str(error))
+
+
+def _plain(
+    model: cmdstanpy.CmdStanModel, data: StanData, mode: Mode | None, reason: str
+) -> Geometry:
+    if mode is None:
+        return Geometry("plain", reason, {})
+    covariance = laplace_metric(model, data, mode.coordinate)
+    return Geometry("plain", reason, {}, mode.coordinate, covariance)
+
+
+def _valley(
+    model: cmdstanpy.CmdStanModel,
+    data: StanData,
+    experiment: ConstantRateExperiment,
+    priors: PriorSet,
+    mode: Mode,
+    solver: SolverOptions,
+) -> Geometry:
+    """Valley coordinates, whose origin is the mode."""
+    valley = find_valley(experiment, priors, mode, solver=solver)
+    centre = np.zeros_like(mode.coordinate)
+    covariance = laplace_metric(model, {**data, **valley_block(valley)}, centre)
+    exponents = noise_exponents(plain_coordinates(experiment, priors), priors, covariance)
+    block = valley_block(replace(valley, noise_exponent=exponents))
+    return Geometry("valley", SUITED, block, centre, covariance)
+
+
+def _sheared(
+    model: cmdstanpy.CmdStanModel,
+    data: StanData,
+    experiment: Experiment,
+    priors: PriorSet,
+    mode: Mode,
+) -> Geometry:
+    coordinates = plain_coordinates(experiment, priors)
+    reference, centre = find_sheared(model, data, priors, coordinates, mode)
+    block = sheared_block(reference)
+    covariance = laplace_metric(model, {**data, **block}, centre)
+    return Geometry("sheared", SUITED, block, centre, covariance)

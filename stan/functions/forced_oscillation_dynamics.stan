@@ -1,0 +1,178 @@
+/**
+ * Stress at an imposed oscillating strain rate: the three-state form of the Burgers model with
+ * the grain size that a piezometer wants (Maor et al., Eq. 5) and no fabric (F = 1).
+ *
+ * Time is counted in periods and all states are O(1):
+ *
+ *   y = stress/S,  z = E_K kelvin_strain/S,  w = d/d_u,  r = (d strain/d tau)/e,
+ *   dy/d tau = (E_M e/S) (r - v_K - v_d),  dz/d tau = (E_K period/eta_K) (y - z),
+ *   dw/d tau = |r| (e/epsilon_c1) (d_piezometer(stress)/d_u - w),
+ *   v_K = (S period/(eta_K e)) (y - z),  v_d = v_d0 sgn(y) |y|^n (d/d_0)^-p.
+ *
+ * S and e are an observed stress and strain (data) and v_d0 the rate of the dashpot at stress S
+ * and grain size d_0. v_K and v_d are the rates of the Kelvin element and of the dashpot, in the
+ * unit of r. The unit d_u of the grain size is 100 d_0: where the stress passes through zero the
+ * piezometer asks for huge grains for an instant, and the solver would spend most of its steps on
+ * following that more closely than the stress can tell.
+ *
+ * The strain rate is a sum of harmonics and of a background: the strain is
+ * sum_k [sine_k sin(2 pi k tau) + cosine_k cos(2 pi k tau)] + background, tau = 0 at the origin
+ * of the record's clock.
+ */
+
+/** Unit of the grain size over its initial value, d_u/d_0. */
+real grain_size_unit() {
+  return 100;
+}
+
+/**
+ * d strain/d tau: the oscillation, and a background given as a polynomial of tau.
+ *
+ * @param tau time over period
+ * @param sine, cosine amplitudes of the strain's harmonics
+ * @param background coefficients of the background's d strain/d tau as a polynomial of
+ *   (tau - background_middle)/background_half, the constant first
+ * @param first_tau start of the record: before it the background keeps the rate it has there
+ */
+real oscillating_rate(real tau, data vector sine, data vector cosine, data vector background,
+                      data real background_middle, data real background_half,
+                      data real first_tau) {
+  real rate = 0;
+  real position = ((tau > first_tau ? tau : first_tau) - background_middle) / background_half;
+  for (k in 1 : num_elements(background)) {
+    rate += background[k] * position ^ (k - 1);
+  }
+  for (k in 1 : num_elements(sine)) {
+    real angle = 2 * pi() * k * tau;
+    rate += 2 * pi() * k * (sine[k] * cos(angle) - cosine[k] * sin(angle));
+  }
+  return rate;
+}
+
+/**
+ * Rate of the dashpot at a scaled stress: sgn(y) exp(n ln|y| + log_scale).
+ */
+real scaled_dashpot_rate(real scaled_stress, real stress_exponent, real log_scale) {
+  if (scaled_stress > 0) {
+    return exp(stress_exponent * log(scaled_stress) + log_scale);
+  }
+  if (scaled_stress < 0) {
+    return -exp(stress_exponent * log(-scaled_stress) + log_scale);
+  }
+  return 0;
+}
+
+/**
+ * Right-hand side before the record, where the grain size keeps its initial value.
+ *
+ * @param state [y, z]
+ * @param stiffness E_M e/S
+ * @param kelvin_fluidity S period/(eta_K e)
+ * @param kelvin_decay E_K period/eta_K
+ * @param log_dashpot_rate ln v_d0
+ */
+vector spin_up_rhs(real tau, vector state, real stiffness, real kelvin_fluidity,
+                   real kelvin_decay, real stress_exponent, real log_dashpot_rate,
+                   data vector sine, data vector cosine, data vector background,
+                   data real background_middle, data real background_half,
+                   data real first_tau, data real strain_scale) {
+  real rate = oscillating_rate(tau, sine, cosine, background, background_middle,
+                               background_half, first_tau)
+              / strain_scale;
+  real kelvin_excess = state[1] - state[2];
+  real dashpot_rate = scaled_dashpot_rate(state[1], stress_exponent, log_dashpot_rate);
+  return [stiffness * (rate - kelvin_fluidity * kelvin_excess - dashpot_rate),
+          kelvin_decay * kelvin_excess]';
+}
+
+/**
+ * Right-hand side during the record; see the head of this file.
+ *
+ * @param state [y, z, w]
+ * @param inverse_critical_strain 1/epsilon_c1
+ */
+vector forced_oscillation_rhs(real tau, vector state, real stiffness, real kelvin_fluidity,
+                              real kelvin_decay, real stress_exponent,
+                              real grain_size_exponent, real log_dashpot_rate,
+                              real inverse_critical_strain, data vector sine,
+                              data vector cosine, data vector background,
+                              data real background_middle, data real background_half,
+                              data real first_tau, data real strain_scale,
+                              data real stress_scale, data real initial_grain_size) {
+  real rate = oscillating_rate(tau, sine, cosine, background, background_middle,
+                               background_half, first_tau)
+              / strain_scale;
+  real kelvin_excess = state[1] - state[2];
+  real dashpot_rate = scaled_dashpot_rate(state[1], stress_exponent,
+                                          log_dashpot_rate
+                                          - grain_size_exponent 
+                                            * log(grain_size_unit() * state[3]));
+  real preferred = piezometer_grain_size(stress_scale * state[1])
+                   / (grain_size_unit() * initial_grain_size);
+  return [stiffness * (rate - kelvin_fluidity * kelvin_excess - dashpot_rate),
+          kelvin_decay * kelvin_excess,
+          microstructure_rate(state[3], preferred, 1, strain_scale * rate)
+          * inverse_critical_strain]';
+}
+
+/**
+ * Stress, Kelvin strain and grain size at the given times of a record.
+ *
+ * The model starts cycles ahead of the record, where the oscillating strain passes through zero,
+ * at `start_stress` with a Kelvin element that has settled under it. For a solid any other phase
+ * would leave a constant stress behind that only the dashpot relaxes, over many cycles.
+ *
+ * @param start_tau, first_tau start of the spin-up and of the record, in periods
+ * @param tau output times in periods, increasing, all after first_tau
+ * @param start_stress stress at the start of the spin-up: the bias of the record, Pa
+ * @param stress_scale, strain_scale S (Pa) and e
+ * @return array over times of [stress (Pa), Kelvin strain, grain size (m)]
+ */
+array[] vector forced_oscillation_solution(data array[] real tau, data real start_tau,
+                                           data real first_tau, data real period,
+                                           data vector sine, data vector cosine,
+                                           data vector background,
+                                           data real background_middle,
+                                           data real background_half,
+                                           data real initial_grain_size,
+                                           data real temperature, data real start_stress,
+                                           data real stress_scale, data real strain_scale, real maxwell_modulus,
+                                           real kelvin_modulus, real kelvin_viscosity,
+                                           real stress_exponent, real grain_size_exponent,
+                                           real activation_enthalpy, real beta,
+                                           real critical_strain_grain_size,
+                                           data real relative_tolerance,
+                                           data real absolute_tolerance,
+                                           data int max_num_steps) {
+  real stiffness = maxwell_modulus * strain_scale / stress_scale;
+  real kelvin_fluidity = stress_scale * period / (kelvin_viscosity * strain_scale);
+  real kelvin_decay = kelvin_modulus * period / kelvin_viscosity;
+  real log_dashpot_rate = log(dashpot_strain_rate(stress_scale, initial_grain_size, 1,
+                                                  stress_exponent, grain_size_exponent,
+                                                  log_rate_factor(activation_enthalpy, beta,
+                                                                  temperature))
+                              * period / strain_scale);
+  array[size(tau)] vector[3] solution;
+  vector[2] spun_up = ode_bdf_tol(spin_up_rhs, rep_vector(start_stress / stress_scale, 2),
+                                  start_tau, {first_tau}, relative_tolerance,
+                                  absolute_tolerance, max_num_steps, stiffness,
+                                  kelvin_fluidity, kelvin_decay, stress_exponent,
+                                  log_dashpot_rate, sine, cosine, background,
+                                  background_middle, background_half, first_tau,
+                                  strain_scale)[1];
+  if (size(tau) > 0) {
+    solution = ode_bdf_tol(forced_oscillation_rhs, append_row(spun_up, 1 / grain_size_unit()), first_tau, tau,
+                           relative_tolerance, absolute_tolerance, max_num_steps, stiffness,
+                           kelvin_fluidity, kelvin_decay, stress_exponent,
+                           grain_size_exponent, log_dashpot_rate,
+                           1 / critical_strain_grain_size, sine, cosine, background,
+                           background_middle, background_half, first_tau, strain_scale,
+                           stress_scale, initial_grain_size);
+  }
+  for (i in 1 : size(tau)) {
+    solution[i] = solution[i]
+                  .* [stress_scale, stress_scale / kelvin_modulus,
+                      grain_size_unit() * initial_grain_size]';
+  }
+  return solution;
+}

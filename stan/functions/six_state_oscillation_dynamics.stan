@@ -1,0 +1,42 @@
+/**
+ * The paper's own form for an oscillating test: states in SI, time as the independent variable.
+ */
+
+/**
+ * Rates of [stress (Pa), kelvin strain, elastic strain, dashpot strain, grain size (m)] at an
+ * imposed oscillating strain rate (Maor et al., Eqs. 1, 2 and 5; F = 1).
+ *
+ * @param time s
+ * @param period s
+ * @param sine, cosine, background, background_middle, background_half, first_tau see
+ *   oscillating_rate()
+ */
+vector six_state_oscillation_rhs(real time, vector state, data real period, data vector sine,
+                                 data vector cosine, data vector background,
+                                 data real background_middle, data real background_half,
+                                 data real first_tau, data real temperature,
+                                 real maxwell_modulus, real kelvin_modulus,
+                                 real kelvin_viscosity, real stress_exponent,
+                                 real grain_size_exponent, real activation_enthalpy,
+                                 real beta, real critical_strain_grain_size) {
+  real strain_rate = oscillating_rate(time / period, sine, cosine, background,
+                                      background_middle, background_half, first_tau)
+                     / period;
+  real kelvin_rate = (state[1] - kelvin_modulus * state[2]) / kelvin_viscosity;
+  real dashpot_rate = dashpot_strain_rate(state[1], state[5], 1, stress_exponent,
+                                          grain_size_exponent,
+                                          log_rate_factor(activation_enthalpy, beta,
+                                                          temperature));
+  real elastic_rate = strain_rate - kelvin_rate - dashpot_rate;
+  vector[5] rate;
+  rate[1] = maxwell_modulus * elastic_rate;
+  rate[2] = kelvin_rate;
+  rate[3] = elastic_rate;
+  rate[4] = dashpot_rate;
+  // Ahead of the record grains keep their size.
+  rate[5] = time < first_tau * period
+            ? 0
+            : microstructure_rate(state[5], piezometer_grain_size(state[1]),
+                                  critical_strain_grain_size, strain_rate);
+  return rate;
+}

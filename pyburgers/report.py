@@ -13,6 +13,7 @@ from typing import Any
 
 import jinja2
 import pandas as pd
+from matplotlib.figure import Figure
 
 from pyburgers import tables
 from pyburgers.constant_rate import ConstantRateExperiment
@@ -31,12 +32,90 @@ PACKAGES = ("pyburgers", "arviz", "jinja2", "matplotlib", "numpy", "pandas", "sc
 
 
 @dataclass(frozen=True)
+class ExtraFigure:
+    """A figure that is not about one fit alone.
+
+    Attributes
+    ----------
+    name : str
+        Part of file names.
+    title : str
+        Heading.
+    caption : str
+        What is shown and how to read it, one paragraph.
+    draw : callable
+        Draws it.
+    """
+
+    name: str
+    title: str
+    caption: str
+    draw: Callable[[], Figure]
+
+
+@dataclass(frozen=True, eq=False)
+class ExtraTable:
+    """A table of an extra section.
+
+    Attributes
+    ----------
+    name : str
+        Part of the file name.
+    title : str
+        Heading.
+    shown : DataFrame
+        What the page shows, as text.
+    saved : DataFrame
+        What the CSV file holds; numbers at full precision.
+    words : tuple of str
+        Columns of short texts.
+    sentences : tuple of str
+        Columns of whole sentences.
+    """
+
+    name: str
+    title: str
+    shown: pd.DataFrame
+    saved: pd.DataFrame
+    words: tuple[str, ...] = ()
+    sentences: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class ExtraSection:
+    """A part of the page that is not about one fit alone.
+
+    Attributes
+    ----------
+    key : str
+        Name of its files and its anchor, unique on the page.
+    title : str
+        Heading.
+    paragraphs : tuple of str
+        Plain text above tables and figures.
+    tables : tuple of ExtraTable
+        Tables.
+    figures : tuple of ExtraFigure
+        Figures.
+    after_fits : bool
+        Whether it stands after the fits rather than between overview and fits.
+    """
+
+    key: str
+    title: str
+    paragraphs: tuple[str, ...]
+    tables: tuple[ExtraTable, ...] = ()
+    figures: tuple[ExtraFigure, ...] = ()
+    after_fits: bool = False
+
+
+@dataclass(frozen=True)
 class Illustration:
     """A figure on the page.
 
     Attributes
     ----------
-    recipe : FigureRecipe
+    recipe : FigureRecipe or ExtraFigure
         Its name, title and caption.
     data_uri : str
         The picture itself.
@@ -44,7 +123,7 @@ class Illustration:
         Width on the page (CSS pixels), the same size of letters for every figure.
     """
 
-    recipe: FigureRecipe
+    recipe: FigureRecipe | ExtraFigure
     data_uri: str
     width: int
 
@@ -99,6 +178,7 @@ def write_report(
     title: str,
     command: str,
     report: Callable[[str], None],
+    extras: Sequence[ExtraSection] = (),
 ) -> Path:
     """Write the page ``index.html``, ``figures/``, ``tables/`` and ``manifest.json``.
 
@@ -117,6 +197,8 @@ def write_report(
         What makes the report again.
     report : callable
         Receives progress sentences.
+    extras : sequence of ExtraSection
+        Parts of the page beside the fits, in their order.
 
     Returns
     -------
@@ -136,12 +218,22 @@ def write_report(
     for key, fit in zip(_keys(fits), fits, strict=True):
         report(f"Drawing the figures of {key}.")
         sections.append(_write_section(key, fit, out))
+    illustrated = []
+    for extra in extras:
+        report(f"Writing the part {extra.title!r}.")
+        illustrated.append((extra, _write_extra(extra, out)))
     page = out / "index.html"
-    write_text(page, render_page(sections, title=title, command=command))
+    write_text(page, render_page(sections, illustrated, title=title, command=command))
     return page
 
 
-def render_page(sections: Sequence[Section], *, title: str, command: str) -> str:
+def render_page(
+    sections: Sequence[Section],
+    extras: Sequence[tuple[ExtraSection, tuple[Illustration, ...]]],
+    *,
+    title: str,
+    command: str,
+) -> str:
     """Fill the page's template; everything that comes from files is escaped."""
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("pyburgers"),
@@ -154,6 +246,7 @@ def render_page(sections: Sequence[Section], *, title: str, command: str) -> str
         title=title,
         command=command,
         sections=sections,
+        extras=extras,
         overview=pd.DataFrame([section.overview for section in sections]),
         synthetic=[s for s in sections if s.experiment.provenance.kind == "synthetic"],
         failing=[section for section in sections if section.failed],
@@ -218,13 +311,22 @@ def _write_section(key: str, fit: Fit, out: Path) -> Section:
         priors=files["priors"],
         sampler=sampler,
         truth=None if truth is None else tables.shown_truth_table(truth),
-        illustrations=tuple(_illustrate(key, fit, recipe, out) for recipe in FIGURES),
+        illustrations=tuple(_illustrate(key, recipe, recipe.draw(fit), out) for recipe in FIGURES),
     )
 
 
-def _illustrate(key: str, fit: Fit, recipe: FigureRecipe, out: Path) -> Illustration:
-    """Draw a figure, write it as PNG and SVG, and keep the PNG for the page."""
-    figure = recipe.draw(fit)
+def _write_extra(extra: ExtraSection, out: Path) -> tuple[Illustration, ...]:
+    """Write tables and figures of an extra section and return the figures."""
+    for table in extra.tables:
+        name = f"{extra.key}_{table.name}.csv"
+        write_text(out / "tables" / name, table.saved.to_csv(index=False))
+    return tuple(_illustrate(extra.key, figure, figure.draw(), out) for figure in extra.figures)
+
+
+def _illustrate(
+    key: str, recipe: FigureRecipe | ExtraFigure, figure: Figure, out: Path
+) -> Illustration:
+    """Write a figure as PNG and SVG, and keep the PNG for the page."""
     pictures = {"png": image(figure, "png"), "svg": image(figure, "svg")}
     for kind, content in pictures.items():
         write_bytes(out / "figures" / f"{key}_{recipe.name}.{kind}", content)

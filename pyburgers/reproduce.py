@@ -6,11 +6,13 @@ from importlib.resources import files
 from pathlib import Path
 from types import MappingProxyType
 
-from pyburgers.constant_rate import load_constant_rate
+from pyburgers.experiment import Experiment
+from pyburgers.experiment_files import load_experiment
 from pyburgers.fitting import Fit, fit
 from pyburgers.priors import default_priors
 from pyburgers.report import write_report
 from pyburgers.sampling import SamplerOptions
+from pyburgers.study import study_sections
 
 PRESETS: Mapping[str, SamplerOptions] = MappingProxyType(
     {
@@ -46,8 +48,16 @@ def shipped_data_directory() -> Path:
     return inside if inside.is_dir() else package.parent / "data"
 
 
+def study_experiments() -> dict[str, Experiment]:
+    """Read the shipped experiments of the study, by the names of their runs."""
+    ice = shipped_data_directory() / "ice"
+    return {name: load_experiment(ice / f"{name}.toml") for name in ICE_TWINS}
+
+
 def reproduce(preset: str, out: Path, *, command: str, report: Callable[[str], None]) -> Outcome:
-    """Fit the three ice twins and write the page; continue where an earlier call stopped.
+    """Fit the experiments of the study and write the page; continue where a call stopped.
+
+    The page has the fits, attenuation as the ice fits predict it, and the paper's statements.
 
     Parameters
     ----------
@@ -60,20 +70,25 @@ def reproduce(preset: str, out: Path, *, command: str, report: Callable[[str], N
     report : callable
         Receives progress sentences.
     """
-    fits = []
-    for number, name in enumerate(ICE_TWINS, start=1):
-        report(f"Fit {number} of {len(ICE_TWINS)}: {name}, preset {preset}.")
-        experiment = load_constant_rate(shipped_data_directory() / "ice" / f"{name}.toml")
-        fits.append(
-            fit(
-                experiment,
-                default_priors(experiment.material),
-                out=out / "runs" / preset / name,
-                options=PRESETS[preset],
-                command=command,
-                report=report,
-            )
+    experiments = study_experiments()
+    fits = {}
+    for number, (name, experiment) in enumerate(experiments.items(), start=1):
+        report(f"Fit {number} of {len(experiments)}: {name}, preset {preset}.")
+        fits[name] = fit(
+            experiment,
+            default_priors(experiment.material),
+            out=out / "runs" / preset / name,
+            options=PRESETS[preset],
+            command=command,
+            report=report,
         )
-    title = f"Nonlinear Burgers fits of three ice tests ({preset} preset)"
-    page = write_report(fits, out, title=title, command=command, report=report)
-    return Outcome(page=page, fits=tuple(fits))
+    ice_fits = {name: fits[name] for name in ICE_TWINS}
+    page = write_report(
+        list(fits.values()),
+        out,
+        title=f"Nonlinear Burgers fits of three ice tests ({preset} preset)",
+        command=command,
+        report=report,
+        extras=study_sections(ice_fits, {}, report=report),
+    )
+    return Outcome(page=page, fits=tuple(fits.values()))

@@ -1,0 +1,75 @@
+"""Fit a stress-strain curve and look at the posterior.
+
+    python fit_your_own_curve.py my_test.toml --out runs/my_test
+
+The TOML file describes the test and names the text file that holds the curve; the README shows
+one. Without it the synthetic test PIL40 is fitted, which comes with the package. A fit with the
+default numbers takes about a minute; running the same command again continues where it stopped.
+"""
+
+import argparse
+from pathlib import Path
+
+import pyburgers
+from pyburgers.figures import image, prior_posterior, stress_strain
+from pyburgers.reproduce import shipped_data_directory
+
+
+def main() -> None:
+    """Fit, print the posterior and the checks, draw two figures."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument(
+        "experiment",
+        type=Path,
+        nargs="?",
+        default=shipped_data_directory() / "ice" / "PIL40.toml",
+    )
+    parser.add_argument("--priors", type=Path, help="prior file (default: the material's)")
+    parser.add_argument("--out", type=Path, help="run directory (default: runs/ID)")
+    parser.add_argument("--chains", type=int, default=4)
+    parser.add_argument("--warmup", type=int, default=300)
+    parser.add_argument("--draws", type=int, default=500)
+    options = parser.parse_args()
+
+    # Everything is checked and converted to SI units here; what was mended is said in a notice.
+    experiment = pyburgers.load_experiment(options.experiment)
+    for notice in experiment.notices:
+        print("note:", notice)
+
+    # Priors are files too. Copy one of data/priors, change it and name it with --priors.
+    if options.priors is None:
+        priors = pyburgers.default_priors(experiment.material)
+    else:
+        priors = pyburgers.load_priors(options.priors)
+
+    fit = pyburgers.fit(
+        experiment,
+        priors,
+        out=options.out or Path("runs") / experiment.id,
+        options=pyburgers.SamplerOptions(
+            chains=options.chains, warmup=options.warmup, draws=options.draws
+        ),
+        report=print,
+    )
+
+    # A row for each parameter, SI units; sd against prior_sd tells what the curve has taught us.
+    summary = fit.summary()
+    print(summary[["unit", "mean", "sd", "q5", "q95", "prior_sd", "rhat"]].to_string())
+
+    # Do not use the numbers before every check has passed.
+    for check in fit.checks():
+        print("passed" if check.passed else "FAILED", check.sentence)
+
+    # The draws themselves are labelled arrays (chain, draw).
+    draws = fit.posterior["posterior"].to_dataset()
+    steep = float((draws["stress_exponent"] > 3.5).mean())
+    print(f"probability that the stress exponent is above 3.5: {steep:.2f}")
+
+    for draw in (stress_strain, prior_posterior):
+        file = fit.directory.path / f"{draw.__name__}.png"
+        file.write_bytes(image(draw(fit), "png"))
+        print(file)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,349 @@
+"""What the page of the study has beside the single fits: statements, attenuation, preparation."""
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import get_args
+
+import pandas as pd
+import xarray as xr
+
+from pyburgers import attenuation_figures, oscillation_figures
+from pyburgers.attenuation import (
+    PAPER_REGIMES,
+    PARAMETER_NAMES,
+    amplitude_regimes,
+    attenuation_spectrum,
+    overview_table,
+    predict_attenuation,
+    quantile_table,
+)
+from pyburgers.fitting import Fit
+from pyburgers.forced_oscillation import OscillationExperiment
+from pyburgers.imposed_stress import simulated_phase_lag
+from pyburgers.report import ExtraFigure, ExtraSection, ExtraTable
+from pyburgers.statements import (
+    MICROSTRUCTURE_SENTENCE,
+    SYNTHETIC_SENTENCE,
+    Statement,
+    Verdict,
+    paper_statements,
+    statements_table,
+)
+
+AMPLITUDE_REGIMES = amplitude_regimes(2e6, (0.1e6, 0.5e6, 1e6, 1.9e6))
+"""Stress cycles (Pa) of the test of amplitudes: our choice, the paper's Fig. S3 is not public."""
+
+CHECKED_FREQUENCIES = (1e-4, 1e-3, 1e-2)
+"""Where the closed form is compared with simulations in time, Hz."""
+
+STATEMENTS_KEY, COUNTERPARTS_KEY = "statements", "counterparts"
+ATTENUATION_KEY, PREPARATION_KEY = "attenuation", "preparation"
+
+
+def study_sections(
+    ice_fits: Mapping[str, Fit],
+    olivine_fits: Mapping[str, Fit],
+    *,
+    report: Callable[[str], None],
+) -> tuple[ExtraSection, ...]:
+    """Predict attenuation, judge the paper's statements, and gather what the page shows of it.
+
+    Parameters
+    ----------
+    ice_fits : mapping of str to Fit
+        Fits of constant rate tests by sample, at least one; the first is looked at most closely.
+    olivine_fits : mapping of str to Fit
+        Fits of one forced oscillation test by treatment of the background; may be empty.
+    report : callable
+        Receives progress sentences.
+
+    Returns
+    -------
+    tuple of ExtraSection
+        In their order on the page.
+    """
+    report("Predicting attenuation.")
+    spectra = {name: predict_attenuation(fit) for name, fit in ice_fits.items()}
+    report("Comparing the paper's statements with the posterior.")
+    statements = paper_statements(ice_fits, spectra, olivine_fits)
+    is_synthetic = any(
+        fit.experiment.provenance.kind == "synthetic"
+        for fit in (*ice_fits.values(), *olivine_fits.values())
+    )
+    report("Comparing attenuation with simulations in time.")
+    sections = [
+        statements_section(statements, is_synthetic=is_synthetic),
+        counterparts_section(ice_fits, olivine_fits),
+        attenuation_section(ice_fits, spectra, report=report),
+    ]
+    if olivine_fits:
+        sections.append(preparation_section(olivine_fits))
+    return tuple(sections)
+
+
+def statements_section(statements: tuple[Statement, ...], *, is_synthetic: bool) -> ExtraSection:
+    """Return the table of the paper's statements.
+
+    Parameters
+    ----------
+    statements : tuple of Statement
+        What is shown.
+    is_synthetic : bool
+        Whether data behind the posteriors are synthetic.
+    """
+    verdicts = [statement.verdict for statement in statements]
+    overall = ", ".join(f"{verdict} {verdicts.count(verdict)}" for verdict in get_args(Verdict))
+    table = statements_table(statements)
+    return ExtraSection(
+        key=STATEMENTS_KEY,
+        title="The paper's statements and our posterior",
+        paragraphs=(
+            *((SYNTHETIC_SENTENCE,) if is_synthetic else ()),
+            f"Verdicts: {overall}. Every verdict is computed from the draws by "
+            f"the rule beside it. {MICROSTRUCTURE_SENTENCE}",
+        ),
+        tables=(
+            ExtraTable(
+                "table",
+                "Statement by statement",
+                table,
+                table,
+                words=("paper", "verdict"),
+                sentences=("statement", "our posterior", "rule"),
+            ),
+        ),
+    )
+
+
+def counterparts_section(
+    ice_fits: Mapping[str, Fit], olivine_fits: Mapping[str, Fit]
+) -> ExtraSection:
+    """Return the list of the paper's figures and tables with where their counterparts are.
+
+    Parameters
+    ----------
+    ice_fits, olivine_fits : mapping of str to Fit
+        As for `study_sections`.
+    """
+    ice = ", ".join(fit.experiment.id for fit in ice_fits.values())
+    olivine = ", ".join(fit.experiment.id for fit in olivine_fits.values())
+    first = next(iter(ice_fits))
+    rows = [
+        ("Fig. 3", "Stress-strain curves of ice and solutions", f"{ice}: Stress-strain curve"),
+        (
+            "Fig. 4",
+            "Chains and posteriors of the parameters",
+            f"{ice}: Prior and posterior, Trade-offs between quantities, Agreement of the chains",
+        ),
+        ("Fig. 6", "Attenuation under stress", f"Attenuation: figures of {ice}"),
+        ("Fig. S3", "Attenuation by amplitude", f"Attenuation: amplitude of the cycles, {first}"),
+        ("Table 1", "Priors of ice", f"{ice}: Priors and their sources, below Parameters"),
+    ]
+    if olivine_fits:
+        rows[2:2] = [("Fig. 5", "Forced oscillation of olivine", f"{olivine}; Preparation")]
+        rows.append(
+            (
+                "Table 2",
+                "Priors of olivine",
+                f"{olivine}: Priors and their sources, below Parameters",
+            )
+        )
+    table = pd.DataFrame(rows, columns=["paper", "shows", "on this page"])
+    return ExtraSection(
+        key=COUNTERPARTS_KEY,
+        title="The paper's figures and tables on this page",
+        paragraphs=(),
+        tables=(
+            ExtraTable(
+                "table",
+                "Counterparts",
+                table,
+                table,
+                words=("paper", "shows"),
+                sentences=("on this page",),
+            ),
+        ),
+    )
+
+
+def attenuation_section(
+    fits: Mapping[str, Fit],
+    spectra: Mapping[str, xr.Dataset],
+    *,
+    report: Callable[[str], None],
+) -> ExtraSection:
+    """Return figures and tables of attenuation; single draws and amplitudes of the first fit.
+
+    Parameters
+    ----------
+    fits : mapping of str to Fit
+        At least one.
+    spectra : mapping of str to Dataset
+        Spectra of the same fits (`pyburgers.attenuation.predict_attenuation`).
+    report : callable
+        Receives progress sentences.
+    """
+    first, fit = next(iter(fits.items()))
+    by_amplitude = predict_attenuation(fit, regimes=AMPLITUDE_REGIMES)
+    check = time_domain_table(fit, report=report)
+    return ExtraSection(
+        key=ATTENUATION_KEY,
+        title="Attenuation",
+        paragraphs=(
+            "What the fitted material would do under another load: stress cycles about a constant "
+            "median stress. Strain lags stress by the angle δ, and tan δ is the attenuation 1/Q; "
+            "every draw of the posterior gives a spectrum in closed form. Tables give the median "
+            "and 5 and 95 % of the draws; the CSV files hold all frequencies.",
+            MICROSTRUCTURE_SENTENCE,
+        ),
+        tables=(
+            *(
+                ExtraTable(
+                    f"{name}_quantiles",
+                    f"tan δ of {name}",
+                    overview_table(spectrum),
+                    quantile_table(spectrum),
+                    words=("regime",),
+                )
+                for name, spectrum in spectra.items()
+            ),
+            ExtraTable(
+                "time_domain",
+                f"Closed form against simulation in time, {first} at the median of its parameters",
+                _shown_check(check),
+                check,
+                words=("regime",),
+            ),
+        ),
+        figures=(
+            *(
+                ExtraFigure(
+                    f"{name}_spectrum",
+                    f"Attenuation of {name}",
+                    attenuation_figures.ATTENUATION_CAPTION,
+                    partial(attenuation_figures.attenuation, spectrum, spectrum.attrs["title"]),
+                )
+                for name, spectrum in spectra.items()
+            ),
+            ExtraFigure(
+                f"{first}_draws",
+                f"Attenuation of {first}, draw by draw",
+                attenuation_figures.DRAWS_CAPTION,
+                partial(
+                    attenuation_figures.attenuation_draws,
+                    spectra[first],
+                    spectra[first].attrs["title"],
+                ),
+            ),
+            ExtraFigure(
+                f"{first}_amplitude",
+                f"Attenuation of {first} and the amplitude of the cycles",
+                attenuation_figures.AMPLITUDE_CAPTION,
+                partial(
+                    attenuation_figures.amplitude_dependence,
+                    by_amplitude,
+                    by_amplitude.attrs["title"],
+                ),
+            ),
+        ),
+        after_fits=True,
+    )
+
+
+def time_domain_table(fit: Fit, *, report: Callable[[str], None]) -> pd.DataFrame:
+    """Compare the closed form of attenuation with phase lags of simulated records.
+
+    Parameters
+    ----------
+    fit : Fit
+        The median of each parameter is taken, with the initial microstructure.
+    report : callable
+        Receives progress sentences (a first call compiles the program).
+
+    Returns
+    -------
+    DataFrame
+        Columns regime, frequency_Hz, closed_form, simulated, relative_difference; a row for each
+        of the paper's regimes and each of `CHECKED_FREQUENCIES`.
+
+    Raises
+    ------
+    SamplingError
+        If the solver finds no solution.
+    """
+    draws = fit.posterior["posterior"].to_dataset()
+    median = {name: float(draws[name].median()) for name in PARAMETER_NAMES}
+    temperature, grain_size = fit.experiment.temperature, fit.experiment.initial_grain_size
+    closed = attenuation_spectrum(
+        median, CHECKED_FREQUENCIES, PAPER_REGIMES, temperature=temperature, grain_size=grain_size
+    )
+    rows = []
+    for regime, of_regime in zip(PAPER_REGIMES, closed["tan_delta"].to_numpy(), strict=True):
+        for frequency, expected in zip(CHECKED_FREQUENCIES, of_regime, strict=True):
+            lag = simulated_phase_lag(
+                median,
+                regime,
+                frequency,
+                temperature=temperature,
+                grain_size=grain_size,
+                report=report,
+            )
+            rows.append(
+                {
+                    "regime": regime.label,
+                    "frequency_Hz": frequency,
+                    "closed_form": float(expected),
+                    "simulated": lag.tan_delta,
+                    "relative_difference": lag.tan_delta / float(expected) - 1,
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+def _shown_check(check: pd.DataFrame) -> pd.DataFrame:
+    """Return a `time_domain_table` as text."""
+    return pd.DataFrame(
+        {
+            "regime": check["regime"],
+            "frequency (Hz)": check["frequency_Hz"].map("{:.0e}".format),
+            "tan δ, closed form": check["closed_form"].map("{:#.5g}".format),
+            "tan δ, simulated": check["simulated"].map("{:#.5g}".format),
+            "relative difference": check["relative_difference"].map("{:+.0e}".format),
+        }
+    )
+
+
+def preparation_section(fits: Mapping[str, Fit]) -> ExtraSection:
+    """Return the figures of how the record of a forced oscillation test was prepared.
+
+    Parameters
+    ----------
+    fits : mapping of str to Fit
+        Fits of forced oscillation tests by treatment of the background.
+    """
+    experiments = [fit.experiment for fit in fits.values()]
+    return ExtraSection(
+        key=PREPARATION_KEY,
+        title="Preparation of the olivine record",
+        paragraphs=(
+            "The record of strain and stress is treated in two ways. With the background removed, "
+            "as in the paper, only the oscillating parts drive the model and are compared with it; "
+            "with the background kept, bias stress and background strain rate take part.",
+        ),
+        figures=tuple(
+            ExtraFigure(
+                experiment.id,
+                f"From the record to the model, {experiment.id}",
+                oscillation_figures.PREPARATION_CAPTION,
+                partial(
+                    oscillation_figures.preparation,
+                    experiment.prepared,
+                    experiment.record,
+                    f"{experiment.id}: {experiment.provenance.kind} data",
+                ),
+            )
+            for experiment in experiments
+            if isinstance(experiment, OscillationExperiment)
+        ),
+        after_fits=True,
+    )

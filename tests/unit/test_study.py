@@ -1,0 +1,161 @@
+"""The parts of the study's page beside the fits."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+from synthetic_fit import make_fit
+from synthetic_olivine_fit import make_olivine_fit
+from test_report import Page
+from test_report import small_fit as quickly_drawn_fit
+
+from pyburgers.attenuation import predict_attenuation, quantile_table
+from pyburgers.experiment import Experiment
+from pyburgers.fitting import Fit
+from pyburgers.priors import PriorSet
+from pyburgers.report import ExtraSection, write_report
+from pyburgers.reproduce import reproduce, study_experiments
+from pyburgers.statements import MICROSTRUCTURE_SENTENCE, SYNTHETIC_SENTENCE
+from pyburgers.study import counterparts_section, study_sections, time_domain_table
+
+
+@pytest.fixture(scope="module")
+def ice(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Fit]:
+    folder = tmp_path_factory.mktemp("ice")
+    return {name: make_fit(folder / name, name=name, draws=100) for name in ("PIL40", "PIL72")}
+
+
+@pytest.fixture(scope="module")
+def olivine(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Fit]:
+    folder = tmp_path_factory.mktemp("olivine")
+    return {
+        "removed": make_olivine_fit(folder / "removed", "removed"),
+        "kept": make_olivine_fit(folder / "kept", "kept"),
+    }
+
+
+@pytest.fixture(scope="module")
+def sections(ice: dict[str, Fit], olivine: dict[str, Fit]) -> tuple[ExtraSection, ...]:
+    return study_sections(ice, olivine, report=lambda _: None)
+
+
+@pytest.fixture(scope="module")
+def folder(sections: tuple[ExtraSection, ...], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("page")
+    fit = quickly_drawn_fit(tmp_path_factory.mktemp("run"), "PIL40")
+    write_report([fit], out, title="Study", command="x", report=lambda _: None, extras=sections)
+    return out
+
+
+@pytest.fixture(scope="module")
+def page(folder: Path) -> Page:
+    return Page((folder / "index.html").read_text(encoding="utf-8"))
+
+
+def test_the_page_holds_every_part_in_its_place(
+    page: Page, sections: tuple[ExtraSection, ...]
+) -> None:
+    assert not page.open
+    assert len(set(page.ids)) == len(page.ids)
+    links = [reference for tag, reference in page.references if tag == "a"]
+    for section in sections:
+        assert f"#{section.key}" in links
+    places = [page.ids.index(key) for key in ("overview", "statements", "PIL40", "attenuation")]
+    assert places == sorted(places)
+    for section in sections:
+        for figure in section.figures:
+            assert figure.caption in page.alternatives
+
+
+def test_statements_stand_with_verdict_evidence_and_rule(
+    page: Page, sections: tuple[ExtraSection, ...], folder: Path
+) -> None:
+    (table,) = sections[0].tables
+    assert len(table.shown) == 10
+    for row in table.shown.to_dict("records"):
+        for cell in row.values():
+            assert " ".join(str(cell).split()) in page.text
+    written = pd.read_csv(folder / "tables" / "statements_table.csv")
+    pd.testing.assert_frame_equal(written, table.saved)
+
+
+def test_the_page_says_what_verdicts_on_synthetic_data_mean(
+    page: Page, tmp_path: Path, ice: dict[str, Fit]
+) -> None:
+    assert SYNTHETIC_SENTENCE in page.text
+    assert MICROSTRUCTURE_SENTENCE in page.text
+    measured = {"PIL40": make_fit(tmp_path / "run", kind="measured", draws=100)}
+    paragraphs = study_sections(measured, {}, report=lambda _: None)[0].paragraphs
+    assert SYNTHETIC_SENTENCE not in paragraphs
+
+
+def test_figures_and_tables_of_attenuation_are_files(folder: Path, ice: dict[str, Fit]) -> None:
+    for name in ("PIL40_spectrum", "PIL72_spectrum", "PIL40_draws", "PIL40_amplitude"):
+        picture = folder / "figures" / f"attenuation_{name}.png"
+        assert picture.read_bytes().startswith(b"\x89PNG")
+        assert "<svg" in picture.with_suffix(".svg").read_text(encoding="utf-8")
+    for name, fit in ice.items():
+        written = pd.read_csv(folder / "tables" / f"attenuation_{name}_quantiles.csv")
+        pd.testing.assert_frame_equal(written, quantile_table(predict_attenuation(fit)))
+
+
+def test_simulations_in_time_agree_with_the_closed_form(ice: dict[str, Fit]) -> None:
+    check = time_domain_table(ice["PIL40"], report=print)
+    assert len(check) == 4 * 3
+    assert (check["relative_difference"].abs() < 1e-4).all()
+    assert check["simulated"].to_numpy() == pytest.approx(check["closed_form"].to_numpy(), rel=1e-4)
+
+
+def test_each_treatment_of_the_olivine_record_has_its_preparation(
+    sections: tuple[ExtraSection, ...], folder: Path
+) -> None:
+    preparation = {section.key: section for section in sections}["preparation"]
+    names = [figure.name for figure in preparation.figures]
+    assert names == ["olivine_removed", "olivine_kept"]
+    for name in names:
+        assert (folder / "figures" / f"preparation_{name}.svg").is_file()
+
+
+def test_counterparts_name_what_is_there(ice: dict[str, Fit], olivine: dict[str, Fit]) -> None:
+    (all_of_it,) = counterparts_section(ice, olivine).tables
+    papers = ["Fig. 3", "Fig. 4", "Fig. 5", "Fig. 6", "Fig. S3", "Table 1", "Table 2"]
+    assert all_of_it.shown["paper"].tolist() == papers
+    (of_ice,) = counterparts_section(ice, {}).tables
+    assert of_ice.shown["paper"].tolist() == [p for p in papers if p not in {"Fig. 5", "Table 2"}]
+
+
+def test_without_olivine_the_page_has_neither_preparation_nor_its_statements(
+    ice: dict[str, Fit],
+) -> None:
+    sections = study_sections(ice, {}, report=lambda _: None)
+    assert [section.key for section in sections] == ["statements", "counterparts", "attenuation"]
+    assert not sections[0].tables[0].shown["statement"].str.contains("olivine").any()
+
+
+def test_the_study_fits_every_experiment_and_shows_all_of_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    runs: dict[str, Path] = {}
+    shown: dict[str, Any] = {}
+
+    def quickly(experiment: Experiment, priors: PriorSet, *, out: Path, **_: object) -> Fit:
+        assert priors.material == experiment.material
+        runs[experiment.id] = out
+        return make_fit(out, name=experiment.id, draws=100)
+
+    def written(fits: Sequence[Fit], out: Path, **arguments: object) -> Path:
+        shown.update(fits=fits, **arguments)
+        return out / "index.html"
+
+    monkeypatch.setattr("pyburgers.reproduce.fit", quickly)
+    monkeypatch.setattr("pyburgers.reproduce.write_report", written)
+    outcome = reproduce("quick", tmp_path, command="make report", report=lambda _: None)
+    assert runs == {name: tmp_path / "runs" / "quick" / name for name in study_experiments()}
+    assert outcome.page == tmp_path / "index.html"
+    for fits in (outcome.fits, shown["fits"]):
+        assert [fit.experiment.id for fit in fits] == list(runs)
+    assert shown["command"] == "make report"
+    keys = [section.key for section in shown["extras"]]
+    assert {"statements", "counterparts", "attenuation"} <= set(keys)

@@ -1,10 +1,10 @@
-"""Effective draws per second: the paper's six-state form, plain and valley coordinates.
+"""Effective draws per second: the paper's six-state form, plain and the product's coordinates.
 
-Fits every test with the product (valley and plain coordinates) and runs the paper's form beside
+Fits every test with the product (its own and plain coordinates) and runs the paper's form beside
 it for a bounded time, one after the other on the same machine. Writes a table, a figure, and a
 description of the machine:
 
-    python benchmarks/sampling.py            # everything, about 20 minutes on two cores
+    python benchmarks/sampling.py            # everything, about 40 minutes on two cores
     python benchmarks/sampling.py PIL40      # some tests; the rows of the others stay
 """
 
@@ -27,25 +27,30 @@ from processes import run_together
 from six_state import N_CHAINS, USUAL_LENGTH, WARMUP, WARMUP_SECONDS, Baseline, run_baseline
 
 from pyburgers.cmdstan import find_cmdstan, load_model, toolchain
-from pyburgers.figures import BLUE, GREY, ORANGE
+from pyburgers.experiment_files import load_experiment, save_experiment
+from pyburgers.figure_style import BLUE, GREY, ORANGE
 from pyburgers.fitting import Fit
+from pyburgers.forced_oscillation import OscillationExperiment, with_background
+from pyburgers.oscillation import Background
 from pyburgers.posterior import grain_size_share
-from pyburgers.simulation import constant_rate_program
+from pyburgers.simulation import program_for
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "benchmarks" / "results"
 ICE, DUNITE = ROOT / "data" / "ice", ROOT / "tests" / "data"
+OLIVINE = ROOT / "data" / "olivine" / "olivine_twin.toml"
 TESTS = {
     "PIL40": ICE / "PIL40.toml",
     "PIL72": ICE / "PIL72.toml",
     "PIL105": ICE / "PIL105.toml",
     "4506": DUNITE / "dunite_4506.toml",
     "4581": DUNITE / "dunite_4581.toml",
+    "olivine_kept": OLIVINE,
+    "olivine_removed": OLIVINE,
 }
 PICTURED = "PIL40"
 MEASURED = {"4506", "4581"}
 
-VALLEY = ("--coordinates", "valley")
 PLAIN = ("--chains", "2", "--warmup", "200", "--draws", "200", "--coordinates", "plain")
 BASELINE_SECONDS = 90.0
 MIB = 2**20
@@ -58,7 +63,6 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=RESULTS)
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
-    load_model(constant_rate_program(), report=print)
     options.out.mkdir(parents=True, exist_ok=True)
     for name in options.tests or TESTS:
         if not _is_there(TESTS[name]):
@@ -77,12 +81,13 @@ def main() -> None:
 
 def _measure(name: str, scratch: Path, out: Path, seed: int) -> pd.DataFrame:
     """Rows of one test, one form after the other."""
-    valley, row = _product(name, "valley", VALLEY, scratch / "valley", seed)
+    file = _experiment_file(name, scratch)
+    product, row = _product(name, "product", file, (), scratch / "product", seed)
     if name == PICTURED:
-        _valley_picture(valley).savefig(out / "valley.png", dpi=130)
-    _, plain = _product(name, "plain", PLAIN, scratch / "plain", seed)
+        _valley_picture(product).savefig(out / "valley.png", dpi=130)
+    _, plain = _product(name, "plain", file, PLAIN, scratch / "plain", seed)
     baseline = run_baseline(
-        valley, scratch / "six_state", limit_seconds=BASELINE_SECONDS, seed=seed
+        product, scratch / "six_state", limit_seconds=BASELINE_SECONDS, seed=seed
     )
     rows = [row, plain, _baseline_row(name, baseline)]
     return pd.DataFrame(rows).set_index(["test", "form"])
@@ -100,17 +105,29 @@ def _merged(rows: pd.DataFrame, file: Path) -> pd.DataFrame:
 
 def _is_there(experiment: Path) -> bool:
     return (
-        experiment.parent == ICE
+        experiment.parent != DUNITE
         or (ROOT.parent / "shared" / "data" / "chopra_paterson_1984_dunite").is_dir()
     )
 
 
+def _experiment_file(name: str, scratch: Path) -> Path:
+    """File of a test, the program for it compiled; the two treatments of olivine share a record."""
+    experiment = load_experiment(TESTS[name])
+    load_model(program_for(experiment), report=print)
+    if not isinstance(experiment, OscillationExperiment):
+        return TESTS[name]
+    background: Background = "kept" if name == "olivine_kept" else "removed"
+    folder = scratch / "inputs"
+    folder.mkdir()
+    return save_experiment(with_background(experiment, background), folder)
+
+
 def _product(
-    name: str, form: str, settings: tuple[str, ...], folder: Path, seed: int
+    name: str, form: str, file: Path, settings: tuple[str, ...], folder: Path, seed: int
 ) -> tuple[Fit, dict[str, Any]]:
     """Fit through the command line, as a user does, and read the run directory."""
     command = [sys.executable, "-c", "from pyburgers.cli import main; raise SystemExit(main())"]
-    arguments = ["fit", str(TESTS[name]), "--out", str(folder), "--seed", str(seed), *settings]
+    arguments = ["fit", str(file), "--out", str(folder), "--seed", str(seed), *settings]
     cost = run_together([[*command, *arguments]])
     fit = Fit.load(folder)
     got = measure(fit)
@@ -203,12 +220,14 @@ COLUMNS = {
 EXPLANATION = """# Sampling benchmark
 
 Written by `make bench`; do not edit. PIL40, PIL72 and PIL105 are synthetic tests, 4506 and 4581
-measured dunite. Effective sample sizes (ESS) are the least over the sampled quantities, per second
-of one core.
+measured dunite, olivine_kept and olivine_removed one synthetic oscillation record with its
+background kept and removed. The product samples tests at constant rate in valley coordinates and
+oscillations in sheared ones. Effective sample sizes (ESS) are the least over the sampled
+quantities, per second of one core.
 
 ![Leapfrog steps per draw and effective draws per second, by form](sampling.png)
 
-## Ratios of valley coordinates to the six-state form
+## Ratios of the product to the six-state form
 
 {ratios}
 
@@ -240,16 +259,16 @@ def _page(table: pd.DataFrame, machine: dict[str, Any]) -> str:
     """Table in Markdown, ratios first."""
     ratios = []
     for name in table.index.unique("test"):
-        valley, paper = table.loc[(name, "valley")], table.loc[(name, "six states")]
+        product, paper = table.loc[(name, "product")], table.loc[(name, "six states")]
         ratios.append(
             {
                 "test": name,
-                "bulk ESS/s": valley["ess_bulk_per_s"] / paper["ess_bulk_per_s"],
-                "with warm-up": valley["ess_bulk_per_s_with_warmup"]
+                "bulk ESS/s": product["ess_bulk_per_s"] / paper["ess_bulk_per_s"],
+                "with warm-up": product["ess_bulk_per_s_with_warmup"]
                 / paper["ess_bulk_per_s_with_warmup"],
-                "gradients per second": paper["ms_per_gradient"] / valley["ms_per_gradient"],
+                "gradients per second": paper["ms_per_gradient"] / product["ms_per_gradient"],
                 "fewer leapfrogs per draw": paper["leapfrogs_per_draw"]
-                / valley["leapfrogs_per_draw"],
+                / product["leapfrogs_per_draw"],
             }
         )
     shown = table.reindex(columns=list(COLUMNS)).rename(columns=COLUMNS)
@@ -324,7 +343,7 @@ def _valley_picture(fit: Fit) -> Figure:
 
 def _bars(axes: Axes, table: pd.DataFrame, column: str, label: str) -> None:
     forms = {"six states": (GREY, "six states (extrapolated)"), "plain": (ORANGE, "plain"),
-             "valley": (BLUE, "valley")}  # fmt: skip
+             "product": (BLUE, "product")}  # fmt: skip
     names = list(table.index.unique("test"))
     for k, (form, (colour, text)) in enumerate(forms.items()):
         heights = [table[column].get((name, form), np.nan) for name in names]

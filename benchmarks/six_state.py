@@ -21,6 +21,7 @@ from processes import Cost, run_together
 
 from pyburgers.cmdstan import compile_program, stan_directory
 from pyburgers.fitting import Fit
+from pyburgers.forced_oscillation import OscillationExperiment
 from pyburgers.parameters import PARAMETERS
 from pyburgers.priors import PriorSet
 from pyburgers.stan_data import PlainCoordinates
@@ -78,10 +79,11 @@ def run_baseline(fit: Fit, folder: Path, *, limit_seconds: float, seed: int) -> 
         None where no chain made two draws.
     """
     folder.mkdir(parents=True)
-    program = compile_program(stan_directory() / "reference" / "six_state.stan", report=print)
+    source, names = _paper_form(fit)
+    program = compile_program(source, report=print)
     draws = fit.posterior["posterior"].to_dataset()
-    values = {p.name: draws[p.name].to_numpy() for p in PARAMETERS}
-    transform = _stan_transform(fit.priors)
+    values = {name: draws[name].to_numpy() for name in names}
+    transform = _stan_transform(fit.priors, names)
     unconstrained = _unconstrained(transform, values)
     metric = folder / "metric.json"
     metric.write_text(json.dumps({"inv_metric": np.cov(unconstrained.T).tolist()}))
@@ -113,7 +115,7 @@ def run_baseline(fit: Fit, folder: Path, *, limit_seconds: float, seed: int) -> 
     if n_draws < N_CHAINS * 2:
         return None
     positions = [
-        _unconstrained(transform, {p.name: chain[p.name].to_numpy() for p in PARAMETERS})
+        _unconstrained(transform, {name: chain[name].to_numpy() for name in names})
         for chain in chains
     ]
     leapfrogs = float(np.concatenate([chain["n_leapfrog__"] for chain in chains]).mean())
@@ -178,9 +180,16 @@ def _seconds_per_gradient(command: list[str], folder: Path) -> float:
     return (seconds(220) - seconds(20)) / 200
 
 
-def _stan_transform(priors: PriorSet) -> PlainCoordinates:
+def _paper_form(fit: Fit) -> tuple[Path, tuple[str, ...]]:
+    """Program in the paper's form, and the parameters that it declares."""
+    folder = stan_directory() / "reference"
+    if isinstance(fit.experiment, OscillationExperiment):
+        return folder / "six_state_oscillation.stan", fit.priors.free
+    return folder / "six_state.stan", tuple(p.name for p in PARAMETERS)
+
+
+def _stan_transform(priors: PriorSet, names: tuple[str, ...]) -> PlainCoordinates:
     """Stan's own transforms of the parameters, declared in SI with their priors' bounds."""
-    names = tuple(p.name for p in PARAMETERS)
     lower, upper = (
         np.array([getattr(priors[name], end) for name in names]) for end in ("lower", "upper")
     )

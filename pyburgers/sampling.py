@@ -17,7 +17,7 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from types import MappingProxyType
-from typing import get_args
+from typing import Self, get_args
 
 import cmdstanpy
 import numpy as np
@@ -46,9 +46,11 @@ _SIGNAL = re.compile(r"retcodes=\[-(\d+)\]")
 PACKAGES = ("pyburgers", "cmdstanpy", "arviz", "numpy", "scipy", "pandas", "xarray")
 
 TARGET_ACCEPTANCE: Mapping[str, float] = MappingProxyType(
-    {"constant_rate": 0.98, "forced_oscillation": 0.95}
+    {"constant_rate": 0.98, "forced_oscillation": 0.9}
 )
-"""Default target by protocol: as low as leaves (almost) no divergences."""
+WARMUP: Mapping[str, int] = MappingProxyType({"constant_rate": 400, "forced_oscillation": 250})
+"""Default target acceptance and warm-up by protocol: as little as leaves (almost) no divergences.
+"""
 
 STEP_SIZE_SHARE = 0.2
 """Share of the warm-up, at its end, in which the step size alone adapts.
@@ -70,12 +72,14 @@ class SamplerOptions:
 
     Attributes
     ----------
-    chains, warmup, draws : int
-        Number of chains, and iterations of each in the two phases.
+    chains, draws : int
+        Number of chains, and kept iterations of each.
+    warmup : int or None
+        Iterations before them; None takes what suits the protocol, `WARMUP`.
     seed : int
         Seed of initial values and chains.
     adapt_delta : float or None
-        Target acceptance rate; None takes that of the protocol, `TARGET_ACCEPTANCE`.
+        Target acceptance rate; None takes what suits the protocol, `TARGET_ACCEPTANCE`.
     max_treedepth : int
         Trajectories have at most 2**max_treedepth - 1 leapfrog steps.
     coordinates : {"auto", "plain", "valley", "sheared"}
@@ -87,7 +91,7 @@ class SamplerOptions:
     """
 
     chains: int = 4
-    warmup: int = 400
+    warmup: int | None = None
     draws: int = 1000
     seed: int = 1
     adapt_delta: float | None = None
@@ -105,11 +109,12 @@ class SamplerOptions:
         """
         limits = {
             "chains": (self.chains, 1, 1000),
-            "warmup": (self.warmup, 20, 10**6),
             "draws": (self.draws, 4, 10**6),
             "seed": (self.seed, 0, 2**31 - 1),
             "max_treedepth": (self.max_treedepth, 1, 20),
         }
+        if self.warmup is not None:
+            limits["warmup"] = (self.warmup, 20, 10**6)
         for name, (value, least, most) in limits.items():
             if not least <= value <= most:
                 raise InputError(f"{name} is {value}, expected a number from {least} to {most}.")
@@ -122,6 +127,21 @@ class SamplerOptions:
             )
         if self.chain_timeout is not None and self.chain_timeout <= 0:
             raise InputError(f"chain_timeout is {self.chain_timeout} s, expected more than 0.")
+
+    @property
+    def warmup_iterations(self) -> int:
+        """Warm-up of settled options (`suited_to`)."""
+        assert self.warmup is not None  # only settled options are sampled with
+        return self.warmup
+
+    def suited_to(self, experiment: Experiment) -> Self:
+        """Fill in what is left to the experiment's protocol."""
+        protocol = experiment.protocol
+        return replace(
+            self,
+            warmup=self.warmup or WARMUP[protocol],
+            adapt_delta=self.adapt_delta or TARGET_ACCEPTANCE[protocol],
+        )
 
 
 @dataclass(frozen=True)
@@ -203,8 +223,7 @@ def run_chains(
     if experiment.n_points == 0:
         raise InputError(f"{experiment.id}: the experiment has no data, expected a [data] table.")
     run = RunDirectory(directory)
-    if options.adapt_delta is None:
-        options = replace(options, adapt_delta=TARGET_ACCEPTANCE[experiment.protocol])
+    options = options.suited_to(experiment)
     priors = priors.resolved(float(np.max(np.abs(experiment.stress))))
     data = program_data(experiment, priors, solver=solver, use_likelihood=use_likelihood)
     model = load_model(program_for(experiment), report=report)
@@ -383,7 +402,7 @@ def _run_missing(
     """Run chains side by side, one for each core; stop them all on an interrupt."""
     stopping = threading.Event()
     failures: list[ChainFailure] = []
-    screen = ChainProgress(chains, options.warmup + options.draws, sys.stderr)
+    screen = ChainProgress(chains, options.warmup_iterations + options.draws, sys.stderr)
     lines = IterationLines(screen.advance)
     workers = min(len(chains), os.cpu_count() or 1)
     with quiet_cmdstanpy(), screen, redirect_stdout(lines), ThreadPoolExecutor(workers) as pool:
@@ -444,7 +463,7 @@ def _run_chain(
         return None
     scratch = run.new_scratch()
     first_metric = str(run.metric_file) if run.metric_file.is_file() else None
-    total = options.warmup + options.draws
+    total = options.warmup_iterations + options.draws
     started = time.monotonic()
     try:
         model.sample(
@@ -453,13 +472,13 @@ def _run_chain(
             chain_ids=[chain],
             seed=options.seed,
             inits=str(run.initial_values_file(chain)),
-            iter_warmup=options.warmup,
+            iter_warmup=options.warmup_iterations,
             iter_sampling=options.draws,
             metric="dense_e",
             inv_metric=first_metric,
             step_size=None if first_metric is None else FIRST_STEP,
             adapt_delta=options.adapt_delta,
-            adapt_step_size=int(STEP_SIZE_SHARE * options.warmup),
+            adapt_step_size=int(STEP_SIZE_SHARE * options.warmup_iterations),
             max_treedepth=options.max_treedepth,
             output_dir=str(scratch),
             sig_figs=12,

@@ -59,7 +59,7 @@ def find_sheared(
     Raises
     ------
     ShearedUnsuited
-        If the priors do not fit the coordinates.
+        If the priors or the record do not fit the coordinates.
     """
     replaced = coordinates.replaced_parameter
     if replaced is None:
@@ -69,6 +69,8 @@ def find_sheared(
         for prior in (beta, priors[replaced]):
             if not _is_unbounded_normal(prior):
                 raise ShearedUnsuited(f"the prior of {prior.parameter} is not an unbounded normal")
+    if data["storage_compliance"] <= 0 or data["loss_compliance"] <= 0:
+        raise ShearedUnsuited("the observed stress is not ahead of the strain by 0 to 90 degrees")
     slope = _flow_slope(model, data, coordinates, mode, coordinates.parameters.index(replaced))
     block = {**data, "flow_slope": slope.tolist()}
     centre = evaluate(model, block, _position(mode))["sheared_coordinate"]
@@ -95,8 +97,10 @@ def _flow_slope(
         if name in coordinates.parameters
     }
     growth = evaluate(model, data, _position(mode))
-    by_growth = by_parameter.get("critical_strain_grain_size", 0.0) / (
-        mode.values["grain_size_exponent"] * float(growth["typical_growth_slope"])
+    # Of p ln(d/d_0); zero where the flow law or the piezometer leaves nothing to grow.
+    of_growth = mode.values["grain_size_exponent"] * float(growth["typical_growth_slope"])
+    by_growth = (
+        by_parameter.get("critical_strain_grain_size", 0.0) / of_growth if of_growth != 0 else 0.0
     )
     by_exponent = by_parameter.get("grain_size_exponent", 0.0)
     return np.array(

@@ -105,7 +105,10 @@ def programs() -> None:
     """Compile what the tests need, side by side."""
     compile_programs(
         [
-            stan_directory() / "constant_rate.stan",
+            *(
+                stan_directory() / f"{name}.stan"
+                for name in ("constant_rate", "forced_oscillation", "imposed_stress")
+            ),
             stan_directory() / "reference" / "six_state.stan",
             *sorted((TESTS / "stan").glob("*.stan")),
         ],

@@ -1,6 +1,7 @@
 """The model written out again, for tests only: scipy's solver, the paper's equations, SI units."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -135,3 +136,174 @@ def linear_stress(
         stress += [(expm(system * (e - start) / strain_rate) @ state)[0] for e in inside]
         state = expm(system * (end - start) / strain_rate) @ state
     return np.array(stress)
+
+
+def piezometer(stress: float) -> float:
+    """Grain size (m) of Eq. 5, the stress floored as sqrt(stress^2 + (1 MPa)^2)."""
+    return float(0.015 * (np.hypot(stress, 1e6) / 1e6) ** -1.33)
+
+
+@dataclass(frozen=True)
+class OscillatingStrain:
+    """Imposed strain: harmonics of a period and a background polynomial of time; SI units.
+
+    Attributes
+    ----------
+    period
+        Of the fundamental, s.
+    sine, cosine
+        Amplitudes of sin(k w t) and cos(k w t), k = 1, 2, ...
+    background
+        Strain rate of the background, 1/s: coefficients of powers of the time since `record_start`,
+        the constant first. Before the record the background keeps the rate it has there.
+    record_start
+        s.
+    """
+
+    period: float
+    sine: Sequence[float]
+    cosine: Sequence[float]
+    background: Sequence[float]
+    record_start: float
+
+    def rate(self, time: float) -> float:
+        """Strain rate, 1/s."""
+        omega = 2 * np.pi / self.period
+        since = max(time - self.record_start, 0.0)
+        rate = sum(b * since**k for k, b in enumerate(self.background))
+        for k, (s, c) in enumerate(zip(self.sine, self.cosine, strict=True), start=1):
+            rate += k * omega * (s * np.cos(k * omega * time) - c * np.sin(k * omega * time))
+        return float(rate)
+
+    def zero_ahead(self, cycles: int) -> float:
+        """Time (s) of the fundamental's upward zero `cycles` before the last ahead of the record.
+
+        The strain is A sin(w t + phase); it passes upwards where the angle is a multiple of 2 pi.
+        """
+        phase = np.arctan2(self.cosine[0], self.sine[0])
+        turns = np.floor(self.record_start / self.period + phase / (2 * np.pi)) - cycles
+        return float((turns - phase / (2 * np.pi)) * self.period)
+
+
+def oscillation(
+    parameters: Mapping[str, float],
+    temperature: float,
+    initial_grain_size: float,
+    imposed: OscillatingStrain,
+    *,
+    start: float,
+    start_stress: float,
+    time: FloatArray,
+) -> FloatArray:
+    """Solve Eqs. 1, 2 and 5 with F = 1 in time.
+
+    The Kelvin element has settled under `start_stress`; grains keep their size until the record
+    starts.
+
+    Parameters
+    ----------
+    start
+        Time (s) at which the spin-up starts.
+    time
+        Increasing times (s) after the start of the record, shape (n,).
+
+    Returns
+    -------
+    array, shape (3, n)
+        Stress (Pa), Kelvin strain, grain size (m).
+    """
+
+    def rates(at: float, state: FloatArray, growing: bool) -> FloatArray:
+        stress, kelvin_strain, grain_size = state
+        strain_rate = imposed.rate(at)
+        kelvin = (stress - parameters["kelvin_modulus"] * kelvin_strain) / parameters[
+            "kelvin_viscosity"
+        ]
+        dashpot = dashpot_rate(parameters, temperature, stress, grain_size, np.ones(()))
+        growth = (piezometer(stress) - grain_size) / parameters["critical_strain_grain_size"]
+        return np.array(
+            [
+                parameters["maxwell_modulus"] * (strain_rate - kelvin - float(dashpot)),
+                kelvin,
+                abs(strain_rate) * growth if growing else 0.0,
+            ]
+        )
+
+    state = np.array(
+        [start_stress, start_stress / parameters["kelvin_modulus"], initial_grain_size]
+    )
+    for growing, span, wanted in (
+        (False, (start, imposed.record_start), np.array([imposed.record_start])),
+        (True, (imposed.record_start, float(time[-1])), time),
+    ):
+        solution = solve_ivp(
+            rates,
+            span,
+            state,
+            method="LSODA",
+            t_eval=wanted,
+            rtol=1e-10,
+            atol=[1.0, 1e-13, 1e-15],
+            max_step=imposed.period / 50,
+            args=(growing,),
+        )
+        assert solution.success, solution.message
+        state = solution.y[:, -1]
+    states: FloatArray = solution.y
+    return states
+
+
+def linear_oscillation(
+    parameters: Mapping[str, float],
+    temperature: float,
+    imposed: OscillatingStrain,
+    *,
+    start: float,
+    start_stress: float,
+    time: FloatArray,
+) -> FloatArray:
+    """Stress (Pa), shape (n,), where n = 1 and p = 0, by the matrix exponential.
+
+    The state is [stress, Kelvin strain, sin w t, cos w t, 1]; the strain is a fundamental and a
+    background of constant rate.
+    """
+    modulus = parameters["maxwell_modulus"]
+    kelvin_modulus = parameters["kelvin_modulus"]
+    viscosity = parameters["kelvin_viscosity"]
+    omega = 2 * np.pi / imposed.period
+    (sine,), (cosine,), (drift,) = imposed.sine, imposed.cosine, imposed.background
+    system = np.zeros((5, 5))
+    system[0] = modulus * np.array(
+        [
+            -1 / viscosity - rate_factor(parameters, temperature),
+            kelvin_modulus / viscosity,
+            -omega * cosine,
+            omega * sine,
+            drift,
+        ]
+    )
+    system[1, :2] = 1 / viscosity, -kelvin_modulus / viscosity
+    system[2, 3], system[3, 2] = omega, -omega
+    state = np.array(
+        [
+            start_stress,
+            start_stress / kelvin_modulus,
+            np.sin(omega * start),
+            np.cos(omega * start),
+            1.0,
+        ]
+    )
+    return np.array([(expm(system * (t - start)) @ state)[0] for t in time])
+
+
+def burgers_modulus(
+    parameters: Mapping[str, float], temperature: float, angular_frequency: float
+) -> complex:
+    """Stress over strain (Pa) as complex amplitudes of exp(i w t), where n = 1 and p = 0."""
+    omega = 1j * angular_frequency
+    compliance = (
+        1 / parameters["maxwell_modulus"]
+        + 1 / (parameters["kelvin_modulus"] + omega * parameters["kelvin_viscosity"])
+        + rate_factor(parameters, temperature) / omega
+    )
+    return complex(1 / compliance)

@@ -86,7 +86,8 @@ real dashpot_compliance(real rate_at_scale, real stress_exponent, data real stre
 /**
  * E_K and eta_K of the Kelvin element that has what is left of the observed compliance.
  *
- * The loss that is left is kept positive: it follows 1 - x down to small values and then fades.
+ * Both parts of what is left are kept positive: they follow 1 - x down to small values and fade
+ * from there on.
  *
  * @param compliance observed storage and loss compliance, 1/Pa
  * @param dashpot value of dashpot_compliance()
@@ -148,7 +149,7 @@ vector shears(vector plain, data array[] int coordinate_of, data vector shift, d
                                        upper_bound[i]);
     }
   }
-  if (coordinate_of[10] > 0) {
+  if (coordinate_of[10] > 0 && coordinate_of[5] > 0) {
     shifts[coordinate_of[10]] = log(parameter[5]);
   }
   shifts[flow] = flow_shift(parameter, flow_slope, record[7], record[8]) / scale[flow];
@@ -224,7 +225,9 @@ vector sheared_from_plain(vector plain, data array[] int coordinate_of, data vec
     = plain
       - shears(plain, coordinate_of, shift, scale, lower_bound, upper_bound,
                replaced_parameter, prior_location, prior_scale, flow_slope, record);
-  sheared[flow] = log(expm1(exp(shift[flow] + scale[flow] * sheared[flow]
-                                - log_rate_scale(record))));
+  {
+    real rate = exp(shift[flow] + scale[flow] * sheared[flow] - log_rate_scale(record));
+    sheared[flow] = rate + log1m_exp(-rate); // ln(exp(rate) - 1)
+  }
   return sheared;
 }

@@ -22,6 +22,7 @@ data {
 }
 generated quantities {
   vector[n_stresses] dashpot_rate;
+  vector[n_stresses] preferred_grain_size; // by the piezometer
   real log_s0 = log_reference_stress(strain_rate, initial_grain_size, temperature,
                                      stress_exponent, grain_size_exponent, activation_enthalpy,
                                      beta);
@@ -30,12 +31,13 @@ generated quantities {
                           grain_size_exponent,
                           log_rate_factor(activation_enthalpy, beta, temperature));
   real activation_enthalpy_back
-    = activation_enthalpy_from_reference_stress(log_s0, strain_rate, initial_grain_size,
-                                                temperature, stress_exponent,
-                                                grain_size_exponent, beta);
-  real beta_back = beta_from_reference_stress(log_s0, strain_rate, initial_grain_size,
-                                              temperature, stress_exponent,
-                                              grain_size_exponent, activation_enthalpy);
+    = activation_enthalpy_from_flow(log(strain_rate), log_s0, initial_grain_size, temperature,
+                                    stress_exponent, grain_size_exponent, beta);
+  real log_rate_at_reference_stress = log_flow_rate(exp(log_s0), initial_grain_size, temperature,
+                                                    stress_exponent, grain_size_exponent,
+                                                    activation_enthalpy, beta);
+  real beta_back = beta_from_flow(log(strain_rate), log_s0, initial_grain_size, temperature,
+                                  stress_exponent, grain_size_exponent, activation_enthalpy);
   vector[n_path_strains] grain_size_at;
   vector[n_path_strains] grain_size_rate; // 1/s, at strain_rate
   vector[n_path_strains] grain_size_rate_reversed; // at -strain_rate
@@ -46,6 +48,7 @@ generated quantities {
                                           grain_size_exponent,
                                           log_rate_factor(activation_enthalpy, beta,
                                                           temperature));
+    preferred_grain_size[i] = piezometer_grain_size(stress[i]);
   }
   for (i in 1 : n_path_strains) {
     grain_size_at[i] = microstructure_at(path_strain[i], initial_grain_size, steady_state,

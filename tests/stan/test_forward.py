@@ -270,6 +270,19 @@ def test_reference_stress_and_enthalpy_are_inverse(function_values: FunctionValu
     assert values["activation_enthalpy_back"] == pytest.approx(62.08e3, rel=1e-12)
     assert values["beta_back"] == pytest.approx(-7.29e-4, rel=1e-12)
     assert values["rate_at_reference_stress"] == pytest.approx(1.69e-4, rel=1e-10)
+    log_rate = values["log_rate_at_reference_stress"]
+    assert log_rate == pytest.approx(np.log(1.69e-4), rel=1e-12)
+
+
+def test_piezometer_is_even_and_floored(function_values: FunctionValues) -> None:
+    stress = np.array([0.0, 1e3, 1e6, 30e6, 200e6])
+    values = function_values("function_values", function_data([*stress, *-stress], []))
+    size = values["preferred_grain_size"]
+    np.testing.assert_allclose(size[:5], [oracle.piezometer(s) for s in stress], rtol=1e-12)
+    np.testing.assert_array_equal(size[5:], size[:5])
+    # Eq. 5 itself where the stress is far above the floor.
+    assert size[4] == pytest.approx(0.015 * 200**-1.33, rel=1e-4)
+    assert size[0] == pytest.approx(0.015, rel=1e-12)
 
 
 def test_closed_form_of_the_microstructure_solves_its_equation(

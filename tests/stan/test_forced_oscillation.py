@@ -1,0 +1,397 @@
+"""Oscillating tests in Stan: solution, trend, spin-up and files against independent judges."""
+
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import oracle
+import pandas as pd
+import pytest
+from conftest import ICE, FunctionValues, resolved_priors
+from numpy.polynomial import Polynomial
+from scipy.integrate import quad, simpson
+
+from pyburgers.cli import main
+from pyburgers.cmdstan import load_model
+from pyburgers.forced_oscillation import (
+    OscillationExperiment,
+    load_forced_oscillation,
+    with_background,
+)
+from pyburgers.harmonics import fit_harmonics
+from pyburgers.oscillation import (
+    Background,
+    OscillationRecord,
+    OscillationSettings,
+    prepare,
+)
+from pyburgers.simulation import (
+    REFERENCE_SOLVER,
+    program_for,
+    quiet_cmdstanpy,
+    simulate,
+    solve,
+)
+from pyburgers.stan_data import START_MARGIN, ShearedReference, forced_oscillation_data
+
+FloatArray = npt.NDArray[np.float64]
+pytestmark = pytest.mark.usefixtures("programs")
+
+TWIN_FILE = ICE.parent / "olivine" / "olivine_twin.toml"
+TEMPERATURE = 1423.0
+PERIOD = 300.0
+NOISE = 4e6  # Pa, of the twin
+COLUMNS = ["time_s", "strain", "stress_Pa", "kelvin_strain", "grain_size_m", "fabric_factor"]
+
+# What differs from the truth of the twin.
+MATERIALS = {
+    "truth": {},
+    "stiff and strong": {
+        "kelvin_modulus": 80e9,
+        "kelvin_viscosity": 5e9,
+        "activation_enthalpy": 490e3,
+    },
+    "fast dashpot": {"stress_exponent": 2.6, "activation_enthalpy": 380e3},
+    "fast grains": {"grain_size_exponent": 1.4, "critical_strain_grain_size": 0.01, "beta": -7e-5},
+}
+
+
+@pytest.fixture(params=["removed", "kept"])
+def twin(request: pytest.FixtureRequest) -> OscillationExperiment:
+    return with_background(load_forced_oscillation(TWIN_FILE), request.param)
+
+
+def truth() -> dict[str, float]:
+    parameters = load_forced_oscillation(TWIN_FILE).true_parameters
+    assert parameters is not None
+    return dict(parameters)
+
+
+def imposed_strain(experiment: OscillationExperiment) -> oracle.OscillatingStrain:
+    """What drives the model, from the fit of the record."""
+    prepared = experiment.prepared
+    start = prepared.start - START_MARGIN * prepared.period
+    background = [0.0]
+    if prepared.background == "kept":
+        since = np.linspace(0.0, 1000.0, 20)
+        rate = prepared.strain_fit.trend_rate(start + since)
+        degree = max(prepared.strain_fit.degree - 1, 0)
+        background = Polynomial.fit(since, rate, degree).convert().coef.tolist()
+    return oracle.OscillatingStrain(
+        prepared.period,
+        prepared.strain_fit.sine.tolist(),
+        prepared.strain_fit.cosine.tolist(),
+        background,
+        start,
+    )
+
+
+def start_stress(experiment: OscillationExperiment) -> float:
+    prepared = experiment.prepared
+    if prepared.background == "removed":
+        return 0.0
+    return float(prepared.stress_fit.trend(np.array([prepared.start]))[0])
+
+
+def oscillation_of(
+    experiment: OscillationExperiment, parameters: Mapping[str, float], time: FloatArray
+) -> FloatArray:
+    """Independent solution (stress, Kelvin strain, grain size), shape (3, n)."""
+    imposed = imposed_strain(experiment)
+    return oracle.oscillation(
+        parameters,
+        experiment.temperature,
+        experiment.initial_grain_size,
+        imposed,
+        start=imposed.zero_ahead(experiment.spin_up_cycles),
+        start_stress=start_stress(experiment),
+        time=time,
+    )
+
+
+def linear_parameters() -> dict[str, float]:
+    """A linear dashpot of 2e12 Pa s beside the springs of the twin."""
+    parameters = truth() | {"stress_exponent": 1.0, "grain_size_exponent": 0.0}
+    parameters["beta"] = -np.log(2e12) / parameters["activation_enthalpy"] + 1 / (
+        oracle.GAS_CONSTANT * TEMPERATURE
+    )
+    return parameters
+
+
+def sinusoid(background: Background, spin_up_cycles: int) -> OscillationExperiment:
+    """Return a test at a strain without noise: one sinusoid and a constant background rate."""
+    time = np.arange(0.0, 1800.0, 9.0)
+    angle = 2 * np.pi * time / PERIOD
+    spread = np.ones_like(time)
+    record = OscillationRecord(
+        strain_time=time,
+        strain=1e-3 * np.sin(angle) + 5e-4 * np.cos(angle) + 1e-6 * time,
+        strain_uncertainty=1e-5 * spread,
+        stress_time=time,
+        stress=20e6 + 50e6 * np.sin(angle + 1.0),
+        stress_uncertainty=4e6 * spread,
+    )
+    settings = OscillationSettings(PERIOD, 1, 0, background)
+    prepared = prepare(record, settings, "test")
+    return replace(
+        load_forced_oscillation(TWIN_FILE),
+        record=record,
+        settings=settings,
+        prepared=prepared,
+        stress=prepared.stress,
+        spin_up_cycles=spin_up_cycles,
+    )
+
+
+def test_settled_linear_stress_is_that_of_the_complex_modulus() -> None:
+    experiment = sinusoid("removed", spin_up_cycles=30)
+    solution = simulate(experiment, linear_parameters())
+    omega = 2 * np.pi / PERIOD
+    modulus = oracle.burgers_modulus(linear_parameters(), TEMPERATURE, omega)
+    # 1e-3 sin + 5e-4 cos is the imaginary part of (1e-3 + 5e-4 i) exp(i w t).
+    amplitude = modulus * (1e-3 + 5e-4j)
+    expected = np.imag(amplitude * np.exp(1j * omega * solution["time_s"].to_numpy()))
+    np.testing.assert_allclose(solution["stress_Pa"], expected, atol=1e-7 * abs(amplitude), rtol=0)
+
+
+@pytest.mark.parametrize("background", ["removed", "kept"])
+def test_linear_limit_is_the_matrix_exponential(background: Background) -> None:
+    """Start-up transient, bias and drift included."""
+    experiment = sinusoid(background, spin_up_cycles=1)
+    solution = simulate(experiment, linear_parameters(), at=np.linspace(0.0, 1500.0, 61))
+    imposed = oracle.OscillatingStrain(
+        PERIOD, [1e-3], [5e-4], [1e-6 if background == "kept" else 0.0], 0.0
+    )
+    expected = oracle.linear_oscillation(
+        linear_parameters(),
+        TEMPERATURE,
+        imposed,
+        start=imposed.zero_ahead(1),
+        start_stress=20e6 if background == "kept" else 0.0,
+        time=solution["time_s"].to_numpy(),
+    )
+    size = np.abs(expected).max()
+    np.testing.assert_allclose(solution["stress_Pa"], expected, atol=1e-6 * size, rtol=0)
+
+
+@pytest.mark.parametrize("material", MATERIALS)
+def test_solution_agrees_with_an_independent_solver(
+    material: str, twin: OscillationExperiment
+) -> None:
+    parameters = truth() | MATERIALS[material]
+    time = np.linspace(0.0, 1800.0, 121)
+    solution = simulate(twin, parameters, at=time)
+    stress, kelvin_strain, grain_size = oscillation_of(twin, parameters, time)
+    for name, expected in (("stress_Pa", stress), ("kelvin_strain", kelvin_strain)):
+        difference = np.abs(solution[name].to_numpy() - expected).max()
+        assert difference < 1e-6 * 0.5 * np.ptp(expected), name
+    np.testing.assert_allclose(solution["grain_size_m"], grain_size, rtol=1e-5)
+
+
+def test_strains_of_the_elements_add_up(twin: OscillationExperiment) -> None:
+    """The dashpot's strain, by quadrature of its rate, is what the springs leave over."""
+    parameters = truth()
+    time = np.linspace(0.0, 1800.0, 6001)
+    draw = solve(twin, parameters, time, solver=REFERENCE_SOLVER)
+    sprung = draw["grid_stress"] / parameters["maxwell_modulus"] + draw["grid_kelvin_strain"]
+    strain = twin.prepared.strain(time)
+    for last in (1500, 3000, 6000):
+        dashpot = simpson(draw["grid_dashpot_rate"][: last + 1], x=time[: last + 1])
+        total = sprung[last] - sprung[0] + dashpot
+        assert total == pytest.approx(strain[last] - strain[0], abs=1e-10)
+
+
+def test_grains_follow_the_piezometer_whichever_way_the_strain_runs(
+    twin: OscillationExperiment,
+) -> None:
+    """They grow where they are smaller than the stress wants, in both half cycles."""
+    solution = simulate(twin, truth())
+    grain_size, stress = (solution[name].to_numpy() for name in ("grain_size_m", "stress_Pa"))
+    wanted = np.array([oracle.piezometer(s) for s in stress])
+    strained = np.diff(solution["strain"])
+    smaller = np.maximum(grain_size[1:], grain_size[:-1]) < np.minimum(wanted[1:], wanted[:-1])
+    for direction in (strained > 0, strained < 0):
+        assert np.sum(smaller & direction) > 50
+        assert np.all(np.diff(grain_size)[smaller & direction] > 0)
+    assert grain_size[0] == pytest.approx(twin.initial_grain_size, rel=1e-3)
+
+
+def test_the_trend_that_is_removed_is_that_of_the_fitted_series() -> None:
+    twin = with_background(load_forced_oscillation(TWIN_FILE), "removed")
+    prepared = twin.prepared
+    draw = solve(twin, truth(), prepared.time, solver=REFERENCE_SOLVER)
+    fitted = fit_harmonics(
+        prepared.time,
+        draw["grid_stress"],
+        period=prepared.period,
+        degree=prepared.stress_fit.degree,
+        uncertainty=prepared.uncertainty,
+    )
+    expected = draw["grid_stress"] - fitted.trend(prepared.time)
+    assert np.abs(fitted.trend(prepared.time)).max() > 1.0
+    for name in ("stress_model", "grid_oscillating_stress"):
+        np.testing.assert_allclose(draw[name], expected, atol=1.0, rtol=0)
+    again = fit_harmonics(
+        prepared.time,
+        draw["stress_model"],
+        period=prepared.period,
+        degree=prepared.stress_fit.degree,
+        uncertainty=prepared.uncertainty,
+    )
+    np.testing.assert_allclose(again.trend_coefficients, 0.0, atol=1e-3)
+
+
+def test_a_kept_background_leaves_the_stress_as_it_is() -> None:
+    twin = with_background(load_forced_oscillation(TWIN_FILE), "kept")
+    draw = solve(twin, truth(), twin.prepared.time, solver=REFERENCE_SOLVER)
+    np.testing.assert_array_equal(draw["stress_model"], draw["grid_stress"])
+    np.testing.assert_array_equal(draw["grid_oscillating_stress"], draw["grid_stress"])
+
+
+def test_without_background_more_spin_up_changes_nothing() -> None:
+    twin = with_background(load_forced_oscillation(TWIN_FILE), "removed")
+    assert spin_up_effect(twin, cycles=40).max() < 1e-4
+    assert spin_up_effect(twin, cycles=40, name="grid_stress").max() < 0.01
+
+
+def test_with_background_more_spin_up_changes_less_than_the_noise() -> None:
+    """The bias creeps to where the dashpot carries the background, over tens of cycles."""
+    twin = with_background(load_forced_oscillation(TWIN_FILE), "kept")
+    change = spin_up_effect(twin, cycles=40)
+    assert change.max() < 0.6
+    assert np.sqrt(np.mean(change**2)) < 0.35
+
+
+def spin_up_effect(
+    twin: OscillationExperiment, *, cycles: int, name: str = "stress_model"
+) -> FloatArray:
+    """Change of the stress by more cycles ahead of the record, in standard deviations."""
+    one, other = (
+        solve(replace(twin, spin_up_cycles=n), truth(), twin.prepared.time, solver=REFERENCE_SOLVER)
+        for n in (twin.spin_up_cycles, cycles)
+    )
+    change: FloatArray = np.abs(one[name] - other[name]) / NOISE
+    return change
+
+
+def test_a_loose_solver_is_far_below_the_noise(twin: OscillationExperiment) -> None:
+    """The tolerance that oscillating tests are sampled at."""
+    time = twin.prepared.time
+    exact, loose = (
+        solve(twin, truth(), time, solver=replace(REFERENCE_SOLVER, tolerance=tolerance))
+        for tolerance in (1e-10, 1e-4)
+    )
+    assert np.abs(exact["stress_model"] - loose["stress_model"]).max() < 0.05 * NOISE
+
+
+VALUES = {
+    "stress_exponent": 3.0,
+    "rate_at_scale": 3e-7,
+    "stress_scale": 48e6,
+    "bias": 98e6,
+    "amplitude": 48e6,
+    "period": PERIOD,
+    "maxwell_modulus": 203e9,
+    "dashpot": 1e-12,
+    "compliance": [3.8e-11, 1.7e-11],
+}
+
+
+@pytest.mark.parametrize("bias", [0.0, 20e6, 98e6])
+@pytest.mark.parametrize("exponent", [1.0, 2.5, 3.0, 3.9])
+def test_dashpot_compliance_is_that_of_its_mean_response(
+    exponent: float, bias: float, function_values: FunctionValues
+) -> None:
+    data = VALUES | {"stress_exponent": exponent, "bias": bias}
+    found = function_values("oscillation_values", data)["dashpot_loss"]
+    amplitude, scale = 48e6, 48e6
+
+    def response(angle: float) -> float:
+        stress = (bias + amplitude * np.sin(angle)) / scale
+        return float(np.sign(stress) * abs(stress) ** exponent * np.sin(angle))
+
+    mean = quad(response, 0.0, 2 * np.pi, epsabs=1e-10, limit=200)[0] / np.pi
+    over_omega = 3e-7 / amplitude * PERIOD / (2 * np.pi)
+    assert found == pytest.approx(mean * over_omega, rel=1e-3)
+    closed = {1.0: amplitude / scale, 3.0: amplitude * (3 * bias**2 + 0.75 * amplitude**2)}
+    if exponent in closed:
+        by_scale = closed[exponent] / (1.0 if exponent == 1.0 else scale**3)
+        assert found == pytest.approx(by_scale * over_omega, rel=1e-12)
+
+
+def test_kelvin_element_has_the_compliance_that_is_left(function_values: FunctionValues) -> None:
+    kelvin = function_values("oscillation_values", VALUES)["kelvin"]
+    compliance = 1 / (kelvin[0] + 2j * np.pi / PERIOD * kelvin[1])
+    assert compliance.real == pytest.approx(3.8e-11 - 1 / 203e9, rel=1e-3)
+    assert -compliance.imag == pytest.approx(1.7e-11 - 1e-12, rel=1e-3)
+
+
+def test_kelvin_element_fades_where_nothing_is_left(function_values: FunctionValues) -> None:
+    viscosity = [
+        function_values("oscillation_values", VALUES | {"dashpot": dashpot})["kelvin"][1]
+        for dashpot in (1e-12, 1.7e-11, 3e-11, 6e-11)
+    ]
+    assert np.all(np.diff(viscosity) < 0)
+    assert 0 < viscosity[-1] < 1e-3 * viscosity[0]
+
+
+def test_the_same_seed_gives_the_same_draws(twin: OscillationExperiment, tmp_path: Path) -> None:
+    priors = resolved_priors(twin)
+    data = forced_oscillation_data(
+        twin,
+        priors,
+        solver=replace(REFERENCE_SOLVER, tolerance=1e-4),
+        sheared=ShearedReference(np.array([-0.5, 2.0, 1.0])),
+    )
+    data_file = tmp_path / "data.json"
+    data_file.write_text(json.dumps(data), encoding="utf-8")
+    draws = []
+    for name in ("one", "other"):
+        with quiet_cmdstanpy():
+            sample = load_model(program_for(twin), report=print).sample(
+                data=str(data_file),
+                chains=1,
+                seed=7,
+                inits=0.0,
+                iter_warmup=10,
+                iter_sampling=10,
+                max_treedepth=4,
+                output_dir=str(tmp_path / name),
+                show_progress=False,
+            )
+        draws.append(sample.draws())
+    assert np.ptp(draws[0], axis=0).max() > 0
+    np.testing.assert_array_equal(draws[0], draws[1])
+
+
+def test_simulate_writes_the_promised_columns(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    parameters, out = tmp_path / "parameters.json", tmp_path / "curve.csv"
+    parameters.write_text(json.dumps(truth()), encoding="utf-8")
+    files = ["--parameters", str(parameters), "--out", str(out)]
+    assert main(["simulate", str(TWIN_FILE), *files]) == 0
+    table = pd.read_csv(out)
+    assert list(table) == COLUMNS
+    time = table["time_s"].to_numpy()
+    assert np.all(np.diff(time) > 0)
+    twin = load_forced_oscillation(TWIN_FILE)
+    assert set(twin.prepared.time) <= set(time)
+    np.testing.assert_allclose(table["strain"], twin.prepared.strain_fit.periodic(time))
+    assert (table["fabric_factor"] == 1).all()
+    assert "warning" not in capsys.readouterr().err
+
+
+def test_valley_coordinates_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run = tmp_path / "run"
+    code = main(["fit", str(TWIN_FILE), "--coordinates", "valley", "--out", str(run)])
+    out, error = capsys.readouterr()
+    assert (code, out) == (2, "")
+    sentence = error.splitlines()[-1]
+    assert re.fullmatch(r"pyburgers: [^\n]+\.", sentence)
+    for word in ("olivine_twin", "valley", "forced_oscillation", "sheared"):
+        assert word in sentence

@@ -1,0 +1,500 @@
+"""Sheared coordinates of oscillating tests: same posterior as in plain ones, exact Jacobian."""
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import arviz as az
+import cmdstanpy
+import numpy as np
+import numpy.typing as npt
+import oracle
+import pytest
+from conftest import ICE, fixed, resolved_priors, with_fixed, with_priors
+from log_density import Program
+from scipy import stats
+
+from pyburgers import geometry
+from pyburgers.cmdstan import compile_program, load_model
+from pyburgers.errors import InputError
+from pyburgers.forced_oscillation import (
+    OscillationExperiment,
+    load_forced_oscillation,
+    with_background,
+)
+from pyburgers.geometry import Coordinates, Geometry, choose_geometry
+from pyburgers.mode import Mode
+from pyburgers.oscillation import Background, prepare
+from pyburgers.parameters import PARAMETERS
+from pyburgers.priors import Prior, PriorSet
+from pyburgers.sheared import find_sheared
+from pyburgers.simulation import evaluate, program_for, quiet_cmdstanpy
+from pyburgers.stan_data import (
+    REFERENCE_FLOW_RATE,
+    ShearedReference,
+    SolverOptions,
+    StanData,
+    forced_oscillation_data,
+    plain_coordinates,
+)
+
+FloatArray = npt.NDArray[np.float64]
+pytestmark = pytest.mark.usefixtures("programs")
+
+TWIN_FILE = ICE.parent / "olivine" / "olivine_twin.toml"
+TIGHT = SolverOptions(tolerance=1e-10, max_num_steps=1_000_000)
+# Whatever the slopes, the posterior is the same.
+REFERENCE = ShearedReference(np.array([-0.7, 2.5, 0.8]))
+FREE = (
+    "maxwell_modulus",
+    "kelvin_modulus",
+    "kelvin_viscosity",
+    "stress_exponent",
+    "grain_size_exponent",
+    "activation_enthalpy",
+    "beta",
+    "critical_strain_grain_size",
+    "stress_noise",
+)
+SHEARED_SYSTEMS = {"plain": None, "sheared": REFERENCE}
+
+
+def twin_with(background: Background) -> OscillationExperiment:
+    return with_background(load_forced_oscillation(TWIN_FILE), background)
+
+
+def short_twin(background: Background) -> OscillationExperiment:
+    """The first cycles of the twin."""
+    full = twin_with(background)
+    inside = full.record.strain_time < 700, full.record.stress_time < 700
+    strain = {
+        name: getattr(full.record, name)[inside[0]]
+        for name in ("strain_time", "strain", "strain_uncertainty")
+    }
+    stress = {
+        name: getattr(full.record, name)[inside[1]]
+        for name in ("stress_time", "stress", "stress_uncertainty")
+    }
+    record = replace(full.record, **strain, **stress)
+    prepared = prepare(record, full.settings, full.id)
+    return replace(full, record=record, prepared=prepared, stress=prepared.stress)
+
+
+@pytest.fixture(params=["removed", "kept"])
+def twin(request: pytest.FixtureRequest) -> OscillationExperiment:
+    return twin_with(request.param)
+
+
+@pytest.fixture(params=["removed", "kept"])
+def short(request: pytest.FixtureRequest) -> OscillationExperiment:
+    return short_twin(request.param)
+
+
+def truth_in(experiment: OscillationExperiment, priors: PriorSet) -> Mode:
+    """The true parameters in place of a mode that was searched for."""
+    assert experiment.true_parameters is not None
+    values = {
+        p.name: priors[p.name].location
+        if priors[p.name].is_fixed
+        else experiment.true_parameters[p.name]
+        for p in PARAMETERS
+    }
+    scale = forced_oscillation_data(experiment, priors, solver=TIGHT)["stress_scale"]
+    grain_size = np.array(experiment.initial_grain_size)
+    rate = oracle.dashpot_rate(
+        values, experiment.temperature, np.array(scale), grain_size, np.ones(())
+    )
+    coordinates = plain_coordinates(experiment, priors)
+    return Mode(values, coordinates.at({**values, REFERENCE_FLOW_RATE: float(rate)}))
+
+
+def model_of(experiment: OscillationExperiment) -> cmdstanpy.CmdStanModel:
+    return load_model(program_for(experiment), report=print)
+
+
+def program_in(
+    experiment: OscillationExperiment,
+    priors: PriorSet,
+    sheared: ShearedReference | None,
+    folder: Path,
+) -> Program:
+    data = forced_oscillation_data(experiment, priors, solver=TIGHT, sheared=sheared)
+    return program_with(data, folder / ("plain" if sheared is None else "sheared"))
+
+
+def program_with(data: StanData, folder: Path) -> Program:
+    folder.mkdir()
+    data_file = folder / "data.json"
+    data_file.write_text(json.dumps(data), encoding="utf-8")
+    size = data["n_coordinates"]
+    return Program(
+        compile_program(program_for(twin_with("removed")), report=print),
+        data_file,
+        folder,
+        lambda columns: vector(columns, "coordinate", size),
+        np.ones(size),
+    )
+
+
+def vector(columns: Mapping[str, float], name: str, size: int) -> FloatArray:
+    return np.array([columns[f"{name}.{k + 1}"] for k in range(size)])
+
+
+def sheared_truth(experiment: OscillationExperiment, priors: PriorSet) -> FloatArray:
+    """Sheared coordinates of the true parameters."""
+    data = forced_oscillation_data(experiment, priors, solver=TIGHT)
+    data["flow_slope"] = REFERENCE.flow_slope.tolist()
+    position = {"coordinate": truth_in(experiment, priors).coordinate.tolist()}
+    return evaluate(model_of(experiment), data, position)["sheared_coordinate"]
+
+
+def scattered(centre: FloatArray, seed: int, number: int) -> FloatArray:
+    """Points from close by to as far away as the prior reaches."""
+    rng = np.random.default_rng(seed)
+    widths = np.geomspace(0.1, 1.5, number)[:, None]
+    points: FloatArray = centre + widths * rng.standard_normal((number, centre.size))
+    return points
+
+
+@pytest.mark.parametrize("system", SHEARED_SYSTEMS)
+def test_density_is_prior_likelihood_and_jacobian(
+    system: str, twin: OscillationExperiment, tmp_path: Path
+) -> None:
+    priors = resolved_priors(twin)
+    program = program_in(twin, priors, SHEARED_SYSTEMS[system], tmp_path)
+    centre = truth_in(twin, priors).coordinate
+    if system == "sheared":
+        centre = sheared_truth(twin, priors)
+    spread = twin.prepared.uncertainty
+    for point in scattered(centre, seed=5, number=4):
+        columns = program.columns_at({"coordinate": point.tolist()})
+        prior = sum(priors[name].distribution().logpdf(columns[name]) for name in FREE)
+        stress = vector(columns, "stress_model", twin.n_points)
+        noise = columns["stress_noise"] * spread / np.sqrt(np.mean(spread**2))
+        likelihood = stats.norm.logpdf(twin.stress, stress, noise)
+        np.testing.assert_allclose(
+            vector(columns, "log_lik", twin.n_points), likelihood, rtol=1e-8, atol=1e-8
+        )
+        assert columns["lprior"] == pytest.approx(prior, rel=1e-8)
+        expected = prior + np.sum(likelihood) + columns["log_jacobian"]
+        assert columns["lp__"] == pytest.approx(expected, rel=1e-7)
+
+
+def test_plain_and_sheared_densities_differ_by_the_jacobian(
+    twin: OscillationExperiment, tmp_path: Path
+) -> None:
+    priors = resolved_priors(twin)
+    plain, sheared = (
+        program_in(twin, priors, system, tmp_path) for system in SHEARED_SYSTEMS.values()
+    )
+    for point in scattered(sheared_truth(twin, priors), seed=6, number=8):
+        there = sheared.columns_at({"coordinate": point.tolist()})
+        position = vector(there, "plain_coordinate", point.size)
+        here = plain.columns_at({"coordinate": position.tolist()})
+        for name in FREE:
+            assert there[name] == pytest.approx(here[name], rel=1e-9)
+        assert there["lp__"] - there["log_jacobian"] == pytest.approx(
+            here["lp__"] - here["log_jacobian"], rel=1e-6
+        )
+        # The generated coordinates invert the map, from either side.
+        np.testing.assert_allclose(
+            vector(there, "sheared_coordinate", point.size), point, rtol=1e-7, atol=1e-7
+        )
+
+
+def derivative(program: Program, name: str, point: FloatArray, k: int) -> FloatArray:
+    """Derivative of a vector of the output by a coordinate, fourth order in the step."""
+    size, step = point.size, 1e-3 * np.eye(point.size)[k]
+    one, two = (
+        vector(program.columns_at({"coordinate": (point + m * step).tolist()}), name, size)
+        - vector(program.columns_at({"coordinate": (point - m * step).tolist()}), name, size)
+        for m in (1, 2)
+    )
+    slope: FloatArray = (8 * one - two) / (12 * 1e-3)
+    return slope
+
+
+def plain_log_jacobian(experiment: OscillationExperiment, values: Mapping[str, float]) -> float:
+    """ln |d parameters/d plain coordinates| where all that is free is as in olivine.toml.
+
+    Two bounds: width f (1 - f); a lower bound: value less bound; the flow rate in place of Q_M.
+    """
+    coordinates = plain_coordinates(experiment, resolved_priors(experiment))
+    total = 0.0
+    for k, name in enumerate(coordinates.quantities):
+        low, high = coordinates.lower[k], coordinates.upper[k]
+        if np.isinf(low):
+            total += np.log(coordinates.scale[k])
+        elif np.isinf(high):
+            total += np.log(values[name] - low)
+        else:
+            total += np.log((values[name] - low) * (high - values[name]) / (high - low))
+    inverse_rt = 1 / (oracle.GAS_CONSTANT * experiment.temperature)
+    return float(total - np.log(inverse_rt - values["beta"]))
+
+
+def test_log_jacobian_is_that_of_the_map(short: OscillationExperiment, tmp_path: Path) -> None:
+    """Closed form of the plain map, numerical determinant of the shears."""
+    priors = resolved_priors(short)
+    data = forced_oscillation_data(short, priors, solver=SolverOptions(1e-3), sheared=REFERENCE)
+    program = program_with(two_points(data), tmp_path / "sheared")
+    for point in scattered(sheared_truth(short, priors), seed=7, number=2):
+        columns = program.columns_at({"coordinate": point.tolist()})
+        matrix = np.column_stack(
+            [derivative(program, "plain_coordinate", point, k) for k in range(point.size)]
+        )
+        sign, logarithm = np.linalg.slogdet(matrix)
+        assert sign > 0
+        expected = logarithm + plain_log_jacobian(short, columns)
+        assert columns["log_jacobian"] == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize("system", SHEARED_SYSTEMS)
+def test_gradient_is_the_slope_of_the_density(
+    system: str, short: OscillationExperiment, tmp_path: Path
+) -> None:
+    priors = resolved_priors(short)
+    program = program_in(short, priors, SHEARED_SYSTEMS[system], tmp_path)
+    centre = truth_in(short, priors).coordinate
+    if system == "sheared":
+        centre = sheared_truth(short, priors)
+    (point,) = scattered(centre, seed=8, number=1)
+    gradient = program.at({"coordinate": point.tolist()}).gradient
+    step = 1e-3
+    for k in range(point.size):
+        shift = step * np.eye(point.size)[k]
+        one, two = (
+            program.columns_at({"coordinate": (point + m * shift).tolist()})["lp__"]
+            - program.columns_at({"coordinate": (point - m * shift).tolist()})["lp__"]
+            for m in (1, 2)
+        )
+        slope = (8 * one - two) / (12 * step)
+        assert gradient[k] == pytest.approx(slope, rel=1e-4, abs=1e-4 * np.abs(gradient).max())
+
+
+def two_points(data: StanData) -> StanData:
+    """Data of a record that is cut after its second reading: a quick solution."""
+    return {
+        **data,
+        "start_tau": data["first_tau"] - 0.1,
+        "n_points": 2,
+        **{name: data[name][:2] for name in ("tau", "stress_observed", "relative_noise")},
+        "n_trend": 0,
+        "trend_shape": [[], []],
+        "trend_fit": [],
+    }
+
+
+def assert_coordinates_work(
+    experiment: OscillationExperiment, priors: PriorSet, folder: Path
+) -> ShearedReference:
+    """The set-up from the curvature works, and what it sets up has the right density."""
+    data = forced_oscillation_data(experiment, priors, solver=SolverOptions(tolerance=1e-6))
+    mode = truth_in(experiment, priors)
+    reference, centre = find_sheared(
+        model_of(experiment), data, priors, plain_coordinates(experiment, priors), mode
+    )
+    assert np.all(np.isfinite(reference.flow_slope))
+    plain, sheared = (
+        program_in(experiment, priors, system, folder) for system in (None, reference)
+    )
+    here = plain.columns_at({"coordinate": mode.coordinate.tolist()})
+    there = sheared.columns_at({"coordinate": centre.tolist()})
+    for name in FREE:
+        assert there[name] == pytest.approx(mode.values[name], rel=1e-8), name
+    assert there["lp__"] - there["log_jacobian"] == pytest.approx(
+        here["lp__"] - here["log_jacobian"], rel=1e-6
+    )
+    return reference
+
+
+@pytest.mark.parametrize("name", FREE)
+def test_coordinates_suit_whichever_parameter_is_fixed(name: str, tmp_path: Path) -> None:
+    experiment = short_twin("kept")
+    assert experiment.true_parameters is not None
+    priors = with_fixed(resolved_priors(experiment), {name: experiment.true_parameters[name]})
+    assert_coordinates_work(experiment, priors, tmp_path)
+
+
+def test_coordinates_suit_a_flow_law_without_grain_size(tmp_path: Path) -> None:
+    experiment = short_twin("kept")
+    truth = experiment.true_parameters
+    assert truth is not None
+    # The same flow at the grain size of the start.
+    beta = (
+        truth["beta"]
+        - truth["grain_size_exponent"]
+        * np.log(experiment.initial_grain_size)
+        / truth["activation_enthalpy"]
+    )
+    experiment = replace(experiment, true_parameters={**truth, "beta": beta})
+    priors = with_fixed(resolved_priors(experiment), {"grain_size_exponent": 0.0})
+    reference = assert_coordinates_work(experiment, priors, tmp_path)
+    assert reference.flow_slope[0] != 0  # the record does say something about the flow
+
+
+def bounded(name: str, location: float, scale: float) -> Prior:
+    return Prior(
+        name, "normal", location, scale, location - 5 * scale, np.inf, "SI", "with a lower bound"
+    )
+
+
+UNSUITED = {
+    "bounded beta": ({"beta": bounded("beta", -8.6e-5, 1e-5)}, "beta"),
+    "bounded enthalpy": (
+        {"activation_enthalpy": bounded("activation_enthalpy", 445e3, 20e3)},
+        "activation_enthalpy",
+    ),
+    "no place for the flow rate": (
+        {
+            "beta": fixed("beta", -9.2e-5),
+            "activation_enthalpy": fixed("activation_enthalpy", 467e3),
+        },
+        "flow rate",
+    ),
+}
+
+
+def geometry_of(
+    experiment: OscillationExperiment,
+    priors: PriorSet,
+    wanted: Coordinates,
+    monkeypatch: pytest.MonkeyPatch,
+) -> Geometry:
+    """Choose coordinates, with the truth in place of a search for the mode."""
+    monkeypatch.setattr(geometry, "find_mode", lambda *_, **__: truth_in(experiment, priors))
+    solver = SolverOptions(tolerance=1e-6)
+    return choose_geometry(
+        model_of(experiment),
+        forced_oscillation_data(experiment, priors, solver=solver),
+        experiment,
+        priors,
+        wanted=wanted,
+        seed=1,
+        solver=solver,
+        report=print,
+    )
+
+
+@pytest.mark.parametrize("case", UNSUITED)
+def test_priors_that_do_not_suit_fall_back_to_plain_ones(
+    case: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    changed, word = UNSUITED[case]
+    experiment = short_twin("kept")
+    priors = with_priors(resolved_priors(experiment), changed)
+    found = geometry_of(experiment, priors, "auto", monkeypatch)
+    assert found.system == "plain"
+    assert word in found.reason
+    with pytest.raises(InputError, match=f"sheared coordinates do not apply.*{word}"):
+        geometry_of(experiment, priors, "sheared", monkeypatch)
+
+
+def test_a_record_without_loss_does_not_suit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Noise can turn the lag of a hardly dissipating sample around."""
+    experiment = short_twin("kept")
+    record = experiment.record
+    angle = 2 * np.pi / 300.0 * record.stress_time + 0.6
+    elastic = replace(record, stress=100e6 + 50e6 * np.sin(angle))
+    prepared = prepare(elastic, experiment.settings, experiment.id)
+    assert prepared.stress_fit.phase()[0] < prepared.strain_fit.phase()[0]
+    backwards = replace(experiment, record=elastic, prepared=prepared, stress=prepared.stress)
+    found = geometry_of(backwards, resolved_priors(backwards), "auto", monkeypatch)
+    assert found.system == "plain"
+    assert "stress is not ahead of the strain" in found.reason
+
+
+def test_the_twin_is_sampled_in_sheared_coordinates(monkeypatch: pytest.MonkeyPatch) -> None:
+    experiment = short_twin("removed")
+    found = geometry_of(experiment, resolved_priors(experiment), "auto", monkeypatch)
+    assert (found.system, found.block["coordinate_system"]) == ("sheared", 2)
+    assert found.covariance is not None
+    assert np.linalg.eigvalsh(found.covariance).min() > 0
+    plain = geometry_of(experiment, resolved_priors(experiment), "plain", monkeypatch)
+    assert (plain.system, plain.block) == ("plain", {})
+
+
+def test_without_likelihood_coordinates_stay_plain() -> None:
+    experiment = short_twin("kept")
+    priors = resolved_priors(experiment)
+    data = forced_oscillation_data(experiment, priors, solver=SolverOptions(), use_likelihood=False)
+    found = choose_geometry(
+        model_of(experiment),
+        data,
+        experiment,
+        priors,
+        wanted="auto",
+        seed=1,
+        solver=SolverOptions(),
+        report=print,
+    )
+    assert (found.system, found.block, found.centre) == ("plain", {}, None)
+
+
+def priors_about_the_truth(experiment: OscillationExperiment) -> PriorSet:
+    """Priors that leave the flow rate within a factor of ten or so.
+
+    Those of Table 2 leave it ten powers of ten, and the sheared coordinates of so wide a prior
+    are as wide as the rate itself.
+    """
+    priors = resolved_priors(experiment)
+    n, p, enthalpy, beta = (
+        priors[name]
+        for name in ("stress_exponent", "grain_size_exponent", "activation_enthalpy", "beta")
+    )
+    narrower = [
+        replace(n, lower=3.1, upper=3.3),
+        replace(p, lower=0.7, upper=0.9),
+        replace(enthalpy, location=467e3, scale=5e3),
+        replace(beta, location=-9.2e-5, scale=2e-6),
+    ]
+    return with_priors(priors, {prior.parameter: prior for prior in narrower})
+
+
+@pytest.mark.parametrize(
+    ("sheared", "priors_of"),
+    [(None, resolved_priors), (REFERENCE, priors_about_the_truth)],
+    ids=["plain", "sheared"],
+)
+def test_without_likelihood_draws_have_the_priors_marginals(
+    sheared: ShearedReference | None,
+    priors_of: Callable[[OscillationExperiment], PriorSet],
+    tmp_path: Path,
+) -> None:
+    experiment = short_twin("kept")
+    priors = priors_of(experiment)
+    data = forced_oscillation_data(
+        experiment,
+        priors,
+        solver=SolverOptions(tolerance=1e-3),
+        use_likelihood=False,
+        sheared=sheared,
+    )
+    data_file = tmp_path / "data.json"
+    data_file.write_text(json.dumps(two_points(data)), encoding="utf-8")
+    with quiet_cmdstanpy():
+        sample = model_of(experiment).sample(
+            data=str(data_file),
+            chains=4,
+            parallel_chains=2,
+            seed=20,
+            inits=0,
+            iter_warmup=500,
+            iter_sampling=3000,
+            thin=3,  # successive draws are antithetic
+            metric="dense_e",
+            adapt_delta=0.9,
+            sig_figs=12,
+            output_dir=str(tmp_path),
+            show_progress=False,
+        )
+        values = sample.draws_xr(list(FREE))
+    family_wise_level = 1e-3
+    for name in FREE:
+        size = az.ess(values[[name]])[name].item()
+        assert size > 1000, name
+        step = int(np.ceil(values[name].size / size))
+        independent = values[name].to_numpy().ravel()[::step]
+        p_value = stats.kstest(independent, priors[name].distribution().cdf).pvalue
+        assert p_value > family_wise_level / len(FREE), name

@@ -11,7 +11,9 @@ import argparse
 from pathlib import Path
 
 import pyburgers
-from pyburgers.figures import image, prior_posterior, stress_strain
+from pyburgers.constant_rate_figures import stress_strain
+from pyburgers.figure_style import image
+from pyburgers.posterior_figures import prior_posterior
 from pyburgers.reproduce import shipped_data_directory
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import pyburgers
 from pyburgers.attenuation import overview_table, quantile_table
 from pyburgers.attenuation_figures import attenuation
-from pyburgers.figures import image
+from pyburgers.figure_style import image
 
 
 def main() -> None:

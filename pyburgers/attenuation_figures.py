@@ -17,7 +17,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from pyburgers.attenuation import flat_draws
-from pyburgers.figures import (
+from pyburgers.draws import evenly_spaced
+from pyburgers.figure_style import (
     BLACK,
     BLUE,
     GREEN,
@@ -25,7 +26,6 @@ from pyburgers.figures import (
     PURPLE,
     SKY_BLUE,
     VERMILION,
-    evenly_spaced,
     style,
 )
 

@@ -25,7 +25,7 @@ from pyburgers.doctor import can_fit, diagnose, format_findings
 from pyburgers.errors import InputError, PyburgersError
 from pyburgers.experiment import Experiment
 from pyburgers.experiment_files import load_experiment
-from pyburgers.figures import image
+from pyburgers.figure_style import image
 from pyburgers.fitting import Fit, fit
 from pyburgers.priors import PriorSet, default_priors, load_priors
 from pyburgers.report import write_report
@@ -118,7 +118,9 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("--title", default="Nonlinear Burgers fits")
     command.set_defaults(run=_report)
 
-    command = commands.add_parser("reproduce", help="the study: three ice fits and the page")
+    command = commands.add_parser(
+        "reproduce", help="the study: fits of three ice tests and an olivine record, and the page"
+    )
     command.add_argument("--preset", choices=sorted(PRESETS), default="quick")
     command.add_argument("--out", type=Path, default=Path("report"), metavar="DIR")
     command.set_defaults(run=_reproduce)
@@ -135,7 +137,9 @@ def _add_sampler_options(command: argparse.ArgumentParser) -> None:
             f"--{field.name.replace('_', '-')}",
             type=kind,
             default=field.default,
-            help=f"default {field.default}",
+            help="default: by protocol or none"
+            if field.default is None
+            else f"default {field.default}",
         )
 
 

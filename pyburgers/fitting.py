@@ -146,7 +146,8 @@ def fit(
     options : SamplerOptions, optional
         Chains, iterations, seed.
     solver : SolverOptions, optional
-        Tolerance of the ODE solver while sampling (`pyburgers.stan_data.default_solver`). Where the draws, solved again at the reference
+        Tolerance of the ODE solver while sampling, by default that of
+        `pyburgers.stan_data.default_solver`. Where the draws, solved again at the reference
         tolerance, show it too loose (Pareto k), all chains are run again ten times tighter, at
         most `MAX_REFITS` times; the manifest notes it.
     use_likelihood : bool

@@ -128,6 +128,12 @@ class PreparedOscillation:
             background=self.background,
         )
 
+    @property
+    def relative_uncertainty(self) -> FloatArray:
+        """Uncertainty of each stress over the root mean square of all, shape (n_points,)."""
+        relative: FloatArray = self.uncertainty / np.sqrt(np.mean(self.uncertainty**2))
+        return relative
+
     def strain(self, time: FloatArray) -> FloatArray:
         """Strain (fraction) at times (s), shape (n,): without its trend where that is removed."""
         oscillating = self.strain_fit.periodic(time)

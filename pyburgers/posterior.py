@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 import xarray as xr
+from scipy.special import logsumexp
 
 from pyburgers.cmdstan import load_model
 from pyburgers.constant_rate import ConstantRateExperiment
@@ -43,10 +44,11 @@ with warnings.catch_warnings():
     warnings.filterwarnings("ignore", "\\s*ArviZ is undergoing", FutureWarning)
     import arviz as az
 
-# ArviZ 0.x has this function at the top; 1.x keeps it with the array statistics.
-_psislw = (
-    az.psislw if hasattr(az, "psislw") else import_module("arviz_stats.base").array_stats.psislw
-)
+# ArviZ 0.x has this function at the top; 1.x keeps it with the array statistics, where it takes log
+# likelihoods of points to be left out, the log ratios with the other sign.
+_ARVIZ_0 = hasattr(az, "psislw")
+_psislw = az.psislw if _ARVIZ_0 else import_module("arviz_stats.base").array_stats.psislw
+_RATIO_SIGN = 1.0 if _ARVIZ_0 else -1.0
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -78,6 +80,9 @@ TIME_VARIABLES = {
 """Generated quantities along strain, or time in oscillating tests: name and unit in the draws."""
 
 PREDICTIONS_PER_CYCLE = 30
+
+LEAST_SMOOTHED_DRAWS = 25
+"""Importance weights of fewer draws are left as they are: their tail is less than five draws."""
 
 
 def prediction_grid(experiment: Experiment) -> FloatArray:
@@ -413,20 +418,56 @@ def grain_size_share(posterior: xr.DataTree) -> xr.DataArray:
     return share
 
 
-def pareto_k(log_ratios: FloatArray) -> float:
-    """Shape of the generalised Pareto tail of importance ratios (PSIS).
+def smooth_weights(
+    log_ratios: FloatArray, *, relative_efficiency: float = 1.0
+) -> tuple[FloatArray, float]:
+    """Pareto smoothed importance weights (PSIS; Vehtari et al. 2024, JMLR 25(72)).
 
     Parameters
     ----------
     log_ratios : array, shape (n,)
         Log ratios of target to proposal density.
+    relative_efficiency : float
+        Effective over nominal number of draws; sets how many of them count as the tail.
 
     Returns
     -------
-    float
-        Pareto k; minus infinity where all ratios are the same, so that there is no tail.
+    log_weights : array, shape (n,)
+        Logarithms of weights that add up to 1.
+    pareto_k : float
+        Shape of the generalised Pareto tail of the ratios; minus infinity where they are all the
+        same, infinity where they are too few to have a tail.
     """
-    if np.ptp(log_ratios) < 1e-12:
-        return -np.inf
-    _, shape = _psislw(log_ratios.ravel())
-    return float(shape)
+    ratios = log_ratios.ravel()
+    if np.ptp(ratios) < 1e-12:
+        return np.full(ratios.size, -np.log(ratios.size)), -np.inf
+    if ratios.size < LEAST_SMOOTHED_DRAWS:
+        return ratios - logsumexp(ratios), np.inf
+    smoothed, shape = _psislw(_RATIO_SIGN * ratios, relative_efficiency)
+    log_weights: FloatArray = np.asarray(smoothed) - logsumexp(smoothed)
+    return log_weights, float(shape)
+
+
+def pareto_k(log_ratios: FloatArray) -> float:
+    """Shape of the generalised Pareto tail of importance ratios (`smooth_weights`)."""
+    return smooth_weights(log_ratios)[1]
+
+
+def relative_efficiency(values: xr.DataArray) -> FloatArray:
+    """Effective over nominal number of draws of the mean of what was drawn.
+
+    Parameters
+    ----------
+    values : DataArray, dimensions chain, draw and one more
+        Draws.
+
+    Returns
+    -------
+    array, shape (n,)
+        Along the other dimension; 1 where the draws never vary.
+    """
+    with np.errstate(invalid="ignore", divide="ignore"):  # draws that never moved
+        found = az.ess(xr.Dataset({"values": values}), method="mean")
+    n_draws = values.sizes["chain"] * values.sizes["draw"]
+    efficiency: FloatArray = np.nan_to_num(found["values"].to_numpy() / n_draws, nan=1.0)
+    return efficiency

@@ -16,11 +16,14 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from pyburgers import tables
-from pyburgers.constant_rate import ConstantRateExperiment
 from pyburgers.diagnostics import CheckResult, coverage
 from pyburgers.errors import InputError
-from pyburgers.figures import FIGURES, FigureRecipe, image
+from pyburgers.experiment import Experiment
+from pyburgers.figure_style import FigureRecipe, image
+from pyburgers.figures import figures_for
 from pyburgers.fitting import Fit
+from pyburgers.forced_oscillation import OscillationExperiment
+from pyburgers.oscillation_response import response_table
 from pyburgers.run_directory import sha256_of_file, write_bytes, write_json, write_text
 
 REPORT_KIND = "pyburgers report"
@@ -146,6 +149,8 @@ class Section:
         Tables as text.
     truth : DataFrame or None
         Comparison with the truth as text, for synthetic data.
+    response : DataFrame or None
+        Observed and replicated amplitude and phase lag as text, for oscillating tests.
     illustrations : tuple of Illustration
         Figures.
     """
@@ -158,10 +163,11 @@ class Section:
     priors: pd.DataFrame
     sampler: pd.DataFrame
     truth: pd.DataFrame | None
+    response: pd.DataFrame | None
     illustrations: tuple[Illustration, ...]
 
     @property
-    def experiment(self) -> ConstantRateExperiment:
+    def experiment(self) -> Experiment:
         """The experiment of the fit."""
         return self.fit.experiment
 
@@ -300,6 +306,10 @@ def _write_section(key: str, fit: Fit, out: Path) -> Section:
     }
     if truth is not None:
         files["truth"] = truth.reset_index()
+    response = None
+    if isinstance(fit.experiment, OscillationExperiment):
+        response = response_table(fit)
+        files["response"] = response.reset_index()
     for name, table in files.items():
         write_text(out / "tables" / f"{key}_{name}.csv", table.to_csv(index=False))
     return Section(
@@ -311,7 +321,11 @@ def _write_section(key: str, fit: Fit, out: Path) -> Section:
         priors=files["priors"],
         sampler=sampler,
         truth=None if truth is None else tables.shown_truth_table(truth),
-        illustrations=tuple(_illustrate(key, recipe, recipe.draw(fit), out) for recipe in FIGURES),
+        response=None if response is None else tables.shown_response_table(response),
+        illustrations=tuple(
+            _illustrate(key, recipe, recipe.draw(fit), out)
+            for recipe in figures_for(fit.experiment)
+        ),
     )
 
 

@@ -1,7 +1,7 @@
 """The whole study in one call: fits of the shipped experiments and the page about them."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
 from types import MappingProxyType
@@ -9,6 +9,8 @@ from types import MappingProxyType
 from pyburgers.experiment import Experiment
 from pyburgers.experiment_files import load_experiment
 from pyburgers.fitting import Fit, fit
+from pyburgers.forced_oscillation import load_forced_oscillation, with_background
+from pyburgers.oscillation import Background
 from pyburgers.priors import default_priors
 from pyburgers.report import write_report
 from pyburgers.sampling import SamplerOptions
@@ -23,6 +25,11 @@ PRESETS: Mapping[str, SamplerOptions] = MappingProxyType(
 """Sampler settings: `paper` has the chains and draws of the paper's Methods."""
 
 ICE_TWINS = ("PIL40", "PIL72", "PIL105")
+
+OLIVINE_RUNS: Mapping[Background, str] = MappingProxyType(
+    {"removed": "olivine_removed", "kept": "olivine_kept"}
+)
+"""Names of the fits of the olivine record by treatment of its background, the paper's first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,14 +57,21 @@ def shipped_data_directory() -> Path:
 
 def study_experiments() -> dict[str, Experiment]:
     """Read the shipped experiments of the study, by the names of their runs."""
-    ice = shipped_data_directory() / "ice"
-    return {name: load_experiment(ice / f"{name}.toml") for name in ICE_TWINS}
+    data = shipped_data_directory()
+    ice = {name: load_experiment(data / "ice" / f"{name}.toml") for name in ICE_TWINS}
+    record = load_forced_oscillation(data / "olivine" / "olivine_twin.toml")
+    olivine = {
+        name: replace(with_background(record, background), id=name)
+        for background, name in OLIVINE_RUNS.items()
+    }
+    return {**ice, **olivine}
 
 
 def reproduce(preset: str, out: Path, *, command: str, report: Callable[[str], None]) -> Outcome:
     """Fit the experiments of the study and write the page; continue where a call stopped.
 
-    The page has the fits, attenuation as the ice fits predict it, and the paper's statements.
+    The page has the fits, attenuation as the ice fits predict it, what the treatment of the
+    olivine record changes, and the paper's statements.
 
     Parameters
     ----------
@@ -83,12 +97,15 @@ def reproduce(preset: str, out: Path, *, command: str, report: Callable[[str], N
             report=report,
         )
     ice_fits = {name: fits[name] for name in ICE_TWINS}
+    olivine_fits: dict[str, Fit] = {
+        background: fits[name] for background, name in OLIVINE_RUNS.items()
+    }
     page = write_report(
         list(fits.values()),
         out,
-        title=f"Nonlinear Burgers fits of three ice tests ({preset} preset)",
+        title=f"Nonlinear Burgers fits of ice and olivine ({preset} preset)",
         command=command,
         report=report,
-        extras=study_sections(ice_fits, {}, report=report),
+        extras=study_sections(ice_fits, olivine_fits, report=report),
     )
     return Outcome(page=page, fits=tuple(fits.values()))

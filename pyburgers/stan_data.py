@@ -467,9 +467,7 @@ def oscillation_block(experiment: OscillationExperiment, *, use_likelihood: bool
         "n_points": experiment.n_points,
         "tau": (prepared.time / period).tolist(),
         "stress_observed": experiment.stress.tolist(),
-        "relative_noise": (
-            prepared.uncertainty / np.sqrt(np.mean(prepared.uncertainty**2))
-        ).tolist(),
+        "relative_noise": prepared.relative_uncertainty.tolist(),
         "n_trend": n_trend,
         "trend_shape": trend_shape[:, :n_trend].tolist(),
         "trend_fit": trend_fit[:n_trend].tolist(),

@@ -19,10 +19,8 @@ from pyburgers.diagnostics import RHAT_LIMIT
 from pyburgers.display import STRESS_FACTOR, STRESS_UNIT, number, rounded, shown_quantity
 from pyburgers.display import symbol_text as symbol
 from pyburgers.errors import InputError
-from pyburgers.figures import evenly_spaced
 from pyburgers.fitting import Fit
-from pyburgers.forced_oscillation import OscillationExperiment
-from pyburgers.harmonics import fit_harmonics
+from pyburgers.oscillation_response import stress_spread
 from pyburgers.posterior import convergence_table
 
 FloatArray = npt.NDArray[np.float64]
@@ -49,9 +47,6 @@ BACKGROUND_SLOPE = -0.5
 
 FALLING_FREQUENCY = 1e-3
 """Where the paper sees the falling stretch, Hz; near means within a factor `DOMINANT`."""
-
-ANALYSED_CURVES = 1000
-"""Predicted stress curves whose amplitude and phase are looked at."""
 
 PIL40_VALUES: Mapping[str, float] = {
     "stress_exponent": 4.0,
@@ -305,51 +300,6 @@ def _spread_in_amplitude(fits: Mapping[str, Fit]) -> Statement:
         f"of its amplitude: agrees if amplitude varies more than {DOMINANT:g} times as much as "
         f"phase, does not agree if less than 1/{DOMINANT:g} times, {_ALL_TREATMENTS}.",
     )
-
-
-def stress_spread(fit: Fit) -> tuple[float, float]:
-    """Spread of the oscillation in the predicted stress, without noise, over the posterior.
-
-    Parameters
-    ----------
-    fit : Fit
-        Of a forced oscillation test.
-
-    Returns
-    -------
-    of_amplitude, of_phase : float
-        Standard deviations of the fundamental's amplitude, relative to its mean, and of its phase
-        (rad), over at most `ANALYSED_CURVES` draws.
-
-    Raises
-    ------
-    InputError
-        If the fit is of another kind of test.
-    """
-    if not isinstance(fit.experiment, OscillationExperiment):
-        raise InputError(
-            f"{fit.experiment.id}: found a test without oscillation, expected the fit of a forced "
-            "oscillation test."
-        )
-    prepared = fit.experiment.prepared
-    stress = fit.posterior["predictions"].to_dataset()["stress"]
-    stress = stress.transpose("chain", "draw", "time")
-    curves = stress.to_numpy().reshape(-1, stress.sizes["time"]).astype(np.float64)
-    curves = curves[np.isfinite(curves).all(axis=1)]  # draws without solution have NaN
-    fits = [
-        fit_harmonics(
-            stress["time"].to_numpy(),
-            curve,
-            period=prepared.period,
-            degree=prepared.stress_fit.degree,
-        )
-        for curve in evenly_spaced(curves, ANALYSED_CURVES)
-    ]
-    oscillation = np.array([complex(of_curve.sine[0], of_curve.cosine[0]) for of_curve in fits])
-    amplitude = np.abs(oscillation)
-    # Phases about that of the mean do not wrap.
-    phase = np.angle(oscillation * np.conj(oscillation.mean()))
-    return float(amplitude.std(ddof=1) / amplitude.mean()), float(phase.std(ddof=1))
 
 
 def _peak_and_background(spectra: Mapping[str, xr.Dataset]) -> Statement:

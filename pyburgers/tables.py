@@ -173,6 +173,36 @@ def shown_truth_table(truth: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame([*rows, {"quantity": "all parameters", **counts}]).fillna("")
 
 
+def shown_response_table(response: pd.DataFrame) -> pd.DataFrame:
+    """Return a `pyburgers.oscillation_response.response_table` as text in display units."""
+    shown = {
+        "amplitude": ("amplitude of the stress", STRESS_UNIT, STRESS_FACTOR),
+        "lag": ("phase lag of the strain", "degrees", float(np.degrees(1.0))),
+    }
+    rows = []
+    for name, row in response.iterrows():
+        label, unit, factor = shown[str(name)]
+        error = row["standard_error"] * factor
+        rows.append(
+            {
+                "quantity": label,
+                "unit": unit,
+                "observed": rounded(row["observed"] * factor, error),
+                "standard error": rounded(error, error),
+                **{
+                    heading: rounded(row[key] * factor, error)
+                    for heading, key in (
+                        ("replicated: median", "median"),
+                        ("5 %", "q5"),
+                        ("95 %", "q95"),
+                    )
+                },
+                "in 90 % band": "yes" if row["inside"] else "NO",
+            }
+        )
+    return pd.DataFrame(rows)
+
+
 def checks_table(checks: Sequence[CheckResult]) -> pd.DataFrame:
     """Verdicts: columns check, verdict (passed or FAILED), sentence."""
     return pd.DataFrame(

@@ -20,7 +20,7 @@ from pyburgers.attenuation_figures import (
     attenuation,
     attenuation_draws,
 )
-from pyburgers.figures import image
+from pyburgers.figure_style import image
 
 Draw = Callable[[xr.Dataset, str], Figure]
 

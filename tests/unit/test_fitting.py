@@ -13,6 +13,7 @@ import pytest
 import xarray as xr
 from conftest import SMALL_RUN, Problem
 
+from pyburgers.constant_rate import ConstantRateExperiment
 from pyburgers.errors import InputError
 from pyburgers.fitting import Fit, fit
 from pyburgers.parameters import PARAMETERS
@@ -90,11 +91,13 @@ def test_the_posterior_is_labelled(small_fit: Fit) -> None:
     assert posterior["chain"].to_numpy().tolist() == [1, 2]
     modulus = posterior["maxwell_modulus"]
     assert (modulus.attrs["units"], modulus.attrs["symbol"]) == ("Pa", "E_M")
-    n_points = small_fit.experiment.n_points
+    experiment = small_fit.experiment
+    assert isinstance(experiment, ConstantRateExperiment)
+    n_points = experiment.n_points
     assert small_fit.posterior["log_likelihood"].sizes["point"] == n_points
     assert small_fit.posterior["posterior_predictive"].sizes["point"] == n_points
     predictions = small_fit.posterior["predictions"]
-    assert float(predictions["strain"].max()) == pytest.approx(small_fit.experiment.final_strain)
+    assert float(predictions["strain"].max()) == pytest.approx(experiment.final_strain)
 
 
 def test_fixed_parameters_stay_fixed_and_the_others_find_the_truth(small_fit: Fit) -> None:

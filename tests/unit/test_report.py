@@ -8,11 +8,13 @@ from pathlib import Path
 import pandas as pd
 import pytest
 from synthetic_fit import make_fit
+from synthetic_olivine_fit import make_olivine_fit, oscillating
 
 from pyburgers.errors import InputError
 from pyburgers.experiment import Provenance
-from pyburgers.figures import FIGURES
+from pyburgers.figures import figures_for
 from pyburgers.fitting import Fit
+from pyburgers.oscillation import Background
 from pyburgers.report import write_report
 
 FEW = (
@@ -27,6 +29,7 @@ FEW = (
     "critical_strain_fabric",
 )
 HOSTILE = "<script>alert('data')</script> & \"quotes\""
+BACKGROUNDS: tuple[Background, Background] = ("removed", "kept")
 COMMAND = "pyburgers report runs/A runs/B --out page"
 
 
@@ -129,8 +132,9 @@ def test_the_page_needs_nothing_but_itself(page: Page) -> None:
         assert reference.startswith(allowed), reference
 
 
-def test_every_figure_is_on_the_page_with_a_text_alternative(page: Page) -> None:
-    assert page.alternatives == [recipe.caption for recipe in FIGURES] * 2
+def test_every_figure_is_on_the_page_with_a_text_alternative(page: Page, fits: list[Fit]) -> None:
+    expected = [recipe.caption for fit in fits for recipe in figures_for(fit.experiment)]
+    assert page.alternatives == expected
 
 
 def test_strings_from_files_are_escaped(folder: Path, page: Page) -> None:
@@ -198,8 +202,8 @@ def test_tables_hold_the_summary_at_full_precision(folder: Path, fits: list[Fit]
     assert not (folder / "page" / "tables" / "B_truth.csv").exists()
 
 
-def test_figures_are_written_as_pictures_and_vectors(folder: Path) -> None:
-    for recipe in FIGURES:
+def test_figures_are_written_as_pictures_and_vectors(folder: Path, fits: list[Fit]) -> None:
+    for recipe in figures_for(fits[0].experiment):
         base = folder / "page" / "figures" / f"A_{recipe.name}"
         assert base.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
         assert "<svg" in base.with_suffix(".svg").read_text(encoding="utf-8")
@@ -263,3 +267,56 @@ def test_a_figure_that_fails_ends_the_report(tmp_path: Path) -> None:
     with pytest.raises(KeyError):
         write([fit], tmp_path / "page")
     assert not (tmp_path / "page" / "index.html").exists()
+
+
+@pytest.fixture(scope="module")
+def oscillations(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Page of a curve and of both treatments; the one with background kept misses the phase."""
+    path = tmp_path_factory.mktemp("oscillation")
+    removed, kept = (
+        make_olivine_fit(path / "runs" / background, background, chains=2, draws=60)
+        for background in BACKGROUNDS
+    )
+    shifted = oscillating(kept, amplitude_sd=0.01, phase_sd=0.01, phase_shift=0.3)
+    curve = small_fit(path / "runs" / "B", "B", kind="measured", draws=60)
+    write([curve, removed, shifted], path / "page")
+    return path / "page"
+
+
+@pytest.fixture(scope="module")
+def shown(oscillations: Path) -> Page:
+    return Page((oscillations / "index.html").read_text(encoding="utf-8"))
+
+
+def test_an_oscillation_says_what_was_done_to_the_record(shown: Page) -> None:
+    assert not shown.open
+    assert "SYNTHETIC DATA: olivine_removed , olivine_kept" in shown.text
+    assert shown.text.count("Period 300 s") == 2
+    assert shown.text.count("Strain amplitude 0.2 %") == 2
+    assert shown.text.count("on record, 2 of spin-up ahead of it") == 2
+    assert "Background removed: polynomial trends" in shown.text
+    assert "Background kept: the rate of the strain's trend" in shown.text
+    assert shown.text.count("The reference flow rate") == 2
+
+
+def test_a_curve_on_the_same_page_has_its_strain_rate(shown: Page) -> None:
+    assert shown.text.count("Strain rate 1.69 × 10") == 1
+    assert shown.text.count("The reference stress S") == 1
+
+
+def test_amplitude_and_lag_stand_beside_those_of_replicated_data(
+    shown: Page, oscillations: Path
+) -> None:
+    inside, outside = (
+        pd.read_csv(oscillations / "tables" / f"olivine_{background}_response.csv", index_col=0)
+        for background in BACKGROUNDS
+    )
+    assert inside["inside"].tolist() == [True, True]
+    assert outside["inside"].tolist() == [True, False]
+    assert shown.text.count("are inside the central 90 % of those of the replicated data") == 1
+    assert shown.text.count("The record is outside the central 90 %") == 1
+
+
+def test_figures_of_an_oscillation_are_files(oscillations: Path) -> None:
+    for name in ("stress_time", "stress_loop", "amplitude_phase", "microstructure", "pairs"):
+        assert (oscillations / "figures" / f"olivine_kept_{name}.png").is_file()

@@ -14,12 +14,12 @@ from synthetic_olivine_fit import make_olivine_fit, normal, oscillating, redrawn
 from pyburgers.attenuation import amplitude_regimes, attenuation_spectrum, predict_attenuation
 from pyburgers.errors import InputError
 from pyburgers.fitting import Fit
+from pyburgers.oscillation_response import stress_spread
 from pyburgers.statements import (
     Statement,
     Verdict,
     paper_statements,
     statements_table,
-    stress_spread,
 )
 
 FloatArray = npt.NDArray[np.float64]
@@ -167,7 +167,8 @@ def test_chains_that_disagree_are_mentioned(olivine: Fit) -> None:
 
 def test_one_chain_has_nothing_to_agree_with(olivine: Fit) -> None:
     groups = {
-        name: node.to_dataset().isel(chain=[0]) for name, node in olivine.posterior.children.items()
+        name: node.to_dataset().isel(chain=[0], missing_dims="ignore")
+        for name, node in olivine.posterior.children.items()
     }
     fit = replace(olivine, posterior=xr.DataTree.from_dict(groups))
     statement = by_key(paper_statements({}, {}, {"kept": fit}))["critical_strain_of_olivine"]

@@ -1,9 +1,11 @@
 """The parts of the study's page beside the fits."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pytest
 from synthetic_fit import make_fit
@@ -12,13 +14,22 @@ from test_report import Page
 from test_report import small_fit as quickly_drawn_fit
 
 from pyburgers.attenuation import predict_attenuation, quantile_table
+from pyburgers.draws import all_draws
 from pyburgers.experiment import Experiment
 from pyburgers.fitting import Fit
+from pyburgers.forced_oscillation import OscillationExperiment
+from pyburgers.oscillation_response import oscillation_of
 from pyburgers.priors import PriorSet
 from pyburgers.report import ExtraSection, write_report
 from pyburgers.reproduce import reproduce, study_experiments
+from pyburgers.simulation import simulate
 from pyburgers.statements import MICROSTRUCTURE_SENTENCE, SYNTHETIC_SENTENCE
-from pyburgers.study import counterparts_section, study_sections, time_domain_table
+from pyburgers.study import (
+    background_section,
+    counterparts_section,
+    study_sections,
+    time_domain_table,
+)
 
 
 @pytest.fixture(scope="module")
@@ -118,6 +129,57 @@ def test_each_treatment_of_the_olivine_record_has_its_preparation(
         assert (folder / "figures" / f"preparation_{name}.svg").is_file()
 
 
+def test_the_page_says_what_removing_the_background_changes(
+    sections: tuple[ExtraSection, ...], olivine: dict[str, Fit]
+) -> None:
+    background = {section.key: section for section in sections}["background"]
+    (table,) = background.tables
+    saved, shown = table.saved.set_index("quantity"), table.shown.set_index("quantity")
+    for treatment, fit in olivine.items():
+        draws = fit.posterior["posterior"]["kelvin_modulus"].to_numpy()
+        expected = np.quantile(draws, [0.05, 0.5, 0.95])
+        columns = [f"{treatment}_{name}" for name in ("q5", "median", "q95")]
+        assert [saved[column]["Kelvin modulus"] for column in columns] == pytest.approx(
+            list(expected)
+        )
+        low, median, high = (end / 1e9 for end in expected.tolist())
+        cell = shown.loc["Kelvin modulus", f"background {treatment}"]
+        assert cell == f"{median:.3g} [{low:.3g}, {high:.3g}]"
+        rates = np.abs(all_draws(fit.posterior["predictions"].to_dataset()["dashpot_rate"]))
+        assert saved.loc["largest rate of the dashpot", f"{treatment}_median"] == pytest.approx(
+            float(np.median(rates.max(axis=1)))
+        )
+    assert shown.loc["Kelvin modulus", "true value"] == "25"
+    text = " ".join(background.paragraphs)
+    prepared = oscillation_of(olivine["kept"]).prepared
+    assert f"oscillates by {prepared.stress_fit.amplitude()[0] / 1e6:.0f} MPa" in text
+
+
+def test_the_true_state_is_that_of_the_model_at_the_true_parameters(
+    sections: tuple[ExtraSection, ...], olivine: dict[str, Fit]
+) -> None:
+    background = {section.key: section for section in sections}["background"]
+    truth = background.tables[0].saved.set_index("quantity")["truth"]
+    experiment = olivine["kept"].experiment
+    assert experiment.true_parameters is not None
+    solution = simulate(experiment, experiment.true_parameters)
+    assert truth["grain size at the end"] == pytest.approx(
+        float(solution["grain_size_m"].iloc[-1]), rel=1e-6
+    )
+
+
+def test_without_a_kept_background_or_truth_there_is_no_true_state(
+    olivine: dict[str, Fit],
+) -> None:
+    for experiment in (
+        olivine["removed"].experiment,
+        replace(olivine["removed"].experiment, true_parameters=None),
+    ):
+        fits = {"removed": replace(olivine["removed"], experiment=experiment)}
+        (table,) = background_section(fits, report=lambda _: None).tables
+        assert table.shown["true value"].tolist()[-2:] == ["", ""]
+
+
 def test_counterparts_name_what_is_there(ice: dict[str, Fit], olivine: dict[str, Fit]) -> None:
     (all_of_it,) = counterparts_section(ice, olivine).tables
     papers = ["Fig. 3", "Fig. 4", "Fig. 5", "Fig. 6", "Fig. S3", "Table 1", "Table 2"]
@@ -143,6 +205,10 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
     def quickly(experiment: Experiment, priors: PriorSet, *, out: Path, **_: object) -> Fit:
         assert priors.material == experiment.material
         runs[experiment.id] = out
+        if isinstance(experiment, OscillationExperiment):
+            treatment = experiment.prepared.background
+            assert experiment.id == f"olivine_{treatment}"
+            return make_olivine_fit(out, treatment)
         return make_fit(out, name=experiment.id, draws=100)
 
     def written(fits: Sequence[Fit], out: Path, **arguments: object) -> Path:
@@ -158,4 +224,5 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
         assert [fit.experiment.id for fit in fits] == list(runs)
     assert shown["command"] == "make report"
     keys = [section.key for section in shown["extras"]]
-    assert {"statements", "counterparts", "attenuation"} <= set(keys)
+    assert keys == ["statements", "counterparts", "attenuation", "preparation", "background"]
+    assert list(runs) == ["PIL40", "PIL72", "PIL105", "olivine_removed", "olivine_kept"]

@@ -1,0 +1,205 @@
+"""What all figures share: colours, letters, rendering, headings, and how draws become bands.
+
+Values are converted to display units in figures and nowhere earlier; no state of matplotlib is
+changed.
+"""
+
+import io
+import re
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.ticker import MaxNLocator
+from PIL import Image
+
+from pyburgers.constant_rate import ConstantRateExperiment
+from pyburgers.diagnostics import BAND
+from pyburgers.display import STRAIN_FACTOR, STRAIN_UNIT
+from pyburgers.draws import all_draws, evenly_spaced
+from pyburgers.experiment import Experiment
+from pyburgers.fitting import Fit
+from pyburgers.forced_oscillation import OscillationExperiment
+
+FloatArray = npt.NDArray[np.float64]
+
+# The palette of Okabe and Ito (2008), which readers with any colour vision can tell apart.
+BLACK, GREY = "#000000", "#b8b8b8"
+ORANGE, SKY_BLUE, GREEN = "#E69F00", "#56B4E9", "#009E73"
+BLUE, VERMILION, PURPLE = "#0072B2", "#D55E00", "#CC79A7"
+PNG_DOTS_PER_INCH, PNG_COLOURS = 100, 128
+"""Pictures are on pages and beside them, so they are small; the palette is chosen for each."""
+
+PALETTE_ROUNDS = 4
+"""Of k-means, with which the palette has the colours of thin lines to two of 255 steps."""
+
+SVG_DOTS_PER_INCH = 80
+"""Of what lies as one picture in vector files: thousands of curves or dots."""
+
+_TAG, _DECIMALS = re.compile(rb"<[^>]*>"), re.compile(rb"(\.\d\d)\d+")
+"""Tags of a vector file, and decimals beyond a hundredth of a point in their coordinates."""
+
+RETRODICTIONS = 1000
+"""Solutions for single draws that a figure shows at most."""
+
+TAIL = 0.5 * (1.0 - BAND)
+"""Share of draws on either side of a band."""
+
+
+@dataclass(frozen=True)
+class FigureRecipe:
+    """A figure that every report holds.
+
+    Attributes
+    ----------
+    name : str
+        Part of file names.
+    title : str
+        Heading.
+    caption : str
+        What is shown and how to read it, one paragraph.
+    draw : callable
+        Draws it for a fit.
+    """
+
+    name: str
+    title: str
+    caption: str
+    draw: Callable[[Fit], Figure]
+
+
+def style() -> AbstractContextManager[None]:
+    """Set what all figures share; undone when the context ends."""
+    return rc_context(
+        {
+            "font.size": 10.0,
+            "axes.titlesize": 10.0,
+            "axes.labelsize": 10.0,
+            "xtick.labelsize": 9.0,
+            "ytick.labelsize": 9.0,
+            "legend.fontsize": 9.5,
+            "legend.frameon": False,
+            "axes.spines.top": False,
+            "axes.spines.right": False,
+            "axes.formatter.useoffset": False,
+            "svg.hashsalt": "pyburgers",
+            # Vector files keep text as text, and lines to a part of their width.
+            "font.sans-serif": ["DejaVu Sans"],
+            "svg.fonttype": "none",
+            "path.simplify_threshold": 0.5,
+        }
+    )
+
+
+def image(figure: Figure, kind: Literal["png", "svg"]) -> bytes:
+    """Render a figure; the same figure gives the same bytes.
+
+    The first rendering settles where panels lie: the layout engine moves them a little each time.
+    """
+    # Tick labels are made when a figure is drawn, so the style has to hold here as well.
+    with style():
+        if isinstance(figure.get_layout_engine(), ConstrainedLayoutEngine):
+            figure.draw_without_rendering()
+            figure.set_layout_engine("none")
+        buffer = io.BytesIO()
+        if kind == "svg":
+            figure.savefig(buffer, format="svg", dpi=SVG_DOTS_PER_INCH, metadata={"Date": None})
+            return _TAG.sub(lambda tag: _DECIMALS.sub(rb"\1", tag[0]), buffer.getvalue())
+        figure.savefig(buffer, format="png", dpi=PNG_DOTS_PER_INCH)
+    coloured = Image.open(buffer).convert("RGB")
+    few = coloured.quantize(
+        PNG_COLOURS, Image.Quantize.MAXCOVERAGE, kmeans=PALETTE_ROUNDS, dither=Image.Dither.NONE
+    )
+    picture = io.BytesIO()
+    few.save(picture, "png", optimize=True, dpi=(PNG_DOTS_PER_INCH, PNG_DOTS_PER_INCH))
+    return picture.getvalue()
+
+
+def few_ticks(intervals: int) -> MaxNLocator:
+    """Return ticks at round numbers, few enough for small panels."""
+    return MaxNLocator(intervals, steps=[1, 2, 5, 10])
+
+
+def title(experiment: Experiment) -> str:
+    """Sample, material, conditions and kind of data."""
+    if isinstance(experiment, OscillationExperiment):
+        prepared = experiment.prepared
+        amplitude, _ = prepared.strain_fit.amplitude()
+        protocol = (
+            f"period {prepared.period:g} s, strain amplitude {amplitude * STRAIN_FACTOR:.2g} "
+            f"{STRAIN_UNIT}, background {prepared.background}"
+        )
+    else:
+        assert isinstance(experiment, ConstantRateExperiment)  # the only other protocol
+        protocol = rate_text(experiment.segments[0].strain_rate)
+        if len(experiment.segments) > 1:
+            protocol = f"first {protocol}"
+    conditions = f"{experiment.material}, {experiment.temperature:g} K, {protocol}"
+    return f"{experiment.id}: {conditions}, {experiment.provenance.kind} data"
+
+
+def rate_text(rate: float) -> str:
+    """Strain rate as matplotlib text."""
+    mantissa, exponent = f"{rate:.2e}".split("e")
+    return rf"${mantissa}\times10^{{{int(exponent)}}}$ s$^{{-1}}$"
+
+
+def draw_band(
+    axes: Axes, positions: FloatArray, values: xr.DataArray, colour: str, label: str
+) -> None:
+    """Draw the median and the 90 % band of draws.
+
+    Parameters
+    ----------
+    axes : Axes
+        Where.
+    positions : array, shape (n,)
+        Along the horizontal axis, in display units.
+    values : DataArray, dimensions chain, draw and one more
+        What is drawn, in display units.
+    colour, label : str
+        Of both, and of the line.
+    """
+    low, median, high = band(values)
+    axes.fill_between(positions, low, high, color=colour, alpha=0.22, linewidth=0)
+    axes.plot(positions, median, color=colour, linewidth=1.6, label=label)
+
+
+def band(values: xr.DataArray) -> FloatArray:
+    """Lower end, median and upper end of the central 90 % of draws, shape (3, n)."""
+    ends: FloatArray = values.quantile([TAIL, 0.5, 1.0 - TAIL], ("chain", "draw")).to_numpy()
+    return ends
+
+
+def draw_retrodictions(
+    axes: Axes, positions: FloatArray, values: xr.DataArray, factor: float
+) -> None:
+    """Draw solutions for single draws as thin lines, at most `RETRODICTIONS` of them.
+
+    Parameters
+    ----------
+    axes : Axes
+        Where.
+    positions : array, shape (n,)
+        Along the horizontal axis, in display units.
+    values : DataArray, dimensions chain, draw and one more
+        Solutions (SI).
+    factor : float
+        From SI to display units.
+    """
+    curves = evenly_spaced(all_draws(values), RETRODICTIONS) * factor
+    points = np.stack([np.broadcast_to(positions, curves.shape), curves], axis=-1)
+    # One picture instead of a thousand paths keeps vector files small.
+    axes.add_collection(
+        LineCollection(list(points), colors=BLUE, linewidths=0.5, alpha=0.04, rasterized=True)
+    )
+    axes.plot([], [], color=BLUE, linewidth=0.8, alpha=0.6, label=f"{len(curves)} retrodictions")

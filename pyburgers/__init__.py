@@ -1,23 +1,30 @@
 """Bayesian inference of nonlinear Burgers viscoelasticity from deformation experiments."""
 
 from pyburgers.attenuation import Regime, attenuation_spectrum, predict_attenuation
+from pyburgers.comparison import Comparison, compare
 from pyburgers.constant_rate import ConstantRateExperiment
 from pyburgers.errors import InputError, PyburgersError, SamplingError, ToolchainError
 from pyburgers.experiment import Experiment
 from pyburgers.experiment_files import load_experiment
 from pyburgers.fitting import Fit, fit
 from pyburgers.forced_oscillation import OscillationExperiment
+from pyburgers.peak_stress import PeakStressData, load_peak_stress
+from pyburgers.peak_stress_fit import PeakStressFit, fit_peak_stress, flow_law_prior
+from pyburgers.peak_stress_priors import default_peak_stress_priors, load_peak_stress_priors
 from pyburgers.priors import PriorSet, default_priors, load_priors
 from pyburgers.sampling import SamplerOptions
 from pyburgers.simulation import load_parameters, simulate
 from pyburgers.stan_data import SolverOptions
 
 __all__ = [
+    "Comparison",
     "ConstantRateExperiment",
     "Experiment",
     "Fit",
     "InputError",
     "OscillationExperiment",
+    "PeakStressData",
+    "PeakStressFit",
     "PriorSet",
     "PyburgersError",
     "Regime",
@@ -26,10 +33,16 @@ __all__ = [
     "SolverOptions",
     "ToolchainError",
     "attenuation_spectrum",
+    "compare",
+    "default_peak_stress_priors",
     "default_priors",
     "fit",
+    "fit_peak_stress",
+    "flow_law_prior",
     "load_experiment",
     "load_parameters",
+    "load_peak_stress",
+    "load_peak_stress_priors",
     "load_priors",
     "predict_attenuation",
     "simulate",

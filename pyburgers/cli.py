@@ -8,6 +8,8 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Literal
 
+from matplotlib.figure import Figure
+
 from pyburgers.attenuation import (
     DEFAULT_FREQUENCIES,
     PAPER_REGIMES,
@@ -20,6 +22,8 @@ from pyburgers.attenuation import (
 )
 from pyburgers.attenuation_figures import attenuation
 from pyburgers.cmdstan import ensure_cmdstan, install_cmdstan
+from pyburgers.comparison import compare, comparison_table, save_comparison, sentences
+from pyburgers.comparison_figures import pointwise_differences
 from pyburgers.diagnostics import CheckResult
 from pyburgers.doctor import can_fit, diagnose, format_findings
 from pyburgers.errors import InputError, PyburgersError
@@ -27,6 +31,10 @@ from pyburgers.experiment import Experiment
 from pyburgers.experiment_files import load_experiment
 from pyburgers.figure_style import image
 from pyburgers.fitting import Fit, fit
+from pyburgers.peak_stress import load_peak_stress
+from pyburgers.peak_stress_figures import flow_law, flow_law_table
+from pyburgers.peak_stress_fit import fit_peak_stress
+from pyburgers.peak_stress_priors import default_peak_stress_priors, load_peak_stress_priors
 from pyburgers.priors import PriorSet, default_priors, load_priors
 from pyburgers.report import write_report
 from pyburgers.reproduce import PRESETS, reproduce
@@ -39,6 +47,10 @@ from pyburgers.units import UNITS
 
 EXIT_CHECK_FAILED = 3
 EXIT_INTERRUPTED = 130
+
+SAMPLER_OPTIONS = tuple(field.name for field in fields(SamplerOptions))
+PEAK_STRESS_OPTIONS = ("chains", "warmup", "draws", "seed")
+"""Options of the sampler that a user may set for curves and for tables of peak stresses."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -112,6 +124,31 @@ def _parser() -> argparse.ArgumentParser:
     _add_attenuation_options(command)
     command.set_defaults(run=_predict_attenuation)
 
+    command = commands.add_parser(
+        "fit-peak-stress", help="fit a flow law to a table of peak stresses"
+    )
+    command.add_argument("data", type=Path, metavar="DATA.toml")
+    command.add_argument(
+        "--priors", type=Path, help="prior file (default: the material's weak ones)"
+    )
+    command.add_argument("--out", type=Path, help="run directory (default: runs/ID)")
+    _add_sampler_options(command, PEAK_STRESS_OPTIONS)
+    command.set_defaults(run=_fit_peak_stress)
+
+    command = commands.add_parser(
+        "compare", help="which of several fits of the same data predicts best"
+    )
+    command.add_argument("directories", type=Path, nargs="+", metavar="RUN")
+    command.add_argument(
+        "--out", type=Path, default=Path("comparison"), metavar="DIR", help="default: comparison"
+    )
+    command.add_argument(
+        "--no-refit",
+        action="store_true",
+        help="only flag points whose Pareto k is above 0.7, do not fit again without them",
+    )
+    command.set_defaults(run=_compare)
+
     command = commands.add_parser("report", help="one HTML page about one or several runs")
     command.add_argument("directories", type=Path, nargs="+", metavar="RUN")
     command.add_argument("--out", type=Path, required=True, metavar="DIR")
@@ -127,9 +164,13 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _add_sampler_options(command: argparse.ArgumentParser) -> None:
-    """Options named after the fields of `SamplerOptions`, with its defaults."""
+def _add_sampler_options(
+    command: argparse.ArgumentParser, names: Sequence[str] = SAMPLER_OPTIONS
+) -> None:
+    """Options named after fields of `SamplerOptions`, with its defaults."""
     for field in fields(SamplerOptions):
+        if field.name not in names:
+            continue
         kind = {"adapt_delta": float, "chain_timeout": float, "coordinates": str}.get(
             field.name, int
         )
@@ -204,7 +245,7 @@ def _priors_for(experiment: Experiment, path: Path | None) -> PriorSet:
 def _fit(options: argparse.Namespace) -> int:
     experiment = load_experiment(options.experiment)
     priors = _priors_for(experiment, options.priors)
-    sampler = SamplerOptions(**{f.name: getattr(options, f.name) for f in fields(SamplerOptions)})
+    sampler = SamplerOptions(**{name: getattr(options, name) for name in SAMPLER_OPTIONS})
     for notice in experiment.notices:
         _say(f"note: {notice}")
     result = fit(
@@ -270,9 +311,7 @@ def _predict_attenuation(options: argparse.Namespace) -> int:
     try:
         write_text(options.out, table.to_csv(index=False))
         save_spectrum(spectrum, options.out.with_suffix(".nc"))
-        kinds: tuple[Literal["png", "svg"], ...] = ("png", "svg")
-        for kind in kinds:
-            write_bytes(options.out.with_suffix(f".{kind}"), image(figure, kind))
+        _write_images(figure, options.out)
     except OSError as error:
         raise InputError(f"--out {options.out}: cannot be written ({error.strerror}).") from error
     print(f"{spectrum.attrs['title']}: tan(delta), median and 90 % of the draws")
@@ -302,6 +341,70 @@ def _regimes(options: argparse.Namespace) -> Sequence[Regime]:
     factor = UNITS["stress"]["MPa"]
     pairs = zip(medians, amplitudes, strict=True)
     return tuple(Regime(median * factor, amplitude * factor) for median, amplitude in pairs)
+
+
+def _fit_peak_stress(options: argparse.Namespace) -> int:
+    data = load_peak_stress(options.data)
+    priors = (
+        default_peak_stress_priors(data.material)
+        if options.priors is None
+        else load_peak_stress_priors(options.priors)
+    )
+    result = fit_peak_stress(
+        data,
+        priors,
+        out=options.out or Path("runs") / data.id,
+        options=SamplerOptions(**{name: getattr(options, name) for name in PEAK_STRESS_OPTIONS}),
+        command=_command_line(),
+        report=_say,
+    )
+    folder = result.directory.path
+    _write_images(flow_law(result), folder / "flow_law.png")
+    print(flow_law_table(result).to_string(index=False))
+    print(f"run directory: {folder}")
+    return _print_checks(result.checks())
+
+
+def _compare(options: argparse.Namespace) -> int:
+    directories: list[Path] = options.directories
+    fits = {
+        name: Fit.load(directory, report=_say)
+        for name, directory in zip(_names_of(directories), directories, strict=True)
+    }
+    comparison = compare(
+        fits, refits=None if options.no_refit else options.out / "refits", report=_say
+    )
+    try:
+        options.out.mkdir(parents=True, exist_ok=True)
+        save_comparison(comparison, fits, options.out, command=_command_line())
+        _write_images(pointwise_differences(comparison), options.out / "comparison.png")
+    except OSError as error:
+        raise InputError(f"--out {options.out}: cannot be written ({error.strerror}).") from error
+    print(comparison_table(comparison).round(2).to_string())
+    for sentence in sentences(comparison):
+        print(sentence)
+    print(f"numbers and figure: {options.out}")
+    return 0 if comparison.reliable else EXIT_CHECK_FAILED
+
+
+def _names_of(directories: Sequence[Path]) -> list[str]:
+    """Name runs by their folders, with as many of the folders above as tell them apart."""
+    parts = [directory.resolve().parts for directory in directories]
+    for depth in range(1, max(map(len, parts)) + 1):
+        names = ["_".join(part[-depth:]) for part in parts]
+        if len(set(names)) == len(names):
+            return names
+    raise InputError(
+        f"compare: found the same run twice among {', '.join(map(str, directories))}, expected "
+        "different ones."
+    )
+
+
+def _write_images(figure: Figure, path: Path) -> None:
+    """Write a figure as PNG and, beside it, as SVG."""
+    kinds: tuple[Literal["png", "svg"], ...] = ("png", "svg")
+    for kind in kinds:
+        write_bytes(path.with_suffix(f".{kind}"), image(figure, kind))
 
 
 def _report(options: argparse.Namespace) -> int:

@@ -132,7 +132,7 @@ def build_posterior(run: RunDirectory, *, report: Callable[[str], None]) -> xr.D
     manifest = run.read_manifest()
     files = [str(run.draws_file(chain)) for chain in run.finished_chains()]
     with quiet_cmdstanpy():
-        fit = _read_chains(files)
+        fit = read_chains(files)
         report("Solving every draw again at the reference tolerance.")
         checked = _reference_solution(
             run, files, experiment, seed=manifest["sampler"]["seed"], report=report
@@ -148,7 +148,7 @@ def build_posterior(run: RunDirectory, *, report: Callable[[str], None]) -> xr.D
     log_lik = at_points["log_lik"].rename({"log_lik_point": "point"})
     points = {"point": np.arange(experiment.n_points)}
     reference_log_lik = checked["log_lik"].sum("log_lik_dim_0", skipna=False).assign_coords(chains)
-    stats = _sample_stats(fit).assign_coords(chains)
+    stats = sample_stats(fit).assign_coords(chains)
     stats["solver_log_ratio"] = (
         reference_log_lik - log_lik.sum("point", skipna=False)
         if manifest["use_likelihood"]
@@ -194,7 +194,8 @@ def load_posterior(run: RunDirectory) -> xr.DataTree | None:
     return tree
 
 
-def _read_chains(files: Sequence[str]) -> cmdstanpy.CmdStanMCMC:
+def read_chains(files: Sequence[str]) -> cmdstanpy.CmdStanMCMC:
+    """Read the draws of chains from CmdStan's files."""
     fit = cmdstanpy.from_csv(list(files), method="sample")
     assert isinstance(fit, cmdstanpy.CmdStanMCMC)  # what from_csv gives for this method
     return fit
@@ -230,7 +231,7 @@ def _reference_solution(
         except RuntimeError:
             # One draw without solution is enough for that, and CmdStan does not say which.
             report("Some draws have no solution at the reference tolerance: solving one by one.")
-            return _one_by_one(model, data, _read_chains(files), list(variables))
+            return _one_by_one(model, data, read_chains(files), list(variables))
     return solution
 
 
@@ -258,7 +259,7 @@ def _one_by_one(
     )
 
 
-def _sample_stats(fit: cmdstanpy.CmdStanMCMC) -> xr.Dataset:
+def sample_stats(fit: cmdstanpy.CmdStanMCMC) -> xr.Dataset:
     """ArviZ's names for the sampler's columns."""
     columns: dict[str, Any] = fit.method_variables()
     dataset = xr.Dataset(

@@ -178,7 +178,9 @@ class PriorSet:
         )
 
 
-class _PriorTable(Table):
+class PriorTable(Table):
+    """The table of one parameter in a prior file."""
+
     family: Family = Field(description="the family of the prior")
     unit: str = Field(description="the unit of the numbers")
     source: str = Field(min_length=1, description="where the prior comes from")
@@ -198,7 +200,7 @@ class _PriorFile(Table):
     material: str = Field(min_length=1, description="the material, such as ice")
     title: str = Field(min_length=1, description="a title for tables and figures")
     notes: str | None = None
-    parameters: dict[str, _PriorTable] = Field(description="one table for each parameter")
+    parameters: dict[str, PriorTable] = Field(description="one table for each parameter")
 
 
 def load_priors(path: str | Path) -> PriorSet:
@@ -229,7 +231,7 @@ def load_priors(path: str | Path) -> PriorSet:
                 f"{path}: table [parameters.{name}] is missing, expected a prior or a fixed value "
                 f"of the {parameter.label}."
             )
-    priors = {p.name: _load_prior(path, p.name, file.parameters[p.name]) for p in PARAMETERS}
+    priors = {p.name: load_prior(path, p.name, file.parameters[p.name]) for p in PARAMETERS}
     return PriorSet(
         material=file.material,
         title=file.title,
@@ -252,7 +254,7 @@ def save_priors(priors: PriorSet, path: Path) -> None:
     parameters = {
         name: {
             "family": prior.family,
-            **_numbers(prior),
+            **prior_numbers(prior),
             "unit": MAX_STRESS if prior.relative_to_max_stress else PARAMETER_BY_NAME[name].si_unit,
             "source": prior.source,
         }
@@ -292,7 +294,7 @@ def default_priors(material: str) -> PriorSet:
     return load_priors(files[material])
 
 
-def _load_prior(path: Path, name: str, table: _PriorTable) -> Prior:
+def load_prior(path: Path, name: str, table: PriorTable) -> Prior:
     """Check one table and convert it to SI."""
     where = f"{path}: [parameters.{name}]"
     numbers = table.numbers()
@@ -357,7 +359,7 @@ def _prior(
     return Prior(name, family, location, scale, lower, upper, unit, source, relative)
 
 
-def _numbers(prior: Prior) -> dict[str, float]:
+def prior_numbers(prior: Prior) -> dict[str, float]:
     """Return the numbers of a prior under the keys of its family, the inverse of `_prior`."""
     values = {
         "location": prior.location,
@@ -374,7 +376,7 @@ def _in_pascal(prior: Prior, max_stress: float) -> Prior:
     return _prior(
         prior.parameter,
         prior.family,
-        _scaled(_numbers(prior), max_stress, prior.family),
+        _scaled(prior_numbers(prior), max_stress, prior.family),
         unit=PARAMETER_BY_NAME[prior.parameter].si_unit,
         source=prior.source,
         relative=False,

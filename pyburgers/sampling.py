@@ -228,7 +228,7 @@ def run_chains(
     data = program_data(experiment, priors, solver=solver, use_likelihood=use_likelihood)
     model = load_model(program_for(experiment), report=report)
     identity = fingerprint(data, options, Path(str(model.exe_file)).parent.name)
-    with run.claimed(identity), _no_process_left(model):
+    with run.claimed(identity), no_process_left(model):
         _write_inputs(run, experiment, priors)
         if not run.stan_data_file.is_file():
             geometry = choose_geometry(
@@ -251,7 +251,7 @@ def run_chains(
             if not run.initial_values_file(chain).is_file():
                 start = _draw_start(model, run, experiment, priors, options.seed, chain)
                 write_json(run.initial_values_file(chain), start)
-        failures = _run_missing(model, run, missing, options) if missing else ()
+        failures = run_missing(model, run, missing, options) if missing else ()
         finished = run.finished_chains()
         run.update_manifest(
             {
@@ -393,7 +393,7 @@ def _write_manifest(
     )
 
 
-def _run_missing(
+def run_missing(
     model: cmdstanpy.CmdStanModel,
     run: RunDirectory,
     chains: Sequence[int],
@@ -431,7 +431,7 @@ def _stop_chains(model: cmdstanpy.CmdStanModel, pending: set[Future[ChainFailure
 
 
 @contextmanager
-def _no_process_left(model: cmdstanpy.CmdStanModel) -> Iterator[None]:
+def no_process_left(model: cmdstanpy.CmdStanModel) -> Iterator[None]:
     """Kill what runs of the program when an exception, such as an interrupt, ends the block."""
     try:
         yield

@@ -107,7 +107,7 @@ def programs() -> None:
         [
             *(
                 stan_directory() / f"{name}.stan"
-                for name in ("constant_rate", "forced_oscillation", "imposed_stress")
+                for name in ("constant_rate", "forced_oscillation", "imposed_stress", "peak_stress")
             ),
             stan_directory() / "reference" / "six_state.stan",
             *sorted((TESTS / "stan").glob("*.stan")),

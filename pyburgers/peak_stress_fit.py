@@ -1,0 +1,401 @@
+"""Fit a flow law to a table of peak stresses, and hand it on as a prior.
+
+A run has the files of a fit of a curve (`pyburgers.run_directory`), with the table and its priors
+in ``inputs/`` and `FLOW_LAW_PRIOR_FILE` beside the draws.
+"""
+
+import json
+import platform
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Self
+
+import cmdstanpy
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+import xarray as xr
+
+from pyburgers.cmdstan import find_cmdstan, load_model, stan_directory, toolchain
+from pyburgers.diagnostics import (
+    CheckResult,
+    check_chains,
+    check_divergences,
+    check_effective_sample_size,
+    check_energy,
+    check_rhat,
+    check_treedepth,
+)
+from pyburgers.draws import all_draws
+from pyburgers.errors import InputError, SamplingError
+from pyburgers.flow_law_prior import PRIOR_QUANTITIES, FlowLawPrior
+from pyburgers.parameters import REFERENCE_FLOW_RATE_QUANTITY
+from pyburgers.peak_stress import PeakStressData, load_peak_stress, save_peak_stress
+from pyburgers.peak_stress_priors import (
+    FLOW_LAW_PARAMETERS,
+    load_peak_stress_priors,
+    save_peak_stress_priors,
+)
+from pyburgers.peak_stress_stan_data import (
+    GRID_STRESSES,
+    groups,
+    peak_stress_coordinates,
+    peak_stress_data,
+)
+from pyburgers.posterior import load_posterior, read_chains, sample_stats, summary_table
+from pyburgers.priors import PriorSet
+from pyburgers.run_directory import (
+    RunDirectory,
+    sha256_of_file,
+    write_atomically,
+    write_json,
+    write_text,
+)
+from pyburgers.sampling import (
+    PACKAGES,
+    ChainFailure,
+    SamplerOptions,
+    fingerprint,
+    no_process_left,
+    run_missing,
+)
+from pyburgers.simulation import quiet_cmdstanpy
+from pyburgers.stan_data import REFERENCE_FLOW_RATE
+
+FloatArray = npt.NDArray[np.float64]
+
+FLOW_LAW_PRIOR_FILE = "flow_law_prior.json"
+"""Mean and covariance of the flow law in a run directory."""
+
+WARMUP, TARGET_ACCEPTANCE = 500, 0.9
+"""Defaults where the options leave them open; a gradient costs microseconds."""
+
+
+def _silent(_: str) -> None:
+    """Report to nobody."""
+
+
+@dataclass(frozen=True, eq=False)
+class PeakStressFit:
+    """A finished fit of a table of peak stresses.
+
+    Attributes
+    ----------
+    directory : RunDirectory
+        Where its files are.
+    data : PeakStressData
+        What was fitted.
+    priors : PriorSet
+        Priors of `pyburgers.peak_stress_priors.FLOW_LAW_PARAMETERS` in SI.
+    posterior : DataTree
+        Groups posterior, sample_stats, log_likelihood (of each ln(strain rate)), log_prior,
+        posterior_predictive, predictions (strain rates by group and stress), observed_data,
+        constant_data.
+    manifest : dict
+        Command, seeds, versions, hashes, wall times.
+    """
+
+    directory: RunDirectory
+    data: PeakStressData
+    priors: PriorSet
+    posterior: xr.DataTree
+    manifest: dict[str, Any]
+
+    def summary(self) -> pd.DataFrame:
+        """Posterior table in SI units (`pyburgers.posterior.summary_table`)."""
+        return summary_table(self.posterior, self.priors)
+
+    def checks(self) -> tuple[CheckResult, ...]:
+        """Return the checks with their verdicts."""
+        posterior = self.posterior
+        return (
+            check_chains(posterior, self._missing_chains()),
+            check_rhat(posterior),
+            check_effective_sample_size(posterior),
+            check_divergences(posterior),
+            check_treedepth(posterior, self.manifest["sampler"]["max_treedepth"]),
+            check_energy(posterior),
+        )
+
+    def _missing_chains(self) -> tuple[ChainFailure, ...]:
+        """Return the chains that were asked for and are not there, and why."""
+        finished = set(self.posterior["posterior"]["chain"].to_numpy().tolist())
+        reasons = {failure["chain"]: failure["reason"] for failure in self.manifest["failures"]}
+        return tuple(
+            ChainFailure(chain, reasons.get(chain, f"Chain {chain} was stopped; run it again."))
+            for chain in range(1, self.manifest["sampler"]["chains"] + 1)
+            if chain not in finished
+        )
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Read a run directory.
+
+        Raises
+        ------
+        InputError
+            If it is not a run of this kind or has no finished chain.
+        """
+        run = RunDirectory(Path(path))
+        manifest = run.read_manifest()
+        if not (run.inputs / "peak_stress.toml").is_file():
+            raise InputError(
+                f"{path}: is not a fit of a table of peak stresses, expected a run of pyburgers "
+                "fit-peak-stress."
+            )
+        if not run.finished_chains():
+            raise InputError(
+                f"{path}: no chain is finished yet (status {manifest['status']!r}); run the "
+                "command in its manifest again to complete it."
+            )
+        data = load_peak_stress(run.inputs / "peak_stress.toml")
+        priors = load_peak_stress_priors(run.priors_file)
+        posterior = load_posterior(run)
+        if posterior is None:
+            posterior = _build_posterior(run, data, priors)
+        return cls(run, data, priors, posterior, {**manifest, "chains": run.chain_records()})
+
+
+def fit_peak_stress(
+    data: PeakStressData,
+    priors: PriorSet,
+    *,
+    out: str | Path,
+    options: SamplerOptions | None = None,
+    use_likelihood: bool = True,
+    command: str = "pyburgers.fit_peak_stress(...)",
+    report: Callable[[str], None] = _silent,
+) -> PeakStressFit:
+    """Fit ln(rate) = n ln(stress) - p ln(grain size) + Q_M (beta - 1/(R T)) with scatter.
+
+    Parameters
+    ----------
+    data : PeakStressData
+        The table.
+    priors : PriorSet
+        Priors of `pyburgers.peak_stress_priors.FLOW_LAW_PARAMETERS`.
+    out : path
+        Run directory. An earlier run with the same inputs there is continued.
+    options : SamplerOptions, optional
+        Chains, iterations, seed; the coordinates are always the plain ones.
+    use_likelihood : bool
+        False samples the prior.
+    command : str
+        What regenerates the run, for the manifest.
+    report : callable
+        Receives progress sentences.
+
+    Raises
+    ------
+    InputError
+        If an input is wrong or `out` holds something else.
+    SamplingError
+        If no chain finished.
+    """
+    run = RunDirectory(Path(out))
+    options = options or SamplerOptions()
+    options = replace(
+        options,
+        warmup=options.warmup or WARMUP,
+        adapt_delta=options.adapt_delta or TARGET_ACCEPTANCE,
+        coordinates="plain",
+    )
+    stan_data = peak_stress_data(data, priors, use_likelihood=use_likelihood)
+    model = load_model(stan_directory() / "peak_stress.stan", report=report)
+    identity = fingerprint(stan_data, options, Path(str(model.exe_file)).parent.name)
+    with run.claimed(identity), no_process_left(model):
+        save_peak_stress(data, run.inputs)
+        save_peak_stress_priors(priors, run.priors_file)
+        write_json(run.stan_data_file, stan_data)
+        _write_manifest(run, data, options, identity, use_likelihood, command)
+        for chain in range(1, options.chains + 1):
+            write_json(
+                run.initial_values_file(chain), _draw_start(data, priors, options.seed, chain)
+            )
+        finished = run.finished_chains()
+        missing = [k for k in range(1, options.chains + 1) if k not in finished]
+        failures = run_missing(model, run, missing, options) if missing else ()
+        run.update_manifest(
+            {
+                "status": "chains missing" if failures else "complete",
+                "failures": [asdict(failure) for failure in failures],
+                "chains": run.chain_records(),
+            }
+        )
+    if not run.finished_chains():
+        raise SamplingError(f"No chain finished: {failures[0].reason}")
+    result = PeakStressFit.load(run.path)
+    _write_tables(result)
+    return result
+
+
+def flow_law_prior(fit: PeakStressFit) -> FlowLawPrior:
+    """Return mean and covariance of the flow law's posterior (see `FlowLawPrior`).
+
+    Raises
+    ------
+    InputError
+        If a parameter of the flow law was fixed, so that there is no density to hand on.
+    """
+    fixed = [p.name for p in FLOW_LAW_PARAMETERS if fit.priors[p.name].is_fixed]
+    if fixed:
+        raise InputError(
+            f"{fit.directory.path}: {fixed[0]} is fixed, expected a fit in which the whole flow "
+            "law is free."
+        )
+    draws = fit.posterior["posterior"].to_dataset()
+    columns = [
+        np.log(all_draws(draws[REFERENCE_FLOW_RATE]))
+        if name == f"log_{REFERENCE_FLOW_RATE}"
+        else all_draws(draws[name])
+        for name in PRIOR_QUANTITIES
+    ]
+    return FlowLawPrior(
+        quantities=PRIOR_QUANTITIES,
+        mean=np.mean(columns, axis=1),
+        covariance=np.cov(columns),
+        conditions=fit.data.mean_conditions,
+    )
+
+
+def _draw_start(
+    data: PeakStressData, priors: PriorSet, seed: int, chain: int
+) -> dict[str, list[float]]:
+    """Draw a start of one chain: prior draws, and a flow rate near the measured ones."""
+    rng = np.random.default_rng([seed, chain])
+    coordinates = peak_stress_coordinates(data, priors)
+    rate = float(np.exp(rng.normal(np.mean(np.log(data.strain_rate)), 1.0)))
+    return {
+        "coordinate": coordinates.at({**priors.sample(rng), REFERENCE_FLOW_RATE: rate}).tolist()
+    }
+
+
+def _write_manifest(
+    run: RunDirectory,
+    data: PeakStressData,
+    options: SamplerOptions,
+    identity: str,
+    use_likelihood: bool,
+    command: str,
+) -> None:
+    """Note what will run: command, settings, versions, hashes of the inputs."""
+    found = find_cmdstan()
+    tools = toolchain(found) if found is not None else None
+    run.update_manifest(
+        {
+            "fingerprint": identity,
+            "experiment": data.id,
+            "data_kind": data.provenance.kind,
+            "command": command,
+            "started": datetime.now(UTC).isoformat(timespec="seconds"),
+            "status": "sampling",
+            "failures": [],
+            "sampler": asdict(options),
+            "use_likelihood": use_likelihood,
+            "versions": {
+                "python": platform.python_version(),
+                **{package: version(package) for package in PACKAGES},
+                "cmdstan": tools.cmdstan_version if tools else None,
+                "compiler": tools.compiler if tools else None,
+            },
+            "hashes": {
+                file.relative_to(run.path).as_posix(): sha256_of_file(file)
+                for file in (*sorted(run.inputs.iterdir()), run.stan_data_file)
+            },
+        }
+    )
+
+
+def _build_posterior(run: RunDirectory, data: PeakStressData, priors: PriorSet) -> xr.DataTree:
+    """Gather the finished chains into labelled draws and save them."""
+    with quiet_cmdstanpy():
+        chains = read_chains([str(run.draws_file(chain)) for chain in run.finished_chains()])
+    identifiers = {"chain": list(run.finished_chains())}
+    contents = {
+        name: dataset.assign_coords(identifiers)
+        for name, dataset in _drawn_groups(chains, data, priors).items()
+    }
+    point = {"point": np.arange(data.n_points)}
+    contents["observed_data"] = xr.Dataset(
+        {"log_strain_rate": ("point", np.log(data.strain_rate))}, coords=point
+    )
+    contents["constant_data"] = xr.Dataset(
+        {
+            name: ("point", getattr(data, name), {"units": unit})
+            for name, unit in (("temperature", "K"), ("stress", "Pa"), ("grain_size", "m"))
+        },
+        coords=point,
+    )
+    tree: xr.DataTree = xr.DataTree.from_dict(contents)
+    tree.attrs = {
+        "experiment": data.id,
+        "data_kind": data.provenance.kind,
+        "fingerprint": run.read_manifest()["fingerprint"],
+        "chains": json.dumps(list(run.finished_chains())),
+    }
+    write_atomically(run.posterior_file, lambda path: tree.to_netcdf(path, engine="h5netcdf"))
+    return tree
+
+
+def _drawn_groups(
+    chains: cmdstanpy.CmdStanMCMC, data: PeakStressData, priors: PriorSet
+) -> dict[str, xr.Dataset]:
+    """Return the groups with dimensions chain and draw."""
+    draws = chains.draws_xr([p.name for p in FLOW_LAW_PARAMETERS] + [REFERENCE_FLOW_RATE])
+    for parameter in (*FLOW_LAW_PARAMETERS, REFERENCE_FLOW_RATE_QUANTITY):
+        is_fixed = parameter.name in priors.priors and priors[parameter.name].is_fixed
+        draws[parameter.name].attrs = {
+            "long_name": parameter.label,
+            "symbol": parameter.symbol,
+            "units": parameter.si_unit,
+            "fixed": int(is_fixed),
+        }
+    point = {"point": np.arange(data.n_points)}
+    at_points = {
+        name: chains.draws_xr([name])[name].rename({f"{name}_dim_0": "point"}).assign_coords(point)
+        for name in ("log_lik", "log_rate_replicated")
+    }
+    rates = chains.draws_xr(["grid_strain_rate"])["grid_strain_rate"]
+    lines = groups(data)
+    shape = (*rates.shape[:2], len(lines), GRID_STRESSES)
+    predictions = xr.Dataset(
+        {
+            "strain_rate": (
+                ("chain", "draw", "group", "position"),
+                rates.to_numpy().reshape(shape),
+                {"units": "1/s"},
+            ),
+            "stress": (("group", "position"), np.array([g.stress for g in lines]), {"units": "Pa"}),
+        }
+    )
+    return {
+        "posterior": draws.drop_attrs(deep=False),
+        "sample_stats": sample_stats(chains),
+        "log_likelihood": xr.Dataset({"log_strain_rate": at_points["log_lik"]}),
+        "log_prior": chains.draws_xr(["lprior"]).drop_attrs(deep=False),
+        "posterior_predictive": xr.Dataset({"log_strain_rate": at_points["log_rate_replicated"]}),
+        "predictions": predictions,
+    }
+
+
+def _write_tables(result: PeakStressFit) -> None:
+    """Save the table, the verdicts, and the flow law as a prior."""
+    run = result.directory
+    write_text(run.summary_file, result.summary().to_csv())
+    write_json(
+        run.checks_file,
+        [
+            {
+                "name": check.name,
+                "passed": check.passed,
+                "sentence": check.sentence,
+                "table": json.loads(check.table.reset_index().to_json(orient="records")),
+            }
+            for check in result.checks()
+        ],
+    )
+    if not any(result.priors[p.name].is_fixed for p in FLOW_LAW_PARAMETERS):
+        flow_law_prior(result).save(run.path / FLOW_LAW_PRIOR_FILE)

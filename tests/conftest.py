@@ -109,7 +109,7 @@ def programs() -> None:
                 stan_directory() / f"{name}.stan"
                 for name in ("constant_rate", "forced_oscillation", "imposed_stress", "peak_stress")
             ),
-            stan_directory() / "reference" / "six_state.stan",
+            *sorted((stan_directory() / "reference").glob("*.stan")),
             *sorted((TESTS / "stan").glob("*.stan")),
         ],
         report=print,

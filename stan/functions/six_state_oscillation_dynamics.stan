@@ -6,12 +6,14 @@
  * Rates of [stress (Pa), kelvin strain, elastic strain, dashpot strain, grain size (m)] at an
  * imposed oscillating strain rate (Maor et al., Eqs. 1, 2 and 5; F = 1).
  *
- * @param time s
+ * @param time since origin, s: at the default tolerance CVODES starts with steps so short that a
+ *   clock far from zero does not see them
+ * @param origin on the record's clock, s
  * @param period s
  * @param sine, cosine, background, background_middle, background_half, first_tau see
  *   oscillating_rate()
  */
-vector six_state_oscillation_rhs(real time, vector state, data real period, data vector sine,
+vector six_state_oscillation_rhs(real time, vector state, data real origin, data real period, data vector sine,
                                  data vector cosine, data vector background,
                                  data real background_middle, data real background_half,
                                  data real first_tau, data real temperature,
@@ -19,7 +21,7 @@ vector six_state_oscillation_rhs(real time, vector state, data real period, data
                                  real kelvin_viscosity, real stress_exponent,
                                  real grain_size_exponent, real activation_enthalpy,
                                  real beta, real critical_strain_grain_size) {
-  real strain_rate = oscillating_rate(time / period, sine, cosine, background,
+  real strain_rate = oscillating_rate((origin + time) / period, sine, cosine, background,
                                       background_middle, background_half, first_tau)
                      / period;
   real kelvin_rate = (state[1] - kelvin_modulus * state[2]) / kelvin_viscosity;
@@ -34,7 +36,7 @@ vector six_state_oscillation_rhs(real time, vector state, data real period, data
   rate[3] = elastic_rate;
   rate[4] = dashpot_rate;
   // Ahead of the record grains keep their size.
-  rate[5] = time < first_tau * period
+  rate[5] = origin + time < first_tau * period
             ? 0
             : microstructure_rate(state[5], piezometer_grain_size(state[1]),
                                   critical_strain_grain_size, strain_rate);

@@ -16,13 +16,13 @@ data {
 }
 transformed data {
   vector[n_parameters()] prior_mass;
-  array[n_points] real time; // s
+  array[n_points] real time; // since the start of the record, s
   for (k in 1 : n_parameters()) {
     prior_mass[k] = prior_log_mass(prior_family[k], prior_location[k], prior_scale[k],
                                    prior_lower[k], prior_upper[k]);
   }
   for (i in 1 : n_points) {
-    time[i] = tau[i] * period;
+    time[i] = (tau[i] - first_tau) * period;
   }
 }
 parameters {
@@ -51,14 +51,15 @@ model {
     vector[5] start = [start_stress, start_stress / kelvin_modulus,
                        start_stress / maxwell_modulus, 0, initial_grain_size]';
     // Spin-up and record are one integration each: the grain size has a corner between them.
-    vector[5] spun_up = ode_bdf(six_state_oscillation_rhs, start, start_tau * period,
-                                {first_tau * period}, period, strain_sine, strain_cosine,
+    vector[5] spun_up = ode_bdf(six_state_oscillation_rhs, start, 0,
+                                {(first_tau - start_tau) * period},
+                                start_tau * period, period, strain_sine, strain_cosine,
                                 background, background_middle, background_half, first_tau,
                                 temperature, maxwell_modulus, kelvin_modulus,
                                 kelvin_viscosity, stress_exponent, grain_size_exponent,
                                 activation_enthalpy, beta, critical_strain_grain_size)[1];
     array[n_points] vector[5] solution = ode_bdf(six_state_oscillation_rhs, spun_up,
-      first_tau * period, time, period, strain_sine, strain_cosine, background,
+      0, time, first_tau * period, period, strain_sine, strain_cosine, background,
       background_middle, background_half, first_tau, temperature, maxwell_modulus,
       kelvin_modulus, kelvin_viscosity, stress_exponent, grain_size_exponent,
       activation_enthalpy, beta, critical_strain_grain_size);

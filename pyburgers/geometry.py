@@ -56,6 +56,22 @@ class Geometry:
     covariance: FloatArray | None = None
 
 
+def check_coordinates(experiment: Experiment, wanted: Coordinates) -> None:
+    """Check that coordinates are for tests of a protocol.
+
+    Raises
+    ------
+    InputError
+        If they are not.
+    """
+    special = "valley" if isinstance(experiment, ConstantRateExperiment) else "sheared"
+    if wanted not in ("auto", "plain", special):
+        raise InputError(
+            f"{experiment.id}: {wanted} coordinates are not for tests of the protocol "
+            f"{experiment.protocol}, expected --coordinates auto, plain or {special}."
+        )
+
+
 def choose_geometry(
     model: cmdstanpy.CmdStanModel,
     data: StanData,
@@ -82,7 +98,7 @@ def choose_geometry(
         Resolved priors.
     wanted : {"auto", "plain", "valley", "sheared"}
         "auto" takes valley coordinates for tests at constant rate and sheared ones for
-        oscillating tests, where priors and record suit them.
+        oscillating tests, where priors and record suit them; checked by `check_coordinates`.
     seed : int
         Decides where the search for the mode starts.
     solver : SolverOptions
@@ -93,14 +109,8 @@ def choose_geometry(
     Raises
     ------
     InputError
-        If the coordinates that were asked for do not apply.
+        If the coordinates that were asked for do not suit priors or record.
     """
-    special = "valley" if isinstance(experiment, ConstantRateExperiment) else "sheared"
-    if wanted not in ("auto", "plain", special):
-        raise InputError(
-            f"{experiment.id}: {wanted} coordinates are not for tests of the protocol "
-            f"{experiment.protocol}, expected --coordinates auto, plain or {special}."
-        )
     if not data["use_likelihood"]:
         return Geometry("plain", "the likelihood is off", {})
     report("Finding the posterior mode, which sets the sampler's coordinates and metric.")
@@ -113,12 +123,12 @@ def choose_geometry(
             return _valley(model, data, experiment, priors, mode, solver)
         return _sheared(model, data, experiment, priors, mode)
     except (ModeNotFound, ValleyUnsuited, ShearedUnsuited) as error:
-        if wanted == special:
+        if wanted not in ("auto", "plain"):
             raise InputError(
-                f"{experiment.id}: {special} coordinates do not apply, because {error}; use "
+                f"{experiment.id}: {wanted} coordinates do not apply, because {error}; use "
                 "--coordinates auto or plain."
             ) from error
-        return _plain(model, data, mode, str(error))
+        return _plain(model, data, mode, "asked for" if wanted == "plain" else str(error))
 
 
 def _plain(

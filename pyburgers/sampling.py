@@ -27,7 +27,7 @@ from pyburgers.cmdstan import find_cmdstan, load_model, toolchain
 from pyburgers.errors import InputError, SamplingError
 from pyburgers.experiment import Experiment
 from pyburgers.experiment_files import save_experiment
-from pyburgers.geometry import Coordinates, Geometry, choose_geometry
+from pyburgers.geometry import Coordinates, Geometry, check_coordinates, choose_geometry
 from pyburgers.initial_values import draw_initial_values, draw_start_around
 from pyburgers.priors import PriorSet, save_priors
 from pyburgers.progress import ChainProgress, IterationLines
@@ -222,6 +222,7 @@ def run_chains(
     """
     if experiment.n_points == 0:
         raise InputError(f"{experiment.id}: the experiment has no data, expected a [data] table.")
+    check_coordinates(experiment, options.coordinates)
     run = RunDirectory(directory)
     options = options.suited_to(experiment)
     priors = priors.resolved(float(np.max(np.abs(experiment.stress))))

@@ -72,11 +72,11 @@ RATE_FACTOR = 1e5
 """Strain rates are shown in 1e-5 per second."""
 
 PREPARATION_CAPTION = (
-    "From the raw record to what the model takes. (a) Strain as measured, with a fit of the "
+    "From the raw record to what the model takes. (a) Strain readings, with a fit of the "
     "oscillation and its second and third harmonics plus a polynomial trend (dashed). (b) Strain "
     "without the trend and the oscillation alone: readings that leave the line in step with the "
     "period would call for more harmonics. (c) The strain rate that drives the model. (d) Stress "
-    "as measured, with the same kind of fit. (e) The stress that the model is compared with. "
+    "readings, with the same kind of fit. (e) The stress that the model is compared with. "
     "Vertical bars are one standard deviation of a reading either way; where none is seen, it is "
     "shorter than the symbol."
 )
@@ -107,10 +107,10 @@ def preparation(prepared: PreparedOscillation, record: OscillationRecord, headin
             record.strain_time,
             record.strain * STRAIN_FACTOR,
             record.strain_uncertainty * STRAIN_FACTOR,
-            "measured strain",
+            "strain readings",
         )
         _draw_fit(raw_strain, time, of_strain, STRAIN_FACTOR)
-        _label(raw_strain, "(a) strain as measured", f"axial strain ({STRAIN_UNIT})")
+        _label(raw_strain, "(a) strain readings", f"axial strain ({STRAIN_UNIT})")
 
         _draw_readings(
             detrended,
@@ -156,10 +156,10 @@ def preparation(prepared: PreparedOscillation, record: OscillationRecord, headin
             record.stress_time,
             record.stress * STRESS_FACTOR,
             record.stress_uncertainty * STRESS_FACTOR,
-            "measured stress",
+            "stress readings",
         )
         _draw_fit(raw_stress, stress_time, of_stress, STRESS_FACTOR)
-        _label(raw_stress, "(d) stress as measured", STRESS_LABEL)
+        _label(raw_stress, "(d) stress readings", STRESS_LABEL)
 
         _draw_readings(
             compared,

@@ -429,7 +429,7 @@ def background_section(fits: Mapping[str, Fit], *, report: Callable[[str], None]
             "oscillation changes its rate in proportion, n times the mean rate over the bias; "
             "about zero it flows at the peaks of stress alone, at the n-th power of the "
             "amplitude. What it contributes to the strain of a cycle differs, so the Kelvin "
-            "element has to make up for another part of the measured amplitude and phase lag.",
+            "element has to make up for another part of the observed amplitude and phase lag.",
             "The table gives the median and, in brackets, 5 and 95 % of the draws. True values are "
             "those behind the synthetic record; for the rate and the grain size they are what the "
             "model with its background has at the true parameters.",

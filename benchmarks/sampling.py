@@ -231,8 +231,9 @@ quantities, per second of one core.
 
 {ratios}
 
-A blank row: the six-state form made no draws, since CVODES cannot start its sensitivities after a
-rate step at the default tolerance.
+A blank row: CVODES cannot start the sensitivities of the six-state form after a rate step at the
+default tolerance. A row with gradients alone: that form did not get through {warmup} iterations of
+step-size adaptation and two draws in {seconds:.0f} s.
 
 The six-state row is extrapolated from a run stopped after {seconds:.0f} s: {chains} chains side by
 side that start at posterior draws with the dense metric of the posterior, both given, and adapt

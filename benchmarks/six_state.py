@@ -8,6 +8,7 @@ first iterations of chains with CmdStan's defaults, started at posterior draws t
 """
 
 import json
+import math
 import subprocess
 import time
 from collections.abc import Mapping
@@ -45,29 +46,31 @@ class Baseline:
 
     Attributes
     ----------
+    ms_per_gradient : float
+        At a posterior draw.
+    cost : Cost
+        Of the bounded run.
     draws : int
         Draws after the step-size adaptation, all chains together.
-    seconds_per_draw, leapfrogs_per_draw, ms_per_gradient : float
-        Means over them.
+    seconds_per_draw, leapfrogs_per_draw : float
+        Means over them; these and the following are unknown where there are none.
     seconds_per_warmup_iteration : float
         Of chains with CmdStan's defaults.
     divergences : int
-        Among them.
+        Among the draws.
     ess_per_draw_least, ess_per_draw_median : float
         Over the parameters; see `effective_draws()`.
-    cost : Cost
-        Of the bounded run.
     """
 
-    draws: int
-    seconds_per_draw: float
-    leapfrogs_per_draw: float
     ms_per_gradient: float
-    seconds_per_warmup_iteration: float
-    divergences: int
-    ess_per_draw_least: float
-    ess_per_draw_median: float
     cost: Cost
+    draws: int = 0
+    seconds_per_draw: float = math.nan
+    leapfrogs_per_draw: float = math.nan
+    seconds_per_warmup_iteration: float = math.nan
+    divergences: int = 0
+    ess_per_draw_least: float = math.nan
+    ess_per_draw_median: float = math.nan
 
 
 def run_baseline(fit: Fit, folder: Path, *, limit_seconds: float, seed: int) -> Baseline | None:
@@ -76,7 +79,8 @@ def run_baseline(fit: Fit, folder: Path, *, limit_seconds: float, seed: int) -> 
     Returns
     -------
     Baseline or None
-        None where no chain made two draws.
+        Without draws where no chain made two of them in time; None where the solver cannot even
+        start at a posterior draw.
     """
     folder.mkdir(parents=True)
     source, names = _paper_form(fit)
@@ -112,14 +116,17 @@ def run_baseline(fit: Fit, folder: Path, *, limit_seconds: float, seed: int) -> 
     cost = run_together(commands, limit_seconds=limit_seconds)
     chains = [read_chain(folder / f"chain_{c}.csv").draws for c in range(1, N_CHAINS + 1)]
     n_draws = sum(map(len, chains))
-    if n_draws < N_CHAINS * 2:
+    try:
+        ms_per_gradient = 1e3 * _seconds_per_gradient(commands[0], folder)
+    except subprocess.CalledProcessError:
         return None
+    if n_draws < N_CHAINS * 2:
+        return Baseline(ms_per_gradient=ms_per_gradient, cost=cost)
     positions = [
         _unconstrained(transform, {name: chain[name].to_numpy() for name in names})
         for chain in chains
     ]
     leapfrogs = float(np.concatenate([chain["n_leapfrog__"] for chain in chains]).mean())
-    ms_per_gradient = 1e3 * _seconds_per_gradient(commands[0], folder)
     run_together(defaults, limit_seconds=WARMUP_SECONDS)
     iterations = sum(
         len(read_chain(folder / f"warmup_{c}.csv").draws) for c in range(1, N_CHAINS + 1)

@@ -302,7 +302,7 @@ def _cell(value: float | str) -> str:
 
 def _figure(table: pd.DataFrame) -> Figure:
     """Leapfrogs for each draw, and effective draws for each second, by form."""
-    figure = Figure(figsize=(10, 4.2), layout="constrained")
+    figure = Figure(figsize=(11.5, 4.4), layout="constrained")
     axes = figure.subplots(1, 2)
     _bars(axes[0], table, "leapfrogs_per_draw", "Leapfrog steps per draw")
     _bars(
@@ -353,7 +353,7 @@ def _bars(axes: Axes, table: pd.DataFrame, column: str, label: str) -> None:
     kinds = ["measured" if name in MEASURED else "synthetic" for name in names]
     axes.set_xticks(
         range(len(names)),
-        [f"{name}\n({kind})" for name, kind in zip(names, kinds, strict=True)],
+        ["\n".join([*name.split("_"), kind]) for name, kind in zip(names, kinds, strict=True)],
         fontsize=8,
     )
     axes.set_ylabel(label)

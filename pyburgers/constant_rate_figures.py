@@ -26,16 +26,15 @@ from pyburgers.figure_style import (
     BLACK,
     BLUE,
     GREEN,
-    GREY,
-    ORANGE,
     SKY_BLUE,
     TAIL,
     VERMILION,
     FigureRecipe,
-    band,
     draw_band,
+    draw_predictive_band,
+    draw_residuals,
     draw_retrodictions,
-    few_ticks,
+    legend_of_panels,
     rate_text,
     style,
     title,
@@ -75,11 +74,7 @@ def stress_strain(fit: Fit) -> Figure:
         upper.set_ylabel(f"differential stress ({STRESS_UNIT})")
         lower.set_ylabel(f"residual ({STRESS_UNIT})")
         lower.set_xlabel(f"axial strain ({STRAIN_UNIT})")
-        handles, labels = upper.get_legend_handles_labels()
-        more, more_labels = lower.get_legend_handles_labels()
-        figure.legend(
-            [*handles, *more], [*labels, *more_labels], loc="outside upper center", ncols=3
-        )
+        legend_of_panels(figure, (upper, lower))
     return figure
 
 
@@ -87,10 +82,7 @@ def _draw_curve(axes: Axes, fit: Fit, experiment: ConstantRateExperiment) -> Non
     """Draw data, mean solution, retrodictions and predictive band."""
     predictions = fit.posterior["predictions"].to_dataset()
     strain = predictions["strain"].to_numpy() * STRAIN_FACTOR
-    low, _, high = band(predictions["stress_replicated"]) * STRESS_FACTOR
-    axes.fill_between(
-        strain, low, high, color=ORANGE, alpha=0.35, linewidth=0, label="90 % predictive band"
-    )
+    draw_predictive_band(axes, strain, predictions["stress_replicated"])
     draw_retrodictions(axes, strain, predictions["stress"], STRESS_FACTOR)
     mean = fit.posterior["posterior_mean_solution"].to_dataset()
     axes.plot(
@@ -118,20 +110,8 @@ def _draw_residuals(axes: Axes, fit: Fit, experiment: ConstantRateExperiment) ->
     predicted = fit.posterior["posterior_predictive"]["stress"].mean(("chain", "draw")).to_numpy()
     noise = float(fit.posterior["posterior"]["stress_noise"].mean()) * STRESS_FACTOR
     half_width = float(stats.norm.ppf(1.0 - TAIL)) * noise
-    axes.axhspan(
-        -half_width, half_width, color=GREY, alpha=0.5, linewidth=0, label="90 % band of the noise"
-    )
-    axes.axhline(0.0, color=BLUE, linewidth=1.0)
-    axes.plot(
-        experiment.strain * STRAIN_FACTOR,
-        (experiment.stress - predicted) * STRESS_FACTOR,
-        linestyle="none",
-        marker="o",
-        markersize=3.5,
-        color=BLACK,
-        label="data minus mean prediction",
-    )
-    axes.yaxis.set_major_locator(few_ticks(5))
+    residuals = (experiment.stress - predicted) * STRESS_FACTOR
+    draw_residuals(axes, experiment.strain * STRAIN_FACTOR, residuals, half_width)
 
 
 def _mark_rate_steps(panels: Sequence[Axes], experiment: ConstantRateExperiment) -> None:

@@ -1,6 +1,9 @@
 """Checks of a fit, each with a verdict and a sentence for a non-specialist."""
 
+import json
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -37,6 +40,19 @@ class CheckResult:
     passed: bool
     table: pd.DataFrame
     sentence: str
+
+
+def checks_record(checks: Iterable[CheckResult]) -> list[dict[str, Any]]:
+    """Return checks with their numbers as what a JSON file holds."""
+    return [
+        {
+            "name": check.name,
+            "passed": check.passed,
+            "sentence": check.sentence,
+            "table": json.loads(check.table.reset_index().to_json(orient="records")),
+        }
+        for check in checks
+    ]
 
 
 def check_fit(

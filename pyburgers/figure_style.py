@@ -6,7 +6,7 @@ changed.
 
 import io
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Literal
@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 from matplotlib import rc_context
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
@@ -24,7 +25,7 @@ from PIL import Image
 
 from pyburgers.constant_rate import ConstantRateExperiment
 from pyburgers.diagnostics import BAND
-from pyburgers.display import STRAIN_FACTOR, STRAIN_UNIT
+from pyburgers.display import STRAIN_FACTOR, STRAIN_UNIT, STRESS_FACTOR
 from pyburgers.draws import all_draws, evenly_spaced
 from pyburgers.experiment import Experiment
 from pyburgers.fitting import Fit
@@ -172,6 +173,65 @@ def draw_band(
     low, median, high = band(values)
     axes.fill_between(positions, low, high, color=colour, alpha=0.22, linewidth=0)
     axes.plot(positions, median, color=colour, linewidth=1.6, label=label)
+
+
+def draw_predictive_band(axes: Axes, positions: FloatArray, replicated: xr.DataArray) -> None:
+    """Draw the band that should hold 90 % of new stresses.
+
+    Parameters
+    ----------
+    axes : Axes
+        Where.
+    positions : array, shape (n,)
+        Along the horizontal axis, in display units.
+    replicated : DataArray, dimensions chain, draw and one more
+        Stresses with noise (Pa).
+    """
+    low, _, high = band(replicated) * STRESS_FACTOR
+    axes.fill_between(
+        positions, low, high, color=ORANGE, alpha=0.35, linewidth=0, label="90 % predictive band"
+    )
+
+
+def draw_residuals(
+    axes: Axes, positions: FloatArray, residuals: FloatArray, half_width: float
+) -> None:
+    """Draw data minus mean prediction, and the 90 % band of the noise.
+
+    Parameters
+    ----------
+    axes : Axes
+        Where.
+    positions, residuals : array, shape (n,)
+        In display units.
+    half_width : float
+        Of the band, in the unit of the residuals.
+    """
+    axes.axhspan(
+        -half_width, half_width, color=GREY, alpha=0.5, linewidth=0, label="90 % band of the noise"
+    )
+    axes.axhline(0.0, color=BLUE, linewidth=1.0)
+    axes.plot(
+        positions,
+        residuals,
+        linestyle="none",
+        marker="o",
+        markersize=3.5,
+        color=BLACK,
+        label="data minus mean prediction",
+    )
+    axes.yaxis.set_major_locator(few_ticks(5))
+
+
+def legend_of_panels(figure: Figure, panels: Sequence[Axes]) -> None:
+    """Put the legends of several panels together above them."""
+    handles: list[Artist] = []
+    labels: list[str] = []
+    for axes in panels:
+        more, more_labels = axes.get_legend_handles_labels()
+        handles += more
+        labels += more_labels
+    figure.legend(handles, labels, loc="outside upper center", ncols=3)
 
 
 def band(values: xr.DataArray) -> FloatArray:

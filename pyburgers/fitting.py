@@ -1,6 +1,5 @@
 """Fit an experiment: run, gather, check, and keep it all in a run directory."""
 
-import json
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -10,14 +9,20 @@ from typing import Any, Self
 import pandas as pd
 import xarray as xr
 
-from pyburgers.diagnostics import CheckResult, check_fit, check_solver
+from pyburgers.diagnostics import CheckResult, check_fit, check_solver, checks_record
 from pyburgers.errors import InputError
 from pyburgers.experiment import Experiment
 from pyburgers.experiment_files import load_experiment
 from pyburgers.posterior import build_posterior, load_posterior, summary_table
 from pyburgers.priors import PriorSet, load_priors
 from pyburgers.run_directory import RunDirectory, write_json, write_text
-from pyburgers.sampling import ChainFailure, SamplerOptions, run_chains, tighten_solver
+from pyburgers.sampling import (
+    ChainFailure,
+    SamplerOptions,
+    missing_chains,
+    run_chains,
+    tighten_solver,
+)
 from pyburgers.stan_data import SolverOptions, default_solver
 
 MAX_REFITS = 2
@@ -64,19 +69,8 @@ class Fit:
 
     def missing_chains(self) -> tuple[ChainFailure, ...]:
         """Return the chains that were asked for and are not there, and why."""
-        finished = set(self.posterior["posterior"]["chain"].to_numpy().tolist())
-        reasons = {failure["chain"]: failure["reason"] for failure in self.manifest["failures"]}
-        return tuple(
-            ChainFailure(
-                chain,
-                reasons.get(
-                    chain,
-                    f"Chain {chain} has not run to its end because the run was stopped; run the "
-                    "same command again: it runs only the missing chains.",
-                ),
-            )
-            for chain in range(1, self.manifest["sampler"]["chains"] + 1)
-            if chain not in finished
+        return missing_chains(
+            self.posterior["posterior"]["chain"].to_numpy().tolist(), self.manifest
         )
 
     def save(self, path: str | Path) -> None:
@@ -103,11 +97,7 @@ class Fit:
         """
         run = RunDirectory(Path(path))
         manifest = run.read_manifest()
-        if not run.finished_chains():
-            raise InputError(
-                f"{path}: no chain is finished yet (status {manifest['status']!r}); run the "
-                "command in its manifest again to complete it."
-            )
+        run.require_a_chain()
         posterior = load_posterior(run)
         if posterior is None:
             posterior = build_posterior(run, report=report)
@@ -196,18 +186,6 @@ def _write_tables(result: Fit) -> None:
     """Save the table and the verdicts, and note in the manifest that the run is complete."""
     run = result.directory
     write_text(run.summary_file, result.summary().to_csv())
-    checks = result.checks()
-    write_json(
-        run.checks_file,
-        [
-            {
-                "name": check.name,
-                "passed": check.passed,
-                "sentence": check.sentence,
-                "table": json.loads(check.table.reset_index().to_json(orient="records")),
-            }
-            for check in checks
-        ],
-    )
+    write_json(run.checks_file, checks_record(result.checks()))
     if not result.missing_chains():
         run.update_manifest({"status": "complete"})

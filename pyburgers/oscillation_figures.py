@@ -34,8 +34,10 @@ from pyburgers.figure_style import (
     FigureRecipe,
     band,
     draw_band,
+    draw_predictive_band,
+    draw_residuals,
     draw_retrodictions,
-    few_ticks,
+    legend_of_panels,
     style,
     title,
 )
@@ -279,11 +281,7 @@ def stress_time(fit: Fit) -> Figure:
         upper.set_ylabel(STRESS_LABEL)
         lower.set_ylabel("residual / noise (–)")
         lower.set_xlabel(TIME_LABEL)
-        handles, labels = upper.get_legend_handles_labels()
-        more, more_labels = lower.get_legend_handles_labels()
-        figure.legend(
-            [*handles, *more], [*labels, *more_labels], loc="outside upper center", ncols=3
-        )
+        legend_of_panels(figure, (upper, lower))
     return figure
 
 
@@ -291,10 +289,7 @@ def _draw_stress(axes: Axes, fit: Fit, experiment: OscillationExperiment) -> Non
     """Draw data, median solution, retrodictions and predictive band."""
     predictions = fit.posterior["predictions"].to_dataset()
     time = predictions["time"].to_numpy()
-    low, _, high = band(predictions["stress_replicated"]) * STRESS_FACTOR
-    axes.fill_between(
-        time, low, high, color=ORANGE, alpha=0.35, linewidth=0, label="90 % predictive band"
-    )
+    draw_predictive_band(axes, time, predictions["stress_replicated"])
     draw_retrodictions(axes, time, predictions["stress"], STRESS_FACTOR)
     _, median, _ = band(predictions["stress"]) * STRESS_FACTOR
     axes.plot(time, median, color=VERMILION, linewidth=1.6, label="median solution")
@@ -313,21 +308,8 @@ def _draw_residuals(axes: Axes, fit: Fit, experiment: OscillationExperiment) -> 
     predicted = fit.posterior["posterior_predictive"]["stress"].mean(("chain", "draw")).to_numpy()
     prepared = experiment.prepared
     noise = float(fit.posterior["posterior"]["stress_noise"].mean())
-    half_width = float(stats.norm.ppf(1.0 - TAIL))
-    axes.axhspan(
-        -half_width, half_width, color=GREY, alpha=0.5, linewidth=0, label="90 % band of the noise"
-    )
-    axes.axhline(0.0, color=BLUE, linewidth=1.0)
-    axes.plot(
-        prepared.time,
-        (prepared.stress - predicted) / (noise * prepared.relative_uncertainty),
-        linestyle="none",
-        marker="o",
-        markersize=3.5,
-        color=BLACK,
-        label="data minus mean prediction",
-    )
-    axes.yaxis.set_major_locator(few_ticks(5))
+    residuals = (prepared.stress - predicted) / (noise * prepared.relative_uncertainty)
+    draw_residuals(axes, prepared.time, residuals, float(stats.norm.ppf(1.0 - TAIL)))
 
 
 STRESS_LOOP_CAPTION = (

@@ -4,12 +4,8 @@ A run has the files of a fit of a curve (`pyburgers.run_directory`), with the ta
 in ``inputs/`` and `FLOW_LAW_PRIOR_FILE` beside the draws.
 """
 
-import json
-import platform
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
-from datetime import UTC, datetime
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Self
 
@@ -19,7 +15,7 @@ import numpy.typing as npt
 import pandas as pd
 import xarray as xr
 
-from pyburgers.cmdstan import find_cmdstan, load_model, stan_directory, toolchain
+from pyburgers.cmdstan import load_model, stan_directory
 from pyburgers.diagnostics import (
     CheckResult,
     check_chains,
@@ -28,6 +24,7 @@ from pyburgers.diagnostics import (
     check_energy,
     check_rhat,
     check_treedepth,
+    checks_record,
 )
 from pyburgers.draws import all_draws
 from pyburgers.errors import InputError, SamplingError
@@ -45,22 +42,28 @@ from pyburgers.peak_stress_stan_data import (
     peak_stress_coordinates,
     peak_stress_data,
 )
-from pyburgers.posterior import load_posterior, read_chains, sample_stats, summary_table
+from pyburgers.posterior import (
+    keep_posterior,
+    label_draws,
+    load_posterior,
+    read_chains,
+    sample_stats,
+    summary_table,
+)
 from pyburgers.priors import PriorSet
 from pyburgers.run_directory import (
     RunDirectory,
-    sha256_of_file,
-    write_atomically,
     write_json,
     write_text,
 )
 from pyburgers.sampling import (
-    PACKAGES,
     ChainFailure,
     SamplerOptions,
     fingerprint,
+    missing_chains,
     no_process_left,
     run_missing,
+    run_record,
 )
 from pyburgers.simulation import quiet_cmdstanpy
 from pyburgers.stan_data import REFERENCE_FLOW_RATE
@@ -122,12 +125,8 @@ class PeakStressFit:
 
     def _missing_chains(self) -> tuple[ChainFailure, ...]:
         """Return the chains that were asked for and are not there, and why."""
-        finished = set(self.posterior["posterior"]["chain"].to_numpy().tolist())
-        reasons = {failure["chain"]: failure["reason"] for failure in self.manifest["failures"]}
-        return tuple(
-            ChainFailure(chain, reasons.get(chain, f"Chain {chain} was stopped; run it again."))
-            for chain in range(1, self.manifest["sampler"]["chains"] + 1)
-            if chain not in finished
+        return missing_chains(
+            self.posterior["posterior"]["chain"].to_numpy().tolist(), self.manifest
         )
 
     @classmethod
@@ -146,11 +145,7 @@ class PeakStressFit:
                 f"{path}: is not a fit of a table of peak stresses, expected a run of pyburgers "
                 "fit-peak-stress."
             )
-        if not run.finished_chains():
-            raise InputError(
-                f"{path}: no chain is finished yet (status {manifest['status']!r}); run the "
-                "command in its manifest again to complete it."
-            )
+        run.require_a_chain()
         data = load_peak_stress(run.inputs / "peak_stress.toml")
         priors = load_peak_stress_priors(run.priors_file)
         posterior = load_posterior(run)
@@ -210,7 +205,17 @@ def fit_peak_stress(
         save_peak_stress(data, run.inputs)
         save_peak_stress_priors(priors, run.priors_file)
         write_json(run.stan_data_file, stan_data)
-        _write_manifest(run, data, options, identity, use_likelihood, command)
+        run.update_manifest(
+            run_record(
+                run,
+                name=data.id,
+                data_kind=data.provenance.kind,
+                options=options,
+                identity=identity,
+                use_likelihood=use_likelihood,
+                command=command,
+            )
+        )
         for chain in range(1, options.chains + 1):
             write_json(
                 run.initial_values_file(chain), _draw_start(data, priors, options.seed, chain)
@@ -273,42 +278,6 @@ def _draw_start(
     }
 
 
-def _write_manifest(
-    run: RunDirectory,
-    data: PeakStressData,
-    options: SamplerOptions,
-    identity: str,
-    use_likelihood: bool,
-    command: str,
-) -> None:
-    """Note what will run: command, settings, versions, hashes of the inputs."""
-    found = find_cmdstan()
-    tools = toolchain(found) if found is not None else None
-    run.update_manifest(
-        {
-            "fingerprint": identity,
-            "experiment": data.id,
-            "data_kind": data.provenance.kind,
-            "command": command,
-            "started": datetime.now(UTC).isoformat(timespec="seconds"),
-            "status": "sampling",
-            "failures": [],
-            "sampler": asdict(options),
-            "use_likelihood": use_likelihood,
-            "versions": {
-                "python": platform.python_version(),
-                **{package: version(package) for package in PACKAGES},
-                "cmdstan": tools.cmdstan_version if tools else None,
-                "compiler": tools.compiler if tools else None,
-            },
-            "hashes": {
-                file.relative_to(run.path).as_posix(): sha256_of_file(file)
-                for file in (*sorted(run.inputs.iterdir()), run.stan_data_file)
-            },
-        }
-    )
-
-
 def _build_posterior(run: RunDirectory, data: PeakStressData, priors: PriorSet) -> xr.DataTree:
     """Gather the finished chains into labelled draws and save them."""
     with quiet_cmdstanpy():
@@ -329,15 +298,7 @@ def _build_posterior(run: RunDirectory, data: PeakStressData, priors: PriorSet) 
         },
         coords=point,
     )
-    tree: xr.DataTree = xr.DataTree.from_dict(contents)
-    tree.attrs = {
-        "experiment": data.id,
-        "data_kind": data.provenance.kind,
-        "fingerprint": run.read_manifest()["fingerprint"],
-        "chains": json.dumps(list(run.finished_chains())),
-    }
-    write_atomically(run.posterior_file, lambda path: tree.to_netcdf(path, engine="h5netcdf"))
-    return tree
+    return keep_posterior(run, contents, experiment=data.id, data_kind=data.provenance.kind)
 
 
 def _drawn_groups(
@@ -345,14 +306,7 @@ def _drawn_groups(
 ) -> dict[str, xr.Dataset]:
     """Return the groups with dimensions chain and draw."""
     draws = chains.draws_xr([p.name for p in FLOW_LAW_PARAMETERS] + [REFERENCE_FLOW_RATE])
-    for parameter in (*FLOW_LAW_PARAMETERS, REFERENCE_FLOW_RATE_QUANTITY):
-        is_fixed = parameter.name in priors.priors and priors[parameter.name].is_fixed
-        draws[parameter.name].attrs = {
-            "long_name": parameter.label,
-            "symbol": parameter.symbol,
-            "units": parameter.si_unit,
-            "fixed": int(is_fixed),
-        }
+    label_draws(draws, (*FLOW_LAW_PARAMETERS, REFERENCE_FLOW_RATE_QUANTITY), priors)
     point = {"point": np.arange(data.n_points)}
     at_points = {
         name: chains.draws_xr([name])[name].rename({f"{name}_dim_0": "point"}).assign_coords(point)
@@ -372,10 +326,10 @@ def _drawn_groups(
         }
     )
     return {
-        "posterior": draws.drop_attrs(deep=False),
+        "posterior": draws,
         "sample_stats": sample_stats(chains),
         "log_likelihood": xr.Dataset({"log_strain_rate": at_points["log_lik"]}),
-        "log_prior": chains.draws_xr(["lprior"]).drop_attrs(deep=False),
+        "log_prior": chains.draws_xr(["lprior"]),
         "posterior_predictive": xr.Dataset({"log_strain_rate": at_points["log_rate_replicated"]}),
         "predictions": predictions,
     }
@@ -385,17 +339,6 @@ def _write_tables(result: PeakStressFit) -> None:
     """Save the table, the verdicts, and the flow law as a prior."""
     run = result.directory
     write_text(run.summary_file, result.summary().to_csv())
-    write_json(
-        run.checks_file,
-        [
-            {
-                "name": check.name,
-                "passed": check.passed,
-                "sentence": check.sentence,
-                "table": json.loads(check.table.reset_index().to_json(orient="records")),
-            }
-            for check in result.checks()
-        ],
-    )
+    write_json(run.checks_file, checks_record(result.checks()))
     if not any(result.priors[p.name].is_fixed for p in FLOW_LAW_PARAMETERS):
         flow_law_prior(result).save(run.path / FLOW_LAW_PRIOR_FILE)

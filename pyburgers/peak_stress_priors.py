@@ -1,6 +1,5 @@
 """Priors of a flow law that is fitted to a table of peak stresses, read from TOML files."""
 
-import importlib.resources
 from pathlib import Path
 from types import MappingProxyType
 from typing import Literal
@@ -10,9 +9,15 @@ from pydantic import Field
 
 from pyburgers.errors import InputError
 from pyburgers.parameters import PARAMETER_BY_NAME, Parameter
-from pyburgers.priors import Prior, PriorSet, PriorTable, load_prior, prior_numbers
-from pyburgers.run_directory import write_text
-from pyburgers.toml_files import Table, read_toml, toml_text
+from pyburgers.priors import (
+    Prior,
+    PriorSet,
+    PriorTable,
+    load_prior,
+    save_priors,
+    shipped_prior_files,
+)
+from pyburgers.toml_files import Table, read_toml
 
 RATE_SCATTER = Parameter(
     "rate_scatter", r"s_{\dot\epsilon}", "scatter of ln(strain rate)", "dimensionless", "1", "1"
@@ -103,22 +108,7 @@ def save_peak_stress_priors(priors: PriorSet, path: Path) -> None:
     path : Path
         The TOML file; its folder must exist.
     """
-    parameters = {
-        p.name: {
-            "family": priors[p.name].family,
-            **prior_numbers(priors[p.name]),
-            "unit": p.si_unit,
-            "source": priors[p.name].source,
-        }
-        for p in FLOW_LAW_PARAMETERS
-    }
-    table = {
-        "material": priors.material,
-        "title": priors.title,
-        "notes": priors.notes,
-        "parameters": parameters,
-    }
-    write_text(path, toml_text(table))
+    save_priors(priors, path, FLOW_LAW_PARAMETERS)
 
 
 def default_peak_stress_priors(material: str) -> PriorSet:
@@ -134,10 +124,7 @@ def default_peak_stress_priors(material: str) -> PriorSet:
     InputError
         If there are none; the message names the materials that have some.
     """
-    package = Path(str(importlib.resources.files("pyburgers")))
-    # In a wheel the data lie inside the package, in a checkout beside it.
-    folders = [root / "data" / "priors" / "peak_stress" for root in (package, package.parent)]
-    files = {path.stem: path for folder in folders for path in sorted(folder.glob("*.toml"))}
+    files = shipped_prior_files("peak_stress")
     if material not in files:
         raise InputError(
             f"material {material!r} has no default priors for peak stresses, expected one of "

@@ -5,10 +5,17 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from pyburgers.parameters import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.peak_stress import PeakStressData
 from pyburgers.peak_stress_priors import FLOW_LAW_PARAMETERS
 from pyburgers.priors import PriorSet
-from pyburgers.stan_data import FAMILY_CODE, REFERENCE_FLOW_RATE, PlainCoordinates, StanData
+from pyburgers.stan_data import (
+    PlainCoordinates,
+    StanData,
+    coordinate_block,
+    coordinates_through,
+    prior_block,
+)
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -68,32 +75,10 @@ def peak_stress_coordinates(data: PeakStressData, priors: PriorSet) -> PlainCoor
     """Choose origin and size of every free parameter and what the flow rate replaces.
 
     The flow rate at the mean conditions replaces Q_M, or beta, unless both are fixed or have two
-    finite bounds (`pyburgers.stan_data.plain_coordinates`).
+    finite bounds (`pyburgers.stan_data.coordinates_through`).
     """
-    replaced = next(
-        (
-            name
-            for name in ("activation_enthalpy", "beta")
-            if not priors[name].is_fixed
-            and not (np.isfinite(priors[name].lower) and np.isfinite(priors[name].upper))
-        ),
-        None,
-    )
-    rows = []
-    for name in priors.free:
-        prior = priors[name]
-        if name == replaced:
-            origin = float(np.mean(np.log(data.strain_rate)))
-            rows.append((REFERENCE_FLOW_RATE, origin, 1.0, -np.inf, np.inf))
-        else:
-            shift, scale = (
-                (0.0, prior.location)
-                if prior.family == "lognormal"
-                else (prior.location, prior.scale)
-            )
-            rows.append((name, shift, scale, prior.lower, prior.upper))
-    numbers = np.array([row[1:] for row in rows], dtype=np.float64).reshape(len(rows), 4)
-    return PlainCoordinates(tuple(row[0] for row in rows), tuple(priors.free), *numbers.T)
+    origin = float(np.mean(np.log(data.strain_rate)))
+    return coordinates_through(priors, REFERENCE_FLOW_RATE_QUANTITY, origin, 1.0)
 
 
 def peak_stress_data(
@@ -111,10 +96,7 @@ def peak_stress_data(
         False gives the prior.
     """
     coordinates = peak_stress_coordinates(data, priors)
-    index = {parameter.name: k for k, parameter in enumerate(FLOW_LAW_PARAMETERS, start=1)}
-    replaced = coordinates.replaced_parameter
     mean = data.mean_conditions
-    ordered = [priors[parameter.name] for parameter in FLOW_LAW_PARAMETERS]
     lines = groups(data)
     return {
         "n_points": data.n_points,
@@ -127,18 +109,8 @@ def peak_stress_data(
         "mean_stress": mean.stress,
         "mean_grain_size": mean.grain_size,
         "use_likelihood": int(use_likelihood),
-        "prior_family": [FAMILY_CODE[prior.family] for prior in ordered],
-        "prior_location": [prior.location for prior in ordered],
-        "prior_scale": [prior.scale for prior in ordered],
-        "prior_lower": [prior.lower for prior in ordered],
-        "prior_upper": [prior.upper for prior in ordered],
-        "n_coordinates": len(coordinates.quantities),
-        "parameter_of_coordinate": [index[name] for name in coordinates.parameters],
-        "quantity_shift": coordinates.shift.tolist(),
-        "quantity_scale": coordinates.scale.tolist(),
-        "quantity_lower": coordinates.lower.tolist(),
-        "quantity_upper": coordinates.upper.tolist(),
-        "replaced_parameter": 0 if replaced is None else index[replaced],
+        **prior_block(priors, FLOW_LAW_PARAMETERS),
+        **coordinate_block(coordinates, FLOW_LAW_PARAMETERS),
         "n_grid": len(lines) * GRID_STRESSES,
         "grid_temperature": np.repeat([g.temperature for g in lines], GRID_STRESSES).tolist(),
         "grid_stress": np.concatenate([g.stress for g in lines]).tolist(),

@@ -7,7 +7,7 @@ group names, which `arviz.from_netcdf` reads whatever its version.
 import json
 import tempfile
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,7 @@ from pyburgers.errors import SamplingError
 from pyburgers.experiment import Experiment
 from pyburgers.experiment_files import load_experiment
 from pyburgers.forced_oscillation import OscillationExperiment
-from pyburgers.parameters import PARAMETER_BY_NAME, PARAMETERS, REFERENCE_QUANTITIES
+from pyburgers.parameters import PARAMETERS, REFERENCE_QUANTITIES, Parameter
 from pyburgers.priors import PriorSet, load_priors
 from pyburgers.run_directory import RunDirectory, write_atomically
 from pyburgers.simulation import (
@@ -138,8 +138,9 @@ def build_posterior(run: RunDirectory, *, report: Callable[[str], None]) -> xr.D
             run, files, experiment, seed=manifest["sampler"]["seed"], report=report
         )
     chains = {"chain": list(run.finished_chains())}
-    reference = reference_quantity(experiment).name
-    draws = fit.draws_xr([p.name for p in PARAMETERS] + [reference]).assign_coords(chains)
+    quantities = (*PARAMETERS, reference_quantity(experiment))
+    draws = fit.draws_xr([quantity.name for quantity in quantities]).assign_coords(chains)
+    label_draws(draws, quantities, priors)
     at_points = (
         fit.draws_xr(["stress_replicated", "log_lik", "lprior"])
         .rename({"stress_replicated_dim_0": "point", "log_lik_dim_0": "log_lik_point"})
@@ -155,7 +156,7 @@ def build_posterior(run: RunDirectory, *, report: Callable[[str], None]) -> xr.D
         else xr.zeros_like(reference_log_lik)  # the solver has no part in the prior
     )
     groups = {
-        "posterior": _label(draws, priors),
+        "posterior": draws,
         "sample_stats": stats,
         "log_likelihood": xr.Dataset({"stress": log_lik}).assign_coords(points),
         "log_prior": xr.Dataset({"lprior": at_points["lprior"]}),
@@ -170,13 +171,37 @@ def build_posterior(run: RunDirectory, *, report: Callable[[str], None]) -> xr.D
     for dataset in groups.values():
         if "point" in dataset.dims and "point" not in dataset.coords:
             dataset.coords["point"] = np.arange(dataset.sizes["point"])
+    return keep_posterior(
+        run, groups, experiment=experiment.id, data_kind=experiment.provenance.kind
+    )
+
+
+def keep_posterior(
+    run: RunDirectory, groups: Mapping[str, xr.Dataset], *, experiment: str, data_kind: str
+) -> xr.DataTree:
+    """Save groups of draws as the posterior of a run.
+
+    Parameters
+    ----------
+    run : RunDirectory
+        A run with finished chains, which the draws are of.
+    groups : mapping of str to Dataset
+        By ArviZ's names.
+    experiment, data_kind : str
+        Name of the experiment or table, and the kind of its provenance.
+
+    Returns
+    -------
+    DataTree
+        What was saved.
+    """
     tree: xr.DataTree = xr.DataTree.from_dict(
         {name: dataset.drop_attrs(deep=False) for name, dataset in groups.items()}
     )
     tree.attrs = {
-        "experiment": experiment.id,
-        "data_kind": experiment.provenance.kind,
-        "fingerprint": manifest["fingerprint"],
+        "experiment": experiment,
+        "data_kind": data_kind,
+        "fingerprint": run.read_manifest()["fingerprint"],
         "chains": json.dumps(list(run.finished_chains())),
     }
     write_atomically(run.posterior_file, lambda path: tree.to_netcdf(path, engine="h5netcdf"))
@@ -269,18 +294,16 @@ def sample_stats(fit: cmdstanpy.CmdStanMCMC) -> xr.Dataset:
     return dataset.assign_coords(draw=np.arange(dataset.sizes["draw"]))
 
 
-def _label(draws: xr.Dataset, priors: PriorSet) -> xr.Dataset:
-    """Attach symbols, units and whether a parameter was fixed."""
-    for name in draws.data_vars:
-        quantity = REFERENCE_QUANTITIES.get(str(name)) or PARAMETER_BY_NAME[str(name)]
-        fixed = quantity in PARAMETERS and priors[quantity.name].is_fixed
+def label_draws(draws: xr.Dataset, quantities: Iterable[Parameter], priors: PriorSet) -> None:
+    """Attach symbols, units and whether a parameter was fixed to the draws of quantities."""
+    for quantity in quantities:
+        fixed = quantity.name in priors.priors and priors[quantity.name].is_fixed
         draws[quantity.name].attrs = {
             "long_name": quantity.label,
             "symbol": quantity.symbol,
             "units": quantity.si_unit,
             "fixed": int(fixed),
         }
-    return draws
 
 
 def _positions(experiment: Experiment) -> xr.Dataset:

@@ -6,7 +6,7 @@ parameter, needs no change of Stan code.
 
 import importlib.resources
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -17,7 +17,7 @@ from pydantic import Field
 from scipy import stats
 
 from pyburgers.errors import InputError
-from pyburgers.parameters import PARAMETER_BY_NAME, PARAMETERS
+from pyburgers.parameters import PARAMETER_BY_NAME, PARAMETERS, Parameter
 from pyburgers.run_directory import write_text
 from pyburgers.toml_files import Table, nearest, read_toml, toml_text
 from pyburgers.units import factor_to_si
@@ -241,7 +241,7 @@ def load_priors(path: str | Path) -> PriorSet:
     )
 
 
-def save_priors(priors: PriorSet, path: Path) -> None:
+def save_priors(priors: PriorSet, path: Path, parameters: Sequence[Parameter] = PARAMETERS) -> None:
     """Write a prior file in SI units; `load_priors` reads back an equal set.
 
     Parameters
@@ -250,21 +250,23 @@ def save_priors(priors: PriorSet, path: Path) -> None:
         What to write.
     path : Path
         The TOML file; its folder must exist.
+    parameters : sequence of Parameter
+        Those that the set has.
     """
-    parameters = {
-        name: {
+    tables = {}
+    for parameter in parameters:
+        prior = priors[parameter.name]
+        tables[parameter.name] = {
             "family": prior.family,
             **prior_numbers(prior),
-            "unit": MAX_STRESS if prior.relative_to_max_stress else PARAMETER_BY_NAME[name].si_unit,
+            "unit": MAX_STRESS if prior.relative_to_max_stress else parameter.si_unit,
             "source": prior.source,
         }
-        for name, prior in priors.priors.items()
-    }
     table = {
         "material": priors.material,
         "title": priors.title,
         "notes": priors.notes,
-        "parameters": parameters,
+        "parameters": tables,
     }
     write_text(path, toml_text(table))
 
@@ -282,16 +284,21 @@ def default_priors(material: str) -> PriorSet:
     InputError
         If there are none; the message names the materials that have some.
     """
-    package = Path(str(importlib.resources.files("pyburgers")))
-    # In a wheel the data lie inside the package, in a checkout beside it.
-    folders = [root / "data" / "priors" for root in (package, package.parent)]
-    files = {path.stem: path for folder in folders for path in sorted(folder.glob("*.toml"))}
+    files = shipped_prior_files()
     if material not in files:
         raise InputError(
             f"material {material!r} has no default priors, expected one of {', '.join(files)}, "
             "or a prior file of your own."
         )
     return load_priors(files[material])
+
+
+def shipped_prior_files(folder: str = ".") -> dict[str, Path]:
+    """Return the prior files that come with the package, in a folder of theirs, by material."""
+    package = Path(str(importlib.resources.files("pyburgers")))
+    # In a wheel the data lie inside the package, in a checkout beside it.
+    folders = [root / "data" / "priors" / folder for root in (package, package.parent)]
+    return {path.stem: path for place in folders for path in sorted(place.glob("*.toml"))}
 
 
 def load_prior(path: Path, name: str, table: PriorTable) -> Prior:

@@ -163,6 +163,21 @@ class RunDirectory:
         folders = (self.path / "chains").glob("chain_*")
         return tuple(sorted(int(folder.name.removeprefix("chain_")) for folder in folders))
 
+    def require_a_chain(self) -> None:
+        """Check that there are draws to read.
+
+        Raises
+        ------
+        InputError
+            If no chain is complete.
+        """
+        if not self.finished_chains():
+            status = self.read_manifest()["status"]
+            raise InputError(
+                f"{self.path}: no chain is finished yet (status {status!r}); run the command in "
+                "its manifest again to complete it."
+            )
+
     def chain_records(self) -> dict[str, dict[str, Any]]:
         """Return wall time (``wall_seconds``) and hash of each finished chain."""
         return {

@@ -9,7 +9,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import asdict, dataclass, replace
@@ -17,7 +17,7 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from types import MappingProxyType
-from typing import Self, get_args
+from typing import Any, Self, get_args
 
 import cmdstanpy
 import numpy as np
@@ -243,7 +243,22 @@ def run_chains(
                 report=report,
             )
             _write_geometry(run, data, geometry, report)
-        _write_manifest(run, experiment, options, solver, identity, use_likelihood, command)
+        record = run_record(
+            run,
+            name=experiment.id,
+            data_kind=experiment.provenance.kind,
+            options=options,
+            identity=identity,
+            use_likelihood=use_likelihood,
+            command=command,
+        )
+        run.update_manifest(
+            {
+                **record,
+                "refits": run.read_manifest().get("refits", []),
+                "solver": {**asdict(solver), "tolerance": _tolerance_in(run)},
+            }
+        )
         wanted = range(1, options.chains + 1)
         missing = [chain for chain in wanted if chain not in run.finished_chains()]
         if len(missing) < options.chains:
@@ -355,42 +370,88 @@ def _write_inputs(run: RunDirectory, experiment: Experiment, priors: PriorSet) -
     write_atomically(run.priors_file, lambda path: save_priors(priors, path))
 
 
-def _write_manifest(
+def run_record(
     run: RunDirectory,
-    experiment: Experiment,
+    *,
+    name: str,
+    data_kind: str,
     options: SamplerOptions,
-    solver: SolverOptions,
     identity: str,
     use_likelihood: bool,
     command: str,
-) -> None:
-    """Note what will run: command, settings, versions, hashes of the inputs."""
+) -> dict[str, Any]:
+    """Note what will run: command, settings, versions, hashes of the inputs.
+
+    Parameters
+    ----------
+    run : RunDirectory
+        With its inputs and Stan data.
+    name, data_kind : str
+        Experiment or table, and the kind of its provenance.
+    options : SamplerOptions
+        Settled settings.
+    identity : str
+        `fingerprint` of the run.
+    use_likelihood : bool
+        Whether data take part.
+    command : str
+        What regenerates the run.
+
+    Returns
+    -------
+    dict
+        Entries of the manifest.
+    """
     found = find_cmdstan()
     tools = toolchain(found) if found is not None else None
-    run.update_manifest(
-        {
-            "fingerprint": identity,
-            "experiment": experiment.id,
-            "data_kind": experiment.provenance.kind,
-            "command": command,
-            "started": datetime.now(UTC).isoformat(timespec="seconds"),
-            "status": "sampling",
-            "failures": [],
-            "refits": run.read_manifest().get("refits", []),
-            "sampler": asdict(options),
-            "solver": {**asdict(solver), "tolerance": _tolerance_in(run)},
-            "use_likelihood": use_likelihood,
-            "versions": {
-                "python": platform.python_version(),
-                **{package: version(package) for package in PACKAGES},
-                "cmdstan": tools.cmdstan_version if tools else None,
-                "compiler": tools.compiler if tools else None,
-            },
-            "hashes": {
-                file.relative_to(run.path).as_posix(): sha256_of_file(file)
-                for file in (*sorted(run.inputs.iterdir()), run.stan_data_file)
-            },
-        }
+    return {
+        "fingerprint": identity,
+        "experiment": name,
+        "data_kind": data_kind,
+        "command": command,
+        "started": datetime.now(UTC).isoformat(timespec="seconds"),
+        "status": "sampling",
+        "failures": [],
+        "sampler": asdict(options),
+        "use_likelihood": use_likelihood,
+        "versions": {
+            "python": platform.python_version(),
+            **{package: version(package) for package in PACKAGES},
+            "cmdstan": tools.cmdstan_version if tools else None,
+            "compiler": tools.compiler if tools else None,
+        },
+        "hashes": {
+            file.relative_to(run.path).as_posix(): sha256_of_file(file)
+            for file in (*sorted(run.inputs.iterdir()), run.stan_data_file)
+        },
+    }
+
+
+def missing_chains(
+    finished: Iterable[int], manifest: Mapping[str, Any]
+) -> tuple[ChainFailure, ...]:
+    """Return the chains that a run was asked for and does not have, and why.
+
+    Parameters
+    ----------
+    finished : iterable of int
+        Chains that are there.
+    manifest : mapping
+        Of the run.
+    """
+    there = set(finished)
+    reasons = {failure["chain"]: failure["reason"] for failure in manifest["failures"]}
+    return tuple(
+        ChainFailure(
+            chain,
+            reasons.get(
+                chain,
+                f"Chain {chain} has not run to its end because the run was stopped; run the "
+                "same command again: it runs only the missing chains.",
+            ),
+        )
+        for chain in range(1, manifest["sampler"]["chains"] + 1)
+        if chain not in there
     )
 
 

@@ -165,10 +165,27 @@ def reference_quantity(experiment: Experiment) -> Parameter:
 
 
 def plain_coordinates(experiment: Experiment, priors: PriorSet) -> PlainCoordinates:
-    """Choose origin and size of every free parameter and what the reference quantity replaces.
+    """Choose origin and size of every free parameter and what the reference quantity replaces."""
+    origin, size = _reference_origin(experiment)
+    return coordinates_through(priors, reference_quantity(experiment), origin, size)
+
+
+def coordinates_through(
+    priors: PriorSet, reference: Parameter, origin: float, size: float
+) -> PlainCoordinates:
+    """Choose plain coordinates of free parameters, a point of the flow law among them.
 
     It replaces Q_M, or beta where Q_M cannot be replaced: a parameter with two finite bounds
     keeps its own coordinate, because its bounds would cut the replaced one obliquely.
+
+    Parameters
+    ----------
+    priors : PriorSet
+        Resolved priors.
+    reference : Parameter
+        The point: one of `pyburgers.parameters.REFERENCE_QUANTITIES`.
+    origin, size : float
+        Of its logarithm.
     """
     replaced = next(
         (
@@ -183,8 +200,7 @@ def plain_coordinates(experiment: Experiment, priors: PriorSet) -> PlainCoordina
     for name in priors.free:
         prior = priors[name]
         if name == replaced:
-            origin = _reference_origin(experiment)
-            rows.append((reference_quantity(experiment).name, *origin, -np.inf, np.inf))
+            rows.append((reference.name, origin, size, -np.inf, np.inf))
         elif prior.family == "lognormal":
             # Its scale is that of the logarithm; the median sets the size.
             rows.append((name, 0.0, prior.location, prior.lower, prior.upper))
@@ -253,9 +269,9 @@ def experiment_block(experiment: ConstantRateExperiment, *, use_likelihood: bool
     }
 
 
-def prior_block(priors: PriorSet) -> StanData:
-    """Return the block `stan/data/priors.stan`."""
-    ordered: Sequence[Prior] = [priors[parameter.name] for parameter in PARAMETERS]
+def prior_block(priors: PriorSet, parameters: Sequence[Parameter] = PARAMETERS) -> StanData:
+    """Return the block `stan/data/priors.stan` for a program's parameters, in its order."""
+    ordered: Sequence[Prior] = [priors[parameter.name] for parameter in parameters]
     return {
         "prior_family": [FAMILY_CODE[prior.family] for prior in ordered],
         "prior_location": [prior.location for prior in ordered],
@@ -265,9 +281,11 @@ def prior_block(priors: PriorSet) -> StanData:
     }
 
 
-def coordinate_block(coordinates: PlainCoordinates) -> StanData:
-    """Return the block `stan/data/coordinates.stan`."""
-    index = {parameter.name: k for k, parameter in enumerate(PARAMETERS, start=1)}
+def coordinate_block(
+    coordinates: PlainCoordinates, parameters: Sequence[Parameter] = PARAMETERS
+) -> StanData:
+    """Return the block `stan/data/coordinates.stan` for a program's parameters, in its order."""
+    index = {parameter.name: k for k, parameter in enumerate(parameters, start=1)}
     replaced = coordinates.replaced_parameter
     return {
         "n_coordinates": len(coordinates.quantities),

@@ -39,11 +39,12 @@ from pyburgers.experiment import Experiment
 from pyburgers.experiment_files import load_experiment
 from pyburgers.figure_style import image
 from pyburgers.fitting import Fit, fit
+from pyburgers.flow_law_prior import load_flow_law_of_run
 from pyburgers.peak_stress import load_peak_stress
 from pyburgers.peak_stress_figures import flow_law, flow_law_table
 from pyburgers.peak_stress_fit import fit_peak_stress
 from pyburgers.peak_stress_priors import default_peak_stress_priors, load_peak_stress_priors
-from pyburgers.priors import PriorSet, default_priors, load_priors
+from pyburgers.priors import PriorSet, default_priors, load_priors, with_flow_law
 from pyburgers.report import write_report
 from pyburgers.reproduce import PRESETS, reproduce
 from pyburgers.run_directory import write_bytes, write_text
@@ -107,6 +108,12 @@ def _parser() -> argparse.ArgumentParser:
     command = commands.add_parser("fit", help="fit an experiment")
     command.add_argument("experiment", type=Path, metavar="EXPERIMENT.toml")
     command.add_argument("--priors", type=Path, help="prior file (default: the material's)")
+    command.add_argument(
+        "--priors-from",
+        type=Path,
+        metavar="RUN",
+        help="a run of fit-peak-stress whose flow law replaces the priors of n, p, Q_M and beta",
+    )
     command.add_argument("--out", type=Path, help="run directory (default: runs/ID)")
     _add_sampler_options(command)
     command.add_argument(
@@ -279,6 +286,9 @@ def _priors_for(experiment: Experiment, path: Path | None) -> PriorSet:
 def _fit(options: argparse.Namespace) -> int:
     experiment = load_experiment(options.experiment)
     priors = _priors_for(experiment, options.priors)
+    source: Path | None = options.priors_from
+    if source is not None:
+        priors = with_flow_law(priors, load_flow_law_of_run(source), f"--priors-from {source}")
     sampler = SamplerOptions(**{name: getattr(options, name) for name in SAMPLER_OPTIONS})
     for notice in experiment.notices:
         _say(f"note: {notice}")

@@ -23,6 +23,7 @@ from pyburgers.experiment import (
     check_column,
     data_root,
 )
+from pyburgers.flow_law_prior import Conditions
 from pyburgers.run_directory import write_text
 from pyburgers.toml_files import Table, read_toml, toml_text
 from pyburgers.units import factor_to_si
@@ -48,25 +49,6 @@ SI_UNITS: Mapping[str, str] = {
     "strain_rate": "1/s",
     "grain_size": "m",
 }
-
-
-@dataclass(frozen=True)
-class Conditions:
-    """Where on the flow law a point lies.
-
-    Attributes
-    ----------
-    temperature : float
-        Kelvin.
-    stress : float
-        Differential stress (Pa).
-    grain_size : float
-        Mean grain size (m).
-    """
-
-    temperature: float
-    stress: float
-    grain_size: float
 
 
 @dataclass(frozen=True, eq=False)

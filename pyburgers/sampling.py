@@ -263,6 +263,7 @@ def run_chains(
         run.update_manifest(
             {
                 **record,
+                "priors_from": None if priors.flow_law is None else priors.flow_law.source,
                 "refits": run.read_manifest().get("refits", []),
                 "solver": {**asdict(solver), "tolerance": _tolerance_in(run)},
             }

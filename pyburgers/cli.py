@@ -45,6 +45,7 @@ from pyburgers.peak_stress_figures import flow_law, flow_law_table
 from pyburgers.peak_stress_fit import fit_peak_stress
 from pyburgers.peak_stress_priors import default_peak_stress_priors, load_peak_stress_priors
 from pyburgers.priors import PriorSet, default_priors, load_priors, with_flow_law
+from pyburgers.related_runs import related_sections
 from pyburgers.report import write_report
 from pyburgers.reproduce import PRESETS, reproduce
 from pyburgers.run_directory import write_bytes, write_text
@@ -483,7 +484,12 @@ def _calibrate(options: argparse.Namespace) -> int:
 def _report(options: argparse.Namespace) -> int:
     fits = [Fit.load(directory, report=_say) for directory in options.directories]
     page = write_report(
-        fits, options.out, title=options.title, command=_command_line(), report=_say
+        fits,
+        options.out,
+        title=options.title,
+        command=_command_line(),
+        report=_say,
+        extras=related_sections(fits),
     )
     print(f"The page is {page}")
     return 0

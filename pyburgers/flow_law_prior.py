@@ -5,6 +5,7 @@ curve it takes the place of those of n, p, Q_M and beta (`with_flow_law` in `pyb
 """
 
 import json
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Self
@@ -138,6 +139,23 @@ class FlowLawPrior:
             "activation_enthalpy": (float(np.mean(enthalpy)), float(np.std(enthalpy))),
             "beta": (float(self.mean[3]), float(spread[3])),
         }
+
+    def log_flow_rate(self, values: Mapping[str, npt.ArrayLike]) -> FloatArray:
+        """ln(flow rate s) at the conditions: `log_flow_rate` of the Stan functions.
+
+        Parameters
+        ----------
+        values : mapping
+            n, p, Q_M (J/mol) and beta (mol/J) by name, of any shape.
+        """
+        at = self.conditions
+        arrhenius = np.asarray(values["beta"]) - 1 / (GAS_CONSTANT * at.temperature)
+        log_rate: FloatArray = (
+            np.asarray(values["stress_exponent"]) * np.log(at.stress)
+            - np.asarray(values["grain_size_exponent"]) * np.log(at.grain_size)
+            + np.asarray(values["activation_enthalpy"]) * arrhenius
+        )
+        return log_rate
 
     def _activation_enthalpy(
         self,

@@ -205,6 +205,34 @@ def save_peak_stress(data: PeakStressData, directory: Path) -> Path:
     return target
 
 
+def least_squares(data: PeakStressData) -> dict[str, tuple[float, float]]:
+    """Exponents by plain least squares of ln(strain rate), without any effect of temperature.
+
+    Parameters
+    ----------
+    data : PeakStressData
+        The table.
+
+    Returns
+    -------
+    dict
+        Value and standard error of stress_exponent and, where grain sizes differ,
+        grain_size_exponent.
+    """
+    columns = {"stress_exponent": np.log(data.stress)}
+    if np.ptp(data.grain_size) > 0:
+        columns["grain_size_exponent"] = -np.log(data.grain_size)
+    log_rate = np.log(data.strain_rate)
+    design = np.column_stack([np.ones(data.n_points), *columns.values()])
+    coefficients, *_ = np.linalg.lstsq(design, log_rate, rcond=None)
+    residual = log_rate - design @ coefficients
+    variance = float(residual @ residual) / (data.n_points - design.shape[1])
+    errors = np.sqrt(variance * np.diag(np.linalg.inv(design.T @ design)))
+    return {
+        name: (float(coefficients[k]), float(errors[k])) for k, name in enumerate(columns, start=1)
+    }
+
+
 def _check_values(source: Path, values: Mapping[str, FloatArray]) -> None:
     """Check what the columns hold, in SI units."""
     n_points = values["stress"].size

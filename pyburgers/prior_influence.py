@@ -6,7 +6,7 @@ and Vehtari 2024, Statistics and Computing 34, 57).
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Literal
 
 import numpy as np
@@ -167,6 +167,12 @@ def influence_table(influences: Mapping[str, Influence]) -> pd.DataFrame:
             for name, influence in influences.items()
         ]
     )
+
+
+def influence_numbers(influences: Mapping[str, Influence]) -> pd.DataFrame:
+    """Return every number of `Influence`, and its origin, a row for each quantity."""
+    rows = {name: {**asdict(one), "origin": one.origin} for name, one in influences.items()}
+    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("parameter")
 
 
 def _prior_label(name: str) -> str:

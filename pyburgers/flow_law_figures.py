@@ -15,7 +15,7 @@ SOURCE_COLOURS = (GREEN, BLUE, VERMILION)
 SHOWN_SHARE = 0.995
 """Share of the draws of every source, by its ends, that a panel reaches to."""
 
-BINS = 60
+BINS = 40
 
 COMBINED_CAPTION = (
     "Distribution of each part of the flow law as the other source alone, the curve alone and both "

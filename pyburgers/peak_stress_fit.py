@@ -261,7 +261,7 @@ def flow_law_prior(fit: PeakStressFit) -> FlowLawPrior:
         covariance=np.cov(columns),
         conditions=fit.data.mean_conditions,
         material=fit.data.material,
-        source=f"{fit.data.id}: {fit.data.provenance.source}",
+        source=f"{fit.data.id}: {fit.data.provenance.source}; its priors: {fit.priors.title}",
     )
 
 

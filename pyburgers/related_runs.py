@@ -16,7 +16,15 @@ from pyburgers.comparison import (
     sentences,
 )
 from pyburgers.comparison_figures import COMPARISON_CAPTION, pointwise_differences
-from pyburgers.display import rounded, shown_quantity, unit_text
+from pyburgers.display import (
+    LENGTH_FACTOR,
+    LENGTH_UNIT,
+    STRESS_FACTOR,
+    STRESS_UNIT,
+    rounded,
+    shown_quantity,
+    unit_text,
+)
 from pyburgers.draws import all_draws
 from pyburgers.fitting import Fit
 from pyburgers.flow_law_figures import COMBINED_CAPTION, combined_flow_law
@@ -28,6 +36,9 @@ FloatArray = npt.NDArray[np.float64]
 
 LOG_RATE = "log_flow_rate"
 """Row of the table of a flow law beside its parameters."""
+
+DISAGREEMENT = 3.0
+"""Joint standard deviations from which two sources of a flow law are said to disagree."""
 
 
 def related_sections(fits: Sequence[Fit]) -> tuple[ExtraSection, ...]:
@@ -128,8 +139,9 @@ def combined_section(alone: tuple[str, Fit], both: tuple[str, Fit]) -> ExtraSect
     draws = _flow_law_draws(law, alone[1], both[1])
     table = flow_law_sources_table(draws)
     experiment, at = alone[1].experiment, law.conditions
-    rate = f"the flow rate at {at.temperature:.1f} K, {at.stress / 1e6:.2f} MPa and " + (
-        f"{at.grain_size * 1e6:.0f} µm"
+    rate = (
+        f"the flow rate at {at.temperature:.1f} K, {at.stress * STRESS_FACTOR:.2f} {STRESS_UNIT} "
+        f"and {at.grain_size * LENGTH_FACTOR:.0f} {LENGTH_UNIT}"
     )
     synthetic = (
         f"{experiment.id} is synthetic: that it is combined with other data shows the method and "
@@ -144,6 +156,7 @@ def combined_section(alone: tuple[str, Fit], both: tuple[str, Fit]) -> ExtraSect
             f"{rate}, and beta in their place.",
             "Mean ± standard deviation. Where both together are wider than the curve alone, the "
             "curve's number was that of its own prior, which the other source replaces.",
+            _agreement(table.loc[LOG_RATE]),
             *(synthetic if experiment.provenance.kind == "synthetic" else ()),
         ),
         tables=(
@@ -181,6 +194,23 @@ def _flow_law_draws(law: FlowLawPrior, alone: Fit, both: Fit) -> dict[str, dict[
     return {
         name: {**values, LOG_RATE: law.log_flow_rate(values)} for name, values in by_source.items()
     }
+
+
+def _agreement(row: "pd.Series[float]") -> str:
+    """Say how far the two sources are from each other where the other one knows most."""
+    other, alone = "other source alone", "curve alone"
+    distance = abs(row[f"{alone} mean"] - row[f"{other} mean"]) / np.hypot(
+        row[f"{alone} sd"], row[f"{other} sd"]
+    )
+    if distance < DISAGREEMENT:
+        return (
+            f"The two sources agree on the flow rate: they are {distance:.1f} of their joint "
+            "standard deviations apart."
+        )
+    return (
+        f"The two sources disagree on the flow rate: they are {distance:.1f} of their joint "
+        "standard deviations apart, so that both together bend other parameters of the curve."
+    )
 
 
 def flow_law_sources_table(draws: Mapping[str, Mapping[str, FloatArray]]) -> pd.DataFrame:

@@ -13,7 +13,7 @@ from pyburgers.forced_oscillation import load_forced_oscillation, with_backgroun
 from pyburgers.oscillation import Background
 from pyburgers.peak_stress import load_peak_stress
 from pyburgers.peak_stress_fit import PeakStressFit, fit_peak_stress, flow_law_prior
-from pyburgers.peak_stress_priors import default_peak_stress_priors
+from pyburgers.peak_stress_priors import default_peak_stress_priors, with_enthalpy_of
 from pyburgers.peak_stress_section import peak_stress_section
 from pyburgers.priors import PriorSet, default_priors, with_flow_law
 from pyburgers.related_runs import related_sections
@@ -41,6 +41,8 @@ COMBINED_TWIN, COMBINED_RUN = "PIL40", "PIL40_with_peak_stress"
 """Test that is fitted once more with the flow law of the peak stresses as prior, and that fit."""
 
 PEAK_STRESS_TABLE = "peak_stress_qi_goldsby_2021"
+HANDED_ON_RUN = f"{PEAK_STRESS_TABLE}_handed_on"
+"""Fit of the same table whose flow law that test gets: with the test's priors of Q_M and beta."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,16 +102,12 @@ def reproduce(preset: str, out: Path, *, command: str, report: Callable[[str], N
         Receives progress sentences.
     """
     runs = out / "runs" / preset
-    report("Fitting the flow law of measured peak stresses.")
-    peak_stress = fit_peak_stress(
-        load_peak_stress(shipped_data_directory() / "ice" / f"{PEAK_STRESS_TABLE}.toml"),
-        default_peak_stress_priors("ice"),
-        out=runs / PEAK_STRESS_TABLE,
-        command=command,
-        report=report,
+    peak_stress, handed_on = (
+        _fit_peak_stress(runs / name, priors, command=command, report=report)
+        for name, priors in _peak_stress_priors().items()
     )
     fits = {}
-    problems = _problems(peak_stress)
+    problems = _problems(handed_on)
     for number, (name, (experiment, priors)) in enumerate(problems.items(), start=1):
         report(f"Fit {number} of {len(problems)}: {name}, preset {preset}.")
         fits[name] = fit(
@@ -139,12 +137,35 @@ def reproduce(preset: str, out: Path, *, command: str, report: Callable[[str], N
     return Outcome(page=page, fits=tuple(fits.values()), peak_stress=peak_stress)
 
 
-def _problems(peak_stress: PeakStressFit) -> dict[str, tuple[Experiment, PriorSet]]:
-    """Experiments and priors of the study, by the names of their runs."""
+def _peak_stress_priors() -> dict[str, PriorSet]:
+    """Priors of the two fits of the table, by the names of their runs: the second is handed on."""
+    weak = default_peak_stress_priors("ice")
+    return {
+        PEAK_STRESS_TABLE: weak,
+        HANDED_ON_RUN: with_enthalpy_of(weak, default_priors("ice")),
+    }
+
+
+def _fit_peak_stress(
+    out: Path, priors: PriorSet, *, command: str, report: Callable[[str], None]
+) -> PeakStressFit:
+    report(f"Fitting the flow law of measured peak stresses: {priors.title}.")
+    table = shipped_data_directory() / "ice" / f"{PEAK_STRESS_TABLE}.toml"
+    return fit_peak_stress(load_peak_stress(table), priors, out=out, command=command, report=report)
+
+
+def _problems(handed_on: PeakStressFit) -> dict[str, tuple[Experiment, PriorSet]]:
+    """Experiments and priors of the study, by the names of their runs.
+
+    Parameters
+    ----------
+    handed_on : PeakStressFit
+        The fit that gives one curve its flow law.
+    """
     experiments = study_experiments()
     problems = {name: (one, default_priors(one.material)) for name, one in experiments.items()}
     combined = replace(experiments[COMBINED_TWIN], id=COMBINED_RUN)
     priors = with_flow_law(
-        default_priors(combined.material), flow_law_prior(peak_stress), PEAK_STRESS_TABLE
+        default_priors(combined.material), flow_law_prior(handed_on), HANDED_ON_RUN
     )
     return {**problems, COMBINED_RUN: (combined, priors)}

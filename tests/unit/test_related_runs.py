@@ -92,6 +92,18 @@ def test_the_sources_of_a_flow_law_stand_side_by_side(
     assert shown["sd both / curve alone"]["stress exponent"] == f"{ratio:.2f}"
 
 
+def test_sources_that_disagree_are_said_to(fits: list[Fit]) -> None:
+    for shift, expected in ((0.0, "agree on the flow rate"), (20.0, "disagree on the flow rate")):
+        alone = fits[0].posterior["posterior"].to_dataset()
+        of_curve = LAW.log_flow_rate({name: alone[name].to_numpy() for name in FLOW_LAW})
+        mean = LAW.mean.copy()
+        mean[2] = of_curve.mean() + shift * of_curve.std()
+        law = replace(LAW, mean=mean)
+        both = replace(fits[1], priors=with_flow_law(fits[0].priors, law, "test"))
+        text = " ".join(related_sections([fits[0], both])[1].paragraphs)
+        assert f"The two sources {expected}" in text
+
+
 def test_a_synthetic_curve_with_another_source_says_nothing_about_nature(
     sections: tuple[ExtraSection, ...], tmp_path: Path
 ) -> None:

@@ -32,9 +32,9 @@ def peak_stress_section(fit: PeakStressFit) -> ExtraSection:
             "point each: at its peak stress undeformed material flows at the imposed rate. Fitted "
             "is ln(strain rate) = n ln(stress) - p ln(grain size) + Q_M (beta - 1/(R T)) with "
             "normal scatter.",
-            "Least squares has no temperature, and no priors but flat ones; the comparison shows "
-            "that here the table and not the prior decides n and p. Q_M and beta are another "
-            "matter where all tests are at about one temperature: their width is that of their "
+            "Least squares has neither temperature nor priors: where it agrees with the posterior, "
+            "the table and not the prior decides the exponents. Q_M and beta are another matter "
+            "where all tests are at about one temperature: their widths are then those of their "
             "priors, tied to each other by the measured rates.",
         ),
         tables=(

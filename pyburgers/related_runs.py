@@ -156,7 +156,7 @@ def combined_section(alone: tuple[str, Fit], both: tuple[str, Fit]) -> ExtraSect
             f"{rate}, and beta in their place.",
             "Mean ± standard deviation. Where both together are wider than the curve alone, the "
             "curve's number was that of its own prior, which the other source replaces.",
-            _agreement(table.loc[LOG_RATE]),
+            _agreement(draws["other source alone"][LOG_RATE], draws["curve alone"][LOG_RATE]),
             *(synthetic if experiment.provenance.kind == "synthetic" else ()),
         ),
         tables=(
@@ -196,12 +196,9 @@ def _flow_law_draws(law: FlowLawPrior, alone: Fit, both: Fit) -> dict[str, dict[
     }
 
 
-def _agreement(row: "pd.Series[float]") -> str:
-    """Say how far the two sources are from each other where the other one knows most."""
-    other, alone = "other source alone", "curve alone"
-    distance = abs(row[f"{alone} mean"] - row[f"{other} mean"]) / np.hypot(
-        row[f"{alone} sd"], row[f"{other} sd"]
-    )
+def _agreement(other: FloatArray, alone: FloatArray) -> str:
+    """Say how far draws of two sources are from each other."""
+    distance = abs(np.mean(alone) - np.mean(other)) / np.hypot(np.std(alone), np.std(other))
     if distance < DISAGREEMENT:
         return (
             f"The two sources agree on the flow rate: they are {distance:.1f} of their joint "

@@ -18,7 +18,7 @@ import pandas as pd
 from measures import measure
 from sampling import RESULTS, ROOT, markdown
 
-from pyburgers.calibration import simulate_data
+from pyburgers.calibration import simulate_constant_rate
 from pyburgers.constant_rate import ConstantRateExperiment, load_constant_rate
 from pyburgers.fitting import fit
 from pyburgers.priors import default_priors
@@ -99,7 +99,7 @@ def _simulated(record: Record, seed: int) -> ConstantRateExperiment:
     cut = replace(full, id="PIL40_other", strain=strain, final_strain=float(strain[-1]))
     values = {**full.true_parameters, "stress_noise": record.noise}
     rng = np.random.default_rng(seed)
-    return simulate_data(cut, values, rng, source="at the truth of PIL40")[0]
+    return simulate_constant_rate(cut, values, rng, source="at the truth of PIL40")
 
 
 if __name__ == "__main__":

@@ -1,31 +1,48 @@
-"""Simulation-based calibration: parameters from the prior, data from them, a fit, ranks.
+"""One data set of a simulation-based calibration: a prior draw, data from it, a fit, ranks.
 
 If program, coordinates and sampler are right, the rank of a true value among the draws of its
-posterior is uniform (Talts et al. 2018, arXiv:1804.06788).
+posterior is uniform (Talts et al. 2018, arXiv:1804.06788). `pyburgers.calibration_run` does this
+many times, `pyburgers.rank_uniformity` judges the ranks.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
-from scipy import stats
 
+from pyburgers.cmdstan import load_model
 from pyburgers.constant_rate import ConstantRateExperiment
-from pyburgers.errors import SamplingError
-from pyburgers.experiment import Provenance
-from pyburgers.fitting import fit
+from pyburgers.draws import all_draws
+from pyburgers.errors import InputError, SamplingError
+from pyburgers.experiment import Experiment, Provenance
+from pyburgers.fitting import Fit, fit
+from pyburgers.forced_oscillation import OscillationExperiment
+from pyburgers.oscillation import prepare
 from pyburgers.posterior import convergence_table, free_parameters
-from pyburgers.priors import PriorSet
+from pyburgers.priors import PriorSet, default_priors, load_priors, shipped_prior_files
 from pyburgers.sampling import SamplerOptions
-from pyburgers.simulation import simulate
-from pyburgers.stan_data import REFERENCE_STRESS
+from pyburgers.simulation import evaluate, given_parameters, program_for, simulate
+from pyburgers.stan_data import (
+    SolverOptions,
+    default_solver,
+    program_data,
+    reference_quantity,
+)
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+LOG_LIKELIHOOD = "log_likelihood"
+"""Ranked beside the parameters: it sees errors that no single parameter shows (Modrák et al.
+2023, Bayesian Analysis 20, 461-488)."""
 
-N_BAND_SIMULATIONS = 20_000
+PRIOR_ATTEMPTS = 100
+"""Draws from the prior without solution, one after the other, at which a calibration gives up."""
+
+RHAT_LIMIT = 1.05
+"""Largest R-hat of a fit of a calibration: its chains are short, so that 1.01 is passed by chance.
+"""
+
+CHECKS = ("chains", "divergences", "treedepth", "energy", "solver")
+"""Checks of a fit (`pyburgers.diagnostics`) that short chains can pass."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,16 +51,13 @@ class Simulated:
 
     Attributes
     ----------
-    experiment : ConstantRateExperiment
-        The protocol with simulated stresses; its true parameters are the draw.
-    reference_stress : float
-        S_0 of the draw, Pa.
+    experiment : Experiment
+        The template with simulated stresses; its true parameters are the draw.
     n_unsolvable : int
         Draws before it whose curve the solver could not compute.
     """
 
-    experiment: ConstantRateExperiment
-    reference_stress: float
+    experiment: Experiment
     n_unsolvable: int
 
 
@@ -56,16 +70,21 @@ class Replication:
     seed : int
         Of this data set.
     ranks : mapping of str to int
-        Number of thinned draws below the true value, for each free parameter and S_0.
+        Number of thinned draws below the true value, for each free parameter, the reference
+        quantity and the log likelihood; empty where the fit failed.
     n_draws : int
         Thinned draws; ranks go from 0 to this.
     n_unsolvable : int
         See `Simulated`.
+    failure : str or None
+        Why there is no fit.
+    failed_checks : tuple of str
+        Names of the checks of convergence that the fit failed.
     divergences : int
         Of the fit.
-    rhat : float
-        Largest R-hat of the fit.
-    coordinates : str
+    rhat, least_ess : float or None
+        Largest R-hat and least bulk effective sample size of the fit.
+    coordinates : str or None
         Coordinates of the fit.
     """
 
@@ -73,47 +92,94 @@ class Replication:
     ranks: Mapping[str, int]
     n_draws: int
     n_unsolvable: int
-    divergences: int
-    rhat: float
-    coordinates: str
+    failure: str | None = None
+    failed_checks: tuple[str, ...] = ()
+    divergences: int = 0
+    rhat: float | None = None
+    least_ess: float | None = None
+    coordinates: str | None = None
 
 
-def simulate_from_prior(
-    experiment: ConstantRateExperiment, priors: PriorSet, *, seed: int
-) -> Simulated:
-    """Draw parameters from the prior and simulate the experiment's data at its strains.
+def calibration_priors(material: str) -> PriorSet:
+    """Return the priors that a material's program is calibrated with.
+
+    Those in ``data/priors/calibration``, which are narrowed so that draws look like laboratory
+    tests, or the material's own where there are none.
+
+    Raises
+    ------
+    InputError
+        If the material has neither.
+    """
+    files = shipped_prior_files("calibration")
+    return load_priors(files[material]) if material in files else default_priors(material)
+
+
+def check_template(experiment: Experiment) -> None:
+    """Check that data of an experiment can be simulated as the program assumes them.
+
+    Raises
+    ------
+    InputError
+        If it has no points, or keeps the background of an oscillation.
+    """
+    if experiment.n_points == 0:
+        raise InputError(
+            f"{experiment.id}: the experiment has no data, expected a [data] table whose points "
+            "the simulated data sets take over."
+        )
+    if isinstance(experiment, OscillationExperiment) and experiment.settings.background == "kept":
+        raise InputError(
+            f"{experiment.id}: the background is 'kept', expected 'removed': with it the model "
+            "starts from the observed bias, which simulated data do not have before they are there."
+        )
+
+
+def simulate_from_prior(experiment: Experiment, priors: PriorSet, *, seed: int) -> Simulated:
+    """Draw parameters from the prior and simulate the experiment's data.
+
+    A draw without a solution within the limits of the solver that fits use
+    (`pyburgers.stan_data.default_solver`) is replaced by the next one: the sampler rejects such
+    parameters too.
 
     Parameters
     ----------
-    experiment : ConstantRateExperiment
-        Protocol and strains.
+    experiment : Experiment
+        Protocol and points.
     priors : PriorSet
         Resolved priors.
     seed : int
         Decides the draw and the noise.
+
+    Raises
+    ------
+    SamplingError
+        If none of `PRIOR_ATTEMPTS` draws has a solution.
     """
     rng = np.random.default_rng(seed)
-    n_unsolvable = 0
-    while True:
+    for n_unsolvable in range(PRIOR_ATTEMPTS):
         values = priors.sample(rng)
+        source = f"a draw from the prior, seed {seed}"
         try:
-            simulated, reference_stress = simulate_data(
-                experiment, values, rng, source=f"a draw from the prior, seed {seed}"
-            )
+            simulate(experiment, values, solver=default_solver(experiment))
+            simulated = _simulate_data(experiment, values, rng, source=source)
         except SamplingError:
-            n_unsolvable += 1
-            continue
+            continue  # counted by n_unsolvable
         named = replace(simulated, id=f"{experiment.id}_simulated_{seed}")
-        return Simulated(named, reference_stress, n_unsolvable)
+        return Simulated(named, n_unsolvable)
+    raise SamplingError(
+        f"{experiment.id}: none of {PRIOR_ATTEMPTS} draws from the prior has a finite solution; "
+        "check the units and the bounds of the priors."
+    )
 
 
-def simulate_data(
+def simulate_constant_rate(
     experiment: ConstantRateExperiment,
     values: Mapping[str, float],
     rng: np.random.Generator,
     *,
     source: str,
-) -> tuple[ConstantRateExperiment, float]:
+) -> ConstantRateExperiment:
     """Put the solution at given parameters, with noise, in the place of an experiment's stresses.
 
     Parameters
@@ -131,8 +197,6 @@ def simulate_data(
     -------
     ConstantRateExperiment
         Synthetic; its true parameters are `values`.
-    float
-        Reference stress S_0 (Pa).
 
     Raises
     ------
@@ -141,17 +205,72 @@ def simulate_data(
     """
     solution = simulate(experiment, values, at=np.unique(experiment.strain))
     stress = np.interp(experiment.strain, solution["strain"], solution["stress_Pa"])
-    simulated = replace(
+    return replace(
         experiment,
         stress=stress + values["stress_noise"] * rng.standard_normal(stress.size),
-        provenance=Provenance("synthetic", f"pyburgers, {source}"),
+        provenance=_provenance(source),
         true_parameters=values,
     )
-    return simulated, float(solution.attrs[REFERENCE_STRESS])
+
+
+def simulate_oscillation(
+    experiment: OscillationExperiment,
+    values: Mapping[str, float],
+    rng: np.random.Generator,
+    *,
+    source: str,
+) -> OscillationExperiment:
+    """Do the same for an oscillating test.
+
+    The simulated record is prepared as a measured one is, with the template's period and degrees.
+
+    Parameters
+    ----------
+    experiment : OscillationExperiment
+        Strains, times and relative uncertainties of the stresses.
+    values, rng, source
+        As for `simulate_constant_rate`.
+
+    Raises
+    ------
+    SamplingError
+        If the solver finds no solution.
+    """
+    template = experiment.prepared
+    stress = simulate(experiment, values, at=template.time)["stress_Pa"].to_numpy()
+    noise = values["stress_noise"] * template.relative_uncertainty
+    record = replace(
+        experiment.record,
+        stress_time=template.time,
+        stress=stress + noise * rng.standard_normal(stress.size),
+        stress_uncertainty=template.uncertainty,
+    )
+    prepared = prepare(record, experiment.settings, experiment.id)
+    return replace(
+        experiment,
+        record=record,
+        prepared=prepared,
+        stress=prepared.stress,
+        provenance=_provenance(source),
+        true_parameters=values,
+    )
+
+
+def _provenance(source: str) -> Provenance:
+    return Provenance("synthetic", f"pyburgers, {source}")
+
+
+def _simulate_data(
+    experiment: Experiment, values: Mapping[str, float], rng: np.random.Generator, *, source: str
+) -> Experiment:
+    if isinstance(experiment, OscillationExperiment):
+        return simulate_oscillation(experiment, values, rng, source=source)
+    assert isinstance(experiment, ConstantRateExperiment)  # the only other protocol
+    return simulate_constant_rate(experiment, values, rng, source=source)
 
 
 def replicate(
-    experiment: ConstantRateExperiment,
+    experiment: Experiment,
     priors: PriorSet,
     out: Path,
     *,
@@ -163,8 +282,8 @@ def replicate(
 
     Parameters
     ----------
-    experiment : ConstantRateExperiment
-        Protocol and strains.
+    experiment : Experiment
+        Protocol and points.
     priors : PriorSet
         Resolved priors, the same for all data sets.
     out : Path
@@ -177,68 +296,66 @@ def replicate(
         Draws to keep: evenly spaced, few enough to be nearly independent.
     """
     simulated = simulate_from_prior(experiment, priors, seed=seed)
-    result = fit(simulated.experiment, priors, out=out, options=replace(options, seed=seed))
-    truth = {
-        **(simulated.experiment.true_parameters or {}),
-        REFERENCE_STRESS: simulated.reference_stress,
-    }
-    draws = result.posterior["posterior"].to_dataset()
-    ranks = {}
-    for name in free_parameters(result.posterior):
-        values = draws[name].to_numpy().ravel()
-        kept = values[np.linspace(0, values.size - 1, n_thinned).astype(int)]
-        ranks[name] = int(np.sum(kept < truth[name]))
+    try:
+        result = fit(simulated.experiment, priors, out=out, options=replace(options, seed=seed))
+    except SamplingError as error:
+        return Replication(seed, {}, n_thinned, simulated.n_unsolvable, failure=str(error))
+    convergence = convergence_table(result.posterior)
+    least_ess = float(convergence["ess_bulk"].min())
+    rhat = float(convergence["rhat"].max())
     return Replication(
         seed=seed,
-        ranks=ranks,
+        ranks=rank_truth(result, simulated.experiment, n_thinned),
         n_draws=n_thinned,
         n_unsolvable=simulated.n_unsolvable,
+        failed_checks=(
+            *(check.name for check in result.checks() if check.name in CHECKS and not check.passed),
+            *(["R-hat"] if not rhat <= RHAT_LIMIT else []),
+            *(["independent draws"] if not least_ess >= n_thinned else []),
+        ),
         divergences=int(result.posterior["sample_stats"]["diverging"].sum()),
-        rhat=float(convergence_table(result.posterior)["rhat"].max()),
+        rhat=rhat,
+        least_ess=least_ess,
         coordinates=result.manifest["coordinates"]["system"],
     )
 
 
-def simultaneous_band(
-    n_ranks: int, n_draws: int, *, probability: float, seed: int = 1
-) -> tuple[IntArray, IntArray]:
-    """Band that holds the whole empirical distribution of uniform ranks with a probability.
-
-    Pointwise binomial intervals whose common level is set by simulation (Säilynoja, Bürkner and
-    Vehtari 2022, Statistics and Computing 32, 32).
+def rank_truth(result: Fit, experiment: Experiment, n_thinned: int) -> dict[str, int]:
+    """Count the thinned draws of a fit that lie below the truth, for every ranked quantity.
 
     Parameters
     ----------
-    n_ranks : int
-        Number of data sets.
-    n_draws : int
-        Ranks go from 0 to this.
-    probability : float
-        Of the whole band.
-    seed : int
-        Of the simulation.
-
-    Returns
-    -------
-    lower, upper : array, shape (n_draws,)
-        Limits of the number of ranks that are at most 0, 1, ..., n_draws - 1.
+    result : Fit
+        Fit of the experiment.
+    experiment : Experiment
+        With its true parameters.
+    n_thinned : int
+        Draws to keep.
     """
-    rng = np.random.default_rng(seed)
-    law = stats.binom(n_ranks, np.arange(1, n_draws + 1) / (n_draws + 1))
-    count = np.arange(n_ranks + 1)[:, None]
-    tail = np.minimum(law.cdf(count), law.sf(count - 1))  # one-sided, of each count at each rank
-    smallest = [
-        tail[
-            counts_at_most(rng.integers(0, n_draws + 1, n_ranks), n_draws), np.arange(n_draws)
-        ].min()
-        for _ in range(N_BAND_SIMULATIONS)
-    ]
-    level = float(np.quantile(smallest, 1 - probability))
-    lower, upper = (np.asarray(limit, dtype=np.int64) for limit in (law.ppf(level), law.isf(level)))
-    return lower, upper
+    draws = result.posterior["posterior"].to_dataset()
+    truth = _at_truth(experiment, SolverOptions(**result.manifest["solver"]))
+    log_likelihood = result.posterior["log_likelihood"].to_dataset()["stress"].sum("point")
+    ranked = {
+        **{name: draws[name] for name in free_parameters(result.posterior)},
+        LOG_LIKELIHOOD: log_likelihood,
+    }
+    ranks = {}
+    for name, values in ranked.items():
+        flat = all_draws(values)
+        kept = flat[np.linspace(0, flat.size - 1, n_thinned).astype(int)]
+        ranks[name] = int(np.sum(kept < truth[name]))
+    return ranks
 
 
-def counts_at_most(ranks: Sequence[int] | IntArray, n_draws: int) -> IntArray:
-    """Count the ranks that are at most 0, 1, ..., n_draws - 1, shape (n_draws,)."""
-    counts: IntArray = np.cumsum(np.bincount(ranks, minlength=n_draws + 1))[:-1]
-    return counts
+def _at_truth(experiment: Experiment, solver: SolverOptions) -> dict[str, float]:
+    """Return true parameters, reference quantity and log likelihood of simulated data."""
+    values = experiment.true_parameters
+    assert values is not None  # simulated
+    data = program_data(experiment, given_parameters(experiment.material, values), solver=solver)
+    draw = evaluate(load_model(program_for(experiment), report=lambda _: None), data)
+    reference = reference_quantity(experiment).name
+    return {
+        **values,
+        reference: float(draw[reference]),
+        LOG_LIKELIHOOD: float(draw["log_lik"].sum()),
+    }

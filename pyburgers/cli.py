@@ -21,6 +21,14 @@ from pyburgers.attenuation import (
     save_spectrum,
 )
 from pyburgers.attenuation_figures import attenuation
+from pyburgers.calibration import calibration_priors
+from pyburgers.calibration_figures import rank_differences
+from pyburgers.calibration_results import (
+    count_sentences,
+    save_calibration,
+    shown_verdict_table,
+)
+from pyburgers.calibration_run import N_RANKED, SHORT_RUN, CalibrationPlan, calibrate
 from pyburgers.cmdstan import ensure_cmdstan, install_cmdstan
 from pyburgers.comparison import compare, comparison_table, save_comparison, sentences
 from pyburgers.comparison_figures import pointwise_differences
@@ -31,11 +39,13 @@ from pyburgers.experiment import Experiment
 from pyburgers.experiment_files import load_experiment
 from pyburgers.figure_style import image
 from pyburgers.fitting import Fit, fit
+from pyburgers.flow_law_prior import load_flow_law_of_run
 from pyburgers.peak_stress import load_peak_stress
 from pyburgers.peak_stress_figures import flow_law, flow_law_table
 from pyburgers.peak_stress_fit import fit_peak_stress
 from pyburgers.peak_stress_priors import default_peak_stress_priors, load_peak_stress_priors
-from pyburgers.priors import PriorSet, default_priors, load_priors
+from pyburgers.priors import PriorSet, default_priors, load_priors, with_flow_law
+from pyburgers.related_runs import related_sections
 from pyburgers.report import write_report
 from pyburgers.reproduce import PRESETS, reproduce
 from pyburgers.run_directory import write_bytes, write_text
@@ -51,6 +61,9 @@ EXIT_INTERRUPTED = 130
 SAMPLER_OPTIONS = tuple(field.name for field in fields(SamplerOptions))
 PEAK_STRESS_OPTIONS = ("chains", "warmup", "draws", "seed")
 """Options of the sampler that a user may set for curves and for tables of peak stresses."""
+
+CALIBRATION_OPTIONS = ("chains", "warmup", "draws", "seed", "adapt_delta", "coordinates")
+DEFAULT_OPTIONS = SamplerOptions()
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -76,7 +89,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return error.exit_code
     except KeyboardInterrupt:
         print(
-            "pyburgers: interrupted; the same command continues with the chains that are missing.",
+            "pyburgers: interrupted; the same command continues with what is missing.",
             file=sys.stderr,
         )
         return EXIT_INTERRUPTED
@@ -96,6 +109,12 @@ def _parser() -> argparse.ArgumentParser:
     command = commands.add_parser("fit", help="fit an experiment")
     command.add_argument("experiment", type=Path, metavar="EXPERIMENT.toml")
     command.add_argument("--priors", type=Path, help="prior file (default: the material's)")
+    command.add_argument(
+        "--priors-from",
+        type=Path,
+        metavar="RUN",
+        help="a run of fit-peak-stress whose flow law replaces the priors of n, p, Q_M and beta",
+    )
     command.add_argument("--out", type=Path, help="run directory (default: runs/ID)")
     _add_sampler_options(command)
     command.add_argument(
@@ -149,6 +168,12 @@ def _parser() -> argparse.ArgumentParser:
     )
     command.set_defaults(run=_compare)
 
+    command = commands.add_parser(
+        "sbc", help="is the fit calibrated: truths from the prior, data, fits, ranks"
+    )
+    _add_calibration_options(command)
+    command.set_defaults(run=_calibrate)
+
     command = commands.add_parser("report", help="one HTML page about one or several runs")
     command.add_argument("directories", type=Path, nargs="+", metavar="RUN")
     command.add_argument("--out", type=Path, required=True, metavar="DIR")
@@ -165,23 +190,40 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add_sampler_options(
-    command: argparse.ArgumentParser, names: Sequence[str] = SAMPLER_OPTIONS
+    command: argparse.ArgumentParser,
+    names: Sequence[str] = SAMPLER_OPTIONS,
+    defaults: SamplerOptions = DEFAULT_OPTIONS,
 ) -> None:
-    """Options named after fields of `SamplerOptions`, with its defaults."""
+    """Options named after fields of `SamplerOptions`, with the values of given ones as defaults."""
     for field in fields(SamplerOptions):
         if field.name not in names:
             continue
         kind = {"adapt_delta": float, "chain_timeout": float, "coordinates": str}.get(
             field.name, int
         )
+        default = getattr(defaults, field.name)
         command.add_argument(
             f"--{field.name.replace('_', '-')}",
             type=kind,
-            default=field.default,
-            help="default: by protocol or none"
-            if field.default is None
-            else f"default {field.default}",
+            default=default,
+            help="default: by protocol or none" if default is None else f"default {default}",
         )
+
+
+def _add_calibration_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument("experiment", type=Path, metavar="TEMPLATE.toml")
+    command.add_argument(
+        "--priors",
+        type=Path,
+        help="prior file (default: the material's in data/priors/calibration, or its own)",
+    )
+    command.add_argument("--out", type=Path, help="default: calibrations/ID")
+    command.add_argument("--simulations", type=int, default=200, help="data sets, default 200")
+    command.add_argument(
+        "--ranked-draws", type=int, default=N_RANKED, help=f"of each fit, default {N_RANKED}"
+    )
+    command.add_argument("--jobs", type=int, help="processes, default one for each core")
+    _add_sampler_options(command, CALIBRATION_OPTIONS, SHORT_RUN)
 
 
 def _add_attenuation_options(command: argparse.ArgumentParser) -> None:
@@ -245,6 +287,9 @@ def _priors_for(experiment: Experiment, path: Path | None) -> PriorSet:
 def _fit(options: argparse.Namespace) -> int:
     experiment = load_experiment(options.experiment)
     priors = _priors_for(experiment, options.priors)
+    source: Path | None = options.priors_from
+    if source is not None:
+        priors = with_flow_law(priors, load_flow_law_of_run(source), f"--priors-from {source}")
     sampler = SamplerOptions(**{name: getattr(options, name) for name in SAMPLER_OPTIONS})
     for notice in experiment.notices:
         _say(f"note: {notice}")
@@ -407,10 +452,44 @@ def _write_images(figure: Figure, path: Path) -> None:
         write_bytes(path.with_suffix(f".{kind}"), image(figure, kind))
 
 
+def _calibrate(options: argparse.Namespace) -> int:
+    template = load_experiment(options.experiment)
+    priors = (
+        calibration_priors(template.material)
+        if options.priors is None
+        else load_priors(options.priors)
+    )
+    sampler = SamplerOptions(**{name: getattr(options, name) for name in CALIBRATION_OPTIONS})
+    out = options.out or Path("calibrations") / template.id
+    command = _command_line()
+    calibration = calibrate(
+        template,
+        priors,
+        out=out,
+        plan=CalibrationPlan(options.simulations, options.seed, options.ranked_draws, sampler),
+        jobs=options.jobs,
+        command=command,
+        report=_say,
+    )
+    save_calibration(calibration, out, command=command)
+    if calibration.ranks:
+        _write_images(rank_differences(calibration), out / "ranks.png")
+        print(shown_verdict_table(calibration).to_string(index=False))
+    for sentence in count_sentences(calibration):
+        print(sentence)
+    print(f"tables and figure: {out}")
+    return 0 if calibration.passed else EXIT_CHECK_FAILED
+
+
 def _report(options: argparse.Namespace) -> int:
     fits = [Fit.load(directory, report=_say) for directory in options.directories]
     page = write_report(
-        fits, options.out, title=options.title, command=_command_line(), report=_say
+        fits,
+        options.out,
+        title=options.title,
+        command=_command_line(),
+        report=_say,
+        extras=related_sections(fits),
     )
     print(f"The page is {page}")
     return 0

@@ -43,6 +43,15 @@ NO_DIFFERENCE = 4.0
 CLEAR = 2.0
 """Standard errors from which a larger difference counts as one."""
 
+COMPARISON_TEXT = (
+    "Measure: expected log predictive density of each point given all others (elpd), by importance "
+    "sampling from the fit of all points; higher is better. Fits whose elpd differs by less than "
+    f"{NO_DIFFERENCE:g} predict alike; a larger difference counts from {CLEAR:g} of its standard "
+    f"errors on. Points with a Pareto k above {PARETO_K_LIMIT} are not reliable; pyburgers compare "
+    "leaves them out by fitting again. Weights are those of the best mixture of the fits, and "
+    "arbitrary between fits that predict alike."
+)
+
 STACKING_TOLERANCE = 1e-8
 MAX_STACKING_STEPS = 100_000
 """Stacking weights are settled when a step changes none by more than the tolerance."""

@@ -23,6 +23,7 @@ from pyburgers.experiment import (
     check_column,
     data_root,
 )
+from pyburgers.flow_law_prior import Conditions
 from pyburgers.run_directory import write_text
 from pyburgers.toml_files import Table, read_toml, toml_text
 from pyburgers.units import factor_to_si
@@ -48,25 +49,6 @@ SI_UNITS: Mapping[str, str] = {
     "strain_rate": "1/s",
     "grain_size": "m",
 }
-
-
-@dataclass(frozen=True)
-class Conditions:
-    """Where on the flow law a point lies.
-
-    Attributes
-    ----------
-    temperature : float
-        Kelvin.
-    stress : float
-        Differential stress (Pa).
-    grain_size : float
-        Mean grain size (m).
-    """
-
-    temperature: float
-    stress: float
-    grain_size: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,6 +203,34 @@ def save_peak_stress(data: PeakStressData, directory: Path) -> Path:
     target = directory / "peak_stress.toml"
     write_text(target, toml_text(table))
     return target
+
+
+def least_squares(data: PeakStressData) -> dict[str, tuple[float, float]]:
+    """Exponents by plain least squares of ln(strain rate), without any effect of temperature.
+
+    Parameters
+    ----------
+    data : PeakStressData
+        The table.
+
+    Returns
+    -------
+    dict
+        Value and standard error of stress_exponent and, where grain sizes differ,
+        grain_size_exponent.
+    """
+    columns = {"stress_exponent": np.log(data.stress)}
+    if np.ptp(data.grain_size) > 0:
+        columns["grain_size_exponent"] = -np.log(data.grain_size)
+    log_rate = np.log(data.strain_rate)
+    design = np.column_stack([np.ones(data.n_points), *columns.values()])
+    coefficients, *_ = np.linalg.lstsq(design, log_rate, rcond=None)
+    residual = log_rate - design @ coefficients
+    variance = float(residual @ residual) / (data.n_points - design.shape[1])
+    errors = np.sqrt(variance * np.diag(np.linalg.inv(design.T @ design)))
+    return {
+        name: (float(coefficients[k]), float(errors[k])) for k, name in enumerate(columns, start=1)
+    }
 
 
 def _check_values(source: Path, values: Mapping[str, FloatArray]) -> None:

@@ -28,7 +28,7 @@ from pyburgers.diagnostics import (
 )
 from pyburgers.draws import all_draws
 from pyburgers.errors import InputError, SamplingError
-from pyburgers.flow_law_prior import PRIOR_QUANTITIES, FlowLawPrior
+from pyburgers.flow_law_prior import FLOW_LAW_PRIOR_FILE, PRIOR_QUANTITIES, FlowLawPrior
 from pyburgers.parameters import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.peak_stress import PeakStressData, load_peak_stress, save_peak_stress
 from pyburgers.peak_stress_priors import (
@@ -69,9 +69,6 @@ from pyburgers.simulation import quiet_cmdstanpy
 from pyburgers.stan_data import REFERENCE_FLOW_RATE
 
 FloatArray = npt.NDArray[np.float64]
-
-FLOW_LAW_PRIOR_FILE = "flow_law_prior.json"
-"""Mean and covariance of the flow law in a run directory."""
 
 WARMUP, TARGET_ACCEPTANCE = 500, 0.9
 """Defaults where the options leave them open; a gradient costs microseconds."""
@@ -263,6 +260,8 @@ def flow_law_prior(fit: PeakStressFit) -> FlowLawPrior:
         mean=np.mean(columns, axis=1),
         covariance=np.cov(columns),
         conditions=fit.data.mean_conditions,
+        material=fit.data.material,
+        source=f"{fit.data.id}: {fit.data.provenance.source}; its priors: {fit.priors.title}",
     )
 
 

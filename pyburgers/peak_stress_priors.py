@@ -1,5 +1,6 @@
 """Priors of a flow law that is fitted to a table of peak stresses, read from TOML files."""
 
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Literal
@@ -131,3 +132,24 @@ def default_peak_stress_priors(material: str) -> PriorSet:
             f"{', '.join(files)}, or a prior file of your own."
         )
     return load_peak_stress_priors(files[material])
+
+
+def with_enthalpy_of(priors: PriorSet, curve: PriorSet) -> PriorSet:
+    """Take the priors of Q_M and beta from those of a curve.
+
+    A table at one temperature says little about either. Where its flow law is handed on to a curve,
+    in place of the curve's own priors of the flow law, they would be lost without this.
+
+    Parameters
+    ----------
+    priors : PriorSet
+        For a table of peak stresses.
+    curve : PriorSet
+        For a curve of the same material.
+    """
+    taken = {name: curve[name] for name in ("activation_enthalpy", "beta")}
+    return replace(
+        priors,
+        priors=MappingProxyType({**priors.priors, **taken}),
+        title=f"{priors.title}; Q_M and beta from {curve.title}",
+    )

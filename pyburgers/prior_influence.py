@@ -6,7 +6,7 @@ and Vehtari 2024, Statistics and Computing 34, 57).
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Literal
 
 import numpy as np
@@ -18,7 +18,7 @@ from scipy.special import xlogy
 from pyburgers.display import shown_quantity
 from pyburgers.draws import all_draws
 from pyburgers.posterior import free_parameters, smooth_weights
-from pyburgers.priors import PriorSet
+from pyburgers.priors import FLOW_LAW, PriorSet
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -33,6 +33,9 @@ PULL = 0.05
 
 AS_WIDE = 0.75
 """Share of the prior's standard deviation from which a posterior counts as the prior itself."""
+
+JOINT_PRIOR = "flow_law"
+"""Stands for the joint prior of the flow law among the priors of single parameters."""
 
 Origin = Literal[
     "this number is your prior",
@@ -68,8 +71,8 @@ class Influence:
     prior_pull, likelihood_pull : float
         Shift of the mean in posterior standard deviations per doubling of the weight.
     strongest_prior : str or None
-        Parameter whose prior alone moves the quantity furthest; None where none moves it by
-        `SENSITIVE`.
+        Parameter whose prior (or `JOINT_PRIOR`, which alone) moves the quantity furthest; None
+        where none moves it by `SENSITIVE`.
     width : float or None
         Posterior over prior standard deviation; None for a quantity without a prior of its own.
     """
@@ -114,9 +117,14 @@ def prior_influence(posterior: xr.DataTree, priors: PriorSet) -> dict[str, Influ
     log_prior = all_draws(posterior["log_prior"].to_dataset()["lprior"])
     (pointwise,) = posterior["log_likelihood"].to_dataset().data_vars.values()
     log_likelihood = all_draws(pointwise.sum("point"))
+    joint = FLOW_LAW if priors.flow_law is not None else ()
     single = {
-        name: priors[name].distribution().logpdf(all_draws(draws[name])) for name in priors.free
+        name: priors[name].distribution().logpdf(all_draws(draws[name]))
+        for name in priors.free
+        if name not in joint
     }
+    if joint:
+        single[JOINT_PRIOR] = log_prior - sum(single.values())
     found = {}
     for name in free_parameters(posterior):
         values = all_draws(draws[name])
@@ -129,7 +137,7 @@ def prior_influence(posterior: xr.DataTree, priors: PriorSet) -> dict[str, Influ
             likelihood_pull=mean_pull(values, log_likelihood),
             strongest_prior=strongest if by_prior[strongest] >= SENSITIVE else None,
             width=float(np.std(values, ddof=1) / priors[name].distribution().std())
-            if name in single
+            if name in priors.free
             else None,
         )
     return found
@@ -154,11 +162,21 @@ def influence_table(influences: Mapping[str, Influence]) -> pd.DataFrame:
                 "where it comes from": influence.origin,
                 "mostly the prior of": ""
                 if influence.strongest_prior is None
-                else shown_quantity(influence.strongest_prior).label,
+                else _prior_label(influence.strongest_prior),
             }
             for name, influence in influences.items()
         ]
     )
+
+
+def influence_numbers(influences: Mapping[str, Influence]) -> pd.DataFrame:
+    """Return every number of `Influence`, and its origin, a row for each quantity."""
+    rows = {name: {**asdict(one), "origin": one.origin} for name, one in influences.items()}
+    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("parameter")
+
+
+def _prior_label(name: str) -> str:
+    return "the flow law, jointly" if name == JOINT_PRIOR else shown_quantity(name).label
 
 
 def influence_text(influences: Mapping[str, Influence]) -> str:

@@ -7,7 +7,7 @@ parameter, needs no change of Stan code.
 import importlib.resources
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
@@ -17,6 +17,7 @@ from pydantic import Field
 from scipy import stats
 
 from pyburgers.errors import InputError
+from pyburgers.flow_law_prior import Conditions, FlowLawPrior
 from pyburgers.parameters import PARAMETER_BY_NAME, PARAMETERS, Parameter
 from pyburgers.run_directory import write_text
 from pyburgers.toml_files import Table, nearest, read_toml, toml_text
@@ -44,6 +45,9 @@ OPTIONAL_KEYS: Mapping[str, tuple[str, ...]] = MappingProxyType({"normal": ("low
 
 UNSIGNED = frozenset({"beta", "activation_enthalpy"})
 """Parameters whose priors may reach below zero."""
+
+FLOW_LAW = ("stress_exponent", "grain_size_exponent", "activation_enthalpy", "beta")
+"""Parameters that a joint prior of the flow law is about."""
 
 BOUNDED_AWAY_FROM_ZERO = frozenset(
     {"steady_state_fabric_factor", "critical_strain_grain_size", "critical_strain_fabric"}
@@ -135,6 +139,8 @@ class PriorSet:
         Name of the file without its ending.
     notes : str or None
         Remarks for the reader.
+    flow_law : FlowLawPrior or None
+        Joint prior of `FLOW_LAW` in place of their own, which are then its marginals.
     """
 
     material: str
@@ -142,6 +148,7 @@ class PriorSet:
     priors: Mapping[str, Prior]
     name: str = field(compare=False)
     notes: str | None = None
+    flow_law: FlowLawPrior | None = None
 
     def __getitem__(self, parameter: str) -> Prior:
         """Return the prior of a parameter."""
@@ -154,10 +161,8 @@ class PriorSet:
 
     def sample(self, rng: np.random.Generator) -> dict[str, float]:
         """Draw every parameter (SI); fixed ones have their value."""
-        return {
-            name: prior.location if prior.is_fixed else prior.sample(rng)
-            for name, prior in self.priors.items()
-        }
+        values = {name: prior.sample(rng) for name, prior in self.priors.items()}
+        return values if self.flow_law is None else {**values, **self.flow_law.sample(rng)}
 
     def resolved(self, max_stress: float) -> "PriorSet":
         """Return the set with shares of the largest stress turned into Pa.
@@ -178,6 +183,53 @@ class PriorSet:
         )
 
 
+def with_flow_law(priors: PriorSet, flow_law: FlowLawPrior, where: str) -> PriorSet:
+    """Put a flow law in the place of the priors of n, p, Q_M and beta.
+
+    Parameters
+    ----------
+    priors : PriorSet
+        Priors of every parameter.
+    flow_law : FlowLawPrior
+        Joint prior of the four.
+    where : str
+        Where it comes from, for messages.
+
+    Raises
+    ------
+    InputError
+        If it is of another material, or one of the four parameters is fixed.
+    """
+    if flow_law.material != priors.material:
+        raise InputError(
+            f"{where}: is a flow law of {flow_law.material}, expected one of {priors.material}."
+        )
+    fixed = [name for name in FLOW_LAW if priors[name].is_fixed]
+    if fixed:
+        raise InputError(
+            f"{where}: {fixed[0]} is fixed by the priors {priors.title!r}, expected the whole flow "
+            "law free where a joint prior takes its place."
+        )
+    source = f"Marginal of the joint prior of the flow law, {flow_law.source}"
+    marginals = {
+        name: _prior(
+            name,
+            "normal",
+            {"location": mean, "scale": spread, **({} if name in UNSIGNED else {"lower": 0.0})},
+            unit=PARAMETER_BY_NAME[name].si_unit,
+            source=source,
+            relative=False,
+        )
+        for name, (mean, spread) in flow_law.marginals().items()
+    }
+    return replace(
+        priors,
+        priors=MappingProxyType({**priors.priors, **marginals}),
+        title=f"{priors.title}; flow law from {flow_law.source}",
+        flow_law=flow_law,
+    )
+
+
 class PriorTable(Table):
     """The table of one parameter in a prior file."""
 
@@ -196,11 +248,22 @@ class PriorTable(Table):
         return {key: value for key in keys if (value := getattr(self, key)) is not None}
 
 
+class _FlowLawTable(Table):
+    source: str = Field(min_length=1, description="where the flow law comes from")
+    quantities: list[str] = Field(description="n, p, ln(flow rate s) and beta by their names")
+    mean: list[float] = Field(description="the mean of each quantity, SI")
+    covariance: list[list[float]] = Field(description="the covariance of the quantities, SI")
+    temperature: float = Field(description="of the flow rate, in kelvin")
+    stress: float = Field(description="of the flow rate, in Pa")
+    grain_size: float = Field(description="of the flow rate, in m")
+
+
 class _PriorFile(Table):
     material: str = Field(min_length=1, description="the material, such as ice")
     title: str = Field(min_length=1, description="a title for tables and figures")
     notes: str | None = None
     parameters: dict[str, PriorTable] = Field(description="one table for each parameter")
+    flow_law: _FlowLawTable | None = None
 
 
 def load_priors(path: str | Path) -> PriorSet:
@@ -238,7 +301,32 @@ def load_priors(path: str | Path) -> PriorSet:
         priors=MappingProxyType(priors),
         name=path.stem,
         notes=file.notes,
+        flow_law=None if file.flow_law is None else _flow_law(path, file.material, file.flow_law),
     )
+
+
+def _flow_law(path: Path, material: str, table: _FlowLawTable) -> FlowLawPrior:
+    """Build the joint prior of a file's table [flow_law]."""
+    flow_law = FlowLawPrior(
+        quantities=tuple(table.quantities),
+        mean=np.array(table.mean),
+        covariance=np.array(table.covariance),
+        conditions=Conditions(table.temperature, table.stress, table.grain_size),
+        material=material,
+        source=table.source,
+    )
+    return flow_law.checked(f"{path}: [flow_law]")
+
+
+def _flow_law_table(flow_law: FlowLawPrior) -> dict[str, Any]:
+    """Return the table [flow_law] of a joint prior, the inverse of `_flow_law`."""
+    return {
+        "source": flow_law.source,
+        "quantities": list(flow_law.quantities),
+        "mean": flow_law.mean.tolist(),
+        "covariance": flow_law.covariance.tolist(),
+        **asdict(flow_law.conditions),
+    }
 
 
 def save_priors(priors: PriorSet, path: Path, parameters: Sequence[Parameter] = PARAMETERS) -> None:
@@ -267,6 +355,7 @@ def save_priors(priors: PriorSet, path: Path, parameters: Sequence[Parameter] = 
         "title": priors.title,
         "notes": priors.notes,
         "parameters": tables,
+        "flow_law": None if priors.flow_law is None else _flow_law_table(priors.flow_law),
     }
     write_text(path, toml_text(table))
 

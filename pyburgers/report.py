@@ -24,6 +24,12 @@ from pyburgers.figures import figures_for
 from pyburgers.fitting import Fit
 from pyburgers.forced_oscillation import OscillationExperiment
 from pyburgers.oscillation_response import response_table
+from pyburgers.prior_influence import (
+    THRESHOLDS_TEXT,
+    influence_numbers,
+    influence_table,
+    prior_influence,
+)
 from pyburgers.run_directory import sha256_of_file, write_bytes, write_json, write_text
 
 REPORT_KIND = "pyburgers report"
@@ -147,6 +153,8 @@ class Section:
         Row of the table over experiments.
     parameters, priors, sampler : DataFrame
         Tables as text.
+    influence : DataFrame or None
+        What the results owe to prior and data, as text; None without likelihood.
     truth : DataFrame or None
         Comparison with the truth as text, for synthetic data.
     response : DataFrame or None
@@ -162,6 +170,7 @@ class Section:
     parameters: pd.DataFrame
     priors: pd.DataFrame
     sampler: pd.DataFrame
+    influence: pd.DataFrame | None
     truth: pd.DataFrame | None
     response: pd.DataFrame | None
     illustrations: tuple[Illustration, ...]
@@ -170,6 +179,14 @@ class Section:
     def experiment(self) -> Experiment:
         """The experiment of the fit."""
         return self.fit.experiment
+
+    @property
+    def from_prior(self) -> list[str]:
+        """Quantities whose number is that of the prior."""
+        if self.influence is None:
+            return []
+        flagged = self.influence["where it comes from"] == "this number is your prior"
+        return self.influence["quantity"][flagged].tolist()
 
     @property
     def failed(self) -> list[CheckResult]:
@@ -221,7 +238,7 @@ def write_report(
     _claim(out)
     write_json(out / "manifest.json", _manifest(fits, title, command))
     sections = []
-    for key, fit in zip(_keys(fits), fits, strict=True):
+    for key, fit in zip(page_keys(fits), fits, strict=True):
         report(f"Drawing the figures of {key}.")
         sections.append(_write_section(key, fit, out))
     illustrated = []
@@ -259,6 +276,7 @@ def render_page(
         written=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         version=importlib.metadata.version("pyburgers"),
         number_table=_number_table,
+        thresholds=THRESHOLDS_TEXT,
     )
 
 
@@ -282,7 +300,7 @@ def _claim(out: Path) -> None:
         raise InputError(f"{out}: cannot be written ({error.strerror}).") from error
 
 
-def _keys(fits: Sequence[Fit]) -> list[str]:
+def page_keys(fits: Sequence[Fit]) -> list[str]:
     """Name each fit after its experiment; further ones of the same experiment get a number."""
     seen: Counter[str] = Counter()
     keys = []
@@ -306,6 +324,11 @@ def _write_section(key: str, fit: Fit, out: Path) -> Section:
     }
     if truth is not None:
         files["truth"] = truth.reset_index()
+    influence = None
+    if fit.manifest["use_likelihood"]:
+        influences = prior_influence(fit.posterior, fit.priors)
+        influence = influence_table(influences)
+        files["influence"] = influence_numbers(influences).reset_index()
     response = None
     if isinstance(fit.experiment, OscillationExperiment):
         response = response_table(fit)
@@ -320,6 +343,7 @@ def _write_section(key: str, fit: Fit, out: Path) -> Section:
         parameters=tables.parameter_table(summary, fit.priors),
         priors=files["priors"],
         sampler=sampler,
+        influence=influence,
         truth=None if truth is None else tables.shown_truth_table(truth),
         response=None if response is None else tables.shown_response_table(response),
         illustrations=tuple(
@@ -378,6 +402,6 @@ def _manifest(fits: Sequence[Fit], title: str, command: str) -> dict[str, Any]:
                 "status": fit.manifest["status"],
                 "manifest_sha256": sha256_of_file(fit.directory.manifest_file),
             }
-            for key, fit in zip(_keys(fits), fits, strict=True)
+            for key, fit in zip(page_keys(fits), fits, strict=True)
         ],
     }

@@ -11,7 +11,12 @@ from pyburgers.experiment_files import load_experiment
 from pyburgers.fitting import Fit, fit
 from pyburgers.forced_oscillation import load_forced_oscillation, with_background
 from pyburgers.oscillation import Background
-from pyburgers.priors import default_priors
+from pyburgers.peak_stress import load_peak_stress
+from pyburgers.peak_stress_fit import PeakStressFit, fit_peak_stress, flow_law_prior
+from pyburgers.peak_stress_priors import default_peak_stress_priors, with_enthalpy_of
+from pyburgers.peak_stress_section import peak_stress_section
+from pyburgers.priors import PriorSet, default_priors, with_flow_law
+from pyburgers.related_runs import related_sections
 from pyburgers.report import write_report
 from pyburgers.sampling import SamplerOptions
 from pyburgers.study import study_sections
@@ -32,6 +37,14 @@ OLIVINE_RUNS: Mapping[Background, str] = MappingProxyType(
 """Names of the fits of the olivine record by treatment of its background, the paper's first."""
 
 
+COMBINED_TWIN, COMBINED_RUN = "PIL40", "PIL40_with_peak_stress"
+"""Test that is fitted once more with the flow law of the peak stresses as prior, and that fit."""
+
+PEAK_STRESS_TABLE = "peak_stress_qi_goldsby_2021"
+HANDED_ON_RUN = f"{PEAK_STRESS_TABLE}_handed_on"
+"""Fit of the same table whose flow law that test gets: with the test's priors of Q_M and beta."""
+
+
 @dataclass(frozen=True, eq=False)
 class Outcome:
     """What `reproduce` made.
@@ -42,10 +55,13 @@ class Outcome:
         The HTML page.
     fits : tuple of Fit
         The fits it shows.
+    peak_stress : PeakStressFit
+        The flow law it shows.
     """
 
     page: Path
     fits: tuple[Fit, ...]
+    peak_stress: PeakStressFit
 
 
 def shipped_data_directory() -> Path:
@@ -71,7 +87,8 @@ def reproduce(preset: str, out: Path, *, command: str, report: Callable[[str], N
     """Fit the experiments of the study and write the page; continue where a call stopped.
 
     The page has the fits, attenuation as the ice fits predict it, what the treatment of the
-    olivine record changes, and the paper's statements.
+    olivine record changes, the paper's statements, the flow law of measured peak stresses, and
+    what that adds to one of the curves.
 
     Parameters
     ----------
@@ -84,14 +101,19 @@ def reproduce(preset: str, out: Path, *, command: str, report: Callable[[str], N
     report : callable
         Receives progress sentences.
     """
-    experiments = study_experiments()
+    runs = out / "runs" / preset
+    peak_stress, handed_on = (
+        _fit_peak_stress(runs / name, priors, command=command, report=report)
+        for name, priors in _peak_stress_priors().items()
+    )
     fits = {}
-    for number, (name, experiment) in enumerate(experiments.items(), start=1):
-        report(f"Fit {number} of {len(experiments)}: {name}, preset {preset}.")
+    problems = _problems(handed_on)
+    for number, (name, (experiment, priors)) in enumerate(problems.items(), start=1):
+        report(f"Fit {number} of {len(problems)}: {name}, preset {preset}.")
         fits[name] = fit(
             experiment,
-            default_priors(experiment.material),
-            out=out / "runs" / preset / name,
+            priors,
+            out=runs / name,
             options=PRESETS[preset],
             command=command,
             report=report,
@@ -106,6 +128,44 @@ def reproduce(preset: str, out: Path, *, command: str, report: Callable[[str], N
         title=f"Nonlinear Burgers fits of ice and olivine ({preset} preset)",
         command=command,
         report=report,
-        extras=study_sections(ice_fits, olivine_fits, report=report),
+        extras=(
+            *study_sections(ice_fits, olivine_fits, report=report),
+            peak_stress_section(peak_stress),
+            *related_sections(list(fits.values())),
+        ),
     )
-    return Outcome(page=page, fits=tuple(fits.values()))
+    return Outcome(page=page, fits=tuple(fits.values()), peak_stress=peak_stress)
+
+
+def _peak_stress_priors() -> dict[str, PriorSet]:
+    """Priors of the two fits of the table, by the names of their runs: the second is handed on."""
+    weak = default_peak_stress_priors("ice")
+    return {
+        PEAK_STRESS_TABLE: weak,
+        HANDED_ON_RUN: with_enthalpy_of(weak, default_priors("ice")),
+    }
+
+
+def _fit_peak_stress(
+    out: Path, priors: PriorSet, *, command: str, report: Callable[[str], None]
+) -> PeakStressFit:
+    report(f"Fitting the flow law of measured peak stresses: {priors.title}.")
+    table = shipped_data_directory() / "ice" / f"{PEAK_STRESS_TABLE}.toml"
+    return fit_peak_stress(load_peak_stress(table), priors, out=out, command=command, report=report)
+
+
+def _problems(handed_on: PeakStressFit) -> dict[str, tuple[Experiment, PriorSet]]:
+    """Experiments and priors of the study, by the names of their runs.
+
+    Parameters
+    ----------
+    handed_on : PeakStressFit
+        The fit that gives one curve its flow law.
+    """
+    experiments = study_experiments()
+    problems = {name: (one, default_priors(one.material)) for name, one in experiments.items()}
+    combined = replace(experiments[COMBINED_TWIN], id=COMBINED_RUN)
+    priors = with_flow_law(
+        default_priors(combined.material), flow_law_prior(handed_on), HANDED_ON_RUN
+    )
+    return {**problems, COMBINED_RUN: (combined, priors)}

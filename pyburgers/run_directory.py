@@ -10,7 +10,7 @@ import json
 import os
 import shutil
 import uuid
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +22,9 @@ from pyburgers.errors import InputError
 
 UNFINISHED = ".unfinished-"
 """Start of the name of a file that is being written; a killed process leaves it behind."""
+
+FOLDERS = ("inputs", "initial_values", "chains")
+"""Folders of the run directory of a fit."""
 
 
 def sha256_of_json(content: Any) -> str:
@@ -212,7 +215,7 @@ class RunDirectory:
         write_json(self.manifest_file, {**current, **changes})
 
     @contextmanager
-    def claimed(self, fingerprint: str) -> Iterator[None]:
+    def claimed(self, fingerprint: str, folders: Sequence[str] = FOLDERS) -> Iterator[None]:
         """Hold the directory for a run with these inputs, new or to be continued.
 
         A second process is kept out; a killed process lets go.
@@ -221,6 +224,8 @@ class RunDirectory:
         ----------
         fingerprint : str
             Hash of everything that decides the draws.
+        folders : sequence of str
+            Folders to make in it.
 
         Raises
         ------
@@ -232,7 +237,7 @@ class RunDirectory:
         with self._locked():
             # Another process may have come first.
             self._refuse_others(fingerprint)
-            self._prepare(fingerprint)
+            self._prepare(fingerprint, folders)
             yield
 
     def _refuse_others(self, fingerprint: str) -> None:
@@ -275,14 +280,14 @@ class RunDirectory:
         finally:
             lock.release()
 
-    def _prepare(self, fingerprint: str) -> None:
+    def _prepare(self, fingerprint: str, folders: Sequence[str]) -> None:
         """Make the folders and remove what killed attempts left behind."""
         try:
             if not self.manifest_file.is_file():
                 # Before everything else, so that a run killed early is known as ours.
                 write_json(self.manifest_file, {"fingerprint": fingerprint, "status": "claimed"})
-            for folder in (self.inputs, self.path / "initial_values", self.path / "chains"):
-                folder.mkdir(exist_ok=True)
+            for folder in folders:
+                (self.path / folder).mkdir(exist_ok=True)
             # What cannot be removed is in nobody's way: it is never read.
             shutil.rmtree(self._scratch, ignore_errors=True)
             for leftover in self.path.rglob(f"{UNFINISHED}*"):

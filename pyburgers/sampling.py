@@ -52,6 +52,9 @@ WARMUP: Mapping[str, int] = MappingProxyType({"constant_rate": 400, "forced_osci
 """Default target acceptance and warm-up by protocol: as little as leaves (almost) no divergences.
 """
 
+INDECISIVE = frozenset({"chains", "chain_timeout", "parallel_chains"})
+"""Options that change no draw of a chain."""
+
 STEP_SIZE_SHARE = 0.2
 """Share of the warm-up, at its end, in which the step size alone adapts.
 
@@ -88,6 +91,8 @@ class SamplerOptions:
         and the record suit them.
     chain_timeout : float or None
         Seconds after which a chain is stopped and reported as failed.
+    parallel_chains : int or None
+        Chains that run side by side; None runs one for each core.
     """
 
     chains: int = 4
@@ -98,6 +103,7 @@ class SamplerOptions:
     max_treedepth: int = 10
     coordinates: Coordinates = "auto"
     chain_timeout: float | None = None
+    parallel_chains: int | None = None
 
     def __post_init__(self) -> None:
         """Check the values.
@@ -113,6 +119,8 @@ class SamplerOptions:
             "seed": (self.seed, 0, 2**31 - 1),
             "max_treedepth": (self.max_treedepth, 1, 20),
         }
+        if self.parallel_chains is not None:
+            limits["parallel_chains"] = (self.parallel_chains, 1, 1000)
         if self.warmup is not None:
             limits["warmup"] = (self.warmup, 20, 10**6)
         for name, (value, least, most) in limits.items():
@@ -172,7 +180,7 @@ def fingerprint(data: StanData, options: SamplerOptions, program_key: str) -> st
     program_key : str
         Hash of the program, its compiler and its flags.
     """
-    decisive = {k: v for k, v in asdict(options).items() if k not in {"chains", "chain_timeout"}}
+    decisive = {k: v for k, v in asdict(options).items() if k not in INDECISIVE}
     return sha256_of_json({"data": data, "options": decisive, "program": program_key})
 
 
@@ -255,6 +263,7 @@ def run_chains(
         run.update_manifest(
             {
                 **record,
+                "priors_from": None if priors.flow_law is None else priors.flow_law.source,
                 "refits": run.read_manifest().get("refits", []),
                 "solver": {**asdict(solver), "tolerance": _tolerance_in(run)},
             }
@@ -402,8 +411,6 @@ def run_record(
     dict
         Entries of the manifest.
     """
-    found = find_cmdstan()
-    tools = toolchain(found) if found is not None else None
     return {
         "fingerprint": identity,
         "experiment": name,
@@ -414,16 +421,23 @@ def run_record(
         "failures": [],
         "sampler": asdict(options),
         "use_likelihood": use_likelihood,
-        "versions": {
-            "python": platform.python_version(),
-            **{package: version(package) for package in PACKAGES},
-            "cmdstan": tools.cmdstan_version if tools else None,
-            "compiler": tools.compiler if tools else None,
-        },
+        "versions": software_versions(),
         "hashes": {
             file.relative_to(run.path).as_posix(): sha256_of_file(file)
             for file in (*sorted(run.inputs.iterdir()), run.stan_data_file)
         },
+    }
+
+
+def software_versions() -> dict[str, str | None]:
+    """Return the versions of what makes the draws, for manifests."""
+    found = find_cmdstan()
+    tools = toolchain(found) if found is not None else None
+    return {
+        "python": platform.python_version(),
+        **{package: version(package) for package in PACKAGES},
+        "cmdstan": tools.cmdstan_version if tools else None,
+        "compiler": tools.compiler if tools else None,
     }
 
 
@@ -461,12 +475,12 @@ def run_missing(
     chains: Sequence[int],
     options: SamplerOptions,
 ) -> tuple[ChainFailure, ...]:
-    """Run chains side by side, one for each core; stop them all on an interrupt."""
+    """Run chains side by side, as many as the options say; stop them all on an interrupt."""
     stopping = threading.Event()
     failures: list[ChainFailure] = []
     screen = ChainProgress(chains, options.warmup_iterations + options.draws, sys.stderr)
     lines = IterationLines(screen.advance)
-    workers = min(len(chains), os.cpu_count() or 1)
+    workers = min(len(chains), options.parallel_chains or os.cpu_count() or 1)
     with quiet_cmdstanpy(), screen, redirect_stdout(lines), ThreadPoolExecutor(workers) as pool:
         pending: set[Future[ChainFailure | None]] = {
             pool.submit(_run_chain, model, run, chain, options, stopping) for chain in chains

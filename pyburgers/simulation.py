@@ -187,6 +187,24 @@ def _fixed(name: str, value: float) -> Prior:
     )
 
 
+def given_parameters(material: str, values: Mapping[str, float]) -> PriorSet:
+    """Return priors that fix every parameter.
+
+    Parameters
+    ----------
+    material : str
+        Of the experiment.
+    values : mapping
+        SI values by name; what is missing, such as the noise of a solution without any, is 1.
+    """
+    return PriorSet(
+        material=material,
+        title="given parameters",
+        priors={p.name: _fixed(p.name, values.get(p.name, 1.0)) for p in PARAMETERS},
+        name="given",
+    )
+
+
 def simulate(
     experiment: Experiment,
     parameters: Mapping[str, float],
@@ -277,12 +295,7 @@ def solve(
     SamplingError
         If the solver finds no solution.
     """
-    priors = PriorSet(
-        material=experiment.material,
-        title="given parameters",
-        priors={p.name: _fixed(p.name, values.get(p.name, 1.0)) for p in PARAMETERS},
-        name="given",
-    )
+    priors = given_parameters(experiment.material, values)
     if isinstance(experiment, ConstantRateExperiment):
         experiment = replace(experiment, strain=np.empty(0), stress=np.empty(0))
     data = program_data(experiment, priors, solver=solver, grid=at)

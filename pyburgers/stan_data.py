@@ -15,6 +15,7 @@ from scipy.special import logit
 from pyburgers.constant_rate import ConstantRateExperiment
 from pyburgers.errors import InputError
 from pyburgers.experiment import Experiment
+from pyburgers.flow_law_prior import FlowLawPrior
 from pyburgers.forced_oscillation import OscillationExperiment
 from pyburgers.harmonics import trend_projection
 from pyburgers.parameters import (
@@ -24,13 +25,16 @@ from pyburgers.parameters import (
     REFERENCE_STRESS_QUANTITY,
     Parameter,
 )
-from pyburgers.priors import Prior, PriorSet
+from pyburgers.priors import FLOW_LAW, Prior, PriorSet
 
 FloatArray = npt.NDArray[np.float64]
 StanData = dict[str, Any]
 
 FAMILY_CODE = {"fixed": 0, "uniform": 1, "normal": 2, "half_normal": 2, "lognormal": 3}
 """Codes of `stan/functions/priors.stan`; a half-normal is a normal cut at zero."""
+
+PART_OF_FLOW_LAW = 4
+"""Code of a parameter whose density is in the joint prior of the flow law."""
 
 REFERENCE_STRESS = REFERENCE_STRESS_QUANTITY.name
 """Name of the coordinate ln S_0 that replaces Q_M or beta."""
@@ -272,12 +276,34 @@ def experiment_block(experiment: ConstantRateExperiment, *, use_likelihood: bool
 def prior_block(priors: PriorSet, parameters: Sequence[Parameter] = PARAMETERS) -> StanData:
     """Return the block `stan/data/priors.stan` for a program's parameters, in its order."""
     ordered: Sequence[Prior] = [priors[parameter.name] for parameter in parameters]
+    joint = FLOW_LAW if priors.flow_law is not None else ()
     return {
-        "prior_family": [FAMILY_CODE[prior.family] for prior in ordered],
+        "prior_family": [
+            PART_OF_FLOW_LAW if prior.parameter in joint else FAMILY_CODE[prior.family]
+            for prior in ordered
+        ],
         "prior_location": [prior.location for prior in ordered],
         "prior_scale": [prior.scale for prior in ordered],
         "prior_lower": [prior.lower for prior in ordered],
         "prior_upper": [prior.upper for prior in ordered],
+    }
+
+
+def flow_law_block(flow_law: FlowLawPrior | None) -> StanData:
+    """Return the joint prior of the flow law, the rest of the block `stan/data/priors.stan`."""
+    if flow_law is None:
+        return {
+            "n_flow_law": 0,
+            "flow_law_mean": [],
+            "flow_law_factor": [],
+            "flow_law_conditions": [],
+        }
+    at = flow_law.conditions
+    return {
+        "n_flow_law": flow_law.mean.size,
+        "flow_law_mean": flow_law.mean.tolist(),
+        "flow_law_factor": flow_law.factor.tolist(),
+        "flow_law_conditions": [at.temperature, at.stress, at.grain_size],
     }
 
 
@@ -413,6 +439,7 @@ def constant_rate_data(
     return {
         **experiment_block(experiment, use_likelihood=use_likelihood),
         **prior_block(priors),
+        **flow_law_block(priors.flow_law),
         **coordinate_block(plain_coordinates(experiment, priors)),
         **valley_block(valley),
         **solver_block(solver),
@@ -529,6 +556,7 @@ def forced_oscillation_data(
     return {
         **oscillation_block(experiment, use_likelihood=use_likelihood),
         **prior_block(priors),
+        **flow_law_block(priors.flow_law),
         **coordinate_block(plain_coordinates(experiment, priors)),
         **sheared_block(sheared),
         **solver_block(solver),

@@ -96,7 +96,9 @@ transformed parameters {
     parameter = head(mapped, n_parameters());
     log_jacobian = mapped[n_parameters() + 1];
     lprior = joint_prior_log_density(parameter, prior_family, prior_location, prior_scale,
-                                     prior_lower, prior_upper, prior_mass);
+                                     prior_lower, prior_upper, prior_mass)
+             + flow_law_prior_log_density(parameter, flow_law_mean, flow_law_factor,
+                                          flow_law_conditions);
     maxwell_modulus = parameter[1];
     kelvin_modulus = parameter[2];
     kelvin_viscosity = parameter[3];

@@ -3,7 +3,8 @@
  *
  * family 0: fixed (no density), 1: uniform on [lower, upper], 2: normal truncated to
  * [lower, upper] (bounds may be infinite; a half-normal is location 0, lower 0),
- * 3: lognormal with median `location` and standard deviation `scale` of the logarithm.
+ * 3: lognormal with median `location` and standard deviation `scale` of the logarithm,
+ * 4: part of the joint prior of the flow law (flow_law_prior_log_density), only bounds here.
  */
 
 /**
@@ -33,6 +34,9 @@ real prior_log_density(real value, data int family, data real location, data rea
   if (value < lower_bound || value > upper_bound) {
     return negative_infinity();
   }
+  if (family == 4) {
+    return 0;
+  }
   if (family == 1) {
     return -log_mass;
   }
@@ -54,4 +58,25 @@ real joint_prior_log_density(vector parameter, data array[] int family, data vec
                                upper_bound[k], log_mass[k]);
   }
   return total;
+}
+
+/**
+ * Log density of a joint prior of the flow law, on n, p, Q_M and beta: a normal of n, p,
+ * ln(flow rate s) at given conditions, and beta. 0 where there is none.
+ *
+ * @param parameter in the order of functions/parameters.stan
+ * @param mean of the four quantities; no elements without a joint prior
+ * @param factor lower Cholesky factor of their covariance
+ * @param conditions temperature (K), stress (Pa) and grain size (m) of the flow rate
+ */
+real flow_law_prior_log_density(vector parameter, data vector mean, data matrix factor,
+                                data vector conditions) {
+  if (num_elements(mean) == 0) {
+    return 0;
+  }
+  real log_rate = log_flow_rate(conditions[2], conditions[3], conditions[1], parameter[4],
+                                parameter[5], parameter[6], parameter[7]);
+  return multi_normal_cholesky_lpdf([parameter[4], parameter[5], log_rate, parameter[7]]' |
+                                    mean, factor)
+         + log(1 / (gas_constant() * conditions[1]) - parameter[7]); // |d ln(rate)/d Q_M|
 }

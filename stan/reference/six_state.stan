@@ -61,7 +61,11 @@ transformed parameters {
                                          steady_state_fabric_factor,
                                          critical_strain_grain_size, critical_strain_fabric,
                                          stress_noise]', prior_family, prior_location,
-                                        prior_scale, prior_lower, prior_upper, prior_mass);
+                                        prior_scale, prior_lower, prior_upper, prior_mass)
+                + flow_law_prior_log_density([maxwell_modulus, kelvin_modulus, kelvin_viscosity,
+                                              stress_exponent, grain_size_exponent,
+                                              activation_enthalpy, beta]', flow_law_mean,
+                                             flow_law_factor, flow_law_conditions);
 }
 model {
   target += lprior;

@@ -43,7 +43,11 @@ transformed parameters {
                                          prior_location[9], critical_strain_grain_size,
                                          prior_location[11], stress_noise]', prior_family,
                                         prior_location, prior_scale, prior_lower, prior_upper,
-                                        prior_mass);
+                                        prior_mass)
+                + flow_law_prior_log_density([maxwell_modulus, kelvin_modulus, kelvin_viscosity,
+                                              stress_exponent, grain_size_exponent,
+                                              activation_enthalpy, beta]', flow_law_mean,
+                                             flow_law_factor, flow_law_conditions);
 }
 model {
   target += lprior;

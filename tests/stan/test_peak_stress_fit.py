@@ -18,15 +18,10 @@ from pyburgers.errors import InputError
 from pyburgers.experiment import Provenance
 from pyburgers.figure_style import image
 from pyburgers.fitting import Fit
-from pyburgers.flow_law_prior import FlowLawPrior
+from pyburgers.flow_law_prior import FLOW_LAW_PRIOR_FILE, FlowLawPrior
 from pyburgers.peak_stress import PeakStressData, load_peak_stress
 from pyburgers.peak_stress_figures import flow_law, flow_law_table
-from pyburgers.peak_stress_fit import (
-    FLOW_LAW_PRIOR_FILE,
-    PeakStressFit,
-    fit_peak_stress,
-    flow_law_prior,
-)
+from pyburgers.peak_stress_fit import PeakStressFit, fit_peak_stress, flow_law_prior
 from pyburgers.peak_stress_priors import FLOW_LAW_PARAMETERS, default_peak_stress_priors
 from pyburgers.peak_stress_stan_data import peak_stress_coordinates, peak_stress_data
 from pyburgers.priors import Prior, PriorSet
@@ -257,6 +252,8 @@ def test_the_flow_law_is_handed_on_as_json(ice_fit: PeakStressFit) -> None:
         ice_fit.summary()["sd"]["grain_size_exponent"]
     )
     assert prior.conditions == ice_fit.data.mean_conditions
+    assert prior.material == "ice"
+    assert prior.source.startswith("peak_stress_qi_goldsby_2021: Qi, C. and Goldsby")
     np.linalg.cholesky(prior.covariance)
 
 
@@ -267,7 +264,8 @@ def test_the_flow_law_is_handed_on_as_json(ice_fit: PeakStressFit) -> None:
         ('{"mean": [1.0]}', "is not a flow law prior"),
         (
             '{"quantities": ["a", "b"], "mean": [1.0], "covariance": [[1.0]], "conditions": '
-            '{"temperature": 1.0, "stress": 1.0, "grain_size": 1.0}}',
+            '{"temperature": 1.0, "stress": 1.0, "grain_size": 1.0}, "material": "ice", '
+            '"source": "x"}',
             r"found a mean of shape \(1,\)",
         ),
     ],

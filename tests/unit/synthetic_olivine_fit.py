@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
+from scipy import stats
 from synthetic_fit import make_fit
 
 from pyburgers.fitting import Fit
@@ -131,4 +132,12 @@ def oscillating(
     )
     at_points = with_noise(stress_at(prepared.time))
     groups["posterior_predictive"] = xr.Dataset({"stress": (("chain", "draw", "point"), at_points)})
+    log_lik = stats.norm.logpdf(experiment.stress, stress_at(prepared.time), noise)
+    groups["log_likelihood"] = xr.Dataset({"stress": (("chain", "draw", "point"), log_lik)})
+    groups["constant_data"] = xr.Dataset(
+        {
+            "strain": ("point", prepared.strain(prepared.time)),
+            "time": ("point", prepared.time),
+        }
+    )
     return replace(fit, posterior=xr.DataTree.from_dict(groups))

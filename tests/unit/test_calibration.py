@@ -1,54 +1,28 @@
-"""Calibration: simulated data, ranks, and bands that notice what they should."""
+"""Calibration: simulated data are the program's, and truths are ranked among draws."""
+
+from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from conftest import ICE, resolved_priors
 from scipy import stats
 
-from pyburgers.calibration import counts_at_most, simulate_from_prior, simultaneous_band
+from pyburgers.calibration import (
+    LOG_LIKELIHOOD,
+    calibration_priors,
+    check_template,
+    rank_truth,
+    simulate_from_prior,
+    simulate_oscillation,
+)
 from pyburgers.constant_rate import load_constant_rate
+from pyburgers.errors import InputError, SamplingError
+from pyburgers.fitting import Fit
+from pyburgers.forced_oscillation import load_forced_oscillation, with_background
+from pyburgers.priors import default_priors
 from pyburgers.simulation import simulate
 
-N_DATA_SETS = N_DRAWS = 100
-
-
-@pytest.fixture(scope="module")
-def band() -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    return simultaneous_band(N_DATA_SETS, N_DRAWS, probability=0.95)
-
-
-def share_outside(
-    band: tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]], *, shift: float, width: float
-) -> float:
-    """Share of calibrations of a standard normal posterior that leave the band."""
-    rng = np.random.default_rng(7)
-    outside = []
-    for _ in range(400):
-        truths = shift + width * rng.standard_normal(N_DATA_SETS)
-        draws = rng.standard_normal((N_DATA_SETS, N_DRAWS))
-        counts = counts_at_most((draws < truths[:, None]).sum(axis=1), N_DRAWS)
-        outside.append(bool(np.any((counts < band[0]) | (counts > band[1]))))
-    return float(np.mean(outside))
-
-
-def test_a_right_posterior_leaves_the_band_as_often_as_it_should(
-    band: tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]],
-) -> None:
-    # 400 trials at 5 %: 99.9 % of correct bands are left in 2 to 9 % of them.
-    low, high = (float(stats.binom.ppf(q, 400, 0.05)) / 400 for q in (0.0005, 0.9995))
-    assert low <= share_outside(band, shift=0.0, width=1.0) <= high
-
-
-@pytest.mark.parametrize(("shift", "width"), [(0.7, 1.0), (0.0, 1.6), (0.0, 0.6)])
-def test_a_biased_or_wrongly_wide_posterior_leaves_the_band(
-    band: tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]], shift: float, width: float
-) -> None:
-    assert share_outside(band, shift=shift, width=width) > 0.9
-
-
-def test_counts_are_of_ranks_at_most() -> None:
-    assert counts_at_most([0, 0, 2, 3], 3).tolist() == [2, 2, 3]
+OLIVINE = ICE.parent / "olivine" / "olivine_twin.toml"
 
 
 def test_simulated_data_are_the_solution_at_a_prior_draw_with_noise(programs: None) -> None:
@@ -67,4 +41,77 @@ def test_simulated_data_are_the_solution_at_a_prior_draw_with_noise(programs: No
     assert stats.chi2(experiment.n_points).cdf(float(np.sum(deviation**2))) == pytest.approx(
         0.5, abs=0.4999
     )
-    assert simulated.reference_stress == solution.attrs["reference_stress"]
+    assert simulated.n_unsolvable == 0
+
+
+def test_a_simulated_record_is_prepared_as_the_measured_one_is(programs: None) -> None:
+    experiment = load_forced_oscillation(OLIVINE)
+    truth = dict(experiment.true_parameters or {})
+    rng = np.random.default_rng(2)
+    simulated = simulate_oscillation(experiment, truth, rng, source="the truth")
+    assert simulated.settings == experiment.settings
+    np.testing.assert_array_equal(simulated.prepared.time, experiment.prepared.time)
+    np.testing.assert_array_equal(simulated.stress, simulated.prepared.stress)
+    # Two draws of the noise on one solution, both without trend.
+    difference = (simulated.stress - experiment.stress) / truth["stress_noise"]
+    assert np.sqrt(np.mean(difference**2)) < 4.0
+    quiet = simulate_oscillation(
+        experiment, {**truth, "stress_noise": 1.0}, np.random.default_rng(2), source="the truth"
+    )
+    deviation = (simulated.stress - quiet.stress) / experiment.prepared.uncertainty
+    assert 0.7 < np.std(deviation) < 1.3
+
+
+def test_draws_without_solution_are_counted_and_replaced(
+    programs: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    experiment = load_constant_rate(ICE / "PIL40.toml")
+    priors = resolved_priors(experiment)
+    refused = 2
+
+    def solve_from_the_third_on(*arguments: object, **options: object) -> object:
+        nonlocal refused
+        if refused > 0:
+            refused -= 1
+            raise SamplingError("no solution")
+        return simulate(*arguments, **options)  # type: ignore[arg-type]
+
+    monkeypatch.setattr("pyburgers.calibration.simulate", solve_from_the_third_on)
+    simulated = simulate_from_prior(experiment, priors, seed=4)
+    assert simulated.n_unsolvable == 2
+    rng = np.random.default_rng(4)
+    third = [priors.sample(rng) for _ in range(3)][2]
+    assert simulated.experiment.true_parameters == third
+    refused = 10**6
+    with pytest.raises(SamplingError, match=r"none of 100 draws from the prior .* bounds"):
+        simulate_from_prior(experiment, priors, seed=4)
+
+
+def test_ranks_count_the_draws_below_the_truth(small_fit: Fit) -> None:
+    truth = small_fit.experiment.true_parameters
+    assert truth is not None
+    draws = small_fit.posterior["posterior"].to_dataset()["maxwell_modulus"].to_numpy().ravel()
+    ranks = rank_truth(small_fit, small_fit.experiment, draws.size)
+    assert ranks["maxwell_modulus"] == int(np.sum(draws < truth["maxwell_modulus"]))
+    assert set(ranks) == {*small_fit.priors.free, "reference_stress", LOG_LIKELIHOOD}
+    high = replace(small_fit.experiment, true_parameters={**truth, "maxwell_modulus": 1e12})
+    ranks = rank_truth(small_fit, high, 50)
+    assert ranks["maxwell_modulus"] == 50
+    assert ranks[LOG_LIKELIHOOD] == 0  # such a modulus fits far worse than any draw
+
+
+def test_templates_must_have_points_and_a_removed_background() -> None:
+    record = load_forced_oscillation(OLIVINE)
+    check_template(record)
+    with pytest.raises(InputError, match=r"'kept', expected 'removed'"):
+        check_template(with_background(record, "kept"))
+    empty = replace(load_constant_rate(ICE / "PIL40.toml"), strain=np.empty(0), stress=np.empty(0))
+    with pytest.raises(InputError, match=r"no data, expected a \[data\] table"):
+        check_template(empty)
+
+
+def test_a_material_without_narrowed_priors_is_calibrated_with_its_own() -> None:
+    assert calibration_priors("dunite") == default_priors("dunite")
+    narrowed = calibration_priors("ice")
+    assert narrowed["stress_exponent"].upper < default_priors("ice")["stress_exponent"].upper
+    assert not any(prior.relative_to_max_stress for prior in narrowed.priors.values())

@@ -15,6 +15,7 @@ from pyburgers.experiment import Provenance
 from pyburgers.figures import figures_for
 from pyburgers.fitting import Fit
 from pyburgers.oscillation import Background
+from pyburgers.prior_influence import THRESHOLDS_TEXT, prior_influence
 from pyburgers.report import write_report
 
 FEW = (
@@ -179,7 +180,36 @@ def test_a_page_without_failures_says_so(fits: list[Fit], passing_page: Page) ->
 def test_a_fit_without_likelihood_says_so(tmp_path: Path) -> None:
     fit = small_fit(tmp_path / "run")
     fit.manifest["use_likelihood"] = False
-    assert "Fitted without the data." in write([fit], tmp_path / "page").text
+    text = write([fit], tmp_path / "page").text
+    assert "Fitted without the data." in text
+    assert "Where the numbers come from" not in text
+
+
+def test_the_page_says_what_prior_and_data_decide(
+    folder: Path, page: Page, fits: list[Fit], tmp_path: Path
+) -> None:
+    assert page.text.count("Where the numbers come from: prior or data?") == len(fits)
+    assert THRESHOLDS_TEXT in page.text
+    for fit in fits:
+        file = folder / "page" / "tables" / f"{fit.experiment.id}_influence.csv"
+        written = pd.read_csv(file, index_col=0)
+        influences = prior_influence(fit.posterior, fit.priors)
+        assert written["origin"].to_dict() == {k: one.origin for k, one in influences.items()}
+        assert written["prior_sensitivity"].to_dict() == {
+            name: pytest.approx(one.prior_sensitivity) for name, one in influences.items()
+        }
+    # A posterior that data have not touched: as wide as its prior, and moved by nothing.
+    untouched = small_fit(tmp_path / "run")
+    draws = untouched.posterior["posterior"].to_dataset()
+    values = (
+        untouched.priors["stress_exponent"]
+        .distribution()
+        .rvs(draws["stress_exponent"].shape, random_state=1)
+    )
+    untouched.posterior["posterior"] = draws.assign(
+        stress_exponent=draws["stress_exponent"].copy(data=values)
+    )
+    assert "This number is your prior: stress exponent" in write([untouched], tmp_path / "p").text
 
 
 def test_the_page_says_how_to_make_everything_again(page: Page, fits: list[Fit]) -> None:

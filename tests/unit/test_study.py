@@ -21,7 +21,12 @@ from pyburgers.forced_oscillation import OscillationExperiment
 from pyburgers.oscillation_response import oscillation_of
 from pyburgers.priors import PriorSet
 from pyburgers.report import ExtraSection, write_report
-from pyburgers.reproduce import reproduce, study_experiments
+from pyburgers.reproduce import (
+    COMBINED_RUN,
+    PEAK_STRESS_TABLE,
+    reproduce,
+    study_experiments,
+)
 from pyburgers.simulation import simulate
 from pyburgers.statements import MICROSTRUCTURE_SENTENCE, SYNTHETIC_SENTENCE
 from pyburgers.study import (
@@ -197,7 +202,7 @@ def test_without_olivine_the_page_has_neither_preparation_nor_its_statements(
 
 
 def test_the_study_fits_every_experiment_and_shows_all_of_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    programs: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     runs: dict[str, Path] = {}
     shown: dict[str, Any] = {}
@@ -209,7 +214,8 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
             treatment = experiment.prepared.background
             assert experiment.id == f"olivine_{treatment}"
             return make_olivine_fit(out, treatment)
-        return make_fit(out, name=experiment.id, draws=100)
+        made = make_fit(out, name=experiment.id, draws=100, command=experiment.id)
+        return replace(made, priors=priors.resolved(8e6))
 
     def written(fits: Sequence[Fit], out: Path, **arguments: object) -> Path:
         shown.update(fits=fits, **arguments)
@@ -218,11 +224,16 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
     monkeypatch.setattr("pyburgers.reproduce.fit", quickly)
     monkeypatch.setattr("pyburgers.reproduce.write_report", written)
     outcome = reproduce("quick", tmp_path, command="make report", report=lambda _: None)
-    assert runs == {name: tmp_path / "runs" / "quick" / name for name in study_experiments()}
+    names = [*study_experiments(), COMBINED_RUN]
+    assert runs == {name: tmp_path / "runs" / "quick" / name for name in names}
+    assert outcome.fits[-1].priors.flow_law is not None
+    assert all(fit.priors.flow_law is None for fit in outcome.fits[:-1])
     assert outcome.page == tmp_path / "index.html"
     for fits in (outcome.fits, shown["fits"]):
         assert [fit.experiment.id for fit in fits] == list(runs)
     assert shown["command"] == "make report"
     keys = [section.key for section in shown["extras"]]
-    assert keys == ["statements", "counterparts", "attenuation", "preparation", "background"]
-    assert list(runs) == ["PIL40", "PIL72", "PIL105", "olivine_removed", "olivine_kept"]
+    of_study = ["statements", "counterparts", "attenuation", "preparation", "background"]
+    assert keys[:6] == [*of_study, "peak_stress"]
+    assert list(runs)[:-1] == ["PIL40", "PIL72", "PIL105", "olivine_removed", "olivine_kept"]
+    assert outcome.peak_stress.data.id == PEAK_STRESS_TABLE

@@ -18,7 +18,7 @@ from pyburgers.experiment import Experiment
 from pyburgers.forced_oscillation import OscillationExperiment
 from pyburgers.harmonics import trend_projection
 from pyburgers.parameters import (
-    PARAMETERS,
+    PROGRAM_PARAMETERS,
     REFERENCE_FLOW_RATE_QUANTITY,
     REFERENCE_QUANTITIES,
     REFERENCE_STRESS_QUANTITY,
@@ -269,7 +269,7 @@ def experiment_block(experiment: ConstantRateExperiment, *, use_likelihood: bool
     }
 
 
-def prior_block(priors: PriorSet, parameters: Sequence[Parameter] = PARAMETERS) -> StanData:
+def prior_block(priors: PriorSet, parameters: Sequence[Parameter] = PROGRAM_PARAMETERS) -> StanData:
     """Return the block `stan/data/priors.stan` for a program's parameters, in its order."""
     ordered: Sequence[Prior] = [priors[parameter.name] for parameter in parameters]
     return {
@@ -282,7 +282,7 @@ def prior_block(priors: PriorSet, parameters: Sequence[Parameter] = PARAMETERS) 
 
 
 def coordinate_block(
-    coordinates: PlainCoordinates, parameters: Sequence[Parameter] = PARAMETERS
+    coordinates: PlainCoordinates, parameters: Sequence[Parameter] = PROGRAM_PARAMETERS
 ) -> StanData:
     """Return the block `stan/data/coordinates.stan` for a program's parameters, in its order."""
     index = {parameter.name: k for k, parameter in enumerate(parameters, start=1)}

@@ -11,31 +11,29 @@
  *
  * v_K and v_d are the rates of the Kelvin element and of the dashpot over the imposed rate; S_0
  * is the reference stress (functions/flow_law.stan) at the rate of the first segment, rate_0.
+ * Where the Kelvin element is a power law (functions/kelvin_element.stan), v_K as given is its
+ * driving stress in the unit eta_K rate, and the rate follows from that; the solver gets this form
+ * only then, because every argument costs it sensitivities.
  */
 
 /**
- * Right-hand side; see the head of this file.
+ * Rate of the dashpot over the imposed rate, v_d.
  *
  * @param strain total strain
- * @param state [y, z]
- * @param stiffness E_M/S_0
- * @param kelvin_fluidity S_0/(eta_K rate)
- * @param kelvin_decay E_K/(eta_K rate), per unit strain
+ * @param scaled_stress y
  * @param grain_size_deficit 1 - d_ss/d_0
  * @param fabric_deficit 1 - F_ss
  * @param inverse_critical_strain_grain_size 1/epsilon_c1
  * @param inverse_critical_strain_fabric 1/epsilon_c2
  * @param log_rate_ratio ln(rate_0/rate)
  */
-vector constant_rate_rhs(real strain, vector state, real stiffness, real kelvin_fluidity,
-                         real kelvin_decay, real stress_exponent, real grain_size_exponent,
-                         real grain_size_deficit, real fabric_deficit,
-                         real inverse_critical_strain_grain_size,
-                         real inverse_critical_strain_fabric, data real log_rate_ratio) {
-  real kelvin_rate = kelvin_fluidity * state[1] - state[2];
+real relative_dashpot_rate(real strain, real scaled_stress, real stress_exponent,
+                           real grain_size_exponent, real grain_size_deficit,
+                           real fabric_deficit, real inverse_critical_strain_grain_size,
+                           real inverse_critical_strain_fabric, data real log_rate_ratio) {
   real dashpot_rate = 0;
-  if (state[1] != 0) {
-    real log_stress = state[1] > 0 ? log(state[1]) : log(-state[1]);
+  if (scaled_stress != 0) {
+    real log_stress = scaled_stress > 0 ? log(scaled_stress) : log(-scaled_stress);
     dashpot_rate = exp(stress_exponent
                        * (log_stress
                           - log_relative_microstructure(strain, fabric_deficit,
@@ -44,10 +42,57 @@ vector constant_rate_rhs(real strain, vector state, real stiffness, real kelvin_
                          * log_relative_microstructure(strain, grain_size_deficit,
                                                        inverse_critical_strain_grain_size)
                        + log_rate_ratio);
-    if (state[1] < 0) {
+    if (scaled_stress < 0) {
       dashpot_rate = -dashpot_rate;
     }
   }
+  return dashpot_rate;
+}
+
+/**
+ * Right-hand side with a linear Kelvin element; see the head of this file.
+ *
+ * @param strain total strain
+ * @param state [y, z]
+ * @param stiffness E_M/S_0
+ * @param kelvin_fluidity S_0/(eta_K rate)
+ * @param kelvin_decay E_K/(eta_K rate), per unit strain
+ * @param stress_exponent and what follows: see relative_dashpot_rate()
+ */
+vector constant_rate_rhs(real strain, vector state, real stiffness, real kelvin_fluidity,
+                         real kelvin_decay, real stress_exponent, real grain_size_exponent,
+                         real grain_size_deficit, real fabric_deficit,
+                         real inverse_critical_strain_grain_size,
+                         real inverse_critical_strain_fabric, data real log_rate_ratio) {
+  real kelvin_rate = kelvin_fluidity * state[1] - state[2];
+  real dashpot_rate = relative_dashpot_rate(strain, state[1], stress_exponent,
+                                            grain_size_exponent, grain_size_deficit,
+                                            fabric_deficit, inverse_critical_strain_grain_size,
+                                            inverse_critical_strain_fabric, log_rate_ratio);
+  return [stiffness * (1 - kelvin_rate - dashpot_rate), kelvin_decay * kelvin_rate]';
+}
+
+/**
+ * Right-hand side with a power-law Kelvin element: as constant_rate_rhs(), and
+ *
+ * @param kelvin_stress_exponent n_K
+ * @param log_kelvin_unit ln(eta_K rate/q_0)
+ */
+vector constant_rate_power_law_kelvin_rhs(real strain, vector state, real stiffness,
+                                          real kelvin_fluidity, real kelvin_decay,
+                                          real stress_exponent, real grain_size_exponent,
+                                          real grain_size_deficit, real fabric_deficit,
+                                          real inverse_critical_strain_grain_size,
+                                          real inverse_critical_strain_fabric,
+                                          data real log_rate_ratio,
+                                          real kelvin_stress_exponent,
+                                          real log_kelvin_unit) {
+  real kelvin_rate = linear_driving_stress(kelvin_fluidity * state[1] - state[2],
+                                           kelvin_stress_exponent, log_kelvin_unit);
+  real dashpot_rate = relative_dashpot_rate(strain, state[1], stress_exponent,
+                                            grain_size_exponent, grain_size_deficit,
+                                            fabric_deficit, inverse_critical_strain_grain_size,
+                                            inverse_critical_strain_fabric, log_rate_ratio);
   return [stiffness * (1 - kelvin_rate - dashpot_rate), kelvin_decay * kelvin_rate]';
 }
 
@@ -56,6 +101,8 @@ vector constant_rate_rhs(real strain, vector state, real stiffness, real kelvin_
  *
  * @param initial_state [y, z] at start_strain
  * @param strain increasing, all greater than start_strain
+ * @param power_law_kelvin 0: the Kelvin element is linear, and n_K and q_0 have no effect
+ * @param kelvin_reference_stress q_0, Pa
  * @return array over strain of [y, z]
  */
 array[] vector constant_rate_segment(vector initial_state, data real start_strain,
@@ -65,8 +112,22 @@ array[] vector constant_rate_segment(vector initial_state, data real start_strai
                                      real kelvin_viscosity, real stress_exponent,
                                      real grain_size_exponent, real grain_size_deficit,
                                      real fabric_deficit, real critical_strain_grain_size,
-                                     real critical_strain_fabric, data real relative_tolerance,
+                                     real critical_strain_fabric, data int power_law_kelvin,
+                                     real kelvin_stress_exponent,
+                                     data real kelvin_reference_stress,
+                                     data real relative_tolerance,
                                      data real absolute_tolerance, data int max_num_steps) {
+  if (power_law_kelvin) {
+    return ode_bdf_tol(constant_rate_power_law_kelvin_rhs, initial_state, start_strain, strain,
+                       relative_tolerance, absolute_tolerance, max_num_steps,
+                       maxwell_modulus / reference_stress,
+                       reference_stress / (kelvin_viscosity * strain_rate),
+                       kelvin_modulus / (kelvin_viscosity * strain_rate), stress_exponent,
+                       grain_size_exponent, grain_size_deficit, fabric_deficit,
+                       1 / critical_strain_grain_size, 1 / critical_strain_fabric,
+                       log_rate_ratio, kelvin_stress_exponent,
+                       log(kelvin_viscosity * strain_rate / kelvin_reference_stress));
+  }
   return ode_bdf_tol(constant_rate_rhs, initial_state, start_strain, strain,
                      relative_tolerance, absolute_tolerance, max_num_steps,
                      maxwell_modulus / reference_stress,
@@ -88,6 +149,8 @@ array[] vector constant_rate_segment(vector initial_state, data real start_strai
  * @param segment_start strain at which each segment starts, the first 0
  * @param segment_rate imposed strain rate of each segment, 1/s
  * @param reference_stress S_0 at the rate of the first segment, Pa
+ * @param kelvin_viscosity eta_K at the temperature of the test, Pa s
+ * @param power_law_kelvin, kelvin_reference_stress see constant_rate_segment()
  * @return array over output strains of [stress (Pa), kelvin strain]
  */
 array[] vector constant_rate_solution(data array[] real strain, data array[] int n_strains_in,
@@ -99,7 +162,9 @@ array[] vector constant_rate_solution(data array[] real strain, data array[] int
                                       real grain_size_exponent, real steady_state_grain_size,
                                       real steady_state_fabric_factor,
                                       real critical_strain_grain_size,
-                                      real critical_strain_fabric,
+                                      real critical_strain_fabric, data int power_law_kelvin,
+                                      real kelvin_stress_exponent,
+                                      data real kelvin_reference_stress,
                                       data real relative_tolerance,
                                       data real absolute_tolerance, data int max_num_steps) {
   real grain_size_deficit = 1 - steady_state_grain_size / initial_grain_size;
@@ -119,7 +184,8 @@ array[] vector constant_rate_solution(data array[] real strain, data array[] int
                                        kelvin_viscosity, stress_exponent, grain_size_exponent,
                                        grain_size_deficit, fabric_deficit,
                                        critical_strain_grain_size, critical_strain_fabric,
-                                       relative_tolerance, absolute_tolerance, max_num_steps);
+                                       power_law_kelvin, kelvin_stress_exponent,
+                                       kelvin_reference_stress, relative_tolerance, absolute_tolerance, max_num_steps);
       } else {
         state[2] *= segment_rate[k - 1] / segment_rate[k];
         scaled = constant_rate_segment(state, segment_start[k], strain[first : last],
@@ -128,7 +194,8 @@ array[] vector constant_rate_solution(data array[] real strain, data array[] int
                                        kelvin_viscosity, stress_exponent, grain_size_exponent,
                                        grain_size_deficit, fabric_deficit,
                                        critical_strain_grain_size, critical_strain_fabric,
-                                       relative_tolerance, absolute_tolerance, max_num_steps);
+                                       power_law_kelvin, kelvin_stress_exponent,
+                                       kelvin_reference_stress, relative_tolerance, absolute_tolerance, max_num_steps);
       }
       for (i in 1 : n_strains_in[k]) {
         solution[first + i - 1] = [reference_stress * scaled[i][1],

@@ -143,11 +143,25 @@ def simulate_data(
     stress = np.interp(experiment.strain, solution["strain"], solution["stress_Pa"])
     simulated = replace(
         experiment,
-        stress=stress + values["stress_noise"] * rng.standard_normal(stress.size),
+        stress=stress + _draw_residuals(experiment.strain, values, rng),
         provenance=Provenance("synthetic", f"pyburgers, {source}"),
         true_parameters=values,
     )
     return simulated, float(solution.attrs[REFERENCE_STRESS])
+
+
+def _draw_residuals(
+    strain: FloatArray, values: Mapping[str, float], rng: np.random.Generator
+) -> FloatArray:
+    """Residuals (Pa), shape (n_points,), as `stan/functions/residuals.stan` describes them."""
+    residual: FloatArray = values["stress_noise"] * rng.standard_normal(strain.size)
+    correlation_strain = values.get("residual_correlation_strain", 0.0)
+    if correlation_strain > 0:
+        step = np.diff(strain) / correlation_strain
+        correlation, spread = np.exp(-step), np.sqrt(-np.expm1(-2 * step))
+        for k in range(1, strain.size):
+            residual[k] = correlation[k - 1] * residual[k - 1] + spread[k - 1] * residual[k]
+    return residual
 
 
 def replicate(

@@ -44,6 +44,7 @@ from pyburgers.simulation import load_parameters, simulate
 from pyburgers.stan_data import SolverOptions
 from pyburgers.tables import checks_table, parameter_table
 from pyburgers.units import UNITS
+from pyburgers.variants import CHOICES, parse_choices, with_variant
 
 EXIT_CHECK_FAILED = 3
 EXIT_INTERRUPTED = 130
@@ -97,6 +98,14 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("experiment", type=Path, metavar="EXPERIMENT.toml")
     command.add_argument("--priors", type=Path, help="prior file (default: the material's)")
     command.add_argument("--out", type=Path, help="run directory (default: runs/ID)")
+    command.add_argument(
+        "--variant",
+        action="append",
+        default=[],
+        metavar="PART=LAW",
+        help="another law for a part of the model, such as kelvin=power_law; may be repeated: "
+        + ", ".join(f"{part}={'|'.join(laws)}" for part, laws in CHOICES.items()),
+    )
     _add_sampler_options(command)
     command.add_argument(
         "--tolerance", type=float, help="of the ODE solver (default: the protocol's)"
@@ -243,8 +252,9 @@ def _priors_for(experiment: Experiment, path: Path | None) -> PriorSet:
 
 
 def _fit(options: argparse.Namespace) -> int:
+    choices = parse_choices(options.variant)
     experiment = load_experiment(options.experiment)
-    priors = _priors_for(experiment, options.priors)
+    priors = with_variant(_priors_for(experiment, options.priors), experiment, choices)
     sampler = SamplerOptions(**{name: getattr(options, name) for name in SAMPLER_OPTIONS})
     for notice in experiment.notices:
         _say(f"note: {notice}")

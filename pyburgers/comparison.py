@@ -110,11 +110,14 @@ class Comparison:
         fits that predict alike they are arbitrary.
     position : DataArray, dimension point
         Where the points lie: strain, or time (s) of an oscillating test.
+    variants : mapping of str to str
+        Variant of the model by name of the fit, as `pyburgers.variants.ModelVariant.short_text`.
     """
 
     results: Mapping[str, LeaveOneOut]
     weights: FloatArray
     position: xr.DataArray
+    variants: Mapping[str, str]
 
     @property
     def reliable(self) -> bool:
@@ -168,6 +171,7 @@ def compare(
         results=ordered,
         weights=stacking_weights(np.array([result.elpd for result in ordered.values()])),
         position=position(next(iter(fits.values())).posterior),
+        variants={name: one.variant.short_text for name, one in fits.items()},
     )
 
 
@@ -323,15 +327,16 @@ def comparison_table(comparison: Comparison) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Index name; columns elpd, se (its standard error), difference (to the best),
-        difference_se, weight, n_effective, high_k (points with a Pareto k above 0.7), left_out
-        (of these, left out in earnest).
+        Index name; columns variant (what differs from the standard model), elpd, se (its standard
+        error), difference (to the best), difference_se, weight, n_effective, high_k (points with a
+        Pareto k above 0.7), left_out (of these, left out in earnest).
     """
     best = next(iter(comparison.results.values()))
     rows = {}
     for (name, result), weight in zip(comparison.results.items(), comparison.weights, strict=True):
         difference, difference_se = elpd_difference(result, best)
         rows[name] = {
+            "variant": comparison.variants[name],
             "elpd": result.total,
             "se": _standard_error(result.elpd),
             "difference": difference,
@@ -398,6 +403,7 @@ def save_comparison(
                 name: {
                     "directory": one.directory.path.name,
                     "fingerprint": one.manifest["fingerprint"],
+                    "variant": one.variant.record(),
                 }
                 for name, one in fits.items()
             },

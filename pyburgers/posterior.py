@@ -37,7 +37,13 @@ from pyburgers.simulation import (
     strain_grid,
     time_grid,
 )
-from pyburgers.stan_data import StanData, reference_quantity, solver_block, with_grid
+from pyburgers.stan_data import (
+    StanData,
+    reference_quantity,
+    solver_block,
+    with_grid,
+    with_standard_variant,
+)
 
 with warnings.catch_warnings():
     # ArviZ 0.23 announces its next major version at import, once a day.
@@ -81,6 +87,9 @@ TIME_VARIABLES = {
 
 GIVEN_OTHERS = "log_lik_given_others"
 """Name in the program for constant rate; empty where residuals are independent."""
+
+CORRELATED = "log_likelihood_given_others"
+"""Group of their densities in labelled draws, which only correlated residuals have."""
 
 PREDICTIONS_PER_CYCLE = 30
 
@@ -128,8 +137,9 @@ def build_posterior(run: RunDirectory, *, report: Callable[[str], None]) -> xr.D
         log_likelihood_given_others (where residuals are correlated; elsewhere the same),
         log_prior, posterior_predictive (at the observed points), predictions (on a grid of
         strains, or times of an oscillating test), posterior_mean_solution, observed_data,
-        constant_data; dimensions chain, draw, point, and strain or time. Stresses of an oscillating test are without trend where its background is
-        removed, save that of posterior_mean_solution.
+        constant_data; dimensions chain, draw, point, and strain or time. Stresses of an
+        oscillating test are without trend where its background is removed, save that of
+        posterior_mean_solution.
     """
     experiment = load_experiment(run.experiment_file)
     priors = load_priors(run.priors_file)
@@ -192,7 +202,7 @@ def _given_others(
         return {}
     densities = fit.draws_xr([GIVEN_OTHERS])[GIVEN_OTHERS]
     return {
-        "log_likelihood_given_others": xr.Dataset(
+        CORRELATED: xr.Dataset(
             {"stress": densities.rename({f"{GIVEN_OTHERS}_dim_0": "point"})}
         ).assign_coords(chains)
     }
@@ -217,8 +227,7 @@ def pointwise_log_density(posterior: xr.DataTree) -> xr.DataArray:
     -------
     DataArray, dimensions chain, draw, point
     """
-    group = "log_likelihood_given_others"
-    densities = posterior[group if group in posterior.children else "log_likelihood"]
+    densities = posterior[CORRELATED if CORRELATED in posterior.children else "log_likelihood"]
     (pointwise,) = densities.to_dataset().data_vars.values()
     return pointwise
 
@@ -286,7 +295,7 @@ def _reference_solution(
     A draw that has no solution there has NaN.
     """
     data = {
-        **json.loads(run.stan_data_file.read_text(encoding="utf-8")),
+        **with_standard_variant(json.loads(run.stan_data_file.read_text(encoding="utf-8"))),
         **solver_block(REFERENCE_SOLVER),
     }
     data = with_grid(data, experiment, prediction_grid(experiment))

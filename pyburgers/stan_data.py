@@ -281,6 +281,19 @@ def prior_block(priors: PriorSet, parameters: Sequence[Parameter] = PROGRAM_PARA
     }
 
 
+def with_standard_variant(data: StanData) -> StanData:
+    """Add to the data of a run what programs without variants did not ask for.
+
+    Parameters
+    ----------
+    data : dict
+        Data of a curve's program, of this or an earlier version.
+    """
+    missing = PROGRAM_PARAMETERS[len(data["prior_family"]) :]
+    added = prior_block(PriorSet("", "", {}, ""), missing)
+    return {**data, **{name: [*data[name], *values] for name, values in added.items()}}
+
+
 def coordinate_block(
     coordinates: PlainCoordinates, parameters: Sequence[Parameter] = PROGRAM_PARAMETERS
 ) -> StanData:

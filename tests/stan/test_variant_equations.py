@@ -111,7 +111,11 @@ def test_oscillating_test_with_a_power_law_kelvin_element_agrees_with_scipy() ->
     prepared = twin.prepared
     assert prepared.background == "removed"
     imposed = oracle.OscillatingStrain(
-        prepared.period, prepared.strain_sine, prepared.strain_cosine, (0.0,), prepared.start
+        prepared.period,
+        prepared.strain_sine.tolist(),
+        prepared.strain_cosine.tolist(),
+        (0.0,),
+        prepared.start,
     )
     time = prepared.start + np.linspace(20.0, 900.0, 45)
     solution = simulate(twin, parameters, at=time)

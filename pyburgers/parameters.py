@@ -131,6 +131,15 @@ VARIANT_PARAMETERS: tuple[Parameter, ...] = (
         "fraction",
         standard=0.0,
     ),
+    Parameter(
+        "piezometer_reference_grain_size",
+        r"d_1",
+        "grain size of the piezometer at 1 MPa",
+        "length",
+        "m",
+        "mm",
+        standard=0.0,
+    ),
 )
 """Parameters of variants (`docs/variants.md`), which a prior file may name."""
 
@@ -141,6 +150,11 @@ STANDARD_VALUES: Mapping[str, float] = MappingProxyType(
 
 PROGRAM_PARAMETERS: tuple[Parameter, ...] = (*PARAMETERS, *VARIANT_PARAMETERS)
 """The parameter vector of the Stan programs for curves."""
+
+CONSTANTS = frozenset(
+    {"kelvin_reference_stress", "kelvin_reference_temperature", "piezometer_reference_grain_size"}
+)
+"""Parameters that are never inferred."""
 
 KELVIN_REFERENCES: Mapping[str, str] = MappingProxyType(
     {

@@ -18,6 +18,7 @@ from scipy import stats
 
 from pyburgers.errors import InputError
 from pyburgers.parameters import (
+    CONSTANTS,
     KELVIN_REFERENCES,
     PARAMETER_BY_NAME,
     PARAMETERS,
@@ -50,7 +51,12 @@ OPTIONAL_KEYS: Mapping[str, tuple[str, ...]] = MappingProxyType({"normal": ("low
 """Number keys of each family; no other is allowed."""
 
 MAY_BE_ZERO = frozenset(
-    {"grain_size_exponent", "kelvin_activation_enthalpy", "residual_correlation_strain"}
+    {
+        "grain_size_exponent",
+        "kelvin_activation_enthalpy",
+        "residual_correlation_strain",
+        "piezometer_reference_grain_size",
+    }
 )
 """Parameters that may be fixed at zero."""
 
@@ -470,10 +476,10 @@ def _check_prior(where: str, prior: Prior) -> None:
         )
     if prior.parameter not in UNSIGNED:
         _check_sign(where, prior)
-    if prior.parameter in KELVIN_REFERENCES.values() and not prior.is_fixed:
+    if prior.parameter in CONSTANTS and not prior.is_fixed:
         raise InputError(
             f"{where}: key 'family': found {prior.family!r}, expected 'fixed' because the number "
-            "only says what the Kelvin viscosity is given for."
+            "is a constant of the model."
         )
     if prior.parameter == "kelvin_stress_exponent":
         least = prior.location if prior.is_fixed else prior.lower

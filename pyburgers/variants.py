@@ -40,6 +40,9 @@ NO_EVOLUTION = 1e9
 WITHOUT_EFFECT = 1.0
 """Critical strain where the microstructure is in its steady state from the start."""
 
+PIEZOMETER_GRAIN_SIZE = 0.015
+"""Grain size (m) at 1 MPa of the piezometer of olivine (Eq. 5 of the paper)."""
+
 
 @dataclass(frozen=True)
 class ModelVariant:
@@ -52,8 +55,8 @@ class ModelVariant:
     maxwell : {"power_law", "linear"}
         Dashpot of the Maxwell element.
     grain_size : {"evolving", "constant", "piezometric"}
-        Evolving towards a steady-state size, constant, or evolving towards the size that a
-        piezometer wants (oscillating tests).
+        Evolving towards a steady-state size, constant, or evolving towards the size that the
+        piezometer of olivine wants, as it always does in oscillating tests.
     fabric : {"evolving", "constant"}
         Crystal fabric; oscillating tests have a constant one.
     residuals : {"independent", "autocorrelated"}
@@ -186,8 +189,14 @@ def check_variant(priors: PriorSet, experiment: Experiment) -> None:
     ------
     InputError
         If residuals are to correlate along strain in an oscillating test, or where two points
-        have the same strain.
+        have the same strain, or if an oscillating test is to have another piezometer.
     """
+    given = priors["piezometer_reference_grain_size"]
+    if isinstance(experiment, OscillationExperiment) and not is_fixed_at(given, 0.0):
+        raise InputError(
+            f"{experiment.id}: found a prior of piezometer_reference_grain_size, expected none "
+            "because oscillating tests have the piezometer of Eq. 5 of the paper."
+        )
     if variant_of(priors, experiment).residuals == "independent":
         return
     if not isinstance(experiment, ConstantRateExperiment):
@@ -219,6 +228,8 @@ def _grain_size_law(
     if isinstance(experiment, OscillationExperiment):
         frozen = is_fixed_at(priors["critical_strain_grain_size"], NO_EVOLUTION)
         return "constant" if frozen else "piezometric"
+    if not is_fixed_at(priors["piezometer_reference_grain_size"], 0.0):
+        return "piezometric"
     size = experiment.initial_grain_size
     return "constant" if is_fixed_at(priors["steady_state_grain_size"], size) else "evolving"
 
@@ -286,15 +297,23 @@ def _choose_maxwell(priors: PriorSet, experiment: Experiment, choice: str) -> Pr
 
 
 def _choose_grain_size(priors: PriorSet, experiment: Experiment, choice: str) -> PriorSet:
-    if choice != "constant":
-        return priors
+    name, source = "piezometer_reference_grain_size", f"grain_size={choice}"
     if isinstance(experiment, OscillationExperiment):
-        critical = _fixed("critical_strain_grain_size", NO_EVOLUTION, "grain_size=constant")
-        return _exchanged(priors, critical)
+        critical = _fixed("critical_strain_grain_size", NO_EVOLUTION, source)
+        return _exchanged(priors, critical) if choice == "constant" else priors
+    has_none = is_fixed_at(priors[name], 0.0)
+    if choice == "evolving":
+        return priors if has_none else _exchanged(priors, _fixed(name, 0.0, source))
+    start = _fixed("steady_state_grain_size", experiment.initial_grain_size, source)
+    if choice == "piezometric":
+        # The steady-state size has no effect then.
+        law = _fixed(name, PIEZOMETER_GRAIN_SIZE, source) if has_none else priors[name]
+        return _exchanged(priors, start, law)
     return _exchanged(
         priors,
-        _fixed("steady_state_grain_size", experiment.initial_grain_size, "grain_size=constant"),
-        _fixed("critical_strain_grain_size", WITHOUT_EFFECT, "grain_size=constant"),
+        start,
+        _fixed("critical_strain_grain_size", WITHOUT_EFFECT, source),
+        *(() if has_none else (_fixed(name, 0.0, source),)),
     )
 
 

@@ -31,6 +31,9 @@ data {
 transformed data {
   // The Kelvin element is linear where n_K is fixed at 1.
   int power_law_kelvin = prior_family[13] != 0 || prior_location[13] != 1;
+  // Above 0 where the grain size follows a piezometer.
+  real relative_piezometer = prior_location[18] / initial_grain_size;
+  int n_states = relative_piezometer > 0 ? 3 : 2;
   // Residuals are independent where their correlation strain is fixed at 0.
   int correlated_residuals = prior_family[17] != 0 || prior_location[17] != 0;
   vector[n_points] point_strain;
@@ -88,6 +91,7 @@ transformed parameters {
   real kelvin_reference_stress = prior_location[15];
   real kelvin_reference_temperature = prior_location[16];
   real residual_correlation_strain;
+  real piezometer_reference_grain_size = prior_location[18];
   real reference_stress; // S_0 at the rate of the first segment, Pa
   real kelvin_viscosity_here; // eta_K at the temperature of the test, Pa s
   real lprior; // log density of the priors on the physical parameters
@@ -138,12 +142,12 @@ transformed parameters {
 model {
   target += lprior + log_jacobian;
   if (use_likelihood) {
-    array[n_strains] vector[2] solution = constant_rate_solution(strain, n_strains_in_segment,
+    array[n_strains] vector[n_states] solution = constant_rate_solution(strain, n_strains_in_segment,
       segment_start, segment_rate, initial_grain_size, reference_stress, maxwell_modulus,
       kelvin_modulus, kelvin_viscosity_here, stress_exponent, grain_size_exponent,
       steady_state_grain_size, steady_state_fabric_factor, critical_strain_grain_size,
       critical_strain_fabric, power_law_kelvin, kelvin_stress_exponent, prior_location[15],
-      relative_tolerance, absolute_tolerance, max_num_steps);
+      relative_piezometer, relative_tolerance, absolute_tolerance, max_num_steps);
     vector[n_points] stress_model;
     for (i in 1 : n_points) {
       stress_model[i] = solution[strain_of_point[i]][1];
@@ -173,12 +177,12 @@ generated quantities {
   vector[n_grid] grid_grain_size_softening;
   vector[n_grid] grid_fabric_softening;
   {
-    array[n_strains] vector[2] solution = constant_rate_solution(strain, n_strains_in_segment,
+    array[n_strains] vector[n_states] solution = constant_rate_solution(strain, n_strains_in_segment,
       segment_start, segment_rate, initial_grain_size, reference_stress, maxwell_modulus,
       kelvin_modulus, kelvin_viscosity_here, stress_exponent, grain_size_exponent,
       steady_state_grain_size, steady_state_fabric_factor, critical_strain_grain_size,
       critical_strain_fabric, power_law_kelvin, kelvin_stress_exponent, prior_location[15],
-      relative_tolerance, absolute_tolerance, max_num_steps);
+      relative_piezometer, relative_tolerance, absolute_tolerance, max_num_steps);
     for (i in 1 : n_points) {
       stress_model[i] = solution[strain_of_point[i]][1];
     }
@@ -198,12 +202,12 @@ generated quantities {
     }
   }
   {
-    array[n_grid] vector[2] solution = constant_rate_solution(grid_strain, n_grid_in_segment,
+    array[n_grid] vector[n_states] solution = constant_rate_solution(grid_strain, n_grid_in_segment,
       segment_start, segment_rate, initial_grain_size, reference_stress, maxwell_modulus,
       kelvin_modulus, kelvin_viscosity_here, stress_exponent, grain_size_exponent,
       steady_state_grain_size, steady_state_fabric_factor, critical_strain_grain_size,
       critical_strain_fabric, power_law_kelvin, kelvin_stress_exponent, prior_location[15],
-      relative_tolerance, absolute_tolerance, max_num_steps);
+      relative_piezometer, relative_tolerance, absolute_tolerance, max_num_steps);
     real log_factor = log_rate_factor(activation_enthalpy, beta, temperature);
     int k = 1; // segment of the grid point
     int n_before = n_grid_in_segment[1]; // grid points up to the end of segment k
@@ -214,9 +218,11 @@ generated quantities {
       }
       grid_stress[i] = solution[i][1];
       grid_kelvin_strain[i] = solution[i][2];
-      grid_grain_size[i] = microstructure_at(grid_strain[i], initial_grain_size,
-                                             steady_state_grain_size,
-                                             critical_strain_grain_size);
+      grid_grain_size[i] = relative_piezometer > 0
+                           ? solution[i][3]
+                           : microstructure_at(grid_strain[i], initial_grain_size,
+                                               steady_state_grain_size,
+                                               critical_strain_grain_size);
       grid_fabric_factor[i] = microstructure_at(grid_strain[i], 1, steady_state_fabric_factor,
                                                 critical_strain_fabric);
       grid_dashpot_share[i] = dashpot_strain_rate(grid_stress[i], grid_grain_size[i],
@@ -231,10 +237,8 @@ generated quantities {
                                                         kelvin_stress_exponent,
                                                         -log(prior_location[15]))
                                   / (kelvin_viscosity_here * segment_rate[k]));
-      grid_grain_size_softening[i] = strength_factor(grid_strain[i], initial_grain_size,
-                                                     steady_state_grain_size,
-                                                     critical_strain_grain_size,
-                                                     grain_size_exponent / stress_exponent);
+      grid_grain_size_softening[i] = pow(grid_grain_size[i] / initial_grain_size,
+                                         grain_size_exponent / stress_exponent);
       grid_fabric_softening[i] = strength_factor(grid_strain[i], 1, steady_state_fabric_factor,
                                                  critical_strain_fabric, 1);
     }

@@ -70,6 +70,7 @@ transformed parameters {
   real kelvin_reference_stress = prior_location[15];
   real kelvin_reference_temperature = prior_location[16];
   real residual_correlation_strain;
+  real piezometer_reference_grain_size = prior_location[18];
   real reference_flow_rate; // of the dashpot at the stress stress_scale and d_0, 1/s
   real kelvin_viscosity_here; // eta_K at the temperature of the test, Pa s
   real lprior; // log density of the priors on the physical parameters

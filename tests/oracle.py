@@ -63,6 +63,14 @@ def kelvin_rate(
     return float(rate)
 
 
+def wanted_grain_size(parameters: Mapping[str, float], stress: float) -> float:
+    """Grain size (m) that grains evolve to: d_ss, or that of a piezometer."""
+    at_one_megapascal = parameters.get("piezometer_reference_grain_size", 0.0)
+    if at_one_megapascal == 0.0:
+        return parameters["steady_state_grain_size"]
+    return piezometer(stress) * at_one_megapascal / 0.015
+
+
 def six_states(
     parameters: Mapping[str, float],
     temperature: float,
@@ -97,7 +105,7 @@ def six_states(
                 elastic,
                 dashpot,
                 strain_rate
-                * (parameters["steady_state_grain_size"] - grain_size)
+                * (wanted_grain_size(parameters, stress) - grain_size)
                 / parameters["critical_strain_grain_size"],
                 strain_rate
                 * (parameters["steady_state_fabric_factor"] - fabric)

@@ -21,8 +21,9 @@
  * 15 kelvin_reference_stress      q_0    Pa, always fixed
  * 16 kelvin_reference_temperature T_0    K, always fixed
  * 17 residual_correlation_strain  epsilon_r
+ * 18 piezometer_reference_grain_size d_1    m, always fixed
  */
 
 int n_parameters() {
-  return 17;
+  return 18;
 }

@@ -1,14 +1,15 @@
 """Data made by one variant of the model are attributed to it, where experts would see it too.
 
-What can be seen in a curve of 100 readings with noise of 1.2 % of its peak: a Kelvin dashpot with
-n_K = 3 against a linear one, a linear Maxwell dashpot against n near 4, fabric that lowers strength
-to a third against none, residuals that correlate over 2 % strain against independent ones. What
-cannot: which of grain size and fabric softens the material a little (docs/coordinates.md), or a
-simple law inside a richer one that contains it, which then predicts alike.
+What can be seen in about 100 readings with noise of 1.2 % of the peak: a Kelvin dashpot of n_K = 3
+against a linear one where the rate steps down and up by two decades, a linear Maxwell dashpot
+against n near 4, fabric that lowers strength to a third against none, residuals that correlate over
+2 % strain against independent ones. What cannot: n_K at a single rate, where another linear element
+fits as well, which of grain size and fabric softens the material a little (docs/coordinates.md), or
+a simple law inside a richer one that contains it, which then predicts alike.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -17,15 +18,22 @@ import pytest
 from conftest import ICE
 
 from pyburgers.calibration import simulate_data
-from pyburgers.comparison import compare, comparison_table, elpd_difference, sentences
-from pyburgers.constant_rate import load_constant_rate
+from pyburgers.comparison import (
+    CLEAR,
+    NO_DIFFERENCE,
+    compare,
+    comparison_table,
+    elpd_difference,
+    sentences,
+)
+from pyburgers.constant_rate import ConstantRateExperiment, RateSegment, load_constant_rate
 from pyburgers.fitting import fit
 from pyburgers.priors import default_priors
 from pyburgers.sampling import SamplerOptions
 from pyburgers.variants import with_variant
 
 SEEDS = range(1, 11)
-OPTIONS = SamplerOptions(chains=2, warmup=300, draws=500)
+OPTIONS = SamplerOptions(chains=2, warmup=250, draws=250, adapt_delta=0.9)
 
 TRUTH: Mapping[str, float] = MappingProxyType(
     dict(load_constant_rate(ICE / "PIL40.toml").true_parameters or {})
@@ -42,11 +50,28 @@ class Contrast:
         Choices of variants.
     truth
         True parameters (SI) other than those of PIL40.
+    stepped
+        Whether the rate steps; else it is that of PIL40.
     """
 
     made_by: Mapping[str, str]
     rival: Mapping[str, str]
     truth: Mapping[str, float]
+    stepped: bool = False
+
+
+def stepped_test() -> ConstantRateExperiment:
+    """Return PIL40 with steps of the rate by two decades, read densely after each."""
+    rates = {0.0: 1.69e-4, 0.05: 2e-6, 0.1: 1.69e-4}
+    shape = np.union1d(np.geomspace(5e-3, 1.0, 20), np.linspace(0.0, 1.0, 21)[1:])
+    strain = np.concatenate([start + 0.05 * shape for start in rates])
+    return replace(
+        load_constant_rate(ICE / "PIL40.toml"),
+        segments=tuple(RateSegment(start, rate) for start, rate in rates.items()),
+        strain=strain,
+        stress=np.zeros_like(strain),
+        final_strain=0.15,
+    )
 
 
 def linear_beta() -> float:
@@ -66,11 +91,12 @@ CONTRASTS = {
         NONLINEAR_KELVIN,
         STANDARD,
         {"kelvin_stress_exponent": 3.0, "kelvin_reference_stress": 2e6},
+        stepped=True,
     ),
     "Maxwell n = 1, not 4": Contrast(
         LINEAR_MAXWELL,
         STANDARD,
-        {"stress_exponent": 1.0, "beta": linear_beta(), "grain_size_exponent": 0.3},
+        {"stress_exponent": 1.0, "beta": linear_beta()},
     ),
     "Maxwell n = 4, not 1": Contrast(STANDARD, LINEAR_MAXWELL, {}),
     "strong fabric, not none": Contrast(
@@ -85,9 +111,8 @@ CONTRASTS = {
 def lead(contrast: Contrast, seed: int, folder: Path) -> tuple[float, float]:
     """Elpd of the fit with the law behind the data less that of the rival, and its error."""
     truth = {**TRUTH, **contrast.truth}
-    data, _ = simulate_data(
-        load_constant_rate(ICE / "PIL40.toml"), truth, np.random.default_rng(seed), source="test"
-    )
+    protocol = stepped_test() if contrast.stepped else load_constant_rate(ICE / "PIL40.toml")
+    data, _ = simulate_data(protocol, truth, np.random.default_rng(seed), source="test")
     fits = {
         name: fit(
             data,
@@ -110,4 +135,5 @@ def test_data_are_attributed_to_the_variant_behind_them(
     leads = [lead(CONTRASTS[name], seed, tmp_path / str(seed)) for seed in SEEDS]
     for seed, (difference, error) in zip(SEEDS, leads, strict=True):
         print(f"{name}, seed {seed}: {difference:.1f} +- {error:.1f}")
-    assert sum(difference > 0 for difference, _ in leads) >= 9
+    clear = [difference > max(NO_DIFFERENCE, CLEAR * error) for difference, error in leads]
+    assert sum(clear) >= 9

@@ -89,6 +89,31 @@ def test_power_law_tends_to_the_linear_element() -> None:
     np.testing.assert_allclose(power_law["stress_Pa"], linear["stress_Pa"], rtol=1e-8)
 
 
+@pytest.mark.parametrize("exponent", [1.0, 3.0])
+@pytest.mark.parametrize(
+    "segments", [((0.0, 1e-6),), ((0.0, 1e-4), (0.03, 2e-5), (0.0501, 3e-4))], ids=["one", "steps"]
+)
+def test_piezometric_grain_size_agrees_with_scipy(
+    segments: tuple[tuple[float, float], ...], exponent: float
+) -> None:
+    piezometer = {"piezometer_reference_grain_size": 2e-3, "kelvin_stress_exponent": exponent}
+    parameters = truth() | POWER_LAW | piezometer
+    strain = np.union1d(STRAIN, [start for start, _ in segments[1:]])
+    solution = simulate(protocol_at(260.0, segments), parameters, at=strain)
+    independent = oracle.six_states(parameters, 260.0, 230e-6, segments, strain)
+    np.testing.assert_allclose(solution["stress_Pa"], independent[0], rtol=1e-5)
+    np.testing.assert_allclose(solution["kelvin_strain"], independent[1], rtol=1e-5, atol=1e-10)
+    np.testing.assert_allclose(solution["grain_size_m"], independent[4], rtol=1e-5)
+
+
+def test_piezometric_grain_size_settles_at_that_of_the_stress() -> None:
+    test = replace(protocol_at(260.0, ((0.0, 1e-4),)), final_strain=3.0)
+    parameters = truth() | {"piezometer_reference_grain_size": 2e-3}
+    end = simulate(test, parameters, at=np.array([3.0])).iloc[-1]
+    wanted = oracle.piezometer(end["stress_Pa"]) * 2e-3 / 0.015
+    assert end["grain_size_m"] == pytest.approx(wanted, rel=1e-6)
+
+
 def test_stress_slope_is_that_of_the_solution() -> None:
     test = protocol_at(250.0, ((0.0, 1e-4),))
     strain = np.linspace(0.01, 0.1, 2001)

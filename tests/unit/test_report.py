@@ -182,6 +182,12 @@ def test_a_fit_without_likelihood_says_so(tmp_path: Path) -> None:
     assert "Fitted without the data." in write([fit], tmp_path / "page").text
 
 
+def test_the_page_names_the_laws_of_the_model(page: Page, shown: Page) -> None:
+    for text in ("Kelvin dashpot linear", "grain size evolving", "residuals independent"):
+        assert text in page.text
+    assert "grain size piezometric, fabric constant" in shown.text
+
+
 def test_the_page_says_how_to_make_everything_again(page: Page, fits: list[Fit]) -> None:
     assert COMMAND in page.text
     manifest = fits[0].manifest

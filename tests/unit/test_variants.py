@@ -63,8 +63,8 @@ def test_no_choice_changes_nothing(ice: ConstantRateExperiment, priors: PriorSet
     assert with_variant(priors, ice, standard) == priors
     assert ModelVariant().short_text == "standard"
     data = program_data(ice, priors.resolved(1e7), solver=SolverOptions())
-    assert data["prior_family"][len(PARAMETERS) :] == [0] * 5
-    assert data["prior_location"][len(PARAMETERS) :] == [1.0, 0.0, 1e6, 273.15, 0.0]
+    assert data["prior_family"][len(PARAMETERS) :] == [0] * 6
+    assert data["prior_location"][len(PARAMETERS) :] == [1.0, 0.0, 1e6, 273.15, 0.0, 0.0]
     assert max(data["parameter_of_coordinate"]) == len(PARAMETERS)
 
 
@@ -112,6 +112,20 @@ def test_constant_microstructure_is_that_of_the_start(
         "critical_strain_grain_size",
         "critical_strain_fabric",
     }
+
+
+def test_grain_size_may_follow_a_piezometer(ice: ConstantRateExperiment, priors: PriorSet) -> None:
+    changed = with_variant(priors, ice, {"grain_size": "piezometric"})
+    assert variant_of(changed, ice).short_text == "grain_size=piezometric"
+    assert changed["piezometer_reference_grain_size"].location == 0.015
+    assert set(priors.free) - set(changed.free) == {"steady_state_grain_size"}
+    constant = with_variant(changed, ice, {"grain_size": "constant"})
+    assert variant_of(constant, ice).grain_size == "constant"
+    twin = load_experiment(OLIVINE)
+    with pytest.raises(
+        InputError, match="found a prior of piezometer_reference_grain_size, expected none"
+    ):
+        check_variant(changed, twin)
 
 
 def test_a_linear_maxwell_dashpot_keeps_the_prior_of_its_rate_at_the_largest_stress(
@@ -179,8 +193,9 @@ def test_priors_without_a_law_cannot_follow_it(
     linear = with_fixed(priors, {"stress_exponent": 1.0})
     with pytest.raises(InputError, match=r"maxwell=power_law does not go .*\(maxwell is linear"):
         with_variant(linear, ice, {"maxwell": "power_law"})
-    with pytest.raises(InputError, match="grain_size=piezometric does not go with"):
-        with_variant(priors, ice, {"grain_size": "piezometric"})
+    constant = with_variant(priors, ice, {"fabric": "constant"})
+    with pytest.raises(InputError, match=r"fabric=evolving does not go .*\(fabric is constant"):
+        with_variant(constant, ice, {"fabric": "evolving"})
 
 
 def test_correlated_residuals_need_different_strains(
@@ -209,6 +224,7 @@ VARIANT_TABLES = {
     "kelvin_reference_stress": '"fixed"\nvalue = 2.0\nunit = "MPa"',
     "kelvin_reference_temperature": '"fixed"\nvalue = 260.0\nunit = "K"',
     "residual_correlation_strain": '"lognormal"\nlocation = 1.0\nscale = 1.0\nunit = "percent"',
+    "piezometer_reference_grain_size": '"fixed"\nvalue = 2.0\nunit = "mm"',
 }
 
 

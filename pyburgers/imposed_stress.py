@@ -161,6 +161,9 @@ def simulated_phase_lag(
 ) -> PhaseLag:
     """Simulate settled cycles and read the phase lag off the record, as of a measured one.
 
+    A power-law Kelvin element settles more slowly than `settled_times` allows for; simulate longer
+    with `simulate_imposed_stress` there.
+
     Parameters
     ----------
     parameters, regime, frequency, temperature, grain_size, fabric_factor, report

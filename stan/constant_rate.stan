@@ -142,12 +142,13 @@ transformed parameters {
 model {
   target += lprior + log_jacobian;
   if (use_likelihood) {
-    array[n_strains] vector[n_states] solution = constant_rate_solution(strain, n_strains_in_segment,
-      segment_start, segment_rate, initial_grain_size, reference_stress, maxwell_modulus,
-      kelvin_modulus, kelvin_viscosity_here, stress_exponent, grain_size_exponent,
-      steady_state_grain_size, steady_state_fabric_factor, critical_strain_grain_size,
-      critical_strain_fabric, power_law_kelvin, kelvin_stress_exponent, prior_location[15],
-      relative_piezometer, relative_tolerance, absolute_tolerance, max_num_steps);
+    array[n_strains] vector[n_states] solution = constant_rate_solution(
+      strain, n_strains_in_segment, segment_start, segment_rate, initial_grain_size,
+      reference_stress, maxwell_modulus, kelvin_modulus, kelvin_viscosity_here,
+      stress_exponent, grain_size_exponent, steady_state_grain_size,
+      steady_state_fabric_factor, critical_strain_grain_size, critical_strain_fabric,
+      power_law_kelvin, kelvin_stress_exponent, prior_location[15], relative_piezometer,
+      relative_tolerance, absolute_tolerance, max_num_steps);
     vector[n_points] stress_model;
     for (i in 1 : n_points) {
       stress_model[i] = solution[strain_of_point[i]][1];
@@ -177,12 +178,13 @@ generated quantities {
   vector[n_grid] grid_grain_size_softening;
   vector[n_grid] grid_fabric_softening;
   {
-    array[n_strains] vector[n_states] solution = constant_rate_solution(strain, n_strains_in_segment,
-      segment_start, segment_rate, initial_grain_size, reference_stress, maxwell_modulus,
-      kelvin_modulus, kelvin_viscosity_here, stress_exponent, grain_size_exponent,
-      steady_state_grain_size, steady_state_fabric_factor, critical_strain_grain_size,
-      critical_strain_fabric, power_law_kelvin, kelvin_stress_exponent, prior_location[15],
-      relative_piezometer, relative_tolerance, absolute_tolerance, max_num_steps);
+    array[n_strains] vector[n_states] solution = constant_rate_solution(
+      strain, n_strains_in_segment, segment_start, segment_rate, initial_grain_size,
+      reference_stress, maxwell_modulus, kelvin_modulus, kelvin_viscosity_here,
+      stress_exponent, grain_size_exponent, steady_state_grain_size,
+      steady_state_fabric_factor, critical_strain_grain_size, critical_strain_fabric,
+      power_law_kelvin, kelvin_stress_exponent, prior_location[15], relative_piezometer,
+      relative_tolerance, absolute_tolerance, max_num_steps);
     for (i in 1 : n_points) {
       stress_model[i] = solution[strain_of_point[i]][1];
     }
@@ -202,12 +204,13 @@ generated quantities {
     }
   }
   {
-    array[n_grid] vector[n_states] solution = constant_rate_solution(grid_strain, n_grid_in_segment,
-      segment_start, segment_rate, initial_grain_size, reference_stress, maxwell_modulus,
-      kelvin_modulus, kelvin_viscosity_here, stress_exponent, grain_size_exponent,
-      steady_state_grain_size, steady_state_fabric_factor, critical_strain_grain_size,
-      critical_strain_fabric, power_law_kelvin, kelvin_stress_exponent, prior_location[15],
-      relative_piezometer, relative_tolerance, absolute_tolerance, max_num_steps);
+    array[n_grid] vector[n_states] solution = constant_rate_solution(
+      grid_strain, n_grid_in_segment, segment_start, segment_rate, initial_grain_size,
+      reference_stress, maxwell_modulus, kelvin_modulus, kelvin_viscosity_here,
+      stress_exponent, grain_size_exponent, steady_state_grain_size,
+      steady_state_fabric_factor, critical_strain_grain_size, critical_strain_fabric,
+      power_law_kelvin, kelvin_stress_exponent, prior_location[15], relative_piezometer,
+      relative_tolerance, absolute_tolerance, max_num_steps);
     real log_factor = log_rate_factor(activation_enthalpy, beta, temperature);
     int k = 1; // segment of the grid point
     int n_before = n_grid_in_segment[1]; // grid points up to the end of segment k

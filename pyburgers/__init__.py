@@ -15,6 +15,7 @@ from pyburgers.priors import PriorSet, default_priors, load_priors, with_flow_la
 from pyburgers.sampling import SamplerOptions
 from pyburgers.simulation import load_parameters, simulate
 from pyburgers.stan_data import SolverOptions
+from pyburgers.variants import ModelVariant, variant_of, with_variant
 
 __all__ = [
     "Comparison",
@@ -22,6 +23,7 @@ __all__ = [
     "Experiment",
     "Fit",
     "InputError",
+    "ModelVariant",
     "OscillationExperiment",
     "PeakStressData",
     "PeakStressFit",
@@ -46,5 +48,7 @@ __all__ = [
     "load_priors",
     "predict_attenuation",
     "simulate",
+    "variant_of",
     "with_flow_law",
+    "with_variant",
 ]

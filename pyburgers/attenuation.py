@@ -33,6 +33,7 @@ import xarray as xr
 from pyburgers.display import LENGTH_FACTOR, LENGTH_UNIT, STRESS_FACTOR, STRESS_UNIT, number
 from pyburgers.errors import InputError
 from pyburgers.fitting import Fit
+from pyburgers.parameters import KELVIN_REFERENCES, STANDARD_VALUES
 from pyburgers.run_directory import write_atomically
 from pyburgers.units import UNITS
 
@@ -176,7 +177,8 @@ def attenuation_spectrum(
     ----------
     parameters : mapping of str to array
         Draws of `PARAMETER_NAMES` (SI), all of one shape: ``()``, ``(draw,)`` or
-        ``(chain, draw)``; other names are ignored.
+        ``(chain, draw)``; other names are ignored, save those of a Kelvin element that is not
+        linear, which are refused.
     frequencies : array, shape (n_frequencies,)
         Hz, positive.
     regimes : sequence of Regime
@@ -199,8 +201,10 @@ def attenuation_spectrum(
     Raises
     ------
     InputError
-        If a parameter is missing, shapes differ, or a frequency or condition is out of range.
+        If a parameter is missing, shapes differ, the Kelvin element is not linear, or a frequency
+        or condition is out of range.
     """
+    _require_linear_kelvin_element(parameters)
     draws, size, fabric = checked_inputs(parameters, temperature, grain_size, fabric_factor)
     frequency = checked_frequencies(frequencies)
     fluidity = _dashpot_fluidity(draws, regimes, temperature, size, fabric)
@@ -240,6 +244,17 @@ def attenuation_spectrum(
     )
 
 
+def _require_linear_kelvin_element(parameters: Mapping[str, npt.ArrayLike]) -> None:
+    """Refuse what has no closed form; a linear viscosity of all temperatures is taken as one."""
+    for name in KELVIN_REFERENCES:
+        if np.any(np.asarray(parameters.get(name, STANDARD_VALUES[name])) != STANDARD_VALUES[name]):
+            raise InputError(
+                f"{name}: found values other than {STANDARD_VALUES[name]:g}, expected a linear "
+                "Kelvin element of one viscosity because the spectrum in closed form needs it; "
+                "pyburgers.imposed_stress simulates the cycles of any other."
+            )
+
+
 def has_debye_peak(
     parameters: Mapping[str, npt.ArrayLike],
     regimes: Sequence[Regime] = PAPER_REGIMES,
@@ -268,6 +283,7 @@ def has_debye_peak(
     InputError
         As for `attenuation_spectrum`.
     """
+    _require_linear_kelvin_element(parameters)
     draws, size, fabric = checked_inputs(parameters, temperature, grain_size, fabric_factor)
     return _has_peak(draws, _dashpot_fluidity(draws, regimes, temperature, size, fabric))
 
@@ -310,7 +326,8 @@ def predict_attenuation(
     Raises
     ------
     InputError
-        If `microstructure` is unknown or a number out of range.
+        If `microstructure` is unknown, a number out of range, or the Kelvin element of the fit not
+        linear.
     """
     if microstructure not in get_args(Microstructure):
         expected = " or ".join(map(repr, get_args(Microstructure)))
@@ -323,7 +340,7 @@ def predict_attenuation(
     }
     size, fabric = frozen[microstructure]
     spectrum = attenuation_spectrum(
-        {name: draws[name] for name in PARAMETER_NAMES},
+        {name: draws[name] for name in (*PARAMETER_NAMES, *KELVIN_REFERENCES) if name in draws},
         frequencies,
         regimes,
         temperature=experiment.temperature if temperature is None else temperature,

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from pyburgers.cmdstan import load_model
 from pyburgers.constant_rate import ConstantRateExperiment
@@ -29,6 +30,8 @@ from pyburgers.stan_data import (
     program_data,
     reference_quantity,
 )
+
+FloatArray = npt.NDArray[np.float64]
 
 LOG_LIKELIHOOD = "log_likelihood"
 """Ranked beside the parameters: it sees errors that no single parameter shows (Modrák et al.
@@ -207,7 +210,7 @@ def simulate_constant_rate(
     stress = np.interp(experiment.strain, solution["strain"], solution["stress_Pa"])
     return replace(
         experiment,
-        stress=stress + values["stress_noise"] * rng.standard_normal(stress.size),
+        stress=stress + _draw_residuals(experiment.strain, values, rng),
         provenance=_provenance(source),
         true_parameters=values,
     )
@@ -267,6 +270,20 @@ def _simulate_data(
         return simulate_oscillation(experiment, values, rng, source=source)
     assert isinstance(experiment, ConstantRateExperiment)  # the only other protocol
     return simulate_constant_rate(experiment, values, rng, source=source)
+
+
+def _draw_residuals(
+    strain: FloatArray, values: Mapping[str, float], rng: np.random.Generator
+) -> FloatArray:
+    """Residuals (Pa), shape (n_points,), as `stan/functions/residuals.stan` describes them."""
+    residual: FloatArray = values["stress_noise"] * rng.standard_normal(strain.size)
+    correlation_strain = values.get("residual_correlation_strain", 0.0)
+    if correlation_strain > 0:
+        step = np.diff(strain) / correlation_strain
+        correlation, spread = np.exp(-step), np.sqrt(-np.expm1(-2 * step))
+        for k in range(1, strain.size):
+            residual[k] = correlation[k - 1] * residual[k - 1] + spread[k - 1] * residual[k]
+    return residual
 
 
 def replicate(

@@ -54,6 +54,7 @@ from pyburgers.simulation import load_parameters, simulate
 from pyburgers.stan_data import SolverOptions
 from pyburgers.tables import checks_table, parameter_table
 from pyburgers.units import UNITS
+from pyburgers.variants import CHOICES, parse_choices, with_variant
 
 EXIT_CHECK_FAILED = 3
 EXIT_INTERRUPTED = 130
@@ -116,6 +117,14 @@ def _parser() -> argparse.ArgumentParser:
         help="a run of fit-peak-stress whose flow law replaces the priors of n, p, Q_M and beta",
     )
     command.add_argument("--out", type=Path, help="run directory (default: runs/ID)")
+    command.add_argument(
+        "--variant",
+        action="append",
+        default=[],
+        metavar="PART=LAW",
+        help="another law for a part of the model, such as kelvin=power_law; may be repeated: "
+        + ", ".join(f"{part}={'|'.join(laws)}" for part, laws in CHOICES.items()),
+    )
     _add_sampler_options(command)
     command.add_argument(
         "--tolerance", type=float, help="of the ODE solver (default: the protocol's)"
@@ -285,8 +294,9 @@ def _priors_for(experiment: Experiment, path: Path | None) -> PriorSet:
 
 
 def _fit(options: argparse.Namespace) -> int:
+    choices = parse_choices(options.variant)
     experiment = load_experiment(options.experiment)
-    priors = _priors_for(experiment, options.priors)
+    priors = with_variant(_priors_for(experiment, options.priors), experiment, choices)
     source: Path | None = options.priors_from
     if source is not None:
         priors = with_flow_law(priors, load_flow_law_of_run(source), f"--priors-from {source}")

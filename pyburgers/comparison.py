@@ -28,7 +28,13 @@ from pyburgers.diagnostics import PARETO_K_LIMIT
 from pyburgers.draws import all_draws
 from pyburgers.errors import InputError, SamplingError
 from pyburgers.fitting import Fit, fit
-from pyburgers.posterior import relative_efficiency, smooth_weights
+from pyburgers.posterior import (
+    GIVEN_OTHERS,
+    has_correlated_residuals,
+    pointwise_log_density,
+    relative_efficiency,
+    smooth_weights,
+)
 from pyburgers.run_directory import sha256_of_json, write_json, write_text
 from pyburgers.sampling import SamplerOptions
 from pyburgers.simulation import REFERENCE_SOLVER, program_for, quiet_cmdstanpy
@@ -113,11 +119,14 @@ class Comparison:
         fits that predict alike they are arbitrary.
     position : DataArray, dimension point
         Where the points lie: strain, or time (s) of an oscillating test.
+    variants : mapping of str to str
+        Variant of the model by name of the fit, as `pyburgers.variants.ModelVariant.short_text`.
     """
 
     results: Mapping[str, LeaveOneOut]
     weights: FloatArray
     position: xr.DataArray
+    variants: Mapping[str, str]
 
     @property
     def reliable(self) -> bool:
@@ -171,6 +180,7 @@ def compare(
         results=ordered,
         weights=stacking_weights(np.array([result.elpd for result in ordered.values()])),
         position=position(next(iter(fits.values())).posterior),
+        variants={name: one.variant.short_text for name, one in fits.items()},
     )
 
 
@@ -181,9 +191,10 @@ def leave_one_out(posterior: xr.DataTree) -> LeaveOneOut:
     ----------
     posterior : DataTree
         Labelled draws with the group log_likelihood: one variable with dimensions chain, draw,
-        point.
+        point. Where residuals are correlated, the density of a point given all others takes its
+        place (Bürkner, Gabry and Vehtari 2021, Computational Statistics 36, 1243-1261).
     """
-    (pointwise,) = posterior["log_likelihood"].to_dataset().data_vars.values()
+    pointwise = pointwise_log_density(posterior)
     by_point = all_draws(pointwise).T
     # Scaled, since a density in 1/Pa is of the order of 1e-6 and less.
     scaled = pointwise - pointwise.max(("chain", "draw"))
@@ -325,15 +336,16 @@ def comparison_table(comparison: Comparison) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Index name; columns elpd, se (its standard error), difference (to the best),
-        difference_se, weight, n_effective, high_k (points with a Pareto k above 0.7), left_out
-        (of these, left out in earnest).
+        Index name; columns variant (what differs from the standard model), elpd, se (its standard
+        error), difference (to the best), difference_se, weight, n_effective, high_k (points with a
+        Pareto k above 0.7), left_out (of these, left out in earnest).
     """
     best = next(iter(comparison.results.values()))
     rows = {}
     for (name, result), weight in zip(comparison.results.items(), comparison.weights, strict=True):
         difference, difference_se = elpd_difference(result, best)
         rows[name] = {
+            "variant": comparison.variants[name],
             "elpd": result.total,
             "se": _standard_error(result.elpd),
             "difference": difference,
@@ -400,6 +412,7 @@ def save_comparison(
                 name: {
                     "directory": one.directory.path.name,
                     "fingerprint": one.manifest["fingerprint"],
+                    "variant": one.variant.record(),
                 }
                 for name, one in fits.items()
             },
@@ -464,7 +477,7 @@ def _check_same_data(fits: Mapping[str, Fit]) -> None:
 def _log_likelihood_of(
     again: Fit, experiment: ConstantRateExperiment, *, report: Callable[[str], None]
 ) -> FloatArray:
-    """Log likelihood of an experiment's points at the draws of another fit, (n_draws, n_points)."""
+    """Log density of each point given all others at another fit's draws, (n_draws, n_points)."""
     run = again.directory
     # Only the test is exchanged: the coordinates of the draws are those of the other fit.
     data = {
@@ -483,7 +496,8 @@ def _log_likelihood_of(
                 seed=again.manifest["sampler"]["seed"],
                 gq_output_dir=folder,
             )
-            log_lik = quantities.draws_xr(["log_lik"])["log_lik"].load()
+            name = GIVEN_OTHERS if has_correlated_residuals(quantities.column_names) else "log_lik"
+            log_lik = quantities.draws_xr([name])[name].load()
         except RuntimeError as error:
             raise SamplingError(
                 f"{run.path}: some of its draws have no solution at all points of "

@@ -24,6 +24,7 @@ from pyburgers.sampling import (
     tighten_solver,
 )
 from pyburgers.stan_data import SolverOptions, default_solver
+from pyburgers.variants import ModelVariant, variant_of
 
 MAX_REFITS = 2
 """Times that a run is repeated at a tighter tolerance of the solver."""
@@ -56,6 +57,11 @@ class Fit:
     priors: PriorSet
     posterior: xr.DataTree
     manifest: dict[str, Any]
+
+    @property
+    def variant(self) -> ModelVariant:
+        """Laws of the model's parts, told from the priors."""
+        return variant_of(self.priors, self.experiment)
 
     def summary(self) -> pd.DataFrame:
         """Posterior table in SI units (`pyburgers.posterior.summary_table`)."""
@@ -129,7 +135,8 @@ def fit(
     experiment : Experiment
         A test with data (`pyburgers.load_experiment`).
     priors : PriorSet
-        Priors of every parameter (`pyburgers.load_priors`).
+        Priors of every parameter (`pyburgers.load_priors`); they decide which variant of the model
+        is fitted (`pyburgers.with_variant`).
     out : path
         Run directory. An earlier run with the same inputs there is continued: only missing
         chains are run.

@@ -23,6 +23,7 @@ from pyburgers.stan_data import (
     valley_block,
 )
 from pyburgers.valley import ValleyUnsuited, find_valley, noise_exponents
+from pyburgers.variants import variant_of
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -149,6 +150,8 @@ def _valley(
     solver: SolverOptions,
 ) -> Geometry:
     """Valley coordinates, whose origin is the mode."""
+    if variant_of(priors, experiment).grain_size == "piezometric":
+        raise ValleyUnsuited("the grain size follows a piezometer")
     valley = find_valley(experiment, priors, mode, solver=solver)
     centre = np.zeros_like(mode.coordinate)
     covariance = laplace_metric(model, {**data, **valley_block(valley)}, centre)

@@ -13,11 +13,15 @@ import pandas as pd
 from pyburgers.attenuation import Regime, checked_frequencies, checked_inputs
 from pyburgers.cmdstan import load_model, stan_directory
 from pyburgers.errors import InputError, SamplingError
+from pyburgers.parameters import KELVIN_REFERENCES, STANDARD_VALUES
 from pyburgers.phase_lag import PhaseLag, phase_lag
-from pyburgers.simulation import evaluate
+from pyburgers.simulation import check_kelvin_element, evaluate
 from pyburgers.stan_data import SolverOptions, solver_block
 
 FloatArray = npt.NDArray[np.float64]
+
+KELVIN_PARAMETERS = (*KELVIN_REFERENCES.keys(), *KELVIN_REFERENCES.values())
+"""Parameters of a Kelvin element that is not linear, which may be left out."""
 
 HOLD_TIME = 3600.0
 """Time (s) at the median stress before the cycles: the shortest of the paper's 1 to 2 h."""
@@ -47,7 +51,8 @@ def simulate_imposed_stress(
     Parameters
     ----------
     parameters : mapping of str to float
-        `pyburgers.attenuation.PARAMETER_NAMES` (SI); others are ignored.
+        `pyburgers.attenuation.PARAMETER_NAMES` (SI), and those of a Kelvin element that is not
+        linear (`pyburgers.parameters.KELVIN_REFERENCES`); others are ignored.
     regime : Regime
         Median stress and amplitude.
     frequency : float
@@ -81,10 +86,12 @@ def simulate_imposed_stress(
         raise InputError(
             f"parameters: found draws of shape {size.shape}, expected a number for each parameter."
         )
+    check_kelvin_element(parameters, "parameters")
     checked_frequencies([frequency])
     times = _with_start_of_cycles(time, hold_time)
     data = {
         **{name: float(value) for name, value in values.items()},
+        **{name: parameters.get(name, STANDARD_VALUES[name]) for name in KELVIN_PARAMETERS},
         **solver_block(solver),
         "temperature": temperature,
         "grain_size": float(size),
@@ -153,6 +160,9 @@ def simulated_phase_lag(
     report: Callable[[str], None] = lambda _: None,
 ) -> PhaseLag:
     """Simulate settled cycles and read the phase lag off the record, as of a measured one.
+
+    A power-law Kelvin element settles more slowly than `settled_times` allows for; simulate longer
+    with `simulate_imposed_stress` there.
 
     Parameters
     ----------

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from pyburgers.cmdstan import load_model
 from pyburgers.experiment import Experiment
 from pyburgers.initial_values import draw_initial_values
-from pyburgers.parameters import PARAMETERS
+from pyburgers.parameters import PROGRAM_PARAMETERS
 from pyburgers.priors import PriorSet
 from pyburgers.run_directory import write_json
 from pyburgers.simulation import program_for, quiet_cmdstanpy
@@ -100,6 +100,6 @@ def find_mode(
         raise ModeNotFound(f"the optimiser failed from all {N_STARTS} starts")
     variables = best[1]
     return Mode(
-        {p.name: float(variables[p.name]) for p in PARAMETERS},
+        {p.name: float(variables[p.name]) for p in PROGRAM_PARAMETERS},
         np.atleast_1d(np.asarray(variables["coordinate"], dtype=np.float64)),
     )

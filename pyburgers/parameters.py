@@ -1,6 +1,6 @@
 """The parameters of the nonlinear Burgers model: names, symbols, units, order.
 
-The order of `PARAMETERS` is the order of the parameter vector in the Stan programs
+The order of `PROGRAM_PARAMETERS` is the order of the parameter vector in the Stan programs
 (`stan/functions/parameters.stan`).
 """
 
@@ -27,6 +27,9 @@ class Parameter:
         Physical quantity, a key of `pyburgers.units.UNITS`.
     si_unit, display_unit : str
         Unit of stored values and unit of figures and tables.
+    standard : float or None
+        SI value of a parameter of a variant where nothing is said about it: the value that leaves
+        it without effect. None for parameters that always have to be given.
     """
 
     name: str
@@ -35,6 +38,7 @@ class Parameter:
     quantity: str
     si_unit: str
     display_unit: str
+    standard: float | None = None
 
     @property
     def display_factor(self) -> float:
@@ -79,9 +83,90 @@ PARAMETERS: tuple[Parameter, ...] = (
     ),
     Parameter("stress_noise", r"s", "stress residual", "stress", "Pa", "MPa"),
 )
-"""Every parameter a prior file can name, in the order of the Stan programs."""
+"""Every parameter that a prior file has to name, in the order of the Stan programs."""
 
-PARAMETER_BY_NAME: Mapping[str, Parameter] = MappingProxyType({p.name: p for p in PARAMETERS})
+VARIANT_PARAMETERS: tuple[Parameter, ...] = (
+    Parameter(
+        "kelvin_stress_exponent",
+        r"n_K",
+        "Kelvin stress exponent",
+        "dimensionless",
+        "1",
+        "1",
+        standard=1.0,
+    ),
+    Parameter(
+        "kelvin_activation_enthalpy",
+        r"Q_K",
+        "Kelvin activation enthalpy",
+        "molar energy",
+        "J/mol",
+        "kJ/mol",
+        standard=0.0,
+    ),
+    Parameter(
+        "kelvin_reference_stress",
+        r"q_0",
+        "driving stress of the Kelvin viscosity",
+        "stress",
+        "Pa",
+        "MPa",
+        standard=1e6,
+    ),
+    Parameter(
+        "kelvin_reference_temperature",
+        r"T_0",
+        "temperature of the Kelvin viscosity",
+        "temperature",
+        "K",
+        "K",
+        standard=273.15,
+    ),
+    Parameter(
+        "residual_correlation_strain",
+        r"\epsilon_r",
+        "correlation strain of residuals",
+        "strain",
+        "fraction",
+        "fraction",
+        standard=0.0,
+    ),
+    Parameter(
+        "piezometer_reference_grain_size",
+        r"d_1",
+        "grain size of the piezometer at 1 MPa",
+        "length",
+        "m",
+        "mm",
+        standard=0.0,
+    ),
+)
+"""Parameters of variants (`docs/variants.md`), which a prior file may name."""
+
+STANDARD_VALUES: Mapping[str, float] = MappingProxyType(
+    {p.name: p.standard for p in VARIANT_PARAMETERS if p.standard is not None}
+)
+"""SI values of the parameters of variants where nothing is said about them."""
+
+PROGRAM_PARAMETERS: tuple[Parameter, ...] = (*PARAMETERS, *VARIANT_PARAMETERS)
+"""The parameter vector of the Stan programs for curves."""
+
+CONSTANTS = frozenset(
+    {"kelvin_reference_stress", "kelvin_reference_temperature", "piezometer_reference_grain_size"}
+)
+"""Parameters that are never inferred."""
+
+KELVIN_REFERENCES: Mapping[str, str] = MappingProxyType(
+    {
+        "kelvin_stress_exponent": "kelvin_reference_stress",
+        "kelvin_activation_enthalpy": "kelvin_reference_temperature",
+    }
+)
+"""Where the Kelvin viscosity varies by the first, the second says for what it is given."""
+
+PARAMETER_BY_NAME: Mapping[str, Parameter] = MappingProxyType(
+    {p.name: p for p in PROGRAM_PARAMETERS}
+)
 
 REFERENCE_STRESS_QUANTITY = Parameter(
     "reference_stress", r"S_0", "reference stress", "stress", "Pa", "MPa"

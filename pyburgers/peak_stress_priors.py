@@ -14,6 +14,7 @@ from pyburgers.priors import (
     Prior,
     PriorSet,
     PriorTable,
+    check_beta,
     load_prior,
     save_priors,
     shipped_prior_files,
@@ -79,6 +80,7 @@ def load_peak_stress_priors(path: str | Path) -> PriorSet:
         for p in FLOW_LAW_PARAMETERS
         if p != RATE_SCATTER
     }
+    check_beta(f"{path}: [parameters.beta]", priors["beta"])
     scatter = tables.rate_scatter
     priors[RATE_SCATTER.name] = Prior(
         RATE_SCATTER.name,

@@ -25,7 +25,7 @@ from pyburgers.errors import SamplingError
 from pyburgers.experiment import Experiment
 from pyburgers.experiment_files import load_experiment
 from pyburgers.forced_oscillation import OscillationExperiment
-from pyburgers.parameters import PARAMETERS, REFERENCE_QUANTITIES, Parameter
+from pyburgers.parameters import PARAMETER_BY_NAME, REFERENCE_QUANTITIES, Parameter
 from pyburgers.priors import PriorSet, load_priors
 from pyburgers.run_directory import RunDirectory, write_atomically
 from pyburgers.simulation import (
@@ -37,7 +37,13 @@ from pyburgers.simulation import (
     strain_grid,
     time_grid,
 )
-from pyburgers.stan_data import StanData, reference_quantity, solver_block, with_grid
+from pyburgers.stan_data import (
+    StanData,
+    reference_quantity,
+    solver_block,
+    with_grid,
+    with_later_additions,
+)
 
 with warnings.catch_warnings():
     # ArviZ 0.23 announces its next major version at import, once a day.
@@ -78,6 +84,12 @@ TIME_VARIABLES = {
     "grid_dashpot_rate": ("dashpot_rate", "1/s"),
 }
 """Generated quantities along strain, or time in oscillating tests: name and unit in the draws."""
+
+GIVEN_OTHERS = "log_lik_given_others"
+"""Name in the program for constant rate; empty where residuals are independent."""
+
+CORRELATED = "log_likelihood_given_others"
+"""Group of their densities in labelled draws, which only correlated residuals have."""
 
 PREDICTIONS_PER_CYCLE = 30
 
@@ -121,11 +133,13 @@ def build_posterior(run: RunDirectory, *, report: Callable[[str], None]) -> xr.D
     Returns
     -------
     DataTree
-        Groups posterior, sample_stats, log_likelihood, log_prior, posterior_predictive (at the
-        observed points), predictions (on a grid of strains, or times of an oscillating test),
-        posterior_mean_solution, observed_data, constant_data; dimensions chain, draw, point, and
-        strain or time. Stresses of an oscillating test are without trend where its background is
-        removed, save that of posterior_mean_solution.
+        Groups posterior, sample_stats, log_likelihood (of each point given those before it),
+        log_likelihood_given_others (where residuals are correlated; elsewhere the same),
+        log_prior, posterior_predictive (at the observed points), predictions (on a grid of
+        strains, or times of an oscillating test), posterior_mean_solution, observed_data,
+        constant_data; dimensions chain, draw, point, and strain or time. Stresses of an
+        oscillating test are without trend where its background is removed, save that of
+        posterior_mean_solution.
     """
     experiment = load_experiment(run.experiment_file)
     priors = load_priors(run.priors_file)
@@ -138,7 +152,10 @@ def build_posterior(run: RunDirectory, *, report: Callable[[str], None]) -> xr.D
             run, files, experiment, seed=manifest["sampler"]["seed"], report=report
         )
     chains = {"chain": list(run.finished_chains())}
-    quantities = (*PARAMETERS, reference_quantity(experiment))
+    quantities = (
+        *(PARAMETER_BY_NAME[name] for name in priors.priors),
+        reference_quantity(experiment),
+    )
     draws = fit.draws_xr([quantity.name for quantity in quantities]).assign_coords(chains)
     label_draws(draws, quantities, priors)
     at_points = (
@@ -159,12 +176,13 @@ def build_posterior(run: RunDirectory, *, report: Callable[[str], None]) -> xr.D
         "posterior": draws,
         "sample_stats": stats,
         "log_likelihood": xr.Dataset({"stress": log_lik}).assign_coords(points),
+        **_given_others(fit, chains),
         "log_prior": xr.Dataset({"lprior": at_points["lprior"]}),
         "posterior_predictive": xr.Dataset(
             {"stress": at_points["stress_replicated"]}
         ).assign_coords(points),
         "predictions": _predictions(checked, experiment).assign_coords(chains),
-        "posterior_mean_solution": _solution_at_mean(draws, experiment, report),
+        "posterior_mean_solution": _solution_at_mean(draws, priors, experiment, report),
         "observed_data": xr.Dataset({"stress": ("point", experiment.stress, {"units": "Pa"})}),
         "constant_data": _positions(experiment),
     }
@@ -174,6 +192,44 @@ def build_posterior(run: RunDirectory, *, report: Callable[[str], None]) -> xr.D
     return keep_posterior(
         run, groups, experiment=experiment.id, data_kind=experiment.provenance.kind
     )
+
+
+def _given_others(
+    fit: cmdstanpy.CmdStanMCMC, chains: Mapping[str, list[int]]
+) -> dict[str, xr.Dataset]:
+    """Group of the log densities of single points given all others, where residuals correlate."""
+    if not has_correlated_residuals(fit.column_names):
+        return {}
+    densities = fit.draws_xr([GIVEN_OTHERS])[GIVEN_OTHERS]
+    return {
+        CORRELATED: xr.Dataset(
+            {"stress": densities.rename({f"{GIVEN_OTHERS}_dim_0": "point"})}
+        ).assign_coords(chains)
+    }
+
+
+def has_correlated_residuals(columns: Sequence[str]) -> bool:
+    """Whether a program's columns hold log densities of points given all others."""
+    return f"{GIVEN_OTHERS}[1]" in columns
+
+
+def pointwise_log_density(posterior: xr.DataTree) -> xr.DataArray:
+    """Log density of each point given all others and the parameters, from labelled draws.
+
+    What leave-one-out needs: of independent residuals the log likelihood of the point.
+
+    Parameters
+    ----------
+    posterior : DataTree
+        Labelled draws with the group log_likelihood, one variable.
+
+    Returns
+    -------
+    DataArray, dimensions chain, draw, point
+    """
+    densities = posterior[CORRELATED if CORRELATED in posterior.children else "log_likelihood"]
+    (pointwise,) = densities.to_dataset().data_vars.values()
+    return pointwise
 
 
 def keep_posterior(
@@ -239,7 +295,7 @@ def _reference_solution(
     A draw that has no solution there has NaN.
     """
     data = {
-        **json.loads(run.stan_data_file.read_text(encoding="utf-8")),
+        **with_later_additions(json.loads(run.stan_data_file.read_text(encoding="utf-8"))),
         **solver_block(REFERENCE_SOLVER),
     }
     data = with_grid(data, experiment, prediction_grid(experiment))
@@ -335,10 +391,13 @@ def _predictions(checked: xr.Dataset, experiment: Experiment) -> xr.Dataset:
 
 
 def _solution_at_mean(
-    draws: xr.Dataset, experiment: Experiment, report: Callable[[str], None]
+    draws: xr.Dataset,
+    priors: PriorSet,
+    experiment: Experiment,
+    report: Callable[[str], None],
 ) -> xr.Dataset:
     """Solution at the posterior mean of the parameters, as drawn in the paper's Fig. 3."""
-    mean = {parameter.name: float(draws[parameter.name].mean()) for parameter in PARAMETERS}
+    mean = {name: float(draws[name].mean()) for name in priors.priors}
     curve = simulate(experiment, mean, report=report)
     dimension, _ = grid_variables(experiment)
     column = {"strain": "strain", "time": "time_s"}[dimension]

@@ -18,7 +18,15 @@ from scipy import stats
 
 from pyburgers.errors import InputError
 from pyburgers.flow_law_prior import Conditions, FlowLawPrior
-from pyburgers.parameters import PARAMETER_BY_NAME, PARAMETERS, Parameter
+from pyburgers.parameters import (
+    CONSTANTS,
+    KELVIN_REFERENCES,
+    PARAMETER_BY_NAME,
+    PARAMETERS,
+    PROGRAM_PARAMETERS,
+    STANDARD_VALUES,
+    Parameter,
+)
 from pyburgers.run_directory import write_text
 from pyburgers.toml_files import Table, nearest, read_toml, toml_text
 from pyburgers.units import factor_to_si
@@ -43,6 +51,16 @@ REQUIRED_KEYS: Mapping[str, tuple[str, ...]] = MappingProxyType(
 OPTIONAL_KEYS: Mapping[str, tuple[str, ...]] = MappingProxyType({"normal": ("lower", "upper")})
 """Number keys of each family; no other is allowed."""
 
+MAY_BE_ZERO = frozenset(
+    {
+        "grain_size_exponent",
+        "kelvin_activation_enthalpy",
+        "residual_correlation_strain",
+        "piezometer_reference_grain_size",
+    }
+)
+"""Parameters that may be fixed at zero."""
+
 UNSIGNED = frozenset({"beta", "activation_enthalpy"})
 """Parameters whose priors may reach below zero."""
 
@@ -65,7 +83,7 @@ class Prior:
     Attributes
     ----------
     parameter : str
-        A name of `pyburgers.parameters.PARAMETERS`.
+        A name of `pyburgers.parameters.PROGRAM_PARAMETERS`.
     family : {"uniform", "normal", "half_normal", "lognormal", "fixed"}
         Normal priors may be truncated to [lower, upper].
     location : float
@@ -134,7 +152,8 @@ class PriorSet:
     material, title : str
         What the priors are for.
     priors : mapping of str to Prior
-        Every parameter, in the order of `pyburgers.parameters.PARAMETERS`.
+        Every one of `pyburgers.parameters.PARAMETERS`, in their order, then those of variants
+        that are given; the others have their standard values.
     name : str
         Name of the file without its ending.
     notes : str or None
@@ -151,8 +170,9 @@ class PriorSet:
     flow_law: FlowLawPrior | None = None
 
     def __getitem__(self, parameter: str) -> Prior:
-        """Return the prior of a parameter."""
-        return self.priors[parameter]
+        """Return the prior of a parameter; one of a variant may be left to its standard value."""
+        found = self.priors.get(parameter)
+        return _standard(parameter) if found is None else found
 
     @property
     def free(self) -> tuple[str, ...]:
@@ -272,7 +292,8 @@ def load_priors(path: str | Path) -> PriorSet:
     Parameters
     ----------
     path : str or Path
-        TOML with material, title and one table ``[parameters.NAME]`` for every parameter.
+        TOML with material, title and one table ``[parameters.NAME]`` for every parameter; those of
+        variants (`pyburgers.parameters.VARIANT_PARAMETERS`) may be left out.
 
     Raises
     ------
@@ -288,13 +309,20 @@ def load_priors(path: str | Path) -> PriorSet:
                 f"{path}: unknown parameter {name!r} in [parameters], "
                 f"{nearest(name, PARAMETER_BY_NAME)}"
             )
-    for name, parameter in PARAMETER_BY_NAME.items():
-        if name not in file.parameters:
+    for parameter in PARAMETERS:
+        if parameter.name not in file.parameters:
             raise InputError(
-                f"{path}: table [parameters.{name}] is missing, expected a prior or a fixed value "
-                f"of the {parameter.label}."
+                f"{path}: table [parameters.{parameter.name}] is missing, expected a prior or a "
+                f"fixed value of the {parameter.label}."
             )
-    priors = {p.name: load_prior(path, p.name, file.parameters[p.name]) for p in PARAMETERS}
+    priors = {
+        p.name: load_prior(path, p.name, file.parameters[p.name])
+        for p in PROGRAM_PARAMETERS
+        if p.name in file.parameters
+    }
+    _check_kelvin_references(path, priors)
+    if not is_fixed_at(priors["stress_exponent"], 1.0):
+        check_beta(f"{path}: [parameters.beta]", priors["beta"])
     return PriorSet(
         material=file.material,
         title=file.title,
@@ -329,7 +357,9 @@ def _flow_law_table(flow_law: FlowLawPrior) -> dict[str, Any]:
     }
 
 
-def save_priors(priors: PriorSet, path: Path, parameters: Sequence[Parameter] = PARAMETERS) -> None:
+def save_priors(
+    priors: PriorSet, path: Path, parameters: Sequence[Parameter] = PROGRAM_PARAMETERS
+) -> None:
     """Write a prior file in SI units; `load_priors` reads back an equal set.
 
     Parameters
@@ -339,11 +369,13 @@ def save_priors(priors: PriorSet, path: Path, parameters: Sequence[Parameter] = 
     path : Path
         The TOML file; its folder must exist.
     parameters : sequence of Parameter
-        Those that the set has.
+        In their order; those that the set does not give are left out.
     """
     tables = {}
     for parameter in parameters:
-        prior = priors[parameter.name]
+        prior = priors.priors.get(parameter.name)
+        if prior is None:
+            continue
         tables[parameter.name] = {
             "family": prior.family,
             **prior_numbers(prior),
@@ -408,6 +440,47 @@ def load_prior(path: Path, name: str, table: PriorTable) -> Prior:
     )
     _check_prior(where, prior)
     return prior
+
+
+def fixed_prior(parameter: Parameter, value: float, source: str) -> Prior:
+    """Return the prior of a parameter that has one value.
+
+    Parameters
+    ----------
+    parameter : Parameter
+        Which.
+    value : float
+        SI.
+    source : str
+        Where the value comes from.
+    """
+    numbers = {"value": value}
+    return _prior(
+        parameter.name, "fixed", numbers, unit=parameter.si_unit, source=source, relative=False
+    )
+
+
+def is_fixed_at(prior: Prior, value: float) -> bool:
+    """Whether a parameter has a given value (SI) and no other."""
+    return prior.is_fixed and prior.location == value
+
+
+def _standard(name: str) -> Prior:
+    """Prior of a parameter of a variant of which nothing is said."""
+    value = STANDARD_VALUES[name]
+    return fixed_prior(PARAMETER_BY_NAME[name], value, "standard value, without effect")
+
+
+def _check_kelvin_references(path: Path, priors: Mapping[str, Prior]) -> None:
+    """Ask what the Kelvin viscosity is given for, where it varies."""
+    for name, reference in KELVIN_REFERENCES.items():
+        standard = STANDARD_VALUES[name]
+        varies = name in priors and not is_fixed_at(priors[name], standard)
+        if varies and reference not in priors:
+            raise InputError(
+                f"{path}: table [parameters.{reference}] is missing, expected a fixed value "
+                f"because {name} is not fixed at {standard:g}."
+            )
 
 
 def _check_keys(where: str, family: Family, numbers: Mapping[str, float]) -> None:
@@ -490,10 +563,21 @@ def _check_prior(where: str, prior: Prior) -> None:
         raise InputError(
             f"{where}: key 'location': found {prior.location:g}, expected a positive median."
         )
-    if prior.parameter == "beta":
-        _check_beta(where, prior)
     if prior.parameter not in UNSIGNED:
         _check_sign(where, prior)
+    if prior.parameter in CONSTANTS and not prior.is_fixed:
+        raise InputError(
+            f"{where}: key 'family': found {prior.family!r}, expected 'fixed' because the number "
+            "is a constant of the model."
+        )
+    if prior.parameter == "kelvin_stress_exponent":
+        least = prior.location if prior.is_fixed else prior.lower
+        if least < 1:
+            key = "value" if prior.is_fixed else "lower"
+            raise InputError(
+                f"{where}: key {key!r}: found {least:g}, expected at least 1, a linear dashpot, "
+                "because below it creep starts infinitely fast."
+            )
     if prior.parameter == "steady_state_fabric_factor":
         largest = prior.location if prior.is_fixed else prior.upper
         if largest > 1:
@@ -504,7 +588,21 @@ def _check_prior(where: str, prior: Prior) -> None:
             )
 
 
-def _check_beta(where: str, prior: Prior) -> None:
+def check_beta(where: str, prior: Prior) -> None:
+    """Refuse the sign of beta that Table 1 of the paper prints for ice.
+
+    Parameters
+    ----------
+    where : str
+        File and table, for the message.
+    prior : Prior
+        Of beta, for a power-law dashpot: A of a linear one, in 1/(Pa s), may well exceed 1.
+
+    Raises
+    ------
+    InputError
+        If beta is not negative.
+    """
     if prior.location < 0:
         return
     key = {"uniform": "upper", "half_normal": "family", "fixed": "value"}.get(
@@ -520,7 +618,7 @@ def _check_beta(where: str, prior: Prior) -> None:
 def _check_sign(where: str, prior: Prior) -> None:
     """Refuse mass below zero, and mass near zero for parameters that divide."""
     if prior.is_fixed:
-        if prior.location < 0 or (prior.location == 0 and prior.parameter != "grain_size_exponent"):
+        if prior.location < 0 or (prior.location == 0 and prior.parameter not in MAY_BE_ZERO):
             raise InputError(
                 f"{where}: key 'value': found {prior.location:g}, expected a positive number."
             )

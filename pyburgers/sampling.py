@@ -41,6 +41,7 @@ from pyburgers.run_directory import (
 )
 from pyburgers.simulation import console_tail, program_for, quiet_cmdstanpy
 from pyburgers.stan_data import SolverOptions, StanData, program_data
+from pyburgers.variants import check_variant, variant_of
 
 _SIGNAL = re.compile(r"retcodes=\[-(\d+)\]")
 PACKAGES = ("pyburgers", "cmdstanpy", "arviz", "numpy", "scipy", "pandas", "xarray")
@@ -231,6 +232,7 @@ def run_chains(
     if experiment.n_points == 0:
         raise InputError(f"{experiment.id}: the experiment has no data, expected a [data] table.")
     check_coordinates(experiment, options.coordinates)
+    check_variant(priors, experiment)
     run = RunDirectory(directory)
     options = options.suited_to(experiment)
     priors = priors.resolved(float(np.max(np.abs(experiment.stress))))
@@ -263,6 +265,7 @@ def run_chains(
         run.update_manifest(
             {
                 **record,
+                "variant": variant_of(priors, experiment).record(),
                 "priors_from": None if priors.flow_law is None else priors.flow_law.source,
                 "refits": run.read_manifest().get("refits", []),
                 "solver": {**asdict(solver), "tolerance": _tolerance_in(run)},

@@ -18,8 +18,14 @@ from pyburgers.constant_rate import ConstantRateExperiment
 from pyburgers.errors import InputError, SamplingError
 from pyburgers.experiment import Experiment
 from pyburgers.forced_oscillation import OscillationExperiment
-from pyburgers.parameters import PARAMETER_BY_NAME, PARAMETERS
-from pyburgers.priors import Prior, PriorSet
+from pyburgers.parameters import (
+    KELVIN_REFERENCES,
+    PARAMETER_BY_NAME,
+    PARAMETERS,
+    PROGRAM_PARAMETERS,
+    STANDARD_VALUES,
+)
+from pyburgers.priors import MAY_BE_ZERO, PriorSet, fixed_prior
 from pyburgers.stan_data import SolverOptions, program_data, reference_quantity
 
 FloatArray = npt.NDArray[np.float64]
@@ -83,12 +89,13 @@ def load_parameters(path: str | Path) -> dict[str, float]:
 def check_parameters(values: Mapping[str, object], where: str = "parameters") -> dict[str, float]:
     """Return the values of a forward solution as floats.
 
-    ``stress_noise`` may be left out: a solution has none.
+    ``stress_noise`` may be left out: a solution has none. So may those of
+    `pyburgers.parameters.VARIANT_PARAMETERS`.
 
     Parameters
     ----------
     values : mapping
-        Names of `pyburgers.parameters.PARAMETERS` to SI values.
+        Names of `pyburgers.parameters.PROGRAM_PARAMETERS` to SI values.
     where : str
         File or argument, for messages.
 
@@ -99,7 +106,7 @@ def check_parameters(values: Mapping[str, object], where: str = "parameters") ->
     """
     unknown = [name for name in values if name not in PARAMETER_BY_NAME]
     if unknown:
-        expected = ", ".join(p.name for p in PARAMETERS)
+        expected = ", ".join(PARAMETER_BY_NAME)
         raise InputError(f"{where}: unknown parameter {unknown[0]!r}; expected {expected}.")
     required = [p.name for p in PARAMETERS if p.name != "stress_noise"]
     missing = [name for name in required if name not in values]
@@ -111,14 +118,43 @@ def check_parameters(values: Mapping[str, object], where: str = "parameters") ->
             raise InputError(f"{where}: {name} is {value!r}, expected a finite number.")
         checked[name] = float(value)
         unit = PARAMETER_BY_NAME[name].si_unit
-        if name not in {"beta", "grain_size_exponent", "stress_noise"} and value <= 0:
+        if name not in {"beta", "stress_noise", *MAY_BE_ZERO} and value <= 0:
             raise InputError(f"{where}: {name} is {value!r} {unit}, expected a positive number.")
+    check_kelvin_element(checked, where)
     if checked["steady_state_fabric_factor"] > 1:
         found = checked["steady_state_fabric_factor"]
         raise InputError(
             f"{where}: steady_state_fabric_factor is {found!r}, expected at most 1 (isotropic)."
         )
     return checked
+
+
+def check_kelvin_element(values: Mapping[str, float], where: str) -> None:
+    """Check what is given of a Kelvin element that is not linear.
+
+    Parameters
+    ----------
+    values : mapping
+        SI values by name; `pyburgers.parameters.VARIANT_PARAMETERS` may be left out.
+    where : str
+        File or argument, for messages.
+
+    Raises
+    ------
+    InputError
+        If the stress exponent is below 1, the activation enthalpy negative, or the driving stress
+        or temperature that the viscosity is given for is missing.
+    """
+    for name, reference in KELVIN_REFERENCES.items():
+        standard = STANDARD_VALUES[name]
+        value = values.get(name, standard)
+        if value < standard:
+            raise InputError(f"{where}: {name} is {value!r}, expected at least {standard:g}.")
+        if value > standard and reference not in values:
+            raise InputError(
+                f"{where}: parameter {reference!r} is missing, expected it because {name} is "
+                f"{value:g}."
+            )
 
 
 def output_grid(experiment: Experiment) -> FloatArray:
@@ -172,21 +208,6 @@ def strain_grid(experiment: ConstantRateExperiment, shape: FloatArray) -> FloatA
     return strain
 
 
-def _fixed(name: str, value: float) -> Prior:
-    parameter = PARAMETER_BY_NAME[name]
-    return Prior(
-        parameter=name,
-        family="fixed",
-        location=value,
-        scale=0.0,
-        lower=-np.inf,
-        upper=np.inf,
-        unit=parameter.si_unit,
-        source="given",
-        relative_to_max_stress=False,
-    )
-
-
 def given_parameters(material: str, values: Mapping[str, float]) -> PriorSet:
     """Return priors that fix every parameter.
 
@@ -197,10 +218,15 @@ def given_parameters(material: str, values: Mapping[str, float]) -> PriorSet:
     values : mapping
         SI values by name; what is missing, such as the noise of a solution without any, is 1.
     """
+    known = {"stress_noise": 1.0, **values}  # a solution has no noise
     return PriorSet(
         material=material,
         title="given parameters",
-        priors={p.name: _fixed(p.name, values.get(p.name, 1.0)) for p in PARAMETERS},
+        priors={
+            p.name: fixed_prior(p, known[p.name], "given")
+            for p in PROGRAM_PARAMETERS
+            if p.name in known
+        },
         name="given",
     )
 

@@ -19,7 +19,7 @@ from pyburgers.flow_law_prior import FlowLawPrior
 from pyburgers.forced_oscillation import OscillationExperiment
 from pyburgers.harmonics import trend_projection
 from pyburgers.parameters import (
-    PARAMETERS,
+    PROGRAM_PARAMETERS,
     REFERENCE_FLOW_RATE_QUANTITY,
     REFERENCE_QUANTITIES,
     REFERENCE_STRESS_QUANTITY,
@@ -273,7 +273,7 @@ def experiment_block(experiment: ConstantRateExperiment, *, use_likelihood: bool
     }
 
 
-def prior_block(priors: PriorSet, parameters: Sequence[Parameter] = PARAMETERS) -> StanData:
+def prior_block(priors: PriorSet, parameters: Sequence[Parameter] = PROGRAM_PARAMETERS) -> StanData:
     """Return the block `stan/data/priors.stan` for a program's parameters, in its order."""
     ordered: Sequence[Prior] = [priors[parameter.name] for parameter in parameters]
     joint = FLOW_LAW if priors.flow_law is not None else ()
@@ -307,8 +307,27 @@ def flow_law_block(flow_law: FlowLawPrior | None) -> StanData:
     }
 
 
+def with_later_additions(data: StanData) -> StanData:
+    """Add to the data of a run what an earlier version of its program did not ask for.
+
+    Variants of the model and a joint prior of the flow law, each switched off.
+
+    Parameters
+    ----------
+    data : dict
+        Data of a curve's program, of this or an earlier version.
+    """
+    missing = PROGRAM_PARAMETERS[len(data["prior_family"]) :]
+    added = prior_block(PriorSet("", "", {}, ""), missing)
+    return {
+        **flow_law_block(None),
+        **data,
+        **{name: [*data[name], *values] for name, values in added.items()},
+    }
+
+
 def coordinate_block(
-    coordinates: PlainCoordinates, parameters: Sequence[Parameter] = PARAMETERS
+    coordinates: PlainCoordinates, parameters: Sequence[Parameter] = PROGRAM_PARAMETERS
 ) -> StanData:
     """Return the block `stan/data/coordinates.stan` for a program's parameters, in its order."""
     index = {parameter.name: k for k, parameter in enumerate(parameters, start=1)}

@@ -23,7 +23,7 @@ from pyburgers.display import (
     unit_text,
 )
 from pyburgers.fitting import Fit
-from pyburgers.parameters import PARAMETERS
+from pyburgers.parameters import PARAMETER_BY_NAME
 from pyburgers.priors import PriorSet
 
 INTERVALS = (50, 90, 95)
@@ -74,7 +74,7 @@ def parameter_table(summary: pd.DataFrame, priors: PriorSet) -> pd.DataFrame:
                 "R-hat": f"{row['rhat']:.3f}",
             }
         )
-    for parameter in PARAMETERS:
+    for parameter in (PARAMETER_BY_NAME[name] for name in priors.priors):
         if priors[parameter.name].is_fixed:
             value = number(priors[parameter.name].location * parameter.display_factor)
             fixed = {
@@ -104,7 +104,7 @@ def prior_table(priors: PriorSet) -> pd.DataFrame:
                 "prior": prior_text(priors[parameter.name]),
                 "source": priors[parameter.name].source,
             }
-            for parameter in PARAMETERS
+            for parameter in (PARAMETER_BY_NAME[name] for name in priors.priors)
         ]
     )
 

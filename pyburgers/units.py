@@ -18,6 +18,7 @@ UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
         "length": {"m": 1.0, "mm": 1e-3, "um": 1e-6},
         "molar energy": {"J/mol": 1.0, "kJ/mol": 1e3},
         "inverse molar energy": {"mol/J": 1.0, "mol/kJ": 1e-3},
+        "temperature": {"K": 1.0},
         "dimensionless": {"1": 1.0},
     }
 )

@@ -7,6 +7,7 @@
 functions {
 #include functions/parameters.stan
 #include functions/flow_law.stan
+#include functions/kelvin_element.stan
 #include functions/microstructure.stan
 #include functions/priors.stan
 #include functions/coordinates.stan
@@ -26,6 +27,8 @@ data {
   matrix[n_grid, n_trend] grid_trend_shape; // as trend_shape, at these times
 }
 transformed data {
+  // The Kelvin element is linear where n_K is fixed at 1.
+  int power_law_kelvin = prior_family[13] != 0 || prior_location[13] != 1;
   vector[n_parameters()] prior_mass;
   array[n_parameters()] int coordinate_of; // position among the coordinates, 0 where fixed
   vector[10] record = [stress_scale, start_stress, stress_amplitude, storage_compliance,
@@ -62,7 +65,14 @@ transformed parameters {
   real critical_strain_grain_size;
   real critical_strain_fabric;
   real stress_noise;
+  real kelvin_stress_exponent;
+  real kelvin_activation_enthalpy;
+  real kelvin_reference_stress = prior_location[15];
+  real kelvin_reference_temperature = prior_location[16];
+  real residual_correlation_strain;
+  real piezometer_reference_grain_size = prior_location[18];
   real reference_flow_rate; // of the dashpot at the stress stress_scale and d_0, 1/s
+  real kelvin_viscosity_here; // eta_K at the temperature of the test, Pa s
   real lprior; // log density of the priors on the physical parameters
   real log_jacobian = 0; // ln |d(physical parameters)/d(coordinates)|
   vector[n_coordinates] plain_coordinate = coordinate;
@@ -98,7 +108,12 @@ transformed parameters {
     critical_strain_grain_size = parameter[10];
     critical_strain_fabric = parameter[11];
     stress_noise = parameter[12];
+    kelvin_stress_exponent = parameter[13];
+    kelvin_activation_enthalpy = parameter[14];
+    residual_correlation_strain = parameter[17];
   }
+  kelvin_viscosity_here = kelvin_viscosity_at(kelvin_viscosity, kelvin_activation_enthalpy,
+                                              temperature, prior_location[16]);
   reference_flow_rate = exp(log_flow_rate(stress_scale, initial_grain_size, temperature,
                                           stress_exponent, grain_size_exponent,
                                           activation_enthalpy, beta));
@@ -109,9 +124,10 @@ model {
     array[n_points] vector[3] solution = forced_oscillation_solution(tau, start_tau, first_tau,
       period, strain_sine, strain_cosine, background, background_middle, background_half,
       initial_grain_size, temperature, start_stress, stress_scale, strain_scale, maxwell_modulus,
-      kelvin_modulus, kelvin_viscosity, stress_exponent, grain_size_exponent,
-      activation_enthalpy, beta, critical_strain_grain_size, relative_tolerance,
-      absolute_tolerance, max_num_steps);
+      kelvin_modulus, kelvin_viscosity_here, stress_exponent, grain_size_exponent,
+      activation_enthalpy, beta, critical_strain_grain_size, power_law_kelvin,
+      kelvin_stress_exponent, prior_location[15], relative_tolerance, absolute_tolerance,
+      max_num_steps);
     vector[n_points] stress_model;
     for (i in 1 : n_points) {
       stress_model[i] = solution[i][1];
@@ -147,9 +163,10 @@ generated quantities {
     array[n_points] vector[3] solution = forced_oscillation_solution(tau, start_tau, first_tau,
       period, strain_sine, strain_cosine, background, background_middle, background_half,
       initial_grain_size, temperature, start_stress, stress_scale, strain_scale, maxwell_modulus,
-      kelvin_modulus, kelvin_viscosity, stress_exponent, grain_size_exponent,
-      activation_enthalpy, beta, critical_strain_grain_size, relative_tolerance,
-      absolute_tolerance, max_num_steps);
+      kelvin_modulus, kelvin_viscosity_here, stress_exponent, grain_size_exponent,
+      activation_enthalpy, beta, critical_strain_grain_size, power_law_kelvin,
+      kelvin_stress_exponent, prior_location[15], relative_tolerance, absolute_tolerance,
+      max_num_steps);
     for (i in 1 : n_points) {
       stress_model[i] = solution[i][1];
     }
@@ -165,8 +182,9 @@ generated quantities {
     array[n_grid] vector[3] solution = forced_oscillation_solution(grid_tau, start_tau,
       first_tau, period, strain_sine, strain_cosine, background, background_middle,
       background_half, initial_grain_size, temperature, start_stress, stress_scale, strain_scale,
-      maxwell_modulus, kelvin_modulus, kelvin_viscosity, stress_exponent, grain_size_exponent,
-      activation_enthalpy, beta, critical_strain_grain_size, relative_tolerance,
+      maxwell_modulus, kelvin_modulus, kelvin_viscosity_here, stress_exponent,
+      grain_size_exponent, activation_enthalpy, beta, critical_strain_grain_size,
+      power_law_kelvin, kelvin_stress_exponent, prior_location[15], relative_tolerance,
       absolute_tolerance, max_num_steps);
     for (i in 1 : n_grid) {
       grid_stress[i] = solution[i][1];

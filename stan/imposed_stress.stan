@@ -3,6 +3,7 @@
 // (algorithm=fixed_param); there is nothing to sample. All values are SI.
 functions {
 #include functions/flow_law.stan
+#include functions/kelvin_element.stan
 #include functions/imposed_stress_dynamics.stan
 }
 data {
@@ -24,6 +25,10 @@ data {
   real grain_size_exponent;
   real activation_enthalpy;
   real beta;
+  real<lower=1> kelvin_stress_exponent;
+  real<lower=0> kelvin_activation_enthalpy;
+  real<lower=0> kelvin_reference_stress; // Pa
+  real<lower=0> kelvin_reference_temperature; // K
 #include data/solver.stan
 }
 generated quantities {
@@ -35,9 +40,13 @@ generated quantities {
     real angular_frequency = 2 * pi() * frequency;
     array[n_times] vector[2] solution
       = imposed_stress_solution(time, n_in_hold, hold_time, median_stress, amplitude,
-                                angular_frequency, kelvin_modulus, kelvin_viscosity,
+                                angular_frequency, kelvin_modulus,
+                                kelvin_viscosity_at(kelvin_viscosity,
+                                                    kelvin_activation_enthalpy, temperature,
+                                                    kelvin_reference_temperature),
                                 stress_exponent, grain_size_exponent, grain_size, fabric_factor,
                                 log_rate_factor(activation_enthalpy, beta, temperature),
+                                kelvin_stress_exponent, kelvin_reference_stress,
                                 relative_tolerance, absolute_tolerance, max_num_steps);
     for (i in 1 : n_times) {
       stress[i] = cyclic_stress(time[i], median_stress, i > n_in_hold ? amplitude : 0,

@@ -37,6 +37,40 @@ def dashpot_rate(
     return rate
 
 
+def kelvin_rate(
+    parameters: Mapping[str, float], temperature: float, stress: float, kelvin_strain: float
+) -> float:
+    """Rate (1/s) of a Kelvin element, linear or A_K sgn(q) |q|^n_K exp(-Q_K/(R T))."""
+    driving = stress - parameters["kelvin_modulus"] * kelvin_strain
+    exponent = parameters.get("kelvin_stress_exponent", 1.0)
+    enthalpy = parameters.get("kelvin_activation_enthalpy", 0.0)
+    if exponent == 1.0 and enthalpy == 0.0:
+        return driving / parameters["kelvin_viscosity"]
+    # The rate is q/viscosity at the reference driving stress and temperature.
+    reference_stress = parameters.get("kelvin_reference_stress", 1e6)
+    reference_temperature = parameters.get("kelvin_reference_temperature", temperature)
+    factor = (
+        reference_stress ** (1 - exponent)
+        / parameters["kelvin_viscosity"]
+        * np.exp(enthalpy / (GAS_CONSTANT * reference_temperature))
+    )
+    rate = (
+        factor
+        * np.sign(driving)
+        * np.abs(driving) ** exponent
+        * np.exp(-enthalpy / (GAS_CONSTANT * temperature))
+    )
+    return float(rate)
+
+
+def wanted_grain_size(parameters: Mapping[str, float], stress: float) -> float:
+    """Grain size (m) that grains evolve to: d_ss, or that of a piezometer."""
+    at_one_megapascal = parameters.get("piezometer_reference_grain_size", 0.0)
+    if at_one_megapascal == 0.0:
+        return parameters["steady_state_grain_size"]
+    return piezometer(stress) * at_one_megapascal / 0.015
+
+
 def six_states(
     parameters: Mapping[str, float],
     temperature: float,
@@ -61,9 +95,7 @@ def six_states(
 
     def rates(_time: float, state: FloatArray, strain_rate: float) -> FloatArray:
         stress, kelvin_strain, _, _, grain_size, fabric = state
-        kelvin = (stress - parameters["kelvin_modulus"] * kelvin_strain) / parameters[
-            "kelvin_viscosity"
-        ]
+        kelvin = kelvin_rate(parameters, temperature, stress, kelvin_strain)
         dashpot = dashpot_rate(parameters, temperature, stress, grain_size, fabric)
         elastic = strain_rate - kelvin - dashpot
         return np.array(
@@ -73,7 +105,7 @@ def six_states(
                 elastic,
                 dashpot,
                 strain_rate
-                * (parameters["steady_state_grain_size"] - grain_size)
+                * (wanted_grain_size(parameters, stress) - grain_size)
                 / parameters["critical_strain_grain_size"],
                 strain_rate
                 * (parameters["steady_state_fabric_factor"] - fabric)
@@ -216,9 +248,7 @@ def oscillation(
     def rates(at: float, state: FloatArray, growing: bool) -> FloatArray:
         stress, kelvin_strain, grain_size = state
         strain_rate = imposed.rate(at)
-        kelvin = (stress - parameters["kelvin_modulus"] * kelvin_strain) / parameters[
-            "kelvin_viscosity"
-        ]
+        kelvin = kelvin_rate(parameters, temperature, stress, kelvin_strain)
         dashpot = dashpot_rate(parameters, temperature, stress, grain_size, np.ones(()))
         growth = (piezometer(stress) - grain_size) / parameters["critical_strain_grain_size"]
         return np.array(

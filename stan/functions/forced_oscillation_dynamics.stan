@@ -9,6 +9,10 @@
  *   dw/d tau = |r| (e/epsilon_c1) (d_piezometer(stress)/d_u - w),
  *   v_K = (S period/(eta_K e)) (y - z),  v_d = v_d0 sgn(y) |y|^n (d/d_0)^-p.
  *
+ * With a power-law Kelvin element (functions/kelvin_element.stan) the linear driving stress stands
+ * for y - z in the rates; the solver gets that form only then, because every argument costs it
+ * sensitivities.
+ *
  * S and e are an observed stress and strain (data) and v_d0 the rate of the dashpot at stress S
  * and grain size d_0. v_K and v_d are the rates of the Kelvin element and of the dashpot, in the
  * unit of r. The unit d_u of the grain size is 100 d_0: where the stress passes through zero the
@@ -63,6 +67,21 @@ real scaled_dashpot_rate(real scaled_stress, real stress_exponent, real log_scal
 }
 
 /**
+ * Rates of [y, z] before the record.
+ *
+ * @param rate r
+ * @param kelvin_excess linear driving stress of the Kelvin element over S
+ * @param stiffness and what follows: see spin_up_rhs()
+ */
+vector spin_up_rates(real rate, vector state, real kelvin_excess, real stiffness,
+                     real kelvin_fluidity, real kelvin_decay, real stress_exponent,
+                     real log_dashpot_rate) {
+  real dashpot_rate = scaled_dashpot_rate(state[1], stress_exponent, log_dashpot_rate);
+  return [stiffness * (rate - kelvin_fluidity * kelvin_excess - dashpot_rate),
+          kelvin_decay * kelvin_excess]';
+}
+
+/**
  * Right-hand side before the record, where the grain size keeps its initial value.
  *
  * @param state [y, z]
@@ -79,10 +98,56 @@ vector spin_up_rhs(real tau, vector state, real stiffness, real kelvin_fluidity,
   real rate = oscillating_rate(tau, sine, cosine, background, background_middle,
                                background_half, first_tau)
               / strain_scale;
-  real kelvin_excess = state[1] - state[2];
-  real dashpot_rate = scaled_dashpot_rate(state[1], stress_exponent, log_dashpot_rate);
+  return spin_up_rates(rate, state, state[1] - state[2], stiffness, kelvin_fluidity,
+                       kelvin_decay, stress_exponent, log_dashpot_rate);
+}
+
+/**
+ * Right-hand side before the record with a power-law Kelvin element: as spin_up_rhs(), and
+ *
+ * @param kelvin_stress_exponent n_K
+ * @param log_kelvin_unit ln(S/q_0)
+ */
+vector spin_up_power_law_kelvin_rhs(real tau, vector state, real stiffness,
+                                    real kelvin_fluidity, real kelvin_decay,
+                                    real stress_exponent, real log_dashpot_rate,
+                                    data vector sine, data vector cosine,
+                                    data vector background, data real background_middle,
+                                    data real background_half, data real first_tau,
+                                    data real strain_scale, real kelvin_stress_exponent,
+                                    data real log_kelvin_unit) {
+  real rate = oscillating_rate(tau, sine, cosine, background, background_middle,
+                               background_half, first_tau)
+              / strain_scale;
+  real kelvin_excess = linear_driving_stress(state[1] - state[2], kelvin_stress_exponent,
+                                             log_kelvin_unit);
+  return spin_up_rates(rate, state, kelvin_excess, stiffness, kelvin_fluidity, kelvin_decay,
+                       stress_exponent, log_dashpot_rate);
+}
+
+/**
+ * Rates of [y, z, w] during the record.
+ *
+ * @param rate r
+ * @param kelvin_excess linear driving stress of the Kelvin element over S
+ * @param stiffness and what follows: see forced_oscillation_rhs()
+ */
+vector forced_oscillation_rates(real rate, vector state, real kelvin_excess, real stiffness,
+                                real kelvin_fluidity, real kelvin_decay,
+                                real stress_exponent, real grain_size_exponent,
+                                real log_dashpot_rate, real inverse_critical_strain,
+                                data real strain_scale, data real stress_scale,
+                                data real initial_grain_size) {
+  real dashpot_rate = scaled_dashpot_rate(state[1], stress_exponent,
+                                          log_dashpot_rate
+                                          - grain_size_exponent 
+                                            * log(grain_size_unit() * state[3]));
+  real preferred = piezometer_grain_size(stress_scale * state[1])
+                   / (grain_size_unit() * initial_grain_size);
   return [stiffness * (rate - kelvin_fluidity * kelvin_excess - dashpot_rate),
-          kelvin_decay * kelvin_excess]';
+          kelvin_decay * kelvin_excess,
+          microstructure_rate(state[3], preferred, 1, strain_scale * rate)
+          * inverse_critical_strain]';
 }
 
 /**
@@ -102,17 +167,44 @@ vector forced_oscillation_rhs(real tau, vector state, real stiffness, real kelvi
   real rate = oscillating_rate(tau, sine, cosine, background, background_middle,
                                background_half, first_tau)
               / strain_scale;
-  real kelvin_excess = state[1] - state[2];
-  real dashpot_rate = scaled_dashpot_rate(state[1], stress_exponent,
-                                          log_dashpot_rate
-                                          - grain_size_exponent 
-                                            * log(grain_size_unit() * state[3]));
-  real preferred = piezometer_grain_size(stress_scale * state[1])
-                   / (grain_size_unit() * initial_grain_size);
-  return [stiffness * (rate - kelvin_fluidity * kelvin_excess - dashpot_rate),
-          kelvin_decay * kelvin_excess,
-          microstructure_rate(state[3], preferred, 1, strain_scale * rate)
-          * inverse_critical_strain]';
+  return forced_oscillation_rates(rate, state, state[1] - state[2], stiffness,
+                                  kelvin_fluidity, kelvin_decay, stress_exponent,
+                                  grain_size_exponent, log_dashpot_rate,
+                                  inverse_critical_strain, strain_scale, stress_scale,
+                                  initial_grain_size);
+}
+
+/**
+ * Right-hand side during the record with a power-law Kelvin element: as
+ * forced_oscillation_rhs(), and
+ *
+ * @param kelvin_stress_exponent n_K
+ * @param log_kelvin_unit ln(S/q_0)
+ */
+vector forced_oscillation_power_law_kelvin_rhs(real tau, vector state, real stiffness,
+                                               real kelvin_fluidity, real kelvin_decay,
+                                               real stress_exponent,
+                                               real grain_size_exponent,
+                                               real log_dashpot_rate,
+                                               real inverse_critical_strain,
+                                               data vector sine, data vector cosine,
+                                               data vector background,
+                                               data real background_middle,
+                                               data real background_half,
+                                               data real first_tau, data real strain_scale,
+                                               data real stress_scale,
+                                               data real initial_grain_size,
+                                               real kelvin_stress_exponent,
+                                               data real log_kelvin_unit) {
+  real rate = oscillating_rate(tau, sine, cosine, background, background_middle,
+                               background_half, first_tau)
+              / strain_scale;
+  real kelvin_excess = linear_driving_stress(state[1] - state[2], kelvin_stress_exponent,
+                                             log_kelvin_unit);
+  return forced_oscillation_rates(rate, state, kelvin_excess, stiffness, kelvin_fluidity,
+                                  kelvin_decay, stress_exponent, grain_size_exponent,
+                                  log_dashpot_rate, inverse_critical_strain, strain_scale,
+                                  stress_scale, initial_grain_size);
 }
 
 /**
@@ -126,6 +218,9 @@ vector forced_oscillation_rhs(real tau, vector state, real stiffness, real kelvi
  * @param tau output times in periods, increasing, all after first_tau
  * @param start_stress stress at the start of the spin-up: the bias of the record, Pa
  * @param stress_scale, strain_scale S (Pa) and e
+ * @param kelvin_viscosity eta_K at the temperature of the test, Pa s
+ * @param power_law_kelvin 0: the Kelvin element is linear, and n_K and q_0 have no effect
+ * @param kelvin_reference_stress q_0, Pa
  * @return array over times of [stress (Pa), Kelvin strain, grain size (m)]
  */
 array[] vector forced_oscillation_solution(data array[] real tau, data real start_tau,
@@ -141,6 +236,9 @@ array[] vector forced_oscillation_solution(data array[] real tau, data real star
                                            real stress_exponent, real grain_size_exponent,
                                            real activation_enthalpy, real beta,
                                            real critical_strain_grain_size,
+                                           data int power_law_kelvin,
+                                           real kelvin_stress_exponent,
+                                           data real kelvin_reference_stress,
                                            data real relative_tolerance,
                                            data real absolute_tolerance,
                                            data int max_num_steps) {
@@ -153,21 +251,43 @@ array[] vector forced_oscillation_solution(data array[] real tau, data real star
                                                                   temperature))
                               * period / strain_scale);
   array[size(tau)] vector[3] solution;
-  vector[2] spun_up = ode_bdf_tol(spin_up_rhs, rep_vector(start_stress / stress_scale, 2),
-                                  start_tau, {first_tau}, relative_tolerance,
-                                  absolute_tolerance, max_num_steps, stiffness,
-                                  kelvin_fluidity, kelvin_decay, stress_exponent,
-                                  log_dashpot_rate, sine, cosine, background,
-                                  background_middle, background_half, first_tau,
-                                  strain_scale)[1];
+  vector[2] spun_up;
+  // The state at the start is an expression of data: constant to the solver.
+  if (power_law_kelvin) {
+    spun_up = ode_bdf_tol(spin_up_power_law_kelvin_rhs,
+                          rep_vector(start_stress / stress_scale, 2), start_tau, {first_tau},
+                          relative_tolerance, absolute_tolerance, max_num_steps, stiffness,
+                          kelvin_fluidity, kelvin_decay, stress_exponent, log_dashpot_rate,
+                          sine, cosine, background, background_middle, background_half,
+                          first_tau, strain_scale, kelvin_stress_exponent,
+                          log(stress_scale / kelvin_reference_stress))[1];
+  } else {
+    spun_up = ode_bdf_tol(spin_up_rhs, rep_vector(start_stress / stress_scale, 2), start_tau,
+                          {first_tau}, relative_tolerance, absolute_tolerance, max_num_steps,
+                          stiffness, kelvin_fluidity, kelvin_decay, stress_exponent,
+                          log_dashpot_rate, sine, cosine, background, background_middle,
+                          background_half, first_tau, strain_scale)[1];
+  }
   if (size(tau) > 0) {
-    solution = ode_bdf_tol(forced_oscillation_rhs, append_row(spun_up, 1 / grain_size_unit()), first_tau, tau,
-                           relative_tolerance, absolute_tolerance, max_num_steps, stiffness,
-                           kelvin_fluidity, kelvin_decay, stress_exponent,
-                           grain_size_exponent, log_dashpot_rate,
-                           1 / critical_strain_grain_size, sine, cosine, background,
-                           background_middle, background_half, first_tau, strain_scale,
-                           stress_scale, initial_grain_size);
+    vector[3] state = append_row(spun_up, 1 / grain_size_unit());
+    if (power_law_kelvin) {
+      solution = ode_bdf_tol(forced_oscillation_power_law_kelvin_rhs, state, first_tau, tau,
+                             relative_tolerance, absolute_tolerance, max_num_steps, stiffness,
+                             kelvin_fluidity, kelvin_decay, stress_exponent,
+                             grain_size_exponent, log_dashpot_rate,
+                             1 / critical_strain_grain_size, sine, cosine, background,
+                             background_middle, background_half, first_tau, strain_scale,
+                             stress_scale, initial_grain_size, kelvin_stress_exponent,
+                             log(stress_scale / kelvin_reference_stress));
+    } else {
+      solution = ode_bdf_tol(forced_oscillation_rhs, state, first_tau, tau,
+                             relative_tolerance, absolute_tolerance, max_num_steps, stiffness,
+                             kelvin_fluidity, kelvin_decay, stress_exponent,
+                             grain_size_exponent, log_dashpot_rate,
+                             1 / critical_strain_grain_size, sine, cosine, background,
+                             background_middle, background_half, first_tau, strain_scale,
+                             stress_scale, initial_grain_size);
+    }
   }
   for (i in 1 : size(tau)) {
     solution[i] = solution[i]

@@ -16,6 +16,16 @@ real microstructure_rate(real value, real steady_state, real critical_strain, re
 }
 
 /**
+ * Grain size that a stress wants over the one that 1 MPa wants by the law without a floor; see
+ * piezometer_grain_size().
+ *
+ * @param stress sigma, Pa
+ */
+real relative_piezometer_grain_size(real stress) {
+  return pow(1 + square(stress * 1e-6), -0.665);
+}
+
+/**
  * Grain size that a stress wants, 0.015 (|stress|/1 MPa)^-1.33 m (Maor et al., Eq. 5).
  *
  * Eq. 5 is printed without the absolute value and without a floor: grains would grow without
@@ -26,7 +36,7 @@ real microstructure_rate(real value, real steady_state, real critical_strain, re
  * @return grain size, m
  */
 real piezometer_grain_size(real stress) {
-  return 0.015 * pow(1 + square(stress * 1e-6), -0.665);
+  return 0.015 * relative_piezometer_grain_size(stress);
 }
 
 /**

@@ -13,8 +13,17 @@
  * 10 critical_strain_grain_size  epsilon_c1
  * 11 critical_strain_fabric      epsilon_c2
  * 12 stress_noise                s      Pa
+ *
+ * Those of variants; standard values leave them without effect (docs/variants.md):
+ *
+ * 13 kelvin_stress_exponent       n_K
+ * 14 kelvin_activation_enthalpy   Q_K    J/mol
+ * 15 kelvin_reference_stress      q_0    Pa, always fixed
+ * 16 kelvin_reference_temperature T_0    K, always fixed
+ * 17 residual_correlation_strain  epsilon_r
+ * 18 piezometer_reference_grain_size d_1    m, always fixed
  */
 
 int n_parameters() {
-  return 12;
+  return 18;
 }

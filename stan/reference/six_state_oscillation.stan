@@ -5,6 +5,7 @@
 functions {
 #include functions/parameters.stan
 #include functions/flow_law.stan
+#include functions/kelvin_element.stan
 #include functions/microstructure.stan
 #include functions/priors.stan
 #include functions/forced_oscillation_dynamics.stan

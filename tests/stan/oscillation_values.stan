@@ -2,6 +2,7 @@
 functions {
 #include functions/parameters.stan
 #include functions/flow_law.stan
+#include functions/kelvin_element.stan
 #include functions/microstructure.stan
 #include functions/coordinates.stan
 #include functions/forced_oscillation_dynamics.stan

@@ -14,7 +14,7 @@ data {
   int<lower=0> n_times;
   array[n_times] real<lower=0> time; // s
   array[n_segments] int<lower=1> n_times_in_segment;
-  vector[n_parameters() - 1] parameter; // without the noise
+  vector[11] parameter; // the first in the order of functions/parameters.stan
 }
 generated quantities {
   array[n_times] vector[6] state;

@@ -121,6 +121,7 @@ def comparison_of(*results: tuple[str, LeaveOneOut]) -> Comparison:
         ordered,
         stacking_weights(np.array([one.elpd for one in ordered.values()])),
         xr.DataArray(np.linspace(0.01, 0.2, size), dims="point", name="strain"),
+        dict.fromkeys(ordered, "standard"),
     )
 
 

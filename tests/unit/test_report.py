@@ -212,6 +212,12 @@ def test_the_page_says_what_prior_and_data_decide(
     assert "This number is your prior: stress exponent" in write([untouched], tmp_path / "p").text
 
 
+def test_the_page_names_the_laws_of_the_model(page: Page, shown: Page) -> None:
+    for text in ("Kelvin dashpot linear", "grain size evolving", "residuals independent"):
+        assert text in page.text
+    assert "grain size piezometric, fabric constant" in shown.text
+
+
 def test_the_page_says_how_to_make_everything_again(page: Page, fits: list[Fit]) -> None:
     assert COMMAND in page.text
     manifest = fits[0].manifest

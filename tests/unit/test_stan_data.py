@@ -10,7 +10,7 @@ from conftest import ICE, with_fixed
 
 from pyburgers.constant_rate import ConstantRateExperiment, RateSegment, load_constant_rate
 from pyburgers.errors import InputError
-from pyburgers.parameters import PARAMETERS
+from pyburgers.parameters import PARAMETERS, PROGRAM_PARAMETERS
 from pyburgers.priors import Family, Prior, PriorSet, default_priors
 from pyburgers.stan_data import (
     REFERENCE_STRESS,
@@ -104,7 +104,7 @@ def test_the_likelihood_can_be_switched_off() -> None:
 def test_priors_come_in_the_order_of_the_programs() -> None:
     data = data_of(experiment([0.01]))
     family, lower, upper = data["prior_family"], data["prior_lower"], data["prior_upper"]
-    assert len(family) == len(PARAMETERS)
+    assert len(family) == len(PROGRAM_PARAMETERS)
     k = INDEX["stress_exponent"] - 1
     assert (family[k], lower[k], upper[k]) == (1, 2.7, 4.5)
     k = INDEX["stress_noise"] - 1

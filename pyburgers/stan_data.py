@@ -307,10 +307,61 @@ def flow_law_block(flow_law: FlowLawPrior | None) -> StanData:
     }
 
 
+FURTHER_EXPERIMENTS = (
+    "further_temperature",
+    "further_initial_grain_size",
+    "n_further_segments",
+    "further_segment_start",
+    "further_segment_rate",
+    "n_further_strains",
+    "further_strain",
+    "n_further_strains_in_segment",
+    "n_further_points",
+    "further_strain_of_point",
+    "further_stress_observed",
+    "n_further_grid",
+    "further_grid_strain",
+    "n_further_grid_in_segment",
+    "further_prior_location",
+    "further_prior_scale",
+    "further_prior_lower",
+    "further_prior_upper",
+    "further_position",
+    "further_quantity_shift",
+    "further_quantity_scale",
+    "further_quantity_lower",
+    "further_quantity_upper",
+    "pooled_coordinate",
+    "spread_scale",
+    "n_further_knots",
+    "further_knot_time_step",
+    "further_knot_stress",
+    "n_further_pins",
+    "further_pin_knot",
+    "further_pin",
+    "further_reference_coordinate",
+    "further_linear_from",
+    "further_noise_exponent",
+    "pooling_reference",
+)
+"""Arrays of the block `stan/data/further_experiments.stan`, all empty for a single fit."""
+
+
+def single_block() -> StanData:
+    """Return the block `stan/data/further_experiments.stan` of a fit of one experiment."""
+    return {
+        "n_further": 0,
+        "n_further_coordinates": 0,
+        "n_pooled": 0,
+        **{name: [] for name in FURTHER_EXPERIMENTS},
+    }
+
+
 def with_later_additions(data: StanData) -> StanData:
     """Add to the data of a run what an earlier version of its program did not ask for.
 
-    Variants of the model and a joint prior of the flow law, each switched off.
+    Variants of the model, a joint prior of the flow law and further experiments, each switched
+    off.
 
     Parameters
     ----------
@@ -320,6 +371,7 @@ def with_later_additions(data: StanData) -> StanData:
     missing = PROGRAM_PARAMETERS[len(data["prior_family"]) :]
     added = prior_block(PriorSet("", "", {}, ""), missing)
     return {
+        **single_block(),
         **flow_law_block(None),
         **data,
         **{name: [*data[name], *values] for name, values in added.items()},
@@ -463,6 +515,7 @@ def constant_rate_data(
         **valley_block(valley),
         **solver_block(solver),
         **grid_block(experiment, np.empty(0) if grid_strain is None else grid_strain),
+        **single_block(),
     }
 
 

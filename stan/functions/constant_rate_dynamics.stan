@@ -262,3 +262,32 @@ array[] vector constant_rate_solution(data array[] real strain, data array[] int
   }
   return solution;
 }
+
+/**
+ * Stress and Kelvin strain along a test at given parameters: constant_rate_solution().
+ *
+ * @param parameter in the order of functions/parameters.stan
+ * @param temperature of the test, K
+ * @param constants parameters that are never inferred, at their places in the same order
+ */
+array[] vector constant_rate_solution_at(vector parameter, data array[] real strain,
+                                         data array[] int n_strains_in,
+                                         data array[] real segment_start,
+                                         data array[] real segment_rate,
+                                         data real initial_grain_size, data real temperature,
+                                         data vector constants, data int power_law_kelvin,
+                                         data real relative_tolerance,
+                                         data real absolute_tolerance, data int max_num_steps) {
+  real reference_stress = exp(log_reference_stress(segment_rate[1], initial_grain_size,
+                                                   temperature, parameter[4], parameter[5],
+                                                   parameter[6], parameter[7]));
+  real kelvin_viscosity = kelvin_viscosity_at(parameter[3], parameter[14], temperature,
+                                              constants[16]);
+  return constant_rate_solution(strain, n_strains_in, segment_start, segment_rate,
+                                initial_grain_size, reference_stress, parameter[1],
+                                parameter[2], kelvin_viscosity, parameter[4], parameter[5],
+                                parameter[8], parameter[9], parameter[10], parameter[11],
+                                power_law_kelvin, parameter[13], constants[15],
+                                constants[18] / initial_grain_size, relative_tolerance,
+                                absolute_tolerance, max_num_steps);
+}

@@ -109,14 +109,15 @@ real log_slope_of_replaced(vector parameter, data int replaced_parameter,
  * @param parameter_of_coordinate index of the parameter that each coordinate stands for
  * @param shift, scale, lower_bound, upper_bound of each coordinate's quantity, SI (ln Pa or
  *   ln 1/s for the point of the flow law)
- * @param fixed_value parameter vector; entries of free parameters are overwritten
+ * @param fixed_value parameter vector; entries that have a coordinate are overwritten, and those
+ *   shared with another test (functions/pooling.stan) have their values
  * @param replaced_parameter, samples_stress, given see resolve_flow()
  * @return parameters in the order of functions/parameters.stan, then ln |d parameter/d
  *   coordinate|
  */
 vector parameters_from_plain(vector coordinate, data array[] int parameter_of_coordinate,
                              data vector shift, data vector scale, data vector lower_bound,
-                             data vector upper_bound, data vector fixed_value,
+                             data vector upper_bound, vector fixed_value,
                              data int replaced_parameter, data int samples_stress,
                              data real given, data real initial_grain_size,
                              data real temperature) {

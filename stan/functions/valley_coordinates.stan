@@ -62,14 +62,18 @@ real softened_share() {
 }
 
 /** Precision of ln S_0, and of each real number behind a bounded parameter, that keeps the
- * least-squares problem regular where the curve does not fix them. */
-real reference_stress_precision() {
-  return 1.0;
+ * least-squares problem regular where the curve does not fix them.
+ *
+ * @param given 1: ln S_0 is given, with a precision well above that of any curve
+ */
+real reference_stress_precision(data int given) {
+  return given ? 1e9 : 1.0;
 }
 
 real bounded_parameter_precision() {
   return 0.5;
 }
+
 
 /**
  * ln of the strength (*) that the reference curve implies at the pins.
@@ -147,9 +151,25 @@ matrix softening_at_pins(vector u, real exponent_ratio, real grain_size_ratio,
   return softening;
 }
 
-/** Slope of the regularising ln prior of the real numbers behind bounded parameters. */
-vector pull_to_middle(vector u) {
-  return 2 * bounded_parameter_precision() * (1 - 2 * inv_logit(u));
+/**
+ * Slope and precision of the ln prior that keeps real numbers behind bounded parameters regular:
+ * a weak one, or where a parameter is partially pooled its own.
+ *
+ * @param pooled 1 where u is normal with `centre` and `spread`, which have no effect elsewhere
+ * @return columns: slope, precision
+ */
+matrix regularisation(vector u, data array[] int pooled, vector centre, vector spread) {
+  matrix[num_elements(u), 2] regular;
+  for (k in 1 : num_elements(u)) {
+    if (pooled[k]) {
+      regular[k, 2] = 1 / square(spread[k]);
+      regular[k, 1] = (centre[k] - u[k]) * regular[k, 2];
+    } else {
+      regular[k, 2] = bounded_parameter_precision();
+      regular[k, 1] = 2 * bounded_parameter_precision() * (1 - 2 * inv_logit(u[k]));
+    }
+  }
+  return regular;
 }
 
 /**
@@ -161,19 +181,22 @@ vector pull_to_middle(vector u) {
  * @param log_strength left-hand side of (*) at the pins
  * @param strain, weight of the pins
  * @param noise_variance over that of the reference point, for which the weights are
- * @param reference_log_stress ln S_0 of the reference point
+ * @param log_stress value of ln S_0 that keeps the problem regular
+ * @param stress_given 1: ln S_0 has that value
  * @param lower_bound, upper_bound of (epsilon_c1, epsilon_c2, F_ss)
+ * @param pooled, centre, spread of (u_1, u_2, u_F): see regularisation()
  * @return first column: the step; the others: the Gauss-Newton matrix
  */
 matrix softening_step(vector solved, real across, real exponent_ratio, real grain_size_ratio,
                       vector log_strength, data vector strain, data vector weight,
-                      real noise_variance, data real reference_log_stress,
-                      data vector lower_bound, data vector upper_bound) {
+                      real noise_variance, real log_stress, data int stress_given,
+                      data vector lower_bound, data vector upper_bound,
+                      data array[] int pooled, vector centre, vector spread) {
   vector[3] u = append_row(critical_strains_from_rotated(across, solved[3]), solved[2]);
   matrix[rows(strain), 4] softening = softening_at_pins(u, exponent_ratio, grain_size_ratio,
                                                         strain, lower_bound, upper_bound);
   vector[2] by_along = [valley_slope(), 1]' / (1 + square(valley_slope())); // du_1, du_2
-  vector[3] pull = pull_to_middle(u);
+  matrix[3, 2] regular = regularisation(u, pooled, centre, spread);
   matrix[rows(strain), 3] slope;
   matrix[3, 3] curvature;
   vector[3] gradient;
@@ -181,14 +204,14 @@ matrix softening_step(vector solved, real across, real exponent_ratio, real grai
   slope[ : , 2] = softening[ : , 4];
   slope[ : , 3] = softening[ : , 2 : 3] * by_along;
   curvature = crossprod(diag_pre_multiply(sqrt(weight), slope)) / noise_variance;
-  curvature[1, 1] += reference_stress_precision();
-  curvature[2, 2] += bounded_parameter_precision();
-  curvature[3, 3] += bounded_parameter_precision() * dot_self(by_along);
+  curvature[1, 1] += reference_stress_precision(stress_given);
+  curvature[2, 2] += regular[3, 2];
+  curvature[3, 3] += dot_product(regular[1 : 2, 2], square(by_along));
   gradient = slope' * (weight .* (log_strength - solved[1] - softening[ : , 1]))
              / noise_variance;
-  gradient[1] -= reference_stress_precision() * (solved[1] - reference_log_stress);
-  gradient[2] += pull[3];
-  gradient[3] += dot_product(pull[1 : 2], by_along);
+  gradient[1] -= reference_stress_precision(stress_given) * (solved[1] - log_stress);
+  gradient[2] += regular[3, 1];
+  gradient[3] += dot_product(regular[1 : 2, 1], by_along);
   return append_col(mdivide_left_spd(curvature, gradient), curvature);
 }
 
@@ -197,13 +220,16 @@ matrix softening_step(vector solved, real across, real exponent_ratio, real grai
  *
  * @param reference (across, p/n, ln(d_ss/d_0), ln S_0, u_F, along) of the reference point
  * @param reference_log_strength left-hand side of (*) there
+ * @param log_stress and the others as for softening_step()
  * @return first column: the solution; the others: the Gauss-Newton matrix there, at full weight
  */
 matrix solve_softening(real across, real exponent_ratio, real log_grain_size_ratio,
                        vector log_strength, data vector reference,
                        data vector reference_log_strength, data vector strain,
-                       data vector weight, real noise_variance, data vector lower_bound,
-                       data vector upper_bound) {
+                       data vector weight, real noise_variance, real log_stress,
+                       data int stress_given, data vector lower_bound,
+                       data vector upper_bound, data array[] int pooled, vector centre,
+                       vector spread) {
   vector[3] solved = reference[4 : 6];
   matrix[3, 4] step;
   for (k in 1 : n_valley_steps()) {
@@ -212,13 +238,14 @@ matrix solve_softening(real across, real exponent_ratio, real log_grain_size_rat
                           reference[2] + f * (exponent_ratio - reference[2]),
                           exp(reference[3] + f * (log_grain_size_ratio - reference[3])),
                           reference_log_strength + f * (log_strength - reference_log_strength),
-                          strain, softened_share() * weight, noise_variance, reference[4],
-                          lower_bound, upper_bound);
+                          strain, softened_share() * weight, noise_variance,
+                          reference[4] + f * (log_stress - reference[4]), stress_given,
+                          lower_bound, upper_bound, pooled, centre, spread);
     solved += step[ : , 1];
   }
   step = softening_step(solved, across, exponent_ratio, exp(log_grain_size_ratio),
-                        log_strength, strain, weight, noise_variance, reference[4],
-                        lower_bound, upper_bound);
+                        log_strength, strain, weight, noise_variance, log_stress,
+                        stress_given, lower_bound, upper_bound, pooled, centre, spread);
   step[ : , 1] = solved;
   return step;
 }
@@ -229,10 +256,12 @@ matrix solve_softening(real across, real exponent_ratio, real log_grain_size_rat
  * @param softening ln F + (p/n) ln(d/d_0) at the pins
  */
 vector solve_reference_stress(vector softening, vector log_strength, data vector weight,
-                              real noise_variance, data real reference_log_stress) {
-  real precision = sum(weight) / noise_variance + reference_stress_precision();
+                              real noise_variance, real log_stress,
+                              data int stress_given) {
+  real precision = sum(weight) / noise_variance
+                   + reference_stress_precision(stress_given);
   return [(dot_product(weight, log_strength - softening) / noise_variance
-           + reference_stress_precision() * reference_log_stress) / precision,
+           + reference_stress_precision(stress_given) * log_stress) / precision,
           precision]';
 }
 
@@ -247,8 +276,10 @@ vector solve_reference_stress(vector softening, vector log_strength, data vector
  */
 vector solve_fabric(real fabric, real start, real along, real across, real exponent_ratio,
                     real grain_size_ratio, vector log_strength, data vector strain,
-                    data vector weight, real noise_variance, data real reference_log_stress,
-                    data vector lower_bound, data vector upper_bound) {
+                    data vector weight, real noise_variance, real log_stress,
+                    data int stress_given, data vector lower_bound,
+                    data vector upper_bound, data array[] int pooled, vector centre,
+                    vector spread) {
   real solved = fabric;
   real precision;
   for (k in 1 : n_fabric_steps()) {
@@ -259,12 +290,13 @@ vector solve_fabric(real fabric, real start, real along, real across, real expon
     matrix[rows(strain), 4] softening = softening_at_pins(u, exponent_ratio, grain_size_ratio,
                                                           strain, lower_bound, upper_bound);
     vector[2] stress = solve_reference_stress(softening[ : , 1], log_strength, weight,
-                                              noise_variance, reference_log_stress);
+                                              noise_variance, log_stress, stress_given);
+    row_vector[2] regular = regularisation(u, pooled, centre, spread)[3];
     vector[rows(strain)] weighted = weight .* softening[ : , 4] / noise_variance;
     precision = dot_product(weighted, softening[ : , 4]) - square(sum(weighted)) / stress[2]
-                + bounded_parameter_precision();
+                + regular[2];
     solved += (dot_product(weighted, log_strength - softening[ : , 1] - stress[1])
-               + pull_to_middle(u)[3]) / precision;
+               + regular[1]) / precision;
   }
   return [solved, precision]';
 }
@@ -298,29 +330,37 @@ vector bounded_from_remainder(real solved, real precision, real remainder) {
  * (ln S_0, u_F, along) from their whitened remainders, in turn.
  *
  * @param remainder (of ln S_0, of u_F, of along) in standard deviations
+ * @param stress_given 1: ln S_0 is log_stress, and its remainder has no effect
+ * @param log_stress and the others as for softening_step()
  * @return (ln S_0, u_F, along), then ln |d(these)/d(remainder)|
  */
 vector softening_from_remainder(vector remainder, real across, real exponent_ratio,
                                 real log_grain_size_ratio, vector log_strength,
                                 data vector reference, data vector reference_log_strength,
                                 data vector strain, data vector weight,
-                                real noise_variance, data vector lower_bound,
-                                data vector upper_bound) {
+                                real noise_variance, data int stress_given, real log_stress,
+                                data vector lower_bound, data vector upper_bound,
+                                data array[] int pooled, vector centre, vector spread) {
   matrix[3, 4] joint = solve_softening(across, exponent_ratio, log_grain_size_ratio,
                                        log_strength, reference, reference_log_strength, strain,
-                                       weight, noise_variance, lower_bound, upper_bound);
+                                       weight, noise_variance, log_stress, stress_given,
+                                       lower_bound, upper_bound, pooled, centre, spread);
   real along_scale = cholesky_decompose(joint[ : , 2 : 4])[3, 3];
   real along = joint[3, 1] + remainder[3] / along_scale;
   vector[2] fabric = solve_fabric(joint[2, 1], joint[3, 1], along, across, exponent_ratio,
                                   exp(log_grain_size_ratio), log_strength, strain, weight,
-                                  noise_variance, reference[4], lower_bound, upper_bound);
+                                  noise_variance, log_stress, stress_given, lower_bound,
+                                  upper_bound, pooled, centre, spread);
   vector[2] fabric_factor = bounded_from_remainder(fabric[1], fabric[2], remainder[2]);
   vector[3] u = append_row(critical_strains_from_rotated(across, along), fabric_factor[1]);
-  vector[2] stress = solve_reference_stress(softening_at_pins(u, exponent_ratio,
-                                              exp(log_grain_size_ratio), strain, lower_bound,
-                                              upper_bound)[ : , 1],
-                                            log_strength, weight, noise_variance,
-                                            reference[4]);
+  vector[2] stress;
+  if (stress_given) {
+    return [log_stress, fabric_factor[1], along, -log(along_scale) + fabric_factor[2]]';
+  }
+  stress = solve_reference_stress(softening_at_pins(u, exponent_ratio, exp(log_grain_size_ratio),
+                                                    strain, lower_bound, upper_bound)[ : , 1],
+                                  log_strength, weight, noise_variance, log_stress,
+                                  stress_given);
   return [stress[1] + remainder[1] / sqrt(stress[2]), fabric_factor[1], along,
           -log(along_scale) + fabric_factor[2] - 0.5 * log(stress[2])]';
 }
@@ -355,73 +395,130 @@ vector plain_from_straightened(real offset, data real reference, data real linea
  * The coordinates stand in the order of the plain ones; those of ln S_0, F_ss and epsilon_c2 are
  * the whitened remainders, that of epsilon_c1 is the rotated coordinate across.
  *
- * @param coordinate_of position of each parameter among the coordinates, 0 where fixed
+ * A test that shares parameters with another has coordinates for its own ones only. Where the
+ * flow law is complete without, ln S_0 follows from it and has no coordinate.
+ *
+ * Partially pooled parameters have a normal density on the real line. Their coordinates are in
+ * the unit of its spread, from its centre, save those that are solved: there the density takes
+ * part in the least-squares problem, so that they are centred and scaled by whatever fixes them,
+ * curve or pooling.
+ *
+ * @param coordinate_of position of each parameter among the coordinates, 0 where it has none
+ * @param fixed_value parameters that have no coordinate; other entries are overwritten
+ * @param replaced_parameter 6 or 7; 0: ln S_0 is given
  * @param reference_coordinate plain coordinates of the reference point
  * @param reference, reference_log_strength see solve_softening()
  * @param linear_from see plain_from_straightened()
  * @param noise_exponent power of the noise s with which the width of each coordinate grows
- * @return as parameters_from_plain()
+ * @param pooled 1 for coordinates of partially pooled parameters
+ * @param centre, spread their normal density; those of others have no effect
+ * @param reference_centre, reference_spread of the reference point
+ * @return as parameters_from_plain(), then the ln density of partially pooled parameters on the
+ *   real line
  */
 vector parameters_from_valley(vector coordinate, data array[] int parameter_of_coordinate,
                               data array[] int coordinate_of, data vector shift,
                               data vector scale, data vector lower_bound,
-                              data vector upper_bound, data vector fixed_value,
+                              data vector upper_bound, vector fixed_value,
                               data int replaced_parameter, data real strain_rate,
                               data real initial_grain_size, data real temperature,
                               data vector knot_time_step, data vector knot_stress,
                               data array[] int pin_knot, data matrix pin,
                               data vector reference_coordinate, data vector reference,
                               data vector reference_log_strength, data vector linear_from,
-                              data vector noise_exponent) {
+                              data vector noise_exponent, data array[] int pooled,
+                              vector centre, vector spread, data vector reference_centre,
+                              data vector reference_spread) {
   int n = num_elements(coordinate);
   array[3] int bounded = {coordinate_of[10], coordinate_of[11], coordinate_of[9]};
-  array[3] int whitened = {coordinate_of[replaced_parameter], coordinate_of[9],
-                           coordinate_of[11]};
+  int stress_given = replaced_parameter == 0;
   vector[n] plain = reference_coordinate;
   vector[n_parameters()] parameter = fixed_value;
+  vector[3] remainder = [0, coordinate[coordinate_of[9]], coordinate[coordinate_of[11]]]';
+  real log_stress = reference[4];
   vector[4] solved;
-  real across = reference[1] + coordinate[coordinate_of[10]];
+  real across;
   real log_noise_ratio = 0; // ln(s/s of the reference point)
   real log_jacobian = 0;
+  real log_pooling = 0;
   if (coordinate_of[12] > 0) {
     int i = coordinate_of[12];
-    log_noise_ratio = log(bounded_from_real(reference_coordinate[i] + coordinate[i], shift[i],
-                                            scale[i], lower_bound[i], upper_bound[i]))
+    if (pooled[i]) {
+      plain[i] = pooled_from_reference(coordinate[i], reference_coordinate[i], centre[i],
+                                       spread[i], reference_centre[i], reference_spread[i]);
+    } else {
+      plain[i] += coordinate[i];
+    }
+    log_noise_ratio = log(bounded_from_real(plain[i], shift[i], scale[i], lower_bound[i],
+                                            upper_bound[i]))
                       - log(bounded_from_real(reference_coordinate[i], shift[i], scale[i],
                                               lower_bound[i], upper_bound[i]));
   }
   for (i in 1 : n) {
     int k = parameter_of_coordinate[i];
     if (k != 9 && k != 10 && k != 11 && k != replaced_parameter) {
-      vector[2] straightened = plain_from_straightened(
-        coordinate[i] * exp(noise_exponent[i] * log_noise_ratio), reference_coordinate[i],
-        linear_from[i]);
-      plain[i] = straightened[1];
-      log_jacobian += straightened[2] + noise_exponent[i] * log_noise_ratio;
+      if (pooled[i]) {
+        plain[i] = pooled_from_reference(coordinate[i], reference_coordinate[i], centre[i],
+                                         spread[i], reference_centre[i], reference_spread[i]);
+        log_jacobian += log(spread[i]);
+      } else {
+        vector[2] straightened = plain_from_straightened(
+          coordinate[i] * exp(noise_exponent[i] * log_noise_ratio), reference_coordinate[i],
+          linear_from[i]);
+        plain[i] = straightened[1];
+        log_jacobian += straightened[2] + noise_exponent[i] * log_noise_ratio;
+      }
       parameter[k] = bounded_from_real(plain[i], shift[i], scale[i], lower_bound[i],
                                        upper_bound[i]);
     }
   }
-  solved = softening_from_remainder(coordinate[whitened], across,
-    parameter[5] / parameter[4], log(parameter[8] / initial_grain_size),
+  if (pooled[bounded[1]] && pooled[bounded[2]]) {
+    // Data fix the place across little, so it has the unit of its density.
+    real a = valley_slope();
+    real unit = sqrt(square(spread[bounded[1]]) + square(a * spread[bounded[2]]));
+    across = pooled_from_reference(coordinate[bounded[1]], reference[1],
+                                   centre[bounded[1]] - a * centre[bounded[2]], unit,
+                                   reference_centre[bounded[1]]
+                                     - a * reference_centre[bounded[2]],
+                                   sqrt(square(reference_spread[bounded[1]])
+                                        + square(a * reference_spread[bounded[2]])));
+    log_jacobian += log(unit);
+  } else {
+    across = reference[1] + coordinate[bounded[1]];
+  }
+  if (stress_given) {
+    log_stress = log_reference_stress(strain_rate, initial_grain_size, temperature, parameter[4],
+                                      parameter[5], parameter[6], parameter[7]);
+  } else {
+    remainder[1] = coordinate[coordinate_of[replaced_parameter]];
+  }
+  solved = softening_from_remainder(remainder, across, parameter[5] / parameter[4],
+    log(parameter[8] / initial_grain_size),
     log_strength_at_pins(knot_time_step, knot_stress, pin_knot, pin, parameter[1],
                          parameter[2], parameter[3], parameter[4]),
     reference, reference_log_strength, col(pin, 1), col(pin, 5), exp(2 * log_noise_ratio),
-    lower_bound[bounded], upper_bound[bounded]);
-  plain[coordinate_of[replaced_parameter]] = (solved[1]
-                                              - shift[coordinate_of[replaced_parameter]])
-                                             / scale[coordinate_of[replaced_parameter]];
+    stress_given, log_stress, lower_bound[bounded], upper_bound[bounded], pooled[bounded],
+    centre[bounded], spread[bounded]);
   plain[coordinate_of[9]] = solved[2];
   plain[{coordinate_of[10], coordinate_of[11]}]
     = critical_strains_from_rotated(across, solved[3]);
-  log_jacobian += solved[4] - log1p(square(valley_slope()))
-                  - log(scale[coordinate_of[replaced_parameter]]);
+  log_jacobian += solved[4] - log1p(square(valley_slope()));
+  if (!stress_given) {
+    int i = coordinate_of[replaced_parameter];
+    plain[i] = (solved[1] - shift[i]) / scale[i];
+    log_jacobian -= log(scale[i]);
+  }
+  for (i in 1 : n) {
+    if (pooled[i]) {
+      log_pooling += normal_lpdf(plain[i] | centre[i], spread[i]);
+    }
+  }
   {
     vector[n_parameters() + 1] mapped = parameters_from_plain(plain, parameter_of_coordinate,
       shift, scale, lower_bound, upper_bound, fixed_value, replaced_parameter, 1,
       log(strain_rate), initial_grain_size, temperature);
     mapped[n_parameters() + 1] += log_jacobian;
-    return mapped;
+    return append_row(mapped, log_pooling);
   }
 }
 

@@ -1,0 +1,62 @@
+/**
+ * Joint fits: parameters of several tests that are shared, partially pooled or separate.
+ *
+ * Every test has the same free parameters. A shared one has a coordinate in the first test only.
+ * A partially pooled one has a real number u in every test (functions/coordinates.stan), normal
+ * with a common centre and spread; the centre has the parameter's own prior, the spread a
+ * half-normal one.
+ */
+
+/**
+ * Physical parameters of one test at given plain coordinates.
+ *
+ * Coordinates of partially pooled parameters are (u - centre)/spread.
+ *
+ * @param pooled 1 for coordinates of partially pooled parameters
+ * @param centre, spread of their u; those of others have no effect
+ * @return as parameters_from_plain(), then the ln density of partially pooled parameters on the
+ *   real line
+ */
+vector parameters_from_pooled(vector coordinate, data array[] int pooled, vector centre,
+                              vector spread, data array[] int parameter_of_coordinate,
+                              data vector shift, data vector scale, data vector lower_bound,
+                              data vector upper_bound, vector fixed_value,
+                              data int replaced_parameter, data real log_rate,
+                              data real initial_grain_size, data real temperature) {
+  vector[num_elements(coordinate)] plain = coordinate;
+  real log_jacobian = 0;
+  real log_pooling = 0;
+  for (i in 1 : num_elements(coordinate)) {
+    if (pooled[i]) {
+      plain[i] = centre[i] + spread[i] * coordinate[i];
+      log_jacobian += log(spread[i]);
+      log_pooling += normal_lpdf(plain[i] | centre[i], spread[i]);
+    }
+  }
+  {
+    vector[n_parameters() + 1] mapped = parameters_from_plain(plain, parameter_of_coordinate,
+      shift, scale, lower_bound, upper_bound, fixed_value, replaced_parameter, 1, log_rate,
+      initial_grain_size, temperature);
+    mapped[n_parameters() + 1] += log_jacobian;
+    return append_row(mapped, log_pooling);
+  }
+}
+
+/**
+ * A partially pooled real number whose coordinate is 0 as many spreads from the centre as at the
+ * reference point.
+ */
+real pooled_from_reference(real coordinate, real reference, real centre, real spread,
+                           real reference_centre, real reference_spread) {
+  return centre + spread * ((reference - reference_centre) / reference_spread + coordinate);
+}
+
+/** Where the parts of ragged arrays end, after a leading 0. */
+array[] int ends_of(array[] int sizes) {
+  array[size(sizes) + 1] int ends;
+  ends[1] = 0;
+  for (i in 1 : size(sizes)) {
+    ends[i + 1] = ends[i] + sizes[i];
+  }
+  return ends;
+}

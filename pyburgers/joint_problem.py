@@ -97,9 +97,7 @@ def joint_problem(
     return problem
 
 
-def _suited(
-    experiment: Experiment, first: Experiment, priors: PriorSet
-) -> ConstantRateExperiment:
+def _suited(experiment: Experiment, first: Experiment, priors: PriorSet) -> ConstantRateExperiment:
     """Return a test if it can take part in a joint fit."""
     if not isinstance(experiment, ConstantRateExperiment):
         raise InputError(

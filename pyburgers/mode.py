@@ -1,10 +1,12 @@
 """Posterior mode, found by Stan's optimiser: where the sampler's coordinates and metric are set."""
 
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+import cmdstanpy
 import numpy as np
 import numpy.typing as npt
 
@@ -15,7 +17,7 @@ from pyburgers.parameters import PROGRAM_PARAMETERS
 from pyburgers.priors import PriorSet
 from pyburgers.run_directory import write_json
 from pyburgers.simulation import program_for, quiet_cmdstanpy
-from pyburgers.stan_data import SolverOptions, program_data
+from pyburgers.stan_data import SolverOptions, StanData, program_data
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -72,9 +74,46 @@ def find_mode(
     """
     data = program_data(experiment, priors, solver=solver)
     model = load_model(program_for(experiment), report=report)
+    starts = (
+        draw_initial_values(experiment, priors, seed=seed, chain=start)
+        for start in range(1, N_STARTS + 1)
+    )
+    variables = climb(model, data, starts, seed=seed)
+    return Mode(
+        {p.name: float(variables[p.name]) for p in PROGRAM_PARAMETERS},
+        np.atleast_1d(np.asarray(variables["coordinate"], dtype=np.float64)),
+    )
+
+
+def climb(
+    model: cmdstanpy.CmdStanModel,
+    data: StanData,
+    starts: Iterable[Mapping[str, object]],
+    *,
+    seed: int,
+) -> Mapping[str, Any]:
+    """Climb from every start with Stan's optimiser and return the variables at the best end.
+
+    Parameters
+    ----------
+    model : CmdStanModel
+        The program.
+    data : dict
+        Its data.
+    starts : iterable of mapping
+        Values of its parameters.
+    seed : int
+        For the optimiser's record; it draws nothing.
+
+    Raises
+    ------
+    ModeNotFound
+        If the optimiser fails from all starts.
+    """
     best = None
-    for start in range(1, N_STARTS + 1):
-        initial = draw_initial_values(experiment, priors, seed=seed, chain=start)
+    n_starts = 0
+    for initial in starts:
+        n_starts += 1
         with tempfile.TemporaryDirectory() as folder, quiet_cmdstanpy():
             files = {name: Path(folder) / f"{name}.json" for name in ("data", "initial")}
             write_json(files["data"], data)
@@ -97,9 +136,5 @@ def find_mode(
         if best is None or density > best[0]:
             best = (density, variables)
     if best is None:
-        raise ModeNotFound(f"the optimiser failed from all {N_STARTS} starts")
-    variables = best[1]
-    return Mode(
-        {p.name: float(variables[p.name]) for p in PROGRAM_PARAMETERS},
-        np.atleast_1d(np.asarray(variables["coordinate"], dtype=np.float64)),
-    )
+        raise ModeNotFound(f"the optimiser failed from all {n_starts} starts")
+    return best[1]

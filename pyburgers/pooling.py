@@ -148,5 +148,3 @@ def _kind(name: str, text: str) -> tuple[Kind, float]:
             "most 10."
         )
     return way, scale
-
-

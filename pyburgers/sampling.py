@@ -185,6 +185,41 @@ def fingerprint(data: StanData, options: SamplerOptions, program_key: str) -> st
     return sha256_of_json({"data": data, "options": decisive, "program": program_key})
 
 
+@dataclass(frozen=True, eq=False)
+class SamplingTask:
+    """What a run samples, settled but for the coordinates.
+
+    Attributes
+    ----------
+    name, data_kind : str
+        Of the data, and the kind of their provenance.
+    program : Path
+        Stan program.
+    data : dict
+        Its data in plain coordinates.
+    options : SamplerOptions
+        Settled settings.
+    write_inputs : callable
+        Saves copies of the inputs in a run directory, once.
+    choose_geometry : callable
+        Sets the coordinates of the compiled program up.
+    draw_start : callable
+        Start of a chain, by its identifier, from the prior.
+    manifest : mapping
+        Entries of the manifest that only this kind of run has.
+    """
+
+    name: str
+    data_kind: str
+    program: Path
+    data: StanData
+    options: SamplerOptions
+    write_inputs: Callable[[RunDirectory], None]
+    choose_geometry: Callable[[cmdstanpy.CmdStanModel], Geometry]
+    draw_start: Callable[[int], dict[str, list[float]]]
+    manifest: Mapping[str, Any]
+
+
 def run_chains(
     experiment: Experiment,
     priors: PriorSet,
@@ -233,40 +268,75 @@ def run_chains(
         raise InputError(f"{experiment.id}: the experiment has no data, expected a [data] table.")
     check_coordinates(experiment, options.coordinates)
     check_variant(priors, experiment)
-    run = RunDirectory(directory)
     options = options.suited_to(experiment)
     priors = priors.resolved(float(np.max(np.abs(experiment.stress))))
     data = program_data(experiment, priors, solver=solver, use_likelihood=use_likelihood)
-    model = load_model(program_for(experiment), report=report)
-    identity = fingerprint(data, options, Path(str(model.exe_file)).parent.name)
+    task = SamplingTask(
+        name=experiment.id,
+        data_kind=experiment.provenance.kind,
+        program=program_for(experiment),
+        data=data,
+        options=options,
+        write_inputs=lambda run: _write_inputs(run, experiment, priors),
+        choose_geometry=lambda model: choose_geometry(
+            model,
+            data,
+            experiment,
+            priors,
+            wanted=options.coordinates,
+            seed=options.seed,
+            solver=solver,
+            report=report,
+        ),
+        draw_start=lambda chain: draw_initial_values(
+            experiment, priors, seed=options.seed, chain=chain
+        ),
+        manifest={
+            "variant": variant_of(priors, experiment).record(),
+            "priors_from": None if priors.flow_law is None else priors.flow_law.source,
+        },
+    )
+    return run_task(task, directory, solver=solver, command=command, report=report)
+
+
+def run_task(
+    task: SamplingTask,
+    directory: Path,
+    *,
+    solver: SolverOptions,
+    command: str,
+    report: Callable[[str], None],
+) -> tuple[ChainFailure, ...]:
+    """Run the chains of a task that a run directory lacks and record everything in it.
+
+    Parameters
+    ----------
+    task : SamplingTask
+        What to sample.
+    directory, solver, command, report
+        As for `run_chains`, which says what is returned and raised.
+    """
+    run = RunDirectory(directory)
+    options = task.options
+    model = load_model(task.program, report=report)
+    identity = fingerprint(task.data, options, Path(str(model.exe_file)).parent.name)
     with run.claimed(identity), no_process_left(model):
-        _write_inputs(run, experiment, priors)
+        task.write_inputs(run)
         if not run.stan_data_file.is_file():
-            geometry = choose_geometry(
-                model,
-                data,
-                experiment,
-                priors,
-                wanted=options.coordinates,
-                seed=options.seed,
-                solver=solver,
-                report=report,
-            )
-            _write_geometry(run, data, geometry, report)
+            _write_geometry(run, task.data, task.choose_geometry(model), report)
         record = run_record(
             run,
-            name=experiment.id,
-            data_kind=experiment.provenance.kind,
+            name=task.name,
+            data_kind=task.data_kind,
             options=options,
             identity=identity,
-            use_likelihood=use_likelihood,
+            use_likelihood=bool(task.data["use_likelihood"]),
             command=command,
         )
         run.update_manifest(
             {
                 **record,
-                "variant": variant_of(priors, experiment).record(),
-                "priors_from": None if priors.flow_law is None else priors.flow_law.source,
+                **task.manifest,
                 "refits": run.read_manifest().get("refits", []),
                 "solver": {**asdict(solver), "tolerance": _tolerance_in(run)},
             }
@@ -277,7 +347,7 @@ def run_chains(
             report(f"{options.chains - len(missing)} of {options.chains} chains are there already.")
         for chain in missing:
             if not run.initial_values_file(chain).is_file():
-                start = _draw_start(model, run, experiment, priors, options.seed, chain)
+                start = _draw_start(model, run, task, chain)
                 write_json(run.initial_values_file(chain), start)
         failures = run_missing(model, run, missing, options) if missing else ()
         finished = run.finished_chains()
@@ -355,31 +425,43 @@ def _write_geometry(
 
 
 def _draw_start(
-    model: cmdstanpy.CmdStanModel,
-    run: RunDirectory,
-    experiment: Experiment,
-    priors: PriorSet,
-    seed: int,
-    chain: int,
+    model: cmdstanpy.CmdStanModel, run: RunDirectory, task: SamplingTask, chain: int
 ) -> dict[str, list[float]]:
     """Start of one chain: around the mode, or from the prior where none was found."""
     if not run.metric_file.is_file():
-        return draw_initial_values(experiment, priors, seed=seed, chain=chain)
+        return task.draw_start(chain)
     data: StanData = json.loads(run.stan_data_file.read_text(encoding="utf-8"))
     laplace = json.loads(run.metric_file.read_text(encoding="utf-8"))
     centre, covariance = (np.array(laplace[key]) for key in ("centre", "inv_metric"))
-    return draw_start_around(model, data, centre, covariance, seed=seed, chain=chain)
+    return draw_start_around(model, data, centre, covariance, seed=task.options.seed, chain=chain)
 
 
 def _write_inputs(run: RunDirectory, experiment: Experiment, priors: PriorSet) -> None:
     """Save what the run needs to be trusted and repeated; written once, before sampling."""
-    if not run.experiment_file.is_file():
-        scratch = run.new_scratch()
-        save_experiment(experiment, scratch)
-        # The table goes first: the TOML file is what tells that the copy is complete.
-        for file in sorted(scratch.iterdir()):
-            file.replace(run.inputs / file.name)
+    keep_experiment(run, experiment, run.experiment_file)
     write_atomically(run.priors_file, lambda path: save_priors(priors, path))
+
+
+def keep_experiment(run: RunDirectory, experiment: Experiment, file: Path) -> None:
+    """Save a self-contained copy of a test, unless it is there.
+
+    Parameters
+    ----------
+    run : RunDirectory
+        That the file is in.
+    experiment : Experiment
+        The test.
+    file : Path
+        Its TOML file, with its table beside it.
+    """
+    if file.is_file():
+        return
+    scratch = run.new_scratch()
+    save_experiment(experiment, scratch)
+    file.parent.mkdir(parents=True, exist_ok=True)
+    # The table goes first: the TOML file is what tells that the copy is complete.
+    for written in sorted(scratch.iterdir()):
+        written.replace(file.parent / written.name)
 
 
 def run_record(
@@ -427,9 +509,14 @@ def run_record(
         "versions": software_versions(),
         "hashes": {
             file.relative_to(run.path).as_posix(): sha256_of_file(file)
-            for file in (*sorted(run.inputs.iterdir()), run.stan_data_file)
+            for file in (*_files_in(run.inputs), run.stan_data_file)
         },
     }
+
+
+def _files_in(folder: Path) -> list[Path]:
+    """Return all files below a folder, in order."""
+    return sorted(file for file in folder.rglob("*") if file.is_file())
 
 
 def software_versions() -> dict[str, str | None]:

@@ -124,7 +124,7 @@ transformed data {
       = spread_scale[h] * exp(pooling_reference[n_pooled + h]);
   }
   for (e in 1 : n_experiments) {
-    for (i in (point_end[e] + 1) : point_end[e + 1]) {
+    for (i in part(point_end, e)) {
       point_strain[i] = all_strain[strain_end[e] + all_strain_of_point[i]];
     }
     for (k in 1 : n_parameters()) {
@@ -173,11 +173,11 @@ transformed data {
       }
       reference[e] = valley_reference(reference_coordinates[e], place, shift[e], scale[e],
                                       parameter, replaced_parameter, all_grain_size[e]);
-      reference_log_strength[(pin_end[e] + 1) : pin_end[e + 1]] = log_strength_at_pins(
-        all_knot_time_step[(knot_end[e] + 1) : knot_end[e + 1]],
-        all_knot_stress[(knot_end[e] + 1) : knot_end[e + 1]],
-        all_pin_knot[(pin_end[e] + 1) : pin_end[e + 1]],
-        all_pin[(pin_end[e] + 1) : pin_end[e + 1]],
+      reference_log_strength[part(pin_end, e)] = log_strength_at_pins(
+        all_knot_time_step[part(knot_end, e)],
+        all_knot_stress[part(knot_end, e)],
+        all_pin_knot[part(pin_end, e)],
+        all_pin[part(pin_end, e)],
         parameter[1], parameter[2], parameter[3], parameter[4]);
     }
   }
@@ -239,7 +239,7 @@ transformed parameters {
     }
     for (e in 1 : n_experiments) {
       int n_own = own_end[e + 1] - own_end[e];
-      array[n_own] int mine = own[(own_end[e] + 1) : own_end[e + 1]];
+      array[n_own] int mine = own[part(own_end, e)];
       vector[n_parameters() + 2] mapped;
       vector[n_parameters()] shared = all_prior_location[e];
       if (e > 1) {
@@ -260,11 +260,11 @@ transformed parameters {
           coordinate[position[e, mine]], parameter_of_coordinate[mine], coordinate_of[e],
           shift[e][mine], scale[e][mine], lower[e][mine], upper[e][mine], shared,
           own_replaced[e], all_segment_rate[segment_end[e] + 1], all_grain_size[e],
-          all_temperature[e], all_knot_time_step[(knot_end[e] + 1) : knot_end[e + 1]],
-          all_knot_stress[(knot_end[e] + 1) : knot_end[e + 1]],
-          all_pin_knot[(pin_end[e] + 1) : pin_end[e + 1]],
-          all_pin[(pin_end[e] + 1) : pin_end[e + 1]], reference_coordinates[e][mine],
-          reference[e], reference_log_strength[(pin_end[e] + 1) : pin_end[e + 1]],
+          all_temperature[e], all_knot_time_step[part(knot_end, e)],
+          all_knot_stress[part(knot_end, e)],
+          all_pin_knot[part(pin_end, e)],
+          all_pin[part(pin_end, e)], reference_coordinates[e][mine],
+          reference[e], reference_log_strength[part(pin_end, e)],
           all_linear_from[e][mine], all_noise_exponent[e][mine], pooled[mine], centre[mine],
           spread[mine], reference_centre[mine], reference_spread[mine]);
       }
@@ -308,14 +308,15 @@ model {
   if (use_likelihood) {
     for (e in 1 : n_experiments) {
       int n_of_test = point_end[e + 1] - point_end[e];
-      vector[n_of_test] observed = segment(all_stress_observed, point_end[e] + 1, n_of_test);
+      vector[n_of_test] observed
+        = all_stress_observed[part(point_end, e)];
       vector[n_of_test] stress_model;
       array[strain_end[e + 1] - strain_end[e]] vector[n_states] solution
         = constant_rate_solution_at(parameter[e],
-            all_strain[(strain_end[e] + 1) : strain_end[e + 1]],
-            all_strains_in_segment[(segment_end[e] + 1) : segment_end[e + 1]],
-            all_segment_start[(segment_end[e] + 1) : segment_end[e + 1]],
-            all_segment_rate[(segment_end[e] + 1) : segment_end[e + 1]], all_grain_size[e],
+            all_strain[part(strain_end, e)],
+            all_strains_in_segment[part(segment_end, e)],
+            all_segment_start[part(segment_end, e)],
+            all_segment_rate[part(segment_end, e)], all_grain_size[e],
             all_temperature[e], all_prior_location[e], power_law_kelvin, relative_tolerance,
             absolute_tolerance, max_num_steps);
       for (i in 1 : n_of_test) {
@@ -324,7 +325,7 @@ model {
       if (correlated_residuals) {
         target += sum(residual_log_densities(
           observed - stress_model, parameter[e][12],
-          segment(point_strain, point_end[e] + 1, n_of_test), parameter[e][17]));
+          point_strain[part(point_end, e)], parameter[e][17]));
       } else {
         target += normal_lpdf(observed | stress_model, parameter[e][12]);
       }
@@ -348,64 +349,64 @@ generated quantities {
   vector[n_all_grid] grid_grain_size_softening;
   vector[n_all_grid] grid_fabric_softening;
   for (e in 1 : n_experiments) {
-    int first = point_end[e] + 1;
-    int last = point_end[e + 1];
+    int n_of_test = point_end[e + 1] - point_end[e];
+    array[n_of_test] int here = part(point_end, e);
     real noise = parameter[e][12];
     real correlation_strain = parameter[e][17];
     array[strain_end[e + 1] - strain_end[e]] vector[n_states] solution
       = constant_rate_solution_at(parameter[e],
-          all_strain[(strain_end[e] + 1) : strain_end[e + 1]],
-          all_strains_in_segment[(segment_end[e] + 1) : segment_end[e + 1]],
-          all_segment_start[(segment_end[e] + 1) : segment_end[e + 1]],
-          all_segment_rate[(segment_end[e] + 1) : segment_end[e + 1]], all_grain_size[e],
+          all_strain[part(strain_end, e)],
+          all_strains_in_segment[part(segment_end, e)],
+          all_segment_start[part(segment_end, e)],
+          all_segment_rate[part(segment_end, e)], all_grain_size[e],
           all_temperature[e], all_prior_location[e], power_law_kelvin, relative_tolerance,
           absolute_tolerance, max_num_steps);
-    for (i in first : last) {
+    for (i in here) {
       stress_model[i] = solution[all_strain_of_point[i]][1];
     }
-    stress_replicated[first : last] = stress_model[first : last]
-                                      + residuals_rng(point_strain[first : last], noise,
+    stress_replicated[here] = stress_model[here]
+                                      + residuals_rng(point_strain[here], noise,
                                                       correlation_strain);
     if (correlated_residuals) {
-      vector[last - first + 1] residual = all_stress_observed[first : last]
-                                          - stress_model[first : last];
-      log_lik[first : last] = residual_log_densities(residual, noise,
-                                                     point_strain[first : last],
+      vector[n_of_test] residual = all_stress_observed[here]
+                                          - stress_model[here];
+      log_lik[here] = residual_log_densities(residual, noise,
+                                                     point_strain[here],
                                                      correlation_strain);
-      log_lik_given_others[first : last]
-        = residual_log_densities_given_others(residual, noise, point_strain[first : last],
+      log_lik_given_others[here]
+        = residual_log_densities_given_others(residual, noise, point_strain[here],
                                               correlation_strain);
     } else {
-      for (i in first : last) {
+      for (i in here) {
         log_lik[i] = normal_lpdf(all_stress_observed[i] | stress_model[i], noise);
       }
     }
   }
   for (e in 1 : n_experiments) {
-    int first = grid_end[e] + 1;
-    int last = grid_end[e + 1];
+    int n_of_test = grid_end[e + 1] - grid_end[e];
+    array[n_of_test] int here = part(grid_end, e);
     vector[n_parameters()] value = parameter[e];
     real log_factor = log_rate_factor(value[6], value[7], all_temperature[e]);
     real viscosity_here = kelvin_viscosity_at(value[3], value[14], all_temperature[e],
                                               prior_location[16]);
     int k = segment_end[e] + 1; // segment of the grid point
     int n_before = grid_end[e] + all_grid_in_segment[k]; // grid points up to its end
-    array[last - first + 1] vector[n_states] solution = constant_rate_solution_at(value,
-        all_grid_strain[first : last],
-        all_grid_in_segment[(segment_end[e] + 1) : segment_end[e + 1]],
-        all_segment_start[(segment_end[e] + 1) : segment_end[e + 1]],
-        all_segment_rate[(segment_end[e] + 1) : segment_end[e + 1]], all_grain_size[e],
+    array[n_of_test] vector[n_states] solution = constant_rate_solution_at(value,
+        all_grid_strain[here],
+        all_grid_in_segment[part(segment_end, e)],
+        all_segment_start[part(segment_end, e)],
+        all_segment_rate[part(segment_end, e)], all_grain_size[e],
         all_temperature[e], all_prior_location[e], power_law_kelvin, relative_tolerance,
         absolute_tolerance, max_num_steps);
-    for (i in first : last) {
+    for (i in here) {
       while (i > n_before) {
         k += 1;
         n_before += all_grid_in_segment[k];
       }
-      grid_stress[i] = solution[i - first + 1][1];
-      grid_kelvin_strain[i] = solution[i - first + 1][2];
+      grid_stress[i] = solution[i - grid_end[e]][1];
+      grid_kelvin_strain[i] = solution[i - grid_end[e]][2];
       grid_grain_size[i] = piezometric
-                           ? solution[i - first + 1][3]
+                           ? solution[i - grid_end[e]][3]
                            : microstructure_at(all_grid_strain[i], all_grain_size[e], value[8],
                                                value[10]);
       grid_fabric_factor[i] = microstructure_at(all_grid_strain[i], 1, value[9], value[11]);
@@ -423,9 +424,9 @@ generated quantities {
                                          value[5] / value[4]);
       grid_fabric_softening[i] = strength_factor(all_grid_strain[i], 1, value[9], value[11], 1);
     }
-    grid_stress_replicated[first : last] = grid_stress[first : last]
+    grid_stress_replicated[here] = grid_stress[here]
                                            + residuals_rng(
-                                               to_vector(all_grid_strain[first : last]), value[12],
+                                               to_vector(all_grid_strain[here]), value[12],
                                                value[17]);
   }
 }

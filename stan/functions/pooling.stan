@@ -60,3 +60,12 @@ array[] int ends_of(array[] int sizes) {
   }
   return ends;
 }
+
+/** Places of one part of a ragged array; `ends` as from ends_of(). */
+array[] int part(array[] int ends, int number) {
+  array[ends[number + 1] - ends[number]] int places;
+  for (i in 1 : size(places)) {
+    places[i] = ends[number] + i;
+  }
+  return places;
+}

@@ -115,13 +115,8 @@ transformed data {
   matrix[n_pins + sum(n_further_pins), 5] all_pin = append_row(pin, further_pin);
   array[n_experiments] vector[coordinate_system == 2 ? 6 : 0] reference;
   vector[n_pins + sum(n_further_pins)] reference_log_strength;
-  vector[n_coordinates] reference_centre = rep_vector(0, n_coordinates);
-  vector[n_coordinates] reference_spread = rep_vector(1, n_coordinates);
   for (h in 1 : n_pooled) {
     pooled[pooled_coordinate[h]] = 1;
-    reference_centre[pooled_coordinate[h]] = pooling_reference[h];
-    reference_spread[pooled_coordinate[h]]
-      = spread_scale[h] * exp(pooling_reference[n_pooled + h]);
   }
   for (e in 1 : n_experiments) {
     for (i in part(point_end, e)) {
@@ -217,8 +212,8 @@ transformed parameters {
   real log_pooling = 0; // log density of partially pooled parameters, on the real line
   {
     // Of each coordinate of a test; those that are not partially pooled make no use of them.
-    vector[n_coordinates] centre = reference_centre;
-    vector[n_coordinates] spread = reference_spread;
+    vector[n_coordinates] centre = rep_vector(0, n_coordinates);
+    vector[n_coordinates] spread = rep_vector(1, n_coordinates);
     for (h in 1 : n_pooled) {
       int i = pooled_coordinate[h];
       int k = parameter_of_coordinate[i];
@@ -266,7 +261,7 @@ transformed parameters {
           all_pin[part(pin_end, e)], reference_coordinates[e][mine],
           reference[e], reference_log_strength[part(pin_end, e)],
           all_linear_from[e][mine], all_noise_exponent[e][mine], pooled[mine], centre[mine],
-          spread[mine], reference_centre[mine], reference_spread[mine]);
+          spread[mine]);
       }
       parameter[e] = head(mapped, n_parameters());
       log_jacobian += mapped[n_parameters() + 1];

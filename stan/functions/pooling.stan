@@ -42,13 +42,26 @@ vector parameters_from_pooled(vector coordinate, data array[] int pooled, vector
   }
 }
 
+/** Width that data leave a partially pooled real number, as a guess: it matters for speed only. */
+real pooled_width() {
+  return 1.0;
+}
+
 /**
- * A partially pooled real number whose coordinate is 0 as many spreads from the centre as at the
- * reference point.
+ * A partially pooled real number, centred and scaled by pooling and data together.
+ *
+ * Data are taken as normal around the reference point. A small spread then gives the coordinate
+ * (u - centre)/spread, for which the spread is no funnel, a large one u itself from the reference,
+ * which the spread does not move.
+ *
+ * @return u, then ln |du/d(coordinate)|
  */
-real pooled_from_reference(real coordinate, real reference, real centre, real spread,
-                           real reference_centre, real reference_spread) {
-  return centre + spread * ((reference - reference_centre) / reference_spread + coordinate);
+vector pooled_from_reference(real coordinate, real reference, real centre, real spread) {
+  real of_data = 1 / square(pooled_width());
+  real precision = 1 / square(spread) + of_data;
+  return [(centre / square(spread) + reference * of_data) / precision
+          + coordinate / sqrt(precision),
+          -0.5 * log(precision)]';
 }
 
 /** Where the parts of ragged arrays end, after a leading 0. */

@@ -398,10 +398,9 @@ vector plain_from_straightened(real offset, data real reference, data real linea
  * A test that shares parameters with another has coordinates for its own ones only. Where the
  * flow law is complete without, ln S_0 follows from it and has no coordinate.
  *
- * Partially pooled parameters have a normal density on the real line. Their coordinates are in
- * the unit of its spread, from its centre, save those that are solved: there the density takes
- * part in the least-squares problem, so that they are centred and scaled by whatever fixes them,
- * curve or pooling.
+ * Partially pooled parameters have a normal density on the real line. It takes part in the
+ * least-squares problem for those that are solved, and in pooled_from_reference() for the others,
+ * so that they are centred and scaled by whatever fixes them, curve or pooling.
  *
  * @param coordinate_of position of each parameter among the coordinates, 0 where it has none
  * @param fixed_value parameters that have no coordinate; other entries are overwritten
@@ -412,7 +411,6 @@ vector plain_from_straightened(real offset, data real reference, data real linea
  * @param noise_exponent power of the noise s with which the width of each coordinate grows
  * @param pooled 1 for coordinates of partially pooled parameters
  * @param centre, spread their normal density; those of others have no effect
- * @param reference_centre, reference_spread of the reference point
  * @return as parameters_from_plain(), then the ln density of partially pooled parameters on the
  *   real line
  */
@@ -427,8 +425,7 @@ vector parameters_from_valley(vector coordinate, data array[] int parameter_of_c
                               data vector reference_coordinate, data vector reference,
                               data vector reference_log_strength, data vector linear_from,
                               data vector noise_exponent, data array[] int pooled,
-                              vector centre, vector spread, data vector reference_centre,
-                              data vector reference_spread) {
+                              vector centre, vector spread) {
   int n = num_elements(coordinate);
   array[3] int bounded = {coordinate_of[10], coordinate_of[11], coordinate_of[9]};
   int stress_given = replaced_parameter == 0;
@@ -445,7 +442,7 @@ vector parameters_from_valley(vector coordinate, data array[] int parameter_of_c
     int i = coordinate_of[12];
     if (pooled[i]) {
       plain[i] = pooled_from_reference(coordinate[i], reference_coordinate[i], centre[i],
-                                       spread[i], reference_centre[i], reference_spread[i]);
+                                       spread[i])[1];
     } else {
       plain[i] += coordinate[i];
     }
@@ -458,9 +455,10 @@ vector parameters_from_valley(vector coordinate, data array[] int parameter_of_c
     int k = parameter_of_coordinate[i];
     if (k != 9 && k != 10 && k != 11 && k != replaced_parameter) {
       if (pooled[i]) {
-        plain[i] = pooled_from_reference(coordinate[i], reference_coordinate[i], centre[i],
-                                         spread[i], reference_centre[i], reference_spread[i]);
-        log_jacobian += log(spread[i]);
+        vector[2] placed = pooled_from_reference(coordinate[i], reference_coordinate[i],
+                                                 centre[i], spread[i]);
+        plain[i] = placed[1];
+        log_jacobian += placed[2];
       } else {
         vector[2] straightened = plain_from_straightened(
           coordinate[i] * exp(noise_exponent[i] * log_noise_ratio), reference_coordinate[i],
@@ -473,16 +471,12 @@ vector parameters_from_valley(vector coordinate, data array[] int parameter_of_c
     }
   }
   if (pooled[bounded[1]] && pooled[bounded[2]]) {
-    // Data fix the place across little, so it has the unit of its density.
     real a = valley_slope();
-    real unit = sqrt(square(spread[bounded[1]]) + square(a * spread[bounded[2]]));
-    across = pooled_from_reference(coordinate[bounded[1]], reference[1],
-                                   centre[bounded[1]] - a * centre[bounded[2]], unit,
-                                   reference_centre[bounded[1]]
-                                     - a * reference_centre[bounded[2]],
-                                   sqrt(square(reference_spread[bounded[1]])
-                                        + square(a * reference_spread[bounded[2]])));
-    log_jacobian += log(unit);
+    vector[2] placed = pooled_from_reference(coordinate[bounded[1]], reference[1],
+      centre[bounded[1]] - a * centre[bounded[2]],
+      sqrt(square(spread[bounded[1]]) + square(a * spread[bounded[2]])));
+    across = placed[1];
+    log_jacobian += placed[2];
   } else {
     across = reference[1] + coordinate[bounded[1]];
   }

@@ -8,6 +8,7 @@ from pyburgers.experiment import Experiment
 from pyburgers.experiment_files import load_experiment
 from pyburgers.fitting import Fit, fit
 from pyburgers.forced_oscillation import OscillationExperiment
+from pyburgers.joint_fitting import JointFit, fit_jointly
 from pyburgers.peak_stress import PeakStressData, load_peak_stress
 from pyburgers.peak_stress_fit import PeakStressFit, fit_peak_stress, flow_law_prior
 from pyburgers.peak_stress_priors import default_peak_stress_priors, load_peak_stress_priors
@@ -23,6 +24,7 @@ __all__ = [
     "Experiment",
     "Fit",
     "InputError",
+    "JointFit",
     "ModelVariant",
     "OscillationExperiment",
     "PeakStressData",
@@ -39,6 +41,7 @@ __all__ = [
     "default_peak_stress_priors",
     "default_priors",
     "fit",
+    "fit_jointly",
     "fit_peak_stress",
     "flow_law_prior",
     "load_experiment",

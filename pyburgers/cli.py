@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import fields
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from matplotlib.figure import Figure
 
@@ -38,17 +38,20 @@ from pyburgers.errors import InputError, PyburgersError
 from pyburgers.experiment import Experiment
 from pyburgers.experiment_files import load_experiment
 from pyburgers.figure_style import image
-from pyburgers.fitting import Fit, fit
+from pyburgers.fitting import Fit, fit, is_joint
 from pyburgers.flow_law_prior import load_flow_law_of_run
+from pyburgers.joint_fitting import JointFit, fit_jointly
+from pyburgers.joint_section import joint_section, pooling_table, shown_pooling_table
 from pyburgers.peak_stress import load_peak_stress
 from pyburgers.peak_stress_figures import flow_law, flow_law_table
 from pyburgers.peak_stress_fit import fit_peak_stress
 from pyburgers.peak_stress_priors import default_peak_stress_priors, load_peak_stress_priors
+from pyburgers.pooling import parse_pooling
 from pyburgers.priors import PriorSet, default_priors, load_priors, with_flow_law
 from pyburgers.related_runs import related_sections
 from pyburgers.report import write_report
 from pyburgers.reproduce import PRESETS, reproduce
-from pyburgers.run_directory import write_bytes, write_text
+from pyburgers.run_directory import RunDirectory, write_bytes, write_text
 from pyburgers.sampling import SamplerOptions
 from pyburgers.simulation import load_parameters, simulate
 from pyburgers.stan_data import SolverOptions
@@ -107,8 +110,16 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("--source", choices=["auto", "github", "pypi"], default="auto")
     command.set_defaults(run=_install)
 
-    command = commands.add_parser("fit", help="fit an experiment")
-    command.add_argument("experiment", type=Path, metavar="EXPERIMENT.toml")
+    command = commands.add_parser("fit", help="fit an experiment, or several together")
+    command.add_argument("experiments", type=Path, nargs="+", metavar="EXPERIMENT.toml")
+    command.add_argument(
+        "--pool",
+        action="append",
+        default=[],
+        metavar="NAME=HOW",
+        help="how several experiments hang together in a parameter (or all): shared, partial, "
+        "partial:SCALE of the spread's prior, or separate; may be repeated",
+    )
     command.add_argument("--priors", type=Path, help="prior file (default: the material's)")
     command.add_argument(
         "--priors-from",
@@ -295,24 +306,32 @@ def _priors_for(experiment: Experiment, path: Path | None) -> PriorSet:
 
 def _fit(options: argparse.Namespace) -> int:
     choices = parse_choices(options.variant)
-    experiment = load_experiment(options.experiment)
-    priors = with_variant(_priors_for(experiment, options.priors), experiment, choices)
+    pool = parse_pooling(options.pool)
+    experiments = [load_experiment(path) for path in options.experiments]
+    first = experiments[0]
+    if pool and len(experiments) == 1:
+        raise InputError(f"--pool {options.pool[0]}: needs several experiments, found one.")
+    priors = with_variant(_priors_for(first, options.priors), first, choices)
     source: Path | None = options.priors_from
     if source is not None:
         priors = with_flow_law(priors, load_flow_law_of_run(source), f"--priors-from {source}")
-    sampler = SamplerOptions(**{name: getattr(options, name) for name in SAMPLER_OPTIONS})
-    for notice in experiment.notices:
-        _say(f"note: {notice}")
-    result = fit(
-        experiment,
-        priors,
-        out=options.out or Path("runs") / experiment.id,
-        options=sampler,
-        solver=None if options.tolerance is None else SolverOptions(tolerance=options.tolerance),
-        use_likelihood=not options.prior_only,
-        command=_command_line(),
-        report=_say,
-    )
+    for experiment in experiments:
+        for notice in experiment.notices:
+            _say(f"note: {notice}")
+    settings: dict[str, Any] = {
+        "out": options.out or Path("runs") / "+".join(experiment.id for experiment in experiments),
+        "options": SamplerOptions(**{name: getattr(options, name) for name in SAMPLER_OPTIONS}),
+        "solver": None if options.tolerance is None else SolverOptions(tolerance=options.tolerance),
+        "use_likelihood": not options.prior_only,
+        "command": _command_line(),
+        "report": _say,
+    }
+    if len(experiments) > 1:
+        joint = fit_jointly(experiments, priors, pool=pool, **settings)
+        print(shown_pooling_table(pooling_table(joint)).to_string(index=False))
+        print(f"run directory: {joint.directory.path}")
+        return _print_checks(joint.checks())
+    result = fit(first, priors, **settings)
     print(parameter_table(result.summary(), result.priors).to_string(index=False))
     print(f"run directory: {result.directory.path}")
     return _print_checks(result.checks())
@@ -325,6 +344,8 @@ def _print_checks(checks: Sequence[CheckResult]) -> int:
 
 
 def _check(options: argparse.Namespace) -> int:
+    if is_joint(RunDirectory(options.directory).read_manifest()):
+        return _print_checks(JointFit.load(options.directory, report=_say).checks())
     return _print_checks(Fit.load(options.directory, report=_say).checks())
 
 
@@ -492,14 +513,21 @@ def _calibrate(options: argparse.Namespace) -> int:
 
 
 def _report(options: argparse.Namespace) -> int:
-    fits = [Fit.load(directory, report=_say) for directory in options.directories]
+    joints, fits = [], []
+    for directory in options.directories:
+        if is_joint(RunDirectory(directory).read_manifest()):
+            joints.append(JointFit.load(directory, report=_say))
+        else:
+            fits.append(Fit.load(directory, report=_say))
+    sections = [joint_section(joint, fits) for joint in joints]
+    fits = [*(fit for joint in joints for fit in joint.tests().values()), *fits]
     page = write_report(
         fits,
         options.out,
         title=options.title,
         command=_command_line(),
         report=_say,
-        extras=related_sections(fits),
+        extras=(*sections, *related_sections(fits)),
     )
     print(f"The page is {page}")
     return 0

@@ -66,9 +66,9 @@ def stress_strain(fit: Fit) -> Figure:
     with style():
         figure = Figure(figsize=(8.0, 6.4), layout="constrained")
         upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1])
-        _draw_curve(upper, fit, experiment)
+        draw_curve(upper, fit, experiment)
         _draw_residuals(lower, fit, experiment)
-        _mark_rate_steps((upper, lower), experiment)
+        mark_rate_steps((upper, lower), experiment)
         upper.set_xlim(0.0, 1.02 * experiment.final_strain * STRAIN_FACTOR)
         upper.set_title(title(experiment), loc="left")
         upper.set_ylabel(f"differential stress ({STRESS_UNIT})")
@@ -78,7 +78,7 @@ def stress_strain(fit: Fit) -> Figure:
     return figure
 
 
-def _draw_curve(axes: Axes, fit: Fit, experiment: ConstantRateExperiment) -> None:
+def draw_curve(axes: Axes, fit: Fit, experiment: ConstantRateExperiment) -> None:
     """Draw data, mean solution, retrodictions and predictive band."""
     predictions = fit.posterior["predictions"].to_dataset()
     strain = predictions["strain"].to_numpy() * STRAIN_FACTOR
@@ -114,7 +114,7 @@ def _draw_residuals(axes: Axes, fit: Fit, experiment: ConstantRateExperiment) ->
     draw_residuals(axes, experiment.strain * STRAIN_FACTOR, residuals, half_width)
 
 
-def _mark_rate_steps(panels: Sequence[Axes], experiment: ConstantRateExperiment) -> None:
+def mark_rate_steps(panels: Sequence[Axes], experiment: ConstantRateExperiment) -> None:
     """Mark where the imposed rate changes, and to what; the first rate is in the title."""
     for segment in experiment.segments[1:]:
         position = segment.start_strain * STRAIN_FACTOR

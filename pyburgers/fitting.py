@@ -1,10 +1,10 @@
 """Fit an experiment: run, gather, check, and keep it all in a run directory."""
 
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Protocol, Self, TypeVar
 
 import pandas as pd
 import xarray as xr
@@ -99,10 +99,12 @@ class Fit:
         Raises
         ------
         InputError
-            If it is not a run or has no finished chain.
+            If it is not a run of one test or has no finished chain.
         """
         run = RunDirectory(Path(path))
         manifest = run.read_manifest()
+        if is_joint(manifest):
+            raise InputError(f"{path}: is a joint fit, expected a fit of one test.")
         run.require_a_chain()
         posterior = load_posterior(run)
         if posterior is None:
@@ -167,7 +169,8 @@ def fit(
         If no chain finished.
     """
     run = RunDirectory(Path(out))
-    while True:
+
+    def sample() -> Fit:
         run_chains(
             experiment,
             priors,
@@ -178,18 +181,71 @@ def fit(
             command=command,
             report=report,
         )
-        result = Fit.load(run.path, report=report)
-        verdict = check_solver(result.posterior)
-        n_refits = len(result.manifest["refits"])
-        if verdict.passed or n_refits == MAX_REFITS or result.missing_chains():
-            break
-        tight = tighten_solver(run, float(verdict.table["pareto_k"].iloc[0]))
-        report(f"{verdict.sentence} Sampling all chains again at a tolerance of {tight:g}.")
-    _write_tables(result)
+        return Fit.load(run.path, report=report)
+
+    result = sample_until_solved(sample, run, report)
+    write_tables(result)
     return replace(result, manifest=run.read_manifest())
 
 
-def _write_tables(result: Fit) -> None:
+def is_joint(manifest: Mapping[str, Any]) -> bool:
+    """Tell from a manifest whether a run is a joint fit."""
+    return "pooling" in manifest
+
+
+class SampledFit(Protocol):
+    """What fits of one and of several tests have in common."""
+
+    @property
+    def directory(self) -> RunDirectory:
+        """Where its files are."""
+
+    @property
+    def posterior(self) -> xr.DataTree:
+        """Labelled draws."""
+
+    @property
+    def manifest(self) -> dict[str, Any]:
+        """Command, seeds, versions, hashes, wall times."""
+
+    def summary(self) -> pd.DataFrame:
+        """Posterior table in SI units."""
+
+    def checks(self) -> tuple[CheckResult, ...]:
+        """Return the checks with their verdicts."""
+
+    def missing_chains(self) -> tuple[ChainFailure, ...]:
+        """Return the chains that were asked for and are not there, and why."""
+
+
+AnyFit = TypeVar("AnyFit", bound=SampledFit)
+
+
+def sample_until_solved(
+    sample: Callable[[], AnyFit], run: RunDirectory, report: Callable[[str], None]
+) -> AnyFit:
+    """Sample, and again at a tighter tolerance of the solver where its check fails.
+
+    Parameters
+    ----------
+    sample : callable
+        Runs missing chains and loads the fit.
+    run : RunDirectory
+        Where they are.
+    report : callable
+        Receives progress sentences.
+    """
+    while True:
+        result = sample()
+        verdict = check_solver(result.posterior)
+        n_refits = len(result.manifest["refits"])
+        if verdict.passed or n_refits == MAX_REFITS or result.missing_chains():
+            return result
+        tight = tighten_solver(run, float(verdict.table["pareto_k"].iloc[0]))
+        report(f"{verdict.sentence} Sampling all chains again at a tolerance of {tight:g}.")
+
+
+def write_tables(result: SampledFit) -> None:
     """Save the table and the verdicts, and note in the manifest that the run is complete."""
     run = result.directory
     write_text(run.summary_file, result.summary().to_csv())

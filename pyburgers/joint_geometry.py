@@ -85,8 +85,8 @@ def draw_joint_start(problem: JointProblem, *, seed: int, chain: int) -> dict[st
         ]
         return {"coordinate": _joint_position(problem, plain, spreads).tolist()}
     raise SamplingError(
-        f"{problem.name}: none of {INITIAL_ATTEMPTS} draws from the priors has a finite solution in "
-        "every test; check the units and the bounds of the priors."
+        f"{problem.name}: none of {INITIAL_ATTEMPTS} draws from the priors has a finite solution "
+        "in every test; check the units and the bounds of the priors."
     )
 
 

@@ -105,6 +105,11 @@ def pooling_of(options: Mapping[str, str] | None = None) -> Pooling:
     return Pooling(MappingProxyType(kinds), MappingProxyType(scales))
 
 
+def pooling_from(record: Mapping[str, Any]) -> Pooling:
+    """Return the pooling of a manifest, the inverse of `Pooling.record`."""
+    return Pooling(MappingProxyType(record["kinds"]), MappingProxyType(record["spread_scales"]))
+
+
 def parse_pooling(options: Sequence[str]) -> dict[str, str]:
     """Read options of the form NAME=KIND for `pooling_of`.
 

@@ -145,11 +145,18 @@ def build_posterior(run: RunDirectory, *, report: Callable[[str], None]) -> xr.D
     priors = load_priors(run.priors_file)
     manifest = run.read_manifest()
     files = [str(run.draws_file(chain)) for chain in run.finished_chains()]
+    data = json.loads(run.stan_data_file.read_text(encoding="utf-8"))
+    data = with_grid(with_later_additions(data), experiment, prediction_grid(experiment))
     with quiet_cmdstanpy():
         fit = read_chains(files)
         report("Solving every draw again at the reference tolerance.")
-        checked = _reference_solution(
-            run, files, experiment, seed=manifest["sampler"]["seed"], report=report
+        checked = reference_solution(
+            load_model(program_for(experiment), report=report),
+            data,
+            files,
+            list(grid_variables(experiment)[1]),
+            seed=manifest["sampler"]["seed"],
+            report=report,
         )
     chains = {"chain": list(run.finished_chains())}
     quantities = (
@@ -158,54 +165,137 @@ def build_posterior(run: RunDirectory, *, report: Callable[[str], None]) -> xr.D
     )
     draws = fit.draws_xr([quantity.name for quantity in quantities]).assign_coords(chains)
     label_draws(draws, quantities, priors)
-    at_points = (
-        fit.draws_xr(["stress_replicated", "log_lik", "lprior"])
-        .rename({"stress_replicated_dim_0": "point", "log_lik_dim_0": "log_lik_point"})
-        .assign_coords(chains)
+    groups = groups_of_test(
+        draws,
+        drawn_at_points(fit, chains),
+        stats_with_solver(fit, checked, chains, use_likelihood=manifest["use_likelihood"]),
+        checked.assign_coords(chains),
+        experiment,
+        priors,
+        report=report,
     )
-    log_lik = at_points["log_lik"].rename({"log_lik_point": "point"})
-    points = {"point": np.arange(experiment.n_points)}
-    reference_log_lik = checked["log_lik"].sum("log_lik_dim_0", skipna=False).assign_coords(chains)
-    stats = sample_stats(fit).assign_coords(chains)
-    stats["solver_log_ratio"] = (
-        reference_log_lik - log_lik.sum("point", skipna=False)
-        if manifest["use_likelihood"]
-        else xr.zeros_like(reference_log_lik)  # the solver has no part in the prior
-    )
-    groups = {
-        "posterior": draws,
-        "sample_stats": stats,
-        "log_likelihood": xr.Dataset({"stress": log_lik}).assign_coords(points),
-        **_given_others(fit, chains),
-        "log_prior": xr.Dataset({"lprior": at_points["lprior"]}),
-        "posterior_predictive": xr.Dataset(
-            {"stress": at_points["stress_replicated"]}
-        ).assign_coords(points),
-        "predictions": _predictions(checked, experiment).assign_coords(chains),
-        "posterior_mean_solution": _solution_at_mean(draws, priors, experiment, report),
-        "observed_data": xr.Dataset({"stress": ("point", experiment.stress, {"units": "Pa"})}),
-        "constant_data": _positions(experiment),
-    }
-    for dataset in groups.values():
-        if "point" in dataset.dims and "point" not in dataset.coords:
-            dataset.coords["point"] = np.arange(dataset.sizes["point"])
     return keep_posterior(
         run, groups, experiment=experiment.id, data_kind=experiment.provenance.kind
     )
 
 
-def _given_others(
-    fit: cmdstanpy.CmdStanMCMC, chains: Mapping[str, list[int]]
-) -> dict[str, xr.Dataset]:
-    """Group of the log densities of single points given all others, where residuals correlate."""
-    if not has_correlated_residuals(fit.column_names):
-        return {}
-    densities = fit.draws_xr([GIVEN_OTHERS])[GIVEN_OTHERS]
-    return {
-        CORRELATED: xr.Dataset(
-            {"stress": densities.rename({f"{GIVEN_OTHERS}_dim_0": "point"})}
-        ).assign_coords(chains)
+def drawn_at_points(fit: cmdstanpy.CmdStanMCMC, chains: Mapping[str, list[int]]) -> xr.Dataset:
+    """Draws at the points of a program's data, and of its prior density.
+
+    Parameters
+    ----------
+    fit : CmdStanMCMC
+        Chains of a program for curves.
+    chains : mapping
+        Coordinate of the dimension chain.
+
+    Returns
+    -------
+    Dataset, dimensions chain, draw, point
+        stress_replicated, log_lik, `GIVEN_OTHERS` where residuals are correlated, and lprior.
+    """
+    names = ["stress_replicated", "log_lik"]
+    if has_correlated_residuals(fit.column_names):
+        names.append(GIVEN_OTHERS)
+    columns = {
+        name: fit.draws_xr([name])[name].rename({f"{name}_dim_0": "point"}) for name in names
     }
+    lprior = fit.draws_xr(["lprior"])["lprior"]
+    drawn = xr.Dataset({**columns, "lprior": lprior}).assign_coords(chains)
+    return drawn.assign_coords(point=np.arange(drawn.sizes["point"]))
+
+
+def stats_with_solver(
+    fit: cmdstanpy.CmdStanMCMC,
+    checked: xr.Dataset,
+    chains: Mapping[str, list[int]],
+    *,
+    use_likelihood: bool,
+) -> xr.Dataset:
+    """Sampler's columns, and the log ratio of reference to sampled likelihood of every draw.
+
+    Parameters
+    ----------
+    fit : CmdStanMCMC
+        Chains of a program for curves.
+    checked : Dataset
+        From `reference_solution`.
+    chains : mapping
+        Coordinate of the dimension chain.
+    use_likelihood : bool
+        Whether the data took part.
+    """
+    reference = checked["log_lik"].sum("log_lik_dim_0", skipna=False).assign_coords(chains)
+    sampled = fit.draws_xr(["log_lik"])["log_lik"].sum("log_lik_dim_0", skipna=False)
+    stats = sample_stats(fit).assign_coords(chains)
+    stats["solver_log_ratio"] = (
+        reference - sampled.assign_coords(chains)
+        if use_likelihood
+        else xr.zeros_like(reference)  # the solver has no part in the prior
+    )
+    return stats
+
+
+def groups_of_test(
+    draws: xr.Dataset,
+    at_points: xr.Dataset,
+    stats: xr.Dataset,
+    checked: xr.Dataset,
+    experiment: Experiment,
+    priors: PriorSet,
+    *,
+    report: Callable[[str], None],
+) -> dict[str, xr.Dataset]:
+    """Return the groups of `build_posterior` for one test.
+
+    Parameters
+    ----------
+    draws : Dataset
+        Labelled draws of its parameters.
+    at_points : Dataset
+        From `drawn_at_points`.
+    stats : Dataset
+        From `stats_with_solver`.
+    checked : Dataset
+        Its solutions on `prediction_grid`, from `reference_solution`.
+    experiment, priors
+        The test and its resolved priors.
+    report : callable
+        Receives progress sentences.
+    """
+    groups = {
+        "posterior": draws,
+        "sample_stats": stats,
+        **point_groups(at_points, [experiment]),
+        "predictions": _predictions(checked, experiment),
+        "posterior_mean_solution": _solution_at_mean(draws, priors, experiment, report),
+        "constant_data": _positions(experiment),
+    }
+    groups["constant_data"].coords["point"] = np.arange(experiment.n_points)
+    return groups
+
+
+def point_groups(at_points: xr.Dataset, experiments: Sequence[Experiment]) -> dict[str, xr.Dataset]:
+    """Return the groups of what belongs to points, those of several tests one after the other.
+
+    Parameters
+    ----------
+    at_points : Dataset
+        From `drawn_at_points`, all points of the tests.
+    experiments : sequence of Experiment
+        The tests.
+    """
+    observed = np.concatenate([experiment.stress for experiment in experiments])
+    points = {"point": np.arange(observed.size)}
+    groups = {
+        "log_likelihood": xr.Dataset({"stress": at_points["log_lik"]}),
+        "log_prior": xr.Dataset({"lprior": at_points["lprior"]}),
+        "posterior_predictive": xr.Dataset({"stress": at_points["stress_replicated"]}),
+        "observed_data": xr.Dataset({"stress": ("point", observed, {"units": "Pa"})}, points),
+    }
+    if GIVEN_OTHERS in at_points:
+        groups[CORRELATED] = xr.Dataset({"stress": at_points[GIVEN_OTHERS]})
+    return groups
 
 
 def has_correlated_residuals(columns: Sequence[str]) -> bool:
@@ -282,10 +372,11 @@ def read_chains(files: Sequence[str]) -> cmdstanpy.CmdStanMCMC:
     return fit
 
 
-def _reference_solution(
-    run: RunDirectory,
+def reference_solution(
+    model: cmdstanpy.CmdStanModel,
+    data: StanData,
     files: Sequence[str],
-    experiment: Experiment,
+    variables: Sequence[str],
     *,
     seed: int,
     report: Callable[[str], None],
@@ -293,14 +384,23 @@ def _reference_solution(
     """Log likelihood and grid of solutions of every draw at the reference tolerance.
 
     A draw that has no solution there has NaN.
+
+    Parameters
+    ----------
+    model : CmdStanModel
+        The program.
+    data : dict
+        Its data, with the grid.
+    files : sequence of str
+        Its chains.
+    variables : sequence of str
+        Generated quantities on the grid.
+    seed : int
+        Of replicated data.
+    report : callable
+        Receives progress sentences.
     """
-    data = {
-        **with_later_additions(json.loads(run.stan_data_file.read_text(encoding="utf-8"))),
-        **solver_block(REFERENCE_SOLVER),
-    }
-    data = with_grid(data, experiment, prediction_grid(experiment))
-    _, variables = grid_variables(experiment)
-    model = load_model(program_for(experiment), report=report)
+    data = {**data, **solver_block(REFERENCE_SOLVER)}
     with tempfile.TemporaryDirectory() as folder:
         data_file = Path(folder) / "data.json"
         data_file.write_text(json.dumps(data), encoding="utf-8")
@@ -312,7 +412,7 @@ def _reference_solution(
         except RuntimeError:
             # One draw without solution is enough for that, and CmdStan does not say which.
             report("Some draws have no solution at the reference tolerance: solving one by one.")
-            return _one_by_one(model, data, read_chains(files), list(variables))
+            return _one_by_one(model, data, read_chains(files), variables)
     return solution
 
 
@@ -325,7 +425,9 @@ def _one_by_one(
     """As `generate_quantities`, slower, with NaN where a draw has no solution."""
     coordinates = fit.draws_xr(["coordinate"])["coordinate"].to_numpy()
     shape = coordinates.shape[:2]
-    sizes = dict.fromkeys(variables, data["n_grid"]) | {"log_lik": data["n_points"]}
+    n_grid = data["n_grid"] + sum(data.get("n_further_grid", []))
+    n_points = data["n_points"] + sum(data.get("n_further_points", []))
+    sizes = dict.fromkeys(variables, n_grid) | {"log_lik": n_points}
     values = {name: np.full((*shape, size), np.nan) for name, size in sizes.items()}
     for number, index in enumerate(np.ndindex(*shape)):
         position = {"coordinate": coordinates[index].tolist()}
@@ -437,41 +539,54 @@ def convergence_table(posterior: xr.DataTree) -> pd.DataFrame:
     ).rename_axis("parameter")
 
 
-def summary_table(posterior: xr.DataTree, priors: PriorSet) -> pd.DataFrame:
-    """Posterior table in SI units with the prior beside it.
+def draws_table(posterior: xr.DataTree) -> pd.DataFrame:
+    """Table of the sampled quantities in SI units.
 
     Returns
     -------
     DataFrame
-        Index parameter; columns unit, mean, sd, q5, q95, ess_bulk, ess_tail, rhat, prior,
-        prior_mean, prior_sd, prior_q5, prior_q95. The reference stress or flow rate has none:
-        NaN there.
+        Index parameter; columns unit, mean, sd, q5, q95, ess_bulk, ess_tail, rhat.
     """
     draws = posterior["posterior"].to_dataset()[free_parameters(posterior)]
-    rows = {}
-    for name, values in draws.data_vars.items():
-        row: dict[str, Any] = {
+    rows = {
+        str(name): {
             "unit": values.attrs["units"],
             "mean": float(values.mean()),
             "sd": float(values.std(ddof=1)),
             "q5": float(values.quantile(0.05)),
             "q95": float(values.quantile(0.95)),
         }
-        if name not in REFERENCE_QUANTITIES:
-            prior = priors[str(name)]
-            law = prior.distribution()
-            row |= {
-                "prior": prior.family,
-                "prior_mean": float(law.mean()),
-                "prior_sd": float(law.std()),
-                "prior_q5": float(law.ppf(0.05)),
-                "prior_q95": float(law.ppf(0.95)),
-            }
-        rows[str(name)] = row
+        for name, values in draws.data_vars.items()
+    }
     table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("parameter")
     joined = table.join(convergence_table(posterior))
-    order = ["unit", "mean", "sd", "q5", "q95", "ess_bulk", "ess_tail", "rhat"]
-    return joined[order + [column for column in table if column not in order]]
+    return joined[["unit", "mean", "sd", "q5", "q95", "ess_bulk", "ess_tail", "rhat"]]
+
+
+def summary_table(posterior: xr.DataTree, priors: PriorSet) -> pd.DataFrame:
+    """Posterior table in SI units with the prior beside it.
+
+    Returns
+    -------
+    DataFrame
+        Columns of `draws_table`, then prior, prior_mean, prior_sd, prior_q5, prior_q95. The
+        reference stress or flow rate has none: NaN there.
+    """
+    table = draws_table(posterior)
+    rows: dict[str, dict[str, Any]] = {}
+    for name in table.index:
+        if name in REFERENCE_QUANTITIES:
+            continue
+        prior = priors[name]
+        law = prior.distribution()
+        rows[name] = {
+            "prior": prior.family,
+            "prior_mean": float(law.mean()),
+            "prior_sd": float(law.std()),
+            "prior_q5": float(law.ppf(0.05)),
+            "prior_q95": float(law.ppf(0.95)),
+        }
+    return table.join(pd.DataFrame.from_dict(rows, orient="index"))
 
 
 def grain_size_share(posterior: xr.DataTree) -> xr.DataArray:

@@ -1,0 +1,218 @@
+"""Fit several tests together, and read such fits."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Self
+
+import pandas as pd
+import xarray as xr
+
+from pyburgers.constant_rate import load_constant_rate
+from pyburgers.diagnostics import CheckResult, check_fit
+from pyburgers.errors import InputError
+from pyburgers.experiment import Experiment
+from pyburgers.fitting import Fit, is_joint, sample_until_solved, write_tables
+from pyburgers.joint_geometry import (
+    check_joint_coordinates,
+    choose_joint_geometry,
+    draw_joint_start,
+)
+from pyburgers.joint_posterior import TESTS, build_joint_posterior
+from pyburgers.joint_problem import JointProblem, joint_problem
+from pyburgers.joint_stan_data import joint_data
+from pyburgers.pooling import pooling_from, pooling_of
+from pyburgers.posterior import draws_table, load_posterior
+from pyburgers.priors import PriorSet, load_priors, save_priors
+from pyburgers.run_directory import RunDirectory, write_atomically, write_json
+from pyburgers.sampling import (
+    ChainFailure,
+    SamplerOptions,
+    SamplingTask,
+    keep_experiment,
+    missing_chains,
+    run_task,
+)
+from pyburgers.simulation import constant_rate_program
+from pyburgers.stan_data import SolverOptions, default_solver
+from pyburgers.variants import variant_of
+
+
+def _silent(_: str) -> None:
+    """Report to nobody."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointFit:
+    """A finished joint fit.
+
+    Attributes
+    ----------
+    directory : RunDirectory
+        Where its files are.
+    problem : JointProblem
+        Tests, priors, pooling.
+    posterior : DataTree
+        Labelled draws (`pyburgers.joint_posterior.build_joint_posterior`).
+    manifest : dict
+        Command, seeds, versions, hashes, wall times.
+    """
+
+    directory: RunDirectory
+    problem: JointProblem
+    posterior: xr.DataTree
+    manifest: dict[str, Any]
+
+    def summary(self) -> pd.DataFrame:
+        """Table of every sampled quantity in SI units (`pyburgers.posterior.draws_table`)."""
+        return draws_table(self.posterior)
+
+    def checks(self) -> tuple[CheckResult, ...]:
+        """Return the checks with their verdicts, over all tests."""
+        return check_fit(
+            self.posterior, self.missing_chains(), self.manifest["sampler"]["max_treedepth"]
+        )
+
+    def missing_chains(self) -> tuple[ChainFailure, ...]:
+        """Return the chains that were asked for and are not there, and why."""
+        return missing_chains(
+            self.posterior["posterior"]["chain"].to_numpy().tolist(), self.manifest
+        )
+
+    def tests(self) -> dict[str, Fit]:
+        """Return what the joint fit says about each test, as a fit of that test.
+
+        Their tables, figures and predictions are those of fits of one test; draws of a shared
+        parameter are the same in all.
+        """
+        found = {}
+        for experiment, priors in zip(self.problem.experiments, self.problem.priors, strict=True):
+            posterior = self.posterior[f"{TESTS}/{experiment.id}"]
+            assert isinstance(posterior, xr.DataTree)  # a group, as build_joint_posterior has it
+            found[experiment.id] = Fit(self.directory, experiment, priors, posterior, self.manifest)
+        return found
+
+    @classmethod
+    def load(cls, path: str | Path, *, report: Callable[[str], None] = _silent) -> Self:
+        """Read a run directory.
+
+        Raises
+        ------
+        InputError
+            If it is not a joint fit or has no finished chain.
+        """
+        run = RunDirectory(Path(path))
+        manifest = run.read_manifest()
+        if not is_joint(manifest):
+            raise InputError(f"{path}: is not a joint fit, expected a run of several tests.")
+        run.require_a_chain()
+        problem = joint_problem(
+            [load_constant_rate(_experiment_file(run, name)) for name in manifest["experiments"]],
+            load_priors(run.priors_file),
+            pooling_from(manifest["pooling"]),
+        )
+        posterior = load_posterior(run)
+        if posterior is None:
+            posterior = build_joint_posterior(run, problem, report=report)
+        return cls(run, problem, posterior, {**manifest, "chains": run.chain_records()})
+
+
+def fit_jointly(
+    experiments: Sequence[Experiment],
+    priors: PriorSet,
+    *,
+    out: str | Path,
+    pool: Mapping[str, str] | None = None,
+    options: SamplerOptions | None = None,
+    solver: SolverOptions | None = None,
+    use_likelihood: bool = True,
+    command: str = "pyburgers.fit_jointly(...)",
+    report: Callable[[str], None] = _silent,
+) -> JointFit:
+    """Fit the nonlinear Burgers model to several tests of one material at constant rate.
+
+    Parameters
+    ----------
+    experiments : sequence of Experiment
+        At least two tests with data.
+    priors : PriorSet
+        Priors of every parameter, for all tests.
+    out : path
+        Run directory. An earlier run with the same inputs there is continued.
+    pool : mapping of str to str, optional
+        How parameters are pooled where it is not the default (`pyburgers.pooling.pooling_of`).
+    options, solver, use_likelihood, command, report
+        As for `pyburgers.fit`.
+
+    Raises
+    ------
+    InputError
+        If an input is wrong or `out` holds something else.
+    SamplingError
+        If no chain finished.
+    """
+    problem = joint_problem(experiments, priors, pooling_of(pool))
+    options = (options or SamplerOptions()).suited_to(problem.experiments[0])
+    solver = solver or default_solver(problem.experiments[0])
+    check_joint_coordinates(problem, options.coordinates)
+    task = _task(problem, priors, options, solver, use_likelihood, report)
+    run = RunDirectory(Path(out))
+
+    def sample() -> JointFit:
+        run_task(task, run.path, solver=solver, command=command, report=report)
+        return JointFit.load(run.path, report=report)
+
+    result = sample_until_solved(sample, run, report)
+    write_tables(result)
+    return replace(result, manifest=run.read_manifest())
+
+
+def _task(
+    problem: JointProblem,
+    priors: PriorSet,
+    options: SamplerOptions,
+    solver: SolverOptions,
+    use_likelihood: bool,
+    report: Callable[[str], None],
+) -> SamplingTask:
+    """Settle what is sampled."""
+    data = joint_data(problem, solver=solver, use_likelihood=use_likelihood)
+    kinds = {experiment.provenance.kind for experiment in problem.experiments}
+    return SamplingTask(
+        name=problem.name,
+        data_kind="+".join(sorted(kinds)),
+        program=constant_rate_program(),
+        data=data,
+        options=options,
+        write_inputs=lambda run: _write_inputs(run, problem, priors),
+        choose_geometry=lambda model: choose_joint_geometry(
+            model,
+            data,
+            problem,
+            wanted=options.coordinates,
+            seed=options.seed,
+            solver=solver,
+            report=report,
+        ),
+        draw_start=lambda chain: draw_joint_start(problem, seed=options.seed, chain=chain),
+        manifest={
+            "experiments": [experiment.id for experiment in problem.experiments],
+            "pooling": problem.pooling.record(),
+            "variant": variant_of(priors, problem.experiments[0]).record(),
+            "priors_from": None if priors.flow_law is None else priors.flow_law.source,
+        },
+    )
+
+
+def _experiment_file(run: RunDirectory, name: str) -> Path:
+    """Copy of one test."""
+    return run.inputs / TESTS / name / "experiment.toml"
+
+
+def _write_inputs(run: RunDirectory, problem: JointProblem, priors: PriorSet) -> None:
+    """Save tests, priors and pooling."""
+    for experiment in problem.experiments:
+        keep_experiment(run, experiment, _experiment_file(run, experiment.id))
+    # Not resolved: that is done for each test by itself.
+    write_atomically(run.priors_file, lambda path: save_priors(priors, path))
+    write_json(run.inputs / "pooling.json", problem.pooling.record())

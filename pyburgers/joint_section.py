@@ -1,0 +1,249 @@
+"""What a page says about a joint fit: its parameters test by test, and what pooling bought."""
+
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from pyburgers.comparison import data_hash
+from pyburgers.constant_rate_figures import draw_curve, mark_rate_steps
+from pyburgers.display import (
+    STRAIN_FACTOR,
+    STRAIN_UNIT,
+    STRESS_UNIT,
+    rounded,
+    shown_quantity,
+    symbol_text,
+    unit_text,
+)
+from pyburgers.figure_style import legend_of_panels, style, title
+from pyburgers.fitting import Fit
+from pyburgers.joint_fitting import JointFit
+from pyburgers.parameters import REFERENCE_STRESS_QUANTITY
+from pyburgers.report import ExtraFigure, ExtraSection, ExtraTable
+from pyburgers.tables import checks_table
+
+CURVES_CAPTION = (
+    "Every test of the joint fit with all its segments: data (circles), solution at the posterior "
+    "mean (solid line), retrodictions (thin lines) and the band that should hold 90 % of new "
+    "measurements. Dotted vertical lines mark where the imposed strain rate changes."
+)
+
+
+def pooling_table(joint: JointFit, separate: Sequence[Fit] = ()) -> pd.DataFrame:
+    """Mean and standard deviation (SI) of each parameter in each test.
+
+    Parameters
+    ----------
+    joint : JointFit
+        The joint fit.
+    separate : sequence of Fit
+        Fits of single tests; those of the same data as a test of the joint fit are set beside it,
+        the first of each.
+
+    Returns
+    -------
+    DataFrame
+        Columns quantity, test, pooling ("shared", "partial", "separate", or "derived" for the
+        reference stress), mean, sd, and NaN where there is no fit of the test alone separate_mean,
+        separate_sd and sd_ratio, joint over separate.
+    """
+    tests = joint.tests()
+    alone = {name: _of_same_data(fit, separate) for name, fit in tests.items()}
+    kinds = {**joint.problem.pooling.kinds, REFERENCE_STRESS_QUANTITY.name: "derived"}
+    rows = []
+    for quantity in (*joint.problem.free, REFERENCE_STRESS_QUANTITY.name):
+        for name, fit in tests.items():
+            mean, sd = _moments(fit, quantity)
+            other, alone_mean, alone_sd = alone[name], np.nan, np.nan
+            if other is not None:
+                alone_mean, alone_sd = _moments(other, quantity)
+            rows.append(
+                {
+                    "quantity": quantity,
+                    "test": name,
+                    "pooling": kinds[quantity],
+                    "mean": mean,
+                    "sd": sd,
+                    "separate_mean": alone_mean,
+                    "separate_sd": alone_sd,
+                    "sd_ratio": sd / alone_sd,
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+def sd_ratios(table: pd.DataFrame) -> pd.Series:
+    """Return standard deviations in the joint fit over those of separate fits, by quantity.
+
+    Parameters
+    ----------
+    table : DataFrame
+        From `pooling_table`.
+
+    Returns
+    -------
+    Series
+        Mean over tests of both; only quantities that a separate fit has.
+    """
+    both = table.dropna(subset="separate_sd").groupby("quantity", sort=False)
+    ratios: pd.Series = both["sd"].mean() / both["separate_sd"].mean()
+    return ratios
+
+
+def _of_same_data(fit: Fit, others: Sequence[Fit]) -> Fit | None:
+    wanted = data_hash(fit.posterior)
+    return next((other for other in others if data_hash(other.posterior) == wanted), None)
+
+
+def _moments(fit: Fit, quantity: str) -> tuple[float, float]:
+    draws = fit.posterior["posterior"][quantity]
+    return float(draws.mean()), float(draws.std(ddof=1))
+
+
+def shown_pooling_table(table: pd.DataFrame) -> pd.DataFrame:
+    """Return `pooling_table` as text in display units, a row for each quantity.
+
+    A shared parameter stands once, under the first test. Where there are separate fits, theirs
+    follow in brackets.
+    """
+    tests = list(dict.fromkeys(table["test"]))
+    ratios = sd_ratios(table)
+    rows = []
+    for name, group in table.groupby("quantity", sort=False):
+        quantity = shown_quantity(str(name))
+        factor = quantity.display_factor
+        by_test = group.set_index("test")
+        shared = by_test["pooling"].iloc[0] == "shared"
+        shown = {}
+        for test in tests:
+            row = by_test.loc[test]
+            text = _mean_sd(row["mean"] * factor, row["sd"] * factor)
+            if shared and test != tests[0]:
+                text = "the same"
+            if np.isfinite(row["separate_sd"]):
+                text += f" ({_mean_sd(row['separate_mean'] * factor, row['separate_sd'] * factor)})"
+            shown[test] = text
+        rows.append(
+            {
+                "symbol": symbol_text(quantity),
+                "quantity": quantity.label,
+                "unit": unit_text(quantity),
+                "pooling": by_test["pooling"].iloc[0],
+                **shown,
+                **({"sd joint / separate": f"{ratios[name]:.2f}"} if name in ratios else {}),
+            }
+        )
+    return pd.DataFrame(rows).fillna("")
+
+
+def _mean_sd(mean: float, sd: float) -> str:
+    return f"{rounded(mean, sd)} ± {rounded(sd, sd)}"
+
+
+def pooled_table(joint: JointFit) -> pd.DataFrame:
+    """Centres and spreads of the partially pooled parameters (`JointFit.summary`)."""
+    summary = joint.summary()
+    ours = [name for name in summary.index if str(name).endswith(("[centre]", "[spread]"))]
+    return summary.loc[ours]
+
+
+def joint_section(joint: JointFit, separate: Sequence[Fit]) -> ExtraSection:
+    """Return the part of a page about a joint fit.
+
+    Parameters
+    ----------
+    joint : JointFit
+        The joint fit.
+    separate : sequence of Fit
+        Fits of single tests, to be set beside it where they are of the same data.
+    """
+    checks, table = joint.checks(), pooling_table(joint, separate)
+    failed = [check.name for check in checks if not check.passed]
+    verdict = "All checks passed." if not failed else f"Checks that FAILED: {', '.join(failed)}."
+    pooled = pooled_table(joint)
+    return ExtraSection(
+        key="joint_" + joint.problem.name.replace("+", "_"),
+        title=f"Joint fit of {', '.join(joint.tests())}",
+        paragraphs=(
+            "Tests fitted together. A shared parameter has one value for all of them; a partially "
+            "pooled one has a value in each, normal around a common centre on the real line behind "
+            "its bounds, with a spread of half-normal prior; separate ones know nothing of each "
+            f"other. {verdict}",
+            "The sections of the tests below hold what the joint fit says about each; their priors "
+            "of partially pooled parameters are those of the common centre.",
+            *_bought(table),
+        ),
+        tables=(
+            ExtraTable(
+                "pooling",
+                "Mean ± standard deviation in the joint fit"
+                + (" (in the fit of the test alone)" if len(sd_ratios(table)) else ""),
+                shown_pooling_table(table),
+                table,
+                words=("quantity", "unit", "pooling"),
+            ),
+            *(
+                (
+                    ExtraTable(
+                        "spreads",
+                        "Common centres (SI) and spreads",
+                        pooled.map(_four_digits).reset_index(),
+                        pooled.reset_index(),
+                        words=("parameter", "unit"),
+                    ),
+                )
+                if len(pooled)
+                else ()
+            ),
+            ExtraTable(
+                "checks",
+                "Checks of the joint fit",
+                checks_table(checks),
+                checks_table(checks),
+                words=("check", "verdict"),
+                sentences=("sentence",),
+            ),
+        ),
+        figures=(ExtraFigure("curves", "All tests", CURVES_CAPTION, partial(all_curves, joint)),),
+    )
+
+
+def _four_digits(cell: object) -> str:
+    return f"{cell:.4g}" if isinstance(cell, float) else str(cell)
+
+
+def _bought(table: pd.DataFrame) -> tuple[str, ...]:
+    """Say for which shared parameters pooling narrowed the posterior, and by how much."""
+    shared = table[table["pooling"] == "shared"]
+    ratios = sd_ratios(shared)
+    if not len(ratios):
+        return ()
+    listed = ", ".join(
+        f"{symbol_text(shown_quantity(str(name)))} {ratio:.2f}" for name, ratio in ratios.items()
+    )
+    return (
+        "What pooling bought: standard deviation of the shared parameters over the mean of those "
+        f"of the fits of single tests: {listed}.",
+    )
+
+
+def all_curves(joint: JointFit) -> Figure:
+    """Draw data, solutions and predictive bands of every test."""
+    tests = joint.tests()
+    with style():
+        figure = Figure(figsize=(8.0, 3.2 * len(tests) + 0.6), layout="constrained")
+        panels = list(figure.subplots(len(tests), 1, squeeze=False)[:, 0])
+        for axes, fit, experiment in zip(
+            panels, tests.values(), joint.problem.experiments, strict=True
+        ):
+            draw_curve(axes, fit, experiment)
+            mark_rate_steps([axes], experiment)
+            axes.set_xlim(0.0, 1.02 * experiment.final_strain * STRAIN_FACTOR)
+            axes.set_title(title(experiment), loc="left")
+            axes.set_ylabel(f"differential stress ({STRESS_UNIT})")
+        panels[-1].set_xlabel(f"axial strain ({STRAIN_UNIT})")
+        legend_of_panels(figure, panels[:1])
+    return figure

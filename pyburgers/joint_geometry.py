@@ -212,7 +212,7 @@ def choose_joint_geometry(
     try:
         mode = find_joint_mode(model, data, problem, seed=seed)
         if wanted != "plain":
-            return _valley(model, data, problem, mode, solver)
+            return _valley(model, data, problem, mode, seed=seed, solver=solver)
     except (ModeNotFound, ValleyUnsuited) as error:
         if wanted == "valley":
             raise InputError(
@@ -233,9 +233,15 @@ def _valley(
     data: StanData,
     problem: JointProblem,
     mode: JointMode,
+    *,
+    seed: int,
     solver: SolverOptions,
 ) -> Geometry:
-    """Valley coordinates, whose origin is near the mode."""
+    """Valley coordinates around the mode in plain ones, and their own mode near the origin.
+
+    Pooling and data share the centring of partially pooled parameters, so that the origin is not
+    the mode as it is in a single fit, and its curvature can be far from that of the posterior.
+    """
     for name in SOLVED:
         if name in problem.shared:
             raise ValleyUnsuited(f"{name} is shared")
@@ -253,8 +259,10 @@ def _valley(
         ]
     )
     valley = JointValley(tuple(references), pooling)
-    centre = np.zeros(layout.size)
     block = joint_valley_block(problem, valley)
+    origin = {"coordinate": [0.0] * layout.size}
+    found = climb(model, {**data, **block}, [origin], seed=seed)
+    centre = np.asarray(found["coordinate"], dtype=np.float64)
     covariance = laplace_metric(model, {**data, **block}, centre)
     scaled = JointValley(_with_noise(problem, layout, references, covariance), pooling)
     return Geometry("valley", SUITED, joint_valley_block(problem, scaled), centre, covariance)

@@ -209,7 +209,7 @@ transformed parameters {
   vector[n_pooled] pooled_spread; // on the real line
   real lprior = 0; // log density of the priors on physical parameters, centres and spreads
   real log_jacobian = 0; // ln |d(physical parameters)/d(coordinates)|
-  real log_pooling = 0; // log density of partially pooled parameters, on the real line
+  real log_pooling = 0; // log density of partially pooled parameters given centres and spreads
   {
     // Of each coordinate of a test; those that are not partially pooled make no use of them.
     vector[n_coordinates] centre = rep_vector(0, n_coordinates);

@@ -8,14 +8,25 @@
  */
 
 /**
+ * Log density of a partially pooled parameter, on the scale of the parameter itself.
+ *
+ * @param u real number behind it
+ * @param scale, lower_bound, upper_bound see bounded_from_real()
+ */
+real pooled_log_density(real u, real centre, real spread, data real scale,
+                        data real lower_bound, data real upper_bound) {
+  return normal_lpdf(u | centre, spread)
+         - log_slope_of_bounded(u, scale, lower_bound, upper_bound);
+}
+
+/**
  * Physical parameters of one test at given plain coordinates.
  *
  * Coordinates of partially pooled parameters are (u - centre)/spread.
  *
  * @param pooled 1 for coordinates of partially pooled parameters
  * @param centre, spread of their u; those of others have no effect
- * @return as parameters_from_plain(), then the ln density of partially pooled parameters on the
- *   real line
+ * @return as parameters_from_plain(), then the ln density of partially pooled parameters
  */
 vector parameters_from_pooled(vector coordinate, data array[] int pooled, vector centre,
                               vector spread, data array[] int parameter_of_coordinate,
@@ -30,7 +41,8 @@ vector parameters_from_pooled(vector coordinate, data array[] int pooled, vector
     if (pooled[i]) {
       plain[i] = centre[i] + spread[i] * coordinate[i];
       log_jacobian += log(spread[i]);
-      log_pooling += normal_lpdf(plain[i] | centre[i], spread[i]);
+      log_pooling += pooled_log_density(plain[i], centre[i], spread[i], scale[i],
+                                        lower_bound[i], upper_bound[i]);
     }
   }
   {

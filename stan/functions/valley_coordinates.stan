@@ -411,8 +411,7 @@ vector plain_from_straightened(real offset, data real reference, data real linea
  * @param noise_exponent power of the noise s with which the width of each coordinate grows
  * @param pooled 1 for coordinates of partially pooled parameters
  * @param centre, spread their normal density; those of others have no effect
- * @return as parameters_from_plain(), then the ln density of partially pooled parameters on the
- *   real line
+ * @return as parameters_from_plain(), then the ln density of partially pooled parameters
  */
 vector parameters_from_valley(vector coordinate, data array[] int parameter_of_coordinate,
                               data array[] int coordinate_of, data vector shift,
@@ -504,7 +503,8 @@ vector parameters_from_valley(vector coordinate, data array[] int parameter_of_c
   }
   for (i in 1 : n) {
     if (pooled[i]) {
-      log_pooling += normal_lpdf(plain[i] | centre[i], spread[i]);
+      log_pooling += pooled_log_density(plain[i], centre[i], spread[i], scale[i],
+                                        lower_bound[i], upper_bound[i]);
     }
   }
   {

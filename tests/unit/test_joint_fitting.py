@@ -1,0 +1,124 @@
+"""Joint fits through the run directory: what is written, continued, refused and shown."""
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import SMALL_RUN, Problem
+
+from pyburgers.constant_rate import ConstantRateExperiment
+from pyburgers.errors import InputError
+from pyburgers.fitting import Fit, fit
+from pyburgers.joint_fitting import JointFit, fit_jointly
+from pyburgers.joint_section import joint_section, pooling_table, sd_ratios
+from pyburgers.report import write_report
+
+POOL = {"stress_noise": "separate"}
+
+
+def tests_of(problem: Problem) -> list[ConstantRateExperiment]:
+    """The small test, and another of the same material whose residuals are mirrored."""
+    first = problem.experiment
+    smooth = np.poly1d(np.polyfit(first.strain, first.stress, 6))(first.strain)
+    return [first, replace(first, id="other", stress=2 * smooth - first.stress)]
+
+
+@pytest.fixture(scope="module")
+def joint(
+    programs: None, small_problem: Problem, tmp_path_factory: pytest.TempPathFactory
+) -> JointFit:
+    return fit_jointly(
+        tests_of(small_problem),
+        small_problem.priors,
+        pool=POOL,
+        out=tmp_path_factory.mktemp("joint") / "run",
+        options=SMALL_RUN,
+    )
+
+
+def test_manifest_names_tests_pooling_and_inputs(joint: JointFit) -> None:
+    manifest = joint.manifest
+    assert manifest["experiments"] == ["PIL40", "other"]
+    assert manifest["pooling"]["kinds"]["maxwell_modulus"] == "shared"
+    for name in ("tests/PIL40/experiment.csv", "tests/other/experiment.toml", "pooling.json"):
+        assert f"inputs/{name}" in manifest["hashes"]
+
+
+def test_shared_draws_are_the_same_in_all_tests(joint: JointFit) -> None:
+    first, other = (fit.posterior["posterior"].to_dataset() for fit in joint.tests().values())
+    np.testing.assert_array_equal(first["maxwell_modulus"], other["maxwell_modulus"])
+    assert not np.array_equal(first["stress_noise"], other["stress_noise"])
+    assert "stress_noise[other]" in joint.summary().index
+    assert joint.summary().index.is_unique
+
+
+def test_loading_gives_the_same_fit(joint: JointFit) -> None:
+    again = JointFit.load(joint.directory.path)
+    assert again.summary().equals(joint.summary())
+    assert again.problem.pooling == joint.problem.pooling
+
+
+def test_only_missing_chains_are_run(
+    joint: JointFit, small_problem: Problem, tmp_path: Path
+) -> None:
+    run = tmp_path / "run"
+    shutil.copytree(joint.directory.path, run)
+    kept = (run / "chains" / "chain_1" / "draws.csv").read_bytes()
+    shutil.rmtree(run / "chains" / "chain_2")
+    said: list[str] = []
+    again = fit_jointly(
+        tests_of(small_problem),
+        small_problem.priors,
+        pool=POOL,
+        out=run,
+        options=SMALL_RUN,
+        report=said.append,
+    )
+    assert "1 of 2 chains are there already." in said
+    assert (run / "chains" / "chain_1" / "draws.csv").read_bytes() == kept
+    assert again.summary()["mean"].equals(joint.summary()["mean"])
+
+
+def test_other_pooling_in_the_same_folder_is_refused(
+    joint: JointFit, small_problem: Problem
+) -> None:
+    with pytest.raises(InputError, match="holds a run of other inputs"):
+        fit_jointly(
+            tests_of(small_problem),
+            small_problem.priors,
+            pool={"maxwell_modulus": "separate"},
+            out=joint.directory.path,
+            options=SMALL_RUN,
+        )
+
+
+def test_kinds_of_runs_are_told_apart(joint: JointFit, small_fit: Fit) -> None:
+    with pytest.raises(InputError, match="is a joint fit"):
+        Fit.load(joint.directory.path)
+    with pytest.raises(InputError, match="is not a joint fit"):
+        JointFit.load(small_fit.directory.path)
+
+
+def test_page_shows_joint_and_separate_fits(
+    joint: JointFit, small_fit: Fit, small_problem: Problem, tmp_path: Path
+) -> None:
+    alone = fit(
+        tests_of(small_problem)[1], small_problem.priors, out=tmp_path / "o", options=SMALL_RUN
+    )
+    separate = [small_fit, alone]
+    ratios = sd_ratios(pooling_table(joint, separate))
+    # Two equal tests know a modulus better than one by the square root of two.
+    assert ratios["maxwell_modulus"] == pytest.approx(1 / np.sqrt(2), rel=0.2)
+    page = write_report(
+        [*joint.tests().values(), *separate],
+        tmp_path / "report",
+        title="joint",
+        command="test",
+        report=print,
+        extras=[joint_section(joint, separate)],
+    ).read_text(encoding="utf-8")
+    assert "Joint fit of PIL40, other" in page
+    assert "What pooling bought" in page
+    assert (tmp_path / "report" / "tables" / "joint_PIL40_other_pooling.csv").is_file()

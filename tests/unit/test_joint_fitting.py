@@ -18,7 +18,7 @@ from pyburgers.report import write_report
 POOL = {"stress_noise": "separate"}
 
 
-def tests_of(problem: Problem) -> list[ConstantRateExperiment]:
+def pair_of(problem: Problem) -> list[ConstantRateExperiment]:
     """The small test, and another of the same material whose residuals are mirrored."""
     first = problem.experiment
     smooth = np.poly1d(np.polyfit(first.strain, first.stress, 6))(first.strain)
@@ -30,7 +30,7 @@ def joint(
     programs: None, small_problem: Problem, tmp_path_factory: pytest.TempPathFactory
 ) -> JointFit:
     return fit_jointly(
-        tests_of(small_problem),
+        pair_of(small_problem),
         small_problem.priors,
         pool=POOL,
         out=tmp_path_factory.mktemp("joint") / "run",
@@ -69,7 +69,7 @@ def test_only_missing_chains_are_run(
     shutil.rmtree(run / "chains" / "chain_2")
     said: list[str] = []
     again = fit_jointly(
-        tests_of(small_problem),
+        pair_of(small_problem),
         small_problem.priors,
         pool=POOL,
         out=run,
@@ -86,7 +86,7 @@ def test_other_pooling_in_the_same_folder_is_refused(
 ) -> None:
     with pytest.raises(InputError, match="holds a run of other inputs"):
         fit_jointly(
-            tests_of(small_problem),
+            pair_of(small_problem),
             small_problem.priors,
             pool={"maxwell_modulus": "separate"},
             out=joint.directory.path,
@@ -105,7 +105,7 @@ def test_page_shows_joint_and_separate_fits(
     joint: JointFit, small_fit: Fit, small_problem: Problem, tmp_path: Path
 ) -> None:
     alone = fit(
-        tests_of(small_problem)[1], small_problem.priors, out=tmp_path / "o", options=SMALL_RUN
+        pair_of(small_problem)[1], small_problem.priors, out=tmp_path / "o", options=SMALL_RUN
     )
     separate = [small_fit, alone]
     ratios = sd_ratios(pooling_table(joint, separate))

@@ -207,6 +207,8 @@ class SamplingTask:
         Start of a chain, by its identifier, from the prior.
     manifest : mapping
         Entries of the manifest that only this kind of run has.
+    metric_window : int or None
+        Draws of the first adaptation of the metric; None takes Stan's 25.
     """
 
     name: str
@@ -218,6 +220,7 @@ class SamplingTask:
     choose_geometry: Callable[[cmdstanpy.CmdStanModel], Geometry]
     draw_start: Callable[[int], dict[str, list[float]]]
     manifest: Mapping[str, Any]
+    metric_window: int | None = None
 
 
 def run_chains(
@@ -349,7 +352,11 @@ def run_task(
             if not run.initial_values_file(chain).is_file():
                 start = _draw_start(model, run, task, chain)
                 write_json(run.initial_values_file(chain), start)
-        failures = run_missing(model, run, missing, options) if missing else ()
+        failures = (
+            run_missing(model, run, missing, options, metric_window=task.metric_window)
+            if missing
+            else ()
+        )
         finished = run.finished_chains()
         run.update_manifest(
             {
@@ -564,6 +571,8 @@ def run_missing(
     run: RunDirectory,
     chains: Sequence[int],
     options: SamplerOptions,
+    *,
+    metric_window: int | None = None,
 ) -> tuple[ChainFailure, ...]:
     """Run chains side by side, as many as the options say; stop them all on an interrupt."""
     stopping = threading.Event()
@@ -573,7 +582,8 @@ def run_missing(
     workers = min(len(chains), options.parallel_chains or os.cpu_count() or 1)
     with quiet_cmdstanpy(), screen, redirect_stdout(lines), ThreadPoolExecutor(workers) as pool:
         pending: set[Future[ChainFailure | None]] = {
-            pool.submit(_run_chain, model, run, chain, options, stopping) for chain in chains
+            pool.submit(_run_chain, model, run, chain, options, stopping, metric_window)
+            for chain in chains
         }
         try:
             while pending:
@@ -623,6 +633,7 @@ def _run_chain(
     chain: int,
     options: SamplerOptions,
     stopping: threading.Event,
+    metric_window: int | None,
 ) -> ChainFailure | None:
     """Run one chain in a scratch folder and move it into place when it is complete."""
     if stopping.is_set():
@@ -644,6 +655,7 @@ def _run_chain(
             inv_metric=first_metric,
             step_size=None if first_metric is None else FIRST_STEP,
             adapt_delta=options.adapt_delta,
+            adapt_metric_window=metric_window,
             adapt_step_size=int(STEP_SIZE_SHARE * options.warmup_iterations),
             max_treedepth=options.max_treedepth,
             output_dir=str(scratch),

@@ -63,33 +63,15 @@ real scaled_dashpot_rate(real scaled_stress, real stress_exponent, real log_scal
 }
 
 /**
- * Right-hand side before the record, where the grain size keeps its initial value.
+ * Right-hand side; see the head of this file.
  *
- * @param state [y, z]
+ * @param state [y, z, w]
  * @param stiffness E_M e/S
  * @param kelvin_fluidity S period/(eta_K e)
  * @param kelvin_decay E_K period/eta_K
  * @param log_dashpot_rate ln v_d0
- */
-vector spin_up_rhs(real tau, vector state, real stiffness, real kelvin_fluidity,
-                   real kelvin_decay, real stress_exponent, real log_dashpot_rate,
-                   data vector sine, data vector cosine, data vector background,
-                   data real background_middle, data real background_half,
-                   data real first_tau, data real strain_scale) {
-  real rate = oscillating_rate(tau, sine, cosine, background, background_middle,
-                               background_half, first_tau)
-              / strain_scale;
-  real kelvin_excess = state[1] - state[2];
-  real dashpot_rate = scaled_dashpot_rate(state[1], stress_exponent, log_dashpot_rate);
-  return [stiffness * (rate - kelvin_fluidity * kelvin_excess - dashpot_rate),
-          kelvin_decay * kelvin_excess]';
-}
-
-/**
- * Right-hand side during the record; see the head of this file.
- *
- * @param state [y, z, w]
  * @param inverse_critical_strain 1/epsilon_c1
+ * @param first_tau start of the record: before it the grain size keeps its initial value
  */
 vector forced_oscillation_rhs(real tau, vector state, real stiffness, real kelvin_fluidity,
                               real kelvin_decay, real stress_exponent,
@@ -111,8 +93,10 @@ vector forced_oscillation_rhs(real tau, vector state, real stiffness, real kelvi
                    / (grain_size_unit() * initial_grain_size);
   return [stiffness * (rate - kelvin_fluidity * kelvin_excess - dashpot_rate),
           kelvin_decay * kelvin_excess,
-          microstructure_rate(state[3], preferred, 1, strain_scale * rate)
-          * inverse_critical_strain]';
+          tau < first_tau
+          ? 0
+          : microstructure_rate(state[3], preferred, 1, strain_scale * rate)
+            * inverse_critical_strain]';
 }
 
 /**
@@ -120,10 +104,12 @@ vector forced_oscillation_rhs(real tau, vector state, real stiffness, real kelvi
  *
  * The model starts cycles ahead of the record, where the oscillating strain passes through zero,
  * at `start_stress` with a Kelvin element that has settled under it. For a solid any other phase
- * would leave a constant stress behind that only the dashpot relaxes, over many cycles.
+ * would leave a constant stress behind that only the dashpot relaxes, over many cycles. One call
+ * of the solver covers these cycles and the record: its initial state is data, and sensitivities
+ * to a state reached after the cycles would be three more for the solver to follow.
  *
  * @param start_tau, first_tau start of the spin-up and of the record, in periods
- * @param tau output times in periods, increasing, all after first_tau
+ * @param tau output times in periods, not decreasing, all after first_tau
  * @param start_stress stress at the start of the spin-up: the bias of the record, Pa
  * @param stress_scale, strain_scale S (Pa) and e
  * @return array over times of [stress (Pa), Kelvin strain, grain size (m)]
@@ -136,8 +122,8 @@ array[] vector forced_oscillation_solution(data array[] real tau, data real star
                                            data real background_half,
                                            data real initial_grain_size,
                                            data real temperature, data real start_stress,
-                                           data real stress_scale, data real strain_scale, real maxwell_modulus,
-                                           real kelvin_modulus, real kelvin_viscosity,
+                                           data real stress_scale, data real strain_scale,
+                                           real maxwell_modulus, real kelvin_modulus, real kelvin_viscosity,
                                            real stress_exponent, real grain_size_exponent,
                                            real activation_enthalpy, real beta,
                                            real critical_strain_grain_size,
@@ -153,18 +139,13 @@ array[] vector forced_oscillation_solution(data array[] real tau, data real star
                                                                   temperature))
                               * period / strain_scale);
   array[size(tau)] vector[3] solution;
-  vector[2] spun_up = ode_bdf_tol(spin_up_rhs, rep_vector(start_stress / stress_scale, 2),
-                                  start_tau, {first_tau}, relative_tolerance,
-                                  absolute_tolerance, max_num_steps, stiffness,
-                                  kelvin_fluidity, kelvin_decay, stress_exponent,
-                                  log_dashpot_rate, sine, cosine, background,
-                                  background_middle, background_half, first_tau,
-                                  strain_scale)[1];
   if (size(tau) > 0) {
-    solution = ode_bdf_tol(forced_oscillation_rhs, append_row(spun_up, 1 / grain_size_unit()), first_tau, tau,
-                           relative_tolerance, absolute_tolerance, max_num_steps, stiffness,
-                           kelvin_fluidity, kelvin_decay, stress_exponent,
-                           grain_size_exponent, log_dashpot_rate,
+    solution = ode_bdf_tol(forced_oscillation_rhs,
+                           [start_stress / stress_scale, start_stress / stress_scale,
+                            1 / grain_size_unit()]',
+                           start_tau, tau, relative_tolerance, absolute_tolerance,
+                           max_num_steps, stiffness, kelvin_fluidity, kelvin_decay,
+                           stress_exponent, grain_size_exponent, log_dashpot_rate,
                            1 / critical_strain_grain_size, sine, cosine, background,
                            background_middle, background_half, first_tau, strain_scale,
                            stress_scale, initial_grain_size);

@@ -168,7 +168,7 @@ def build_posterior(run: RunDirectory, *, report: Callable[[str], None]) -> xr.D
     reference_log_lik = checked["log_lik"].sum("log_lik_dim_0", skipna=False).assign_coords(chains)
     stats = sample_stats(fit).assign_coords(chains)
     stats["solver_log_ratio"] = (
-        reference_log_lik - log_lik.sum("point", skipna=False)
+        reference_log_lik - _sampled_log_likelihood(fit).assign_coords(chains)
         if manifest["use_likelihood"]
         else xr.zeros_like(reference_log_lik)  # the solver has no part in the prior
     )
@@ -338,6 +338,18 @@ def _one_by_one(
     return xr.Dataset(
         {name: (("chain", "draw", f"{name}_dim_0"), array) for name, array in values.items()}
     )
+
+
+def _sampled_log_likelihood(fit: cmdstanpy.CmdStanMCMC) -> xr.DataArray:
+    """Log likelihood that the chains have sampled, as their log density holds it.
+
+    Not the sum of ``log_lik``: while sampling the solver also keeps its sensitivities to the
+    tolerance, generated quantities have none, so the two solutions take different steps.
+    """
+    log_density = sample_stats(fit)["lp"]
+    other = fit.draws_xr(["lprior", "log_jacobian"])
+    # By values: the labels of draws and chains differ between the two.
+    return log_density - (other["lprior"] + other["log_jacobian"]).to_numpy()
 
 
 def sample_stats(fit: cmdstanpy.CmdStanMCMC) -> xr.Dataset:

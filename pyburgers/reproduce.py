@@ -25,10 +25,11 @@ from pyburgers.study import study_sections
 PRESETS: Mapping[str, SamplerOptions] = MappingProxyType(
     {
         "quick": SamplerOptions(chains=4, warmup=300, draws=500, seed=1),
-        "paper": SamplerOptions(chains=5, warmup=500, draws=3000, seed=1),
+        "paper": SamplerOptions(chains=5, draws=3000, seed=1),
     }
 )
-"""Sampler settings: `paper` has the chains and draws of the paper's Methods."""
+"""Sampler settings: `paper` has the chains and draws of the paper's Methods, and the warm-up that
+the protocol needs."""
 
 PROGRAMS = ("constant_rate", "forced_oscillation", "peak_stress", "imposed_stress")
 """Stan programs that the study needs, the slowest to compile first."""

@@ -43,7 +43,7 @@ PNG_DOTS_PER_INCH, PNG_COLOURS = 100, 128
 PALETTE_ROUNDS = 4
 """Of k-means, with which the palette has the colours of thin lines to two of 255 steps."""
 
-SVG_DOTS_PER_INCH = 80
+SVG_DOTS_PER_INCH = 50
 """Of what lies as one picture in vector files: thousands of curves or dots."""
 
 _TAG, _DECIMALS = re.compile(rb"<[^>]*>"), re.compile(rb"(\.\d\d)\d+")

@@ -226,10 +226,9 @@ def stats_with_solver(
         Whether the data took part.
     """
     reference = checked["log_lik"].sum("log_lik_dim_0", skipna=False).assign_coords(chains)
-    sampled = fit.draws_xr(["log_lik"])["log_lik"].sum("log_lik_dim_0", skipna=False)
     stats = sample_stats(fit).assign_coords(chains)
     stats["solver_log_ratio"] = (
-        reference - sampled.assign_coords(chains)
+        reference - _sampled_log_likelihood(fit).assign_coords(chains)
         if use_likelihood
         else xr.zeros_like(reference)  # the solver has no part in the prior
     )
@@ -440,6 +439,21 @@ def _one_by_one(
     return xr.Dataset(
         {name: (("chain", "draw", f"{name}_dim_0"), array) for name, array in values.items()}
     )
+
+
+def _sampled_log_likelihood(fit: cmdstanpy.CmdStanMCMC) -> xr.DataArray:
+    """Log likelihood that the chains have sampled, as their log density holds it.
+
+    Not the sum of ``log_lik``: while sampling the solver also keeps its sensitivities to the
+    tolerance, generated quantities have none, so the two solutions take different steps.
+    """
+    log_density = sample_stats(fit)["lp"]
+    terms = ["lprior", "log_jacobian"]
+    if "log_pooling" in fit.column_names:  # the program for constant rate
+        terms.append("log_pooling")
+    other = fit.draws_xr(terms).to_array().sum("variable", skipna=False)
+    # By values: the labels of draws and chains differ between the two.
+    return log_density - other.to_numpy()
 
 
 def sample_stats(fit: cmdstanpy.CmdStanMCMC) -> xr.Dataset:

@@ -69,7 +69,7 @@ PAIRED_QUANTITIES = (
 )
 """Quantities whose trade-offs are worth a panel."""
 
-DENSITY_POINTS, PRIOR_POINTS = 256, 100
+DENSITY_POINTS, PRIOR_POINTS = 128, 100
 """Positions at which the densities of posterior and prior are drawn."""
 
 STUCK_BANDWIDTH = 0.02

@@ -133,7 +133,7 @@ def noise_exponents(
         if name not in coordinates.quantities:
             continue
         k = coordinates.quantities.index(name)
-        values = np.array([priors[name].sample(rng) for _ in range(N_PRIOR_DRAWS)])
+        values = priors[name].distribution().rvs(N_PRIOR_DRAWS, random_state=rng)
         prior_variance = float(np.var(coordinates.of_quantity(k, values)))
         exponents[k] = np.clip(1 - covariance[k, k] / prior_variance, 0.0, 1.0)
     return exponents

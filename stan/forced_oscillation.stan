@@ -31,6 +31,9 @@ transformed data {
   int power_law_kelvin = prior_family[13] != 0 || prior_location[13] != 1;
   vector[n_parameters()] prior_mass;
   array[n_parameters()] int coordinate_of; // position among the coordinates, 0 where fixed
+  // Observed times and grid in one series, which generated quantities solve at once.
+  array[n_points + n_grid] real every_tau = append_array(tau, grid_tau);
+  array[n_points + n_grid] int order = sort_indices_asc(every_tau);
   vector[10] record = [stress_scale, start_stress, stress_amplitude, storage_compliance,
                        loss_compliance, period, 0, typical_path_strain, initial_grain_size,
                        temperature]'; // see shears()
@@ -160,8 +163,9 @@ generated quantities {
   }
   vector[n_trend] trend; // coefficients
   {
-    array[n_points] vector[3] solution = forced_oscillation_solution(tau, start_tau, first_tau,
-      period, strain_sine, strain_cosine, background, background_middle, background_half,
+    array[n_points + n_grid] vector[3] solution;
+    solution[order] = forced_oscillation_solution(every_tau[order], start_tau, first_tau, period,
+      strain_sine, strain_cosine, background, background_middle, background_half,
       initial_grain_size, temperature, start_stress, stress_scale, strain_scale, maxwell_modulus,
       kelvin_modulus, kelvin_viscosity_here, stress_exponent, grain_size_exponent,
       activation_enthalpy, beta, critical_strain_grain_size, power_law_kelvin,
@@ -177,21 +181,13 @@ generated quantities {
       log_lik[i] = normal_lpdf(stress_observed[i] | stress_model[i],
                                stress_noise * relative_noise[i]);
     }
-  }
-  {
-    array[n_grid] vector[3] solution = forced_oscillation_solution(grid_tau, start_tau,
-      first_tau, period, strain_sine, strain_cosine, background, background_middle,
-      background_half, initial_grain_size, temperature, start_stress, stress_scale, strain_scale,
-      maxwell_modulus, kelvin_modulus, kelvin_viscosity_here, stress_exponent,
-      grain_size_exponent, activation_enthalpy, beta, critical_strain_grain_size,
-      power_law_kelvin, kelvin_stress_exponent, prior_location[15], relative_tolerance,
-      absolute_tolerance, max_num_steps);
     for (i in 1 : n_grid) {
-      grid_stress[i] = solution[i][1];
-      grid_kelvin_strain[i] = solution[i][2];
-      grid_grain_size[i] = solution[i][3];
-      grid_dashpot_rate[i] = dashpot_strain_rate(solution[i][1], solution[i][3], 1,
-                                                 stress_exponent, grain_size_exponent,
+      vector[3] state = solution[n_points + i];
+      grid_stress[i] = state[1];
+      grid_kelvin_strain[i] = state[2];
+      grid_grain_size[i] = state[3];
+      grid_dashpot_rate[i] = dashpot_strain_rate(state[1], state[3], 1, stress_exponent,
+                                                 grain_size_exponent,
                                                  log_rate_factor(activation_enthalpy, beta,
                                                                  temperature));
     }

@@ -67,73 +67,20 @@ real scaled_dashpot_rate(real scaled_stress, real stress_exponent, real log_scal
 }
 
 /**
- * Rates of [y, z] before the record.
+ * Rates of [y, z, w].
  *
  * @param rate r
+ * @param evolves 0 before the record, where the grain size keeps its initial value
+ * @param state [y, z, w]
  * @param kelvin_excess linear driving stress of the Kelvin element over S
- * @param stiffness and what follows: see spin_up_rhs()
- */
-vector spin_up_rates(real rate, vector state, real kelvin_excess, real stiffness,
-                     real kelvin_fluidity, real kelvin_decay, real stress_exponent,
-                     real log_dashpot_rate) {
-  real dashpot_rate = scaled_dashpot_rate(state[1], stress_exponent, log_dashpot_rate);
-  return [stiffness * (rate - kelvin_fluidity * kelvin_excess - dashpot_rate),
-          kelvin_decay * kelvin_excess]';
-}
-
-/**
- * Right-hand side before the record, where the grain size keeps its initial value.
- *
- * @param state [y, z]
  * @param stiffness E_M e/S
  * @param kelvin_fluidity S period/(eta_K e)
  * @param kelvin_decay E_K period/eta_K
  * @param log_dashpot_rate ln v_d0
+ * @param inverse_critical_strain 1/epsilon_c1
  */
-vector spin_up_rhs(real tau, vector state, real stiffness, real kelvin_fluidity,
-                   real kelvin_decay, real stress_exponent, real log_dashpot_rate,
-                   data vector sine, data vector cosine, data vector background,
-                   data real background_middle, data real background_half,
-                   data real first_tau, data real strain_scale) {
-  real rate = oscillating_rate(tau, sine, cosine, background, background_middle,
-                               background_half, first_tau)
-              / strain_scale;
-  return spin_up_rates(rate, state, state[1] - state[2], stiffness, kelvin_fluidity,
-                       kelvin_decay, stress_exponent, log_dashpot_rate);
-}
-
-/**
- * Right-hand side before the record with a power-law Kelvin element: as spin_up_rhs(), and
- *
- * @param kelvin_stress_exponent n_K
- * @param log_kelvin_unit ln(S/q_0)
- */
-vector spin_up_power_law_kelvin_rhs(real tau, vector state, real stiffness,
-                                    real kelvin_fluidity, real kelvin_decay,
-                                    real stress_exponent, real log_dashpot_rate,
-                                    data vector sine, data vector cosine,
-                                    data vector background, data real background_middle,
-                                    data real background_half, data real first_tau,
-                                    data real strain_scale, real kelvin_stress_exponent,
-                                    data real log_kelvin_unit) {
-  real rate = oscillating_rate(tau, sine, cosine, background, background_middle,
-                               background_half, first_tau)
-              / strain_scale;
-  real kelvin_excess = linear_driving_stress(state[1] - state[2], kelvin_stress_exponent,
-                                             log_kelvin_unit);
-  return spin_up_rates(rate, state, kelvin_excess, stiffness, kelvin_fluidity, kelvin_decay,
-                       stress_exponent, log_dashpot_rate);
-}
-
-/**
- * Rates of [y, z, w] during the record.
- *
- * @param rate r
- * @param kelvin_excess linear driving stress of the Kelvin element over S
- * @param stiffness and what follows: see forced_oscillation_rhs()
- */
-vector forced_oscillation_rates(real rate, vector state, real kelvin_excess, real stiffness,
-                                real kelvin_fluidity, real kelvin_decay,
+vector forced_oscillation_rates(real rate, int evolves, vector state, real kelvin_excess,
+                                real stiffness, real kelvin_fluidity, real kelvin_decay,
                                 real stress_exponent, real grain_size_exponent,
                                 real log_dashpot_rate, real inverse_critical_strain,
                                 data real strain_scale, data real stress_scale,
@@ -142,19 +89,23 @@ vector forced_oscillation_rates(real rate, vector state, real kelvin_excess, rea
                                           log_dashpot_rate
                                           - grain_size_exponent 
                                             * log(grain_size_unit() * state[3]));
-  real preferred = piezometer_grain_size(stress_scale * state[1])
-                   / (grain_size_unit() * initial_grain_size);
+  real growth = 0;
+  if (evolves) {
+    real preferred = piezometer_grain_size(stress_scale * state[1])
+                     / (grain_size_unit() * initial_grain_size);
+    growth = microstructure_rate(state[3], preferred, 1, strain_scale * rate)
+             * inverse_critical_strain;
+  }
   return [stiffness * (rate - kelvin_fluidity * kelvin_excess - dashpot_rate),
-          kelvin_decay * kelvin_excess,
-          microstructure_rate(state[3], preferred, 1, strain_scale * rate)
-          * inverse_critical_strain]';
+          kelvin_decay * kelvin_excess, growth]';
 }
 
 /**
- * Right-hand side during the record; see the head of this file.
+ * Right-hand side; see the head of this file.
  *
  * @param state [y, z, w]
- * @param inverse_critical_strain 1/epsilon_c1
+ * @param stiffness and what follows: see forced_oscillation_rates()
+ * @param first_tau start of the record: before it the grain size keeps its initial value
  */
 vector forced_oscillation_rhs(real tau, vector state, real stiffness, real kelvin_fluidity,
                               real kelvin_decay, real stress_exponent,
@@ -167,7 +118,7 @@ vector forced_oscillation_rhs(real tau, vector state, real stiffness, real kelvi
   real rate = oscillating_rate(tau, sine, cosine, background, background_middle,
                                background_half, first_tau)
               / strain_scale;
-  return forced_oscillation_rates(rate, state, state[1] - state[2], stiffness,
+  return forced_oscillation_rates(rate, tau >= first_tau, state, state[1] - state[2], stiffness,
                                   kelvin_fluidity, kelvin_decay, stress_exponent,
                                   grain_size_exponent, log_dashpot_rate,
                                   inverse_critical_strain, strain_scale, stress_scale,
@@ -175,8 +126,7 @@ vector forced_oscillation_rhs(real tau, vector state, real stiffness, real kelvi
 }
 
 /**
- * Right-hand side during the record with a power-law Kelvin element: as
- * forced_oscillation_rhs(), and
+ * Right-hand side with a power-law Kelvin element: as forced_oscillation_rhs(), and
  *
  * @param kelvin_stress_exponent n_K
  * @param log_kelvin_unit ln(S/q_0)
@@ -201,10 +151,11 @@ vector forced_oscillation_power_law_kelvin_rhs(real tau, vector state, real stif
               / strain_scale;
   real kelvin_excess = linear_driving_stress(state[1] - state[2], kelvin_stress_exponent,
                                              log_kelvin_unit);
-  return forced_oscillation_rates(rate, state, kelvin_excess, stiffness, kelvin_fluidity,
-                                  kelvin_decay, stress_exponent, grain_size_exponent,
-                                  log_dashpot_rate, inverse_critical_strain, strain_scale,
-                                  stress_scale, initial_grain_size);
+  return forced_oscillation_rates(rate, tau >= first_tau, state, kelvin_excess, stiffness,
+                                  kelvin_fluidity, kelvin_decay, stress_exponent,
+                                  grain_size_exponent, log_dashpot_rate,
+                                  inverse_critical_strain, strain_scale, stress_scale,
+                                  initial_grain_size);
 }
 
 /**
@@ -212,10 +163,12 @@ vector forced_oscillation_power_law_kelvin_rhs(real tau, vector state, real stif
  *
  * The model starts cycles ahead of the record, where the oscillating strain passes through zero,
  * at `start_stress` with a Kelvin element that has settled under it. For a solid any other phase
- * would leave a constant stress behind that only the dashpot relaxes, over many cycles.
+ * would leave a constant stress behind that only the dashpot relaxes, over many cycles. One call
+ * of the solver covers these cycles and the record: its initial state is data, and sensitivities
+ * to a state reached after the cycles would be three more for the solver to follow.
  *
  * @param start_tau, first_tau start of the spin-up and of the record, in periods
- * @param tau output times in periods, increasing, all after first_tau
+ * @param tau output times in periods, not decreasing, all after first_tau
  * @param start_stress stress at the start of the spin-up: the bias of the record, Pa
  * @param stress_scale, strain_scale S (Pa) and e
  * @param kelvin_viscosity eta_K at the temperature of the test, Pa s
@@ -231,8 +184,9 @@ array[] vector forced_oscillation_solution(data array[] real tau, data real star
                                            data real background_half,
                                            data real initial_grain_size,
                                            data real temperature, data real start_stress,
-                                           data real stress_scale, data real strain_scale, real maxwell_modulus,
-                                           real kelvin_modulus, real kelvin_viscosity,
+                                           data real stress_scale, data real strain_scale,
+                                           real maxwell_modulus, real kelvin_modulus,
+                                           real kelvin_viscosity,
                                            real stress_exponent, real grain_size_exponent,
                                            real activation_enthalpy, real beta,
                                            real critical_strain_grain_size,
@@ -251,39 +205,26 @@ array[] vector forced_oscillation_solution(data array[] real tau, data real star
                                                                   temperature))
                               * period / strain_scale);
   array[size(tau)] vector[3] solution;
-  vector[2] spun_up;
-  // The state at the start is an expression of data: constant to the solver.
-  if (power_law_kelvin) {
-    spun_up = ode_bdf_tol(spin_up_power_law_kelvin_rhs,
-                          rep_vector(start_stress / stress_scale, 2), start_tau, {first_tau},
-                          relative_tolerance, absolute_tolerance, max_num_steps, stiffness,
-                          kelvin_fluidity, kelvin_decay, stress_exponent, log_dashpot_rate,
-                          sine, cosine, background, background_middle, background_half,
-                          first_tau, strain_scale, kelvin_stress_exponent,
-                          log(stress_scale / kelvin_reference_stress))[1];
-  } else {
-    spun_up = ode_bdf_tol(spin_up_rhs, rep_vector(start_stress / stress_scale, 2), start_tau,
-                          {first_tau}, relative_tolerance, absolute_tolerance, max_num_steps,
-                          stiffness, kelvin_fluidity, kelvin_decay, stress_exponent,
-                          log_dashpot_rate, sine, cosine, background, background_middle,
-                          background_half, first_tau, strain_scale)[1];
-  }
   if (size(tau) > 0) {
-    vector[3] state = append_row(spun_up, 1 / grain_size_unit());
+    // The state at the start is an expression of data: constant to the solver.
     if (power_law_kelvin) {
-      solution = ode_bdf_tol(forced_oscillation_power_law_kelvin_rhs, state, first_tau, tau,
-                             relative_tolerance, absolute_tolerance, max_num_steps, stiffness,
-                             kelvin_fluidity, kelvin_decay, stress_exponent,
-                             grain_size_exponent, log_dashpot_rate,
+      solution = ode_bdf_tol(forced_oscillation_power_law_kelvin_rhs,
+                             [start_stress / stress_scale, start_stress / stress_scale,
+                              1 / grain_size_unit()]',
+                             start_tau, tau, relative_tolerance, absolute_tolerance,
+                             max_num_steps, stiffness, kelvin_fluidity, kelvin_decay,
+                             stress_exponent, grain_size_exponent, log_dashpot_rate,
                              1 / critical_strain_grain_size, sine, cosine, background,
                              background_middle, background_half, first_tau, strain_scale,
                              stress_scale, initial_grain_size, kelvin_stress_exponent,
                              log(stress_scale / kelvin_reference_stress));
     } else {
-      solution = ode_bdf_tol(forced_oscillation_rhs, state, first_tau, tau,
-                             relative_tolerance, absolute_tolerance, max_num_steps, stiffness,
-                             kelvin_fluidity, kelvin_decay, stress_exponent,
-                             grain_size_exponent, log_dashpot_rate,
+      solution = ode_bdf_tol(forced_oscillation_rhs,
+                             [start_stress / stress_scale, start_stress / stress_scale,
+                              1 / grain_size_unit()]',
+                             start_tau, tau, relative_tolerance, absolute_tolerance,
+                             max_num_steps, stiffness, kelvin_fluidity, kelvin_decay,
+                             stress_exponent, grain_size_exponent, log_dashpot_rate,
                              1 / critical_strain_grain_size, sine, cosine, background,
                              background_middle, background_half, first_tau, strain_scale,
                              stress_scale, initial_grain_size);

@@ -43,7 +43,7 @@ FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
 
 TWIN_FILE = ICE.parent / "olivine" / "olivine_twin.toml"
-TIGHT = SolverOptions(tolerance=1e-10, max_num_steps=1_000_000)
+TIGHT = SolverOptions(tolerance=1e-11, max_num_steps=1_000_000)
 # Whatever the slopes, the posterior is the same.
 REFERENCE = ShearedReference(np.array([-0.7, 2.5, 0.8]))
 FREE = (

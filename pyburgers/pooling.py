@@ -34,16 +34,20 @@ DEFAULT_KINDS: Mapping[str, Kind] = MappingProxyType(
         "activation_enthalpy": "shared",
         "beta": "shared",
         "steady_state_grain_size": "partial",
-        "steady_state_fabric_factor": "partial",
-        "critical_strain_grain_size": "partial",
-        "critical_strain_fabric": "partial",
+        "steady_state_fabric_factor": "separate",
+        "critical_strain_grain_size": "separate",
+        "critical_strain_fabric": "separate",
         "stress_noise": "separate",
         "kelvin_stress_exponent": "shared",
         "kelvin_activation_enthalpy": "shared",
         "residual_correlation_strain": "separate",
     }
 )
-"""Flow law and moduli are the material's, microstructure the sample's, noise the test's."""
+"""Flow law and moduli are the material's, microstructure the sample's, noise the test's.
+
+Of the microstructure only the steady-state grain size is pooled: the others are solved from the
+curve of their test, and their pooling would fold the posterior (docs/joint.md).
+"""
 
 
 @dataclass(frozen=True)

@@ -37,6 +37,15 @@ def program_of(data: StanData, size: int, folder: Path) -> Program:
     )
 
 
+MICROSTRUCTURE = {
+    "steady_state_grain_size": "partial",
+    "steady_state_fabric_factor": "partial",
+    "critical_strain_grain_size": "partial",
+    "critical_strain_fabric": "partial",
+}
+"""More than by default, so that parameters that the valley solves for are pooled too."""
+
+
 def problem(**pool: str) -> JointProblem:
     return joint_problem(EXPERIMENTS, default_priors("ice"), pooling_of(pool))
 
@@ -68,7 +77,7 @@ def test_separate_density_is_the_sum_of_single_ones(system: str, tmp_path: Path)
 @pytest.mark.parametrize("system", ["plain", "valley"])
 def test_pooled_density_is_that_made_by_hand(system: str, tmp_path: Path) -> None:
     """Shared parameters count once; partially pooled ones are normal on the real line."""
-    joint = problem()
+    joint = problem(**MICROSTRUCTURE)
     layout = joint_coordinates(joint)
     program = joint_program(joint, system, tmp_path)
     coordinate = 0.3 * np.random.default_rng(4).standard_normal(layout.size)
@@ -113,7 +122,7 @@ def place(name: str) -> int:
 @pytest.mark.parametrize("system", ["plain", "valley"])
 def test_jacobian_is_that_of_the_map(system: str, tmp_path: Path) -> None:
     """Of shared and own parameters, centres and spreads by the coordinates."""
-    joint = problem()
+    joint = problem(**MICROSTRUCTURE)
     layout = joint_coordinates(joint)
     program = joint_program(joint, system, tmp_path)
     start = 0.3 * np.random.default_rng(5).standard_normal(layout.size)
@@ -145,7 +154,7 @@ def test_jacobian_is_that_of_the_map(system: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("system", ["plain", "valley"])
 def test_gradient_is_the_slope_of_the_density(system: str, tmp_path: Path) -> None:
-    joint = problem()
+    joint = problem(**MICROSTRUCTURE)
     size = joint_coordinates(joint).size
     program = joint_program(joint, system, tmp_path)
     coordinate = 0.2 * np.random.default_rng(6).standard_normal(size)

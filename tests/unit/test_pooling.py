@@ -43,7 +43,7 @@ def test_options_change_what_they_name() -> None:
     assert pooling.kinds["stress_exponent"] == "shared"
     assert pooling.kinds["maxwell_modulus"] == "separate"
     assert pooling.spread_scales == {"beta": 0.2}
-    assert pooling_of().spread_scales["critical_strain_fabric"] == DEFAULT_SPREAD_SCALE
+    assert pooling_of().spread_scales == {"steady_state_grain_size": DEFAULT_SPREAD_SCALE}
     assert pooling_from(pooling.record()) == pooling
 
 
@@ -72,8 +72,8 @@ def test_an_option_stands_once() -> None:
 def test_shared_coordinates_stand_once() -> None:
     joint = problem()
     layout = joint_coordinates(joint)
-    # 7 shared, 5 of each test, 4 centres and 4 spreads.
-    assert layout.size == 7 + 3 * 5 + 8
+    # 7 shared, 5 of each test, a centre and a spread.
+    assert layout.size == 7 + 3 * 5 + 2
     i = layout.names.index("stress_exponent")
     assert len(set(layout.position[:, i])) == 1
     own = layout.position[:, layout.names.index("stress_noise")]

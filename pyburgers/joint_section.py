@@ -5,31 +5,20 @@ from functools import partial
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 
-from pyburgers.comparison import data_hash
-from pyburgers.constant_rate_figures import draw_curve, mark_rate_steps
-from pyburgers.display import (
-    STRAIN_FACTOR,
-    STRAIN_UNIT,
-    STRESS_UNIT,
-    rounded,
-    shown_quantity,
-    symbol_text,
-    unit_text,
-)
-from pyburgers.figure_style import legend_of_panels, style, title
+from pyburgers.display import rounded, shown_quantity, symbol_text, unit_text
 from pyburgers.fitting import Fit
+from pyburgers.joint_figures import (
+    CURVES_CAPTION,
+    INTERVALS_CAPTION,
+    all_curves,
+    fits_alone,
+    intervals,
+)
 from pyburgers.joint_fitting import JointFit
 from pyburgers.parameters import REFERENCE_STRESS_QUANTITY
 from pyburgers.report import ExtraFigure, ExtraSection, ExtraTable
 from pyburgers.tables import checks_table
-
-CURVES_CAPTION = (
-    "Every test of the joint fit with all its segments: data (circles), solution at the posterior "
-    "mean (solid line), retrodictions (thin lines) and the band that should hold 90 % of new "
-    "measurements. Dotted vertical lines mark where the imposed strain rate changes."
-)
 
 
 def pooling_table(joint: JointFit, separate: Sequence[Fit] = ()) -> pd.DataFrame:
@@ -50,8 +39,7 @@ def pooling_table(joint: JointFit, separate: Sequence[Fit] = ()) -> pd.DataFrame
         reference stress), mean, sd, and NaN where there is no fit of the test alone separate_mean,
         separate_sd and sd_ratio, joint over separate.
     """
-    tests = joint.tests()
-    alone = {name: _of_same_data(fit, separate) for name, fit in tests.items()}
+    tests, alone = joint.tests(), fits_alone(joint, separate)
     kinds = {**joint.problem.pooling.kinds, REFERENCE_STRESS_QUANTITY.name: "derived"}
     rows = []
     for quantity in (*joint.problem.free, REFERENCE_STRESS_QUANTITY.name):
@@ -91,11 +79,6 @@ def sd_ratios(table: pd.DataFrame) -> pd.Series:
     both = table.dropna(subset="separate_sd").groupby("quantity", sort=False)
     ratios: pd.Series = both["sd"].mean() / both["separate_sd"].mean()
     return ratios
-
-
-def _of_same_data(fit: Fit, others: Sequence[Fit]) -> Fit | None:
-    wanted = data_hash(fit.posterior)
-    return next((other for other in others if data_hash(other.posterior) == wanted), None)
 
 
 def _moments(fit: Fit, quantity: str) -> tuple[float, float]:
@@ -207,7 +190,15 @@ def joint_section(joint: JointFit, separate: Sequence[Fit]) -> ExtraSection:
                 sentences=("sentence",),
             ),
         ),
-        figures=(ExtraFigure("curves", "All tests", CURVES_CAPTION, partial(all_curves, joint)),),
+        figures=(
+            ExtraFigure("curves", "All tests", CURVES_CAPTION, partial(all_curves, joint)),
+            ExtraFigure(
+                "intervals",
+                "Parameters test by test",
+                INTERVALS_CAPTION,
+                partial(intervals, joint, separate),
+            ),
+        ),
     )
 
 
@@ -228,22 +219,3 @@ def _bought(table: pd.DataFrame) -> tuple[str, ...]:
         "What pooling bought: standard deviation of the shared parameters over the mean of those "
         f"of the fits of single tests: {listed}.",
     )
-
-
-def all_curves(joint: JointFit) -> Figure:
-    """Draw data, solutions and predictive bands of every test."""
-    tests = joint.tests()
-    with style():
-        figure = Figure(figsize=(8.0, 3.2 * len(tests) + 0.6), layout="constrained")
-        panels = list(figure.subplots(len(tests), 1, squeeze=False)[:, 0])
-        for axes, fit, experiment in zip(
-            panels, tests.values(), joint.problem.experiments, strict=True
-        ):
-            draw_curve(axes, fit, experiment)
-            mark_rate_steps([axes], experiment)
-            axes.set_xlim(0.0, 1.02 * experiment.final_strain * STRAIN_FACTOR)
-            axes.set_title(title(experiment), loc="left")
-            axes.set_ylabel(f"differential stress ({STRESS_UNIT})")
-        panels[-1].set_xlabel(f"axial strain ({STRAIN_UNIT})")
-        legend_of_panels(figure, panels[:1])
-    return figure

@@ -7,10 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import SMALL_RUN, Problem
+from figure_texts import legend_texts
 
 from pyburgers.constant_rate import ConstantRateExperiment
 from pyburgers.errors import InputError
 from pyburgers.fitting import Fit, fit
+from pyburgers.joint_figures import fits_alone, intervals
 from pyburgers.joint_fitting import JointFit, fit_jointly
 from pyburgers.joint_section import joint_section, pooling_table, sd_ratios
 from pyburgers.report import write_report
@@ -122,3 +124,21 @@ def test_page_shows_joint_and_separate_fits(
     assert "Joint fit of PIL40, other" in page
     assert "What pooling bought" in page
     assert (tmp_path / "report" / "tables" / "joint_PIL40_other_pooling.csv").is_file()
+    for name in ("curves", "intervals"):
+        assert (tmp_path / "report" / "figures" / f"joint_PIL40_other_{name}.svg").is_file()
+
+
+def test_intervals_show_fits_of_single_tests_where_there_are_some(
+    joint: JointFit, small_fit: Fit
+) -> None:
+    assert legend_texts(intervals(joint, [])) == ["joint fit"]
+    figure = intervals(joint, [small_fit])
+    assert legend_texts(figure) == ["joint fit", "test alone"]
+    # Three parameters and the reference stress; a shared one is a band across the tests.
+    panels = [axes for axes in figure.axes if axes.get_xlabel()]
+    assert len(panels) == 4
+    assert [len(axes.patches) for axes in panels] == [2, 2, 0, 0]
+
+
+def test_fits_alone_are_those_of_the_same_data(joint: JointFit, small_fit: Fit) -> None:
+    assert fits_alone(joint, [small_fit]) == {"PIL40": small_fit, "other": None}

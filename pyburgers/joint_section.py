@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
-from pyburgers.display import rounded, shown_quantity, symbol_text, unit_text
+from pyburgers.display import number, rounded, shown_quantity, symbol_text, unit_text
 from pyburgers.fitting import Fit
 from pyburgers.joint_figures import (
     CURVES_CAPTION,
@@ -16,6 +16,8 @@ from pyburgers.joint_figures import (
     intervals,
 )
 from pyburgers.joint_fitting import JointFit
+from pyburgers.joint_posterior import own_name
+from pyburgers.joint_stan_data import CENTRE, SPREAD
 from pyburgers.parameters import REFERENCE_STRESS_QUANTITY
 from pyburgers.report import ExtraFigure, ExtraSection, ExtraTable
 from pyburgers.tables import checks_table
@@ -87,38 +89,41 @@ def _moments(fit: Fit, quantity: str) -> tuple[float, float]:
 
 
 def shown_pooling_table(table: pd.DataFrame) -> pd.DataFrame:
-    """Return `pooling_table` as text in display units, a row for each quantity.
+    """Return `pooling_table` as text in display units.
 
-    A shared parameter stands once, under the first test. Where there are separate fits, theirs
-    follow in brackets.
+    A row for each quantity in the joint fit, a shared parameter standing once, under the first
+    test; and where there are separate fits one below it for theirs.
     """
     tests = list(dict.fromkeys(table["test"]))
-    ratios = sd_ratios(table)
+    ratios = {str(name): float(ratio) for name, ratio in sd_ratios(table).items()}
     rows = []
     for name, group in table.groupby("quantity", sort=False):
         quantity = shown_quantity(str(name))
-        factor = quantity.display_factor
-        by_test = group.set_index("test")
-        shared = by_test["pooling"].iloc[0] == "shared"
-        shown = {}
-        for test in tests:
-            row = by_test.loc[test]
-            text = _mean_sd(row["mean"] * factor, row["sd"] * factor)
-            if shared and test != tests[0]:
-                text = "the same"
-            if np.isfinite(row["separate_sd"]):
-                text += f" ({_mean_sd(row['separate_mean'] * factor, row['separate_sd'] * factor)})"
-            shown[test] = text
-        rows.append(
-            {
-                "symbol": symbol_text(quantity),
-                "quantity": quantity.label,
-                "unit": unit_text(quantity),
-                "pooling": by_test["pooling"].iloc[0],
-                **shown,
-                **({"sd joint / separate": f"{ratios[name]:.2f}"} if name in ratios else {}),
-            }
+        by_test = group.set_index("test")[["mean", "sd", "separate_mean", "separate_sd"]] * float(
+            quantity.display_factor
         )
+        pooling = group["pooling"].iloc[0]
+        joint = {test: _mean_sd(by_test["mean"][test], by_test["sd"][test]) for test in tests}
+        if pooling == "shared":
+            joint |= dict.fromkeys(tests[1:], "the same")
+        row = {
+            "symbol": symbol_text(quantity),
+            "quantity": quantity.label,
+            "unit": unit_text(quantity),
+            "pooling": pooling,
+        }
+        if name not in ratios:
+            rows.append({**row, **joint})
+            continue
+        rows.append(
+            {**row, "fit": "joint", **joint, "sd joint / alone": f"{ratios[str(name)]:.2f}"}
+        )
+        alone = {
+            test: _mean_sd(by_test["separate_mean"][test], by_test["separate_sd"][test])
+            for test in tests
+            if np.isfinite(by_test["separate_sd"][test])
+        }
+        rows.append({"fit": "alone", **alone})
     return pd.DataFrame(rows).fillna("")
 
 
@@ -128,9 +133,32 @@ def _mean_sd(mean: float, sd: float) -> str:
 
 def pooled_table(joint: JointFit) -> pd.DataFrame:
     """Centres and spreads of the partially pooled parameters (`JointFit.summary`)."""
+    owned = [own_name(name, owner) for name in joint.problem.partial for owner in (CENTRE, SPREAD)]
+    return joint.summary().loc[owned]
+
+
+def shown_pooled_table(joint: JointFit) -> pd.DataFrame:
+    """Return `pooled_table` as text in display units, a row for each parameter."""
     summary = joint.summary()
-    ours = [name for name in summary.index if str(name).endswith(("[centre]", "[spread]"))]
-    return summary.loc[ours]
+
+    def shown(name: str, owner: str, factor: float) -> str:
+        mean, sd = (summary[column][own_name(name, owner)] for column in ("mean", "sd"))
+        return _mean_sd(mean * factor, sd * factor)
+
+    rows = []
+    for name in joint.problem.partial:
+        quantity = shown_quantity(name)
+        rows.append(
+            {
+                "symbol": symbol_text(quantity),
+                "quantity": quantity.label,
+                "unit": unit_text(quantity),
+                CENTRE: shown(name, CENTRE, quantity.display_factor),
+                "spread on the real line": shown(name, SPREAD, 1.0),
+                "scale of its prior": number(joint.problem.pooling.spread_scales[name]),
+            }
+        )
+    return pd.DataFrame(rows)
 
 
 def joint_section(joint: JointFit, separate: Sequence[Fit]) -> ExtraSection:
@@ -162,20 +190,19 @@ def joint_section(joint: JointFit, separate: Sequence[Fit]) -> ExtraSection:
         tables=(
             ExtraTable(
                 "pooling",
-                "Mean ± standard deviation in the joint fit"
-                + (" (in the fit of the test alone)" if len(sd_ratios(table)) else ""),
+                "Mean ± standard deviation, test by test",
                 shown_pooling_table(table),
                 table,
-                words=("quantity", "unit", "pooling"),
+                words=("quantity", "unit", "pooling", "fit"),
             ),
             *(
                 (
                     ExtraTable(
                         "spreads",
-                        "Common centres (SI) and spreads",
-                        pooled.map(_four_digits).reset_index(),
+                        "Common centres and spreads",
+                        shown_pooled_table(joint),
                         pooled.reset_index(),
-                        words=("parameter", "unit"),
+                        words=("quantity", "unit"),
                     ),
                 )
                 if len(pooled)
@@ -200,10 +227,6 @@ def joint_section(joint: JointFit, separate: Sequence[Fit]) -> ExtraSection:
             ),
         ),
     )
-
-
-def _four_digits(cell: object) -> str:
-    return f"{cell:.4g}" if isinstance(cell, float) else str(cell)
 
 
 def _bought(table: pd.DataFrame) -> tuple[str, ...]:

@@ -21,7 +21,7 @@ from pyburgers.errors import InputError
 from pyburgers.experiment import Experiment
 from pyburgers.figure_style import FigureRecipe, image
 from pyburgers.figures import figures_for
-from pyburgers.fitting import Fit
+from pyburgers.fitting import Fit, is_joint
 from pyburgers.forced_oscillation import OscillationExperiment
 from pyburgers.oscillation_response import response_table
 from pyburgers.prior_influence import (
@@ -301,11 +301,11 @@ def _claim(out: Path) -> None:
 
 
 def page_keys(fits: Sequence[Fit]) -> list[str]:
-    """Name each fit after its experiment; further ones of the same experiment get a number."""
+    """Name each fit after its experiment, or as its part of a joint fit; further ones by number."""
     seen: Counter[str] = Counter()
     keys = []
     for fit in fits:
-        name = fit.experiment.id
+        name = fit.experiment.id + ("_joint" if is_joint(fit.manifest) else "")
         seen[name] += 1
         keys.append(name if seen[name] == 1 else f"{name}_run{seen[name]}")
     return keys

@@ -22,7 +22,7 @@ from pyburgers.display import (
     symbol_text,
     unit_text,
 )
-from pyburgers.fitting import Fit
+from pyburgers.fitting import Fit, is_joint
 from pyburgers.parameters import PARAMETER_BY_NAME
 from pyburgers.priors import PriorSet
 
@@ -264,7 +264,7 @@ def overview_row(
     failed = sum(not check.passed for check in checks)
     passed = f"{len(checks) - failed} of {len(checks)}"
     return {
-        "experiment": fit.experiment.id,
+        "experiment": fit.experiment.id + (", joint fit" if is_joint(fit.manifest) else ""),
         "data": fit.experiment.provenance.kind,
         "stress exponent n": _mean_sd(fit, summary, "stress_exponent", 1.0),
         f"residual s ({STRESS_UNIT})": _mean_sd(fit, summary, "stress_noise", STRESS_FACTOR),

@@ -104,13 +104,15 @@ def style() -> AbstractContextManager[None]:
 def image(figure: Figure, kind: Literal["png", "svg"]) -> bytes:
     """Render a figure; the same figure gives the same bytes.
 
-    The first rendering settles where panels lie: the layout engine moves them a little each time.
+    The layout is made once: its engine moves panels a little each time, and takes as long as the
+    drawing.
     """
     # Tick labels are made when a figure is drawn, so the style has to hold here as well.
     with style():
-        if isinstance(figure.get_layout_engine(), ConstrainedLayoutEngine):
-            figure.draw_without_rendering()
-            figure.set_layout_engine("none")
+        engine = figure.get_layout_engine()
+        if isinstance(engine, ConstrainedLayoutEngine):
+            engine.execute(figure)
+            figure.set_layout_engine(None)
         buffer = io.BytesIO()
         if kind == "svg":
             figure.savefig(buffer, format="svg", dpi=SVG_DOTS_PER_INCH, metadata={"Date": None})

@@ -4,6 +4,7 @@ import shutil
 from collections.abc import Sequence
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import pytest
@@ -77,9 +78,9 @@ def write(fits: Sequence[Fit], out: Path) -> Page:
     return Page(page.read_text(encoding="utf-8"))
 
 
-def small_fit(path: Path, name: str = "A", **changes: object) -> Fit:
-    arguments: dict[str, object] = {"chains": 2, "draws": 300, "fixed": FEW, **changes}
-    return make_fit(path, name=name, **arguments)  # type: ignore[arg-type]
+def small_fit(path: Path, name: str = "A", **changes: Any) -> Fit:
+    arguments: dict[str, Any] = {"chains": 2, "draws": 300, "fixed": FEW, **changes}
+    return make_fit(path, name=name, **arguments)
 
 
 @pytest.fixture(scope="module")

@@ -57,8 +57,8 @@ TAIL = 0.5 * (1.0 - BAND)
 
 
 @dataclass(frozen=True)
-class FigureRecipe:
-    """A figure that every report holds.
+class FigureText:
+    """What a page says about a figure.
 
     Attributes
     ----------
@@ -68,13 +68,23 @@ class FigureRecipe:
         Heading.
     caption : str
         What is shown and how to read it, one paragraph.
-    draw : callable
-        Draws it for a fit.
     """
 
     name: str
     title: str
     caption: str
+
+
+@dataclass(frozen=True)
+class FigureRecipe(FigureText):
+    """A figure that every report holds.
+
+    Attributes
+    ----------
+    draw : callable
+        Draws it for a fit.
+    """
+
     draw: Callable[[Fit], Figure]
 
 

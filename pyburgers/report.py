@@ -19,7 +19,7 @@ from pyburgers import tables
 from pyburgers.diagnostics import CheckResult, coverage
 from pyburgers.errors import InputError
 from pyburgers.experiment import Experiment
-from pyburgers.figure_style import FigureRecipe, image
+from pyburgers.figure_style import FigureText, image
 from pyburgers.figures import figures_for
 from pyburgers.fitting import Fit
 from pyburgers.forced_oscillation import OscillationExperiment
@@ -41,24 +41,15 @@ PACKAGES = ("pyburgers", "arviz", "jinja2", "matplotlib", "numpy", "pandas", "sc
 
 
 @dataclass(frozen=True)
-class ExtraFigure:
+class ExtraFigure(FigureText):
     """A figure that is not about one fit alone.
 
     Attributes
     ----------
-    name : str
-        Part of file names.
-    title : str
-        Heading.
-    caption : str
-        What is shown and how to read it, one paragraph.
     draw : callable
         Draws it.
     """
 
-    name: str
-    title: str
-    caption: str
     draw: Callable[[], Figure]
 
 
@@ -124,7 +115,7 @@ class Illustration:
 
     Attributes
     ----------
-    recipe : FigureRecipe or ExtraFigure
+    text : FigureText
         Its name, title and caption.
     data_uri : str
         The picture itself.
@@ -132,7 +123,7 @@ class Illustration:
         Width on the page (CSS pixels), the same size of letters for every figure.
     """
 
-    recipe: FigureRecipe | ExtraFigure
+    text: FigureText
     data_uri: str
     width: int
 
@@ -361,16 +352,14 @@ def _write_extra(extra: ExtraSection, out: Path) -> tuple[Illustration, ...]:
     return tuple(_illustrate(extra.key, figure, figure.draw(), out) for figure in extra.figures)
 
 
-def _illustrate(
-    key: str, recipe: FigureRecipe | ExtraFigure, figure: Figure, out: Path
-) -> Illustration:
+def _illustrate(key: str, text: FigureText, figure: Figure, out: Path) -> Illustration:
     """Write a figure as PNG and SVG, and keep the PNG for the page."""
     pictures = {"png": image(figure, "png"), "svg": image(figure, "svg")}
     for kind, content in pictures.items():
-        write_bytes(out / "figures" / f"{key}_{recipe.name}.{kind}", content)
+        write_bytes(out / "figures" / f"{key}_{text.name}.{kind}", content)
     encoded = base64.b64encode(pictures["png"]).decode("ascii")
     width = round(PIXELS_PER_INCH * figure.get_figwidth())
-    return Illustration(recipe, f"data:image/png;base64,{encoded}", width)
+    return Illustration(text, f"data:image/png;base64,{encoded}", width)
 
 
 def _number_table(table: pd.DataFrame) -> pd.DataFrame:

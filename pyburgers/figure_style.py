@@ -9,6 +9,7 @@ import re
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -30,6 +31,7 @@ from pyburgers.draws import all_draws, evenly_spaced
 from pyburgers.experiment import Experiment
 from pyburgers.fitting import Fit
 from pyburgers.forced_oscillation import OscillationExperiment
+from pyburgers.run_directory import write_bytes
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -135,6 +137,13 @@ def image(figure: Figure, kind: Literal["png", "svg"]) -> bytes:
     picture = io.BytesIO()
     few.save(picture, "png", optimize=True, dpi=(PNG_DOTS_PER_INCH, PNG_DOTS_PER_INCH))
     return picture.getvalue()
+
+
+def write_images(figure: Figure, path: Path) -> None:
+    """Write a figure as PNG and, beside it, as SVG."""
+    kinds: tuple[Literal["png", "svg"], ...] = ("png", "svg")
+    for kind in kinds:
+        write_bytes(path.with_suffix(f".{kind}"), image(figure, kind))
 
 
 def few_ticks(intervals: int) -> MaxNLocator:

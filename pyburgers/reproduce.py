@@ -137,6 +137,7 @@ def reproduce(preset: str, out: Path, *, command: str, report: Callable[[str], N
             peak_stress_section(peak_stress),
             *related_sections(list(fits.values())),
         ),
+        jobs=None,
     )
     return Outcome(page=page, fits=tuple(fits.values()), peak_stress=peak_stress)
 

@@ -306,6 +306,16 @@ def test_a_figure_that_fails_ends_the_report(tmp_path: Path) -> None:
     assert not (tmp_path / "page" / "index.html").exists()
 
 
+def test_processes_write_the_same_pictures(folder: Path, fits: list[Fit], page: Page) -> None:
+    out = folder / "by_processes"
+    write_report([fits[1]], out, title="x", command="x", report=lambda _: None, jobs=2)
+    pictures = sorted((out / "figures").glob("*.png"))
+    assert len(pictures) == len(figures_for(fits[1].experiment))
+    for picture in pictures:
+        assert picture.read_bytes() == (folder / "page" / "figures" / picture.name).read_bytes()
+        assert picture.with_suffix(".svg").is_file()
+
+
 @pytest.fixture(scope="module")
 def oscillations(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Page of a curve and of both treatments; the one with background kept misses the phase."""

@@ -7,30 +7,24 @@ command continues with those that are missing.
 
 import io
 import json
-import os
 import shutil
-import threading
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import redirect_stderr
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from functools import cached_property
-from multiprocessing import get_context, parent_process
-from multiprocessing.connection import wait
 from pathlib import Path
 
 import numpy as np
-import psutil
 
 from pyburgers.calibration import Replication, check_template, replicate
 from pyburgers.cmdstan import load_model
-from pyburgers.errors import InputError, SamplingError
+from pyburgers.errors import InputError
 from pyburgers.experiment import Experiment
 from pyburgers.experiment_files import load_experiment, save_experiment
 from pyburgers.geometry import check_coordinates
 from pyburgers.priors import PriorSet, load_priors, save_priors
+from pyburgers.processes import completed, number_of_processes
 from pyburgers.rank_uniformity import RankBands, RankVerdict, judge_ranks, rank_bands
 from pyburgers.run_directory import (
     RunDirectory,
@@ -186,9 +180,7 @@ def calibrate(
     """
     check_template(template)
     check_coordinates(template, plan.sampler.coordinates)
-    jobs = (os.cpu_count() or 1) if jobs is None else jobs
-    if jobs < 1:
-        raise InputError(f"jobs is {jobs}, expected at least 1.")
+    jobs = number_of_processes(jobs, plan.simulations)
     plan = replace(plan, sampler=replace(plan.sampler.suited_to(template), parallel_chains=1))
     priors = priors.resolved(float(np.max(np.abs(template.stress))))
     if not priors.free:
@@ -272,36 +264,18 @@ def _run_missing(
     """Do data sets in processes of their own; stop handing them out when one fails."""
     if not seeds:
         return
-    with ProcessPoolExecutor(
-        min(jobs, len(seeds)), mp_context=get_context("spawn"), initializer=_end_with_parent
-    ) as pool:
-        waiting = {pool.submit(_replicate_into, run.path, seed, plan): seed for seed in seeds}
-        try:
-            for n_done, future in enumerate(as_completed(waiting), start=1):
-                report(f"Data set {waiting[future]}: {future.result()}, {n_done} of {len(seeds)}.")
-        except BrokenProcessPool as error:
-            raise SamplingError(
-                f"{run.path}: the system killed a process; free memory or use fewer --jobs, then "
-                "run the same command again: it does only the missing data sets."
-            ) from error
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            run.update_manifest({"status": "interrupted"})
-            raise
-
-
-def _end_with_parent() -> None:
-    """Have this process and its chains end when the parent does, however it does."""
-    parent = parent_process()
-    assert parent is not None  # processes of the pool have one
-
-    def watch() -> None:
-        wait([parent.sentinel])
-        for child in psutil.Process().children(recursive=True):
-            child.kill()
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
+    done = completed(
+        _replicate_into,
+        {seed: (run.path, seed, plan) for seed in seeds},
+        processes=jobs,
+        folder=run.path,
+    )
+    try:
+        for n_done, (seed, outcome) in enumerate(done, start=1):
+            report(f"Data set {seed}: {outcome}, {n_done} of {len(seeds)}.")
+    except KeyboardInterrupt:
+        run.update_manifest({"status": "interrupted"})
+        raise
 
 
 def _replicate_into(path: Path, seed: int, plan: CalibrationPlan) -> str:

@@ -6,9 +6,7 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import fields
 from pathlib import Path
-from typing import Any, Literal
-
-from matplotlib.figure import Figure
+from typing import Any
 
 from pyburgers.attenuation import (
     DEFAULT_FREQUENCIES,
@@ -37,7 +35,7 @@ from pyburgers.doctor import can_fit, diagnose, format_findings
 from pyburgers.errors import InputError, PyburgersError
 from pyburgers.experiment import Experiment
 from pyburgers.experiment_files import load_experiment
-from pyburgers.figure_style import image
+from pyburgers.figure_style import write_images
 from pyburgers.fitting import Fit, fit, is_joint
 from pyburgers.flow_law_prior import load_flow_law_of_run
 from pyburgers.joint_fitting import JointFit, fit_jointly
@@ -51,7 +49,7 @@ from pyburgers.priors import PriorSet, default_priors, load_priors, with_flow_la
 from pyburgers.related_runs import related_sections
 from pyburgers.report import write_report
 from pyburgers.reproduce import PRESETS, reproduce
-from pyburgers.run_directory import RunDirectory, write_bytes, write_text
+from pyburgers.run_directory import RunDirectory, write_text
 from pyburgers.sampling import SamplerOptions
 from pyburgers.simulation import load_parameters, simulate
 from pyburgers.stan_data import SolverOptions
@@ -387,7 +385,7 @@ def _predict_attenuation(options: argparse.Namespace) -> int:
     try:
         write_text(options.out, table.to_csv(index=False))
         save_spectrum(spectrum, options.out.with_suffix(".nc"))
-        _write_images(figure, options.out)
+        write_images(figure, options.out)
     except OSError as error:
         raise InputError(f"--out {options.out}: cannot be written ({error.strerror}).") from error
     print(f"{spectrum.attrs['title']}: tan(delta), median and 90 % of the draws")
@@ -435,7 +433,7 @@ def _fit_peak_stress(options: argparse.Namespace) -> int:
         report=_say,
     )
     folder = result.directory.path
-    _write_images(flow_law(result), folder / "flow_law.png")
+    write_images(flow_law(result), folder / "flow_law.png")
     print(flow_law_table(result).to_string(index=False))
     print(f"run directory: {folder}")
     return _print_checks(result.checks())
@@ -453,7 +451,7 @@ def _compare(options: argparse.Namespace) -> int:
     try:
         options.out.mkdir(parents=True, exist_ok=True)
         save_comparison(comparison, fits, options.out, command=_command_line())
-        _write_images(pointwise_differences(comparison), options.out / "comparison.png")
+        write_images(pointwise_differences(comparison), options.out / "comparison.png")
     except OSError as error:
         raise InputError(f"--out {options.out}: cannot be written ({error.strerror}).") from error
     print(comparison_table(comparison).round(2).to_string())
@@ -474,13 +472,6 @@ def _names_of(directories: Sequence[Path]) -> list[str]:
         f"compare: found the same run twice among {', '.join(map(str, directories))}, expected "
         "different ones."
     )
-
-
-def _write_images(figure: Figure, path: Path) -> None:
-    """Write a figure as PNG and, beside it, as SVG."""
-    kinds: tuple[Literal["png", "svg"], ...] = ("png", "svg")
-    for kind in kinds:
-        write_bytes(path.with_suffix(f".{kind}"), image(figure, kind))
 
 
 def _calibrate(options: argparse.Namespace) -> int:
@@ -504,7 +495,7 @@ def _calibrate(options: argparse.Namespace) -> int:
     )
     save_calibration(calibration, out, command=command)
     if calibration.ranks:
-        _write_images(rank_differences(calibration), out / "ranks.png")
+        write_images(rank_differences(calibration), out / "ranks.png")
         print(shown_verdict_table(calibration).to_string(index=False))
     for sentence in count_sentences(calibration):
         print(sentence)

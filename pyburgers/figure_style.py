@@ -9,6 +9,7 @@ import re
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -30,6 +31,7 @@ from pyburgers.draws import all_draws, evenly_spaced
 from pyburgers.experiment import Experiment
 from pyburgers.fitting import Fit
 from pyburgers.forced_oscillation import OscillationExperiment
+from pyburgers.run_directory import write_bytes
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -57,8 +59,8 @@ TAIL = 0.5 * (1.0 - BAND)
 
 
 @dataclass(frozen=True)
-class FigureRecipe:
-    """A figure that every report holds.
+class FigureText:
+    """What a page says about a figure.
 
     Attributes
     ----------
@@ -68,13 +70,23 @@ class FigureRecipe:
         Heading.
     caption : str
         What is shown and how to read it, one paragraph.
-    draw : callable
-        Draws it for a fit.
     """
 
     name: str
     title: str
     caption: str
+
+
+@dataclass(frozen=True)
+class FigureRecipe(FigureText):
+    """A figure that every report holds.
+
+    Attributes
+    ----------
+    draw : callable
+        Draws it for a fit.
+    """
+
     draw: Callable[[Fit], Figure]
 
 
@@ -104,13 +116,15 @@ def style() -> AbstractContextManager[None]:
 def image(figure: Figure, kind: Literal["png", "svg"]) -> bytes:
     """Render a figure; the same figure gives the same bytes.
 
-    The first rendering settles where panels lie: the layout engine moves them a little each time.
+    The layout is made once: its engine moves panels a little each time, and takes as long as the
+    drawing.
     """
     # Tick labels are made when a figure is drawn, so the style has to hold here as well.
     with style():
-        if isinstance(figure.get_layout_engine(), ConstrainedLayoutEngine):
-            figure.draw_without_rendering()
-            figure.set_layout_engine("none")
+        engine = figure.get_layout_engine()
+        if isinstance(engine, ConstrainedLayoutEngine):
+            engine.execute(figure)
+            figure.set_layout_engine(None)
         buffer = io.BytesIO()
         if kind == "svg":
             figure.savefig(buffer, format="svg", dpi=SVG_DOTS_PER_INCH, metadata={"Date": None})
@@ -123,6 +137,13 @@ def image(figure: Figure, kind: Literal["png", "svg"]) -> bytes:
     picture = io.BytesIO()
     few.save(picture, "png", optimize=True, dpi=(PNG_DOTS_PER_INCH, PNG_DOTS_PER_INCH))
     return picture.getvalue()
+
+
+def write_images(figure: Figure, path: Path) -> None:
+    """Write a figure as PNG and, beside it, as SVG."""
+    kinds: tuple[Literal["png", "svg"], ...] = ("png", "svg")
+    for kind in kinds:
+        write_bytes(path.with_suffix(f".{kind}"), image(figure, kind))
 
 
 def few_ticks(intervals: int) -> MaxNLocator:

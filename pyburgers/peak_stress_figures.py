@@ -69,10 +69,9 @@ def flow_law(fit: PeakStressFit) -> Figure:
             )
         axes.set_xscale("log")
         axes.set_yscale("log")
-        plain = FuncFormatter(lambda value, _: number(value))
         low, high = axes.get_xlim()
         axes.set_xticks([tick for tick in _ROUND_STRESSES if low <= tick <= high])
-        axes.xaxis.set_major_formatter(plain)
+        axes.xaxis.set_major_formatter(FuncFormatter(_plain))
         axes.xaxis.set_minor_formatter(NullFormatter())
         axes.set_xlabel(f"peak stress ({STRESS_UNIT})")
         axes.set_ylabel("strain rate (1/s)")
@@ -136,3 +135,8 @@ def _prior_text(prior: Prior) -> str:
     if prior.parameter == RATE_SCATTER.name:
         return f"HN({number(prior.scale)})"
     return prior_text(prior)
+
+
+def _plain(value: float, _: int) -> str:
+    """Label a tick without an exponent; not a lambda, which could not travel between processes."""
+    return number(value)

@@ -8,7 +8,6 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from pyburgers.errors import InputError
 from pyburgers.parameters import PARAMETER_BY_NAME, Parameter
 from pyburgers.priors import (
     Prior,
@@ -17,7 +16,7 @@ from pyburgers.priors import (
     check_beta,
     load_prior,
     save_priors,
-    shipped_prior_files,
+    shipped_prior_file,
 )
 from pyburgers.toml_files import Table, read_toml
 
@@ -127,13 +126,8 @@ def default_peak_stress_priors(material: str) -> PriorSet:
     InputError
         If there are none; the message names the materials that have some.
     """
-    files = shipped_prior_files("peak_stress")
-    if material not in files:
-        raise InputError(
-            f"material {material!r} has no default priors for peak stresses, expected one of "
-            f"{', '.join(files)}, or a prior file of your own."
-        )
-    return load_peak_stress_priors(files[material])
+    file = shipped_prior_file(material, "peak_stress", of=" for peak stresses")
+    return load_peak_stress_priors(file)
 
 
 def with_enthalpy_of(priors: PriorSet, curve: PriorSet) -> PriorSet:

@@ -300,9 +300,10 @@ def pairs(fit: Fit) -> Figure:
     with style():
         figure = Figure(figsize=(max(width, 5.0), max(width, 4.0)), layout="constrained")
         grid = figure.add_gridspec(size, size)
+        panels = {}
         for row in range(size):
             for column in range(row + 1):
-                axes = figure.add_subplot(grid[row, column])
+                axes = panels[row, column] = figure.add_subplot(grid[row, column])
                 for part, colour, area in ((shown, BLUE, 2.0), (divergent, VERMILION, 9.0)):
                     axes.scatter(
                         part[:, column],
@@ -318,7 +319,9 @@ def pairs(fit: Fit) -> Figure:
                     axes.plot(*position, linestyle="none", **TRUE_VALUE)
                 shown_here = (quantities[column], quantities[row + 1])
                 _label_pair(axes, *shown_here, row == size - 1, column == 0)
-        figure.align_labels()
+        # Only these have labels, and each aligned axis costs a look at all of its group.
+        figure.align_xlabels([panels[size - 1, column] for column in range(size)])
+        figure.align_ylabels([panels[row, 0] for row in range(size)])
         handles = [
             _dot(BLUE, f"draw ({len(shown)} of {len(values)} shown)"),
             _dot(VERMILION, f"divergent draw ({int(diverging.sum()) or 'none'})"),

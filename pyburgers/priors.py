@@ -405,13 +405,33 @@ def default_priors(material: str) -> PriorSet:
     InputError
         If there are none; the message names the materials that have some.
     """
-    files = shipped_prior_files()
+    return load_priors(shipped_prior_file(material))
+
+
+def shipped_prior_file(material: str, folder: str = ".", *, of: str = "") -> Path:
+    """Return the prior file that comes with the package for a material.
+
+    Parameters
+    ----------
+    material : str
+        For example ``"ice"``.
+    folder : str
+        Folder inside that of the priors.
+    of : str
+        What the priors are for, as the error message puts it after "no default priors".
+
+    Raises
+    ------
+    InputError
+        If there is none; the message names the materials that have one.
+    """
+    files = shipped_prior_files(folder)
     if material not in files:
         raise InputError(
-            f"material {material!r} has no default priors, expected one of {', '.join(files)}, "
-            "or a prior file of your own."
+            f"material {material!r} has no default priors{of}, expected one of "
+            f"{', '.join(files)}, or a prior file of your own."
         )
-    return load_priors(files[material])
+    return files[material]
 
 
 def shipped_prior_files(folder: str = ".") -> dict[str, Path]:

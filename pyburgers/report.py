@@ -19,7 +19,7 @@ from pyburgers import tables
 from pyburgers.diagnostics import CheckResult, coverage
 from pyburgers.errors import InputError
 from pyburgers.experiment import Experiment
-from pyburgers.figure_style import FigureRecipe, image
+from pyburgers.figure_style import FigureText, write_images
 from pyburgers.figures import figures_for
 from pyburgers.fitting import Fit, is_joint
 from pyburgers.forced_oscillation import OscillationExperiment
@@ -30,7 +30,8 @@ from pyburgers.prior_influence import (
     influence_table,
     prior_influence,
 )
-from pyburgers.run_directory import sha256_of_file, write_bytes, write_json, write_text
+from pyburgers.processes import completed, number_of_processes
+from pyburgers.run_directory import sha256_of_file, write_json, write_text
 
 REPORT_KIND = "pyburgers report"
 """What the manifest of a report says, so that no other manifest is overwritten."""
@@ -41,24 +42,15 @@ PACKAGES = ("pyburgers", "arviz", "jinja2", "matplotlib", "numpy", "pandas", "sc
 
 
 @dataclass(frozen=True)
-class ExtraFigure:
+class ExtraFigure(FigureText):
     """A figure that is not about one fit alone.
 
     Attributes
     ----------
-    name : str
-        Part of file names.
-    title : str
-        Heading.
-    caption : str
-        What is shown and how to read it, one paragraph.
     draw : callable
         Draws it.
     """
 
-    name: str
-    title: str
-    caption: str
     draw: Callable[[], Figure]
 
 
@@ -118,23 +110,34 @@ class ExtraSection:
     after_fits: bool = False
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Illustration:
     """A figure on the page.
 
     Attributes
     ----------
-    recipe : FigureRecipe or ExtraFigure
+    text : FigureText
         Its name, title and caption.
-    data_uri : str
-        The picture itself.
-    width : int
-        Width on the page (CSS pixels), the same size of letters for every figure.
+    figure : Figure
+        The figure itself.
+    file : Path
+        Where it is written as PNG; beside it as SVG.
     """
 
-    recipe: FigureRecipe | ExtraFigure
-    data_uri: str
-    width: int
+    text: FigureText
+    figure: Figure
+    file: Path
+
+    @property
+    def data_uri(self) -> str:
+        """The written picture."""
+        encoded = base64.b64encode(self.file.read_bytes()).decode("ascii")
+        return f"data:image/png;base64,{encoded}"
+
+    @property
+    def width(self) -> int:
+        """Width on the page (CSS pixels), the same size of letters for every figure."""
+        return round(PIXELS_PER_INCH * self.figure.get_figwidth())
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,6 +205,7 @@ def write_report(
     command: str,
     report: Callable[[str], None],
     extras: Sequence[ExtraSection] = (),
+    jobs: int | None = 1,
 ) -> Path:
     """Write the page ``index.html``, ``figures/``, ``tables/`` and ``manifest.json``.
 
@@ -222,6 +226,8 @@ def write_report(
         Receives progress sentences.
     extras : sequence of ExtraSection
         Parts of the page beside the fits, in their order.
+    jobs : int, optional
+        Processes that write figures; None takes one for each core, which pays for many figures.
 
     Returns
     -------
@@ -239,15 +245,32 @@ def write_report(
     write_json(out / "manifest.json", _manifest(fits, title, command))
     sections = []
     for key, fit in zip(page_keys(fits), fits, strict=True):
-        report(f"Drawing the figures of {key}.")
+        report(f"Writing the section of {key}.")
         sections.append(_write_section(key, fit, out))
     illustrated = []
     for extra in extras:
         report(f"Writing the part {extra.title!r}.")
         illustrated.append((extra, _write_extra(extra, out)))
+    of_fits = [one for section in sections for one in section.illustrations]
+    of_extras = [one for _, figures in illustrated for one in figures]
+    illustrations = [*of_fits, *of_extras]
+    report(f"Writing {len(illustrations)} figures.")
+    _write_figures(illustrations, out, jobs)
     page = out / "index.html"
     write_text(page, render_page(sections, illustrated, title=title, command=command))
     return page
+
+
+def _write_figures(illustrations: Sequence[Illustration], out: Path, jobs: int | None) -> None:
+    """Write every figure as PNG and SVG, most of the work of a page."""
+    calls = {one.file: (one.figure, one.file) for one in illustrations}
+    processes = number_of_processes(jobs, len(calls))
+    if processes == 1:
+        for figure, file in calls.values():
+            write_images(figure, file)
+        return
+    for _ in completed(write_images, calls, processes=processes, folder=out):
+        continue
 
 
 def render_page(
@@ -312,7 +335,7 @@ def page_keys(fits: Sequence[Fit]) -> list[str]:
 
 
 def _write_section(key: str, fit: Fit, out: Path) -> Section:
-    """Write figures and tables of one fit and gather what the page shows of it."""
+    """Write the tables of one fit, draw its figures, and gather what the page shows of it."""
     summary, checks = fit.summary(), fit.checks()
     truth = tables.truth_table(fit)
     sampler = tables.sampler_table(fit)
@@ -347,30 +370,25 @@ def _write_section(key: str, fit: Fit, out: Path) -> Section:
         truth=None if truth is None else tables.shown_truth_table(truth),
         response=None if response is None else tables.shown_response_table(response),
         illustrations=tuple(
-            _illustrate(key, recipe, recipe.draw(fit), out)
+            Illustration(recipe, recipe.draw(fit), _picture_file(out, key, recipe))
             for recipe in figures_for(fit.experiment)
         ),
     )
 
 
 def _write_extra(extra: ExtraSection, out: Path) -> tuple[Illustration, ...]:
-    """Write tables and figures of an extra section and return the figures."""
+    """Write the tables of an extra section and draw its figures."""
     for table in extra.tables:
         name = f"{extra.key}_{table.name}.csv"
         write_text(out / "tables" / name, table.saved.to_csv(index=False))
-    return tuple(_illustrate(extra.key, figure, figure.draw(), out) for figure in extra.figures)
+    return tuple(
+        Illustration(figure, figure.draw(), _picture_file(out, extra.key, figure))
+        for figure in extra.figures
+    )
 
 
-def _illustrate(
-    key: str, recipe: FigureRecipe | ExtraFigure, figure: Figure, out: Path
-) -> Illustration:
-    """Write a figure as PNG and SVG, and keep the PNG for the page."""
-    pictures = {"png": image(figure, "png"), "svg": image(figure, "svg")}
-    for kind, content in pictures.items():
-        write_bytes(out / "figures" / f"{key}_{recipe.name}.{kind}", content)
-    encoded = base64.b64encode(pictures["png"]).decode("ascii")
-    width = round(PIXELS_PER_INCH * figure.get_figwidth())
-    return Illustration(recipe, f"data:image/png;base64,{encoded}", width)
+def _picture_file(out: Path, key: str, text: FigureText) -> Path:
+    return out / "figures" / f"{key}_{text.name}.png"
 
 
 def _number_table(table: pd.DataFrame) -> pd.DataFrame:

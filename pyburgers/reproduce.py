@@ -9,7 +9,7 @@ from types import MappingProxyType
 from pyburgers.cmdstan import compile_programs, stan_directory
 from pyburgers.experiment import Experiment
 from pyburgers.experiment_files import load_experiment
-from pyburgers.fitting import Fit, fit
+from pyburgers.fitting import Fit
 from pyburgers.forced_oscillation import load_forced_oscillation, with_background
 from pyburgers.oscillation import Background
 from pyburgers.peak_stress import load_peak_stress
@@ -20,6 +20,7 @@ from pyburgers.priors import PriorSet, default_priors, with_flow_law
 from pyburgers.related_runs import related_sections
 from pyburgers.report import write_report
 from pyburgers.sampling import SamplerOptions
+from pyburgers.side_by_side import Problem, fit_side_by_side
 from pyburgers.study import study_sections
 
 PRESETS: Mapping[str, SamplerOptions] = MappingProxyType(
@@ -49,6 +50,10 @@ which is compared by standard deviations alone and therefore short under every p
 PEAK_STRESS_TABLE = "peak_stress_qi_goldsby_2021"
 HANDED_ON_RUN = f"{PEAK_STRESS_TABLE}_handed_on"
 """Fit of the same table whose flow law that test gets: with the test's priors of Q_M and beta."""
+
+
+LONGEST_FIRST = ("olivine_removed", "PIL40", "PIL72", COMBINED_RUN, "PIL105", "olivine_kept")
+"""Order in which the fits begin, so that none is left over for one core at the end."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,18 +118,10 @@ def reproduce(preset: str, out: Path, *, command: str, report: Callable[[str], N
         _fit_peak_stress(runs / name, priors, command=command, report=report)
         for name, priors in _peak_stress_priors().items()
     )
-    fits = {}
-    problems = _problems(handed_on)
-    for number, (name, (experiment, priors)) in enumerate(problems.items(), start=1):
-        report(f"Fit {number} of {len(problems)}: {name}, preset {preset}.")
-        fits[name] = fit(
-            experiment,
-            priors,
-            out=runs / name,
-            options=_options("quick" if name == COMBINED_RUN else preset, experiment),
-            command=command,
-            report=report,
-        )
+    problems = _problems(preset, handed_on)
+    begun = {name: problems[name] for name in LONGEST_FIRST}
+    found = fit_side_by_side(begun, runs, command=command, report=report)
+    fits = {name: found[name] for name in problems}
     ice_fits = {name: fits[name] for name in ICE_TWINS}
     olivine_fits: dict[str, Fit] = {
         background: fits[name] for background, name in OLIVINE_RUNS.items()
@@ -140,13 +137,9 @@ def reproduce(preset: str, out: Path, *, command: str, report: Callable[[str], N
             peak_stress_section(peak_stress),
             *related_sections(list(fits.values())),
         ),
+        jobs=None,
     )
     return Outcome(page=page, fits=tuple(fits.values()), peak_stress=peak_stress)
-
-
-def _options(preset: str, experiment: Experiment) -> SamplerOptions:
-    options = PRESETS[preset]
-    return replace(options, warmup=None) if experiment.protocol != "constant_rate" else options
 
 
 def _peak_stress_priors() -> dict[str, PriorSet]:
@@ -166,18 +159,28 @@ def _fit_peak_stress(
     return fit_peak_stress(load_peak_stress(table), priors, out=out, command=command, report=report)
 
 
-def _problems(handed_on: PeakStressFit) -> dict[str, tuple[Experiment, PriorSet]]:
-    """Experiments and priors of the study, by the names of their runs.
+def _problems(preset: str, handed_on: PeakStressFit) -> dict[str, Problem]:
+    """Fits of the study, by the names of their runs, in the order of the page.
 
     Parameters
     ----------
+    preset : str
+        A key of `PRESETS`.
     handed_on : PeakStressFit
         The fit that gives one curve its flow law.
     """
     experiments = study_experiments()
-    problems = {name: (one, default_priors(one.material)) for name, one in experiments.items()}
+    problems = {
+        name: Problem(one, default_priors(one.material), _options(preset, one))
+        for name, one in experiments.items()
+    }
     combined = replace(experiments[COMBINED_TWIN], id=COMBINED_RUN)
     priors = with_flow_law(
         default_priors(combined.material), flow_law_prior(handed_on), HANDED_ON_RUN
     )
-    return {**problems, COMBINED_RUN: (combined, priors)}
+    return {**problems, COMBINED_RUN: Problem(combined, priors, PRESETS["quick"])}
+
+
+def _options(preset: str, experiment: Experiment) -> SamplerOptions:
+    options = PRESETS[preset]
+    return replace(options, warmup=None) if experiment.protocol != "constant_rate" else options

@@ -11,6 +11,7 @@ functions {
 #include functions/microstructure.stan
 #include functions/priors.stan
 #include functions/coordinates.stan
+#include functions/residuals.stan
 #include functions/forced_oscillation_dynamics.stan
 #include functions/sheared_coordinates.stan
 }
@@ -136,7 +137,8 @@ model {
       stress_model[i] = solution[i][1];
     }
     stress_model -= trend_shape * (trend_fit * stress_model);
-    target += normal_lpdf(stress_observed | stress_model, stress_noise * relative_noise);
+    target += normal_lpdf(stress_observed | stress_model, stress_noise * relative_noise)
+              + taken_noise_log_density(n_trend, stress_noise);
   }
 }
 generated quantities {
@@ -179,7 +181,8 @@ generated quantities {
     for (i in 1 : n_points) {
       stress_replicated[i] = normal_rng(stress_model[i], stress_noise * relative_noise[i]);
       log_lik[i] = normal_lpdf(stress_observed[i] | stress_model[i],
-                               stress_noise * relative_noise[i]);
+                               stress_noise * relative_noise[i])
+                   + taken_noise_log_density(n_trend, stress_noise) / n_points;
     }
     for (i in 1 : n_grid) {
       vector[3] state = solution[n_points + i];

@@ -91,3 +91,15 @@ vector residuals_rng(data vector strain, real stress_noise, real correlation_str
   }
   return residual;
 }
+
+/**
+ * What is added to the log density of residuals that a trend was taken from, because the trend took
+ * as many coefficients of the noise along: so many residuals fewer are independent, and s would be
+ * found too small.
+ *
+ * @param n_taken coefficients of the trend, 0 where none was taken
+ * @param stress_noise s, Pa
+ */
+real taken_noise_log_density(int n_taken, real stress_noise) {
+  return n_taken * (log(stress_noise) + 0.5 * log(2 * pi()));
+}

@@ -3,6 +3,7 @@
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -168,9 +169,9 @@ def test_marginals_stand_in_the_set_and_survive_a_file(tmp_path: Path) -> None:
     ],
 )
 def test_files_that_hold_no_distribution_are_refused(
-    change: dict[str, object], expected: str, tmp_path: Path
+    change: dict[str, Any], expected: str, tmp_path: Path
 ) -> None:
-    replace(flow_law(), **change).save(tmp_path / "law.json")  # type: ignore[arg-type]
+    replace(flow_law(), **change).save(tmp_path / "law.json")
     with pytest.raises(InputError, match=expected):
         FlowLawPrior.load(tmp_path / "law.json")
 

@@ -1,6 +1,7 @@
 """Calibration: simulated data are the program's, and truths are ranked among draws."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -69,12 +70,12 @@ def test_draws_without_solution_are_counted_and_replaced(
     priors = resolved_priors(experiment)
     refused = 2
 
-    def solve_from_the_third_on(*arguments: object, **options: object) -> object:
+    def solve_from_the_third_on(*arguments: Any, **options: Any) -> object:
         nonlocal refused
         if refused > 0:
             refused -= 1
             raise SamplingError("no solution")
-        return simulate(*arguments, **options)  # type: ignore[arg-type]
+        return simulate(*arguments, **options)
 
     monkeypatch.setattr("pyburgers.calibration.simulate", solve_from_the_third_on)
     simulated = simulate_from_prior(experiment, priors, seed=4)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from synthetic_fit import make_fit
+from synthetic_fit import Kind, make_fit
 from test_report import Page
 
 from pyburgers.cli import main
@@ -35,10 +35,10 @@ LAW = FlowLawPrior(
 )
 
 
-def pair(folder: Path, kind: str = "synthetic") -> list[Fit]:
+def pair(folder: Path, kind: Kind = "synthetic") -> list[Fit]:
     """Fits of the same data whose draws differ, the second with a flow law from elsewhere."""
-    alone = make_fit(folder / "alone", name="A", kind=kind, draws=100)  # type: ignore[arg-type]
-    other = make_fit(folder / "both", name="A", kind=kind, draws=100, apart=0.5)  # type: ignore[arg-type]
+    alone = make_fit(folder / "alone", name="A", kind=kind, draws=100)
+    other = make_fit(folder / "both", name="A", kind=kind, draws=100, apart=0.5)
     both = replace(other, priors=with_flow_law(alone.priors, LAW, "test"))
     return [alone, both]
 

@@ -4,6 +4,7 @@ import shutil
 from collections.abc import Sequence
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import pytest
@@ -77,9 +78,9 @@ def write(fits: Sequence[Fit], out: Path) -> Page:
     return Page(page.read_text(encoding="utf-8"))
 
 
-def small_fit(path: Path, name: str = "A", **changes: object) -> Fit:
-    arguments: dict[str, object] = {"chains": 2, "draws": 300, "fixed": FEW, **changes}
-    return make_fit(path, name=name, **arguments)  # type: ignore[arg-type]
+def small_fit(path: Path, name: str = "A", **changes: Any) -> Fit:
+    arguments: dict[str, Any] = {"chains": 2, "draws": 300, "fixed": FEW, **changes}
+    return make_fit(path, name=name, **arguments)
 
 
 @pytest.fixture(scope="module")
@@ -303,6 +304,16 @@ def test_a_figure_that_fails_ends_the_report(tmp_path: Path) -> None:
     with pytest.raises(KeyError):
         write([fit], tmp_path / "page")
     assert not (tmp_path / "page" / "index.html").exists()
+
+
+def test_processes_write_the_same_pictures(folder: Path, fits: list[Fit], page: Page) -> None:
+    out = folder / "by_processes"
+    write_report([fits[1]], out, title="x", command="x", report=lambda _: None, jobs=2)
+    pictures = sorted((out / "figures").glob("*.png"))
+    assert len(pictures) == len(figures_for(fits[1].experiment))
+    for picture in pictures:
+        assert picture.read_bytes() == (folder / "page" / "figures" / picture.name).read_bytes()
+        assert picture.with_suffix(".svg").is_file()
 
 
 @pytest.fixture(scope="module")

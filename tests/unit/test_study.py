@@ -1,6 +1,6 @@
 """The parts of the study's page beside the fits."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,11 +15,9 @@ from test_report import small_fit as quickly_drawn_fit
 
 from pyburgers.attenuation import predict_attenuation, quantile_table
 from pyburgers.draws import all_draws
-from pyburgers.experiment import Experiment
 from pyburgers.fitting import Fit
 from pyburgers.forced_oscillation import OscillationExperiment
 from pyburgers.oscillation_response import oscillation_of
-from pyburgers.priors import PriorSet
 from pyburgers.report import ExtraSection, write_report
 from pyburgers.reproduce import (
     COMBINED_RUN,
@@ -27,6 +25,7 @@ from pyburgers.reproduce import (
     reproduce,
     study_experiments,
 )
+from pyburgers.side_by_side import Problem
 from pyburgers.simulation import simulate
 from pyburgers.statements import MICROSTRUCTURE_SENTENCE, SYNTHETIC_SENTENCE
 from pyburgers.study import (
@@ -204,36 +203,38 @@ def test_without_olivine_the_page_has_neither_preparation_nor_its_statements(
 def test_the_study_fits_every_experiment_and_shows_all_of_it(
     programs: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    runs: dict[str, Path] = {}
     shown: dict[str, Any] = {}
 
-    def quickly(experiment: Experiment, priors: PriorSet, *, out: Path, **_: object) -> Fit:
+    def quickly(problems: Mapping[str, Problem], folder: Path, **_: object) -> dict[str, Fit]:
+        return {name: made(problem, folder / name) for name, problem in problems.items()}
+
+    def made(problem: Problem, out: Path) -> Fit:
+        experiment, priors = problem.experiment, problem.priors
         assert priors.material == experiment.material
-        runs[experiment.id] = out
+        assert out == tmp_path / "runs" / "quick" / experiment.id
         if isinstance(experiment, OscillationExperiment):
             treatment = experiment.prepared.background
             assert experiment.id == f"olivine_{treatment}"
             return make_olivine_fit(out, treatment)
-        made = make_fit(out, name=experiment.id, draws=100, command=experiment.id)
-        return replace(made, priors=priors.resolved(8e6))
+        fit = make_fit(out, name=experiment.id, draws=100, command=experiment.id)
+        return replace(fit, priors=priors.resolved(8e6))
 
     def written(fits: Sequence[Fit], out: Path, **arguments: object) -> Path:
         shown.update(fits=fits, **arguments)
         return out / "index.html"
 
-    monkeypatch.setattr("pyburgers.reproduce.fit", quickly)
+    monkeypatch.setattr("pyburgers.reproduce.fit_side_by_side", quickly)
     monkeypatch.setattr("pyburgers.reproduce.write_report", written)
     outcome = reproduce("quick", tmp_path, command="make report", report=lambda _: None)
     names = [*study_experiments(), COMBINED_RUN]
-    assert runs == {name: tmp_path / "runs" / "quick" / name for name in names}
     assert outcome.fits[-1].priors.flow_law is not None
     assert all(fit.priors.flow_law is None for fit in outcome.fits[:-1])
     assert outcome.page == tmp_path / "index.html"
     for fits in (outcome.fits, shown["fits"]):
-        assert [fit.experiment.id for fit in fits] == list(runs)
+        assert [fit.experiment.id for fit in fits] == names
     assert shown["command"] == "make report"
     keys = [section.key for section in shown["extras"]]
     of_study = ["statements", "counterparts", "attenuation", "preparation", "background"]
     assert keys[:6] == [*of_study, "peak_stress"]
-    assert list(runs)[:-1] == ["PIL40", "PIL72", "PIL105", "olivine_removed", "olivine_kept"]
+    assert names[:-1] == ["PIL40", "PIL72", "PIL105", "olivine_removed", "olivine_kept"]
     assert outcome.peak_stress.data.id == PEAK_STRESS_TABLE

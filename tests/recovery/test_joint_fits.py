@@ -8,7 +8,7 @@ import arviz as az
 import numpy as np
 import pytest
 import xarray as xr
-from conftest import ICE
+from conftest import ICE, TESTS, needs_measured
 
 from pyburgers.calibration import simulate_constant_rate
 from pyburgers.constant_rate import ConstantRateExperiment, load_constant_rate
@@ -97,6 +97,26 @@ def test_a_common_flow_law_is_recovered(
     record_property("sd_ratio_of_stress_exponent", ratio)
     print(f"sd of n: joint over single {ratio:.3f}, single {alone}")
     assert ratio < 0.6
+
+
+@needs_measured
+def test_measured_dunite_tests_have_a_common_flow_law(tmp_path: Path) -> None:
+    """Three tests with two rate steps each; loading curves also hold the apparatus."""
+    names = ("dunite_4580", "dunite_4469", "dunite_4581")
+    joint = fit_jointly(
+        [load_constant_rate(TESTS / "data" / f"{name}.toml") for name in names],
+        default_priors("dunite"),
+        pool=dict.fromkeys(("maxwell_modulus", "kelvin_modulus", "kelvin_viscosity"), "separate"),
+        out=tmp_path / "joint",
+        options=SamplerOptions(chains=2, draws=500, seed=5),
+        report=print,
+    )
+    assert [check.sentence for check in joint.checks() if not check.passed] == []
+    table = joint.summary()
+    mean, sd = (float(table[column]["stress_exponent"]) for column in ("mean", "sd"))
+    print(f"n {mean:.2f} +- {sd:.2f}")
+    # The steps themselves: ln(ratio of rates)/ln(ratio of stresses) is 3.1 to 4.3.
+    assert 3.1 < mean < 4.3
 
 
 def moments(draws: xr.Dataset) -> dict[str, tuple[xr.Dataset, xr.Dataset]]:

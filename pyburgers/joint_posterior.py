@@ -12,6 +12,7 @@ from pyburgers.joint_problem import JointProblem
 from pyburgers.joint_stan_data import CENTRE, SPREAD, with_joint_grid
 from pyburgers.parameters import PARAMETER_BY_NAME, PROGRAM_PARAMETERS, REFERENCE_STRESS_QUANTITY
 from pyburgers.posterior import (
+    OF_ALL_TESTS,
     STRAIN_VARIABLES,
     drawn_at_points,
     groups_of_test,
@@ -55,7 +56,7 @@ def build_joint_posterior(
         Groups posterior (shared parameters by their names, others as NAME[TEST], NAME[centre] and
         NAME[spread]), sample_stats, log_likelihood, log_prior, posterior_predictive and
         observed_data of all tests together, one after the other; and in tests/ID those of
-        `pyburgers.posterior.build_posterior` for each.
+        `pyburgers.posterior.build_posterior` for each, and `OF_ALL_TESTS`.
     """
     manifest = run.read_manifest()
     experiments = problem.experiments
@@ -82,6 +83,7 @@ def build_joint_posterior(
         "sample_stats": stats,
         **point_groups(at_points, experiments),
     }
+    total = xr.Dataset({"total": at_points["log_lik"].sum("point", skipna=False)})
     ends = np.cumsum([0, *(experiment.n_points for experiment in experiments)])
     grid_ends = np.cumsum([0, *(grid.size for grid in grids)])
     for e, (experiment, priors) in enumerate(zip(experiments, problem.priors, strict=True)):
@@ -96,6 +98,7 @@ def build_joint_posterior(
             priors,
             report=report,
         )
+        of_test[OF_ALL_TESTS] = total
         groups |= {f"{TESTS}/{experiment.id}/{name}": group for name, group in of_test.items()}
     kinds = {experiment.provenance.kind for experiment in experiments}
     return keep_posterior(run, groups, experiment=problem.name, data_kind="+".join(sorted(kinds)))

@@ -91,6 +91,9 @@ GIVEN_OTHERS = "log_lik_given_others"
 CORRELATED = "log_likelihood_given_others"
 """Group of their densities in labelled draws, which only correlated residuals have."""
 
+OF_ALL_TESTS = "log_likelihood_of_all_tests"
+"""Group of the log likelihood of the data of all tests, which only tests of a joint fit have."""
+
 PREDICTIONS_PER_CYCLE = 30
 
 LEAST_SMOOTHED_DRAWS = 25
@@ -319,6 +322,24 @@ def pointwise_log_density(posterior: xr.DataTree) -> xr.DataArray:
     densities = posterior[CORRELATED if CORRELATED in posterior.children else "log_likelihood"]
     (pointwise,) = densities.to_dataset().data_vars.values()
     return pointwise
+
+
+def total_log_likelihood(posterior: xr.DataTree) -> xr.DataArray:
+    """Log likelihood of all data that took part: in a test of a joint fit those of all tests.
+
+    Parameters
+    ----------
+    posterior : DataTree
+        Labelled draws with the group log_likelihood, one variable.
+
+    Returns
+    -------
+    DataArray, dimensions chain, draw
+    """
+    if OF_ALL_TESTS in posterior.children:
+        return posterior[OF_ALL_TESTS].to_dataset()["total"]
+    (pointwise,) = posterior["log_likelihood"].to_dataset().data_vars.values()
+    return pointwise.sum("point")
 
 
 def keep_posterior(

@@ -17,7 +17,7 @@ from scipy.special import xlogy
 
 from pyburgers.display import shown_quantity
 from pyburgers.draws import all_draws
-from pyburgers.posterior import free_parameters, smooth_weights
+from pyburgers.posterior import free_parameters, smooth_weights, total_log_likelihood
 from pyburgers.priors import FLOW_LAW, PriorSet
 
 FloatArray = npt.NDArray[np.float64]
@@ -109,14 +109,13 @@ def prior_influence(posterior: xr.DataTree, priors: PriorSet) -> dict[str, Influ
     ----------
     posterior : DataTree
         Labelled draws with the groups posterior, log_prior (variable lprior) and log_likelihood
-        (one variable, by point).
+        (one variable, by point). In a test of a joint fit the data are those of all tests.
     priors : PriorSet
         Priors of the fit, resolved.
     """
     draws = posterior["posterior"].to_dataset()
     log_prior = all_draws(posterior["log_prior"].to_dataset()["lprior"])
-    (pointwise,) = posterior["log_likelihood"].to_dataset().data_vars.values()
-    log_likelihood = all_draws(pointwise.sum("point"))
+    log_likelihood = all_draws(total_log_likelihood(posterior))
     joint = FLOW_LAW if priors.flow_law is not None else ()
     single = {
         name: priors[name].distribution().logpdf(all_draws(draws[name]))

@@ -15,6 +15,7 @@ from pyburgers.fitting import Fit, fit
 from pyburgers.joint_figures import fits_alone, intervals
 from pyburgers.joint_fitting import JointFit, fit_jointly
 from pyburgers.joint_section import joint_section, pooling_table, sd_ratios
+from pyburgers.posterior import total_log_likelihood
 from pyburgers.report import write_report
 
 POOL = {"stress_noise": "separate"}
@@ -54,6 +55,14 @@ def test_shared_draws_are_the_same_in_all_tests(joint: JointFit) -> None:
     assert not np.array_equal(first["stress_noise"], other["stress_noise"])
     assert "stress_noise[other]" in joint.summary().index
     assert joint.summary().index.is_unique
+
+
+def test_the_influence_of_data_is_that_of_all_tests(joint: JointFit) -> None:
+    of_test = joint.tests()["other"].posterior
+    total = joint.posterior["log_likelihood"].to_dataset()["stress"].sum("point")
+    np.testing.assert_allclose(total_log_likelihood(of_test), total)
+    own = of_test["log_likelihood"].to_dataset()["stress"].sum("point")
+    assert not np.allclose(total_log_likelihood(of_test), own)
 
 
 def test_loading_gives_the_same_fit(joint: JointFit) -> None:

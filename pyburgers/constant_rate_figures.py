@@ -115,18 +115,22 @@ def _draw_residuals(axes: Axes, fit: Fit, experiment: ConstantRateExperiment) ->
 
 
 def mark_rate_steps(panels: Sequence[Axes], experiment: ConstantRateExperiment) -> None:
-    """Mark where the imposed rate changes, and to what; the first rate is in the title."""
+    """Mark where the imposed rate changes, and to what; the first rate is in the title.
+
+    Rates stand before their step, where the stress is high: behind it may be low readings.
+    """
     for segment in experiment.segments[1:]:
         position = segment.start_strain * STRAIN_FACTOR
         for axes in panels:
             axes.axvline(position, color=BLACK, linestyle=":", linewidth=0.9)
         panels[0].annotate(
-            rate_text(segment.strain_rate),
+            f"then {rate_text(segment.strain_rate)}",
             (position, 0.02),
             xycoords=("data", "axes fraction"),
-            xytext=(3, 0),
+            xytext=(-3, 0),
             textcoords="offset points",
             rotation=90,
+            ha="right",
             va="bottom",
             fontsize=9,
             bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.5},

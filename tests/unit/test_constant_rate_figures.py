@@ -48,7 +48,7 @@ def test_retrodictions_are_thinned_to_a_thousand(tmp_path: Path) -> None:
 
 def test_rate_steps_are_marked_with_their_rate(fit: Fit, stepped: Fit) -> None:
     marks = [annotation.get_text() for annotation in stress_strain(stepped).axes[0].texts]
-    assert marks == [r"$1.00\times10^{-5}$ s$^{-1}$", r"$3.00\times10^{-4}$ s$^{-1}$"]
+    assert marks == [r"then $1.00\times10^{-5}$ s$^{-1}$", r"then $3.00\times10^{-4}$ s$^{-1}$"]
     assert not stress_strain(fit).axes[0].texts
 
 

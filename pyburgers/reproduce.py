@@ -32,8 +32,9 @@ PRESETS: Mapping[str, SamplerOptions] = MappingProxyType(
 """Sampler settings: `paper` has the chains and draws of the paper's Methods. Oscillating tests
 warm up as long as their protocol needs, which is less."""
 
-PROGRAMS = ("constant_rate", "forced_oscillation", "peak_stress", "imposed_stress")
-"""Stan programs that the study needs, the slowest to compile first."""
+PROGRAMS = ("peak_stress", "imposed_stress")
+"""Stan programs of the study other than those of the fits, which compile them themselves, each
+while another one runs already."""
 
 ICE_TWINS = ("PIL40", "PIL72", "PIL105")
 

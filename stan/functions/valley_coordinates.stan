@@ -56,7 +56,7 @@ real bend_width() {
   return 0.5;
 }
 
-/** Share of the prior in conditional densities: how far they are trusted in their tails. */
+/** Share of the prior in conditional densities: how far down they are trusted in their tails. */
 real prior_share() {
   return 1e-6;
 }
@@ -75,8 +75,8 @@ real softened_share() {
   return 0.25;
 }
 
-/** Precision of each real number behind a bounded parameter, and of an amplitude of softening,
- * that keeps the least-squares problems regular where the curve does not fix them. */
+/** Precision of each real number behind a bounded parameter, and of the amplitude of softening by
+ * fabric, that keeps the least-squares problems regular where the curve does not fix them. */
 real bounded_parameter_precision() {
   return 0.5;
 }
@@ -399,8 +399,9 @@ real log_fit(real misfit) {
 /**
  * u_1 at a conditional quantile, and a solution for the fabric there.
  *
- * Along u_1 the misfit is that of the solution for (ln S_0, u_2, amplitude), with the amplitude brought
- * within its bounds, and their volume follows from its Gauss-Newton matrix (Laplace's method).
+ * Along u_1 the misfit is that of the solution for (ln S_0, u_2, amplitude), with the amplitude
+ * brought within its bounds, and their volume follows from its Gauss-Newton matrix (Laplace's
+ * method).
  *
  * @param log_odds of the quantile
  * @return u_1, ln of its derivative by the log odds, u_2 and amplitude of the solution

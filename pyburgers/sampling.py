@@ -41,6 +41,7 @@ from pyburgers.run_directory import (
 )
 from pyburgers.simulation import console_tail, program_for, quiet_cmdstanpy
 from pyburgers.stan_data import SolverOptions, StanData, program_data
+from pyburgers.toolchain import cores
 from pyburgers.variants import check_variant, variant_of
 
 _SIGNAL = re.compile(r"retcodes=\[-(\d+)\]")
@@ -491,7 +492,7 @@ def run_missing(
     failures: list[ChainFailure] = []
     screen = ChainProgress(chains, options.warmup_iterations + options.draws, sys.stderr)
     lines = IterationLines(screen.advance)
-    workers = min(len(chains), options.parallel_chains or os.cpu_count() or 1)
+    workers = min(len(chains), options.parallel_chains or cores())
     with quiet_cmdstanpy(), screen, redirect_stdout(lines), ThreadPoolExecutor(workers) as pool:
         pending: set[Future[ChainFailure | None]] = {
             pool.submit(_run_chain, model, run, chain, options, stopping) for chain in chains

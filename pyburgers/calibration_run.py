@@ -273,7 +273,7 @@ def _run_missing(
     try:
         for n_done, (seed, outcome) in enumerate(done, start=1):
             report(f"Data set {seed}: {outcome}, {n_done} of {len(seeds)}.")
-    except KeyboardInterrupt:
+    except BaseException:
         run.update_manifest({"status": "interrupted"})
         raise
 

@@ -79,7 +79,7 @@ def prior_text(prior: Prior) -> str:
     """
     quantity = PARAMETER_BY_NAME[prior.parameter]
     factor = quantity.display_factor
-    location, scale = number(prior.location * factor), number(prior.scale * factor)
+    location = number(prior.location * factor)
     lower, upper = number(prior.lower * factor), number(prior.upper * factor)
     unit = "" if quantity.display_unit in {"1", "fraction"} else f" {unit_text(quantity)}"
     match prior.family:
@@ -100,4 +100,6 @@ def prior_text(prior: Prior) -> str:
                 (False, True): f", < {upper}",
                 (True, True): f", in [{lower}, {upper}]",
             }[bounds]
-            return f"N({location}, {scale}){unit}{cut}"
+            # A prior taken from another fit has all the digits of a computed number.
+            mean, sd = prior.location * factor, prior.scale * factor
+            return f"N({mean:.4g}, {sd:.3g}){unit}{cut}"

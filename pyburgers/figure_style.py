@@ -152,21 +152,19 @@ def few_ticks(intervals: int) -> MaxNLocator:
 
 
 def title(experiment: Experiment) -> str:
-    """Sample, material, conditions and kind of data."""
+    """Sample, material, conditions and kind of data; two lines for an oscillation."""
+    kind = f"{experiment.provenance.kind} data"
+    sample = f"{experiment.id}: {experiment.material}, {experiment.temperature:g} K"
     if isinstance(experiment, OscillationExperiment):
         prepared = experiment.prepared
         amplitude, _ = prepared.strain_fit.amplitude()
-        protocol = (
-            f"period {prepared.period:g} s, strain amplitude {amplitude * STRAIN_FACTOR:.2g} "
-            f"{STRAIN_UNIT}, background {prepared.background}"
+        return (
+            f"{sample}, {kind}\nperiod {prepared.period:g} s, strain amplitude "
+            f"{amplitude * STRAIN_FACTOR:.2g} {STRAIN_UNIT}, background {prepared.background}"
         )
-    else:
-        assert isinstance(experiment, ConstantRateExperiment)  # the only other protocol
-        protocol = rate_text(experiment.segments[0].strain_rate)
-        if len(experiment.segments) > 1:
-            protocol = f"first {protocol}"
-    conditions = f"{experiment.material}, {experiment.temperature:g} K, {protocol}"
-    return f"{experiment.id}: {conditions}, {experiment.provenance.kind} data"
+    assert isinstance(experiment, ConstantRateExperiment)  # the only other protocol
+    rate = rate_text(experiment.segments[0].strain_rate)
+    return f"{sample}, {'first ' if len(experiment.segments) > 1 else ''}{rate}, {kind}"
 
 
 def rate_text(rate: float) -> str:

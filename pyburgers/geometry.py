@@ -45,7 +45,8 @@ class Geometry:
     block : dict
         Stan data of the coordinates; empty for plain ones.
     centre : array, shape (n_coordinates,), or None
-        The posterior mode; None where chains start from the prior with the unit metric.
+        The posterior mode, or a point near it; None where chains start from the prior with the
+        unit metric.
     covariance : array, shape (n_coordinates, n_coordinates), or None
         Laplace approximation there, the sampler's first metric.
     """
@@ -149,7 +150,7 @@ def _valley(
     mode: Mode,
     solver: SolverOptions,
 ) -> Geometry:
-    """Valley coordinates, whose origin is the mode."""
+    """Valley coordinates, whose origin is at the mode, or at conditional medians given it."""
     if variant_of(priors, experiment).grain_size == "piezometric":
         raise ValleyUnsuited("the grain size follows a piezometer")
     valley = find_valley(experiment, priors, mode, solver=solver)

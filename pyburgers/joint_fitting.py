@@ -20,7 +20,7 @@ from pyburgers.joint_geometry import (
 )
 from pyburgers.joint_posterior import TESTS, build_joint_posterior
 from pyburgers.joint_problem import JointProblem, joint_problem
-from pyburgers.joint_stan_data import joint_coordinates, joint_data
+from pyburgers.joint_stan_data import joint_data
 from pyburgers.pooling import pooling_from, pooling_of
 from pyburgers.posterior import draws_table, load_posterior
 from pyburgers.priors import PriorSet, load_priors, save_priors
@@ -36,12 +36,6 @@ from pyburgers.sampling import (
 from pyburgers.simulation import constant_rate_program
 from pyburgers.stan_data import SolverOptions, default_solver
 from pyburgers.variants import variant_of
-
-WINDOW_PER_COORDINATE = 5
-"""Draws for each coordinate before the sampler first adapts its metric.
-
-Stan's 25 are fewer than a joint fit has coordinates: a metric from them takes ten times the steps.
-"""
 
 
 def _silent(_: str) -> None:
@@ -207,7 +201,6 @@ def _task(
             "variant": variant_of(priors, problem.experiments[0]).record(),
             "priors_from": None if priors.flow_law is None else priors.flow_law.source,
         },
-        metric_window=WINDOW_PER_COORDINATE * joint_coordinates(problem).size,
     )
 
 

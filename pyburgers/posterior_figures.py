@@ -381,7 +381,7 @@ def _legend_above(
     panels: Sequence[Axes],
 ) -> None:
     """Put title and legend above a panel grid, as wide as the grid allows."""
-    columns = max(2, 2 * min(4, len(panels)) - 2)
+    columns = max(2, 2 * min(4, len(panels)) - 1)
     figure.legend(
         handles=list(handles), loc="outside upper center", ncols=columns, title=title(experiment)
     )

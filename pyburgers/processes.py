@@ -13,6 +13,7 @@ from typing import TypeVar
 import psutil
 
 from pyburgers.errors import InputError, SamplingError
+from pyburgers.toolchain import cores
 
 Key = TypeVar("Key")
 Outcome = TypeVar("Outcome")
@@ -26,7 +27,7 @@ def number_of_processes(jobs: int | None, n_calls: int) -> int:
     InputError
         If fewer than one is asked for.
     """
-    jobs = (os.cpu_count() or 1) if jobs is None else jobs
+    jobs = cores() if jobs is None else jobs
     if jobs < 1:
         raise InputError(f"jobs is {jobs}, expected at least 1.")
     return min(jobs, max(1, n_calls))

@@ -1,7 +1,6 @@
 """Several fits at the same time, so that no core waits for the last chain of a fit."""
 
 import io
-import os
 import sys
 import tempfile
 from collections.abc import Callable, Mapping
@@ -16,6 +15,7 @@ from pyburgers.fitting import Fit, fit
 from pyburgers.priors import PriorSet, load_priors, save_priors
 from pyburgers.processes import completed, number_of_processes
 from pyburgers.sampling import SamplerOptions
+from pyburgers.toolchain import cores
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +74,7 @@ def fit_side_by_side(
         If no chain of a fit finished, or the system killed a process.
     """
     processes = number_of_processes(jobs, len(problems))
-    chains_each = max(1, (os.cpu_count() or 1) // processes)
+    chains_each = max(1, cores() // processes)
     with tempfile.TemporaryDirectory(prefix="pyburgers-") as scratch:
         calls = {}
         for name, problem in problems.items():

@@ -170,7 +170,7 @@ def toolchain(cmdstan: Path) -> Toolchain:
 
 
 def cores() -> int:
-    """Return how many compilers to run at once."""
+    """Return how many compilers, chains or fits to run at once."""
     return os.cpu_count() or 1
 
 

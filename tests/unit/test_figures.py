@@ -154,8 +154,8 @@ def test_titles_name_the_conditions_of_each_protocol(fits: dict[str, Fit]) -> No
         r"PIL40: ice, 260 K, first $1.00\times10^{-4}$ s$^{-1}$, measured data"
     )
     assert title(fits["kept"].experiment) == (
-        "olivine_kept: olivine, 1423 K, period 300 s, strain amplitude 0.2 %, background kept, "
-        "synthetic data"
+        "olivine_kept: olivine, 1423 K, synthetic data\n"
+        "period 300 s, strain amplitude 0.2 %, background kept"
     )
 
 

@@ -1,0 +1,108 @@
+"""Parts of the valley coordinates: quantiles, bounded parameters, softening at the pins."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from conftest import FunctionValues
+from scipy.special import expit, logit
+
+FloatArray = npt.NDArray[np.float64]
+pytestmark = pytest.mark.usefixtures("programs")
+
+PLACES = np.arange(-6.0, 7.0)
+LOG_ODDS = np.linspace(-12, 12, 4801)
+DENSITIES = {
+    "one hump": -0.5 * ((PLACES - 1) / 1.5) ** 2,
+    "two humps": np.logaddexp(-0.5 * (PLACES + 3) ** 2, -0.5 * (PLACES - 3) ** 2 - 1),
+    "skewed": -np.logaddexp(0, 3 * PLACES) - 0.3 * np.abs(PLACES),
+}
+
+
+def valley_data(**given: Any) -> Mapping[str, Any]:
+    data: dict[str, Any] = {
+        "log_density": np.zeros(PLACES.size),
+        "log_odds": LOG_ODDS,
+        "place": 0.5,
+        "deviation": 0.1,
+        "remainder": np.zeros(LOG_ODDS.size),
+        "strain": [0.02, 0.1, 0.2],
+        "lower_bound": [0.01, 0.01, 0.1],
+        "upper_bound": [0.1, 0.5, 0.9],
+        "u": [0.3, -0.4],
+        "amplitude": 0.6,
+        "exponent_ratio": 0.15,
+        "grain_size_ratio": 0.3,
+        **given,
+    }
+    data = {name: np.asarray(value).tolist() for name, value in data.items()}
+    return {**data, "n": len(data["log_odds"]), "n_pins": len(data["strain"])}
+
+
+@pytest.mark.parametrize("name", DENSITIES)
+def test_quantile_functions_are_those_of_the_density(
+    name: str, function_values: FunctionValues
+) -> None:
+    values = function_values("valley_values", valley_data(log_density=DENSITIES[name]))
+    fine = np.linspace(PLACES[0], PLACES[-1], 20001)
+    density = np.exp(np.interp(fine, PLACES, DENSITIES[name]))
+    # Beyond the outermost places lies as much as in a unit of places there.
+    mass = density[0] + np.cumsum(density) * (fine[1] - fine[0])
+    probability = mass / (mass[-1] + density[-1])
+    inside = np.abs(values["quantile_place"]) < 5
+    found = np.interp(values["quantile_place"][inside], fine, probability)
+    # Bends are smoothed over half a unit of the log odds.
+    np.testing.assert_allclose(logit(found), LOG_ODDS[inside], atol=0.7)
+
+
+@pytest.mark.parametrize("name", DENSITIES)
+def test_slopes_of_quantile_functions(name: str, function_values: FunctionValues) -> None:
+    values = function_values("valley_values", valley_data(log_density=DENSITIES[name]))
+    slope = np.exp(values["quantile_log_slope"])
+    assert np.all(np.diff(values["quantile_place"]) > 0)
+    difference = np.gradient(values["quantile_place"], LOG_ODDS)
+    np.testing.assert_allclose(difference[1:-1], slope[1:-1], rtol=1e-3)
+
+
+@pytest.mark.parametrize("place", [-0.8, 0.0, 0.03, 0.5, 0.99, 1.7])
+def test_bounded_parameters_stay_near_what_the_data_ask_for(
+    place: float, function_values: FunctionValues
+) -> None:
+    deviation = 0.02
+    remainder = np.linspace(-3, 3, LOG_ODDS.size)
+    values = function_values(
+        "valley_values", valley_data(place=place, deviation=deviation, remainder=remainder)
+    )
+    u = values["bounded"]
+    within = expit(u)
+    middle = within[remainder.size // 2]
+    assert abs(middle - np.clip(place, 0, 1)) < 1.5 * deviation
+    if 0.2 < place < 0.8:
+        np.testing.assert_allclose(within, place + deviation * remainder, atol=1e-6)
+    slope = np.exp(values["bounded_log_slope"])
+    np.testing.assert_allclose(np.gradient(u, remainder)[1:-1], slope[1:-1], rtol=1e-4)
+
+
+def test_softening_at_the_pins_and_its_slopes(function_values: FunctionValues) -> None:
+    data = valley_data()
+    lower, upper = np.array(data["lower_bound"]), np.array(data["upper_bound"])
+    strain, ratio = np.array(data["strain"]), data["grain_size_ratio"]
+
+    def softening(at: FloatArray) -> tuple[FloatArray, FloatArray]:
+        grain_strain, fabric_strain = (lower + (upper - lower) * expit([*at[:2], 0.0]))[:2]
+        size = ratio + (1 - ratio) * np.exp(-strain / grain_strain)
+        fabric = 1 - at[2] * (1 - np.exp(-strain / fabric_strain))
+        return data["exponent_ratio"] * np.log(size), np.log(fabric)
+
+    at = np.array([*data["u"], data["amplitude"]])
+    values = function_values("valley_values", data)
+    grain, fabric = softening(at)
+    np.testing.assert_allclose(values["grain"][:, 0], grain, rtol=1e-10)
+    np.testing.assert_allclose(values["fabric"][:, 0], fabric, rtol=1e-10)
+    for k, (name, column) in enumerate([("grain", 1), ("fabric", 1), ("fabric", 2)]):
+        step = 1e-5 * np.eye(3)[k]
+        part = 0 if name == "grain" else 1
+        slope = (softening(at + step)[part] - softening(at - step)[part]) / 2e-5
+        np.testing.assert_allclose(values[name][:, column], slope, rtol=1e-6)

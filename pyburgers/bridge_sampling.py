@@ -51,9 +51,7 @@ class LogIntegral:
         Its error is the larger of what their own errors say and what their distance says.
         """
         stated = 0.5 * float(np.hypot(one.error, other.error))
-        return cls(
-            0.5 * (one.value + other.value), max(stated, 0.5 * abs(one.value - other.value))
-        )
+        return cls(0.5 * (one.value + other.value), max(stated, 0.5 * abs(one.value - other.value)))
 
 
 def log_integral(
@@ -177,9 +175,10 @@ def bridge(at_draws: FloatArray, at_proposals: FloatArray) -> LogIntegral:
         finite.max() + offset + MARGIN,
     )
     here, there = of_draws(value), of_proposals(value)
-    variance = _relative_variance(here) / (here.size * _efficiency(here)) + _relative_variance(
-        there
-    ) / there.size
+    variance = (
+        _relative_variance(here) / (here.size * _efficiency(here))
+        + _relative_variance(there) / there.size
+    )
     return LogIntegral(float(value), float(np.sqrt(variance)))
 
 

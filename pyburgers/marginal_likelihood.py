@@ -1,4 +1,4 @@
-"""Marginal likelihood of a finished run: the density of all its data, its parameters integrated out.
+"""Marginal likelihood of a finished run: density of all its data, the parameters integrated out.
 
 By bridge sampling in the sampler's coordinates, which make posteriors close to normal. All terms
 of the log density are normalised, in the program: that of the coordinates is what it samples.
@@ -80,12 +80,12 @@ def log_marginal_likelihood(
             draws,
             # A draw without solution at the reference tolerance has no density there.
             np.nan_to_num(at_reference, nan=-np.inf),
-            lambda points: _log_density(program, folder, points),
+            lambda points: log_density_at(program, folder, points),
             seed=fit.manifest["sampler"]["seed"],
         )
 
 
-def _log_density(program: Path, folder: Path, points: FloatArray) -> FloatArray:
+def log_density_at(program: Path, folder: Path, points: FloatArray) -> FloatArray:
     """Log density of coordinates, minus infinity where the model has no solution.
 
     Parameters
@@ -93,7 +93,7 @@ def _log_density(program: Path, folder: Path, points: FloatArray) -> FloatArray:
     program : Path
         Executable of the program for constant rate.
     folder : Path
-        Holds its data.
+        Holds its data, ``data.json``; other files are written there.
     points : array, shape (n_points, n_coordinates)
         Coordinates.
     """
@@ -103,7 +103,9 @@ def _log_density(program: Path, folder: Path, points: FloatArray) -> FloatArray:
     if len(points) == 1:
         return np.array([-np.inf])
     # CmdStan leaves points without solution out and does not say which.
-    return np.concatenate([_log_density(program, folder, part) for part in np.array_split(points, 2)])
+    return np.concatenate(
+        [log_density_at(program, folder, part) for part in np.array_split(points, 2)]
+    )
 
 
 def _generated(program: Path, folder: Path, points: FloatArray) -> FloatArray:

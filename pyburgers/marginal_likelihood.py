@@ -79,7 +79,7 @@ def log_marginal_likelihood(
         return log_integral(
             draws,
             # A draw without solution at the reference tolerance has no density there.
-            np.nan_to_num(at_reference, nan=-np.inf),
+            np.where(np.isnan(at_reference), -np.inf, at_reference),
             lambda points: log_density_at(program, folder, points),
             seed=fit.manifest["sampler"]["seed"],
         )
@@ -99,7 +99,7 @@ def log_density_at(program: Path, folder: Path, points: FloatArray) -> FloatArra
     """
     found = _generated(program, folder, points)
     if len(found) == len(points):
-        return np.nan_to_num(found, nan=-np.inf)
+        return np.where(np.isnan(found), -np.inf, found)
     if len(points) == 1:
         return np.array([-np.inf])
     # CmdStan leaves points without solution out and does not say which.

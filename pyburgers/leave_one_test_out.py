@@ -359,6 +359,11 @@ def sentences_by_test(comparison: ComparisonByTest) -> tuple[str, ...]:
                 difference, over_tests, monte_carlo = difference_by_test(one, other)
                 error = float(np.hypot(over_tests, monte_carlo))
                 said.append(pair_sentence(better, worse, difference, error, what="left-out tests"))
+        if len(results[0][1].tests) == 2:
+            said.append(
+                "Of two tests the standard error says little: what the one tells about the other "
+                "is as much as the other tells about it."
+            )
     for name, result in results:
         said += [f"{name}: {doubt}" for doubt in result.doubts]
         said += [

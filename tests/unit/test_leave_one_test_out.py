@@ -185,6 +185,8 @@ def test_a_sentence_for_each_pair_and_for_what_is_doubtful() -> None:
     doubtful = comparison_of(only=result(base, doubts=("The fit failed.",)))
     assert not doubtful.reliable
     assert sentences_by_test(doubtful)[1] == "only: The fit failed."
+    two = comparison_of(good=result(base[:2]), bad=result(base[:2] - 30.0))
+    assert "Of two tests the standard error says little" in sentences_by_test(two)[1]
     assert comparison_of(only=result(base)).reliable
 
 
@@ -238,7 +240,7 @@ def test_the_order_of_the_tests_does_not_matter(
 
 
 def test_other_data_other_kinds_and_a_sampled_prior_are_refused(
-    shared: JointFit, small_fit: Fit, small_problem: Problem, tmp_path: Path
+    shared: JointFit, small_fit: Fit, tmp_path: Path
 ) -> None:
     with pytest.raises(InputError, match=r"joint: is a fit of other data than one .*\+other .*\.$"):
         compare({"one": small_fit, "joint": shared})
@@ -248,5 +250,3 @@ def test_other_data_other_kinds_and_a_sampled_prior_are_refused(
     alone = fit_without(shared, "other", tmp_path / "alone", command="test")
     with pytest.raises(InputError, match=r"is a fit of PIL40 alone, expected at least two tests"):
         leave_one_test_out(alone, command="test")
-    with pytest.raises(InputError, match=r"joint fit: found 1 test, expected at least two\.$"):
-        fit_jointly([small_problem.experiment], small_problem.priors, out=tmp_path / "run")

@@ -463,6 +463,7 @@ def origins(fits: Mapping[str, Fit | JointFit], *, command: str) -> dict[str, An
                 "directory": one.directory.path.name,
                 "fingerprint": one.manifest["fingerprint"],
                 "variant": one.variant.record(),
+                **({"pooling": one.problem.pooling.record()} if isinstance(one, JointFit) else {}),
             }
             for name, one in fits.items()
         },

@@ -212,6 +212,7 @@ def test_what_is_saved_holds_every_marginal_likelihood(shared: JointFit, tmp_pat
     without = record["marginal_likelihoods"]["one"]["without"]["other"]["log"]
     assert of_all - without == pytest.approx(tests["one elpd"]["other"])
     assert record["command"] == "pyburgers compare one"
+    assert record["fits"]["one"]["pooling"] == shared.problem.pooling.record()
 
 
 def test_points_of_joint_fits_are_those_of_all_their_tests(

@@ -29,7 +29,7 @@ from pyburgers.calibration_results import (
 from pyburgers.calibration_run import N_RANKED, SHORT_RUN, CalibrationPlan, calibrate
 from pyburgers.cmdstan import ensure_cmdstan, install_cmdstan
 from pyburgers.comparison import compare, comparison_table, save_comparison, sentences
-from pyburgers.comparison_figures import pointwise_differences
+from pyburgers.comparison_figures import left_out_tests, pointwise_differences
 from pyburgers.diagnostics import CheckResult
 from pyburgers.doctor import can_fit, diagnose, format_findings
 from pyburgers.errors import InputError, PyburgersError
@@ -40,6 +40,13 @@ from pyburgers.fitting import Fit, fit, is_joint
 from pyburgers.flow_law_prior import load_flow_law_of_run
 from pyburgers.joint_fitting import JointFit, fit_jointly
 from pyburgers.joint_section import joint_section, pooling_table, shown_pooling_table
+from pyburgers.leave_one_test_out import (
+    compare_by_test,
+    save_comparison_by_test,
+    sentences_by_test,
+    table_of_fits,
+    table_of_tests,
+)
 from pyburgers.peak_stress import load_peak_stress
 from pyburgers.peak_stress_figures import flow_law, flow_law_table
 from pyburgers.peak_stress_fit import fit_peak_stress
@@ -178,6 +185,13 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("directories", type=Path, nargs="+", metavar="RUN")
     command.add_argument(
         "--out", type=Path, default=Path("comparison"), metavar="DIR", help="default: comparison"
+    )
+    command.add_argument(
+        "--leave-out",
+        choices=["points", "tests"],
+        default="points",
+        help="what is predicted from the rest: single points (default), or in joint fits, of which "
+        "one will do, whole tests, each by a fit without it in RUN/leave_out",
     )
     command.add_argument(
         "--no-refit",
@@ -342,9 +356,7 @@ def _print_checks(checks: Sequence[CheckResult]) -> int:
 
 
 def _check(options: argparse.Namespace) -> int:
-    if is_joint(RunDirectory(options.directory).read_manifest()):
-        return _print_checks(JointFit.load(options.directory, report=_say).checks())
-    return _print_checks(Fit.load(options.directory, report=_say).checks())
+    return _print_checks(_load_fit(options.directory).checks())
 
 
 def _simulate(options: argparse.Namespace) -> int:
@@ -440,9 +452,11 @@ def _fit_peak_stress(options: argparse.Namespace) -> int:
 
 
 def _compare(options: argparse.Namespace) -> int:
+    if options.leave_out == "tests":
+        return _compare_by_test(options)
     directories: list[Path] = options.directories
     fits = {
-        name: Fit.load(directory, report=_say)
+        name: _load_fit(directory)
         for name, directory in zip(_names_of(directories), directories, strict=True)
     }
     comparison = compare(
@@ -459,6 +473,40 @@ def _compare(options: argparse.Namespace) -> int:
         print(sentence)
     print(f"numbers and figure: {options.out}")
     return 0 if comparison.reliable else EXIT_CHECK_FAILED
+
+
+def _compare_by_test(options: argparse.Namespace) -> int:
+    if options.no_refit:
+        raise InputError(
+            "--no-refit: goes with --leave-out points, because a test is left out by fitting again."
+        )
+    directories: list[Path] = options.directories
+    joints = {
+        name: JointFit.load(directory, report=_say)
+        for name, directory in zip(_names_of(directories), directories, strict=True)
+    }
+    command = _command_line()
+    try:
+        # Ahead of the fits, which take long.
+        options.out.mkdir(parents=True, exist_ok=True)
+        comparison = compare_by_test(joints, command=command, report=_say)
+        save_comparison_by_test(comparison, joints, options.out, command=command)
+        write_images(left_out_tests(comparison), options.out / "comparison.png")
+    except OSError as error:
+        raise InputError(f"--out {options.out}: cannot be written ({error.strerror}).") from error
+    print(table_of_tests(comparison).round(2).to_string())
+    print(table_of_fits(comparison).round(2).to_string())
+    for sentence in sentences_by_test(comparison):
+        print(sentence)
+    print(f"numbers and figure: {options.out}")
+    return 0 if comparison.reliable else EXIT_CHECK_FAILED
+
+
+def _load_fit(directory: Path) -> Fit | JointFit:
+    """Read a run, of one test or of several."""
+    if is_joint(RunDirectory(directory).read_manifest()):
+        return JointFit.load(directory, report=_say)
+    return Fit.load(directory, report=_say)
 
 
 def _names_of(directories: Sequence[Path]) -> list[str]:
@@ -506,10 +554,11 @@ def _calibrate(options: argparse.Namespace) -> int:
 def _report(options: argparse.Namespace) -> int:
     joints, fits = [], []
     for directory in options.directories:
-        if is_joint(RunDirectory(directory).read_manifest()):
-            joints.append(JointFit.load(directory, report=_say))
+        loaded = _load_fit(directory)
+        if isinstance(loaded, JointFit):
+            joints.append(loaded)
         else:
-            fits.append(Fit.load(directory, report=_say))
+            fits.append(loaded)
     sections = [joint_section(joint, fits) for joint in joints]
     fits = [*(fit for joint in joints for fit in joint.tests().values()), *fits]
     page = write_report(

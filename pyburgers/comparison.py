@@ -28,6 +28,7 @@ from pyburgers.diagnostics import PARETO_K_LIMIT
 from pyburgers.draws import all_draws
 from pyburgers.errors import InputError, SamplingError
 from pyburgers.fitting import Fit, fit
+from pyburgers.joint_fitting import JointFit
 from pyburgers.posterior import (
     GIVEN_OTHERS,
     has_correlated_residuals,
@@ -118,7 +119,8 @@ class Comparison:
         predicts left-out points best (Yao et al. 2018, Bayesian Analysis 13, 917-1007). Between
         fits that predict alike they are arbitrary.
     position : DataArray, dimension point
-        Where the points lie: strain, or time (s) of an oscillating test.
+        Where the points lie: strain, or time (s) of an oscillating test. Those of several tests
+        stand one after the other and have their test as coordinate ``test``.
     variants : mapping of str to str
         Variant of the model by name of the fit, as `pyburgers.variants.ModelVariant.short_text`.
     """
@@ -135,7 +137,7 @@ class Comparison:
 
 
 def compare(
-    fits: Mapping[str, Fit],
+    fits: Mapping[str, Fit | JointFit],
     *,
     refits: Path | None = None,
     report: Callable[[str], None] = _silent,
@@ -144,11 +146,11 @@ def compare(
 
     Parameters
     ----------
-    fits : mapping of str to Fit
-        At least two, by name.
+    fits : mapping of str to Fit or JointFit
+        At least two, by name; all of one test, or all joint ones of the same tests.
     refits : Path, optional
         Folder for fits without single points, in ``NAME/point_K``: points with a Pareto k above
-        0.7 are left out in earnest. Without it they are only flagged.
+        0.7 are left out in earnest. Without it, and in joint fits, they are only flagged.
     report : callable
         Receives progress sentences.
 
@@ -161,13 +163,18 @@ def compare(
     """
     if len(fits) < 2:
         raise InputError(f"compare: found {len(fits)} fits, expected at least two.")
-    _check_same_data(fits)
+    check_same_data(fits)
     found = {}
     for name, one in fits.items():
-        result = leave_one_out(one.posterior)
+        result = _all_tests([leave_one_out(test.posterior) for test in _tests_of(one)])
         flagged = np.flatnonzero(result.unreliable).tolist()
         if flagged and refits is not None:
-            if isinstance(one.experiment, ConstantRateExperiment):
+            if isinstance(one, JointFit):
+                report(
+                    f"{name}: points of a joint fit are not left out one by one, because each "
+                    "would take a fit of all tests; they stay flagged."
+                )
+            elif isinstance(one.experiment, ConstantRateExperiment):
                 result = leave_out_exactly(one, result, flagged, refits / name, report=report)
             else:
                 report(
@@ -179,7 +186,7 @@ def compare(
     return Comparison(
         results=ordered,
         weights=stacking_weights(np.array([result.elpd for result in ordered.values()])),
-        position=position(next(iter(fits.values())).posterior),
+        position=_positions(next(iter(fits.values()))),
         variants={name: one.variant.short_text for name, one in fits.items()},
     )
 
@@ -210,6 +217,23 @@ def leave_one_out(posterior: xr.DataTree) -> LeaveOneOut:
         pareto_k=np.array(pareto_k),
         exact=np.zeros(len(elpd), dtype=bool),
         lppd=float(np.sum(logsumexp(by_point, axis=1) - np.log(n_draws))),
+    )
+
+
+def _tests_of(one: Fit | JointFit) -> tuple[Fit, ...]:
+    """Return a fit as fits of its tests, in the order of their names."""
+    if isinstance(one, Fit):
+        return (one,)
+    return tuple(fit for _, fit in sorted(one.tests().items()))
+
+
+def _all_tests(results: Sequence[LeaveOneOut]) -> LeaveOneOut:
+    """Put the points of several tests one after the other."""
+    return LeaveOneOut(
+        elpd=np.concatenate([one.elpd for one in results]),
+        pareto_k=np.concatenate([one.pareto_k for one in results]),
+        exact=np.concatenate([one.exact for one in results]),
+        lppd=sum(one.lppd for one in results),
     )
 
 
@@ -347,7 +371,7 @@ def comparison_table(comparison: Comparison) -> pd.DataFrame:
         rows[name] = {
             "variant": comparison.variants[name],
             "elpd": result.total,
-            "se": _standard_error(result.elpd),
+            "se": standard_error(result.elpd),
             "difference": difference,
             "difference_se": difference_se,
             "weight": float(weight),
@@ -361,7 +385,7 @@ def comparison_table(comparison: Comparison) -> pd.DataFrame:
 def elpd_difference(one: LeaveOneOut, other: LeaveOneOut) -> tuple[float, float]:
     """Elpd of one fit less that of another, and its standard error over the points."""
     pointwise = one.elpd - other.elpd
-    return float(pointwise.sum()), _standard_error(pointwise)
+    return float(pointwise.sum()), standard_error(pointwise)
 
 
 def pointwise_table(comparison: Comparison) -> pd.DataFrame:
@@ -370,11 +394,14 @@ def pointwise_table(comparison: Comparison) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Index point (from 1); columns strain or time_s, and for each fit ``NAME elpd``,
-        ``NAME pareto_k`` and ``NAME left_out``.
+        Index point (from 1); columns test (of joint fits only), strain or time_s, and for each fit
+        ``NAME elpd``, ``NAME pareto_k`` and ``NAME left_out``.
     """
     where = "strain" if comparison.position.name == "strain" else "time_s"
-    columns: dict[str, npt.NDArray[Any]] = {where: comparison.position.to_numpy()}
+    columns: dict[str, npt.NDArray[Any]] = {
+        **({"test": comparison.position["test"].to_numpy()} if of_several(comparison) else {}),
+        where: comparison.position.to_numpy(),
+    }
     for name, result in comparison.results.items():
         columns |= {
             f"{name} elpd": result.elpd,
@@ -386,8 +413,13 @@ def pointwise_table(comparison: Comparison) -> pd.DataFrame:
     return table
 
 
+def of_several(comparison: Comparison) -> bool:
+    """Tell whether the points are those of several tests."""
+    return "test" in comparison.position.coords
+
+
 def save_comparison(
-    comparison: Comparison, fits: Mapping[str, Fit], folder: Path, *, command: str
+    comparison: Comparison, fits: Mapping[str, Fit | JointFit], folder: Path, *, command: str
 ) -> None:
     """Write ``comparison.csv``, ``pointwise.csv`` and ``comparison.json``.
 
@@ -395,7 +427,7 @@ def save_comparison(
     ----------
     comparison : Comparison
         What to write.
-    fits : mapping of str to Fit
+    fits : mapping of str to Fit or JointFit
         The fits that were compared.
     folder : Path
         An existing folder.
@@ -407,26 +439,42 @@ def save_comparison(
     write_json(
         folder / "comparison.json",
         {
-            "command": command,
-            "fits": {
-                name: {
-                    "directory": one.directory.path.name,
-                    "fingerprint": one.manifest["fingerprint"],
-                    "variant": one.variant.record(),
-                }
-                for name, one in fits.items()
-            },
-            "data": data_hash(next(iter(fits.values())).posterior),
+            **origins(fits, command=command),
             "reliable": comparison.reliable,
             "sentences": list(sentences(comparison)),
         },
     )
 
 
+def origins(fits: Mapping[str, Fit | JointFit], *, command: str) -> dict[str, Any]:
+    """Return what the record of a comparison says about where its numbers come from.
+
+    Parameters
+    ----------
+    fits : mapping of str to Fit or JointFit
+        The fits that were compared.
+    command : str
+        What regenerates the comparison.
+    """
+    return {
+        "command": command,
+        "fits": {
+            name: {
+                "directory": one.directory.path.name,
+                "fingerprint": one.manifest["fingerprint"],
+                "variant": one.variant.record(),
+                **({"pooling": one.problem.pooling.record()} if isinstance(one, JointFit) else {}),
+            }
+            for name, one in fits.items()
+        },
+        "data": _hash_of_data(next(iter(fits.values()))),
+    }
+
+
 def sentences(comparison: Comparison) -> tuple[str, ...]:
     """One sentence for each pair of fits, then one for points that cannot be trusted."""
     pairs = [
-        _pair_sentence(better, worse, *elpd_difference(results[better], results[worse]))
+        pair_sentence(better, worse, *elpd_difference(results[better], results[worse]))
         for results in [comparison.results]
         for better, worse in itertools.combinations(results, 2)
     ]
@@ -446,6 +494,18 @@ def position(posterior: xr.DataTree) -> xr.DataArray:
     return strain if bool((strain.diff("point") >= 0).all()) else positions["time"]
 
 
+def _positions(one: Fit | JointFit) -> xr.DataArray:
+    """Where the points of all tests lie."""
+    if isinstance(one, Fit):
+        return position(one.posterior)
+    parts = []
+    for test in _tests_of(one):
+        part = position(test.posterior).drop_vars("point")
+        name = np.full(part.size, test.experiment.id)
+        parts.append(part.assign_coords(test=("point", name)))
+    return xr.concat(parts, "point")
+
+
 def data_hash(posterior: xr.DataTree) -> str:
     """Hash of observed values and of where they were observed."""
     return sha256_of_json(
@@ -459,19 +519,40 @@ def data_hash(posterior: xr.DataTree) -> str:
     )
 
 
-def _check_same_data(fits: Mapping[str, Fit]) -> None:
-    """Refuse what cannot be compared."""
+def check_same_data(fits: Mapping[str, Fit | JointFit]) -> None:
+    """Check that fits can be compared.
+
+    Raises
+    ------
+    InputError
+        If they are of different data, or one has no likelihood.
+    """
     (first, one), *others = fits.items()
     for name, other in fits.items():
         if not other.manifest["use_likelihood"]:
             raise InputError(f"{name}: was sampled without likelihood, expected a fit of its data.")
     for name, other in others:
-        if data_hash(other.posterior) != data_hash(one.posterior):
+        if _hash_of_data(other) != _hash_of_data(one):
             raise InputError(
-                f"{name}: is a fit of other data than {first} ({other.experiment.id} with "
-                f"{other.experiment.n_points} points, {one.experiment.id} with "
-                f"{one.experiment.n_points}), expected fits of the same data."
+                f"{name}: is a fit of other data than {first} ({_data_text(other)}, "
+                f"{_data_text(one)}), expected fits of the same data."
             )
+
+
+def _hash_of_data(one: Fit | JointFit) -> str:
+    """Hash of the data of all tests."""
+    if isinstance(one, Fit):
+        return data_hash(one.posterior)
+    return sha256_of_json(
+        {test.experiment.id: data_hash(test.posterior) for test in _tests_of(one)}
+    )
+
+
+def _data_text(one: Fit | JointFit) -> str:
+    """Say what a fit is of."""
+    tests = _tests_of(one)
+    names = "+".join(test.experiment.id for test in tests)
+    return f"{names} with {sum(test.experiment.n_points for test in tests)} points"
 
 
 def _log_likelihood_of(
@@ -506,21 +587,34 @@ def _log_likelihood_of(
     return all_draws(log_lik)
 
 
-def _standard_error(pointwise: FloatArray) -> float:
-    """Return the standard error of a sum over points."""
+def standard_error(pointwise: FloatArray) -> float:
+    """Return the standard error of a sum over points, or tests."""
     return float(np.sqrt(pointwise.size) * np.std(pointwise, ddof=1))
 
 
-def _pair_sentence(better: str, worse: str, difference: float, error: float) -> str:
+def pair_sentence(
+    better: str, worse: str, difference: float, error: float, *, what: str = "these data"
+) -> str:
+    """Say which of two fits predicts better.
+
+    Parameters
+    ----------
+    better, worse : str
+        Their names.
+    difference, error : float
+        Of their elpd, and its standard error.
+    what : str
+        What they predict.
+    """
     numbers = f"difference of elpd {difference:.1f}, standard error {error:.1f}"
     if difference < NO_DIFFERENCE:
-        return f"{better} and {worse} predict these data alike ({numbers})."
+        return f"{better} and {worse} predict {what} alike ({numbers})."
     if difference < CLEAR * error:
         return (
-            f"{better} predicts these data better than {worse}, but the difference is within "
+            f"{better} predicts {what} better than {worse}, but the difference is within "
             f"{CLEAR:g} standard errors and decides nothing ({numbers})."
         )
-    return f"{better} predicts these data clearly better than {worse} ({numbers})."
+    return f"{better} predicts {what} clearly better than {worse} ({numbers})."
 
 
 def _numbered(flags: BoolArray) -> str:

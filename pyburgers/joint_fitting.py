@@ -35,7 +35,7 @@ from pyburgers.sampling import (
 )
 from pyburgers.simulation import constant_rate_program
 from pyburgers.stan_data import SolverOptions, default_solver
-from pyburgers.variants import variant_of
+from pyburgers.variants import ModelVariant, variant_of
 
 
 def _silent(_: str) -> None:
@@ -62,6 +62,11 @@ class JointFit:
     problem: JointProblem
     posterior: xr.DataTree
     manifest: dict[str, Any]
+
+    @property
+    def variant(self) -> ModelVariant:
+        """Laws of the model's parts, told from the priors, as those of all tests."""
+        return variant_of(self.problem.priors[0], self.problem.experiments[0])
 
     def summary(self) -> pd.DataFrame:
         """Table of every sampled quantity in SI units (`pyburgers.posterior.draws_table`)."""
@@ -151,7 +156,42 @@ def fit_jointly(
     SamplingError
         If no chain finished.
     """
-    problem = joint_problem(experiments, priors, pooling_of(pool))
+    if len(experiments) < 2:
+        raise InputError(f"joint fit: found {len(experiments)} test, expected at least two.")
+    return fit_problem(
+        joint_problem(experiments, priors, pooling_of(pool)),
+        priors,
+        out=out,
+        options=options,
+        solver=solver,
+        use_likelihood=use_likelihood,
+        command=command,
+        report=report,
+    )
+
+
+def fit_problem(
+    problem: JointProblem,
+    priors: PriorSet,
+    *,
+    out: str | Path,
+    options: SamplerOptions | None = None,
+    solver: SolverOptions | None = None,
+    use_likelihood: bool = True,
+    command: str,
+    report: Callable[[str], None] = _silent,
+) -> JointFit:
+    """Fit tests, be it a single one, with the priors and the pooling of a joint fit.
+
+    Parameters
+    ----------
+    problem : JointProblem
+        Tests, resolved priors, pooling.
+    priors : PriorSet
+        The priors from which `pyburgers.joint_problem.joint_problem` makes those of the problem.
+    out, options, solver, use_likelihood, command, report
+        As for `fit_jointly`, which says what is raised.
+    """
     options = (options or SamplerOptions()).suited_to(problem.experiments[0])
     solver = solver or default_solver(problem.experiments[0])
     check_joint_coordinates(problem, options.coordinates)

@@ -22,7 +22,8 @@ class JointProblem:
     Attributes
     ----------
     experiments : tuple of ConstantRateExperiment
-        At least two, with data, of different names.
+        At least one, with data, of different names. One alone is what is left where the other of
+        two is left out; a partially pooled parameter still has centre and spread.
     priors : tuple of PriorSet
         Of each test, resolved; they differ only where a prior is a share of the largest stress.
     pooling : Pooling
@@ -73,11 +74,9 @@ def joint_problem(
     Raises
     ------
     InputError
-        If there is only one test, tests are of different materials or another protocol than
-        constant_rate, have no data or the same name, or a pooling does not go with the priors.
+        If tests are of different materials or another protocol than constant_rate, have no data
+        or the same name, or a pooling does not go with the priors.
     """
-    if len(experiments) < 2:
-        raise InputError(f"joint fit: found {len(experiments)} test, expected at least two.")
     suited = tuple(_suited(experiment, experiments[0], priors) for experiment in experiments)
     names = [experiment.id for experiment in suited]
     for name in names:
@@ -89,7 +88,7 @@ def joint_problem(
     largest = [float(np.max(np.abs(experiment.stress))) for experiment in suited]
     common = priors.resolved(max(largest))
     resolved = tuple(
-        _with_shared(priors.resolved(stress), common, pooling.of_kind("shared", priors.free))
+        with_shared(priors.resolved(stress), common, pooling.of_kind("shared", priors.free))
         for stress in largest
     )
     problem = JointProblem(suited, resolved, pooling)
@@ -115,8 +114,16 @@ def _suited(experiment: Experiment, first: Experiment, priors: PriorSet) -> Cons
     return experiment
 
 
-def _with_shared(own: PriorSet, common: PriorSet, shared: Sequence[str]) -> PriorSet:
-    """Priors of a test with those of shared parameters exchanged for common ones."""
+def with_shared(own: PriorSet, common: PriorSet, shared: Sequence[str]) -> PriorSet:
+    """Priors of a test with those of shared parameters exchanged for common ones.
+
+    Parameters
+    ----------
+    own, common : PriorSet
+        Priors of the test, and of all tests.
+    shared : sequence of str
+        Names of the shared parameters.
+    """
     exchanged = {name: common[name] for name in shared}
     return replace(own, priors=MappingProxyType({**own.priors, **exchanged}))
 

@@ -333,6 +333,8 @@ generated quantities {
   vector[n_all_points] log_lik; // of each point given those before it
   // Of each point given all others; where residuals are independent, log_lik is that already.
   vector[correlated_residuals ? n_all_points : 0] log_lik_given_others;
+  // Of the coordinates, as the model block has it; here for runs of this block by itself.
+  real log_density = lprior + log_jacobian + log_pooling;
   vector[n_all_grid] grid_stress; // Pa
   vector[n_all_grid] grid_stress_replicated; // Pa
   vector[n_all_grid] grid_kelvin_strain;
@@ -375,6 +377,9 @@ generated quantities {
       for (i in here) {
         log_lik[i] = normal_lpdf(all_stress_observed[i] | stress_model[i], noise);
       }
+    }
+    if (use_likelihood) {
+      log_density += sum(log_lik[here]);
     }
   }
   for (e in 1 : n_experiments) {

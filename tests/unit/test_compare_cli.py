@@ -3,15 +3,17 @@
 import json
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
 import pytest
-from conftest import ICE
+from conftest import ICE, SMALL_RUN, Problem
 
 from pyburgers.cli import main
 from pyburgers.fitting import Fit
 from pyburgers.flow_law_prior import FlowLawPrior
+from pyburgers.joint_fitting import fit_jointly
 
 TABLE = str(ICE / "peak_stress_qi_goldsby_2021.toml")
 SHORT = ("--chains", "2", "--warmup", "200", "--draws", "400", "--seed", "2")
@@ -77,6 +79,79 @@ def test_a_folder_that_is_no_run_and_a_file_for_a_folder_are_refused(
     assert_refused(code, capsys, "not a run directory")
     (tmp_path / "file").write_text("", encoding="utf-8")
     code = main(["compare", *runs, "--out", str(tmp_path / "file"), "--no-refit"])
+    assert_refused(code, capsys, "--out", "cannot be written")
+
+
+@pytest.fixture(scope="module")
+def joints(
+    programs: None, small_problem: Problem, tmp_path_factory: pytest.TempPathFactory
+) -> dict[str, str]:
+    """Run directories of the small test and a copy of it, with two ways of pooling."""
+    folder = tmp_path_factory.mktemp("joints")
+    tests = [small_problem.experiment, replace(small_problem.experiment, id="other")]
+    for kind in ("shared", "separate"):
+        fit_jointly(
+            tests,
+            small_problem.priors,
+            pool={"all": kind},
+            out=folder / kind,
+            options=SMALL_RUN,
+        )
+    return {kind: str(folder / kind) for kind in ("shared", "separate")}
+
+
+def test_joint_runs_are_compared_by_points(
+    joints: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    code = main(["compare", *joints.values(), "--out", str(out)])
+    table = pd.read_csv(out / "comparison.csv", index_col="fit")
+    assert set(table.index) == set(joints)
+    assert code == (3 if table["high_k"].any() else 0)
+    assert set(pd.read_csv(out / "pointwise.csv")["test"]) == {"PIL40", "other"}
+    assert "predict" in capsys.readouterr().out
+
+
+def test_joint_runs_are_compared_by_tests(
+    joints: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    assert main(["compare", *joints.values(), "--leave-out", "tests", "--out", str(out)]) == 3
+    printed = capsys.readouterr().out
+    assert "shared predicts left-out tests" in printed
+    # A hundred draws a chain fail the check of their number.
+    assert "failed its check of" in printed
+    names = {"comparison.csv", "comparison.json", "comparison.png", "comparison.svg"}
+    assert {file.name for file in out.iterdir()} == {*names, "left_out_tests.csv"}
+    for run in joints.values():
+        assert (Path(run) / "leave_out" / "other" / "summary.csv").is_file()
+
+
+def test_one_joint_run_will_do_to_leave_tests_out(
+    joints: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run, out = joints["shared"], ("--out", str(tmp_path / "out"))
+    main(["compare", run, "--leave-out", "tests", *out])
+    assert "beside that of another fit" in capsys.readouterr().out
+    table = pd.read_csv(tmp_path / "out" / "left_out_tests.csv", index_col="test")
+    assert table.index.tolist() == ["PIL40", "other"]
+
+
+def test_runs_that_cannot_be_compared_are_refused(
+    joints: dict[str, str],
+    small_fit: Fit,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    run, out = joints["shared"], ("--out", str(tmp_path / "out"))
+    single, by_test = str(small_fit.directory.path), ("--leave-out", "tests")
+    assert_refused(main(["compare", run, *out]), capsys, "found 1 fits, expected at least two")
+    assert_refused(main(["compare", run, single, *out]), capsys, "other data", "PIL40+other")
+    assert_refused(main(["compare", run, single, *by_test, *out]), capsys, "is not a joint fit")
+    assert_refused(main(["compare", run, *by_test, "--no-refit", *out]), capsys, "--no-refit")
+    assert not (tmp_path / "out").exists()
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    code = main(["compare", run, *by_test, "--out", str(tmp_path / "file")])
     assert_refused(code, capsys, "--out", "cannot be written")
 
 

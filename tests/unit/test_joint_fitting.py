@@ -105,6 +105,12 @@ def test_other_pooling_in_the_same_folder_is_refused(
         )
 
 
+def test_a_joint_fit_needs_two_tests(small_problem: Problem, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"found 1 test, expected at least two\.$"):
+        fit_jointly([small_problem.experiment], small_problem.priors, out=tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+
+
 def test_kinds_of_runs_are_told_apart(joint: JointFit, small_fit: Fit) -> None:
     with pytest.raises(InputError, match="is a joint fit"):
         Fit.load(joint.directory.path)

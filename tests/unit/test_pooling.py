@@ -92,8 +92,6 @@ def test_noise_prior_is_that_of_the_test_unless_it_is_shared() -> None:
 def test_unsuited_tests_are_refused() -> None:
     first, second, _ = twins()
     priors, pooling = default_priors("ice"), pooling_of()
-    with pytest.raises(InputError, match="found 1 test"):
-        joint_problem([first], priors, pooling)
     with pytest.raises(InputError, match="stands 2 times"):
         joint_problem([first, first], priors, pooling)
     with pytest.raises(InputError, match="of one material"):

@@ -1,0 +1,414 @@
+"""How well joint fits predict a whole test that they have not seen.
+
+The density of a test given the others, its own parameters integrated out under their priors, is a
+ratio of marginal likelihoods: that of all tests over that of all but this one. The joint fit is
+repeated without each test for the latter.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from pyburgers.bridge_sampling import LogIntegral
+from pyburgers.comparison import (
+    check_same_data,
+    origins,
+    pair_sentence,
+    stacking_weights,
+    standard_error,
+)
+from pyburgers.errors import InputError
+from pyburgers.joint_fitting import JointFit, fit_problem
+from pyburgers.joint_problem import JointProblem, joint_problem, with_shared
+from pyburgers.marginal_likelihood import log_marginal_likelihood
+from pyburgers.priors import PriorSet, load_priors
+from pyburgers.run_directory import write_json, write_text
+from pyburgers.sampling import SamplerOptions
+from pyburgers.stan_data import SolverOptions
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+LARGEST_ERROR = 1.0
+"""Monte Carlo error of the log density of a test from which it is flagged."""
+
+OF_THE_MODEL = "coverage"
+"""The check that is about the model; all others are about the draws."""
+
+
+def _silent(_: str) -> None:
+    """Report to nobody."""
+
+
+@dataclass(frozen=True, eq=False)
+class LeaveOneTestOut:
+    """How well a joint fit predicts each test from the others.
+
+    Attributes
+    ----------
+    tests : tuple of str
+        Names, sorted.
+    n_points : array of int, shape (n_tests,)
+        Readings of each.
+    of_all : LogIntegral
+        Log marginal likelihood of the joint fit, of stresses in Pa.
+    without : tuple of LogIntegral
+        Those of the fits without each test.
+    doubts : tuple of str
+        A sentence for each of these fits whose draws failed a check.
+    """
+
+    tests: tuple[str, ...]
+    n_points: IntArray
+    of_all: LogIntegral
+    without: tuple[LogIntegral, ...]
+    doubts: tuple[str, ...]
+
+    @property
+    def elpd(self) -> FloatArray:
+        """Log density of each test given the others (stresses in Pa), shape (n_tests,)."""
+        return self.of_all.value - np.array([one.value for one in self.without])
+
+    @property
+    def error(self) -> FloatArray:
+        """Monte Carlo standard error of `elpd`, shape (n_tests,)."""
+        return np.hypot(self.of_all.error, self._errors_without)
+
+    @property
+    def total(self) -> float:
+        """Sum of `elpd` over the tests."""
+        return float(self.elpd.sum())
+
+    @property
+    def total_error(self) -> float:
+        """Monte Carlo standard error of `total`, in which the joint fit counts for every test."""
+        of_all = len(self.tests) * self.of_all.error
+        return float(np.hypot(of_all, np.linalg.norm(self._errors_without)))
+
+    @property
+    def reliable(self) -> bool:
+        """Whether all errors are small and all draws passed their checks."""
+        return not self.doubts and bool(np.all(self.error <= LARGEST_ERROR))
+
+    @property
+    def _errors_without(self) -> FloatArray:
+        return np.array([one.error for one in self.without])
+
+
+@dataclass(frozen=True, eq=False)
+class ComparisonByTest:
+    """Joint fits of the same tests, the best first.
+
+    Attributes
+    ----------
+    results : mapping of str to LeaveOneTestOut
+        By name, in order of falling total.
+    weights : array, shape (n_fits,)
+        Stacking weights in the same order, as of `pyburgers.comparison.Comparison`, with tests in
+        the place of points.
+    variants : mapping of str to str
+        Variant of the model by name of the fit.
+    """
+
+    results: Mapping[str, LeaveOneTestOut]
+    weights: FloatArray
+    variants: Mapping[str, str]
+
+    @property
+    def reliable(self) -> bool:
+        """Whether all results are."""
+        return all(result.reliable for result in self.results.values())
+
+
+def compare_by_test(
+    joints: Mapping[str, JointFit], *, command: str, report: Callable[[str], None] = _silent
+) -> ComparisonByTest:
+    """Compare joint fits of the same tests by how well they predict each from the others.
+
+    Parameters
+    ----------
+    joints : mapping of str to JointFit
+        At least one, by name.
+    command : str
+        What regenerates the fits without single tests, for their manifests.
+    report : callable
+        Receives progress sentences.
+
+    Raises
+    ------
+    InputError
+        If the fits are of different data, or one has no likelihood.
+    SamplingError
+        If a fit without a test fails.
+    """
+    check_same_data(joints)
+    found = {
+        name: leave_one_test_out(joint, command=command, report=report)
+        for name, joint in joints.items()
+    }
+    ordered = dict(sorted(found.items(), key=lambda item: -item[1].total))
+    return ComparisonByTest(
+        results=ordered,
+        weights=stacking_weights(np.array([result.elpd for result in ordered.values()])),
+        variants={name: joint.variant.short_text for name, joint in joints.items()},
+    )
+
+
+def leave_one_test_out(
+    joint: JointFit, *, command: str, report: Callable[[str], None] = _silent
+) -> LeaveOneTestOut:
+    """Leave every test of a joint fit out, fitting again without it.
+
+    The fits are in ``leave_out/TEST`` in the run directory; those that are there are continued.
+
+    Parameters
+    ----------
+    joint : JointFit
+        Of at least two tests, with their data.
+    command, report
+        As for `compare_by_test`, which says what is raised.
+    """
+    experiments = {experiment.id: experiment for experiment in joint.problem.experiments}
+    tests = tuple(sorted(experiments))
+    if len(tests) < 2:
+        raise InputError(
+            f"{joint.directory.path}: is a fit of {tests[0]} alone, expected at least two tests to "
+            "leave one out."
+        )
+    of_all = log_marginal_likelihood(joint, report=report)
+    doubts = _doubts(joint)
+    without = []
+    for test in tests:
+        report(f"{joint.directory.path.name}: fitting again without {test}.")
+        out = joint.directory.path / "leave_out" / test
+        again = fit_without(joint, test, out, command=command, report=report)
+        without.append(log_marginal_likelihood(again, report=report))
+        doubts += _doubts(again)
+    return LeaveOneTestOut(
+        tests=tests,
+        n_points=np.array([experiments[test].n_points for test in tests]),
+        of_all=of_all,
+        without=tuple(without),
+        doubts=doubts,
+    )
+
+
+def fit_without(
+    joint: JointFit,
+    test: str,
+    out: Path,
+    *,
+    command: str,
+    report: Callable[[str], None] = _silent,
+) -> JointFit:
+    """Repeat a joint fit without one of its tests, with the same prior densities of what is left.
+
+    Parameters
+    ----------
+    joint : JointFit
+        A joint fit.
+    test : str
+        Name of the test.
+    out : Path
+        Run directory.
+    command : str
+        What regenerates it, for the manifest.
+    report : callable
+        Receives progress sentences.
+
+    Raises
+    ------
+    InputError
+        If `out` holds something else.
+    SamplingError
+        If no chain finished.
+    """
+    problem, priors = problem_without(joint.problem, load_priors(joint.directory.priors_file), test)
+    solver = joint.manifest["solver"]
+    return fit_problem(
+        problem,
+        priors,
+        out=out,
+        options=SamplerOptions(**joint.manifest["sampler"]),
+        solver=SolverOptions(solver["tolerance"], solver["max_num_steps"]),
+        command=f"{command} ({test} left out)",
+        report=report,
+    )
+
+
+def problem_without(
+    problem: JointProblem, priors: PriorSet, test: str
+) -> tuple[JointProblem, PriorSet]:
+    """Take a test out of a joint problem.
+
+    Parameters
+    ----------
+    problem : JointProblem
+        What was fitted.
+    priors : PriorSet
+        Priors that it was made from, not resolved.
+    test : str
+        Name of the test.
+
+    Returns
+    -------
+    problem : JointProblem
+        The other tests under the same prior densities: where that of a shared parameter is a share
+        of the largest stress, it stays that of all tests.
+    priors : PriorSet
+        Priors that this problem is made from.
+    """
+    settled = with_shared(priors, problem.priors[0], problem.shared)
+    kept = [experiment for experiment in problem.experiments if experiment.id != test]
+    return joint_problem(kept, settled, problem.pooling), settled
+
+
+def _doubts(joint: JointFit) -> tuple[str, ...]:
+    """Say which checks of its draws a fit failed."""
+    failed = [check.name for check in joint.checks() if not check.passed]
+    of_draws = [name for name in failed if name != OF_THE_MODEL]
+    if not of_draws:
+        return ()
+    return (
+        f"The fit of {joint.problem.name} failed its check of {' and '.join(of_draws)}: its "
+        "marginal likelihood may be off by more than the error says.",
+    )
+
+
+def difference_by_test(one: LeaveOneTestOut, other: LeaveOneTestOut) -> tuple[float, float, float]:
+    """Compare two fits.
+
+    Returns
+    -------
+    difference, error, monte_carlo_error : float
+        Total of one less that of the other; the standard error over the tests; the one that comes
+        from the draws.
+    """
+    by_test = one.elpd - other.elpd
+    # A fit less itself has no error.
+    monte_carlo = 0.0 if one is other else float(np.hypot(one.total_error, other.total_error))
+    return float(by_test.sum()), standard_error(by_test), monte_carlo
+
+
+def table_of_fits(comparison: ComparisonByTest) -> pd.DataFrame:
+    """Numbers of a comparison, a row for each fit, the best first.
+
+    Returns
+    -------
+    DataFrame
+        Index fit; columns variant (what differs from the standard model), elpd (sum over the tests
+        left out), monte_carlo_error (its own), per_point, difference (to the best), difference_se
+        (over the tests), difference_monte_carlo_error, weight.
+    """
+    best = next(iter(comparison.results.values()))
+    rows = {}
+    for (name, result), weight in zip(comparison.results.items(), comparison.weights, strict=True):
+        difference, over_tests, monte_carlo = difference_by_test(result, best)
+        rows[name] = {
+            "variant": comparison.variants[name],
+            "elpd": result.total,
+            "monte_carlo_error": result.total_error,
+            "per_point": result.total / int(result.n_points.sum()),
+            "difference": difference,
+            "difference_se": over_tests,
+            "difference_monte_carlo_error": monte_carlo,
+            "weight": float(weight),
+        }
+    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("fit")
+
+
+def table_of_tests(comparison: ComparisonByTest) -> pd.DataFrame:
+    """Log density of every left-out test under every fit.
+
+    Returns
+    -------
+    DataFrame
+        Index test; columns points, and for each fit ``NAME elpd``, ``NAME monte_carlo_error`` and
+        ``NAME per_point``.
+    """
+    first = next(iter(comparison.results.values()))
+    columns: dict[str, npt.NDArray[Any]] = {"points": first.n_points}
+    for name, result in comparison.results.items():
+        columns |= {
+            f"{name} elpd": result.elpd,
+            f"{name} monte_carlo_error": result.error,
+            f"{name} per_point": result.elpd / result.n_points,
+        }
+    return pd.DataFrame(columns, index=pd.Index(first.tests, name="test"))
+
+
+def sentences_by_test(comparison: ComparisonByTest) -> tuple[str, ...]:
+    """One sentence for each pair of fits, or for a single one, then those of what is doubtful."""
+    results = list(comparison.results.items())
+    if len(results) == 1:
+        ((name, only),) = results
+        said = [
+            f"{name}: the tests have, each given the others, a log density of {only.total:.1f} "
+            f"together, Monte Carlo error {only.total_error:.1f}; it means something only beside "
+            "that of another fit of the same tests."
+        ]
+    else:
+        said = []
+        for k, (better, one) in enumerate(results):
+            for worse, other in results[k + 1 :]:
+                difference, over_tests, monte_carlo = difference_by_test(one, other)
+                error = float(np.hypot(over_tests, monte_carlo))
+                said.append(pair_sentence(better, worse, difference, error, what="left-out tests"))
+        if len(results[0][1].tests) == 2:
+            said.append(
+                "Of two tests the standard error says little: what the one tells about the other "
+                "is as much as the other tells about it."
+            )
+    for name, result in results:
+        said += [f"{name}: {doubt}" for doubt in result.doubts]
+        said += [
+            f"{name}: the log density of {test} has a Monte Carlo error of {error:.1f}, more than "
+            f"{LARGEST_ERROR:g}; run the fit and those without single tests for longer."
+            for test, error in zip(result.tests, result.error, strict=True)
+            if error > LARGEST_ERROR
+        ]
+    return tuple(said)
+
+
+def save_comparison_by_test(
+    comparison: ComparisonByTest, joints: Mapping[str, JointFit], folder: Path, *, command: str
+) -> None:
+    """Write ``comparison.csv``, ``left_out_tests.csv`` and ``comparison.json``.
+
+    Parameters
+    ----------
+    comparison : ComparisonByTest
+        What to write.
+    joints : mapping of str to JointFit
+        The fits that were compared.
+    folder : Path
+        An existing folder.
+    command : str
+        What regenerates the comparison.
+    """
+    write_text(folder / "comparison.csv", table_of_fits(comparison).to_csv())
+    write_text(folder / "left_out_tests.csv", table_of_tests(comparison).to_csv())
+    write_json(
+        folder / "comparison.json",
+        {
+            **origins(joints, command=command),
+            "marginal_likelihoods": {
+                name: {
+                    "all": _record(result.of_all),
+                    "without": dict(zip(result.tests, map(_record, result.without), strict=True)),
+                }
+                for name, result in comparison.results.items()
+            },
+            "reliable": comparison.reliable,
+            "sentences": list(sentences_by_test(comparison)),
+        },
+    )
+
+
+def _record(integral: LogIntegral) -> dict[str, float]:
+    return {"log": integral.value, "error": integral.error}

@@ -1,0 +1,107 @@
+"""Marginal likelihoods through Stan: the density, prior-only fits, quadrature."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from conftest import SMALL_RUN, Problem
+
+from pyburgers.cmdstan import load_model
+from pyburgers.draws import all_draws
+from pyburgers.fitting import Fit, fit
+from pyburgers.joint_fitting import fit_problem
+from pyburgers.joint_problem import joint_problem
+from pyburgers.marginal_likelihood import log_density_at, log_marginal_likelihood
+from pyburgers.pooling import pooling_of
+from pyburgers.posterior import read_chains
+from pyburgers.simulation import REFERENCE_SOLVER, constant_rate_program, quiet_cmdstanpy
+from pyburgers.stan_data import solver_block
+
+FloatArray = npt.NDArray[np.float64]
+pytestmark = pytest.mark.usefixtures("programs")
+
+
+def coordinates_of(one: Fit) -> FloatArray:
+    """All draws, shape (n_draws, n_coordinates)."""
+    files = [str(one.directory.draws_file(chain)) for chain in one.directory.finished_chains()]
+    with quiet_cmdstanpy():
+        return all_draws(read_chains(files).draws_xr(["coordinate"])["coordinate"])
+
+
+def density_at(one: Fit, points: FloatArray, folder: Path) -> FloatArray:
+    data = json.loads(one.directory.stan_data_file.read_text(encoding="utf-8"))
+    (folder / "data.json").write_text(
+        json.dumps({**data, **solver_block(REFERENCE_SOLVER)}), encoding="utf-8"
+    )
+    program = Path(str(load_model(constant_rate_program(), report=print).exe_file))
+    return log_density_at(program, folder, points)
+
+
+def test_the_density_is_that_which_the_chains_sampled(small_fit: Fit, tmp_path: Path) -> None:
+    stats = small_fit.posterior["sample_stats"].to_dataset()
+    sampled = all_draws(stats["lp"] + stats["solver_log_ratio"])
+    found = density_at(small_fit, coordinates_of(small_fit), tmp_path)
+    # Log likelihoods of single points at the reference tolerance are kept with six digits.
+    np.testing.assert_allclose(found, sampled, atol=2e-3)
+
+
+def test_a_point_without_solution_has_no_density_and_the_others_keep_theirs(
+    small_fit: Fit, tmp_path: Path
+) -> None:
+    points = coordinates_of(small_fit)[:5]
+    alone = density_at(small_fit, points, tmp_path)
+    with_bad = np.insert(points, [0, 3], np.full(points.shape[1], 1e4), axis=0)
+    found = density_at(small_fit, with_bad, tmp_path)
+    assert np.flatnonzero(np.isneginf(found)).tolist() == [0, 4]
+    np.testing.assert_array_equal(found[np.isfinite(found)], alone)
+
+
+def test_the_marginal_likelihood_is_that_of_quadrature(small_fit: Fit, tmp_path: Path) -> None:
+    """Gauss and Hermite's, in three coordinates scaled by the draws."""
+    draws = coordinates_of(small_fit)
+    node, weight = np.polynomial.hermite_e.hermegauss(14)
+    grid = np.array(np.meshgrid(node, node, node)).reshape(3, -1).T
+    weights = np.prod(np.meshgrid(weight, weight, weight), axis=0).ravel()
+    factor = 1.1 * np.linalg.cholesky(np.cov(draws.T))
+    density = density_at(small_fit, draws.mean(axis=0) + grid @ factor.T, tmp_path)
+    terms = density + 0.5 * np.sum(grid**2, axis=1)
+    largest = terms.max()
+    exact = largest + np.log(weights @ np.exp(terms - largest)) + np.linalg.slogdet(factor)[1]
+    found = log_marginal_likelihood(small_fit)
+    assert found.error < 0.1
+    assert found.value == pytest.approx(float(exact), abs=4 * found.error)
+
+
+def test_without_data_it_is_one(small_problem: Problem, tmp_path: Path) -> None:
+    prior = fit(
+        small_problem.experiment,
+        small_problem.priors,
+        out=tmp_path / "prior",
+        options=SMALL_RUN,
+        use_likelihood=False,
+    )
+    found = log_marginal_likelihood(prior)
+    assert found.error < 0.1
+    assert found.value == pytest.approx(0.0, abs=4 * found.error)
+
+
+def test_without_data_it_is_one_for_pooled_parameters_too(
+    small_problem: Problem, tmp_path: Path
+) -> None:
+    """Centre and spread, and parameters given them, have normalised densities."""
+    problem = joint_problem(
+        [small_problem.experiment], small_problem.priors, pooling_of({"maxwell_modulus": "partial"})
+    )
+    prior = fit_problem(
+        problem,
+        small_problem.priors,
+        out=tmp_path / "prior",
+        options=SMALL_RUN,
+        use_likelihood=False,
+        command="test",
+    )
+    found = log_marginal_likelihood(prior)
+    assert found.error < 0.1
+    assert found.value == pytest.approx(0.0, abs=4 * found.error)

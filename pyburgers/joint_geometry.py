@@ -18,7 +18,7 @@ from pyburgers.joint_stan_data import (
     joint_valley_block,
 )
 from pyburgers.metric import laplace_metric
-from pyburgers.mode import N_STARTS, Mode, ModeNotFound, climb
+from pyburgers.mode import N_STARTS, Mode, ModeNotFound, climb, find_mode
 from pyburgers.parameters import PROGRAM_PARAMETERS
 from pyburgers.simulation import observed_grid, simulate
 from pyburgers.stan_data import REFERENCE_STRESS, SolverOptions, StanData, ValleyReference
@@ -126,9 +126,17 @@ class JointMode:
 
 
 def find_joint_mode(
-    model: cmdstanpy.CmdStanModel, data: StanData, problem: JointProblem, *, seed: int
+    model: cmdstanpy.CmdStanModel,
+    data: StanData,
+    problem: JointProblem,
+    *,
+    seed: int,
+    solver: SolverOptions,
+    report: Callable[[str], None],
 ) -> JointMode:
-    """Climb from `N_STARTS` draws of the prior and keep the best.
+    """Climb from the modes of the single tests and from `N_STARTS` draws of the prior.
+
+    The best end is kept. Draws of the prior alone can all end where a test is not fitted at all.
 
     Parameters
     ----------
@@ -140,13 +148,25 @@ def find_joint_mode(
         Tests, priors, pooling.
     seed : int
         Decides the prior draws.
+    solver : SolverOptions
+        Tolerance and step limit.
+    report : callable
+        Receives progress sentences.
 
     Raises
     ------
     ModeNotFound
-        If the optimiser fails from all starts.
+        If the optimiser fails from all starts, or for a single test.
     """
-    starts = (draw_joint_start(problem, seed=seed, chain=start) for start in range(1, N_STARTS + 1))
+    single = [
+        find_mode(experiment, priors, seed=seed, solver=solver, report=report).coordinate
+        for experiment, priors in zip(problem.experiments, problem.priors, strict=True)
+    ]
+    together = _joint_position(problem, single, np.ones(len(problem.partial)))
+    starts = [
+        {"coordinate": together.tolist()},
+        *(draw_joint_start(problem, seed=seed, chain=k) for k in range(1, N_STARTS + 1)),
+    ]
     variables = climb(model, data, starts, seed=seed)
     coordinate = np.asarray(variables["coordinate"], dtype=np.float64)
     values, stresses = variables["parameter"], np.atleast_1d(variables["log_stress"])
@@ -210,7 +230,7 @@ def choose_joint_geometry(
     report("Finding the posterior mode, which sets the sampler's coordinates and metric.")
     mode = None
     try:
-        mode = find_joint_mode(model, data, problem, seed=seed)
+        mode = find_joint_mode(model, data, problem, seed=seed, solver=solver, report=report)
         if wanted != "plain":
             return _valley(model, data, problem, mode, seed=seed, solver=solver)
     except (ModeNotFound, ValleyUnsuited) as error:

@@ -17,6 +17,15 @@ FloatArray = npt.NDArray[np.float64]
 DIFFERENCE = 0.05
 """Step of the central differences; coordinates are O(1)."""
 
+LARGEST_STEP = 4.0
+"""In posterior standard deviations, beyond which differences are taken again with smaller steps."""
+
+SMALL_STEP = 0.25
+"""Of those, in standard deviations as the differences before have them."""
+
+N_REFINEMENTS = 4
+"""Each is worth a factor of ten or more in the width of the narrowest direction."""
+
 LEAST_CURVATURE = 0.15
 """Floor of the eigenvalues: flat directions are about as wide as a logistic prior, sd 1.8-2.6."""
 
@@ -39,33 +48,66 @@ def laplace_metric(model: cmdstanpy.CmdStanModel, data: StanData, centre: FloatA
         Inverse of the Hessian of minus the log density by central differences of Stan's
         gradients, with its eigenvalues kept above `LEAST_CURVATURE`.
     """
-    curvature, axes = np.linalg.eigh(curvature_at(model, data, centre))
-    covariance: FloatArray = (axes / np.maximum(curvature, LEAST_CURVATURE)) @ axes.T
+    steps: FloatArray = DIFFERENCE * np.eye(centre.size)
+    for _ in range(1 + N_REFINEMENTS):
+        curvature, axes = np.linalg.eigh(curvature_at(model, data, centre, steps))
+        covariance: FloatArray = (axes / np.maximum(curvature, LEAST_CURVATURE)) @ axes.T
+        widths = np.linalg.cholesky(covariance)
+        if np.linalg.norm(np.linalg.solve(widths, steps), axis=0).max() <= LARGEST_STEP:
+            break
+        steps = np.asarray(SMALL_STEP * widths, dtype=np.float64)
     return covariance
 
 
-def curvature_at(model: cmdstanpy.CmdStanModel, data: StanData, centre: FloatArray) -> FloatArray:
+def expected_rise(
+    model: cmdstanpy.CmdStanModel, data: StanData, centre: FloatArray, covariance: FloatArray
+) -> float:
+    """Rise of the log density from a point to the mode of its quadratic approximation there.
+
+    Parameters
+    ----------
+    model, data, centre
+        As for `laplace_metric`.
+    covariance : array, shape (n_coordinates, n_coordinates)
+        Its result.
+    """
+    with tempfile.TemporaryDirectory() as folder, quiet_cmdstanpy():
+        data_file = Path(folder) / "data.json"
+        data_file.write_text(json.dumps(data), encoding="utf-8")
+        gradient = _gradient(model, data_file, centre)
+    return float(gradient @ covariance @ gradient) / 2
+
+
+def curvature_at(
+    model: cmdstanpy.CmdStanModel,
+    data: StanData,
+    centre: FloatArray,
+    steps: FloatArray | None = None,
+) -> FloatArray:
     """Hessian of minus the log density.
 
     Parameters
     ----------
     model, data, centre
         As for `laplace_metric`.
+    steps : array, shape (n_coordinates, n_coordinates), optional
+        Steps of the differences as columns; default: `DIFFERENCE` along each coordinate.
 
     Returns
     -------
     array, shape (n_coordinates, n_coordinates)
         By central differences of Stan's gradients, symmetric.
     """
-    steps = DIFFERENCE * np.eye(centre.size)
+    if steps is None:
+        steps = DIFFERENCE * np.eye(centre.size)
     with tempfile.TemporaryDirectory() as folder, quiet_cmdstanpy():
         data_file = Path(folder) / "data.json"
         data_file.write_text(json.dumps(data), encoding="utf-8")
         difference = [
             _gradient(model, data_file, centre + step) - _gradient(model, data_file, centre - step)
-            for step in steps
+            for step in steps.T
         ]
-    hessian = -np.array(difference) / (2 * DIFFERENCE)
+    hessian = -np.linalg.solve(2 * steps.T, np.array(difference))
     symmetric: FloatArray = (hessian + hessian.T) / 2
     return symmetric
 

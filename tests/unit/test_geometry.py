@@ -1,0 +1,37 @@
+"""Coordinates and first metric of a fit."""
+
+import numpy as np
+import pytest
+from conftest import ICE, resolved_priors
+
+from pyburgers.calibration import simulate_constant_rate
+from pyburgers.cmdstan import load_model
+from pyburgers.constant_rate import load_constant_rate
+from pyburgers.geometry import LARGEST_RISE, choose_geometry
+from pyburgers.metric import curvature_at, expected_rise
+from pyburgers.simulation import constant_rate_program
+from pyburgers.stan_data import SolverOptions, program_data
+
+pytestmark = pytest.mark.usefixtures("programs")
+
+
+def test_the_first_metric_fits_where_noise_is_far_below_a_percent() -> None:
+    twin = load_constant_rate(ICE / "PIL40.toml")
+    assert twin.true_parameters is not None
+    values = {**twin.true_parameters, "stress_noise": 2e4}
+    precise = simulate_constant_rate(twin, values, np.random.default_rng(2), source="a test")
+    priors, solver = resolved_priors(precise), SolverOptions()
+    data = program_data(precise, priors, solver=solver)
+    model = load_model(constant_rate_program(), report=print)
+    geometry = choose_geometry(
+        model, data, precise, priors, wanted="valley", seed=1, solver=solver, report=print
+    )
+    assert geometry.centre is not None
+    assert geometry.covariance is not None
+    around = {**data, **geometry.block}
+    widths = np.linalg.cholesky(geometry.covariance)
+    curvature = widths.T @ curvature_at(model, around, geometry.centre, 0.1 * widths) @ widths
+    # 1 where the metric is right.
+    assert np.linalg.eigvalsh(curvature).max() < 3
+    rise = expected_rise(model, around, geometry.centre, geometry.covariance)
+    assert rise < LARGEST_RISE

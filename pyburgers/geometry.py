@@ -12,7 +12,7 @@ from pyburgers.constant_rate import ConstantRateExperiment
 from pyburgers.errors import InputError
 from pyburgers.experiment import Experiment
 from pyburgers.metric import expected_rise, laplace_metric
-from pyburgers.mode import Mode, ModeNotFound, climb, find_mode, mode_from
+from pyburgers.mode import Mode, ModeNotFound, climb, find_mode
 from pyburgers.priors import PriorSet
 from pyburgers.sheared import ShearedUnsuited, find_sheared
 from pyburgers.stan_data import (
@@ -31,10 +31,12 @@ Coordinates = Literal["auto", "plain", "valley", "sheared"]
 
 SUITED = "the priors and the record suit them"
 
-LARGEST_RISE = 20.0
-"""Of the log density up to the mode, above which the optimiser has stopped too early.
+LARGEST_RISE = 2.0
+"""Of the log density from the origin of valley coordinates to the mode near it.
 
-In plain coordinates it does where noise is far below a percent of the stress."""
+Above it the curvature at the origin says little of the posterior: conditional medians lie on
+another arm than the mode, or the optimiser has stopped short of it, as it does in plain coordinates
+where noise is far below a percent of the stress."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +158,7 @@ def _valley(
     seed: int,
     solver: SolverOptions,
 ) -> Geometry:
-    """Valley coordinates, whose origin is at the mode, or at conditional medians given it."""
+    """Valley coordinates, whose origin is at conditional medians given the mode."""
     if variant_of(priors, experiment).grain_size == "piezometric":
         raise ValleyUnsuited("the grain size follows a piezometer")
     coordinates = plain_coordinates(experiment, priors)
@@ -166,8 +168,8 @@ def _valley(
     covariance = laplace_metric(model, around, centre)
     if expected_rise(model, around, centre, covariance) > LARGEST_RISE:
         found = climb(model, around, [{"coordinate": centre.tolist()}], seed=seed)
-        valley = find_valley(experiment, priors, mode_from(found, coordinates), solver=solver)
-        covariance = laplace_metric(model, {**data, **valley_block(valley)}, centre)
+        centre = np.asarray(found["coordinate"], dtype=np.float64)
+        covariance = laplace_metric(model, around, centre)
     exponents = noise_exponents(coordinates, priors, covariance)
     block = valley_block(replace(valley, noise_exponent=exponents))
     return Geometry("valley", SUITED, block, centre, covariance)

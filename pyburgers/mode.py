@@ -17,13 +17,7 @@ from pyburgers.parameters import PROGRAM_PARAMETERS
 from pyburgers.priors import PriorSet
 from pyburgers.run_directory import write_json
 from pyburgers.simulation import program_for, quiet_cmdstanpy
-from pyburgers.stan_data import (
-    REFERENCE_STRESS,
-    PlainCoordinates,
-    SolverOptions,
-    StanData,
-    program_data,
-)
+from pyburgers.stan_data import SolverOptions, StanData, program_data
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -89,21 +83,6 @@ def find_mode(
         {p.name: float(variables[p.name]) for p in PROGRAM_PARAMETERS},
         np.atleast_1d(np.asarray(variables["coordinate"], dtype=np.float64)),
     )
-
-
-def mode_from(variables: Mapping[str, Any], coordinates: PlainCoordinates) -> Mode:
-    """Return the mode of a test at constant rate that was climbed to in other coordinates.
-
-    Parameters
-    ----------
-    variables : mapping
-        Result of `climb`.
-    coordinates : PlainCoordinates
-        Of the test.
-    """
-    values = {p.name: float(variables[p.name]) for p in PROGRAM_PARAMETERS}
-    reference = {REFERENCE_STRESS: float(variables[REFERENCE_STRESS])}
-    return Mode(values, coordinates.at({**values, **reference}))
 
 
 def climb(

@@ -241,6 +241,16 @@ vector centred(vector values, data vector weight, data int stress_given) {
 }
 
 /**
+ * A step of a real number behind a bounded parameter, brought below a length of 1.
+ *
+ * Full steps overshoot where the curve softens within a few percent of strain, and what they end at
+ * is then as good as random in the other coordinates.
+ */
+real limited_step(real step) {
+  return step / hypot(1, step);
+}
+
+/**
  * One Gauss-Newton step for epsilon_c2 and the amplitude of fabric softening, ln S_0 eliminated.
  *
  * The amplitude is not kept within the bounds of F_ss: where the rest leaves no softening to the
@@ -279,7 +289,7 @@ vector fabric_step(vector solved, vector rest, data vector strain, data vector w
   real g2 = dot_product(weighted, softening[ : , 3])
             + regular_amplitude[2] * (regular_amplitude[1] - solved[2]);
   real determinant = c11 * c22 - square(c12);
-  real u = solved[1] + (c22 * g1 - c12 * g2) / determinant;
+  real u = solved[1] + limited_step((c22 * g1 - c12 * g2) / determinant);
   real amplitude = solved[2] + (c11 * g2 - c12 * g1) / determinant;
   return [u, limited_amplitude(amplitude, u, strain, lower_bound, upper_bound), c11, c12, c22,
           dot_product(weighted, left)]';
@@ -331,7 +341,7 @@ vector middle_grain_strain(real exponent_ratio, real log_grain_size_ratio, vecto
       real g2 = dot_product(by_u, left) + regular[1];
       real determinant = c11 * c22 - square(c12);
       amplitude += (c22 * g1 - c12 * g2) / determinant;
-      u += (c11 * g2 - c12 * g1) / determinant;
+      u += limited_step((c11 * g2 - c12 * g1) / determinant);
     }
   }
   return [u, 1 / sqrt(c22 - square(c12) / c11)]';

@@ -29,7 +29,7 @@ def test_the_first_metric_fits_where_noise_is_far_below_a_percent() -> None:
     assert geometry.centre is not None
     assert geometry.covariance is not None
     around = {**data, **geometry.block}
-    widths = np.linalg.cholesky(geometry.covariance)
+    widths = np.asarray(np.linalg.cholesky(geometry.covariance), dtype=np.float64)
     curvature = widths.T @ curvature_at(model, around, geometry.centre, 0.1 * widths) @ widths
     # 1 where the metric is right.
     assert np.linalg.eigvalsh(curvature).max() < 3

@@ -26,6 +26,7 @@ from pyburgers.geometry import check_coordinates
 from pyburgers.priors import PriorSet, load_priors, save_priors
 from pyburgers.processes import completed, number_of_processes
 from pyburgers.rank_uniformity import RankBands, RankVerdict, judge_ranks, rank_bands
+from pyburgers.reporting import silent
 from pyburgers.run_directory import (
     RunDirectory,
     sha256_of_file,
@@ -150,7 +151,7 @@ def calibrate(
     plan: CalibrationPlan,
     jobs: int | None = None,
     command: str = "pyburgers.calibrate(...)",
-    report: Callable[[str], None] = lambda _: None,
+    report: Callable[[str], None] = silent,
 ) -> Calibration:
     """Simulate data sets from the prior, fit each, and rank the truths; continue where one stopped.
 

@@ -36,6 +36,7 @@ from pyburgers.posterior import (
     relative_efficiency,
     smooth_weights,
 )
+from pyburgers.reporting import silent
 from pyburgers.run_directory import sha256_of_json, write_json, write_text
 from pyburgers.sampling import SamplerOptions
 from pyburgers.simulation import REFERENCE_SOLVER, program_for, quiet_cmdstanpy
@@ -62,10 +63,6 @@ COMPARISON_TEXT = (
 STACKING_TOLERANCE = 1e-8
 MAX_STACKING_STEPS = 100_000
 """Stacking weights are settled when a step changes none by more than the tolerance."""
-
-
-def _silent(_: str) -> None:
-    """Report to nobody."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +137,7 @@ def compare(
     fits: Mapping[str, Fit | JointFit],
     *,
     refits: Path | None = None,
-    report: Callable[[str], None] = _silent,
+    report: Callable[[str], None] = silent,
 ) -> Comparison:
     """Compare fits of the same data by leave-one-out cross-validation.
 
@@ -243,7 +240,7 @@ def leave_out_exactly(
     points: Sequence[int],
     folder: Path,
     *,
-    report: Callable[[str], None] = _silent,
+    report: Callable[[str], None] = silent,
 ) -> LeaveOneOut:
     """Replace the elpd of single points by that of fits without them.
 
@@ -280,7 +277,7 @@ def leave_out_exactly(
 
 
 def log_density_without(
-    one: Fit, point: int, out: Path, *, report: Callable[[str], None] = _silent
+    one: Fit, point: int, out: Path, *, report: Callable[[str], None] = silent
 ) -> float:
     """Log predictive density (1/Pa) of a point from a fit that has not seen it.
 

@@ -15,6 +15,7 @@ from pyburgers.experiment import Experiment
 from pyburgers.experiment_files import load_experiment
 from pyburgers.posterior import build_posterior, load_posterior, summary_table
 from pyburgers.priors import PriorSet, load_priors
+from pyburgers.reporting import silent
 from pyburgers.run_directory import RunDirectory, write_json, write_text
 from pyburgers.sampling import (
     ChainFailure,
@@ -28,10 +29,6 @@ from pyburgers.variants import ModelVariant, variant_of
 
 MAX_REFITS = 2
 """Times that a run is repeated at a tighter tolerance of the solver."""
-
-
-def _silent(_: str) -> None:
-    """Report to nobody."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +90,7 @@ class Fit:
         shutil.copytree(self.directory.path, path, ignore=shutil.ignore_patterns(".*"))
 
     @classmethod
-    def load(cls, path: str | Path, *, report: Callable[[str], None] = _silent) -> Self:
+    def load(cls, path: str | Path, *, report: Callable[[str], None] = silent) -> Self:
         """Read a run directory.
 
         Raises
@@ -128,7 +125,7 @@ def fit(
     solver: SolverOptions | None = None,
     use_likelihood: bool = True,
     command: str = "pyburgers.fit(...)",
-    report: Callable[[str], None] = _silent,
+    report: Callable[[str], None] = silent,
 ) -> Fit:
     """Fit the nonlinear Burgers model to an experiment.
 

@@ -24,6 +24,7 @@ from pyburgers.joint_stan_data import joint_data
 from pyburgers.pooling import pooling_from, pooling_of
 from pyburgers.posterior import draws_table, load_posterior
 from pyburgers.priors import PriorSet, load_priors, save_priors
+from pyburgers.reporting import silent
 from pyburgers.run_directory import RunDirectory, write_atomically, write_json
 from pyburgers.sampling import (
     ChainFailure,
@@ -36,10 +37,6 @@ from pyburgers.sampling import (
 from pyburgers.simulation import constant_rate_program
 from pyburgers.stan_data import SolverOptions, default_solver
 from pyburgers.variants import ModelVariant, variant_of
-
-
-def _silent(_: str) -> None:
-    """Report to nobody."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +95,7 @@ class JointFit:
         return found
 
     @classmethod
-    def load(cls, path: str | Path, *, report: Callable[[str], None] = _silent) -> Self:
+    def load(cls, path: str | Path, *, report: Callable[[str], None] = silent) -> Self:
         """Read a run directory.
 
         Raises
@@ -132,7 +129,7 @@ def fit_jointly(
     solver: SolverOptions | None = None,
     use_likelihood: bool = True,
     command: str = "pyburgers.fit_jointly(...)",
-    report: Callable[[str], None] = _silent,
+    report: Callable[[str], None] = silent,
 ) -> JointFit:
     """Fit the nonlinear Burgers model to several tests of one material at constant rate.
 
@@ -179,7 +176,7 @@ def fit_problem(
     solver: SolverOptions | None = None,
     use_likelihood: bool = True,
     command: str,
-    report: Callable[[str], None] = _silent,
+    report: Callable[[str], None] = silent,
 ) -> JointFit:
     """Fit tests, be it a single one, with the priors and the pooling of a joint fit.
 

@@ -27,6 +27,7 @@ from pyburgers.joint_fitting import JointFit, fit_problem
 from pyburgers.joint_problem import JointProblem, joint_problem, with_shared
 from pyburgers.marginal_likelihood import log_marginal_likelihood
 from pyburgers.priors import PriorSet, load_priors
+from pyburgers.reporting import silent
 from pyburgers.run_directory import write_json, write_text
 from pyburgers.sampling import SamplerOptions
 from pyburgers.stan_data import SolverOptions
@@ -39,10 +40,6 @@ LARGEST_ERROR = 1.0
 
 OF_THE_MODEL = "coverage"
 """The check that is about the model; all others are about the draws."""
-
-
-def _silent(_: str) -> None:
-    """Report to nobody."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +123,7 @@ class ComparisonByTest:
 
 
 def compare_by_test(
-    joints: Mapping[str, JointFit], *, command: str, report: Callable[[str], None] = _silent
+    joints: Mapping[str, JointFit], *, command: str, report: Callable[[str], None] = silent
 ) -> ComparisonByTest:
     """Compare joint fits of the same tests by how well they predict each from the others.
 
@@ -160,7 +157,7 @@ def compare_by_test(
 
 
 def leave_one_test_out(
-    joint: JointFit, *, command: str, report: Callable[[str], None] = _silent
+    joint: JointFit, *, command: str, report: Callable[[str], None] = silent
 ) -> LeaveOneTestOut:
     """Leave every test of a joint fit out, fitting again without it.
 
@@ -204,7 +201,7 @@ def fit_without(
     out: Path,
     *,
     command: str,
-    report: Callable[[str], None] = _silent,
+    report: Callable[[str], None] = silent,
 ) -> JointFit:
     """Repeat a joint fit without one of its tests, with the same prior densities of what is left.
 

@@ -51,6 +51,7 @@ from pyburgers.posterior import (
     summary_table,
 )
 from pyburgers.priors import PriorSet
+from pyburgers.reporting import silent
 from pyburgers.run_directory import (
     RunDirectory,
     write_json,
@@ -72,10 +73,6 @@ FloatArray = npt.NDArray[np.float64]
 
 WARMUP, TARGET_ACCEPTANCE = 500, 0.9
 """Defaults where the options leave them open; a gradient costs microseconds."""
-
-
-def _silent(_: str) -> None:
-    """Report to nobody."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +156,7 @@ def fit_peak_stress(
     options: SamplerOptions | None = None,
     use_likelihood: bool = True,
     command: str = "pyburgers.fit_peak_stress(...)",
-    report: Callable[[str], None] = _silent,
+    report: Callable[[str], None] = silent,
 ) -> PeakStressFit:
     """Fit ln(rate) = n ln(stress) - p ln(grain size) + Q_M (beta - 1/(R T)) with scatter.
 

@@ -3,16 +3,15 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 import pandas as pd
 import xarray as xr
 
 from pyburgers.constant_rate import load_constant_rate
-from pyburgers.diagnostics import CheckResult, check_fit
 from pyburgers.errors import InputError
 from pyburgers.experiment import Experiment
-from pyburgers.fitting import Fit, is_joint, sample_until_solved, write_tables
+from pyburgers.fitting import Fit, is_joint
 from pyburgers.joint_geometry import (
     check_joint_coordinates,
     choose_joint_geometry,
@@ -26,12 +25,11 @@ from pyburgers.posterior import draws_table, load_posterior
 from pyburgers.priors import PriorSet, load_priors, save_priors
 from pyburgers.reporting import silent
 from pyburgers.run_directory import RunDirectory, write_atomically, write_json
+from pyburgers.sampled_fit import SampledFit, sample_until_solved, write_tables
 from pyburgers.sampling import (
-    ChainFailure,
     SamplerOptions,
     SamplingTask,
     keep_experiment,
-    missing_chains,
     run_task,
 )
 from pyburgers.simulation import constant_rate_program
@@ -40,25 +38,19 @@ from pyburgers.variants import ModelVariant, variant_of
 
 
 @dataclass(frozen=True, eq=False)
-class JointFit:
+class JointFit(SampledFit):
     """A finished joint fit.
 
     Attributes
     ----------
-    directory : RunDirectory
-        Where its files are.
+    directory, posterior, manifest
+        As of every `SampledFit`, over all tests; groups of the draws:
+        `pyburgers.joint_posterior.build_joint_posterior`.
     problem : JointProblem
         Tests, priors, pooling.
-    posterior : DataTree
-        Labelled draws (`pyburgers.joint_posterior.build_joint_posterior`).
-    manifest : dict
-        Command, seeds, versions, hashes, wall times.
     """
 
-    directory: RunDirectory
     problem: JointProblem
-    posterior: xr.DataTree
-    manifest: dict[str, Any]
 
     @property
     def variant(self) -> ModelVariant:
@@ -68,18 +60,6 @@ class JointFit:
     def summary(self) -> pd.DataFrame:
         """Table of every sampled quantity in SI units (`pyburgers.posterior.draws_table`)."""
         return draws_table(self.posterior)
-
-    def checks(self) -> tuple[CheckResult, ...]:
-        """Return the checks with their verdicts, over all tests."""
-        return check_fit(
-            self.posterior, self.missing_chains(), self.manifest["sampler"]["max_treedepth"]
-        )
-
-    def missing_chains(self) -> tuple[ChainFailure, ...]:
-        """Return the chains that were asked for and are not there, and why."""
-        return missing_chains(
-            self.posterior["posterior"]["chain"].to_numpy().tolist(), self.manifest
-        )
 
     def tests(self) -> dict[str, Fit]:
         """Return what the joint fit says about each test, as a fit of that test.
@@ -91,7 +71,7 @@ class JointFit:
         for experiment, priors in zip(self.problem.experiments, self.problem.priors, strict=True):
             posterior = self.posterior[f"{TESTS}/{experiment.id}"]
             assert isinstance(posterior, xr.DataTree)  # a group, as build_joint_posterior has it
-            found[experiment.id] = Fit(self.directory, experiment, priors, posterior, self.manifest)
+            found[experiment.id] = Fit(self.directory, posterior, self.manifest, experiment, priors)
         return found
 
     @classmethod
@@ -116,7 +96,7 @@ class JointFit:
         posterior = load_posterior(run)
         if posterior is None:
             posterior = build_joint_posterior(run, problem, report=report)
-        return cls(run, problem, posterior, {**manifest, "chains": run.chain_records()})
+        return cls(run, posterior, {**manifest, "chains": run.chain_records()}, problem)
 
 
 def fit_jointly(

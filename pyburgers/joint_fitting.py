@@ -135,9 +135,8 @@ def fit_jointly(
     """
     if len(experiments) < 2:
         raise InputError(f"joint fit: found {len(experiments)} test, expected at least two.")
-    return fit_problem(
+    return fit_joint_problem(
         joint_problem(experiments, priors, pooling_of(pool)),
-        priors,
         out=out,
         options=options,
         solver=solver,
@@ -147,9 +146,8 @@ def fit_jointly(
     )
 
 
-def fit_problem(
+def fit_joint_problem(
     problem: JointProblem,
-    priors: PriorSet,
     *,
     out: str | Path,
     options: SamplerOptions | None = None,
@@ -163,16 +161,14 @@ def fit_problem(
     Parameters
     ----------
     problem : JointProblem
-        Tests, resolved priors, pooling.
-    priors : PriorSet
-        The priors from which `pyburgers.joint_problem.joint_problem` makes those of the problem.
+        Tests, priors, pooling.
     out, options, solver, use_likelihood, command, report
         As for `fit_jointly`, which says what is raised.
     """
     options = (options or SamplerOptions()).suited_to(problem.experiments[0])
     solver = solver or default_solver(problem.experiments[0])
     check_joint_coordinates(problem, options.coordinates)
-    task = _task(problem, priors, options, solver, use_likelihood, report)
+    task = _task(problem, options, solver, use_likelihood, report)
     run = RunDirectory(Path(out))
 
     def sample() -> JointFit:
@@ -186,7 +182,6 @@ def fit_problem(
 
 def _task(
     problem: JointProblem,
-    priors: PriorSet,
     options: SamplerOptions,
     solver: SolverOptions,
     use_likelihood: bool,
@@ -194,14 +189,14 @@ def _task(
 ) -> SamplingTask:
     """Settle what is sampled."""
     data = joint_data(problem, solver=solver, use_likelihood=use_likelihood)
-    kinds = {experiment.provenance.kind for experiment in problem.experiments}
+    priors = problem.given_priors
     return SamplingTask(
         name=problem.name,
-        data_kind="+".join(sorted(kinds)),
+        data_kind=problem.data_kind,
         program=constant_rate_program(),
         data=data,
         options=options,
-        write_inputs=lambda run: _write_inputs(run, problem, priors),
+        write_inputs=lambda run: _write_inputs(run, problem),
         choose_geometry=lambda model: choose_joint_geometry(
             model,
             data,
@@ -226,10 +221,10 @@ def _experiment_file(run: RunDirectory, name: str) -> Path:
     return run.inputs / TESTS / name / "experiment.toml"
 
 
-def _write_inputs(run: RunDirectory, problem: JointProblem, priors: PriorSet) -> None:
+def _write_inputs(run: RunDirectory, problem: JointProblem) -> None:
     """Save tests, priors and pooling."""
     for experiment in problem.experiments:
         keep_experiment(run, experiment, _experiment_file(run, experiment.id))
     # Not resolved: that is done for each test by itself.
-    write_atomically(run.priors_file, lambda path: save_priors(priors, path))
+    write_atomically(run.priors_file, lambda path: save_priors(problem.given_priors, path))
     write_json(run.inputs / "pooling.json", problem.pooling.record())

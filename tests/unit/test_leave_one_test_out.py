@@ -8,12 +8,12 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 import pytest
-from conftest import ICE, SMALL_RUN, Problem
+from conftest import ICE, SMALL_RUN, Problem, pair_of
 
 from pyburgers.bridge_sampling import LogIntegral
 from pyburgers.comparison import compare, pointwise_table
 from pyburgers.comparison_figures import left_out_tests, pointwise_differences
-from pyburgers.constant_rate import ConstantRateExperiment, load_constant_rate
+from pyburgers.constant_rate import load_constant_rate
 from pyburgers.errors import InputError
 from pyburgers.figure_style import image
 from pyburgers.fitting import Fit, fit
@@ -35,13 +35,6 @@ from pyburgers.pooling import pooling_of
 from pyburgers.priors import default_priors
 
 FloatArray = npt.NDArray[np.float64]
-
-
-def pair_of(problem: Problem) -> list[ConstantRateExperiment]:
-    """The small test, and another whose residuals are mirrored."""
-    first = problem.experiment
-    smooth = np.poly1d(np.polyfit(first.strain, first.stress, 6))(first.strain)
-    return [first, replace(first, id="other", stress=2 * smooth - first.stress)]
 
 
 @pytest.fixture(scope="module")

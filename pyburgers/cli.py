@@ -3,7 +3,8 @@
 import argparse
 import shlex
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -304,6 +305,15 @@ def _command_line() -> str:
     return shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
 
 
+@contextmanager
+def _writing(out: Path) -> Iterator[None]:
+    """Name the option where results cannot be written."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(f"--out {out}: cannot be written ({error.strerror}).") from error
+
+
 def _doctor(_: argparse.Namespace) -> int:
     findings = diagnose()
     print(format_findings(findings))
@@ -377,10 +387,8 @@ def _simulate(options: argparse.Namespace) -> int:
     if options.out.is_dir():
         raise InputError(f"--out {options.out}: is a folder, expected a file name.")
     solution = simulate(experiment, parameters, report=_say)
-    try:
+    with _writing(options.out):
         write_text(options.out, solution.to_csv(index=False))
-    except OSError as error:
-        raise InputError(f"--out {options.out}: cannot be written ({error.strerror}).") from error
     print(f"{len(solution)} rows in {options.out}")
     return 0
 
@@ -401,12 +409,10 @@ def _predict_attenuation(options: argparse.Namespace) -> int:
     )
     table = quantile_table(spectrum)
     figure = attenuation(spectrum, spectrum.attrs["title"])
-    try:
+    with _writing(options.out):
         write_text(options.out, table.to_csv(index=False))
         save_spectrum(spectrum, options.out.with_suffix(".nc"))
         write_images(figure, options.out)
-    except OSError as error:
-        raise InputError(f"--out {options.out}: cannot be written ({error.strerror}).") from error
     print(f"{spectrum.attrs['title']}: tan(delta), median and 90 % of the draws")
     print(overview_table(spectrum).to_string(index=False))
     for suffix in (".csv", ".nc", ".png", ".svg"):
@@ -469,12 +475,10 @@ def _compare(options: argparse.Namespace) -> int:
     comparison = compare(
         fits, refits=None if options.no_refit else options.out / "refits", report=_say
     )
-    try:
+    with _writing(options.out):
         options.out.mkdir(parents=True, exist_ok=True)
         save_comparison(comparison, fits, options.out, command=_command_line())
         write_images(pointwise_differences(comparison), options.out / "comparison.png")
-    except OSError as error:
-        raise InputError(f"--out {options.out}: cannot be written ({error.strerror}).") from error
     print(comparison_table(comparison).round(2).to_string())
     for sentence in sentences(comparison):
         print(sentence)
@@ -493,14 +497,13 @@ def _compare_by_test(options: argparse.Namespace) -> int:
         for name, directory in zip(_names_of(directories), directories, strict=True)
     }
     command = _command_line()
-    try:
+    with _writing(options.out):
         # Ahead of the fits, which take long.
         options.out.mkdir(parents=True, exist_ok=True)
-        comparison = compare_by_test(joints, command=command, report=_say)
+    comparison = compare_by_test(joints, command=command, report=_say)
+    with _writing(options.out):
         save_comparison_by_test(comparison, joints, options.out, command=command)
         write_images(left_out_tests(comparison), options.out / "comparison.png")
-    except OSError as error:
-        raise InputError(f"--out {options.out}: cannot be written ({error.strerror}).") from error
     print(table_of_tests(comparison).round(2).to_string())
     print(table_of_fits(comparison).round(2).to_string())
     for sentence in sentences_by_test(comparison):

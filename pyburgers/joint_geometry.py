@@ -85,6 +85,7 @@ def _joint_position(
     """Coordinates of a joint fit from plain ones of each test and spreads over their scales."""
     layout = joint_coordinates(problem)
     position = np.empty(layout.size)
+    # The first test comes last, so that shared coordinates are its own.
     for own, places in zip(reversed(plain), reversed(layout.position), strict=True):
         position[places] = own
     for h, name in enumerate(layout.partial):

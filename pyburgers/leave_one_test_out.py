@@ -5,6 +5,7 @@ ratio of marginal likelihoods: that of all tests over that of all but this one. 
 repeated without each test for the latter.
 """
 
+import itertools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -93,6 +94,7 @@ class LeaveOneTestOut:
 
     @property
     def _errors_without(self) -> FloatArray:
+        """Monte Carlo standard errors of `without`, shape (n_tests,)."""
         return np.array([one.error for one in self.without])
 
 
@@ -122,7 +124,10 @@ class ComparisonByTest:
 
 
 def compare_by_test(
-    joints: Mapping[str, JointFit], *, command: str, report: Callable[[str], None] = silent
+    joints: Mapping[str, JointFit],
+    *,
+    command: str = "pyburgers.compare_by_test(...)",
+    report: Callable[[str], None] = silent,
 ) -> ComparisonByTest:
     """Compare joint fits of the same tests by how well they predict each from the others.
 
@@ -156,9 +161,12 @@ def compare_by_test(
 
 
 def leave_one_test_out(
-    joint: JointFit, *, command: str, report: Callable[[str], None] = silent
+    joint: JointFit,
+    *,
+    command: str = "pyburgers.leave_one_test_out.leave_one_test_out(...)",
+    report: Callable[[str], None] = silent,
 ) -> LeaveOneTestOut:
-    """Leave every test of a joint fit out, fitting again without it.
+    """Leave each test of a joint fit out in turn, fitting again without it.
 
     The fits are in ``leave_out/TEST`` in the run directory; those that are there are continued.
 
@@ -248,7 +256,12 @@ def _doubts(joint: JointFit) -> tuple[str, ...]:
 
 
 def difference_by_test(one: LeaveOneTestOut, other: LeaveOneTestOut) -> tuple[float, float, float]:
-    """Compare two fits.
+    """Compare how well two fits predict the tests left out.
+
+    Parameters
+    ----------
+    one, other : LeaveOneTestOut
+        Of joint fits of the same tests.
 
     Returns
     -------
@@ -321,11 +334,10 @@ def sentences_by_test(comparison: ComparisonByTest) -> tuple[str, ...]:
         ]
     else:
         said = []
-        for k, (better, one) in enumerate(results):
-            for worse, other in results[k + 1 :]:
-                difference, over_tests, monte_carlo = difference_by_test(one, other)
-                error = float(np.hypot(over_tests, monte_carlo))
-                said.append(pair_sentence(better, worse, difference, error, what="left-out tests"))
+        for (better, one), (worse, other) in itertools.combinations(results, 2):
+            difference, over_tests, monte_carlo = difference_by_test(one, other)
+            error = float(np.hypot(over_tests, monte_carlo))
+            said.append(pair_sentence(better, worse, difference, error, what="left-out tests"))
         if len(results[0][1].tests) == 2:
             said.append(
                 "Of two tests the standard error says little: what the one tells about the other "

@@ -12,7 +12,6 @@ from pyburgers.joint_figures import (
     CURVES_CAPTION,
     INTERVALS_CAPTION,
     all_curves,
-    fits_alone,
     intervals,
 )
 from pyburgers.joint_fitting import JointFit
@@ -20,6 +19,7 @@ from pyburgers.joint_posterior import own_name
 from pyburgers.joint_stan_data import CENTRE, SPREAD
 from pyburgers.parameters import REFERENCE_STRESS_QUANTITY
 from pyburgers.report import ExtraFigure, ExtraSection, ExtraTable
+from pyburgers.same_data import fits_alone
 from pyburgers.tables import checks_table
 
 

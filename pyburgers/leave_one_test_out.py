@@ -17,7 +17,6 @@ import pandas as pd
 
 from pyburgers.bridge_sampling import LogIntegral
 from pyburgers.comparison import (
-    check_same_data,
     origins,
     pair_sentence,
     stacking_weights,
@@ -29,6 +28,7 @@ from pyburgers.joint_problem import problem_without
 from pyburgers.marginal_likelihood import log_marginal_likelihood
 from pyburgers.reporting import silent
 from pyburgers.run_directory import write_json, write_text
+from pyburgers.same_data import check_same_data
 from pyburgers.sampling import SamplerOptions
 from pyburgers.stan_data import SolverOptions
 

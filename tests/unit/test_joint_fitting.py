@@ -10,11 +10,12 @@ from figure_texts import legend_texts
 
 from pyburgers.errors import InputError
 from pyburgers.fitting import Fit, fit
-from pyburgers.joint_figures import fits_alone, intervals
+from pyburgers.joint_figures import intervals
 from pyburgers.joint_fitting import JointFit, fit_jointly
 from pyburgers.joint_section import joint_section, pooling_table, sd_ratios
 from pyburgers.posterior import total_log_likelihood
 from pyburgers.report import write_report
+from pyburgers.same_data import fits_alone
 
 POOL = {"stress_noise": "separate"}
 

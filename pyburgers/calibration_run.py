@@ -15,8 +15,6 @@ from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
 
-import numpy as np
-
 from pyburgers.calibration import Replication, check_template, replicate
 from pyburgers.cmdstan import load_model
 from pyburgers.errors import InputError
@@ -183,7 +181,7 @@ def calibrate(
     check_coordinates(template, plan.sampler.coordinates)
     jobs = number_of_processes(jobs, plan.simulations)
     plan = replace(plan, sampler=replace(plan.sampler.suited_to(template), parallel_chains=1))
-    priors = priors.resolved(float(np.max(np.abs(template.stress))))
+    priors = priors.resolved(template.largest_stress)
     if not priors.free:
         raise InputError(f"{priors.title}: all parameters are fixed, expected a free one to rank.")
     model = load_model(program_for(template), report=report)

@@ -4,8 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
-import numpy as np
-
 from pyburgers.constant_rate import ConstantRateExperiment
 from pyburgers.errors import InputError
 from pyburgers.experiment import Experiment
@@ -102,7 +100,7 @@ def joint_problem(
                 f"{name}: stands {names.count(name)} times among the tests of a joint fit, "
                 "expected different ones."
             )
-    largest = [float(np.max(np.abs(experiment.stress))) for experiment in suited]
+    largest = [experiment.largest_stress for experiment in suited]
     common = priors.resolved(max(largest))
     resolved = tuple(
         _with_shared(priors.resolved(stress), common, pooling.of_kind("shared", priors.free))

@@ -20,9 +20,9 @@ from pyburgers.display import (
     LENGTH_UNIT,
     STRESS_FACTOR,
     STRESS_UNIT,
-    rounded,
     shown_quantity,
     unit_text,
+    with_error,
 )
 from pyburgers.draws import all_draws
 from pyburgers.fitting import Fit
@@ -251,7 +251,7 @@ def _shown_sources(table: pd.DataFrame) -> pd.DataFrame:
         shown = {}
         for source in sources:
             mean, sd = (row[f"{source} {key}"] * factor for key in ("mean", "sd"))
-            shown[source] = f"{rounded(mean, sd)} ± {rounded(sd, sd)}"
+            shown[source] = with_error(mean, sd)
         share = row["both sd"] / row["curve alone sd"]
         rows.append(
             {"quantity": label, "unit": unit, **shown, "sd both / curve alone": f"{share:.2f}"}

@@ -278,7 +278,7 @@ def run_chains(
     check_coordinates(experiment, options.coordinates)
     check_variant(priors, experiment)
     options = options.suited_to(experiment)
-    priors = priors.resolved(float(np.max(np.abs(experiment.stress))))
+    priors = priors.resolved(experiment.largest_stress)
     data = program_data(experiment, priors, solver=solver, use_likelihood=use_likelihood)
     task = SamplingTask(
         name=experiment.id,

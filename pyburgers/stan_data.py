@@ -223,7 +223,7 @@ def _reference_origin(experiment: Experiment) -> tuple[float, float]:
         rate = float(np.sqrt(np.mean(prepared.strain_rate(prepared.time) ** 2)))
         return float(np.log(TYPICAL_FLOW_RATE * rate)), 1.0
     # The largest observed stress, or a laboratory stress where nothing was observed.
-    stress = float(np.max(np.abs(experiment.stress))) if experiment.n_points > 0 else 1e7
+    stress = experiment.largest_stress if experiment.n_points > 0 else 1e7
     return float(np.log(stress)), REFERENCE_STRESS_SCALE
 
 

@@ -106,7 +106,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="pyburgers", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="pyburgers",
+        description="Fit a nonlinear Burgers model to deformation tests, one by one or together.",
+    )
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
 
     command = commands.add_parser("doctor", help="what is installed, what is missing")

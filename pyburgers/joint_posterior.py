@@ -117,8 +117,8 @@ def _draws_of_tests(
         draws = xr.Dataset({**values, REFERENCE_STRESS_QUANTITY.name: stress}).drop_vars(
             ["parameter_dim_0", "parameter_dim_1", "log_stress_dim_0"], errors="ignore"
         )
-        quantities = (*(PARAMETER_BY_NAME[name] for name in priors.priors),)
-        label_draws(draws, (*quantities, REFERENCE_STRESS_QUANTITY), priors)
+        parameters = (PARAMETER_BY_NAME[name] for name in priors.priors)
+        label_draws(draws, (*parameters, REFERENCE_STRESS_QUANTITY), priors)
         found[experiment.id] = draws
     return found
 

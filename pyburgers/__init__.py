@@ -9,6 +9,8 @@ from pyburgers.experiment_files import load_experiment
 from pyburgers.fitting import Fit, fit
 from pyburgers.forced_oscillation import OscillationExperiment
 from pyburgers.joint_fitting import JointFit, fit_jointly
+from pyburgers.leave_one_test_out import ComparisonByTest, compare_by_test
+from pyburgers.marginal_likelihood import log_marginal_likelihood
 from pyburgers.peak_stress import PeakStressData, load_peak_stress
 from pyburgers.peak_stress_fit import PeakStressFit, fit_peak_stress, flow_law_prior
 from pyburgers.peak_stress_priors import default_peak_stress_priors, load_peak_stress_priors
@@ -20,6 +22,7 @@ from pyburgers.variants import ModelVariant, variant_of, with_variant
 
 __all__ = [
     "Comparison",
+    "ComparisonByTest",
     "ConstantRateExperiment",
     "Experiment",
     "Fit",
@@ -38,6 +41,7 @@ __all__ = [
     "ToolchainError",
     "attenuation_spectrum",
     "compare",
+    "compare_by_test",
     "default_peak_stress_priors",
     "default_priors",
     "fit",
@@ -49,6 +53,7 @@ __all__ = [
     "load_peak_stress",
     "load_peak_stress_priors",
     "load_priors",
+    "log_marginal_likelihood",
     "predict_attenuation",
     "simulate",
     "variant_of",

@@ -15,8 +15,6 @@ from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
 
-import numpy as np
-
 from pyburgers.calibration import Replication, check_template, replicate
 from pyburgers.cmdstan import load_model
 from pyburgers.errors import InputError
@@ -26,6 +24,7 @@ from pyburgers.geometry import check_coordinates
 from pyburgers.priors import PriorSet, load_priors, save_priors
 from pyburgers.processes import completed, number_of_processes
 from pyburgers.rank_uniformity import RankBands, RankVerdict, judge_ranks, rank_bands
+from pyburgers.reporting import silent
 from pyburgers.run_directory import (
     RunDirectory,
     sha256_of_file,
@@ -150,7 +149,7 @@ def calibrate(
     plan: CalibrationPlan,
     jobs: int | None = None,
     command: str = "pyburgers.calibrate(...)",
-    report: Callable[[str], None] = lambda _: None,
+    report: Callable[[str], None] = silent,
 ) -> Calibration:
     """Simulate data sets from the prior, fit each, and rank the truths; continue where one stopped.
 
@@ -182,7 +181,7 @@ def calibrate(
     check_coordinates(template, plan.sampler.coordinates)
     jobs = number_of_processes(jobs, plan.simulations)
     plan = replace(plan, sampler=replace(plan.sampler.suited_to(template), parallel_chains=1))
-    priors = priors.resolved(float(np.max(np.abs(template.stress))))
+    priors = priors.resolved(template.largest_stress)
     if not priors.free:
         raise InputError(f"{priors.title}: all parameters are fixed, expected a free one to rank.")
     model = load_model(program_for(template), report=report)

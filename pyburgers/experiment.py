@@ -94,6 +94,11 @@ class Experiment:
         """Number of data points; zero for an experiment that can only be simulated."""
         return len(self.stress)
 
+    @property
+    def largest_stress(self) -> float:
+        """Largest measured |σ| (Pa); only of an experiment with data."""
+        return float(np.max(np.abs(self.stress)))
+
 
 class TextFilesTable(Table):
     """What a table [data] of any protocol says about its text files."""

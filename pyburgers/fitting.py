@@ -4,59 +4,39 @@ import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Protocol, Self, TypeVar
+from typing import Any, Self
 
 import pandas as pd
-import xarray as xr
 
-from pyburgers.diagnostics import CheckResult, check_fit, check_solver, checks_record
 from pyburgers.errors import InputError
 from pyburgers.experiment import Experiment
 from pyburgers.experiment_files import load_experiment
 from pyburgers.posterior import build_posterior, load_posterior, summary_table
 from pyburgers.priors import PriorSet, load_priors
-from pyburgers.run_directory import RunDirectory, write_json, write_text
-from pyburgers.sampling import (
-    ChainFailure,
-    SamplerOptions,
-    missing_chains,
-    run_chains,
-    tighten_solver,
-)
+from pyburgers.reporting import silent
+from pyburgers.run_directory import RunDirectory
+from pyburgers.sampled_fit import SampledFit, sample_until_solved, write_tables
+from pyburgers.sampling import SamplerOptions, run_chains
 from pyburgers.stan_data import SolverOptions, default_solver
 from pyburgers.variants import ModelVariant, variant_of
 
-MAX_REFITS = 2
-"""Times that a run is repeated at a tighter tolerance of the solver."""
-
-
-def _silent(_: str) -> None:
-    """Report to nobody."""
-
 
 @dataclass(frozen=True, eq=False)
-class Fit:
-    """A finished fit.
+class Fit(SampledFit):
+    """A finished fit of one test.
 
     Attributes
     ----------
-    directory : RunDirectory
-        Where its files are.
+    directory, posterior, manifest
+        As of every `SampledFit`; groups of the draws: `pyburgers.posterior.build_posterior`.
     experiment : Experiment
         What was fitted.
     priors : PriorSet
         Priors in SI, the noise scale resolved.
-    posterior : DataTree
-        Labelled draws (groups and units: `pyburgers.posterior.build_posterior`).
-    manifest : dict
-        Command, seeds, versions, hashes, wall times.
     """
 
-    directory: RunDirectory
     experiment: Experiment
     priors: PriorSet
-    posterior: xr.DataTree
-    manifest: dict[str, Any]
 
     @property
     def variant(self) -> ModelVariant:
@@ -66,18 +46,6 @@ class Fit:
     def summary(self) -> pd.DataFrame:
         """Posterior table in SI units (`pyburgers.posterior.summary_table`)."""
         return summary_table(self.posterior, self.priors)
-
-    def checks(self) -> tuple[CheckResult, ...]:
-        """Return the checks with their verdicts (`pyburgers.diagnostics.check_fit`)."""
-        return check_fit(
-            self.posterior, self.missing_chains(), self.manifest["sampler"]["max_treedepth"]
-        )
-
-    def missing_chains(self) -> tuple[ChainFailure, ...]:
-        """Return the chains that were asked for and are not there, and why."""
-        return missing_chains(
-            self.posterior["posterior"]["chain"].to_numpy().tolist(), self.manifest
-        )
 
     def save(self, path: str | Path) -> None:
         """Copy the run directory.
@@ -93,7 +61,7 @@ class Fit:
         shutil.copytree(self.directory.path, path, ignore=shutil.ignore_patterns(".*"))
 
     @classmethod
-    def load(cls, path: str | Path, *, report: Callable[[str], None] = _silent) -> Self:
+    def load(cls, path: str | Path, *, report: Callable[[str], None] = silent) -> Self:
         """Read a run directory.
 
         Raises
@@ -128,7 +96,7 @@ def fit(
     solver: SolverOptions | None = None,
     use_likelihood: bool = True,
     command: str = "pyburgers.fit(...)",
-    report: Callable[[str], None] = _silent,
+    report: Callable[[str], None] = silent,
 ) -> Fit:
     """Fit the nonlinear Burgers model to an experiment.
 
@@ -148,7 +116,7 @@ def fit(
         Tolerance of the ODE solver while sampling, by default that of
         `pyburgers.stan_data.default_solver`. Where the draws, solved again at the reference
         tolerance, show it too loose (Pareto k), all chains are run again ten times tighter, at
-        most `MAX_REFITS` times; the manifest notes it.
+        most `pyburgers.sampled_fit.MAX_REFITS` times; the manifest notes it.
     use_likelihood : bool
         False samples the prior predictive distribution with the same program.
     command : str
@@ -191,64 +159,3 @@ def fit(
 def is_joint(manifest: Mapping[str, Any]) -> bool:
     """Tell from a manifest whether a run is a joint fit."""
     return "pooling" in manifest
-
-
-class SampledFit(Protocol):
-    """What fits of one and of several tests have in common."""
-
-    @property
-    def directory(self) -> RunDirectory:
-        """Where its files are."""
-
-    @property
-    def posterior(self) -> xr.DataTree:
-        """Labelled draws."""
-
-    @property
-    def manifest(self) -> dict[str, Any]:
-        """Command, seeds, versions, hashes, wall times."""
-
-    def summary(self) -> pd.DataFrame:
-        """Posterior table in SI units."""
-
-    def checks(self) -> tuple[CheckResult, ...]:
-        """Return the checks with their verdicts."""
-
-    def missing_chains(self) -> tuple[ChainFailure, ...]:
-        """Return the chains that were asked for and are not there, and why."""
-
-
-AnyFit = TypeVar("AnyFit", bound=SampledFit)
-
-
-def sample_until_solved(
-    sample: Callable[[], AnyFit], run: RunDirectory, report: Callable[[str], None]
-) -> AnyFit:
-    """Sample, and again at a tighter tolerance of the solver where its check fails.
-
-    Parameters
-    ----------
-    sample : callable
-        Runs missing chains and loads the fit.
-    run : RunDirectory
-        Where they are.
-    report : callable
-        Receives progress sentences.
-    """
-    while True:
-        result = sample()
-        verdict = check_solver(result.posterior)
-        n_refits = len(result.manifest["refits"])
-        if verdict.passed or n_refits == MAX_REFITS or result.missing_chains():
-            return result
-        tight = tighten_solver(run, float(verdict.table["pareto_k"].iloc[0]))
-        report(f"{verdict.sentence} Sampling all chains again at a tolerance of {tight:g}.")
-
-
-def write_tables(result: SampledFit) -> None:
-    """Save the table and the verdicts, and note in the manifest that the run is complete."""
-    run = result.directory
-    write_text(run.summary_file, result.summary().to_csv())
-    write_json(run.checks_file, checks_record(result.checks()))
-    if not result.missing_chains():
-        run.update_manifest({"status": "complete"})

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, Protocol, TypeVar
 
 import cmdstanpy
 import numpy as np
@@ -23,7 +23,6 @@ from pyburgers.stan_data import (
     valley_block,
 )
 from pyburgers.valley import ValleyUnsuited, find_valley, noise_exponents
-from pyburgers.variants import variant_of
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -120,28 +119,89 @@ def choose_geometry(
     InputError
         If the coordinates that were asked for do not suit priors or record.
     """
+
+    def special(mode: Mode) -> Geometry:
+        if isinstance(experiment, ConstantRateExperiment):
+            return _valley(model, data, experiment, priors, mode, seed, solver)
+        return _sheared(model, data, experiment, priors, mode)
+
+    return geometry_at_mode(
+        model,
+        data,
+        name=experiment.id,
+        wanted=wanted,
+        find=lambda: find_mode(experiment, priors, seed=seed, solver=solver, report=report),
+        special=special,
+        report=report,
+    )
+
+
+class HasCoordinate(Protocol):
+    """A posterior mode, of one test or of several."""
+
+    @property
+    def coordinate(self) -> FloatArray:
+        """Plain coordinates, shape (n_coordinates,)."""
+
+
+AnyMode = TypeVar("AnyMode", bound=HasCoordinate)
+
+
+def geometry_at_mode(
+    model: cmdstanpy.CmdStanModel,
+    data: StanData,
+    *,
+    name: str,
+    wanted: Coordinates,
+    find: Callable[[], AnyMode],
+    special: Callable[[AnyMode], Geometry],
+    report: Callable[[str], None],
+) -> Geometry:
+    """Find the mode and set up special coordinates there, or fall back to plain ones.
+
+    Parameters
+    ----------
+    model : CmdStanModel
+        The program.
+    data : dict
+        Its data in plain coordinates.
+    name : str
+        Of what is fitted, for error messages.
+    wanted : {"auto", "plain", "valley", "sheared"}
+        Coordinates that were asked for.
+    find : callable
+        Finds the mode, or raises `pyburgers.mode.ModeNotFound`.
+    special : callable
+        Sets up valley or sheared coordinates at a mode, or raises
+        `pyburgers.valley.ValleyUnsuited` or `pyburgers.sheared.ShearedUnsuited`.
+    report : callable
+        Receives progress sentences.
+
+    Raises
+    ------
+    InputError
+        If the coordinates that were asked for do not suit priors or record.
+    """
     if not data["use_likelihood"]:
         return Geometry("plain", "the likelihood is off", {})
     report("Finding the posterior mode, which sets the sampler's coordinates and metric.")
     mode = None
     try:
-        mode = find_mode(experiment, priors, seed=seed, solver=solver, report=report)
+        mode = find()
         if wanted == "plain":
             return _plain(model, data, mode, "asked for")
-        if isinstance(experiment, ConstantRateExperiment):
-            return _valley(model, data, experiment, priors, mode, seed, solver)
-        return _sheared(model, data, experiment, priors, mode)
+        return special(mode)
     except (ModeNotFound, ValleyUnsuited, ShearedUnsuited) as error:
         if wanted not in ("auto", "plain"):
             raise InputError(
-                f"{experiment.id}: {wanted} coordinates do not apply, because {error}; use "
+                f"{name}: {wanted} coordinates do not apply, because {error}; use "
                 "--coordinates auto or plain."
             ) from error
         return _plain(model, data, mode, "asked for" if wanted == "plain" else str(error))
 
 
 def _plain(
-    model: cmdstanpy.CmdStanModel, data: StanData, mode: Mode | None, reason: str
+    model: cmdstanpy.CmdStanModel, data: StanData, mode: HasCoordinate | None, reason: str
 ) -> Geometry:
     if mode is None:
         return Geometry("plain", reason, {})
@@ -159,8 +219,6 @@ def _valley(
     solver: SolverOptions,
 ) -> Geometry:
     """Valley coordinates, whose origin is at conditional medians given the mode."""
-    if variant_of(priors, experiment).grain_size == "piezometric":
-        raise ValleyUnsuited("the grain size follows a piezometer")
     coordinates = plain_coordinates(experiment, priors)
     centre = np.zeros_like(mode.coordinate)
     valley = find_valley(experiment, priors, mode, solver=solver)

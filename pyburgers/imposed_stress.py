@@ -15,6 +15,7 @@ from pyburgers.cmdstan import load_model, stan_directory
 from pyburgers.errors import InputError, SamplingError
 from pyburgers.parameters import KELVIN_REFERENCES, STANDARD_VALUES
 from pyburgers.phase_lag import PhaseLag, phase_lag
+from pyburgers.reporting import silent
 from pyburgers.simulation import check_kelvin_element, evaluate
 from pyburgers.stan_data import SolverOptions, solver_block
 
@@ -44,7 +45,7 @@ def simulate_imposed_stress(
     fabric_factor: float = 1.0,
     hold_time: float = HOLD_TIME,
     solver: SolverOptions = SOLVER,
-    report: Callable[[str], None] = lambda _: None,
+    report: Callable[[str], None] = silent,
 ) -> pd.DataFrame:
     """Solve the model for a hold at the median stress and the cycles after it.
 
@@ -157,7 +158,7 @@ def simulated_phase_lag(
     fabric_factor: float = 1.0,
     cycles: int = 6,
     n_harmonics: int = 3,
-    report: Callable[[str], None] = lambda _: None,
+    report: Callable[[str], None] = silent,
 ) -> PhaseLag:
     """Simulate settled cycles and read the phase lag off the record, as of a measured one.
 

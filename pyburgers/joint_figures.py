@@ -7,7 +7,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from pyburgers.comparison import data_hash
 from pyburgers.constant_rate_figures import draw_curve, mark_rate_steps
 from pyburgers.diagnostics import BAND
 from pyburgers.display import (
@@ -30,6 +29,7 @@ from pyburgers.figure_style import (
 from pyburgers.fitting import Fit
 from pyburgers.joint_fitting import JointFit
 from pyburgers.parameters import REFERENCE_STRESS_QUANTITY
+from pyburgers.same_data import fits_alone
 
 CURVES_CAPTION = (
     "Every test of the joint fit with all its segments: data (circles), solution at the posterior "
@@ -107,16 +107,6 @@ def intervals(joint: JointFit, separate: Sequence[Fit]) -> Figure:
         lines = [Line2D([], [], color=colour, linewidth=3.5) for colour in shown.values()]
         figure.legend(lines, list(shown), loc="outside upper center", ncols=2)
     return figure
-
-
-def fits_alone(joint: JointFit, separate: Sequence[Fit]) -> dict[str, Fit | None]:
-    """Return the first fit of the same data, or None, for every test of a joint fit."""
-    hashes = [(data_hash(other.posterior), other) for other in separate]
-    found: dict[str, Fit | None] = {}
-    for name, fit in joint.tests().items():
-        wanted = data_hash(fit.posterior)
-        found[name] = next((other for key, other in hashes if key == wanted), None)
-    return found
 
 
 def _quantiles(fit: Fit, quantity: str) -> list[float]:

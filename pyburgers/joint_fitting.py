@@ -3,34 +3,30 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 import pandas as pd
 import xarray as xr
 
 from pyburgers.constant_rate import load_constant_rate
-from pyburgers.diagnostics import CheckResult, check_fit
 from pyburgers.errors import InputError
 from pyburgers.experiment import Experiment
-from pyburgers.fitting import Fit, is_joint, sample_until_solved, write_tables
-from pyburgers.joint_geometry import (
-    check_joint_coordinates,
-    choose_joint_geometry,
-    draw_joint_start,
-)
+from pyburgers.fitting import Fit, is_joint
+from pyburgers.geometry import check_coordinates
+from pyburgers.joint_geometry import choose_joint_geometry, draw_joint_start
 from pyburgers.joint_posterior import TESTS, build_joint_posterior
 from pyburgers.joint_problem import JointProblem, joint_problem
 from pyburgers.joint_stan_data import joint_data
 from pyburgers.pooling import pooling_from, pooling_of
 from pyburgers.posterior import draws_table, load_posterior
 from pyburgers.priors import PriorSet, load_priors, save_priors
+from pyburgers.reporting import silent
 from pyburgers.run_directory import RunDirectory, write_atomically, write_json
+from pyburgers.sampled_fit import SampledFit, sample_until_solved, write_tables
 from pyburgers.sampling import (
-    ChainFailure,
     SamplerOptions,
     SamplingTask,
     keep_experiment,
-    missing_chains,
     run_task,
 )
 from pyburgers.simulation import constant_rate_program
@@ -38,30 +34,20 @@ from pyburgers.stan_data import SolverOptions, default_solver
 from pyburgers.variants import ModelVariant, variant_of
 
 
-def _silent(_: str) -> None:
-    """Report to nobody."""
-
-
 @dataclass(frozen=True, eq=False)
-class JointFit:
+class JointFit(SampledFit):
     """A finished joint fit.
 
     Attributes
     ----------
-    directory : RunDirectory
-        Where its files are.
+    directory, posterior, manifest
+        As of every `SampledFit`, over all tests; groups of the draws:
+        `pyburgers.joint_posterior.build_joint_posterior`.
     problem : JointProblem
         Tests, priors, pooling.
-    posterior : DataTree
-        Labelled draws (`pyburgers.joint_posterior.build_joint_posterior`).
-    manifest : dict
-        Command, seeds, versions, hashes, wall times.
     """
 
-    directory: RunDirectory
     problem: JointProblem
-    posterior: xr.DataTree
-    manifest: dict[str, Any]
 
     @property
     def variant(self) -> ModelVariant:
@@ -71,18 +57,6 @@ class JointFit:
     def summary(self) -> pd.DataFrame:
         """Table of every sampled quantity in SI units (`pyburgers.posterior.draws_table`)."""
         return draws_table(self.posterior)
-
-    def checks(self) -> tuple[CheckResult, ...]:
-        """Return the checks with their verdicts, over all tests."""
-        return check_fit(
-            self.posterior, self.missing_chains(), self.manifest["sampler"]["max_treedepth"]
-        )
-
-    def missing_chains(self) -> tuple[ChainFailure, ...]:
-        """Return the chains that were asked for and are not there, and why."""
-        return missing_chains(
-            self.posterior["posterior"]["chain"].to_numpy().tolist(), self.manifest
-        )
 
     def tests(self) -> dict[str, Fit]:
         """Return what the joint fit says about each test, as a fit of that test.
@@ -94,11 +68,11 @@ class JointFit:
         for experiment, priors in zip(self.problem.experiments, self.problem.priors, strict=True):
             posterior = self.posterior[f"{TESTS}/{experiment.id}"]
             assert isinstance(posterior, xr.DataTree)  # a group, as build_joint_posterior has it
-            found[experiment.id] = Fit(self.directory, experiment, priors, posterior, self.manifest)
+            found[experiment.id] = Fit(self.directory, posterior, self.manifest, experiment, priors)
         return found
 
     @classmethod
-    def load(cls, path: str | Path, *, report: Callable[[str], None] = _silent) -> Self:
+    def load(cls, path: str | Path, *, report: Callable[[str], None] = silent) -> Self:
         """Read a run directory.
 
         Raises
@@ -119,7 +93,7 @@ class JointFit:
         posterior = load_posterior(run)
         if posterior is None:
             posterior = build_joint_posterior(run, problem, report=report)
-        return cls(run, problem, posterior, {**manifest, "chains": run.chain_records()})
+        return cls(run, posterior, {**manifest, "chains": run.chain_records()}, problem)
 
 
 def fit_jointly(
@@ -132,7 +106,7 @@ def fit_jointly(
     solver: SolverOptions | None = None,
     use_likelihood: bool = True,
     command: str = "pyburgers.fit_jointly(...)",
-    report: Callable[[str], None] = _silent,
+    report: Callable[[str], None] = silent,
 ) -> JointFit:
     """Fit the nonlinear Burgers model to several tests of one material at constant rate.
 
@@ -158,9 +132,8 @@ def fit_jointly(
     """
     if len(experiments) < 2:
         raise InputError(f"joint fit: found {len(experiments)} test, expected at least two.")
-    return fit_problem(
+    return fit_joint_problem(
         joint_problem(experiments, priors, pooling_of(pool)),
-        priors,
         out=out,
         options=options,
         solver=solver,
@@ -170,32 +143,29 @@ def fit_jointly(
     )
 
 
-def fit_problem(
+def fit_joint_problem(
     problem: JointProblem,
-    priors: PriorSet,
     *,
     out: str | Path,
     options: SamplerOptions | None = None,
     solver: SolverOptions | None = None,
     use_likelihood: bool = True,
     command: str,
-    report: Callable[[str], None] = _silent,
+    report: Callable[[str], None] = silent,
 ) -> JointFit:
     """Fit tests, be it a single one, with the priors and the pooling of a joint fit.
 
     Parameters
     ----------
     problem : JointProblem
-        Tests, resolved priors, pooling.
-    priors : PriorSet
-        The priors from which `pyburgers.joint_problem.joint_problem` makes those of the problem.
+        Tests, priors, pooling.
     out, options, solver, use_likelihood, command, report
         As for `fit_jointly`, which says what is raised.
     """
     options = (options or SamplerOptions()).suited_to(problem.experiments[0])
     solver = solver or default_solver(problem.experiments[0])
-    check_joint_coordinates(problem, options.coordinates)
-    task = _task(problem, priors, options, solver, use_likelihood, report)
+    check_coordinates(problem.experiments[0], options.coordinates)
+    task = _task(problem, options, solver, use_likelihood, report)
     run = RunDirectory(Path(out))
 
     def sample() -> JointFit:
@@ -209,7 +179,6 @@ def fit_problem(
 
 def _task(
     problem: JointProblem,
-    priors: PriorSet,
     options: SamplerOptions,
     solver: SolverOptions,
     use_likelihood: bool,
@@ -217,14 +186,14 @@ def _task(
 ) -> SamplingTask:
     """Settle what is sampled."""
     data = joint_data(problem, solver=solver, use_likelihood=use_likelihood)
-    kinds = {experiment.provenance.kind for experiment in problem.experiments}
+    priors = problem.given_priors
     return SamplingTask(
         name=problem.name,
-        data_kind="+".join(sorted(kinds)),
+        data_kind=problem.data_kind,
         program=constant_rate_program(),
         data=data,
         options=options,
-        write_inputs=lambda run: _write_inputs(run, problem, priors),
+        write_inputs=lambda run: _write_inputs(run, problem),
         choose_geometry=lambda model: choose_joint_geometry(
             model,
             data,
@@ -249,10 +218,10 @@ def _experiment_file(run: RunDirectory, name: str) -> Path:
     return run.inputs / TESTS / name / "experiment.toml"
 
 
-def _write_inputs(run: RunDirectory, problem: JointProblem, priors: PriorSet) -> None:
+def _write_inputs(run: RunDirectory, problem: JointProblem) -> None:
     """Save tests, priors and pooling."""
     for experiment in problem.experiments:
         keep_experiment(run, experiment, _experiment_file(run, experiment.id))
     # Not resolved: that is done for each test by itself.
-    write_atomically(run.priors_file, lambda path: save_priors(priors, path))
+    write_atomically(run.priors_file, lambda path: save_priors(problem.given_priors, path))
     write_json(run.inputs / "pooling.json", problem.pooling.record())

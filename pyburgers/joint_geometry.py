@@ -7,8 +7,13 @@ import cmdstanpy
 import numpy as np
 import numpy.typing as npt
 
-from pyburgers.errors import InputError, SamplingError
-from pyburgers.geometry import SUITED, Coordinates, Geometry
+from pyburgers.errors import SamplingError
+from pyburgers.geometry import (
+    SUITED,
+    Coordinates,
+    Geometry,
+    geometry_at_mode,
+)
 from pyburgers.initial_values import INITIAL_ATTEMPTS
 from pyburgers.joint_problem import JointProblem
 from pyburgers.joint_stan_data import (
@@ -18,32 +23,16 @@ from pyburgers.joint_stan_data import (
     joint_valley_block,
 )
 from pyburgers.metric import laplace_metric
-from pyburgers.mode import N_STARTS, Mode, ModeNotFound, climb, find_mode
+from pyburgers.mode import N_STARTS, Mode, climb, find_mode
 from pyburgers.parameters import PROGRAM_PARAMETERS
 from pyburgers.simulation import observed_grid, simulate
 from pyburgers.stan_data import REFERENCE_STRESS, SolverOptions, StanData, ValleyReference
 from pyburgers.valley import SOLVED, ValleyUnsuited, find_valley, noise_exponents
-from pyburgers.variants import variant_of
 
 FloatArray = npt.NDArray[np.float64]
 
 LEAST_SPREAD = 1e-3
 """Over its prior's scale: below it a spread at the mode would make the reference degenerate."""
-
-
-def check_joint_coordinates(problem: JointProblem, wanted: Coordinates) -> None:
-    """Check that coordinates are for joint fits.
-
-    Raises
-    ------
-    InputError
-        If they are not.
-    """
-    if wanted == "sheared":
-        raise InputError(
-            f"{problem.name}: sheared coordinates are not for tests of the protocol constant_rate, "
-            "expected --coordinates auto, plain or valley."
-        )
 
 
 def draw_joint_start(problem: JointProblem, *, seed: int, chain: int) -> dict[str, list[float]]:
@@ -96,6 +85,7 @@ def _joint_position(
     """Coordinates of a joint fit from plain ones of each test and spreads over their scales."""
     layout = joint_coordinates(problem)
     position = np.empty(layout.size)
+    # The first test comes last, so that shared coordinates are its own.
     for own, places in zip(reversed(plain), reversed(layout.position), strict=True):
         position[places] = own
     for h, name in enumerate(layout.partial):
@@ -225,27 +215,15 @@ def choose_joint_geometry(
     InputError
         If the coordinates that were asked for do not suit priors or records.
     """
-    if not data["use_likelihood"]:
-        return Geometry("plain", "the likelihood is off", {})
-    report("Finding the posterior mode, which sets the sampler's coordinates and metric.")
-    mode = None
-    try:
-        mode = find_joint_mode(model, data, problem, seed=seed, solver=solver, report=report)
-        if wanted != "plain":
-            return _valley(model, data, problem, mode, seed=seed, solver=solver)
-    except (ModeNotFound, ValleyUnsuited) as error:
-        if wanted == "valley":
-            raise InputError(
-                f"{problem.name}: valley coordinates do not apply, because {error}; use "
-                "--coordinates auto or plain."
-            ) from error
-        reason = str(error)
-    if wanted == "plain":
-        reason = "asked for"
-    if mode is None:
-        return Geometry("plain", reason, {})
-    covariance = laplace_metric(model, data, mode.coordinate)
-    return Geometry("plain", reason, {}, mode.coordinate, covariance)
+    return geometry_at_mode(
+        model,
+        data,
+        name=problem.name,
+        wanted=wanted,
+        find=lambda: find_joint_mode(model, data, problem, seed=seed, solver=solver, report=report),
+        special=lambda mode: _valley(model, data, problem, mode, seed=seed, solver=solver),
+        report=report,
+    )
 
 
 def _valley(
@@ -266,12 +244,12 @@ def _valley(
         if name in problem.shared:
             raise ValleyUnsuited(f"{name} is shared")
     layout = joint_coordinates(problem)
-    references = []
-    tests = zip(problem.experiments, problem.priors, mode.tests, strict=True)
-    for experiment, priors, own in tests:
-        if variant_of(priors, experiment).grain_size == "piezometric":
-            raise ValleyUnsuited("the grain size follows a piezometer")
-        references.append(find_valley(experiment, priors, own, solver=solver))
+    references = [
+        find_valley(experiment, priors, own, solver=solver)
+        for experiment, priors, own in zip(
+            problem.experiments, problem.priors, mode.tests, strict=True
+        )
+    ]
     pooling = np.concatenate(
         [
             mode.coordinate[layout.centre],

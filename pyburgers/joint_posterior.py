@@ -100,8 +100,7 @@ def build_joint_posterior(
         )
         of_test[OF_ALL_TESTS] = total
         groups |= {f"{TESTS}/{experiment.id}/{name}": group for name, group in of_test.items()}
-    kinds = {experiment.provenance.kind for experiment in experiments}
-    return keep_posterior(run, groups, experiment=problem.name, data_kind="+".join(sorted(kinds)))
+    return keep_posterior(run, groups, experiment=problem.name, data_kind=problem.data_kind)
 
 
 def _draws_of_tests(
@@ -118,8 +117,8 @@ def _draws_of_tests(
         draws = xr.Dataset({**values, REFERENCE_STRESS_QUANTITY.name: stress}).drop_vars(
             ["parameter_dim_0", "parameter_dim_1", "log_stress_dim_0"], errors="ignore"
         )
-        quantities = (*(PARAMETER_BY_NAME[name] for name in priors.priors),)
-        label_draws(draws, (*quantities, REFERENCE_STRESS_QUANTITY), priors)
+        parameters = (PARAMETER_BY_NAME[name] for name in priors.priors)
+        label_draws(draws, (*parameters, REFERENCE_STRESS_QUANTITY), priors)
         found[experiment.id] = draws
     return found
 

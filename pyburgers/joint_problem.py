@@ -4,8 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
-import numpy as np
-
 from pyburgers.constant_rate import ConstantRateExperiment
 from pyburgers.errors import InputError
 from pyburgers.experiment import Experiment
@@ -24,6 +22,8 @@ class JointProblem:
     experiments : tuple of ConstantRateExperiment
         At least one, with data, of different names. One alone is what is left where the other of
         two is left out; a partially pooled parameter still has centre and spread.
+    given_priors : PriorSet
+        For all tests, not resolved.
     priors : tuple of PriorSet
         Of each test, resolved; they differ only where a prior is a share of the largest stress.
     pooling : Pooling
@@ -31,6 +31,7 @@ class JointProblem:
     """
 
     experiments: tuple[ConstantRateExperiment, ...]
+    given_priors: PriorSet
     priors: tuple[PriorSet, ...]
     pooling: Pooling
 
@@ -38,6 +39,11 @@ class JointProblem:
     def name(self) -> str:
         """Names of the tests, joined."""
         return "+".join(experiment.id for experiment in self.experiments)
+
+    @property
+    def data_kind(self) -> str:
+        """Kinds of the tests' provenance, joined."""
+        return "+".join(sorted({experiment.provenance.kind for experiment in self.experiments}))
 
     @property
     def free(self) -> tuple[str, ...]:
@@ -71,6 +77,15 @@ def joint_problem(
     A prior that is a share of the largest stress takes that of the test, or of all tests where
     the parameter is shared.
 
+    Parameters
+    ----------
+    experiments : sequence of Experiment
+        Tests with data.
+    priors : PriorSet
+        Priors of every parameter, for all tests.
+    pooling : Pooling
+        How the tests hang together.
+
     Raises
     ------
     InputError
@@ -85,13 +100,13 @@ def joint_problem(
                 f"{name}: stands {names.count(name)} times among the tests of a joint fit, "
                 "expected different ones."
             )
-    largest = [float(np.max(np.abs(experiment.stress))) for experiment in suited]
+    largest = [experiment.largest_stress for experiment in suited]
     common = priors.resolved(max(largest))
     resolved = tuple(
-        with_shared(priors.resolved(stress), common, pooling.of_kind("shared", priors.free))
+        _with_shared(priors.resolved(stress), common, pooling.of_kind("shared", priors.free))
         for stress in largest
     )
-    problem = JointProblem(suited, resolved, pooling)
+    problem = JointProblem(suited, priors, resolved, pooling)
     _check_pooling(problem)
     return problem
 
@@ -114,16 +129,26 @@ def _suited(experiment: Experiment, first: Experiment, priors: PriorSet) -> Cons
     return experiment
 
 
-def with_shared(own: PriorSet, common: PriorSet, shared: Sequence[str]) -> PriorSet:
-    """Priors of a test with those of shared parameters exchanged for common ones.
+def problem_without(problem: JointProblem, test: str) -> JointProblem:
+    """Take a test out, and keep the prior densities of what is left.
+
+    Where the prior of a shared parameter is a share of the largest stress, it stays that of all
+    tests.
 
     Parameters
     ----------
-    own, common : PriorSet
-        Priors of the test, and of all tests.
-    shared : sequence of str
-        Names of the shared parameters.
+    problem : JointProblem
+        Of at least two tests.
+    test : str
+        Name of the test.
     """
+    priors = _with_shared(problem.given_priors, problem.priors[0], problem.shared)
+    kept = [experiment for experiment in problem.experiments if experiment.id != test]
+    return joint_problem(kept, priors, problem.pooling)
+
+
+def _with_shared(own: PriorSet, common: PriorSet, shared: Sequence[str]) -> PriorSet:
+    """Priors of a test with those of shared parameters exchanged for those of all tests."""
     exchanged = {name: common[name] for name in shared}
     return replace(own, priors=MappingProxyType({**own.priors, **exchanged}))
 

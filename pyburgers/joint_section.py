@@ -6,13 +6,12 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
-from pyburgers.display import number, rounded, shown_quantity, symbol_text, unit_text
+from pyburgers.display import number, shown_quantity, symbol_text, unit_text, with_error
 from pyburgers.fitting import Fit
 from pyburgers.joint_figures import (
     CURVES_CAPTION,
     INTERVALS_CAPTION,
     all_curves,
-    fits_alone,
     intervals,
 )
 from pyburgers.joint_fitting import JointFit
@@ -20,6 +19,7 @@ from pyburgers.joint_posterior import own_name
 from pyburgers.joint_stan_data import CENTRE, SPREAD
 from pyburgers.parameters import REFERENCE_STRESS_QUANTITY
 from pyburgers.report import ExtraFigure, ExtraSection, ExtraTable
+from pyburgers.same_data import fits_alone
 from pyburgers.tables import checks_table
 
 
@@ -103,7 +103,7 @@ def shown_pooling_table(table: pd.DataFrame) -> pd.DataFrame:
             quantity.display_factor
         )
         pooling = group["pooling"].iloc[0]
-        joint = {test: _mean_sd(by_test["mean"][test], by_test["sd"][test]) for test in tests}
+        joint = {test: with_error(by_test["mean"][test], by_test["sd"][test]) for test in tests}
         if pooling == "shared":
             joint |= dict.fromkeys(tests[1:], "the same")
         row = {
@@ -119,16 +119,12 @@ def shown_pooling_table(table: pd.DataFrame) -> pd.DataFrame:
             {**row, "fit": "joint", **joint, "sd joint / alone": f"{ratios[str(name)]:.2f}"}
         )
         alone = {
-            test: _mean_sd(by_test["separate_mean"][test], by_test["separate_sd"][test])
+            test: with_error(by_test["separate_mean"][test], by_test["separate_sd"][test])
             for test in tests
             if np.isfinite(by_test["separate_sd"][test])
         }
         rows.append({"fit": "alone", **alone})
     return pd.DataFrame(rows).fillna("")
-
-
-def _mean_sd(mean: float, sd: float) -> str:
-    return f"{rounded(mean, sd)} ± {rounded(sd, sd)}"
 
 
 def pooled_table(joint: JointFit) -> pd.DataFrame:
@@ -143,7 +139,7 @@ def shown_pooled_table(joint: JointFit) -> pd.DataFrame:
 
     def shown(name: str, owner: str, factor: float) -> str:
         mean, sd = (summary[column][own_name(name, owner)] for column in ("mean", "sd"))
-        return _mean_sd(mean * factor, sd * factor)
+        return with_error(mean * factor, sd * factor)
 
     rows = []
     for name in joint.problem.partial:

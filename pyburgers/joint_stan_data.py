@@ -27,6 +27,9 @@ IntArray = npt.NDArray[np.int64]
 CENTRE, SPREAD = "centre", "spread"
 """Owners of the coordinates that belong to no test."""
 
+PRIOR_NUMBERS = ("prior_location", "prior_scale", "prior_lower", "prior_upper")
+"""Entries of the block `stan/data/priors.stan` that can differ between tests."""
+
 
 @dataclass(frozen=True, eq=False)
 class JointCoordinates:
@@ -114,7 +117,6 @@ def joint_data(
         problem.priors[0],
         solver=solver,
         use_likelihood=use_likelihood,
-        valley=None if valley is None else valley.tests[0],
     )
     layout = joint_coordinates(problem)
     coordinates = problem.coordinates[1:]
@@ -137,9 +139,6 @@ def joint_data(
         **joint_valley_block(problem, valley),
         **further_grid_block(further, [np.empty(0)] * len(further)),
     }
-
-
-PRIOR_NUMBERS = ("prior_location", "prior_scale", "prior_lower", "prior_upper")
 
 
 def _ragged(blocks: Sequence[Mapping[str, Any]]) -> StanData:

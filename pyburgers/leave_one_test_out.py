@@ -5,6 +5,7 @@ ratio of marginal likelihoods: that of all tests over that of all but this one. 
 repeated without each test for the latter.
 """
 
+import itertools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,18 +17,18 @@ import pandas as pd
 
 from pyburgers.bridge_sampling import LogIntegral
 from pyburgers.comparison import (
-    check_same_data,
     origins,
     pair_sentence,
     stacking_weights,
     standard_error,
 )
 from pyburgers.errors import InputError
-from pyburgers.joint_fitting import JointFit, fit_problem
-from pyburgers.joint_problem import JointProblem, joint_problem, with_shared
+from pyburgers.joint_fitting import JointFit, fit_joint_problem
+from pyburgers.joint_problem import problem_without
 from pyburgers.marginal_likelihood import log_marginal_likelihood
-from pyburgers.priors import PriorSet, load_priors
+from pyburgers.reporting import silent
 from pyburgers.run_directory import write_json, write_text
+from pyburgers.same_data import check_same_data
 from pyburgers.sampling import SamplerOptions
 from pyburgers.stan_data import SolverOptions
 
@@ -39,10 +40,6 @@ LARGEST_ERROR = 1.0
 
 OF_THE_MODEL = "coverage"
 """The check that is about the model; all others are about the draws."""
-
-
-def _silent(_: str) -> None:
-    """Report to nobody."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +94,7 @@ class LeaveOneTestOut:
 
     @property
     def _errors_without(self) -> FloatArray:
+        """Monte Carlo standard errors of `without`, shape (n_tests,)."""
         return np.array([one.error for one in self.without])
 
 
@@ -126,7 +124,10 @@ class ComparisonByTest:
 
 
 def compare_by_test(
-    joints: Mapping[str, JointFit], *, command: str, report: Callable[[str], None] = _silent
+    joints: Mapping[str, JointFit],
+    *,
+    command: str = "pyburgers.compare_by_test(...)",
+    report: Callable[[str], None] = silent,
 ) -> ComparisonByTest:
     """Compare joint fits of the same tests by how well they predict each from the others.
 
@@ -160,9 +161,12 @@ def compare_by_test(
 
 
 def leave_one_test_out(
-    joint: JointFit, *, command: str, report: Callable[[str], None] = _silent
+    joint: JointFit,
+    *,
+    command: str = "pyburgers.leave_one_test_out.leave_one_test_out(...)",
+    report: Callable[[str], None] = silent,
 ) -> LeaveOneTestOut:
-    """Leave every test of a joint fit out, fitting again without it.
+    """Leave each test of a joint fit out in turn, fitting again without it.
 
     The fits are in ``leave_out/TEST`` in the run directory; those that are there are continued.
 
@@ -204,7 +208,7 @@ def fit_without(
     out: Path,
     *,
     command: str,
-    report: Callable[[str], None] = _silent,
+    report: Callable[[str], None] = silent,
 ) -> JointFit:
     """Repeat a joint fit without one of its tests, with the same prior densities of what is left.
 
@@ -228,44 +232,15 @@ def fit_without(
     SamplingError
         If no chain finished.
     """
-    problem, priors = problem_without(joint.problem, load_priors(joint.directory.priors_file), test)
     solver = joint.manifest["solver"]
-    return fit_problem(
-        problem,
-        priors,
+    return fit_joint_problem(
+        problem_without(joint.problem, test),
         out=out,
         options=SamplerOptions(**joint.manifest["sampler"]),
         solver=SolverOptions(solver["tolerance"], solver["max_num_steps"]),
         command=f"{command} ({test} left out)",
         report=report,
     )
-
-
-def problem_without(
-    problem: JointProblem, priors: PriorSet, test: str
-) -> tuple[JointProblem, PriorSet]:
-    """Take a test out of a joint problem.
-
-    Parameters
-    ----------
-    problem : JointProblem
-        What was fitted.
-    priors : PriorSet
-        Priors that it was made from, not resolved.
-    test : str
-        Name of the test.
-
-    Returns
-    -------
-    problem : JointProblem
-        The other tests under the same prior densities: where that of a shared parameter is a share
-        of the largest stress, it stays that of all tests.
-    priors : PriorSet
-        Priors that this problem is made from.
-    """
-    settled = with_shared(priors, problem.priors[0], problem.shared)
-    kept = [experiment for experiment in problem.experiments if experiment.id != test]
-    return joint_problem(kept, settled, problem.pooling), settled
 
 
 def _doubts(joint: JointFit) -> tuple[str, ...]:
@@ -281,7 +256,12 @@ def _doubts(joint: JointFit) -> tuple[str, ...]:
 
 
 def difference_by_test(one: LeaveOneTestOut, other: LeaveOneTestOut) -> tuple[float, float, float]:
-    """Compare two fits.
+    """Compare how well two fits predict the tests left out.
+
+    Parameters
+    ----------
+    one, other : LeaveOneTestOut
+        Of joint fits of the same tests.
 
     Returns
     -------
@@ -354,11 +334,10 @@ def sentences_by_test(comparison: ComparisonByTest) -> tuple[str, ...]:
         ]
     else:
         said = []
-        for k, (better, one) in enumerate(results):
-            for worse, other in results[k + 1 :]:
-                difference, over_tests, monte_carlo = difference_by_test(one, other)
-                error = float(np.hypot(over_tests, monte_carlo))
-                said.append(pair_sentence(better, worse, difference, error, what="left-out tests"))
+        for (better, one), (worse, other) in itertools.combinations(results, 2):
+            difference, over_tests, monte_carlo = difference_by_test(one, other)
+            error = float(np.hypot(over_tests, monte_carlo))
+            said.append(pair_sentence(better, worse, difference, error, what="left-out tests"))
         if len(results[0][1].tests) == 2:
             said.append(
                 "Of two tests the standard error says little: what the one tells about the other "

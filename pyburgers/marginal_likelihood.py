@@ -17,8 +17,10 @@ from pyburgers.bridge_sampling import LogIntegral, log_integral
 from pyburgers.cmdstan import load_model
 from pyburgers.constant_rate import ConstantRateExperiment
 from pyburgers.errors import InputError, SamplingError
-from pyburgers.fitting import Fit, SampledFit
+from pyburgers.fitting import Fit
 from pyburgers.posterior import read_chains
+from pyburgers.reporting import silent
+from pyburgers.sampled_fit import SampledFit
 from pyburgers.simulation import REFERENCE_SOLVER, constant_rate_program, quiet_cmdstanpy
 from pyburgers.stan_data import StanData, solver_block, with_later_additions
 from pyburgers.toolchain import last_lines, run_tool
@@ -29,12 +31,8 @@ SAMPLER_COLUMNS = 7
 """Columns of CmdStan's chain files ahead of the parameters."""
 
 
-def _silent(_: str) -> None:
-    """Report to nobody."""
-
-
 def log_marginal_likelihood(
-    fit: SampledFit, *, report: Callable[[str], None] = _silent
+    fit: SampledFit, *, report: Callable[[str], None] = silent
 ) -> LogIntegral:
     """Log density of all data of a run under its priors, of stresses in Pa.
 

@@ -5,9 +5,9 @@ in ``inputs/`` and `FLOW_LAW_PRIOR_FILE` beside the draws.
 """
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 import cmdstanpy
 import numpy as np
@@ -24,10 +24,9 @@ from pyburgers.diagnostics import (
     check_energy,
     check_rhat,
     check_treedepth,
-    checks_record,
 )
 from pyburgers.draws import all_draws
-from pyburgers.errors import InputError, SamplingError
+from pyburgers.errors import InputError
 from pyburgers.flow_law_prior import FLOW_LAW_PRIOR_FILE, PRIOR_QUANTITIES, FlowLawPrior
 from pyburgers.parameters import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.peak_stress import PeakStressData, load_peak_stress, save_peak_stress
@@ -51,18 +50,14 @@ from pyburgers.posterior import (
     summary_table,
 )
 from pyburgers.priors import PriorSet
-from pyburgers.run_directory import (
-    RunDirectory,
-    write_json,
-    write_text,
-)
+from pyburgers.reporting import silent
+from pyburgers.run_directory import RunDirectory, write_json
+from pyburgers.sampled_fit import SampledFit, write_tables
 from pyburgers.sampling import (
-    ChainFailure,
     SamplerOptions,
+    complete_chains,
     fingerprint,
-    missing_chains,
     no_process_left,
-    run_missing,
     run_record,
 )
 from pyburgers.simulation import quiet_cmdstanpy
@@ -74,56 +69,39 @@ WARMUP, TARGET_ACCEPTANCE = 500, 0.9
 """Defaults where the options leave them open; a gradient costs microseconds."""
 
 
-def _silent(_: str) -> None:
-    """Report to nobody."""
-
-
 @dataclass(frozen=True, eq=False)
-class PeakStressFit:
+class PeakStressFit(SampledFit):
     """A finished fit of a table of peak stresses.
 
     Attributes
     ----------
-    directory : RunDirectory
-        Where its files are.
+    directory, posterior, manifest
+        As of every `SampledFit`; groups of the draws: posterior, sample_stats, log_likelihood (of
+        each ln(strain rate)), log_prior, posterior_predictive, predictions (strain rates by group
+        and stress), observed_data, constant_data.
     data : PeakStressData
         What was fitted.
     priors : PriorSet
         Priors of `pyburgers.peak_stress_priors.FLOW_LAW_PARAMETERS` in SI.
-    posterior : DataTree
-        Groups posterior, sample_stats, log_likelihood (of each ln(strain rate)), log_prior,
-        posterior_predictive, predictions (strain rates by group and stress), observed_data,
-        constant_data.
-    manifest : dict
-        Command, seeds, versions, hashes, wall times.
     """
 
-    directory: RunDirectory
     data: PeakStressData
     priors: PriorSet
-    posterior: xr.DataTree
-    manifest: dict[str, Any]
 
     def summary(self) -> pd.DataFrame:
         """Posterior table in SI units (`pyburgers.posterior.summary_table`)."""
         return summary_table(self.posterior, self.priors)
 
     def checks(self) -> tuple[CheckResult, ...]:
-        """Return the checks with their verdicts."""
+        """Return the checks with their verdicts; there is no solver and no band to check."""
         posterior = self.posterior
         return (
-            check_chains(posterior, self._missing_chains()),
+            check_chains(posterior, self.missing_chains()),
             check_rhat(posterior),
             check_effective_sample_size(posterior),
             check_divergences(posterior),
             check_treedepth(posterior, self.manifest["sampler"]["max_treedepth"]),
             check_energy(posterior),
-        )
-
-    def _missing_chains(self) -> tuple[ChainFailure, ...]:
-        """Return the chains that were asked for and are not there, and why."""
-        return missing_chains(
-            self.posterior["posterior"]["chain"].to_numpy().tolist(), self.manifest
         )
 
     @classmethod
@@ -148,7 +126,7 @@ class PeakStressFit:
         posterior = load_posterior(run)
         if posterior is None:
             posterior = _build_posterior(run, data, priors)
-        return cls(run, data, priors, posterior, {**manifest, "chains": run.chain_records()})
+        return cls(run, posterior, {**manifest, "chains": run.chain_records()}, data, priors)
 
 
 def fit_peak_stress(
@@ -159,7 +137,7 @@ def fit_peak_stress(
     options: SamplerOptions | None = None,
     use_likelihood: bool = True,
     command: str = "pyburgers.fit_peak_stress(...)",
-    report: Callable[[str], None] = _silent,
+    report: Callable[[str], None] = silent,
 ) -> PeakStressFit:
     """Fit ln(rate) = n ln(stress) - p ln(grain size) + Q_M (beta - 1/(R T)) with scatter.
 
@@ -213,25 +191,18 @@ def fit_peak_stress(
                 command=command,
             )
         )
-        for chain in range(1, options.chains + 1):
-            write_json(
-                run.initial_values_file(chain), _draw_start(data, priors, options.seed, chain)
-            )
-        finished = run.finished_chains()
-        missing = [k for k in range(1, options.chains + 1) if k not in finished]
-        failures = run_missing(model, run, missing, options) if missing else ()
-        run.update_manifest(
-            {
-                "status": "chains missing" if failures else "complete",
-                "failures": [asdict(failure) for failure in failures],
-                "chains": run.chain_records(),
-            }
+        complete_chains(
+            model,
+            run,
+            options,
+            lambda chain: _draw_start(data, priors, options.seed, chain),
+            report=report,
         )
-    if not run.finished_chains():
-        raise SamplingError(f"No chain finished: {failures[0].reason}")
     result = PeakStressFit.load(run.path)
-    _write_tables(result)
-    return result
+    if not any(priors[p.name].is_fixed for p in FLOW_LAW_PARAMETERS):
+        flow_law_prior(result).save(run.path / FLOW_LAW_PRIOR_FILE)
+    write_tables(result)
+    return replace(result, manifest=run.read_manifest())
 
 
 def flow_law_prior(fit: PeakStressFit) -> FlowLawPrior:
@@ -332,12 +303,3 @@ def _drawn_groups(
         "posterior_predictive": xr.Dataset({"log_strain_rate": at_points["log_rate_replicated"]}),
         "predictions": predictions,
     }
-
-
-def _write_tables(result: PeakStressFit) -> None:
-    """Save the table, the verdicts, and the flow law as a prior."""
-    run = result.directory
-    write_text(run.summary_file, result.summary().to_csv())
-    write_json(run.checks_file, checks_record(result.checks()))
-    if not any(result.priors[p.name].is_fixed for p in FLOW_LAW_PARAMETERS):
-        flow_law_prior(result).save(run.path / FLOW_LAW_PRIOR_FILE)

@@ -4,7 +4,7 @@ from functools import partial
 
 import pandas as pd
 
-from pyburgers.display import rounded, shown_quantity
+from pyburgers.display import shown_quantity, with_error
 from pyburgers.peak_stress import least_squares
 from pyburgers.peak_stress_figures import FLOW_LAW_CAPTION, flow_law, flow_law_table
 from pyburgers.peak_stress_fit import PeakStressFit
@@ -90,16 +90,12 @@ def _shown_least_squares(table: pd.DataFrame) -> pd.DataFrame:
         rows.append(
             {
                 "quantity": quantity.label,
-                "least squares": _with_error(row["least_squares"], row["standard_error"]),
-                "posterior": _with_error(row["mean"], row["sd"]),
+                "least squares": with_error(row["least_squares"], row["standard_error"]),
+                "posterior": with_error(row["mean"], row["sd"]),
                 "difference (sd)": f"{(row['mean'] - row['least_squares']) / row['sd']:+.2f}",
             }
         )
     return pd.DataFrame(rows)
-
-
-def _with_error(value: float, error: float) -> str:
-    return f"{rounded(value, error)} ± {rounded(error, error)}"
 
 
 def _table(name: str, title: str, shown: pd.DataFrame, saved: pd.DataFrame) -> ExtraTable:

@@ -88,9 +88,9 @@ def pooling_of(options: Mapping[str, str] | None = None) -> Pooling:
     Raises
     ------
     InputError
-        If a parameter or a way is unknown.
+        If a parameter or a way is unknown, or a scale is not above 0 and at most 10.
     """
-    options = dict(options or {})
+    options = options or {}
     for name in options:
         if name in CONSTANTS:
             raise InputError(f"--pool {name}: is a constant of the model, expected a parameter.")
@@ -98,11 +98,11 @@ def pooling_of(options: Mapping[str, str] | None = None) -> Pooling:
             raise InputError(
                 f"--pool {name}: unknown parameter {name!r}, {nearest(name, [*DEFAULT_KINDS, ALL])}"
             )
-    common = options.pop(ALL, None)
+    chosen = {name: _kind(name, text) for name, text in options.items()}
     kinds: dict[str, Kind] = {}
     scales = {}
     for name, default in DEFAULT_KINDS.items():
-        kind, scale = _kind(name, options.get(name, common or default))
+        kind, scale = chosen.get(name) or chosen.get(ALL) or (default, DEFAULT_SPREAD_SCALE)
         kinds[name] = kind
         if kind == "partial":
             scales[name] = scale

@@ -12,7 +12,6 @@ from pyburgers.comparison import (
     Comparison,
     compare,
     comparison_table,
-    data_hash,
     sentences,
 )
 from pyburgers.comparison_figures import COMPARISON_CAPTION, pointwise_differences
@@ -21,9 +20,9 @@ from pyburgers.display import (
     LENGTH_UNIT,
     STRESS_FACTOR,
     STRESS_UNIT,
-    rounded,
     shown_quantity,
     unit_text,
+    with_error,
 )
 from pyburgers.draws import all_draws
 from pyburgers.fitting import Fit
@@ -31,6 +30,7 @@ from pyburgers.flow_law_figures import COMBINED_CAPTION, combined_flow_law
 from pyburgers.flow_law_prior import FlowLawPrior
 from pyburgers.priors import FLOW_LAW
 from pyburgers.report import ExtraFigure, ExtraSection, ExtraTable, page_keys
+from pyburgers.same_data import data_hash
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -58,7 +58,7 @@ def related_sections(fits: Sequence[Fit]) -> tuple[ExtraSection, ...]:
     groups: dict[str, dict[str, Fit]] = {}
     for key, fit in zip(page_keys(fits), fits, strict=True):
         if fit.manifest["use_likelihood"]:
-            groups.setdefault(data_hash(fit.posterior), {})[key] = fit
+            groups.setdefault(data_hash(fit), {})[key] = fit
     sections = []
     for group in groups.values():
         if len(group) < 2:
@@ -251,7 +251,7 @@ def _shown_sources(table: pd.DataFrame) -> pd.DataFrame:
         shown = {}
         for source in sources:
             mean, sd = (row[f"{source} {key}"] * factor for key in ("mean", "sd"))
-            shown[source] = f"{rounded(mean, sd)} ± {rounded(sd, sd)}"
+            shown[source] = with_error(mean, sd)
         share = row["both sd"] / row["curve alone sd"]
         rows.append(
             {"quantity": label, "unit": unit, **shown, "sd both / curve alone": f"{share:.2f}"}

@@ -117,7 +117,7 @@ class RunDirectory:
 
     @property
     def priors_file(self) -> Path:
-        """Copy of the priors, noise scale resolved."""
+        """Copy of the priors, noise scale resolved, or as given where a run is of several tests."""
         return self.inputs / "priors.toml"
 
     @property

@@ -278,7 +278,7 @@ def run_chains(
     check_coordinates(experiment, options.coordinates)
     check_variant(priors, experiment)
     options = options.suited_to(experiment)
-    priors = priors.resolved(float(np.max(np.abs(experiment.stress))))
+    priors = priors.resolved(experiment.largest_stress)
     data = program_data(experiment, priors, solver=solver, use_likelihood=use_likelihood)
     task = SamplingTask(
         name=experiment.id,
@@ -350,24 +350,60 @@ def run_task(
                 "solver": {**asdict(solver), "tolerance": _tolerance_in(run)},
             }
         )
-        wanted = range(1, options.chains + 1)
-        missing = [chain for chain in wanted if chain not in run.finished_chains()]
-        if len(missing) < options.chains:
-            report(f"{options.chains - len(missing)} of {options.chains} chains are there already.")
-        for chain in missing:
-            if not run.initial_values_file(chain).is_file():
-                start = _draw_start(model, run, task, chain)
-                write_json(run.initial_values_file(chain), start)
-        failures = run_missing(model, run, missing, options) if missing else ()
-        finished = run.finished_chains()
-        run.update_manifest(
-            {
-                "status": "chains missing" if failures else "sampled",
-                "failures": [asdict(failure) for failure in failures],
-                "chains": run.chain_records(),
-            }
+        return complete_chains(
+            model, run, options, lambda chain: _draw_start(model, run, task, chain), report=report
         )
-    if not finished:
+
+
+def complete_chains(
+    model: cmdstanpy.CmdStanModel,
+    run: RunDirectory,
+    options: SamplerOptions,
+    draw_start: Callable[[int], dict[str, list[float]]],
+    *,
+    report: Callable[[str], None],
+) -> tuple[ChainFailure, ...]:
+    """Run the chains that a claimed run directory lacks and note in its manifest how they ended.
+
+    Parameters
+    ----------
+    model : CmdStanModel
+        The program.
+    run : RunDirectory
+        With its inputs, Stan data and manifest.
+    options : SamplerOptions
+        Settled settings.
+    draw_start : callable
+        Start of a chain, by its identifier; called where the directory has none.
+    report : callable
+        Receives progress sentences.
+
+    Returns
+    -------
+    tuple of ChainFailure
+        Chains that did not finish.
+
+    Raises
+    ------
+    SamplingError
+        If no chain finished, now or before.
+    """
+    wanted = range(1, options.chains + 1)
+    missing = [chain for chain in wanted if chain not in run.finished_chains()]
+    if len(missing) < options.chains:
+        report(f"{options.chains - len(missing)} of {options.chains} chains are there already.")
+    for chain in missing:
+        if not run.initial_values_file(chain).is_file():
+            write_json(run.initial_values_file(chain), draw_start(chain))
+    failures = _run_missing(model, run, missing, options) if missing else ()
+    run.update_manifest(
+        {
+            "status": "chains missing" if failures else "sampled",
+            "failures": [asdict(failure) for failure in failures],
+            "chains": run.chain_records(),
+        }
+    )
+    if not run.finished_chains():
         raise SamplingError(f"No chain finished: {failures[0].reason}")
     return failures
 
@@ -568,7 +604,7 @@ def missing_chains(
     )
 
 
-def run_missing(
+def _run_missing(
     model: cmdstanpy.CmdStanModel,
     run: RunDirectory,
     chains: Sequence[int],

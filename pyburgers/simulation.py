@@ -26,6 +26,7 @@ from pyburgers.parameters import (
     STANDARD_VALUES,
 )
 from pyburgers.priors import MAY_BE_ZERO, PriorSet, fixed_prior
+from pyburgers.reporting import silent
 from pyburgers.stan_data import SolverOptions, program_data, reference_quantity
 
 FloatArray = npt.NDArray[np.float64]
@@ -237,7 +238,7 @@ def simulate(
     *,
     at: FloatArray | None = None,
     solver: SolverOptions = REFERENCE_SOLVER,
-    report: Callable[[str], None] = lambda _: None,
+    report: Callable[[str], None] = silent,
 ) -> pd.DataFrame:
     """Solve the model for the experiment's protocol at given parameters.
 
@@ -300,7 +301,7 @@ def solve(
     at: FloatArray,
     *,
     solver: SolverOptions,
-    report: Callable[[str], None] = lambda _: None,
+    report: Callable[[str], None] = silent,
 ) -> dict[str, FloatArray]:
     """Solve the model once and return every generated quantity of the Stan program.
 

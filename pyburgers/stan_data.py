@@ -1,6 +1,7 @@
 """Experiment, priors and solver options -> the data dictionary of the Stan programs.
 
-The only module that knows the data blocks in `stan/data/` and of the programs.
+This module, `joint_stan_data` and `peak_stress_stan_data` are the only ones that know the data
+blocks in `stan/data/` and of the programs.
 """
 
 from collections.abc import Mapping, Sequence
@@ -222,7 +223,7 @@ def _reference_origin(experiment: Experiment) -> tuple[float, float]:
         rate = float(np.sqrt(np.mean(prepared.strain_rate(prepared.time) ** 2)))
         return float(np.log(TYPICAL_FLOW_RATE * rate)), 1.0
     # The largest observed stress, or a laboratory stress where nothing was observed.
-    stress = float(np.max(np.abs(experiment.stress))) if experiment.n_points > 0 else 1e7
+    stress = experiment.largest_stress if experiment.n_points > 0 else 1e7
     return float(np.log(stress)), REFERENCE_STRESS_SCALE
 
 

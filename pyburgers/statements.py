@@ -16,7 +16,14 @@ import xarray as xr
 
 from pyburgers.attenuation import PAPER_REGIMES, flat_draws
 from pyburgers.diagnostics import RHAT_LIMIT
-from pyburgers.display import STRESS_FACTOR, STRESS_UNIT, number, rounded, shown_quantity
+from pyburgers.display import (
+    STRESS_FACTOR,
+    STRESS_UNIT,
+    number,
+    rounded,
+    shown_quantity,
+    with_error,
+)
 from pyburgers.display import symbol_text as symbol
 from pyburgers.errors import InputError
 from pyburgers.fitting import Fit
@@ -234,7 +241,7 @@ def _constrained_kelvin_modulus(fits: Mapping[str, Fit]) -> Statement:
         draws, share = _draws(fit, name) * factor, _share_of_prior(fit, name)
         sd = float(draws.std(ddof=1))
         evidence.append(
-            f"with the background {key} {rounded(float(draws.mean()), sd)} ± {rounded(sd, sd)} "
+            f"with the background {key} {with_error(float(draws.mean()), sd)} "
             f"{quantity.display_unit}, {share:.2f} of the prior's standard deviation"
         )
         verdicts.append(_between(-share, wrong_below=-MOST, right_above=-FEW))

@@ -21,6 +21,7 @@ from pyburgers.display import (
     shown_quantity,
     symbol_text,
     unit_text,
+    with_error,
 )
 from pyburgers.fitting import Fit, is_joint
 from pyburgers.parameters import PARAMETER_BY_NAME
@@ -279,7 +280,7 @@ def _mean_sd(fit: Fit, summary: pd.DataFrame, name: str, factor: float) -> str:
     if name not in summary.index:
         return f"{number(fit.priors[name].location * factor)} (fixed)"
     mean, sd = (float(summary[key][name]) * factor for key in ("mean", "sd"))
-    return f"{rounded(mean, sd)} ± {rounded(sd, sd)}"
+    return with_error(mean, sd)
 
 
 def _wall_seconds(fit: Fit) -> dict[str, float]:

@@ -19,6 +19,7 @@ from pyburgers.stan_data import (
     ValleyReference,
     plain_coordinates,
 )
+from pyburgers.variants import variant_of
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -71,6 +72,8 @@ def find_valley(
     ValleyUnsuited
         If the priors or the record do not fit the coordinates.
     """
+    if variant_of(priors, experiment).grain_size == "piezometric":
+        raise ValleyUnsuited("the grain size follows a piezometer")
     coordinates = plain_coordinates(experiment, priors)
     _check_priors(priors, coordinates)
     values = mode.values

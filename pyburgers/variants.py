@@ -359,7 +359,7 @@ def _largest_stress(experiment: Experiment) -> float:
             f"{experiment.id}: the experiment has no data, expected some because the variant is "
             "set up at the largest stress."
         )
-    return float(np.max(np.abs(experiment.stress)))
+    return experiment.largest_stress
 
 
 class _FreeParametersFile(Table):

@@ -89,6 +89,13 @@ def write_problem(folder: Path, *, free: set[str], max_strain: float, stride: in
     return Problem(experiment_file, folder / "priors.toml")
 
 
+def pair_of(problem: Problem) -> list[ConstantRateExperiment]:
+    """The small test, and another of the same material whose residuals are mirrored."""
+    first = problem.experiment
+    smooth = np.poly1d(np.polyfit(first.strain, first.stress, 6))(first.strain)
+    return [first, replace(first, id="other", stress=2 * smooth - first.stress)]
+
+
 def valley_of(experiment: ConstantRateExperiment, priors: PriorSet) -> ValleyReference:
     """Reference of the valley coordinates as a fit with seed 1 sets it up, save one part.
 

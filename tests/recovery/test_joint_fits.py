@@ -2,15 +2,14 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from types import MappingProxyType
 
 import arviz as az
 import numpy as np
 import pytest
 import xarray as xr
-from conftest import ICE, TESTS, needs_measured
+from common_flow_law import COMMON, NAMES, with_common_flow_law
+from conftest import TESTS, needs_measured
 
-from pyburgers.calibration import simulate_constant_rate
 from pyburgers.constant_rate import ConstantRateExperiment, load_constant_rate
 from pyburgers.draws import all_draws
 from pyburgers.fitting import Fit, fit
@@ -21,34 +20,13 @@ from pyburgers.sampling import SamplerOptions
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("programs")]
 
-NAMES = ("PIL40", "PIL72", "PIL105")
-COMMON = MappingProxyType(
-    {
-        "maxwell_modulus": 3.5e9,
-        "kelvin_modulus": 5.6e8,
-        "kelvin_viscosity": 6e10,
-        "stress_exponent": 3.9,
-        "grain_size_exponent": 0.5,
-        "activation_enthalpy": 63e3,
-        "beta": -7.29e-4,
-    }
-)
-"""Flow law and moduli of all tests; microstructure and noise are those of the shipped twins."""
-
 OPTIONS = SamplerOptions(seed=20261120)
 RecordProperty = Callable[[str, object], None]
 
 
 @pytest.fixture(scope="module")
 def experiments() -> list[ConstantRateExperiment]:
-    found = []
-    for k, name in enumerate(NAMES):
-        twin = load_constant_rate(ICE / f"{name}.toml")
-        assert twin.true_parameters is not None
-        values = {**twin.true_parameters, **COMMON}
-        rng = np.random.default_rng([20261120, k])
-        found.append(simulate_constant_rate(twin, values, rng, source="a common flow law"))
-    return found
+    return [with_common_flow_law(name) for name in NAMES]
 
 
 @pytest.fixture(scope="module")

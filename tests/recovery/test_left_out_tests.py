@@ -1,14 +1,12 @@
 """Whole tests left out of joint fits of ice: marginal likelihoods add up, a true law predicts."""
 
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 import pytest
-from conftest import ICE
+from common_flow_law import with_common_flow_law
 
-from pyburgers.calibration import simulate_constant_rate
-from pyburgers.constant_rate import ConstantRateExperiment, load_constant_rate
+from pyburgers.constant_rate import ConstantRateExperiment
 from pyburgers.fitting import fit
 from pyburgers.joint_fitting import JointFit, fit_jointly
 from pyburgers.leave_one_test_out import (
@@ -23,32 +21,12 @@ from pyburgers.sampling import SamplerOptions
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("programs")]
 
-COMMON = MappingProxyType(
-    {
-        "maxwell_modulus": 3.5e9,
-        "kelvin_modulus": 5.6e8,
-        "kelvin_viscosity": 6e10,
-        "stress_exponent": 3.9,
-        "grain_size_exponent": 0.5,
-        "activation_enthalpy": 63e3,
-        "beta": -7.29e-4,
-    }
-)
-"""Flow law and moduli of both tests; microstructure and noise are those of the shipped twins."""
-
 OPTIONS = SamplerOptions(chains=2, warmup=400, draws=400, seed=20261120)
 
 
 @pytest.fixture(scope="module")
 def experiments() -> list[ConstantRateExperiment]:
-    found = []
-    for k, name in ((0, "PIL40"), (2, "PIL105")):
-        twin = load_constant_rate(ICE / f"{name}.toml")
-        assert twin.true_parameters is not None
-        values = {**twin.true_parameters, **COMMON}
-        rng = np.random.default_rng([20261120, k])
-        found.append(simulate_constant_rate(twin, values, rng, source="a common flow law"))
-    return found
+    return [with_common_flow_law(name) for name in ("PIL40", "PIL105")]
 
 
 @pytest.fixture(scope="module")

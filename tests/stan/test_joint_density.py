@@ -14,6 +14,7 @@ from pyburgers.cmdstan import compile_program, stan_directory
 from pyburgers.constant_rate import load_constant_rate
 from pyburgers.joint_problem import JointProblem, joint_problem
 from pyburgers.joint_stan_data import JointValley, joint_coordinates, joint_data
+from pyburgers.parameters import PROGRAM_PARAMETERS
 from pyburgers.pooling import pooling_of
 from pyburgers.priors import default_priors
 from pyburgers.stan_data import SolverOptions, StanData, constant_rate_data
@@ -88,7 +89,7 @@ def test_pooled_density_is_that_made_by_hand(system: str, tmp_path: Path) -> Non
             [columns[f"stress_model.{i}"] for i in range(first, first + experiment.n_points)]
         )
         first += experiment.n_points
-        noise = columns[f"parameter.{e}.12"]
+        noise = columns[f"parameter.{e}.{place('stress_noise')}"]
         total += float(np.sum(stats.norm.logpdf(experiment.stress, stress, noise)))
         names = ["stress_noise"] + (list(joint.shared) if e == 1 else [])
         total += sum(
@@ -111,12 +112,14 @@ def test_pooled_density_is_that_made_by_hand(system: str, tmp_path: Path) -> Non
             if e == 1:
                 total += priors[name].distribution().logpdf(columns[f"pooled_centre.{h}"])
                 total += stats.halfnorm.logpdf(spread, scale=joint.pooling.spread_scales[name])
-    assert columns["parameter.1.4"] == columns["parameter.2.4"]
+    exponent = place("stress_exponent")
+    assert columns[f"parameter.1.{exponent}"] == columns[f"parameter.2.{exponent}"]
     assert columns["lp__"] == pytest.approx(total + columns["log_jacobian"], rel=1e-8)
 
 
 def place(name: str) -> int:
-    return [*default_priors("ice").priors].index(name) + 1
+    """Number of a parameter in the program, from 1."""
+    return [parameter.name for parameter in PROGRAM_PARAMETERS].index(name) + 1
 
 
 @pytest.mark.parametrize("system", ["plain", "valley"])

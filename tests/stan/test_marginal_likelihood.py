@@ -11,7 +11,7 @@ from conftest import SMALL_RUN, Problem
 from pyburgers.cmdstan import load_model
 from pyburgers.draws import all_draws
 from pyburgers.fitting import Fit, fit
-from pyburgers.joint_fitting import fit_problem
+from pyburgers.joint_fitting import fit_joint_problem
 from pyburgers.joint_problem import joint_problem
 from pyburgers.marginal_likelihood import log_density_at, log_marginal_likelihood
 from pyburgers.pooling import pooling_of
@@ -94,9 +94,8 @@ def test_without_data_it_is_one_for_pooled_parameters_too(
     problem = joint_problem(
         [small_problem.experiment], small_problem.priors, pooling_of({"maxwell_modulus": "partial"})
     )
-    prior = fit_problem(
+    prior = fit_joint_problem(
         problem,
-        small_problem.priors,
         out=tmp_path / "prior",
         options=SMALL_RUN,
         use_likelihood=False,

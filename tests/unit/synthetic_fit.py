@@ -243,7 +243,7 @@ def make_fit(
     path.mkdir(parents=True, exist_ok=True)
     run = RunDirectory(path)
     write_json(run.manifest_file, manifest)
-    return Fit(run, experiment, priors, tree, manifest)
+    return Fit(run, tree, manifest, experiment, priors)
 
 
 def _posterior(

@@ -19,7 +19,6 @@ from pyburgers.comparison import (
     LeaveOneOut,
     compare,
     comparison_table,
-    data_hash,
     elpd_difference,
     leave_one_out,
     leave_out_exactly,
@@ -31,6 +30,7 @@ from pyburgers.comparison_figures import pointwise_differences
 from pyburgers.errors import InputError
 from pyburgers.figure_style import image
 from pyburgers.fitting import Fit, fit
+from pyburgers.same_data import data_hash
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -205,8 +205,8 @@ def test_points_of_an_oscillation_stay_flagged(tmp_path: Path) -> None:
 def test_fits_of_other_data_are_refused(tmp_path: Path) -> None:
     one, same = make_fit(tmp_path / "one", seed=1), make_fit(tmp_path / "same", seed=1)
     other = make_fit(tmp_path / "other", seed=2)
-    assert data_hash(one.posterior) == data_hash(same.posterior)
-    assert data_hash(one.posterior) != data_hash(other.posterior)
+    assert data_hash(one) == data_hash(same)
+    assert data_hash(one) != data_hash(other)
     with pytest.raises(InputError, match=r"other: is a fit of other data than one .*\.$"):
         compare({"one": one, "other": other})
 

@@ -1,31 +1,23 @@
 """Joint fits through the run directory: what is written, continued, refused and shown."""
 
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import SMALL_RUN, Problem
+from conftest import SMALL_RUN, Problem, pair_of
 from figure_texts import legend_texts
 
-from pyburgers.constant_rate import ConstantRateExperiment
 from pyburgers.errors import InputError
 from pyburgers.fitting import Fit, fit
-from pyburgers.joint_figures import fits_alone, intervals
+from pyburgers.joint_figures import intervals
 from pyburgers.joint_fitting import JointFit, fit_jointly
 from pyburgers.joint_section import joint_section, pooling_table, sd_ratios
 from pyburgers.posterior import total_log_likelihood
 from pyburgers.report import write_report
+from pyburgers.same_data import fits_alone
 
 POOL = {"stress_noise": "separate"}
-
-
-def pair_of(problem: Problem) -> list[ConstantRateExperiment]:
-    """The small test, and another of the same material whose residuals are mirrored."""
-    first = problem.experiment
-    smooth = np.poly1d(np.polyfit(first.strain, first.stress, 6))(first.strain)
-    return [first, replace(first, id="other", stress=2 * smooth - first.stress)]
 
 
 @pytest.fixture(scope="module")

@@ -54,6 +54,7 @@ def test_options_change_what_they_name() -> None:
         ("stres_exponent=shared", "unknown parameter 'stres_exponent'"),
         ("stress_exponent=common", "expected shared, partial"),
         ("stress_exponent=shared:2", "expected shared, partial"),
+        ("all=common", "--pool all=common: found 'common'"),
         ("stress_exponent=partial:-1", "found the scale '-1'"),
         ("stress_exponent=partial:wide", "found the scale 'wide'"),
         ("kelvin_reference_stress=shared", "constant of the model"),

@@ -7,7 +7,7 @@ from conftest import ICE, resolved_priors
 from pyburgers.calibration import simulate_constant_rate
 from pyburgers.cmdstan import load_model
 from pyburgers.constant_rate import load_constant_rate
-from pyburgers.geometry import LARGEST_RISE, choose_geometry
+from pyburgers.geometry import choose_geometry
 from pyburgers.metric import curvature_at, expected_rise
 from pyburgers.simulation import constant_rate_program
 from pyburgers.stan_data import SolverOptions, program_data
@@ -33,5 +33,7 @@ def test_the_first_metric_fits_where_noise_is_far_below_a_percent() -> None:
     curvature = widths.T @ curvature_at(model, around, geometry.centre, 0.1 * widths) @ widths
     # 1 where the metric is right.
     assert np.linalg.eigvalsh(curvature).max() < 3
+    # The optimiser comes no nearer than the solver's tolerance lets it; draws lie half a unit for
+    # each coordinate below the mode.
     rise = expected_rise(model, around, geometry.centre, geometry.covariance)
-    assert rise < LARGEST_RISE
+    assert rise < geometry.centre.size / 2

@@ -209,6 +209,39 @@ def _plain(
     return Geometry("plain", reason, {}, mode.coordinate, covariance)
 
 
+def laplace_at_mode(
+    model: cmdstanpy.CmdStanModel, data: StanData, start: FloatArray, *, seed: int
+) -> tuple[FloatArray, FloatArray]:
+    """Climb to the mode in the coordinates that the data choose.
+
+    Parameters
+    ----------
+    model : CmdStanModel
+        The program.
+    data : dict
+        Its data.
+    start : array, shape (n_coordinates,)
+        Where to climb from.
+    seed : int
+        For the optimiser's record.
+
+    Returns
+    -------
+    centre : array, shape (n_coordinates,)
+        The mode.
+    covariance : array, shape (n_coordinates, n_coordinates)
+        Laplace approximation there.
+
+    Raises
+    ------
+    ModeNotFound
+        If the optimiser fails.
+    """
+    found = climb(model, data, [{"coordinate": start.tolist()}], seed=seed)
+    centre = np.asarray(found["coordinate"], dtype=np.float64)
+    return centre, laplace_metric(model, data, centre)
+
+
 def _valley(
     model: cmdstanpy.CmdStanModel,
     data: StanData,
@@ -225,9 +258,7 @@ def _valley(
     around = {**data, **valley_block(valley)}
     covariance = laplace_metric(model, around, centre)
     if expected_rise(model, around, centre, covariance) > LARGEST_RISE:
-        found = climb(model, around, [{"coordinate": centre.tolist()}], seed=seed)
-        centre = np.asarray(found["coordinate"], dtype=np.float64)
-        covariance = laplace_metric(model, around, centre)
+        centre, covariance = laplace_at_mode(model, around, centre, seed=seed)
     exponents = noise_exponents(coordinates, priors, covariance)
     block = valley_block(replace(valley, noise_exponent=exponents))
     return Geometry("valley", SUITED, block, centre, covariance)

@@ -27,6 +27,7 @@ from pyburgers.sampling import (
     SamplerOptions,
     SamplingTask,
     keep_experiment,
+    priors_record,
     run_task,
 )
 from pyburgers.simulation import constant_rate_program
@@ -207,8 +208,7 @@ def _task(
         manifest={
             "experiments": [experiment.id for experiment in problem.experiments],
             "pooling": problem.pooling.record(),
-            "variant": variant_of(priors, problem.experiments[0]).record(),
-            "priors_from": None if priors.flow_law is None else priors.flow_law.source,
+            **priors_record(priors, problem.experiments[0]),
         },
     )
 

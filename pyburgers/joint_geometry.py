@@ -8,12 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pyburgers.errors import SamplingError
-from pyburgers.geometry import (
-    SUITED,
-    Coordinates,
-    Geometry,
-    geometry_at_mode,
-)
+from pyburgers.geometry import SUITED, Coordinates, Geometry, geometry_at_mode, laplace_at_mode
 from pyburgers.initial_values import INITIAL_ATTEMPTS
 from pyburgers.joint_problem import JointProblem
 from pyburgers.joint_stan_data import (
@@ -22,7 +17,6 @@ from pyburgers.joint_stan_data import (
     joint_coordinates,
     joint_valley_block,
 )
-from pyburgers.metric import laplace_metric
 from pyburgers.mode import N_STARTS, Mode, climb, find_mode
 from pyburgers.parameters import PROGRAM_PARAMETERS
 from pyburgers.simulation import observed_grid, simulate
@@ -258,10 +252,7 @@ def _valley(
     )
     valley = JointValley(tuple(references), pooling)
     block = joint_valley_block(problem, valley)
-    origin = {"coordinate": [0.0] * layout.size}
-    found = climb(model, {**data, **block}, [origin], seed=seed)
-    centre = np.asarray(found["coordinate"], dtype=np.float64)
-    covariance = laplace_metric(model, {**data, **block}, centre)
+    centre, covariance = laplace_at_mode(model, {**data, **block}, np.zeros(layout.size), seed=seed)
     scaled = JointValley(_with_noise(problem, layout, references, covariance), pooling)
     return Geometry("valley", SUITED, joint_valley_block(problem, scaled), centre, covariance)
 

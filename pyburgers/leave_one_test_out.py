@@ -16,12 +16,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from pyburgers.bridge_sampling import LogIntegral
-from pyburgers.comparison import (
-    origins,
-    pair_sentence,
-    stacking_weights,
-    standard_error,
-)
+from pyburgers.comparison import origins, pair_sentence, stacking_weights, standard_error
 from pyburgers.errors import InputError
 from pyburgers.joint_fitting import JointFit, fit_joint_problem
 from pyburgers.joint_problem import problem_without

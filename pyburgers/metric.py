@@ -2,6 +2,7 @@
 
 import json
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 
 import cmdstanpy
@@ -71,10 +72,7 @@ def expected_rise(
     covariance : array, shape (n_coordinates, n_coordinates)
         Its result.
     """
-    with tempfile.TemporaryDirectory() as folder, quiet_cmdstanpy():
-        data_file = Path(folder) / "data.json"
-        data_file.write_text(json.dumps(data), encoding="utf-8")
-        gradient = _gradient(model, data_file, centre)
+    (gradient,) = _gradients(model, data, [centre])
     return float(gradient @ covariance @ gradient) / 2
 
 
@@ -100,16 +98,22 @@ def curvature_at(
     """
     if steps is None:
         steps = DIFFERENCE * np.eye(centre.size)
+    difference = _gradients(model, data, centre + steps.T) - _gradients(
+        model, data, centre - steps.T
+    )
+    hessian = -np.linalg.solve(2 * steps.T, difference)
+    symmetric: FloatArray = (hessian + hessian.T) / 2
+    return symmetric
+
+
+def _gradients(
+    model: cmdstanpy.CmdStanModel, data: StanData, points: Iterable[FloatArray]
+) -> FloatArray:
+    """Gradients of the log density, shape (n_points, n_coordinates)."""
     with tempfile.TemporaryDirectory() as folder, quiet_cmdstanpy():
         data_file = Path(folder) / "data.json"
         data_file.write_text(json.dumps(data), encoding="utf-8")
-        difference = [
-            _gradient(model, data_file, centre + step) - _gradient(model, data_file, centre - step)
-            for step in steps.T
-        ]
-    hessian = -np.linalg.solve(2 * steps.T, np.array(difference))
-    symmetric: FloatArray = (hessian + hessian.T) / 2
-    return symmetric
+        return np.array([_gradient(model, data_file, point) for point in points])
 
 
 def _gradient(model: cmdstanpy.CmdStanModel, data_file: Path, coordinate: FloatArray) -> FloatArray:

@@ -47,8 +47,9 @@ def check_same_data(fits: Mapping[str, Fit | JointFit]) -> None:
     for name, other in fits.items():
         if not other.manifest["use_likelihood"]:
             raise InputError(f"{name}: was sampled without likelihood, expected a fit of its data.")
+    wanted = data_hash(one)
     for name, other in others:
-        if data_hash(other) != data_hash(one):
+        if data_hash(other) != wanted:
             raise InputError(
                 f"{name}: is a fit of other data than {first} ({_data_text(other)}, "
                 f"{_data_text(one)}), expected fits of the same data."

@@ -300,12 +300,25 @@ def run_chains(
         draw_start=lambda chain: draw_initial_values(
             experiment, priors, seed=options.seed, chain=chain
         ),
-        manifest={
-            "variant": variant_of(priors, experiment).record(),
-            "priors_from": None if priors.flow_law is None else priors.flow_law.source,
-        },
+        manifest=priors_record(priors, experiment),
     )
     return run_task(task, directory, solver=solver, command=command, report=report)
+
+
+def priors_record(priors: PriorSet, experiment: Experiment) -> dict[str, Any]:
+    """Note what the priors say besides densities: variant of the model, another source.
+
+    Parameters
+    ----------
+    priors : PriorSet
+        Of the run.
+    experiment : Experiment
+        Its test, or one of several.
+    """
+    return {
+        "variant": variant_of(priors, experiment).record(),
+        "priors_from": None if priors.flow_law is None else priors.flow_law.source,
+    }
 
 
 def run_task(

@@ -15,6 +15,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from pyburgers.cmdstan import compile_program, stan_directory
+from pyburgers.stan_data import StanData
+
 FloatArray = npt.NDArray[np.float64]
 Unconstrain = Callable[[Mapping[str, float]], FloatArray]
 
@@ -97,3 +100,17 @@ def _only_row(file: Path) -> dict[str, float]:
     lines = file.read_text(encoding="utf-8").splitlines()
     header, row = (line.split(",") for line in lines if line and not line.startswith("#"))
     return dict(zip(header, map(float, row), strict=True))
+
+
+def constant_rate_program(data: StanData, folder: Path) -> Program:
+    """Program for constant rate, of a single or a joint fit, in the coordinates of its data."""
+    data_file = folder / "data.json"
+    data_file.write_text(json.dumps(data), encoding="utf-8")
+    size = data["n_coordinates"] + data["n_further_coordinates"]
+    return Program(
+        compile_program(stan_directory() / "constant_rate.stan", report=print),
+        data_file,
+        folder,
+        lambda columns: np.array([columns[f"coordinate.{k + 1}"] for k in range(size)]),
+        np.ones(size),
+    )

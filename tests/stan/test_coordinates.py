@@ -1,16 +1,14 @@
 """Coordinates of the sampler: the Jacobian is that of the map, whatever the coordinates."""
 
-import json
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 import pytest
 from conftest import ICE, TESTS, needs_measured, resolved_priors, valley_of
-from log_density import Program
+from log_density import Program, constant_rate_program
 from scipy import stats
 
-from pyburgers.cmdstan import compile_program, stan_directory
 from pyburgers.constant_rate import ConstantRateExperiment, load_constant_rate
 from pyburgers.parameters import PARAMETERS
 from pyburgers.priors import PriorSet
@@ -37,15 +35,7 @@ def program_for(
     folder: Path,
 ) -> Program:
     data = constant_rate_data(experiment, priors, solver=SOLVER, valley=valley)
-    data_file = folder / "data.json"
-    data_file.write_text(json.dumps(data), encoding="utf-8")
-    return Program(
-        compile_program(stan_directory() / "constant_rate.stan", report=print),
-        data_file,
-        folder,
-        lambda columns: np.array([columns[f"coordinate.{k + 1}"] for k in range(SIZE)]),
-        np.ones(SIZE),
-    )
+    return constant_rate_program(data, folder)
 
 
 @pytest.fixture(params=["plain", "valley"])

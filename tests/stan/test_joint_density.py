@@ -1,41 +1,27 @@
 """Density of joint fits: against fits of single tests, by hand, and its gradient."""
 
-import json
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 import pytest
 from conftest import ICE, resolved_priors, valley_of
-from log_density import Program
+from log_density import Program, constant_rate_program
 from scipy import stats
 
-from pyburgers.cmdstan import compile_program, stan_directory
 from pyburgers.constant_rate import load_constant_rate
 from pyburgers.joint_problem import JointProblem, joint_problem
 from pyburgers.joint_stan_data import JointValley, joint_coordinates, joint_data
 from pyburgers.parameters import PROGRAM_PARAMETERS
 from pyburgers.pooling import pooling_of
 from pyburgers.priors import default_priors
-from pyburgers.stan_data import SolverOptions, StanData, constant_rate_data
+from pyburgers.stan_data import SolverOptions, constant_rate_data
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
 
 SOLVER = SolverOptions(tolerance=1e-10, max_num_steps=1_000_000)
 EXPERIMENTS = [load_constant_rate(ICE / f"{name}.toml") for name in ("PIL40", "PIL105")]
-
-
-def program_of(data: StanData, size: int, folder: Path) -> Program:
-    data_file = folder / "data.json"
-    data_file.write_text(json.dumps(data), encoding="utf-8")
-    return Program(
-        compile_program(stan_directory() / "constant_rate.stan", report=print),
-        data_file,
-        folder,
-        lambda columns: np.array([columns[f"coordinate.{k + 1}"] for k in range(size)]),
-        np.ones(size),
-    )
 
 
 MICROSTRUCTURE = {
@@ -57,7 +43,7 @@ def joint_program(joint: JointProblem, system: str, folder: Path) -> Program:
         references = tuple(valley_of(e, resolved_priors(e)) for e in EXPERIMENTS)
         valley = JointValley(references, np.linspace(-0.5, 0.5, 2 * len(joint.partial)))
     data = joint_data(joint, solver=SOLVER, valley=valley)
-    return program_of(data, joint_coordinates(joint).size, folder)
+    return constant_rate_program(data, folder)
 
 
 @pytest.mark.parametrize("system", ["plain", "valley"])
@@ -70,7 +56,7 @@ def test_separate_density_is_the_sum_of_single_ones(system: str, tmp_path: Path)
         priors = resolved_priors(experiment)
         valley = valley_of(experiment, priors) if system == "valley" else None
         data = constant_rate_data(experiment, priors, solver=SOLVER, valley=valley)
-        single = program_of(data, 12, tmp_path)
+        single = constant_rate_program(data, tmp_path)
         total += single.columns_at({"coordinate": own.tolist()})["lp__"]
     assert density == pytest.approx(total, rel=1e-9)
 

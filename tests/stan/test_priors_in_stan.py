@@ -10,11 +10,11 @@ import arviz as az
 import numpy as np
 import pytest
 from conftest import ICE, valley_of, with_fixed
-from log_density import Program
+from log_density import constant_rate_program
 from oracle import GAS_CONSTANT
 from scipy import stats
 
-from pyburgers.cmdstan import compile_program, load_model, stan_directory
+from pyburgers.cmdstan import load_model, stan_directory
 from pyburgers.constant_rate import ConstantRateExperiment, load_constant_rate
 from pyburgers.parameters import PARAMETERS
 from pyburgers.priors import Prior, PriorSet, default_priors
@@ -75,16 +75,8 @@ def test_prior_density_is_the_sum_of_the_families(
 ) -> None:
     priors = priors_of(kind).resolved(8e6)
     data = constant_rate_data(short_test, priors, solver=SolverOptions(), use_likelihood=False)
-    data_file = tmp_path / "data.json"
-    data_file.write_text(json.dumps(data), encoding="utf-8")
     coordinates = plain_coordinates(short_test, priors)
-    program = Program(
-        compile_program(stan_directory() / "constant_rate.stan", report=print),
-        data_file,
-        tmp_path,
-        lambda columns: np.array([columns[f"coordinate.{k + 1}"] for k in range(len(priors.free))]),
-        np.ones(len(priors.free)),
-    )
+    program = constant_rate_program(data, tmp_path)
     rng = np.random.default_rng(8)
     for _ in range(3):
         values = {name: prior.sample(rng) for name, prior in priors.priors.items()}

@@ -40,7 +40,12 @@ from pyburgers.figure_style import write_images
 from pyburgers.fitting import Fit, fit, is_joint
 from pyburgers.flow_law_prior import load_flow_law_of_run
 from pyburgers.joint_fitting import JointFit, fit_jointly
-from pyburgers.joint_section import joint_section, pooling_table, shown_pooling_table
+from pyburgers.joint_section import (
+    joint_names,
+    joint_section,
+    pooling_table,
+    shown_pooling_table,
+)
 from pyburgers.leave_one_test_out import (
     compare_by_test,
     save_comparison_by_test,
@@ -54,6 +59,7 @@ from pyburgers.peak_stress_fit import fit_peak_stress
 from pyburgers.peak_stress_priors import default_peak_stress_priors, load_peak_stress_priors
 from pyburgers.pooling import parse_pooling
 from pyburgers.priors import PriorSet, default_priors, load_priors, with_flow_law
+from pyburgers.related_joint_runs import related_joint_sections
 from pyburgers.related_runs import related_sections
 from pyburgers.report import write_report
 from pyburgers.reproduce import PRESETS, reproduce
@@ -572,7 +578,11 @@ def _report(options: argparse.Namespace) -> int:
             joints.append(loaded)
         else:
             fits.append(loaded)
-    sections = [joint_section(joint, fits) for joint in joints]
+    sections = [
+        joint_section(name, joint, fits)
+        for name, joint in zip(joint_names(joints), joints, strict=True)
+    ]
+    of_joints = related_joint_sections(joints, report=_say)
     fits = [*(fit for joint in joints for fit in joint.tests().values()), *fits]
     page = write_report(
         fits,
@@ -580,7 +590,7 @@ def _report(options: argparse.Namespace) -> int:
         title=options.title,
         command=_command_line(),
         report=_say,
-        extras=(*sections, *related_sections(fits)),
+        extras=(*sections, *of_joints, *related_sections(fits)),
     )
     print(f"The page is {page}")
     return 0

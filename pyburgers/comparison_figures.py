@@ -35,6 +35,12 @@ COMPARISON_CAPTION = (
     "importance weights are too uneven to be trusted (Pareto k above 0.7)."
 )
 
+LEFT_OUT_CAPTION = (
+    "Log density of each test given the others, under a fit less that under the best one; below "
+    "zero the best fit predicts the test better. Of a fit alone: per reading. Bars are Monte Carlo "
+    "errors."
+)
+
 
 def pointwise_differences(comparison: Comparison) -> Figure:
     """Draw differences of the elpd to the best fit along each test, by point and added up."""

@@ -18,7 +18,7 @@ from pyburgers.joint_fitting import JointFit
 from pyburgers.joint_posterior import own_name
 from pyburgers.joint_stan_data import CENTRE, SPREAD
 from pyburgers.parameters import REFERENCE_STRESS_QUANTITY
-from pyburgers.report import ExtraFigure, ExtraSection, ExtraTable
+from pyburgers.report import ExtraFigure, ExtraSection, ExtraTable, file_key, numbered
 from pyburgers.same_data import fits_alone
 from pyburgers.tables import checks_table
 
@@ -157,11 +157,18 @@ def shown_pooled_table(joint: JointFit) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def joint_section(joint: JointFit, separate: Sequence[Fit]) -> ExtraSection:
+def joint_names(joints: Sequence[JointFit]) -> list[str]:
+    """Name each joint fit of a page after its tests; further ones of the same by number."""
+    return numbered([joint.problem.name for joint in joints])
+
+
+def joint_section(name: str, joint: JointFit, separate: Sequence[Fit]) -> ExtraSection:
     """Return the part of a page about a joint fit.
 
     Parameters
     ----------
+    name : str
+        Its name on the page.
     joint : JointFit
         The joint fit.
     separate : sequence of Fit
@@ -172,13 +179,14 @@ def joint_section(joint: JointFit, separate: Sequence[Fit]) -> ExtraSection:
     verdict = "All checks passed." if not failed else f"Checks that FAILED: {', '.join(failed)}."
     pooled = pooled_table(joint)
     return ExtraSection(
-        key="joint_" + joint.problem.name.replace("+", "_"),
-        title=f"Joint fit of {', '.join(joint.tests())}",
+        key=f"joint_{file_key(name)}",
+        title=f"Joint fit {name}",
         paragraphs=(
-            "Tests fitted together. A shared parameter has one value for all of them; a partially "
-            "pooled one has a value in each, normal around a common centre on the real line behind "
-            "its bounds, with a spread of half-normal prior; separate ones know nothing of each "
-            f"other. {verdict}",
+            f"{', '.join(joint.tests())}, fitted together (run {joint.directory.path.name}, model "
+            f"{joint.variant.short_text}). A shared parameter has one value for all of them; a "
+            "partially pooled one has a value in each, normal around a common centre on the real "
+            "line behind its bounds, with a spread of half-normal prior; separate ones know "
+            f"nothing of each other. {verdict}",
             "The sections of the tests below hold what the joint fit says about each; their priors "
             "of partially pooled parameters are those of the common centre.",
             *_bought(table),

@@ -22,7 +22,7 @@ from pyburgers.joint_fitting import JointFit, fit_joint_problem
 from pyburgers.joint_problem import problem_without
 from pyburgers.marginal_likelihood import log_marginal_likelihood
 from pyburgers.reporting import silent
-from pyburgers.run_directory import write_json, write_text
+from pyburgers.run_directory import RunDirectory, write_json, write_text
 from pyburgers.same_data import check_same_data
 from pyburgers.sampling import SamplerOptions
 from pyburgers.stan_data import SolverOptions
@@ -32,6 +32,16 @@ IntArray = npt.NDArray[np.int64]
 
 LARGEST_ERROR = 1.0
 """Monte Carlo error of the log density of a test from which it is flagged."""
+
+LEFT_OUT_FOLDER = "leave_out"
+"""Folder in a run of the fits without single tests, by their names."""
+
+BY_TEST_TEXT = (
+    "Measure: log density of each whole test given the others, stresses in Pa; higher is better. "
+    "The fits were repeated without each test, and the density is a ratio of marginal likelihoods, "
+    "by bridge sampling. A test's own parameters are averaged under their priors, which costs as "
+    "much as the test narrows them."
+)
 
 OF_THE_MODEL = "coverage"
 """The check that is about the model; all others are about the draws."""
@@ -147,12 +157,57 @@ def compare_by_test(
         name: leave_one_test_out(joint, command=command, report=report)
         for name, joint in joints.items()
     }
+    return _ordered(found, joints)
+
+
+def compare_kept_by_test(
+    joints: Mapping[str, JointFit], *, report: Callable[[str], None] = silent
+) -> ComparisonByTest | None:
+    """Compare those joint fits by test for which an earlier comparison left every test out.
+
+    Parameters
+    ----------
+    joints, report
+        As for `compare_by_test`.
+
+    Returns
+    -------
+    ComparisonByTest or None
+        Of the fits without single tests in the run directories, None where there are none. Nothing
+        is fitted.
+    """
+    check_same_data(joints)
+    found = {}
+    for name, joint in joints.items():
+        kept = _kept_without(joint, report)
+        if kept is not None:
+            found[name] = _left_out(joint, kept.__getitem__, report)
+    return _ordered(found, joints) if found else None
+
+
+def _ordered(
+    found: Mapping[str, LeaveOneTestOut], joints: Mapping[str, JointFit]
+) -> ComparisonByTest:
+    """Put results in order, the best first, and weigh them."""
     ordered = dict(sorted(found.items(), key=lambda item: -item[1].total))
     return ComparisonByTest(
         results=ordered,
         weights=stacking_weights(np.array([result.elpd for result in ordered.values()])),
-        variants={name: joint.variant.short_text for name, joint in joints.items()},
+        variants={name: joints[name].variant.short_text for name in ordered},
     )
+
+
+def _kept_without(joint: JointFit, report: Callable[[str], None]) -> Mapping[str, JointFit] | None:
+    """Return the finished fits without each test, None where one is missing."""
+    folders = {
+        test: joint.directory.path / LEFT_OUT_FOLDER / test
+        for test in joint.manifest["experiments"]
+    }
+    for folder in folders.values():
+        run = RunDirectory(folder)
+        if not run.manifest_file.is_file() or run.read_manifest()["status"] != "complete":
+            return None
+    return {test: JointFit.load(folder, report=report) for test, folder in folders.items()}
 
 
 def leave_one_test_out(
@@ -172,22 +227,43 @@ def leave_one_test_out(
     command, report
         As for `compare_by_test`, which says what is raised.
     """
+    if len(joint.problem.experiments) < 2:
+        raise InputError(
+            f"{joint.directory.path}: is a fit of {joint.problem.name} alone, expected at least "
+            "two tests to leave one out."
+        )
+
+    def again(test: str) -> JointFit:
+        report(f"{joint.directory.path.name}: fitting again without {test}.")
+        out = joint.directory.path / LEFT_OUT_FOLDER / test
+        return fit_without(joint, test, out, command=command, report=report)
+
+    return _left_out(joint, again, report)
+
+
+def _left_out(
+    joint: JointFit, fit_of_others: Callable[[str], JointFit], report: Callable[[str], None]
+) -> LeaveOneTestOut:
+    """Relate the marginal likelihood of all tests to that of all but each.
+
+    Parameters
+    ----------
+    joint : JointFit
+        Of at least two tests.
+    fit_of_others : callable
+        Receives the name of a test, returns the fit without it.
+    report : callable
+        Receives progress sentences.
+    """
     experiments = {experiment.id: experiment for experiment in joint.problem.experiments}
     tests = tuple(sorted(experiments))
-    if len(tests) < 2:
-        raise InputError(
-            f"{joint.directory.path}: is a fit of {tests[0]} alone, expected at least two tests to "
-            "leave one out."
-        )
     of_all = log_marginal_likelihood(joint, report=report)
     doubts = _doubts(joint)
     without = []
     for test in tests:
-        report(f"{joint.directory.path.name}: fitting again without {test}.")
-        out = joint.directory.path / "leave_out" / test
-        again = fit_without(joint, test, out, command=command, report=report)
-        without.append(log_marginal_likelihood(again, report=report))
-        doubts += _doubts(again)
+        others = fit_of_others(test)
+        without.append(log_marginal_likelihood(others, report=report))
+        doubts += _doubts(others)
     return LeaveOneTestOut(
         tests=tests,
         n_points=np.array([experiments[test].n_points for test in tests]),

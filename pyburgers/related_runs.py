@@ -28,8 +28,9 @@ from pyburgers.draws import all_draws
 from pyburgers.fitting import Fit
 from pyburgers.flow_law_figures import COMBINED_CAPTION, combined_flow_law
 from pyburgers.flow_law_prior import FlowLawPrior
+from pyburgers.joint_fitting import JointFit
 from pyburgers.priors import FLOW_LAW
-from pyburgers.report import ExtraFigure, ExtraSection, ExtraTable, page_keys
+from pyburgers.report import ExtraFigure, ExtraSection, ExtraTable, file_key, page_keys
 from pyburgers.same_data import data_hash
 
 FloatArray = npt.NDArray[np.float64]
@@ -73,19 +74,19 @@ def related_sections(fits: Sequence[Fit]) -> tuple[ExtraSection, ...]:
     return tuple(sections)
 
 
-def comparison_section(fits: Mapping[str, Fit]) -> ExtraSection:
+def comparison_section(fits: Mapping[str, Fit] | Mapping[str, JointFit]) -> ExtraSection:
     """Return the leave-one-out comparison of fits of the same data.
 
     Parameters
     ----------
-    fits : mapping of str to Fit
+    fits : mapping of str to Fit or JointFit
         At least two, by their names on the page.
     """
     comparison = compare(fits)
     table = comparison_table(comparison)
     first = next(iter(fits))
     return ExtraSection(
-        key=f"comparison_{first}",
+        key=f"comparison_{file_key(first)}",
         title=f"Which fit of {first} predicts best",
         paragraphs=(COMPARISON_TEXT, *sentences(comparison)),
         tables=(

@@ -325,13 +325,24 @@ def _claim(out: Path) -> None:
 
 def page_keys(fits: Sequence[Fit]) -> list[str]:
     """Name each fit after its experiment, or as its part of a joint fit; further ones by number."""
+    return numbered(
+        [fit.experiment.id + ("_joint" if is_joint(fit.manifest) else "") for fit in fits]
+    )
+
+
+def numbered(names: Sequence[str]) -> list[str]:
+    """Tell equal names apart: the second A is A_run2."""
     seen: Counter[str] = Counter()
-    keys = []
-    for fit in fits:
-        name = fit.experiment.id + ("_joint" if is_joint(fit.manifest) else "")
+    told_apart = []
+    for name in names:
         seen[name] += 1
-        keys.append(name if seen[name] == 1 else f"{name}_run{seen[name]}")
-    return keys
+        told_apart.append(name if seen[name] == 1 else f"{name}_run{seen[name]}")
+    return told_apart
+
+
+def file_key(name: str) -> str:
+    """Name without what a file name or an anchor had better not hold."""
+    return name.replace("+", "_")
 
 
 def _write_section(key: str, fit: Fit, out: Path) -> Section:

@@ -126,9 +126,9 @@ def test_page_shows_joint_and_separate_fits(
         title="joint",
         command="test",
         report=print,
-        extras=[joint_section(joint, separate)],
+        extras=[joint_section("PIL40+other", joint, separate)],
     ).read_text(encoding="utf-8")
-    assert "Joint fit of PIL40, other" in page
+    assert "Joint fit PIL40+other" in page
     assert "What pooling bought" in page
     assert (tmp_path / "report" / "tables" / "joint_PIL40_other_pooling.csv").is_file()
     for name in ("curves", "intervals"):

@@ -1,6 +1,7 @@
 """Leaving whole tests out: against single fits, same priors, tables, sentences, refusals."""
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import pytest
 from conftest import ICE, SMALL_RUN, Problem, pair_of
 
 from pyburgers.bridge_sampling import LogIntegral
+from pyburgers.cli import main
 from pyburgers.comparison import compare, pointwise_table
 from pyburgers.comparison_figures import left_out_tests, pointwise_differences
 from pyburgers.constant_rate import load_constant_rate
@@ -33,6 +35,7 @@ from pyburgers.leave_one_test_out import (
 from pyburgers.marginal_likelihood import log_marginal_likelihood
 from pyburgers.pooling import pooling_of
 from pyburgers.priors import default_priors
+from pyburgers.related_joint_runs import related_joint_sections
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -231,6 +234,40 @@ def test_the_order_of_the_tests_does_not_matter(
     comparison = compare({"one": shared, "turned": turned})
     one, other = (comparison.results[name].elpd for name in ("one", "turned"))
     np.testing.assert_allclose(one, other, atol=0.5)
+
+
+def test_a_page_sets_joint_fits_of_the_same_tests_side_by_side(
+    shared: JointFit, separate: JointFit, tmp_path: Path
+) -> None:
+    """By points; by tests as soon as they were left out, without fitting anything."""
+    runs = [tmp_path / name for name in ("together", "apart")]
+    for run, joint in zip(runs, (shared, separate), strict=True):
+        shutil.copytree(joint.directory.path, run, ignore=shutil.ignore_patterns("leave_out"))
+    joints = [JointFit.load(run) for run in runs]
+    (by_points,) = related_joint_sections(joints)
+    assert by_points.key == "comparison_PIL40_other"
+    leave_one_test_out(joints[0], command="test")
+    *_, by_tests = related_joint_sections(joints)
+    assert by_tests.key == "left_out_PIL40_other"
+    exact = leave_one_test_out(joints[0], command="test")
+    assert by_tests.tables[1].saved["PIL40+other elpd"].tolist() == exact.elpd.tolist()
+    assert not (runs[1] / "leave_out").exists()
+    leave_one_test_out(joints[1], command="test")
+    both = related_joint_sections(joints)[1]
+    assert set(both.tables[0].saved["fit"]) == {"PIL40+other", "PIL40+other_run2"}
+
+
+def test_joint_fits_of_the_same_tests_have_sections_of_their_own(
+    shared: JointFit, separate: JointFit, tmp_path: Path
+) -> None:
+    runs = [str(joint.directory.path) for joint in (shared, separate)]
+    assert main(["report", *runs, "--out", str(tmp_path / "page")]) == 0
+    tables = tmp_path / "page" / "tables"
+    first, other = (
+        pd.read_csv(tables / f"joint_PIL40_other{suffix}_pooling.csv") for suffix in ("", "_run2")
+    )
+    assert "shared" in set(first["pooling"])
+    assert set(other["pooling"]) == {"separate", "derived"}
 
 
 def test_other_data_other_kinds_and_a_sampled_prior_are_refused(

@@ -91,6 +91,7 @@ def count_sentences(calibration: Calibration) -> tuple[str, ...]:
     failed = Counter(name for one in ranked for name in one.failed_checks)
     n_failed = sum(bool(one.failed_checks) for one in ranked)
     sentences = [
+        "All data are synthetic: they were made with known parameters and say nothing of nature.",
         f"{len(done)} data sets like {calibration.template.id}, {len(ranked)} of them fitted; the "
         f"truth is ranked among {calibration.plan.n_ranked} draws of each fit.",
         f"Unphysical draws: {n_unsolvable} of {n_drawn} draws from the prior had no finite "

@@ -12,12 +12,21 @@ from pyburgers.metric import curvature_at
 from pyburgers.mode import Mode
 from pyburgers.priors import Prior, PriorSet
 from pyburgers.simulation import evaluate
-from pyburgers.stan_data import PlainCoordinates, ShearedReference, StanData
+from pyburgers.stan_data import (
+    PLAIN,
+    PlainCoordinates,
+    ShearedReference,
+    StanData,
+    sheared_block,
+)
 
 FloatArray = npt.NDArray[np.float64]
 
 LEAST_INFORMATION = 10.0
 """Curvature of the log likelihood along ln(flow rate s) below which its slopes say nothing."""
+
+SHIFTED_BY = ("stress_exponent", "grain_size_exponent", "critical_strain_grain_size")
+"""Parameters whose values shift the flow rate."""
 
 UNINFORMED_SLOPE = np.array([0.0, 0.0, 1.0])
 """The flow at the grain size half way through the record, whatever n."""
@@ -52,7 +61,7 @@ def find_sheared(
     Returns
     -------
     ShearedReference
-        Slopes of the flow rate.
+        Slopes of the flow rate, zero shift at the mode.
     array, shape (n_coordinates,)
         Sheared coordinates of the mode.
 
@@ -71,10 +80,13 @@ def find_sheared(
                 raise ShearedUnsuited(f"the prior of {prior.parameter} is not an unbounded normal")
     if data["storage_compliance"] <= 0 or data["loss_compliance"] <= 0:
         raise ShearedUnsuited("the observed stress is not ahead of the strain by 0 to 90 degrees")
-    slope = _flow_slope(model, data, coordinates, mode, coordinates.parameters.index(replaced))
-    block = {**data, "flow_slope": slope.tolist()}
+    reference = ShearedReference(
+        _flow_slope(model, data, coordinates, mode, coordinates.parameters.index(replaced)),
+        np.array([mode.values[name] for name in SHIFTED_BY]),
+    )
+    block = {**data, **sheared_block(reference), "coordinate_system": PLAIN}
     centre = evaluate(model, block, _position(mode))["sheared_coordinate"]
-    return ShearedReference(slope), np.atleast_1d(centre)
+    return reference, np.atleast_1d(centre)
 
 
 def _flow_slope(
@@ -93,7 +105,7 @@ def _flow_slope(
     slope = -likelihood[flow] / likelihood[flow, flow] * coordinates.scale[flow]
     by_parameter = {
         name: slope[coordinates.parameters.index(name)] / _derivative(coordinates, name, mode)
-        for name in ("stress_exponent", "grain_size_exponent", "critical_strain_grain_size")
+        for name in SHIFTED_BY
         if name in coordinates.parameters
     }
     growth = evaluate(model, data, _position(mode))

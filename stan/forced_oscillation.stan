@@ -86,7 +86,7 @@ transformed parameters {
     if (coordinate_system == 2) {
       vector[n_coordinates + 1] sheared = plain_from_sheared(coordinate, coordinate_of,
         quantity_shift, quantity_scale, quantity_lower, quantity_upper, replaced_parameter,
-        prior_location, prior_scale, flow_slope, record);
+        prior_location, prior_scale, flow_slope, flow_reference, record);
       plain_coordinate = head(sheared, n_coordinates);
       log_jacobian = sheared[n_coordinates + 1];
     }
@@ -161,7 +161,7 @@ generated quantities {
     sheared_coordinate = sheared_from_plain(plain_coordinate, coordinate_of, quantity_shift,
                                             quantity_scale, quantity_lower, quantity_upper,
                                             replaced_parameter, prior_location, prior_scale,
-                                            flow_slope, record);
+                                            flow_slope, flow_reference, record);
   }
   vector[n_trend] trend; // coefficients
   {

@@ -16,13 +16,10 @@
  *
  * The last is for normal priors of beta and Q_M. The flow rate is stretched besides: where the
  * dashpot carries next to nothing its logarithm is as wide as the prior, where it carries much the
- * rate itself is what data fix. Parameters stand in the order of functions/parameters.stan.
+ * rate itself is what data fix. The multiples can be large, so that the flow rate is not shifted at
+ * the mode, for which the stretch is made. Parameters stand in the order of
+ * functions/parameters.stan.
  */
-
-/** n at which the stretch of the flow rate is set. */
-real typical_stress_exponent() {
-  return 3;
-}
 
 /**
  * ln(d/d_0) half way through a record, roughly: the piezometer's grain size is taken as constant.
@@ -50,14 +47,15 @@ real rough_growth_slope(real critical_strain_grain_size, data real growth_limit,
  *
  * @param parameter only n, p and epsilon_c1 are used
  * @param flow_slope derivatives of the ln(flow rate s) that fits best by n, p and p ln(d/d_0)
+ * @param flow_reference n, p and epsilon_c1 where there is no shift
  */
-real flow_shift(vector parameter, data vector flow_slope, data real growth_limit,
-                data real path_strain) {
-  return flow_slope[1] * (parameter[4] - typical_stress_exponent())
-         + parameter[5]
-           * (flow_slope[2]
-              + flow_slope[3]
-                * rough_growth(parameter[10], growth_limit, path_strain));
+real flow_shift(vector parameter, data vector flow_slope, data vector flow_reference,
+                data real growth_limit, data real path_strain) {
+  return flow_slope[1] * (parameter[4] - flow_reference[1])
+         + flow_slope[2] * (parameter[5] - flow_reference[2])
+         + flow_slope[3]
+           * (parameter[5] * rough_growth(parameter[10], growth_limit, path_strain)
+              - flow_reference[2] * rough_growth(flow_reference[3], growth_limit, path_strain));
 }
 
 /**
@@ -130,14 +128,14 @@ real probable_beta(real log_rate, real stress_exponent, real grain_size_exponent
  * @param shift, scale, lower_bound, upper_bound of the plain coordinates
  * @param replaced_parameter 6 or 7: the flow rate is sampled in place of Q_M or of beta
  * @param prior_location, prior_scale of the parameters; a fixed one has its value as location
- * @param flow_slope see flow_shift()
+ * @param flow_slope, flow_reference see flow_shift()
  * @param record stress of the flow rate (Pa), bias and amplitude of the stress (Pa), storage and
  *   loss compliance (1/Pa), period (s), growth_limit, path_strain, d_0 (m), temperature (K)
  */
 vector shears(vector plain, data array[] int coordinate_of, data vector shift, data vector scale,
               data vector lower_bound, data vector upper_bound, data int replaced_parameter,
               data vector prior_location, data vector prior_scale, data vector flow_slope,
-              data vector record) {
+              data vector flow_reference, data vector record) {
   vector[num_elements(plain)] shifts = rep_vector(0, num_elements(plain));
   vector[n_parameters()] parameter = prior_location;
   int flow = coordinate_of[replaced_parameter];
@@ -152,7 +150,8 @@ vector shears(vector plain, data array[] int coordinate_of, data vector shift, d
   if (coordinate_of[10] > 0 && coordinate_of[5] > 0) {
     shifts[coordinate_of[10]] = log(parameter[5]);
   }
-  shifts[flow] = flow_shift(parameter, flow_slope, record[7], record[8]) / scale[flow];
+  shifts[flow] = flow_shift(parameter, flow_slope, flow_reference, record[7], record[8])
+                 / scale[flow];
   if (replaced_parameter == 6 && coordinate_of[7] > 0) {
     shifts[coordinate_of[7]] = probable_beta(log_rate, parameter[4], parameter[5],
                                              log(record[1]), record[9], record[10],
@@ -178,12 +177,13 @@ vector shears(vector plain, data array[] int coordinate_of, data vector shift, d
  * ln of the flow rate from which on the stretched coordinate is the rate and not its logarithm:
  * that of a dashpot with a tenth of the observed loss compliance.
  *
- * @param record see shears()
+ * @param flow_reference, record see shears()
  */
-real log_rate_scale(data vector record) {
+real log_rate_scale(data vector flow_reference, data vector record) {
   return log(0.1 * record[5]
-             / dashpot_compliance(1, typical_stress_exponent(), record[1], record[2],
-                                  record[3], record[6]));
+             / dashpot_compliance(1, flow_reference[1], record[1], record[2], record[3],
+                                  record[6]))
+         + flow_reference[2] * rough_growth(flow_reference[3], record[7], record[8]);
 }
 
 /**
@@ -197,17 +197,18 @@ vector plain_from_sheared(vector sheared, data array[] int coordinate_of, data v
                           data vector scale, data vector lower_bound, data vector upper_bound,
                           data int replaced_parameter, data vector prior_location,
                           data vector prior_scale, data vector flow_slope,
-                          data vector record) {
+                          data vector flow_reference, data vector record) {
   int flow = coordinate_of[replaced_parameter];
   real rate = log1p_exp(sheared[flow]); // over the scale
   vector[num_elements(sheared)] unshifted = sheared;
   vector[num_elements(sheared)] plain;
-  unshifted[flow] = (log_rate_scale(record) + log(rate) - shift[flow]) / scale[flow];
+  unshifted[flow] = (log_rate_scale(flow_reference, record) + log(rate) - shift[flow]) / scale[flow];
   plain = unshifted;
   for (pass in 1 : 3) {
     plain = unshifted
             + shears(plain, coordinate_of, shift, scale, lower_bound, upper_bound,
-                     replaced_parameter, prior_location, prior_scale, flow_slope, record);
+                     replaced_parameter, prior_location, prior_scale, flow_slope,
+                     flow_reference, record);
   }
   return append_row(plain, log_inv_logit(sheared[flow]) - log(rate) - log(scale[flow]));
 }
@@ -219,14 +220,15 @@ vector sheared_from_plain(vector plain, data array[] int coordinate_of, data vec
                           data vector scale, data vector lower_bound, data vector upper_bound,
                           data int replaced_parameter, data vector prior_location,
                           data vector prior_scale, data vector flow_slope,
-                          data vector record) {
+                          data vector flow_reference, data vector record) {
   int flow = coordinate_of[replaced_parameter];
   vector[num_elements(plain)] sheared
     = plain
       - shears(plain, coordinate_of, shift, scale, lower_bound, upper_bound,
-               replaced_parameter, prior_location, prior_scale, flow_slope, record);
+               replaced_parameter, prior_location, prior_scale, flow_slope,
+                     flow_reference, record);
   {
-    real rate = exp(shift[flow] + scale[flow] * sheared[flow] - log_rate_scale(record));
+    real rate = exp(shift[flow] + scale[flow] * sheared[flow] - log_rate_scale(flow_reference, record));
     sheared[flow] = rate + log1m_exp(-rate); // ln(exp(rate) - 1)
   }
   return sheared;

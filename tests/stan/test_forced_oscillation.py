@@ -345,7 +345,7 @@ def test_the_same_seed_gives_the_same_draws(twin: OscillationExperiment, tmp_pat
         twin,
         priors,
         solver=replace(REFERENCE_SOLVER, tolerance=1e-4),
-        sheared=ShearedReference(np.array([-0.5, 2.0, 1.0])),
+        sheared=ShearedReference(np.array([-0.5, 2.0, 1.0]), np.array([3.5, 0.7, 0.2])),
     )
     data_file = tmp_path / "data.json"
     data_file.write_text(json.dumps(data), encoding="utf-8")

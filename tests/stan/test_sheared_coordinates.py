@@ -28,15 +28,17 @@ from pyburgers.mode import Mode
 from pyburgers.oscillation import Background, prepare
 from pyburgers.parameters import PARAMETERS
 from pyburgers.priors import Prior, PriorSet
-from pyburgers.sheared import find_sheared
+from pyburgers.sheared import SHIFTED_BY, find_sheared
 from pyburgers.simulation import evaluate, program_for, quiet_cmdstanpy
 from pyburgers.stan_data import (
+    PLAIN,
     REFERENCE_FLOW_RATE,
     ShearedReference,
     SolverOptions,
     StanData,
     forced_oscillation_data,
     plain_coordinates,
+    sheared_block,
 )
 
 FloatArray = npt.NDArray[np.float64]
@@ -44,8 +46,8 @@ pytestmark = pytest.mark.usefixtures("programs")
 
 TWIN_FILE = ICE.parent / "olivine" / "olivine_twin.toml"
 TIGHT = SolverOptions(tolerance=1e-11, max_num_steps=1_000_000)
-# Whatever the slopes, the posterior is the same.
-REFERENCE = ShearedReference(np.array([-0.7, 2.5, 0.8]))
+# Whatever the slopes and their origin, the posterior is the same.
+REFERENCE = ShearedReference(np.array([-0.7, 2.5, 0.8]), np.array([2.7, 0.6, 0.3]))
 FREE = (
     "maxwell_modulus",
     "kelvin_modulus",
@@ -144,7 +146,7 @@ def vector(columns: Mapping[str, float], name: str, size: int) -> FloatArray:
 def sheared_truth(experiment: OscillationExperiment, priors: PriorSet) -> FloatArray:
     """Sheared coordinates of the true parameters."""
     data = forced_oscillation_data(experiment, priors, solver=TIGHT)
-    data["flow_slope"] = REFERENCE.flow_slope.tolist()
+    data |= {**sheared_block(REFERENCE), "coordinate_system": PLAIN}
     position = {"coordinate": truth_in(experiment, priors).coordinate.tolist()}
     return evaluate(model_of(experiment), data, position)["sheared_coordinate"]
 
@@ -407,6 +409,32 @@ def test_a_record_without_loss_does_not_suit(monkeypatch: pytest.MonkeyPatch) ->
     found = geometry_of(backwards, resolved_priors(backwards), "auto", monkeypatch)
     assert found.system == "plain"
     assert "stress is not ahead of the strain" in found.reason
+
+
+def test_the_stretch_of_the_flow_rate_does_not_depend_on_its_slopes_at_the_mode() -> None:
+    """Large slopes once put the mode where the coordinate was e^8 times too large."""
+    experiment = twin_with("removed")
+    priors = resolved_priors(experiment)
+    mode = truth_in(experiment, priors)
+    origin = np.array([mode.values[name] for name in SHIFTED_BY])
+    data = forced_oscillation_data(experiment, priors, solver=SolverOptions())
+    position = {"coordinate": mode.coordinate.tolist()}
+    flow = plain_coordinates(experiment, priors).quantities.index(REFERENCE_FLOW_RATE)
+    moderate, large = (
+        evaluate(
+            model_of(experiment),
+            {
+                **data,
+                **sheared_block(ShearedReference(np.array(slope), origin)),
+                "coordinate_system": PLAIN,
+            },
+            position,
+        )["sheared_coordinate"][flow]
+        for slope in ([0.0, 0.0, 1.0], [-6.4, -8.3, 1.4])
+    )
+    assert large == pytest.approx(moderate, rel=1e-9)
+    # Below ten tenths of the loss, what all of it would be.
+    assert -5 < moderate < 10
 
 
 def test_the_twin_is_sampled_in_sheared_coordinates(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,8 +9,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import arviz as az
 import numpy as np
 import numpy.typing as npt
+import xarray as xr
 
 from pyburgers.cmdstan import load_model
 from pyburgers.constant_rate import ConstantRateExperiment
@@ -319,7 +321,7 @@ def replicate(
         return Replication(seed, {}, n_thinned, simulated.n_unsolvable, failure=str(error))
     convergence = convergence_table(result.posterior)
     least_ess = float(convergence["ess_bulk"].min())
-    rhat = float(convergence["rhat"].max())
+    rhat = _largest_rhat(result)
     return Replication(
         seed=seed,
         ranks=rank_truth(result, simulated.experiment, n_thinned),
@@ -335,6 +337,18 @@ def replicate(
         least_ess=least_ess,
         coordinates=result.manifest["coordinates"]["system"],
     )
+
+
+def _largest_rhat(result: Fit) -> float:
+    """Largest R-hat over the sampled quantities; that of its halves where there is one chain."""
+    draws = result.posterior["posterior"].to_dataset()[free_parameters(result.posterior)]
+    if draws.sizes["chain"] == 1:
+        half = draws.sizes["draw"] // 2
+        parts = [draws.isel(draw=slice(k * half, (k + 1) * half)) for k in range(2)]
+        halves = [part.assign_coords(chain=[k], draw=range(half)) for k, part in enumerate(parts)]
+        draws = xr.concat(halves, "chain")
+    with np.errstate(invalid="ignore", divide="ignore"):  # draws that never moved
+        return float(np.max([value.item() for value in az.rhat(draws).data_vars.values()]))
 
 
 def rank_truth(result: Fit, experiment: Experiment, n_thinned: int) -> dict[str, int]:

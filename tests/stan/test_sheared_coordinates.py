@@ -16,6 +16,7 @@ from log_density import Program
 from scipy import stats
 
 from pyburgers import geometry
+from pyburgers.calibration import calibration_priors, simulate_from_prior
 from pyburgers.cmdstan import compile_program, load_model
 from pyburgers.errors import InputError
 from pyburgers.forced_oscillation import (
@@ -24,6 +25,7 @@ from pyburgers.forced_oscillation import (
     with_background,
 )
 from pyburgers.geometry import Coordinates, Geometry, choose_geometry
+from pyburgers.metric import curvature_at
 from pyburgers.mode import Mode
 from pyburgers.oscillation import Background, prepare
 from pyburgers.parameters import PARAMETERS
@@ -36,9 +38,11 @@ from pyburgers.stan_data import (
     ShearedReference,
     SolverOptions,
     StanData,
+    default_solver,
     forced_oscillation_data,
     plain_coordinates,
     sheared_block,
+    solver_block,
 )
 
 FloatArray = npt.NDArray[np.float64]
@@ -435,6 +439,53 @@ def test_the_stretch_of_the_flow_rate_does_not_depend_on_its_slopes_at_the_mode(
     assert large == pytest.approx(moderate, rel=1e-9)
     # Below ten tenths of the loss, what all of it would be.
     assert -5 < moderate < 10
+
+
+def test_a_record_whose_loss_is_all_the_dashpots_is_smooth_in_its_coordinates(
+    tmp_path: Path,
+) -> None:
+    """There the solver's error spoils differences of gradients, and the log density, first."""
+    template = twin_with("removed")
+    priors = calibration_priors("olivine").resolved(template.largest_stress)
+    experiment = simulate_from_prior(template, priors, seed=1).experiment
+    assert isinstance(experiment, OscillationExperiment)
+    truth = experiment.true_parameters
+    assert truth is not None
+    relaxation = truth["kelvin_viscosity"] / truth["kelvin_modulus"]
+    assert relaxation < 0.01 * experiment.prepared.period
+    data = forced_oscillation_data(experiment, priors, solver=default_solver(experiment))
+    model = model_of(experiment)
+    found = choose_geometry(
+        model,
+        data,
+        experiment,
+        priors,
+        wanted="auto",
+        seed=1,
+        solver=default_solver(experiment),
+        report=print,
+    )
+    assert found.centre is not None
+    assert found.covariance is not None
+    widths: FloatArray = np.asarray(np.linalg.cholesky(found.covariance), dtype=np.float64)
+    draws = found.centre + np.random.default_rng(2).standard_normal((3, 9)) @ widths.T
+    chosen = {**data, **found.block}
+    tight = {**chosen, **solver_block(SolverOptions(1e-7))}
+    for point in draws:
+        curvature = curvature_at(model, tight, point, np.asarray(0.25 * widths, dtype=np.float64))
+        # 3900 when the slopes of the flow rate were wrong, 4 since.
+        assert np.linalg.eigvalsh(widths.T @ curvature @ widths).max() < 40
+    near = draws[0] + 0.02 * np.random.default_rng(3).standard_normal((8, 9)) @ widths.T
+    programs = (
+        program_with(content, tmp_path / name)
+        for name, content in (("loose", chosen), ("tight", tight))
+    )
+    loose, exact = (
+        np.array([one.columns_at({"coordinate": point.tolist()})["lp__"] for point in near])
+        for one in programs
+    )
+    # Chains take what varies between neighbours for the density.
+    assert np.std(loose - exact) < 0.2
 
 
 def test_the_twin_is_sampled_in_sheared_coordinates(monkeypatch: pytest.MonkeyPatch) -> None:

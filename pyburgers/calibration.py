@@ -28,7 +28,6 @@ from pyburgers.sampling import SamplerOptions
 from pyburgers.simulation import evaluate, given_parameters, program_for, simulate
 from pyburgers.stan_data import (
     SolverOptions,
-    default_solver,
     program_data,
     reference_quantity,
 )
@@ -144,7 +143,7 @@ def simulate_from_prior(experiment: Experiment, priors: PriorSet, *, seed: int) 
     """Draw parameters from the prior and simulate the experiment's data.
 
     A draw without a solution within the limits of the solver that fits use
-    (`pyburgers.stan_data.default_solver`) is replaced by the next one: the sampler rejects such
+    (`pyburgers.stan_data.SolverOptions`) is replaced by the next one: the sampler rejects such
     parameters too.
 
     Parameters
@@ -166,7 +165,7 @@ def simulate_from_prior(experiment: Experiment, priors: PriorSet, *, seed: int) 
         values = priors.sample(rng)
         source = f"a draw from the prior, seed {seed}"
         try:
-            simulate(experiment, values, solver=default_solver(experiment))
+            simulate(experiment, values, solver=SolverOptions())
             simulated = _simulate_data(experiment, values, rng, source=source)
         except SamplingError:
             continue  # counted by n_unsolvable

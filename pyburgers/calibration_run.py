@@ -33,7 +33,7 @@ from pyburgers.run_directory import (
 )
 from pyburgers.sampling import INDECISIVE, SamplerOptions, software_versions
 from pyburgers.simulation import program_for
-from pyburgers.stan_data import default_solver, program_data
+from pyburgers.stan_data import SolverOptions, program_data
 from pyburgers.toml_files import read_text
 
 CALIBRATION_KIND = "pyburgers sbc"
@@ -219,7 +219,7 @@ def _fingerprint(
     return sha256_of_json(
         {
             "kind": CALIBRATION_KIND,
-            "data": program_data(template, priors, solver=default_solver(template)),
+            "data": program_data(template, priors, solver=SolverOptions()),
             "seed": plan.seed,
             "n_ranked": plan.n_ranked,
             "sampler": sampler,
@@ -244,7 +244,7 @@ def _record(
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
         "status": "sampling",
         "plan": asdict(plan),
-        "solver": asdict(default_solver(template)),
+        "solver": asdict(SolverOptions()),
         "versions": software_versions(),
         "hashes": {
             file.relative_to(run.path).as_posix(): sha256_of_file(file)

@@ -17,7 +17,7 @@ from pyburgers.reporting import silent
 from pyburgers.run_directory import RunDirectory
 from pyburgers.sampled_fit import SampledFit, sample_until_solved, write_tables
 from pyburgers.sampling import SamplerOptions, run_chains
-from pyburgers.stan_data import SolverOptions, default_solver
+from pyburgers.stan_data import SolverOptions
 from pyburgers.variants import ModelVariant, variant_of
 
 
@@ -113,8 +113,7 @@ def fit(
     options : SamplerOptions, optional
         Chains, iterations, seed.
     solver : SolverOptions, optional
-        Tolerance of the ODE solver while sampling, by default that of
-        `pyburgers.stan_data.default_solver`. Where the draws, solved again at the reference
+        Tolerance of the ODE solver while sampling. Where the draws, solved again at the reference
         tolerance, show it too loose (Pareto k), all chains are run again ten times tighter, at
         most `pyburgers.sampled_fit.MAX_REFITS` times; the manifest notes it.
     use_likelihood : bool
@@ -144,7 +143,7 @@ def fit(
             priors,
             run.path,
             options=options or SamplerOptions(),
-            solver=solver or default_solver(experiment),
+            solver=solver or SolverOptions(),
             use_likelihood=use_likelihood,
             command=command,
             report=report,

@@ -31,7 +31,7 @@ from pyburgers.sampling import (
     run_task,
 )
 from pyburgers.simulation import constant_rate_program
-from pyburgers.stan_data import SolverOptions, default_solver
+from pyburgers.stan_data import SolverOptions
 from pyburgers.variants import ModelVariant, variant_of
 
 
@@ -164,7 +164,7 @@ def fit_joint_problem(
         As for `fit_jointly`, which says what is raised.
     """
     options = (options or SamplerOptions()).suited_to(problem.experiments[0])
-    solver = solver or default_solver(problem.experiments[0])
+    solver = solver or SolverOptions()
     check_coordinates(problem.experiments[0], options.coordinates)
     task = _task(problem, options, solver, use_likelihood, report)
     run = RunDirectory(Path(out))

@@ -38,7 +38,6 @@ from pyburgers.stan_data import (
     ShearedReference,
     SolverOptions,
     StanData,
-    default_solver,
     forced_oscillation_data,
     plain_coordinates,
     sheared_block,
@@ -453,7 +452,7 @@ def test_a_record_whose_loss_is_all_the_dashpots_is_smooth_in_its_coordinates(
     assert truth is not None
     relaxation = truth["kelvin_viscosity"] / truth["kelvin_modulus"]
     assert relaxation < 0.01 * experiment.prepared.period
-    data = forced_oscillation_data(experiment, priors, solver=default_solver(experiment))
+    data = forced_oscillation_data(experiment, priors, solver=SolverOptions())
     model = model_of(experiment)
     found = choose_geometry(
         model,
@@ -462,7 +461,7 @@ def test_a_record_whose_loss_is_all_the_dashpots_is_smooth_in_its_coordinates(
         priors,
         wanted="auto",
         seed=1,
-        solver=default_solver(experiment),
+        solver=SolverOptions(),
         report=print,
     )
     assert found.centre is not None

@@ -320,7 +320,11 @@ def replicate(
         return Replication(seed, {}, n_thinned, simulated.n_unsolvable, failure=str(error))
     convergence = convergence_table(result.posterior)
     least_ess = float(convergence["ess_bulk"].min())
-    rhat = _largest_rhat(result)
+    rhat = (
+        _rhat_of_halves(result)
+        if options.chains == 1
+        else float(convergence["rhat"].max(skipna=False))
+    )
     return Replication(
         seed=seed,
         ranks=rank_truth(result, simulated.experiment, n_thinned),
@@ -338,16 +342,15 @@ def replicate(
     )
 
 
-def _largest_rhat(result: Fit) -> float:
-    """Largest R-hat over the sampled quantities; that of its halves where there is one chain."""
+def _rhat_of_halves(result: Fit) -> float:
+    """Largest R-hat over the sampled quantities between the halves of a single chain."""
     draws = result.posterior["posterior"].to_dataset()[free_parameters(result.posterior)]
-    if draws.sizes["chain"] == 1:
-        half = draws.sizes["draw"] // 2
-        parts = [draws.isel(draw=slice(k * half, (k + 1) * half)) for k in range(2)]
-        halves = [part.assign_coords(chain=[k], draw=range(half)) for k, part in enumerate(parts)]
-        draws = xr.concat(halves, "chain")
+    half = draws.sizes["draw"] // 2
+    parts = [draws.isel(draw=slice(k * half, (k + 1) * half)) for k in range(2)]
+    halves = [part.assign_coords(chain=[k], draw=range(half)) for k, part in enumerate(parts)]
     with np.errstate(invalid="ignore", divide="ignore"):  # draws that never moved
-        return float(np.max([value.item() for value in az.rhat(draws).data_vars.values()]))
+        rhat = az.rhat(xr.concat(halves, "chain"))
+    return float(np.max([value.item() for value in rhat.data_vars.values()]))
 
 
 def rank_truth(result: Fit, experiment: Experiment, n_thinned: int) -> dict[str, int]:

@@ -42,8 +42,9 @@ where noise is far below a percent of the stress."""
 CURVATURE_TOLERANCE = 1e-7
 """Of the solver for the curvature of oscillating tests, by differences of gradients.
 
-At the tolerance that suffices for sampling, 1e-4, its error is as large as these differences where
-the dashpot carries most of the loss: slopes of the flow rate came out 30 times too large."""
+At tolerances as loose as those for sampling, its error can be as large as these differences where
+the dashpot carries most of the loss: at 1e-4 slopes of the flow rate came out 50 times too
+large."""
 
 
 @dataclass(frozen=True, eq=False)

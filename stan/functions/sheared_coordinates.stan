@@ -202,13 +202,14 @@ vector plain_from_sheared(vector sheared, data array[] int coordinate_of, data v
   real rate = log1p_exp(sheared[flow]); // over the scale
   vector[num_elements(sheared)] unshifted = sheared;
   vector[num_elements(sheared)] plain;
-  unshifted[flow] = (log_rate_scale(flow_reference, record) + log(rate) - shift[flow]) / scale[flow];
+  unshifted[flow] = (log_rate_scale(flow_reference, record) + log(rate) - shift[flow])
+                    / scale[flow];
   plain = unshifted;
   for (pass in 1 : 3) {
     plain = unshifted
             + shears(plain, coordinate_of, shift, scale, lower_bound, upper_bound,
                      replaced_parameter, prior_location, prior_scale, flow_slope,
-                     flow_reference, record);
+               flow_reference, record);
   }
   return append_row(plain, log_inv_logit(sheared[flow]) - log(rate) - log(scale[flow]));
 }
@@ -228,7 +229,8 @@ vector sheared_from_plain(vector plain, data array[] int coordinate_of, data vec
                replaced_parameter, prior_location, prior_scale, flow_slope,
                      flow_reference, record);
   {
-    real rate = exp(shift[flow] + scale[flow] * sheared[flow] - log_rate_scale(flow_reference, record));
+    real rate = exp(shift[flow] + scale[flow] * sheared[flow]
+                    - log_rate_scale(flow_reference, record));
     sheared[flow] = rate + log1m_exp(-rate); // ln(exp(rate) - 1)
   }
   return sheared;

@@ -49,6 +49,7 @@ pytestmark = pytest.mark.usefixtures("programs")
 
 TWIN_FILE = ICE.parent / "olivine" / "olivine_twin.toml"
 TIGHT = SolverOptions(tolerance=1e-11, max_num_steps=1_000_000)
+SAMPLING = SolverOptions()
 # Whatever the slopes and their origin, the posterior is the same.
 REFERENCE = ShearedReference(np.array([-0.7, 2.5, 0.8]), np.array([2.7, 0.6, 0.3]))
 FREE = (
@@ -146,10 +147,12 @@ def vector(columns: Mapping[str, float], name: str, size: int) -> FloatArray:
     return np.array([columns[f"{name}.{k + 1}"] for k in range(size)])
 
 
-def sheared_truth(experiment: OscillationExperiment, priors: PriorSet) -> FloatArray:
+def sheared_truth(
+    experiment: OscillationExperiment, priors: PriorSet, reference: ShearedReference = REFERENCE
+) -> FloatArray:
     """Sheared coordinates of the true parameters."""
     data = forced_oscillation_data(experiment, priors, solver=TIGHT)
-    data |= {**sheared_block(REFERENCE), "coordinate_system": PLAIN}
+    data |= {**sheared_block(reference), "coordinate_system": PLAIN}
     position = {"coordinate": truth_in(experiment, priors).coordinate.tolist()}
     return evaluate(model_of(experiment), data, position)["sheared_coordinate"]
 
@@ -374,9 +377,20 @@ def geometry_of(
     """Choose coordinates, with the truth in place of a search for the mode."""
     monkeypatch.setattr(geometry, "find_mode", lambda *_, **__: truth_in(experiment, priors))
     solver = SolverOptions(tolerance=1e-6)
+    data = forced_oscillation_data(experiment, priors, solver=solver)
+    return geometry_from(data, experiment, priors, wanted, solver)
+
+
+def geometry_from(
+    data: StanData,
+    experiment: OscillationExperiment,
+    priors: PriorSet,
+    wanted: Coordinates = "auto",
+    solver: SolverOptions = SAMPLING,
+) -> Geometry:
     return choose_geometry(
         model_of(experiment),
-        forced_oscillation_data(experiment, priors, solver=solver),
+        data,
         experiment,
         priors,
         wanted=wanted,
@@ -420,19 +434,9 @@ def test_the_stretch_of_the_flow_rate_does_not_depend_on_its_slopes_at_the_mode(
     priors = resolved_priors(experiment)
     mode = truth_in(experiment, priors)
     origin = np.array([mode.values[name] for name in SHIFTED_BY])
-    data = forced_oscillation_data(experiment, priors, solver=SolverOptions())
-    position = {"coordinate": mode.coordinate.tolist()}
     flow = plain_coordinates(experiment, priors).quantities.index(REFERENCE_FLOW_RATE)
     moderate, large = (
-        evaluate(
-            model_of(experiment),
-            {
-                **data,
-                **sheared_block(ShearedReference(np.array(slope), origin)),
-                "coordinate_system": PLAIN,
-            },
-            position,
-        )["sheared_coordinate"][flow]
+        sheared_truth(experiment, priors, ShearedReference(np.array(slope), origin))[flow]
         for slope in ([0.0, 0.0, 1.0], [-6.4, -8.3, 1.4])
     )
     assert large == pytest.approx(moderate, rel=1e-9)
@@ -452,18 +456,8 @@ def test_a_record_whose_loss_is_all_the_dashpots_is_smooth_in_its_coordinates(
     assert truth is not None
     relaxation = truth["kelvin_viscosity"] / truth["kelvin_modulus"]
     assert relaxation < 0.01 * experiment.prepared.period
-    data = forced_oscillation_data(experiment, priors, solver=SolverOptions())
-    model = model_of(experiment)
-    found = choose_geometry(
-        model,
-        data,
-        experiment,
-        priors,
-        wanted="auto",
-        seed=1,
-        solver=SolverOptions(),
-        report=print,
-    )
+    data = forced_oscillation_data(experiment, priors, solver=SAMPLING)
+    found = geometry_from(data, experiment, priors)
     assert found.centre is not None
     assert found.covariance is not None
     widths: FloatArray = np.asarray(np.linalg.cholesky(found.covariance), dtype=np.float64)
@@ -471,7 +465,9 @@ def test_a_record_whose_loss_is_all_the_dashpots_is_smooth_in_its_coordinates(
     chosen = {**data, **found.block}
     tight = {**chosen, **solver_block(SolverOptions(1e-7))}
     for point in draws:
-        curvature = curvature_at(model, tight, point, np.asarray(0.25 * widths, dtype=np.float64))
+        curvature = curvature_at(
+            model_of(experiment), tight, point, np.asarray(0.25 * widths, dtype=np.float64)
+        )
         # 3900 when the slopes of the flow rate were wrong, 4 since.
         assert np.linalg.eigvalsh(widths.T @ curvature @ widths).max() < 40
     near = draws[0] + 0.02 * np.random.default_rng(3).standard_normal((8, 9)) @ widths.T
@@ -500,17 +496,8 @@ def test_the_twin_is_sampled_in_sheared_coordinates(monkeypatch: pytest.MonkeyPa
 def test_without_likelihood_coordinates_stay_plain() -> None:
     experiment = short_twin("kept")
     priors = resolved_priors(experiment)
-    data = forced_oscillation_data(experiment, priors, solver=SolverOptions(), use_likelihood=False)
-    found = choose_geometry(
-        model_of(experiment),
-        data,
-        experiment,
-        priors,
-        wanted="auto",
-        seed=1,
-        solver=SolverOptions(),
-        report=print,
-    )
+    data = forced_oscillation_data(experiment, priors, solver=SAMPLING, use_likelihood=False)
+    found = geometry_from(data, experiment, priors)
     assert (found.system, found.block, found.centre) == ("plain", {}, None)
 
 

@@ -318,13 +318,8 @@ def replicate(
         result = fit(simulated.experiment, priors, out=out, options=replace(options, seed=seed))
     except SamplingError as error:
         return Replication(seed, {}, n_thinned, simulated.n_unsolvable, failure=str(error))
-    convergence = convergence_table(result.posterior)
-    least_ess = float(convergence["ess_bulk"].min())
-    rhat = (
-        _rhat_of_halves(result)
-        if options.chains == 1
-        else float(convergence["rhat"].max(skipna=False))
-    )
+    least_ess = float(convergence_table(result.posterior)["ess_bulk"].min())
+    rhat = largest_rhat(result.posterior)
     return Replication(
         seed=seed,
         ranks=rank_truth(result, simulated.experiment, n_thinned),
@@ -342,14 +337,27 @@ def replicate(
     )
 
 
-def _rhat_of_halves(result: Fit) -> float:
-    """Largest R-hat over the sampled quantities between the halves of a single chain."""
-    draws = result.posterior["posterior"].to_dataset()[free_parameters(result.posterior)]
-    half = draws.sizes["draw"] // 2
-    parts = [draws.isel(draw=slice(k * half, (k + 1) * half)) for k in range(2)]
-    halves = [part.assign_coords(chain=[k], draw=range(half)) for k, part in enumerate(parts)]
+def largest_rhat(posterior: xr.DataTree) -> float:
+    """Largest R-hat over the sampled quantities, between the halves of a chain where it is alone.
+
+    Parameters
+    ----------
+    posterior : DataTree
+        Labelled draws.
+
+    Returns
+    -------
+    float
+        NaN where draws of a quantity never moved.
+    """
+    draws = posterior["posterior"].to_dataset()[free_parameters(posterior)]
+    if draws.sizes["chain"] == 1:
+        half = draws.sizes["draw"] // 2
+        parts = (draws.isel(draw=slice(k * half, (k + 1) * half)) for k in range(2))
+        halves = [part.assign_coords(chain=[k], draw=range(half)) for k, part in enumerate(parts)]
+        draws = xr.concat(halves, "chain")
     with np.errstate(invalid="ignore", divide="ignore"):  # draws that never moved
-        rhat = az.rhat(xr.concat(halves, "chain"))
+        rhat = az.rhat(draws)
     return float(np.max([value.item() for value in rhat.data_vars.values()]))
 
 

@@ -560,12 +560,14 @@ def convergence_table(posterior: xr.DataTree) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Index parameter; columns rhat, ess_bulk, ess_tail (Vehtari et al. 2021, rank-normalised).
+        Index parameter; columns rhat (NaN of a single chain), ess_bulk, ess_tail (Vehtari et al.
+        2021, rank-normalised).
     """
     draws = posterior["posterior"].to_dataset()[free_parameters(posterior)]
+    alone = draws.sizes["chain"] == 1
     with np.errstate(invalid="ignore", divide="ignore"):  # draws that never moved
         columns = {
-            "rhat": az.rhat(draws),
+            "rhat": dict.fromkeys(draws, np.nan) if alone else az.rhat(draws),
             "ess_bulk": az.ess(draws, method="bulk"),
             "ess_tail": az.ess(draws, method="tail", prob=0.9),
         }

@@ -10,8 +10,10 @@ from scipy import stats
 
 from pyburgers.calibration import (
     LOG_LIKELIHOOD,
+    RHAT_LIMIT,
     calibration_priors,
     check_template,
+    largest_rhat,
     rank_truth,
     simulate_from_prior,
     simulate_oscillation,
@@ -20,6 +22,7 @@ from pyburgers.constant_rate import load_constant_rate
 from pyburgers.errors import InputError, SamplingError
 from pyburgers.fitting import Fit
 from pyburgers.forced_oscillation import load_forced_oscillation, with_background
+from pyburgers.posterior import convergence_table
 from pyburgers.priors import default_priors
 from pyburgers.simulation import simulate
 
@@ -99,6 +102,20 @@ def test_ranks_count_the_draws_below_the_truth(small_fit: Fit) -> None:
     ranks = rank_truth(small_fit, high, 50)
     assert ranks["maxwell_modulus"] == 50
     assert ranks[LOG_LIKELIHOOD] == 0  # such a modulus fits far worse than any draw
+
+
+def test_rhat_of_a_single_chain_compares_its_halves(
+    long_fit: Fit, caplog: pytest.LogCaptureFixture
+) -> None:
+    single = long_fit.posterior.isel(chain=[0])
+    assert convergence_table(single)["rhat"].isna().all()
+    assert largest_rhat(single) < RHAT_LIMIT
+    assert largest_rhat(long_fit.posterior) == convergence_table(long_fit.posterior)["rhat"].max()
+    drifting = single.copy(deep=True)
+    modulus = drifting["posterior"]["maxwell_modulus"]
+    modulus += 3 * float(modulus.std()) * np.linspace(0, 1, modulus.size)
+    assert largest_rhat(drifting) > RHAT_LIMIT
+    assert not caplog.records
 
 
 def test_templates_must_have_points_and_a_removed_background() -> None:

@@ -48,7 +48,7 @@ _SIGNAL = re.compile(r"retcodes=\[-(\d+)\]")
 PACKAGES = ("pyburgers", "cmdstanpy", "arviz", "numpy", "scipy", "pandas", "xarray")
 
 TARGET_ACCEPTANCE: Mapping[str, float] = MappingProxyType(
-    {"constant_rate": 0.98, "forced_oscillation": 0.9}
+    {"constant_rate": 0.95, "forced_oscillation": 0.9}
 )
 WARMUP: Mapping[str, int] = MappingProxyType({"constant_rate": 300, "forced_oscillation": 250})
 """Default target acceptance and warm-up by protocol: as little as leaves (almost) no divergences.

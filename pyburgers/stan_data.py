@@ -55,6 +55,9 @@ TYPICAL_FLOW_RATE = 0.1
 FORMER_FLOW_REFERENCE = [3.0, 0.0, 1.0]
 """Where the flow rate is not shifted in runs whose data do not say; plain coordinates use none."""
 
+PINS, FORMER_PIN_COLUMNS = ("pin", "further_pin"), 5
+"""Pins of the valley in the data of a program, and their columns when one weight did for all."""
+
 START_MARGIN = 1e-3
 """Periods by which a record starts ahead of its first reading, so that the solver can start."""
 
@@ -358,7 +361,7 @@ def with_later_additions(data: StanData) -> StanData:
     """Add to the data of a run what an earlier version of its program did not ask for.
 
     Variants of the model, a joint prior of the flow law and further experiments, each switched
-    off; where the shift of the flow rate was zero.
+    off; where the shift of the flow rate was zero; one weight of the pins for all.
 
     Parameters
     ----------
@@ -372,8 +375,13 @@ def with_later_additions(data: StanData) -> StanData:
         **flow_law_block(None),
         "flow_reference": FORMER_FLOW_REFERENCE,
         **data,
+        **{name: [_with_both_weights(pin) for pin in data[name]] for name in PINS if name in data},
         **{name: [*data[name], *values] for name, values in added.items()},
     }
+
+
+def _with_both_weights(pin: Sequence[float]) -> list[float]:
+    return [*pin, pin[-1]] if len(pin) == FORMER_PIN_COLUMNS else [*pin]
 
 
 def coordinate_block(
@@ -408,9 +416,9 @@ class ValleyReference:
         The solution at the reference point: time since the knot before (s) and stress (Pa).
     pin_knot : array, shape (n_pins,)
         Knot of each pin, counted from 1.
-    pin : array, shape (n_pins, 5)
+    pin : array, shape (n_pins, 6)
         Strain, stress slope (Pa), strain rate (1/s), ln of the first rate over this rate, and
-        inverse variance of ln stress.
+        inverse variance of ln stress for epsilon_c1 and for the rest.
     noise_exponent : array, shape (n_coordinates,)
         Power of the stress noise with which the width of each coordinate grows.
     """

@@ -112,7 +112,7 @@ transformed data {
     = append_row(knot_stress, further_knot_stress);
   array[n_pins + sum(n_further_pins)] int all_pin_knot
     = append_array(pin_knot, further_pin_knot);
-  matrix[n_pins + sum(n_further_pins), 5] all_pin = append_row(pin, further_pin);
+  matrix[n_pins + sum(n_further_pins), 6] all_pin = append_row(pin, further_pin);
   array[n_experiments] vector[coordinate_system == 2 ? 6 : 0] reference;
   vector[n_pins + sum(n_further_pins)] reference_log_strength;
   for (h in 1 : n_pooled) {

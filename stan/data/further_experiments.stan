@@ -40,7 +40,7 @@ vector<lower=0>[sum(n_further_knots)] further_knot_time_step;
 vector[sum(n_further_knots)] further_knot_stress;
 array[n_further] int<lower=0> n_further_pins;
 array[sum(n_further_pins)] int<lower=1> further_pin_knot;
-matrix[sum(n_further_pins), 5] further_pin;
+matrix[sum(n_further_pins), 6] further_pin;
 array[n_further] vector[coordinate_system == 2 ? n_coordinates : 0] further_reference_coordinate;
 array[n_further] vector[coordinate_system == 2 ? n_coordinates : 0] further_linear_from;
 array[n_further] vector<lower=0, upper=1>[coordinate_system == 2 ? n_coordinates : 0]

@@ -5,7 +5,7 @@ vector<lower=0>[n_knots] knot_time_step; // time since the knot before, the firs
 vector[n_knots] knot_stress; // Pa
 int<lower=0> n_pins; // knots at which the softening is pinned to the reference curve
 array[n_pins] int<lower=1, upper=n_knots> pin_knot;
-matrix[n_pins, 5] pin; // columns: see functions/valley_coordinates.stan
+matrix[n_pins, 6] pin; // columns: see functions/valley_coordinates.stan
 vector[coordinate_system == 2 ? n_coordinates : 0] reference_coordinate; // plain
 // where a coordinate turns from logarithmic to linear; below 0: in the inverse; 0: plain
 vector[coordinate_system == 2 ? n_coordinates : 0] linear_from;

@@ -37,7 +37,9 @@
  *
  * Pins are rows of a matrix with the columns
  *   1 strain, 2 slope d stress/d strain (Pa), 3 strain rate (1/s),
- *   4 ln(rate of the first segment/rate), 5 weight (inverse variance of ln stress).
+ *   4 ln(rate of the first segment/rate), 5 and 6 weights (inverse variance of ln stress): that for
+ *   u_1, whose conditional density is known at solutions that a few steps have reached and is
+ *   jagged if it is narrow, and that for u_2, F_ss and ln S_0.
  */
 
 /** Gauss-Newton steps along the path from the reference point. */
@@ -691,6 +693,8 @@ vector solve_reference_stress(vector softening, vector log_strength, data vector
  *   and u_2
  * @param log_strength left-hand side of (*) at the pins, less ln S_0 where that is given
  * @param reference_log_strength the same at the reference point
+ * @param weight of the pins for u_1
+ * @param fine_weight that for the others
  * @param precision of the reference point's noise variance over the variance here, by which the
  *   weights count
  * @param stress_given 1: ln S_0 is given, its remainder and the one returned have no effect
@@ -700,7 +704,8 @@ vector solve_reference_stress(vector softening, vector log_strength, data vector
 vector softening_from_coordinates(vector coordinate, real exponent_ratio,
                                   real log_grain_size_ratio, vector log_strength,
                                   data vector reference, data vector reference_log_strength,
-                                  data vector strain, data vector weight, real precision,
+                                  data vector strain, data vector weight,
+                                  data vector fine_weight, real precision,
                                   data int stress_given, data vector lower_bound,
                                   data vector upper_bound, data array[] int pooled,
                                   vector centre, vector spread) {
@@ -710,12 +715,12 @@ vector softening_from_coordinates(vector coordinate, real exponent_ratio,
   vector[rows(strain)] rest = log_strength
     - col(grain_softening(grain[1], exponent_ratio, exp(log_grain_size_ratio), strain,
                           lower_bound, upper_bound), 1);
-  vector[6] step = fabric_step(grain[3 : 4], rest, strain, weight, precision, stress_given,
+  vector[6] step = fabric_step(grain[3 : 4], rest, strain, fine_weight, precision, stress_given,
                                lower_bound, upper_bound, pooled, centre, spread);
   vector[4] fabric = fabric_strain_at_quantile(coordinate[4], grain[3],
     1 / sqrt(step[3] - square(step[4]) / step[5]),
     -fabric_softening(grain[3], grain[4], strain, lower_bound, upper_bound)[rows(strain), 1], rest,
-    strain, weight, precision, stress_given, lower_bound, upper_bound, pooled, centre, spread);
+    strain, fine_weight, precision, stress_given, lower_bound, upper_bound, pooled, centre, spread);
   vector[2] factor = bounded_from_remainder(fabric[3], fabric[4], coordinate[2]);
   real log_jacobian = grain[2] + fabric[2] + factor[2];
   real amplitude;
@@ -726,7 +731,7 @@ vector softening_from_coordinates(vector coordinate, real exponent_ratio,
   amplitude = 1 - lower_bound[3] - (upper_bound[3] - lower_bound[3]) * inv_logit(factor[1]);
   stress = solve_reference_stress(col(fabric_softening(fabric[1], amplitude, strain, lower_bound,
                                                        upper_bound), 1),
-                                  rest, weight, precision, reference[4]);
+                                  rest, fine_weight, precision, reference[4]);
   return [stress[1] + coordinate[1] / sqrt(stress[2]), factor[1], grain[1], fabric[1],
           log_jacobian - 0.5 * log(stress[2])]';
 }
@@ -847,7 +852,7 @@ vector parameters_from_valley(vector coordinate, data array[] int parameter_of_c
     log_strength_at_pins(knot_time_step, knot_stress, pin_knot, pin, parameter[1],
                          parameter[2], parameter[3], parameter[4]) - log_stress,
     reference, reference_log_strength - (stress_given ? reference[4] : 0), col(pin, 1),
-    col(pin, 5), exp(-2 * log_noise_ratio), stress_given, lower_bound[bounded],
+    col(pin, 5), col(pin, 6), exp(-2 * log_noise_ratio), stress_given, lower_bound[bounded],
     upper_bound[bounded], pooled[bounded], centre[bounded], spread[bounded]);
   plain[{coordinate_of[9], coordinate_of[10], coordinate_of[11]}] = solved[2 : 4];
   log_jacobian += solved[5];

@@ -18,6 +18,7 @@ from pyburgers.stan_data import (
     StanData,
     constant_rate_data,
     plain_coordinates,
+    with_later_additions,
 )
 
 INDEX = {parameter.name: k for k, parameter in enumerate(PARAMETERS, start=1)}
@@ -171,3 +172,11 @@ def test_solver_options_out_of_range_are_refused(
 ) -> None:
     with pytest.raises(InputError, match=name):
         make()
+
+
+def test_pins_of_earlier_runs_have_one_weight_for_all() -> None:
+    data = data_of(experiment([0.01, 0.02]))
+    five, six = [0.05, 1e6, 1e-5, 0.0, 2500.0], [0.05, 1e6, 1e-5, 0.0, 2500.0, 9000.0]
+    read = with_later_additions({**data, "pin": [five], "further_pin": [six, five]})
+    assert read["pin"] == [[*five, 2500.0]]
+    assert read["further_pin"] == [six, [*five, 2500.0]]

@@ -38,6 +38,14 @@ def test_pins_lie_on_the_curve_where_the_dashpot_flows(
     assert points == pytest.approx(experiment.n_points, rel=0.4)
 
 
+def test_what_follows_the_first_quantile_trusts_quiet_records_more() -> None:
+    noisy, quiet = load_constant_rate(ICE / "PIL105.toml"), load_constant_rate(ICE / "PIL40.toml")
+    first, rest = valley_of(noisy, resolved_priors(noisy)).pin[:, 4:].T
+    np.testing.assert_array_equal(first, rest)  # noise of 2 % of the stress and more
+    first, rest = valley_of(quiet, resolved_priors(quiet)).pin[:, 4:].T
+    assert np.all(rest > 1.2 * first)
+
+
 def test_a_prior_that_fixes_the_fabric_does_not_suit(
     experiment: ConstantRateExperiment, priors: PriorSet
 ) -> None:

@@ -22,7 +22,7 @@ from pyburgers.calibration import simulate_constant_rate
 from pyburgers.constant_rate import ConstantRateExperiment, load_constant_rate
 from pyburgers.fitting import fit
 from pyburgers.priors import default_priors
-from pyburgers.sampling import SamplerOptions
+from pyburgers.sampler_options import SamplerOptions
 from pyburgers.tables import truth_table
 
 EXPLANATION = """# Other records

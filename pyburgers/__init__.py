@@ -15,7 +15,7 @@ from pyburgers.peak_stress import PeakStressData, load_peak_stress
 from pyburgers.peak_stress_fit import PeakStressFit, fit_peak_stress, flow_law_prior
 from pyburgers.peak_stress_priors import default_peak_stress_priors, load_peak_stress_priors
 from pyburgers.priors import PriorSet, default_priors, load_priors, with_flow_law
-from pyburgers.sampling import SamplerOptions
+from pyburgers.sampler_options import SamplerOptions
 from pyburgers.simulation import load_parameters, simulate
 from pyburgers.stan_data import SolverOptions
 from pyburgers.variants import ModelVariant, variant_of, with_variant

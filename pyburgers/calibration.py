@@ -24,7 +24,7 @@ from pyburgers.forced_oscillation import OscillationExperiment
 from pyburgers.oscillation import prepare
 from pyburgers.posterior import convergence_table, free_parameters
 from pyburgers.priors import PriorSet, default_priors, load_priors, shipped_prior_files
-from pyburgers.sampling import SamplerOptions
+from pyburgers.sampler_options import SamplerOptions
 from pyburgers.simulation import evaluate, given_parameters, program_for, simulate
 from pyburgers.stan_data import (
     SolverOptions,

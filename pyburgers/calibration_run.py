@@ -11,7 +11,6 @@ import shutil
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import redirect_stderr
 from dataclasses import asdict, dataclass, replace
-from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
 
@@ -27,11 +26,11 @@ from pyburgers.rank_uniformity import RankBands, RankVerdict, judge_ranks, rank_
 from pyburgers.reporting import silent
 from pyburgers.run_directory import (
     RunDirectory,
-    sha256_of_file,
     sha256_of_json,
     write_json,
 )
-from pyburgers.sampling import INDECISIVE, SamplerOptions, software_versions
+from pyburgers.run_record import files_in, origin_record
+from pyburgers.sampler_options import INDECISIVE, SamplerOptions
 from pyburgers.simulation import program_for
 from pyburgers.stan_data import SolverOptions, program_data
 from pyburgers.toml_files import read_text
@@ -240,16 +239,9 @@ def _record(
         "kind": CALIBRATION_KIND,
         "template": template.id,
         "priors": priors.title,
-        "command": command,
-        "started": datetime.now(UTC).isoformat(timespec="seconds"),
-        "status": "sampling",
+        **origin_record(run, command, files_in(run.inputs)),
         "plan": asdict(plan),
         "solver": asdict(SolverOptions()),
-        "versions": software_versions(),
-        "hashes": {
-            file.relative_to(run.path).as_posix(): sha256_of_file(file)
-            for file in sorted(run.inputs.iterdir())
-        },
     }
 
 

@@ -64,7 +64,7 @@ from pyburgers.related_runs import related_sections
 from pyburgers.report import write_report
 from pyburgers.reproduce import PRESETS, reproduce
 from pyburgers.run_directory import RunDirectory, write_text
-from pyburgers.sampling import SamplerOptions
+from pyburgers.sampler_options import SamplerOptions
 from pyburgers.simulation import load_parameters, simulate
 from pyburgers.stan_data import SolverOptions
 from pyburgers.tables import checks_table, parameter_table

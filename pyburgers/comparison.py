@@ -39,7 +39,7 @@ from pyburgers.posterior import (
 from pyburgers.reporting import silent
 from pyburgers.run_directory import write_json, write_text
 from pyburgers.same_data import check_same_data, data_hash, tests_of
-from pyburgers.sampling import SamplerOptions
+from pyburgers.sampler_options import SamplerOptions
 from pyburgers.simulation import REFERENCE_SOLVER, program_for, quiet_cmdstanpy
 from pyburgers.stan_data import SolverOptions, experiment_block, solver_block
 

@@ -10,8 +10,8 @@ import pandas as pd
 import xarray as xr
 from scipy import stats
 
+from pyburgers.chains import ChainFailure
 from pyburgers.posterior import CORRELATED, convergence_table, pareto_k
-from pyburgers.sampling import ChainFailure
 
 RHAT_LIMIT = 1.01
 ESS_LIMIT = 400

@@ -16,7 +16,8 @@ from pyburgers.priors import PriorSet, load_priors
 from pyburgers.reporting import silent
 from pyburgers.run_directory import RunDirectory
 from pyburgers.sampled_fit import SampledFit, sample_until_solved, write_tables
-from pyburgers.sampling import SamplerOptions, run_chains
+from pyburgers.sampler_options import SamplerOptions
+from pyburgers.sampling import run_chains
 from pyburgers.stan_data import SolverOptions
 from pyburgers.variants import ModelVariant, variant_of
 

@@ -22,14 +22,10 @@ from pyburgers.posterior import draws_table, load_posterior
 from pyburgers.priors import PriorSet, load_priors, save_priors
 from pyburgers.reporting import silent
 from pyburgers.run_directory import RunDirectory, write_atomically, write_json
+from pyburgers.run_record import priors_record
 from pyburgers.sampled_fit import SampledFit, sample_until_solved, write_tables
-from pyburgers.sampling import (
-    SamplerOptions,
-    SamplingTask,
-    keep_experiment,
-    priors_record,
-    run_task,
-)
+from pyburgers.sampler_options import SamplerOptions
+from pyburgers.sampling import SamplingTask, keep_experiment, run_task
 from pyburgers.simulation import constant_rate_program
 from pyburgers.stan_data import SolverOptions
 from pyburgers.variants import ModelVariant, variant_of

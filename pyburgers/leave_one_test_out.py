@@ -24,7 +24,7 @@ from pyburgers.marginal_likelihood import log_marginal_likelihood
 from pyburgers.reporting import silent
 from pyburgers.run_directory import RunDirectory, write_json, write_text
 from pyburgers.same_data import check_same_data
-from pyburgers.sampling import SamplerOptions
+from pyburgers.sampler_options import SamplerOptions
 from pyburgers.stan_data import SolverOptions
 
 FloatArray = npt.NDArray[np.float64]

@@ -15,6 +15,7 @@ import numpy.typing as npt
 import pandas as pd
 import xarray as xr
 
+from pyburgers.chains import no_process_left
 from pyburgers.cmdstan import load_model, stan_directory
 from pyburgers.diagnostics import (
     CheckResult,
@@ -52,14 +53,10 @@ from pyburgers.posterior import (
 from pyburgers.priors import PriorSet
 from pyburgers.reporting import silent
 from pyburgers.run_directory import RunDirectory, write_json
+from pyburgers.run_record import run_record
 from pyburgers.sampled_fit import SampledFit, write_tables
-from pyburgers.sampling import (
-    SamplerOptions,
-    complete_chains,
-    fingerprint,
-    no_process_left,
-    run_record,
-)
+from pyburgers.sampler_options import SamplerOptions
+from pyburgers.sampling import complete_chains, fingerprint
 from pyburgers.simulation import quiet_cmdstanpy
 from pyburgers.stan_data import REFERENCE_FLOW_RATE
 

@@ -19,7 +19,7 @@ from pyburgers.peak_stress_section import peak_stress_section
 from pyburgers.priors import PriorSet, default_priors, with_flow_law
 from pyburgers.related_runs import related_sections
 from pyburgers.report import write_report
-from pyburgers.sampling import SamplerOptions
+from pyburgers.sampler_options import SamplerOptions
 from pyburgers.side_by_side import Problem, fit_side_by_side
 from pyburgers.study import study_sections
 

@@ -8,9 +8,10 @@ from typing import Any, TypeVar
 import pandas as pd
 import xarray as xr
 
+from pyburgers.chains import ChainFailure, missing_chains
 from pyburgers.diagnostics import CheckResult, check_fit, check_solver, checks_record
 from pyburgers.run_directory import RunDirectory, write_json, write_text
-from pyburgers.sampling import ChainFailure, missing_chains, tighten_solver
+from pyburgers.sampling import tighten_solver
 
 MAX_REFITS = 2
 """Times that a run is repeated at a tighter tolerance of the solver."""

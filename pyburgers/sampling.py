@@ -1,181 +1,36 @@
-"""NUTS runs: initial values, chains as processes, resume, manifest."""
+"""NUTS runs: inputs, coordinates, starts, the chains that a folder lacks, manifest."""
 
 import json
-import os
-import platform
-import re
-import shutil
-import signal
-import sys
-import threading
-import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from contextlib import contextmanager, redirect_stdout
-from dataclasses import asdict, dataclass, replace
-from datetime import UTC, datetime
-from importlib.metadata import version
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any, Self, get_args
+from typing import Any
 
 import cmdstanpy
 import numpy as np
-import psutil
 
-from pyburgers.cmdstan import find_cmdstan, load_model, toolchain
+from pyburgers.chains import ChainFailure, no_process_left, run_side_by_side
+from pyburgers.cmdstan import load_model
 from pyburgers.errors import InputError, SamplingError
 from pyburgers.experiment import Experiment
 from pyburgers.experiment_files import save_experiment
-from pyburgers.geometry import Coordinates, Geometry, check_coordinates, choose_geometry
+from pyburgers.geometry import Geometry, check_coordinates, choose_geometry
 from pyburgers.initial_values import draw_initial_values, draw_start_around
 from pyburgers.priors import PriorSet, save_priors
-from pyburgers.progress import ChainProgress, IterationLines
 from pyburgers.run_directory import (
     RunDirectory,
-    sha256_of_file,
     sha256_of_json,
     write_atomically,
     write_json,
-    write_text,
 )
-from pyburgers.simulation import console_tail, program_for, quiet_cmdstanpy
+from pyburgers.run_record import priors_record, run_record
+from pyburgers.sampler_options import INDECISIVE, SamplerOptions
+from pyburgers.simulation import program_for
 from pyburgers.stan_data import SolverOptions, StanData, program_data
-from pyburgers.toolchain import cores
-from pyburgers.variants import check_variant, variant_of
-
-_SIGNAL = re.compile(r"retcodes=\[-(\d+)\]")
-PACKAGES = ("pyburgers", "cmdstanpy", "arviz", "numpy", "scipy", "pandas", "xarray")
-
-TARGET_ACCEPTANCE: Mapping[str, float] = MappingProxyType(
-    {"constant_rate": 0.95, "forced_oscillation": 0.9}
-)
-WARMUP: Mapping[str, int] = MappingProxyType({"constant_rate": 300, "forced_oscillation": 250})
-"""Default target acceptance and warm-up by protocol: as little as leaves (almost) no divergences.
-"""
-
-INDECISIVE = frozenset({"chains", "chain_timeout", "parallel_chains"})
-"""Options that change no draw of a chain."""
-
-STEP_SIZE_SHARE = 0.2
-"""Share of the warm-up, at its end, in which the step size alone adapts.
-
-By default longer than Stan's 50 iterations: a chain that passes the valley's bend there would keep
-far too small a step.
-"""
-
-FIRST_PHASE_SHARE = 0.1
-"""Share of the warm-up, at its start, after which the metric of valley coordinates adapts, once.
-
-Stan adapts it several times, first to a few draws that know one arm of the valley only, and finds a
-new step size each time: that took 1.7 times as many leapfrog steps in the warm-up of PIL40 and
-PIL72, and 1.25 times as many after it. Oscillations, whose first metric fits less well, are sampled
-better Stan's way."""
-
-FIRST_STEP = 0.1
-"""First step size where the first metric fits the posterior."""
+from pyburgers.variants import check_variant
 
 TIGHTENING = 10.0
 """Factor between the tolerance of a run and of its repetition."""
-
-
-@dataclass(frozen=True)
-class SamplerOptions:
-    """How NUTS runs.
-
-    Attributes
-    ----------
-    chains, draws : int
-        Number of chains, and kept iterations of each.
-    warmup : int or None
-        Iterations before them; None takes what suits the protocol, `WARMUP`.
-    seed : int
-        Seed of initial values and chains.
-    adapt_delta : float or None
-        Target acceptance rate; None takes what suits the protocol, `TARGET_ACCEPTANCE`.
-    max_treedepth : int
-        Trajectories have at most 2**max_treedepth - 1 leapfrog steps.
-    coordinates : {"auto", "plain", "valley", "sheared"}
-        Coordinates of the sampler (`docs/coordinates.md`); the posterior is the same. "auto"
-        takes valley coordinates (constant rate) or sheared ones (oscillation) where the priors
-        and the record suit them.
-    chain_timeout : float or None
-        Seconds after which a chain is stopped and reported as failed.
-    parallel_chains : int or None
-        Chains that run side by side; None runs one for each core.
-    """
-
-    chains: int = 4
-    warmup: int | None = None
-    draws: int = 1000
-    seed: int = 1
-    adapt_delta: float | None = None
-    max_treedepth: int = 10
-    coordinates: Coordinates = "auto"
-    chain_timeout: float | None = None
-    parallel_chains: int | None = None
-
-    def __post_init__(self) -> None:
-        """Check the values.
-
-        Raises
-        ------
-        InputError
-            If one is out of range.
-        """
-        limits = {
-            "chains": (self.chains, 1, 1000),
-            "draws": (self.draws, 4, 10**6),
-            "seed": (self.seed, 0, 2**31 - 1),
-            "max_treedepth": (self.max_treedepth, 1, 20),
-        }
-        if self.parallel_chains is not None:
-            limits["parallel_chains"] = (self.parallel_chains, 1, 1000)
-        if self.warmup is not None:
-            limits["warmup"] = (self.warmup, 20, 10**6)
-        for name, (value, least, most) in limits.items():
-            if not least <= value <= most:
-                raise InputError(f"{name} is {value}, expected a number from {least} to {most}.")
-        if self.adapt_delta is not None and not 0 < self.adapt_delta < 1:
-            raise InputError(f"adapt_delta is {self.adapt_delta}, expected between 0 and 1.")
-        if self.coordinates not in get_args(Coordinates):
-            raise InputError(
-                f"coordinates is {self.coordinates!r}, expected one of "
-                f"{', '.join(get_args(Coordinates))}."
-            )
-        if self.chain_timeout is not None and self.chain_timeout <= 0:
-            raise InputError(f"chain_timeout is {self.chain_timeout} s, expected more than 0.")
-
-    @property
-    def warmup_iterations(self) -> int:
-        """Warm-up of settled options (`suited_to`)."""
-        assert self.warmup is not None  # only settled options are sampled with
-        return self.warmup
-
-    def suited_to(self, experiment: Experiment) -> Self:
-        """Fill in what is left to the experiment's protocol."""
-        protocol = experiment.protocol
-        return replace(
-            self,
-            warmup=self.warmup or WARMUP[protocol],
-            adapt_delta=self.adapt_delta or TARGET_ACCEPTANCE[protocol],
-        )
-
-
-@dataclass(frozen=True)
-class ChainFailure:
-    """A chain that did not finish.
-
-    Attributes
-    ----------
-    chain : int
-        Identifier.
-    reason : str
-        What ended it, where, and what to try, as one sentence.
-    """
-
-    chain: int
-    reason: str
 
 
 def fingerprint(data: StanData, options: SamplerOptions, program_key: str) -> str:
@@ -305,22 +160,6 @@ def run_chains(
     return run_task(task, directory, solver=solver, command=command, report=report)
 
 
-def priors_record(priors: PriorSet, experiment: Experiment) -> dict[str, Any]:
-    """Note what the priors say besides densities: variant of the model, another source.
-
-    Parameters
-    ----------
-    priors : PriorSet
-        Of the run.
-    experiment : Experiment
-        Its test, or one of several.
-    """
-    return {
-        "variant": variant_of(priors, experiment).record(),
-        "priors_from": None if priors.flow_law is None else priors.flow_law.source,
-    }
-
-
 def run_task(
     task: SamplingTask,
     directory: Path,
@@ -408,7 +247,7 @@ def complete_chains(
     for chain in missing:
         if not run.initial_values_file(chain).is_file():
             write_json(run.initial_values_file(chain), draw_start(chain))
-    failures = _run_missing(model, run, missing, options) if missing else ()
+    failures = run_side_by_side(model, run, missing, options) if missing else ()
     run.update_manifest(
         {
             "status": "chains missing" if failures else "sampled",
@@ -520,266 +359,3 @@ def keep_experiment(run: RunDirectory, experiment: Experiment, file: Path) -> No
     # The table goes first: the TOML file is what tells that the copy is complete.
     for written in sorted(scratch.iterdir()):
         written.replace(file.parent / written.name)
-
-
-def run_record(
-    run: RunDirectory,
-    *,
-    name: str,
-    data_kind: str,
-    options: SamplerOptions,
-    identity: str,
-    use_likelihood: bool,
-    command: str,
-) -> dict[str, Any]:
-    """Note what will run: command, settings, versions, hashes of the inputs.
-
-    Parameters
-    ----------
-    run : RunDirectory
-        With its inputs and Stan data.
-    name, data_kind : str
-        Experiment or table, and the kind of its provenance.
-    options : SamplerOptions
-        Settled settings.
-    identity : str
-        `fingerprint` of the run.
-    use_likelihood : bool
-        Whether data take part.
-    command : str
-        What regenerates the run.
-
-    Returns
-    -------
-    dict
-        Entries of the manifest.
-    """
-    return {
-        "fingerprint": identity,
-        "experiment": name,
-        "data_kind": data_kind,
-        "command": command,
-        "started": datetime.now(UTC).isoformat(timespec="seconds"),
-        "status": "sampling",
-        "failures": [],
-        "sampler": asdict(options),
-        "use_likelihood": use_likelihood,
-        "versions": software_versions(),
-        "hashes": {
-            file.relative_to(run.path).as_posix(): sha256_of_file(file)
-            for file in (*_files_in(run.inputs), run.stan_data_file)
-        },
-    }
-
-
-def _files_in(folder: Path) -> list[Path]:
-    """Return all files below a folder, in order."""
-    return sorted(file for file in folder.rglob("*") if file.is_file())
-
-
-def software_versions() -> dict[str, str | None]:
-    """Return the versions of what makes the draws, for manifests."""
-    found = find_cmdstan()
-    tools = toolchain(found) if found is not None else None
-    return {
-        "python": platform.python_version(),
-        **{package: version(package) for package in PACKAGES},
-        "cmdstan": tools.cmdstan_version if tools else None,
-        "compiler": tools.compiler if tools else None,
-    }
-
-
-def missing_chains(
-    finished: Iterable[int], manifest: Mapping[str, Any]
-) -> tuple[ChainFailure, ...]:
-    """Return the chains that a run was asked for and does not have, and why.
-
-    Parameters
-    ----------
-    finished : iterable of int
-        Chains that are there.
-    manifest : mapping
-        Of the run.
-    """
-    there = set(finished)
-    reasons = {failure["chain"]: failure["reason"] for failure in manifest["failures"]}
-    return tuple(
-        ChainFailure(
-            chain,
-            reasons.get(
-                chain,
-                f"Chain {chain} has not run to its end because the run was stopped; run the "
-                "same command again: it runs only the missing chains.",
-            ),
-        )
-        for chain in range(1, manifest["sampler"]["chains"] + 1)
-        if chain not in there
-    )
-
-
-def _run_missing(
-    model: cmdstanpy.CmdStanModel,
-    run: RunDirectory,
-    chains: Sequence[int],
-    options: SamplerOptions,
-) -> tuple[ChainFailure, ...]:
-    """Run chains side by side, as many as the options say; stop them all on an interrupt."""
-    stopping = threading.Event()
-    failures: list[ChainFailure] = []
-    screen = ChainProgress(chains, options.warmup_iterations + options.draws, sys.stderr)
-    lines = IterationLines(screen.advance)
-    workers = min(len(chains), options.parallel_chains or cores())
-    with quiet_cmdstanpy(), screen, redirect_stdout(lines), ThreadPoolExecutor(workers) as pool:
-        pending: set[Future[ChainFailure | None]] = {
-            pool.submit(_run_chain, model, run, chain, options, stopping) for chain in chains
-        }
-        try:
-            while pending:
-                done, pending = wait(pending, return_when=FIRST_COMPLETED)
-                failures += [failure for f in done if (failure := f.result()) is not None]
-        except BaseException:
-            stopping.set()
-            _stop_chains(model, pending)
-            run.update_manifest({"status": "interrupted"})
-            raise
-    return tuple(sorted(failures, key=lambda failure: failure.chain))
-
-
-def _stop_chains(model: cmdstanpy.CmdStanModel, pending: set[Future[ChainFailure | None]]) -> None:
-    """Kill the CmdStan processes that this process started, until no thread waits for one."""
-    running = {future for future in pending if not future.cancel()}
-    while running:
-        _kill_chains(model)
-        # Again, since a thread may have been about to start its process.
-        running = wait(running, timeout=0.2).not_done
-
-
-@contextmanager
-def no_process_left(model: cmdstanpy.CmdStanModel) -> Iterator[None]:
-    """Kill what runs of the program when an exception, such as an interrupt, ends the block."""
-    try:
-        yield
-    except BaseException:
-        _kill_chains(model)
-        raise
-
-
-def _kill_chains(model: cmdstanpy.CmdStanModel) -> None:
-    """Kill the processes of the program that this process started."""
-    executable = os.path.realpath(str(model.exe_file))
-    for child in psutil.Process().children(recursive=True):
-        try:
-            if child.exe() == executable:
-                child.kill()
-        except psutil.NoSuchProcess:
-            continue  # it ended by itself in the meantime
-
-
-def _run_chain(
-    model: cmdstanpy.CmdStanModel,
-    run: RunDirectory,
-    chain: int,
-    options: SamplerOptions,
-    stopping: threading.Event,
-) -> ChainFailure | None:
-    """Run one chain in a scratch folder and move it into place when it is complete."""
-    if stopping.is_set():
-        return None
-    scratch = run.new_scratch()
-    first_metric = str(run.metric_file) if run.metric_file.is_file() else None
-    total = options.warmup_iterations + options.draws
-    started = time.monotonic()
-    try:
-        model.sample(
-            data=str(run.stan_data_file),
-            chains=1,
-            chain_ids=[chain],
-            seed=options.seed,
-            inits=str(run.initial_values_file(chain)),
-            iter_warmup=options.warmup_iterations,
-            iter_sampling=options.draws,
-            metric="dense_e",
-            inv_metric=first_metric,
-            step_size=None if first_metric is None else FIRST_STEP,
-            adapt_delta=options.adapt_delta,
-            **_warmup_phases(run, options.warmup_iterations),
-            max_treedepth=options.max_treedepth,
-            output_dir=str(scratch),
-            sig_figs=12,
-            refresh=max(1, total // 100),
-            timeout=options.chain_timeout,
-            show_progress=False,
-            show_console=True,
-            force_one_process_per_chain=True,
-        )
-    except (RuntimeError, TimeoutError, ValueError) as error:
-        if stopping.is_set():
-            return None
-        seconds = time.monotonic() - started
-        return _explain_failure(run, chain, scratch, error, seconds, options.chain_timeout)
-    finished = scratch / "finished"
-    finished.mkdir()
-    (draws,) = scratch.glob("*.csv")
-    draws.rename(finished / "draws.csv")
-    for console in scratch.glob("*stdout.txt"):
-        console.rename(finished / "console.txt")
-    write_json(finished / "timing.json", {"wall_seconds": time.monotonic() - started})
-    run.keep_chain(chain, finished)
-    shutil.rmtree(scratch)
-    return None
-
-
-def _warmup_phases(run: RunDirectory, warmup: int) -> dict[str, Any]:
-    """Return the iterations of the phases of the warm-up, by cmdstanpy's names."""
-    last = int(STEP_SIZE_SHARE * warmup)
-    if run.read_manifest().get("coordinates", {}).get("system") != "valley":
-        return {"adapt_step_size": last}
-    first = int(FIRST_PHASE_SHARE * warmup)
-    return {
-        "adapt_init_phase": first,
-        "adapt_metric_window": warmup - first - last,
-        "adapt_step_size": last,
-    }
-
-
-def _explain_failure(
-    run: RunDirectory,
-    chain: int,
-    scratch: Path,
-    error: Exception,
-    seconds: float,
-    limit: float | None,
-) -> ChainFailure:
-    """Put into one sentence what ended a chain, where, and what to try; keep its console."""
-    consoles = sorted(scratch.glob("*stdout.txt"))
-    text = consoles[0].read_text(encoding="utf-8", errors="replace") if consoles else ""
-    run.failure_file(chain).parent.mkdir(exist_ok=True)
-    write_text(run.failure_file(chain), text + f"\n{error}\n")
-    iterations = [line for line in text.splitlines() if line.startswith("Iteration:")]
-    place = iterations[-1].strip() if iterations else "before the first iteration"
-    values = run.initial_values_file(chain).read_text(encoding="utf-8")
-    killed_by = _signal_in(str(error))
-    # cmdstanpy may find the chain terminated before its timer has said why.
-    stopped = killed_by == "SIGTERM" and limit is not None and seconds >= limit
-    if isinstance(error, TimeoutError) or stopped:
-        cause = f"ran into its time limit after {seconds:.0f} s"
-        remedy = "raise the limit or shorten the run"
-    elif killed_by is not None:
-        cause = f"was killed by the system ({killed_by})"
-        remedy = "free memory, or run fewer programs beside it"
-    else:
-        cause = "ended with an error"
-        remedy = "tighten the prior bounds or raise the solver's step limit"
-    return ChainFailure(
-        chain,
-        f"Chain {chain} {cause} at '{place}', started from {' '.join(values.split())}, last "
-        f"console lines: {console_tail(scratch)}; {remedy}, then run the same command again: it "
-        "repeats only the missing chains (whole console in "
-        f"{run.failure_file(chain).relative_to(run.path)}).",
-    )
-
-
-def _signal_in(message: str) -> str | None:
-    """Name of the signal in cmdstanpy's error text, where it gives a negative return code."""
-    found = _SIGNAL.search(message)
-    return signal.Signals(int(found[1])).name if found else None

@@ -14,7 +14,7 @@ from pyburgers.experiment_files import load_experiment, save_experiment
 from pyburgers.fitting import Fit, fit
 from pyburgers.priors import PriorSet, load_priors, save_priors
 from pyburgers.processes import completed, number_of_processes
-from pyburgers.sampling import SamplerOptions
+from pyburgers.sampler_options import SamplerOptions
 from pyburgers.toolchain import cores
 
 

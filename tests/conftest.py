@@ -17,7 +17,7 @@ from pyburgers.experiment_files import save_experiment
 from pyburgers.fitting import Fit, fit
 from pyburgers.mode import find_mode
 from pyburgers.priors import Prior, PriorSet, default_priors, load_priors, save_priors
-from pyburgers.sampling import SamplerOptions
+from pyburgers.sampler_options import SamplerOptions
 from pyburgers.simulation import quiet_cmdstanpy
 from pyburgers.stan_data import SolverOptions, ValleyReference
 from pyburgers.valley import find_valley

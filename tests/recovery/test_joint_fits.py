@@ -16,7 +16,7 @@ from pyburgers.fitting import Fit, fit
 from pyburgers.joint_fitting import JointFit, fit_jointly
 from pyburgers.posterior import free_parameters
 from pyburgers.priors import default_priors
-from pyburgers.sampling import SamplerOptions
+from pyburgers.sampler_options import SamplerOptions
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("programs")]
 

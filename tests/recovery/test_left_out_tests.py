@@ -17,7 +17,7 @@ from pyburgers.leave_one_test_out import (
 )
 from pyburgers.marginal_likelihood import log_marginal_likelihood
 from pyburgers.priors import default_priors
-from pyburgers.sampling import SamplerOptions
+from pyburgers.sampler_options import SamplerOptions
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("programs")]
 

@@ -11,7 +11,7 @@ from pyburgers.fitting import fit
 from pyburgers.forced_oscillation import load_forced_oscillation, with_background
 from pyburgers.oscillation import Background
 from pyburgers.priors import default_priors
-from pyburgers.sampling import SamplerOptions
+from pyburgers.sampler_options import SamplerOptions
 from pyburgers.tables import truth_table
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("programs")]

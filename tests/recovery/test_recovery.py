@@ -11,7 +11,7 @@ from pyburgers.constant_rate import load_constant_rate
 from pyburgers.diagnostics import coverage
 from pyburgers.fitting import Fit, fit
 from pyburgers.priors import default_priors
-from pyburgers.sampling import SamplerOptions
+from pyburgers.sampler_options import SamplerOptions
 from pyburgers.tables import truth_table
 
 pytestmark = pytest.mark.slow

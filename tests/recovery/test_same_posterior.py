@@ -16,7 +16,7 @@ from pyburgers.constant_rate import load_constant_rate
 from pyburgers.fitting import Fit, fit
 from pyburgers.posterior import convergence_table, free_parameters, grain_size_share
 from pyburgers.priors import default_priors
-from pyburgers.sampling import SamplerOptions
+from pyburgers.sampler_options import SamplerOptions
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("programs")]
 

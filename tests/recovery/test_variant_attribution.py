@@ -30,7 +30,7 @@ from pyburgers.comparison import (
 from pyburgers.constant_rate import ConstantRateExperiment, RateSegment, load_constant_rate
 from pyburgers.fitting import fit
 from pyburgers.priors import default_priors
-from pyburgers.sampling import SamplerOptions
+from pyburgers.sampler_options import SamplerOptions
 from pyburgers.variants import with_variant
 
 SEEDS = range(1, 11)

@@ -35,7 +35,7 @@ from pyburgers.priors import (
     save_priors,
     with_flow_law,
 )
-from pyburgers.sampling import SamplerOptions
+from pyburgers.sampler_options import SamplerOptions
 from pyburgers.simulation import evaluate, program_for
 from pyburgers.stan_data import SolverOptions, constant_rate_data, program_data
 

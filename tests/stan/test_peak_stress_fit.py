@@ -25,7 +25,7 @@ from pyburgers.peak_stress_fit import PeakStressFit, fit_peak_stress, flow_law_p
 from pyburgers.peak_stress_priors import FLOW_LAW_PARAMETERS, default_peak_stress_priors
 from pyburgers.peak_stress_stan_data import peak_stress_coordinates, peak_stress_data
 from pyburgers.priors import Prior, PriorSet
-from pyburgers.sampling import SamplerOptions
+from pyburgers.sampler_options import SamplerOptions
 from pyburgers.simulation import evaluate
 
 FloatArray = npt.NDArray[np.float64]

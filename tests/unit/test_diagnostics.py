@@ -6,6 +6,7 @@ import pytest
 import xarray as xr
 from scipy.stats import norm
 
+from pyburgers.chains import ChainFailure
 from pyburgers.diagnostics import (
     CheckResult,
     check_chains,
@@ -19,7 +20,6 @@ from pyburgers.diagnostics import (
     check_treedepth,
     coverage,
 )
-from pyburgers.sampling import ChainFailure
 
 FloatArray = npt.NDArray[np.float64]
 CHAINS, DRAWS, POINTS = 4, 500, 60

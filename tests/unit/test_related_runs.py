@@ -23,7 +23,7 @@ from pyburgers.priors import FLOW_LAW, with_flow_law
 from pyburgers.related_runs import LOG_RATE, related_sections
 from pyburgers.report import ExtraSection, write_report
 from pyburgers.reproduce import PEAK_STRESS_TABLE, shipped_data_directory
-from pyburgers.sampling import SamplerOptions
+from pyburgers.sampler_options import SamplerOptions
 
 LAW = FlowLawPrior(
     quantities=PRIOR_QUANTITIES,

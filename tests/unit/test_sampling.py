@@ -22,7 +22,8 @@ from pyburgers.errors import InputError, SamplingError
 from pyburgers.fitting import Fit, fit
 from pyburgers.initial_values import draw_initial_values
 from pyburgers.run_directory import UNFINISHED, RunDirectory, write_json
-from pyburgers.sampling import SamplerOptions, fingerprint
+from pyburgers.sampler_options import SamplerOptions
+from pyburgers.sampling import fingerprint
 from pyburgers.stan_data import SolverOptions, constant_rate_data
 
 StartFit = Callable[..., subprocess.Popen[str]]

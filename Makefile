@@ -3,7 +3,7 @@
 #   make report                 fit, and write the page (PRESET=paper for the full length)
 #   make test                   the fast test suite
 #   make lint                   format, style and types
-#   make bench                  sampling benchmark against the paper's form, about 20 minutes
+#   make bench                  sampling benchmark against the paper's form, about 35 minutes
 #   make clean                  remove what make wrote (never runs/, never CmdStan)
 #
 # PYTHON=/path/to/python picks the interpreter for the virtual environment.

@@ -10,7 +10,7 @@ from pyburgers.experiment import Experiment
 from pyburgers.geometry import Coordinates
 
 TARGET_ACCEPTANCE: Mapping[str, float] = MappingProxyType(
-    {"constant_rate": 0.96, "forced_oscillation": 0.9}
+    {"constant_rate": 0.96, "forced_oscillation": 0.95}
 )
 WARMUP: Mapping[str, int] = MappingProxyType({"constant_rate": 300, "forced_oscillation": 250})
 """Default target acceptance and warm-up by protocol: as little as leaves (almost) no divergences.

@@ -1,6 +1,7 @@
 """Marginal likelihoods through Stan: the density, prior-only fits, quadrature."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -97,7 +98,7 @@ def test_without_data_it_is_one_for_pooled_parameters_too(
     prior = fit_joint_problem(
         problem,
         out=tmp_path / "prior",
-        options=SMALL_RUN,
+        options=replace(SMALL_RUN, draws=1000),
         use_likelihood=False,
         command="test",
     )

@@ -59,18 +59,18 @@ def test_a_point_without_solution_has_no_density_and_the_others_keep_theirs(
     np.testing.assert_array_equal(found[np.isfinite(found)], alone)
 
 
-def test_the_marginal_likelihood_is_that_of_quadrature(small_fit: Fit, tmp_path: Path) -> None:
+def test_the_marginal_likelihood_is_that_of_quadrature(long_fit: Fit, tmp_path: Path) -> None:
     """Gauss and Hermite's, in three coordinates scaled by the draws."""
-    draws = coordinates_of(small_fit)
+    draws = coordinates_of(long_fit)
     node, weight = np.polynomial.hermite_e.hermegauss(14)
     grid = np.array(np.meshgrid(node, node, node)).reshape(3, -1).T
     weights = np.prod(np.meshgrid(weight, weight, weight), axis=0).ravel()
     factor = 1.1 * np.linalg.cholesky(np.cov(draws.T))
-    density = density_at(small_fit, draws.mean(axis=0) + grid @ factor.T, tmp_path)
+    density = density_at(long_fit, draws.mean(axis=0) + grid @ factor.T, tmp_path)
     terms = density + 0.5 * np.sum(grid**2, axis=1)
     largest = terms.max()
     exact = largest + np.log(weights @ np.exp(terms - largest)) + np.linalg.slogdet(factor)[1]
-    found = log_marginal_likelihood(small_fit)
+    found = log_marginal_likelihood(long_fit)
     assert found.error < 0.1
     assert found.value == pytest.approx(float(exact), abs=4 * found.error)
 

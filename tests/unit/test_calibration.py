@@ -4,7 +4,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from conftest import ICE, resolved_priors
 from scipy import stats
@@ -24,6 +23,7 @@ from pyburgers.constant_rate import load_constant_rate
 from pyburgers.errors import InputError, SamplingError
 from pyburgers.fitting import Fit
 from pyburgers.forced_oscillation import load_forced_oscillation, with_background
+from pyburgers.oscillation import prepare
 from pyburgers.posterior import convergence_table
 from pyburgers.priors import default_priors
 from pyburgers.simulation import (
@@ -75,39 +75,33 @@ def test_a_simulated_record_is_prepared_as_the_measured_one_is(programs: None) -
     assert 0.7 < np.std(deviation) < 1.3
 
 
-class GivenNoise(np.random.Generator):
-    """A generator of standard normal numbers that are given."""
-
-    def __init__(self, noise: npt.NDArray[np.float64]) -> None:
-        super().__init__(np.random.PCG64(1))
-        self.noise = noise
-
-    def standard_normal(self, *_: Any, **__: Any) -> Any:
-        return self.noise
-
-
 def test_the_trend_leaves_as_much_noise_as_the_likelihood_expects(programs: None) -> None:
     # The log likelihood at the truth is stationary in the noise s, in the mean over records, if the
     # mean sum of squares is the power of s that its normalisation falls with. That mean is the sum
     # over records with one noisy point.
     experiment = load_forced_oscillation(OLIVINE)
     truth = dict(experiment.true_parameters or {})
-    model = load_model(program_for(experiment), report=lambda _: None)
+    quiet = simulate_oscillation(
+        experiment, {**truth, "stress_noise": 1.0}, np.random.default_rng(1), source="the truth"
+    )
+    model = load_model(program_for(quiet), report=lambda _: None)
 
-    def log_likelihood(noise: npt.NDArray[np.float64], log_factor: float = 0.0) -> float:
-        record = simulate_oscillation(experiment, truth, GivenNoise(noise), source="the truth")
+    def log_likelihood(log_factor: float) -> float:
         values = {**truth, "stress_noise": truth["stress_noise"] * np.exp(log_factor)}
-        data = program_data(record, given_parameters("olivine", values), solver=REFERENCE_SOLVER)
+        data = program_data(quiet, given_parameters("olivine", values), solver=REFERENCE_SOLVER)
         return float(evaluate(model, data)["log_lik"].sum())
 
-    quiet = np.zeros(experiment.n_points)
     step = 0.1
-    loss = (log_likelihood(quiet, -step) - log_likelihood(quiet, step)) / (2 * step)
-    without_noise = log_likelihood(quiet)
-    squares = sum(2 * (without_noise - log_likelihood(one)) for one in np.eye(quiet.size))
+    loss = (log_likelihood(-step) - log_likelihood(step)) / (2 * step)
+    noise = truth["stress_noise"] * quiet.prepared.relative_uncertainty
+    squares = 0.0
+    for one in np.eye(quiet.n_points):
+        record = replace(quiet.record, stress=quiet.record.stress + noise * one)
+        left = prepare(record, quiet.settings, quiet.id).stress - quiet.stress
+        squares += float(np.sum((left / noise) ** 2))
     # Not to the last digit: the trend is fitted beside harmonics, to which it is not orthogonal.
     assert squares == pytest.approx(loss, abs=0.1)
-    assert squares < quiet.size - 1
+    assert squares < quiet.n_points - 1
 
 
 def test_draws_without_solution_are_counted_and_replaced(

@@ -243,6 +243,7 @@ def test_a_point_left_out_in_earnest_has_the_approximated_density(
     approximate = leave_one_out(small_fit.posterior)
     # The least expected one of those whose density can be approximated.
     point = int(np.argmin(np.where(approximate.pareto_k < 0.7, approximate.elpd, np.inf)))
+    assert approximate.pareto_k[point] < 0.7
     exact = leave_out_exactly(small_fit, approximate, [point], tmp_path / "refits")
     assert exact.exact.tolist() == [k == point for k in range(exact.elpd.size)]
     # Leaving an unexpected point out must cost it something.

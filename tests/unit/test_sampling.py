@@ -28,6 +28,15 @@ from pyburgers.stan_data import SolverOptions, constant_rate_data
 
 StartFit = Callable[..., subprocess.Popen[str]]
 
+INTERRUPTIBLE = """
+import signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from pyburgers.cli import main
+sys.exit(main())
+"""
+"""The command line, whether or not the tests run where Ctrl-C is ignored: a shell has it ignored by
+what it runs in the background, and Python then leaves it so."""
+
 
 @pytest.fixture
 def start_fit(programs: None, small_problem: Problem, tmp_path: Path) -> Iterator[StartFit]:
@@ -37,7 +46,7 @@ def start_fit(programs: None, small_problem: Problem, tmp_path: Path) -> Iterato
     def start(out: Path, *options: str) -> subprocess.Popen[str]:
         process = subprocess.Popen(
             [
-                *(sys.executable, "-m", "pyburgers.cli", "fit"),
+                *(sys.executable, "-c", INTERRUPTIBLE, "fit"),
                 *(str(small_problem.experiment_file), "--priors", str(small_problem.priors_file)),
                 *("--out", str(out), "--chains", str(LONG_RUN.chains)),
                 *("--warmup", str(LONG_RUN.warmup), "--draws", str(LONG_RUN.draws)),

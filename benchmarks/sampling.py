@@ -31,6 +31,7 @@ from pyburgers.experiment_files import load_experiment, save_experiment
 from pyburgers.figure_style import BLUE, GREY, ORANGE
 from pyburgers.fitting import Fit
 from pyburgers.forced_oscillation import OscillationExperiment, with_background
+from pyburgers.messages import messages_to
 from pyburgers.oscillation import Background
 from pyburgers.posterior import grain_size_share
 from pyburgers.simulation import program_for
@@ -113,7 +114,8 @@ def _is_there(experiment: Path) -> bool:
 def _experiment_file(name: str, scratch: Path) -> Path:
     """File of a test, the program for it compiled; the two treatments of olivine share a record."""
     experiment = load_experiment(TESTS[name])
-    load_model(program_for(experiment), report=print)
+    with messages_to(sys.stdout):
+        load_model(program_for(experiment))
     if not isinstance(experiment, OscillationExperiment):
         return TESTS[name]
     background: Background = "kept" if name == "olivine_kept" else "removed"

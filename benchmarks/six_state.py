@@ -10,6 +10,7 @@ first iterations of chains with CmdStan's defaults, started at posterior draws t
 import json
 import math
 import subprocess
+import sys
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -23,6 +24,7 @@ from processes import Cost, run_together
 from pyburgers.cmdstan import compile_program, stan_directory
 from pyburgers.fitting import Fit
 from pyburgers.forced_oscillation import OscillationExperiment
+from pyburgers.messages import messages_to
 from pyburgers.parameters import PARAMETERS
 from pyburgers.priors import PriorSet
 from pyburgers.stan_data import PlainCoordinates
@@ -84,7 +86,8 @@ def run_baseline(fit: Fit, folder: Path, *, limit_seconds: float, seed: int) -> 
     """
     folder.mkdir(parents=True)
     source, names = _paper_form(fit)
-    program = compile_program(source, report=print)
+    with messages_to(sys.stdout):
+        program = compile_program(source)
     draws = fit.posterior["posterior"].to_dataset()
     values = {name: draws[name].to_numpy() for name in names}
     transform = _stan_transform(fit.priors, names)

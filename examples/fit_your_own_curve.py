@@ -8,6 +8,7 @@ default numbers takes about a minute; running the same command again continues w
 """
 
 import argparse
+import logging
 from pathlib import Path
 
 import pyburgers
@@ -33,6 +34,10 @@ def main() -> None:
     parser.add_argument("--draws", type=int, default=500)
     options = parser.parse_args()
 
+    # What takes long tells of its progress through the logger of the package.
+    logging.basicConfig(format="%(message)s")
+    logging.getLogger("pyburgers").setLevel(logging.INFO)
+
     # Everything is checked and converted to SI units here; what was mended is said in a notice.
     experiment = pyburgers.load_experiment(options.experiment)
     for notice in experiment.notices:
@@ -51,7 +56,6 @@ def main() -> None:
         options=pyburgers.SamplerOptions(
             chains=options.chains, warmup=options.warmup, draws=options.draws
         ),
-        report=print,
     )
 
     # A row for each parameter, SI units; sd against prior_sd tells what the curve has taught us.

@@ -1,4 +1,9 @@
-"""Bayesian inference of nonlinear Burgers viscoelasticity from deformation experiments."""
+"""Bayesian inference of nonlinear Burgers viscoelasticity from deformation experiments.
+
+What takes long tells of its progress through `logging`: to the logger ``pyburgers``, at level INFO.
+"""
+
+import logging
 
 from pyburgers.attenuation import Regime, attenuation_spectrum, predict_attenuation
 from pyburgers.comparison import Comparison, compare
@@ -19,6 +24,8 @@ from pyburgers.sampler_options import SamplerOptions
 from pyburgers.simulation import load_parameters, simulate
 from pyburgers.stan_data import SolverOptions
 from pyburgers.variants import ModelVariant, variant_of, with_variant
+
+logging.getLogger(__name__).addHandler(logging.NullHandler())
 
 __all__ = [
     "Comparison",

@@ -393,7 +393,7 @@ def _at_truth(experiment: Experiment, solver: SolverOptions) -> dict[str, float]
     values = experiment.true_parameters
     assert values is not None  # simulated
     data = program_data(experiment, given_parameters(experiment.material, values), solver=solver)
-    draw = evaluate(load_model(program_for(experiment), report=lambda _: None), data)
+    draw = evaluate(load_model(program_for(experiment)), data)
     reference = reference_quantity(experiment).name
     return {
         **values,

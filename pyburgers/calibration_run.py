@@ -5,11 +5,10 @@ The folder of a calibration holds ``manifest.json``, ``inputs/`` (template and p
 command continues with those that are missing.
 """
 
-import io
 import json
+import logging
 import shutil
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import redirect_stderr
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -23,7 +22,6 @@ from pyburgers.geometry import check_coordinates
 from pyburgers.priors import PriorSet, load_priors, save_priors
 from pyburgers.processes import completed, number_of_processes
 from pyburgers.rank_uniformity import RankBands, RankVerdict, judge_ranks, rank_bands
-from pyburgers.reporting import silent
 from pyburgers.run_directory import (
     RunDirectory,
     sha256_of_json,
@@ -34,6 +32,8 @@ from pyburgers.sampler_options import INDECISIVE, SamplerOptions
 from pyburgers.simulation import program_for
 from pyburgers.stan_data import SolverOptions, program_data
 from pyburgers.toml_files import read_text
+
+logger = logging.getLogger(__name__)
 
 CALIBRATION_KIND = "pyburgers sbc"
 """What the manifest of a calibration says."""
@@ -148,7 +148,6 @@ def calibrate(
     plan: CalibrationPlan,
     jobs: int | None = None,
     command: str = "pyburgers.calibrate(...)",
-    report: Callable[[str], None] = silent,
 ) -> Calibration:
     """Simulate data sets from the prior, fit each, and rank the truths; continue where one stopped.
 
@@ -166,8 +165,6 @@ def calibrate(
         Processes; default one for each core. Each runs one chain at a time.
     command : str
         What regenerates the calibration, for the manifest.
-    report : callable
-        Receives progress sentences.
 
     Raises
     ------
@@ -183,7 +180,7 @@ def calibrate(
     priors = priors.resolved(template.largest_stress)
     if not priors.free:
         raise InputError(f"{priors.title}: all parameters are fixed, expected a free one to rank.")
-    model = load_model(program_for(template), report=report)
+    model = load_model(program_for(template))
     identity = _fingerprint(template, priors, plan, Path(str(model.exe_file)).parent.name)
     run = RunDirectory(out)
     with run.claimed(identity, ("inputs", SIMULATIONS)):
@@ -193,8 +190,8 @@ def calibrate(
         missing = [seed for seed in plan.seeds if not simulation_file(run, seed).is_file()]
         n_found = plan.simulations - len(missing)
         if n_found:
-            report(f"{n_found} of {plan.simulations} data sets are there already.")
-        _run_missing(run, missing, plan, jobs, report)
+            logger.info(f"{n_found} of {plan.simulations} data sets are there already.")
+        _run_missing(run, missing, plan, jobs)
         run.update_manifest({"status": "complete"})
     return Calibration(
         template, priors, plan, tuple(_read_replication(run, seed) for seed in plan.seeds)
@@ -245,13 +242,7 @@ def _record(
     }
 
 
-def _run_missing(
-    run: RunDirectory,
-    seeds: Sequence[int],
-    plan: CalibrationPlan,
-    jobs: int,
-    report: Callable[[str], None],
-) -> None:
+def _run_missing(run: RunDirectory, seeds: Sequence[int], plan: CalibrationPlan, jobs: int) -> None:
     """Do data sets in processes of their own; stop handing them out when one fails."""
     if not seeds:
         return
@@ -263,7 +254,7 @@ def _run_missing(
     )
     try:
         for n_done, (seed, outcome) in enumerate(done, start=1):
-            report(f"Data set {seed}: {outcome}, {n_done} of {len(seeds)}.")
+            logger.info(f"Data set {seed}: {outcome}, {n_done} of {len(seeds)}.")
     except BaseException:
         run.update_manifest({"status": "interrupted"})
         raise
@@ -276,15 +267,14 @@ def _replicate_into(path: Path, seed: int, plan: CalibrationPlan) -> str:
     """
     run = RunDirectory(path)
     scratch = run.new_scratch()
-    with redirect_stderr(io.StringIO()):  # a progress bar for each chain of each fit
-        replication = replicate(
-            load_experiment(run.experiment_file),
-            load_priors(run.priors_file),
-            scratch,
-            seed=seed,
-            options=plan.sampler,
-            n_thinned=plan.n_ranked,
-        )
+    replication = replicate(
+        load_experiment(run.experiment_file),
+        load_priors(run.priors_file),
+        scratch,
+        seed=seed,
+        options=plan.sampler,
+        n_thinned=plan.n_ranked,
+    )
     write_json(simulation_file(run, seed), asdict(replication))
     shutil.rmtree(scratch)
     return "no fit" if replication.failure is not None else "ranked"

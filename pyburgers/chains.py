@@ -1,15 +1,12 @@
 """Chains as processes: side by side, stopped together, each kept when it is complete."""
 
 import os
-import re
 import shutil
 import signal
-import sys
-import threading
+import subprocess
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from contextlib import contextmanager, redirect_stdout
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,13 +14,15 @@ from typing import Any
 import cmdstanpy
 import psutil
 
-from pyburgers.progress import ChainProgress, IterationLines
+from pyburgers.errors import SamplingError
+from pyburgers.progress import ConsoleFile, shown_progress
 from pyburgers.run_directory import RunDirectory, write_json, write_text
 from pyburgers.sampler_options import SamplerOptions
-from pyburgers.simulation import console_tail, quiet_cmdstanpy
+from pyburgers.simulation import console_tail
 from pyburgers.toolchain import cores
 
-_SIGNAL = re.compile(r"retcodes=\[-(\d+)\]")
+POLL_SECONDS = 0.1
+"""Time between two looks at the chains."""
 
 STEP_SIZE_SHARE = 0.2
 """Share of the warm-up, at its end, in which the step size alone adapts.
@@ -111,35 +110,36 @@ def run_side_by_side(
     -------
     tuple of ChainFailure
         Those that did not finish.
+
+    Raises
+    ------
+    SamplingError
+        If the system starts no process.
     """
-    stopping = threading.Event()
-    failures: list[ChainFailure] = []
-    screen = ChainProgress(chains, options.warmup_iterations + options.draws, sys.stderr)
-    lines = IterationLines(screen.advance)
-    workers = min(len(chains), options.parallel_chains or cores())
-    with quiet_cmdstanpy(), screen, redirect_stdout(lines), ThreadPoolExecutor(workers) as pool:
-        pending: set[Future[ChainFailure | None]] = {
-            pool.submit(_run_chain, model, run, chain, options, stopping) for chain in chains
-        }
+    executable = Path(str(model.exe_file))
+    waiting = list(chains)
+    running: list[_Chain] = []
+    failures: list[ChainFailure | None] = []
+    at_once = options.parallel_chains or cores()
+    with shown_progress(chains, options.warmup_iterations + options.draws) as advance:
         try:
-            while pending:
-                done, pending = wait(pending, return_when=FIRST_COMPLETED)
-                failures += [failure for f in done if (failure := f.result()) is not None]
+            while waiting or running:
+                while waiting and len(running) < at_once:
+                    running.append(_start_chain(executable, run, waiting.pop(0), options))
+                time.sleep(POLL_SECONDS)
+                ended = [one for one in running if one.has_ended(options.chain_timeout)]
+                for one in running:
+                    for iteration, phase in one.console.new_iterations():
+                        advance(one.identifier, iteration, phase)
+                running = [one for one in running if one not in ended]
+                failures += [_keep_chain(run, one) for one in ended]
         except BaseException:
-            stopping.set()
-            _stop_chains(model, pending)
+            for one in running:
+                one.stop()
             run.update_manifest({"status": "interrupted"})
             raise
-    return tuple(sorted(failures, key=lambda failure: failure.chain))
-
-
-def _stop_chains(model: cmdstanpy.CmdStanModel, pending: set[Future[ChainFailure | None]]) -> None:
-    """Kill the CmdStan processes that this process started, until no thread waits for one."""
-    running = {future for future in pending if not future.cancel()}
-    while running:
-        _kill_chains(model)
-        # Again, since a thread may have been about to start its process.
-        running = wait(running, timeout=0.2).not_done
+    found = (failure for failure in failures if failure is not None)
+    return tuple(sorted(found, key=lambda failure: failure.chain))
 
 
 @contextmanager
@@ -163,111 +163,169 @@ def _kill_chains(model: cmdstanpy.CmdStanModel) -> None:
             continue  # it ended by itself in the meantime
 
 
-def _run_chain(
-    model: cmdstanpy.CmdStanModel,
-    run: RunDirectory,
-    chain: int,
-    options: SamplerOptions,
-    stopping: threading.Event,
-) -> ChainFailure | None:
-    """Run one chain in a scratch folder and move it into place when it is complete."""
-    if stopping.is_set():
-        return None
+@dataclass(eq=False)
+class _Chain:
+    """A CmdStan process.
+
+    Attributes
+    ----------
+    identifier : int
+        Of the chain.
+    process : Popen
+        What samples it.
+    scratch : Path
+        Folder of its files.
+    console : ConsoleFile
+        What it prints.
+    started : float
+        When (s).
+    seconds : float
+        How long it took, once it has ended.
+    out_of_time : bool
+        Whether it was stopped at its time limit.
+    """
+
+    identifier: int
+    process: subprocess.Popen[bytes]
+    scratch: Path
+    console: ConsoleFile
+    started: float
+    seconds: float = 0.0
+    out_of_time: bool = False
+
+    def has_ended(self, limit: float | None) -> bool:
+        """Tell whether the process has ended, which it does at a time limit (s)."""
+        running = self.process.poll() is None
+        self.seconds = time.monotonic() - self.started
+        if running and limit is not None and self.seconds >= limit:
+            self.out_of_time = True
+            self.stop()
+        return self.process.returncode is not None
+
+    def stop(self) -> None:
+        """End the process, if it has not ended."""
+        self.process.kill()
+        self.process.wait()
+
+
+def _start_chain(
+    executable: Path, run: RunDirectory, chain: int, options: SamplerOptions
+) -> _Chain:
+    """Start a chain in a scratch folder.
+
+    The process is started here and not by cmdstanpy, which keeps what a chain prints to itself
+    until the end, or prints it to the standard output of this process.
+    """
     scratch = run.new_scratch()
-    first_metric = str(run.metric_file) if run.metric_file.is_file() else None
-    total = options.warmup_iterations + options.draws
+    console = scratch / "stdout.txt"
     started = time.monotonic()
+    with console.open("wb") as file:
+        try:
+            process = subprocess.Popen(
+                _command(executable, run, chain, options, scratch),
+                stdin=subprocess.DEVNULL,
+                stdout=file,
+                stderr=subprocess.STDOUT,
+            )
+        except OSError as error:
+            raise SamplingError(
+                f"{executable}: could not be started ({error.strerror}); free memory or end other "
+                "programs, then run the same command again: it runs only the missing chains."
+            ) from error
+    return _Chain(chain, process, scratch, ConsoleFile(console), started)
+
+
+def _command(
+    executable: Path, run: RunDirectory, chain: int, options: SamplerOptions, scratch: Path
+) -> list[str]:
+    """Return CmdStan's command line; what it does not name is CmdStan's default."""
+    total = options.warmup_iterations + options.draws
+    first_metric = (
+        [f"stepsize={FIRST_STEP}", "metric=dense_e", f"metric_file={run.metric_file}"]
+        if run.metric_file.is_file()
+        else ["metric=dense_e"]
+    )
+    return [
+        *(str(executable), f"id={chain}", "random", f"seed={options.seed}"),
+        *("data", f"file={run.stan_data_file}", f"init={run.initial_values_file(chain)}"),
+        *("output", f"file={scratch / 'draws.csv'}"),
+        *(f"refresh={max(1, total // 100)}", "sig_figs=12"),
+        "method=sample",
+        *(f"num_samples={options.draws}", f"num_warmup={options.warmup_iterations}"),
+        *("algorithm=hmc", "engine=nuts", f"max_depth={options.max_treedepth}", *first_metric),
+        *("adapt", "engaged=1", f"delta={options.adapt_delta}"),
+        *(f"{name}={n}" for name, n in _warmup_phases(run, options.warmup_iterations).items()),
+    ]
+
+
+def _keep_chain(run: RunDirectory, one: _Chain) -> ChainFailure | None:
+    """Move a chain that has ended into place if it is complete; else say what ended it."""
+    draws = one.scratch / "draws.csv"
+    if one.out_of_time or one.process.returncode != 0:
+        return _explain_failure(run, one)
     try:
-        model.sample(
-            data=str(run.stan_data_file),
-            chains=1,
-            chain_ids=[chain],
-            seed=options.seed,
-            inits=str(run.initial_values_file(chain)),
-            iter_warmup=options.warmup_iterations,
-            iter_sampling=options.draws,
-            metric="dense_e",
-            inv_metric=first_metric,
-            step_size=None if first_metric is None else FIRST_STEP,
-            adapt_delta=options.adapt_delta,
-            **_warmup_phases(run, options.warmup_iterations),
-            max_treedepth=options.max_treedepth,
-            output_dir=str(scratch),
-            sig_figs=12,
-            refresh=max(1, total // 100),
-            timeout=options.chain_timeout,
-            show_progress=False,
-            show_console=True,
-            force_one_process_per_chain=True,
-        )
-    except (RuntimeError, TimeoutError, ValueError) as error:
-        if stopping.is_set():
-            return None
-        seconds = time.monotonic() - started
-        return _explain_failure(run, chain, scratch, error, seconds, options.chain_timeout)
-    finished = scratch / "finished"
+        # A full disk can cut a file short though the process ends well.
+        cmdstanpy.from_csv(str(draws), method="sample")
+    except ValueError as error:
+        return _explain_failure(run, one, str(error))
+    finished = one.scratch / "finished"
     finished.mkdir()
-    (draws,) = scratch.glob("*.csv")
     draws.rename(finished / "draws.csv")
-    for console in scratch.glob("*stdout.txt"):
-        console.rename(finished / "console.txt")
-    write_json(finished / "timing.json", {"wall_seconds": time.monotonic() - started})
-    run.keep_chain(chain, finished)
-    shutil.rmtree(scratch)
+    (one.scratch / "stdout.txt").rename(finished / "console.txt")
+    write_json(finished / "timing.json", {"wall_seconds": one.seconds})
+    run.keep_chain(one.identifier, finished)
+    shutil.rmtree(one.scratch)
     return None
 
 
-def _warmup_phases(run: RunDirectory, warmup: int) -> dict[str, Any]:
-    """Return the iterations of the phases of the warm-up, by cmdstanpy's names."""
+def _warmup_phases(run: RunDirectory, warmup: int) -> dict[str, int]:
+    """Return the iterations of the phases of the warm-up, by CmdStan's names."""
     last = int(STEP_SIZE_SHARE * warmup)
     if run.read_manifest().get("coordinates", {}).get("system") != "valley":
-        return {"adapt_step_size": last}
+        return {"term_buffer": last}
     first = int(FIRST_PHASE_SHARE * warmup)
     return {
-        "adapt_init_phase": first,
-        "adapt_metric_window": warmup - first - last,
-        "adapt_step_size": last,
+        "init_buffer": first,
+        "window": warmup - first - last,
+        "term_buffer": last,
     }
 
 
-def _explain_failure(
-    run: RunDirectory,
-    chain: int,
-    scratch: Path,
-    error: Exception,
-    seconds: float,
-    limit: float | None,
-) -> ChainFailure:
-    """Put into one sentence what ended a chain, where, and what to try; keep its console."""
-    consoles = sorted(scratch.glob("*stdout.txt"))
-    text = consoles[0].read_text(encoding="utf-8", errors="replace") if consoles else ""
+def _explain_failure(run: RunDirectory, one: _Chain, defect: str = "") -> ChainFailure:
+    """Put into one sentence what ended a chain, where, and what to try; keep its console.
+
+    Parameters
+    ----------
+    run : RunDirectory
+        That the chain is of.
+    one : _Chain
+        Ended.
+    defect : str
+        What is wrong with its draws, of a process that ended well.
+    """
+    chain, code = one.identifier, one.process.returncode
+    text = (one.scratch / "stdout.txt").read_text(encoding="utf-8", errors="replace")
     run.failure_file(chain).parent.mkdir(exist_ok=True)
-    write_text(run.failure_file(chain), text + f"\n{error}\n")
+    write_text(run.failure_file(chain), text + f"\nreturn code {code}\n{defect}\n")
     iterations = [line for line in text.splitlines() if line.startswith("Iteration:")]
     place = iterations[-1].strip() if iterations else "before the first iteration"
     values = run.initial_values_file(chain).read_text(encoding="utf-8")
-    killed_by = _signal_in(str(error))
-    # cmdstanpy may find the chain terminated before its timer has said why.
-    stopped = killed_by == "SIGTERM" and limit is not None and seconds >= limit
-    if isinstance(error, TimeoutError) or stopped:
-        cause = f"ran into its time limit after {seconds:.0f} s"
+    if one.out_of_time:
+        cause = f"ran into its time limit after {one.seconds:.0f} s"
         remedy = "raise the limit or shorten the run"
-    elif killed_by is not None:
-        cause = f"was killed by the system ({killed_by})"
+    elif code < 0:
+        cause = f"was killed by the system ({signal.Signals(-code).name})"
         remedy = "free memory, or run fewer programs beside it"
+    elif defect:
+        cause = f"left incomplete draws ({defect})"
+        remedy = "free disk space"
     else:
         cause = "ended with an error"
         remedy = "tighten the prior bounds or raise the solver's step limit"
     return ChainFailure(
         chain,
         f"Chain {chain} {cause} at '{place}', started from {' '.join(values.split())}, last "
-        f"console lines: {console_tail(scratch)}; {remedy}, then run the same command again: it "
-        "repeats only the missing chains (whole console in "
+        f"console lines: {console_tail(one.scratch)}; {remedy}, then run the same command again: "
+        "it repeats only the missing chains (whole console in "
         f"{run.failure_file(chain).relative_to(run.path)}).",
     )
-
-
-def _signal_in(message: str) -> str | None:
-    """Name of the signal in cmdstanpy's error text, where it gives a negative return code."""
-    found = _SIGNAL.search(message)
-    return signal.Signals(int(found[1])).name if found else None

@@ -53,6 +53,7 @@ from pyburgers.leave_one_test_out import (
     table_of_fits,
     table_of_tests,
 )
+from pyburgers.messages import messages_to
 from pyburgers.peak_stress import load_peak_stress
 from pyburgers.peak_stress_figures import flow_law, flow_law_table
 from pyburgers.peak_stress_fit import fit_peak_stress
@@ -99,7 +100,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     run: Callable[[argparse.Namespace], int] = options.run
     try:
-        return run(options)
+        with messages_to(sys.stderr):
+            return run(options)
     except PyburgersError as error:
         print(f"pyburgers: {error}", file=sys.stderr)
         return error.exit_code
@@ -330,10 +332,7 @@ def _doctor(_: argparse.Namespace) -> int:
 
 
 def _install(options: argparse.Namespace) -> int:
-    if options.source == "auto":
-        path = ensure_cmdstan(report=_say)
-    else:
-        path = install_cmdstan(options.source, report=_say)
+    path = ensure_cmdstan() if options.source == "auto" else install_cmdstan(options.source)
     print(f"CmdStan is in {path}")
     return 0
 
@@ -362,7 +361,6 @@ def _fit(options: argparse.Namespace) -> int:
         "solver": None if options.tolerance is None else SolverOptions(tolerance=options.tolerance),
         "use_likelihood": not options.prior_only,
         "command": _command_line(),
-        "report": _say,
     }
     if len(experiments) > 1:
         joint = fit_jointly(experiments, priors, pool=pool, **settings)
@@ -395,7 +393,7 @@ def _simulate(options: argparse.Namespace) -> int:
         )
     if options.out.is_dir():
         raise InputError(f"--out {options.out}: is a folder, expected a file name.")
-    solution = simulate(experiment, parameters, report=_say)
+    solution = simulate(experiment, parameters)
     with _writing(options.out):
         write_text(options.out, solution.to_csv(index=False))
     print(f"{len(solution)} rows in {options.out}")
@@ -408,7 +406,7 @@ def _predict_attenuation(options: argparse.Namespace) -> int:
     regimes = _regimes(options)
     grain_size = options.grain_size_um
     spectrum = predict_attenuation(
-        Fit.load(options.directory, report=_say),
+        Fit.load(options.directory),
         options.frequencies_Hz or DEFAULT_FREQUENCIES,
         regimes,
         microstructure=options.microstructure.replace("-", "_"),
@@ -464,7 +462,6 @@ def _fit_peak_stress(options: argparse.Namespace) -> int:
         out=options.out or Path("runs") / data.id,
         options=SamplerOptions(**{name: getattr(options, name) for name in PEAK_STRESS_OPTIONS}),
         command=_command_line(),
-        report=_say,
     )
     folder = result.directory.path
     write_images(flow_law(result), folder / "flow_law.png")
@@ -481,9 +478,7 @@ def _compare(options: argparse.Namespace) -> int:
         name: _load_fit(directory)
         for name, directory in zip(_names_of(directories), directories, strict=True)
     }
-    comparison = compare(
-        fits, refits=None if options.no_refit else options.out / "refits", report=_say
-    )
+    comparison = compare(fits, refits=None if options.no_refit else options.out / "refits")
     with _writing(options.out):
         options.out.mkdir(parents=True, exist_ok=True)
         save_comparison(comparison, fits, options.out, command=_command_line())
@@ -502,14 +497,14 @@ def _compare_by_test(options: argparse.Namespace) -> int:
         )
     directories: list[Path] = options.directories
     joints = {
-        name: JointFit.load(directory, report=_say)
+        name: JointFit.load(directory)
         for name, directory in zip(_names_of(directories), directories, strict=True)
     }
     command = _command_line()
     with _writing(options.out):
         # Ahead of the fits, which take long.
         options.out.mkdir(parents=True, exist_ok=True)
-    comparison = compare_by_test(joints, command=command, report=_say)
+    comparison = compare_by_test(joints, command=command)
     with _writing(options.out):
         save_comparison_by_test(comparison, joints, options.out, command=command)
         write_images(left_out_tests(comparison), options.out / "comparison.png")
@@ -524,8 +519,8 @@ def _compare_by_test(options: argparse.Namespace) -> int:
 def _load_fit(directory: Path) -> Fit | JointFit:
     """Read a run, of one test or of several."""
     if is_joint(RunDirectory(directory).read_manifest()):
-        return JointFit.load(directory, report=_say)
-    return Fit.load(directory, report=_say)
+        return JointFit.load(directory)
+    return Fit.load(directory)
 
 
 def _names_of(directories: Sequence[Path]) -> list[str]:
@@ -558,7 +553,6 @@ def _calibrate(options: argparse.Namespace) -> int:
         plan=CalibrationPlan(options.simulations, options.seed, options.ranked_draws, sampler),
         jobs=options.jobs,
         command=command,
-        report=_say,
     )
     save_calibration(calibration, out, command=command)
     if calibration.ranks:
@@ -582,14 +576,13 @@ def _report(options: argparse.Namespace) -> int:
         joint_section(name, joint, fits)
         for name, joint in zip(joint_names(joints), joints, strict=True)
     ]
-    of_joints = related_joint_sections(joints, report=_say)
+    of_joints = related_joint_sections(joints)
     fits = [*(fit for joint in joints for fit in joint.tests().values()), *fits]
     page = write_report(
         fits,
         options.out,
         title=options.title,
         command=_command_line(),
-        report=_say,
         extras=(*sections, *of_joints, *related_sections(fits)),
     )
     print(f"The page is {page}")
@@ -597,7 +590,7 @@ def _report(options: argparse.Namespace) -> int:
 
 
 def _reproduce(options: argparse.Namespace) -> int:
-    outcome = reproduce(options.preset, options.out, command=_command_line(), report=_say)
+    outcome = reproduce(options.preset, options.out, command=_command_line())
     print(f"The page is {outcome.page}")
     return 0
 

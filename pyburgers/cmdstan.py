@@ -8,6 +8,7 @@ another folder, so nothing is ever out of date, and tests, CI and users share th
 import hashlib
 import importlib.resources
 import json
+import logging
 import os
 import platform
 import re
@@ -25,7 +26,6 @@ from pyburgers.cmdstan_installation import ensure_cmdstan, install_cmdstan
 from pyburgers.errors import ToolchainError
 from pyburgers.toolchain import (
     COMPILE_FLAGS,
-    Report,
     Toolchain,
     cores,
     find_cmdstan,
@@ -35,8 +35,9 @@ from pyburgers.toolchain import (
     toolchain,
 )
 
+logger = logging.getLogger(__name__)
+
 __all__ = [
-    "Report",
     "Toolchain",
     "cache_directory",
     "compile_program",
@@ -121,15 +122,13 @@ def executable_path(program: Path, cmdstan: Path) -> Path:
     return cache_directory() / program_key(program, stan_directory(), cmdstan) / program.stem
 
 
-def compile_program(program: Path, *, report: Report) -> Path:
+def compile_program(program: Path) -> Path:
     """Return the executable of a Stan program; compile it unless it is in the cache.
 
     Parameters
     ----------
     program : Path
         A Stan program; its ``#include`` lines are relative to `stan_directory`.
-    report : callable
-        Receives progress sentences.
 
     Raises
     ------
@@ -137,19 +136,19 @@ def compile_program(program: Path, *, report: Report) -> Path:
         If CmdStan cannot be had, the program is wrong or the compiler fails; the message ends
         with what stanc or the compiler said.
     """
-    return _compile(program, ensure_cmdstan(report=report), report)
+    return _compile(program, ensure_cmdstan())
 
 
-def compile_programs(programs: Sequence[Path], *, report: Report) -> tuple[Path, ...]:
+def compile_programs(programs: Sequence[Path]) -> tuple[Path, ...]:
     """Return the executables of several programs, compiled in parallel; see `compile_program`."""
-    cmdstan = ensure_cmdstan(report=report)
+    cmdstan = ensure_cmdstan()
     with ThreadPoolExecutor(max_workers=cores()) as pool:
-        return tuple(pool.map(lambda program: _compile(program, cmdstan, report), programs))
+        return tuple(pool.map(lambda program: _compile(program, cmdstan), programs))
 
 
-def load_model(program: Path, *, report: Report) -> cmdstanpy.CmdStanModel:
+def load_model(program: Path) -> cmdstanpy.CmdStanModel:
     """Return a Stan program ready to run; see `compile_program`."""
-    return cmdstanpy.CmdStanModel(exe_file=compile_program(program, report=report))
+    return cmdstanpy.CmdStanModel(exe_file=compile_program(program))
 
 
 def _read_sources(program: Path, include_directory: Path) -> _Sources:
@@ -190,7 +189,7 @@ def _key(sources: _Sources, tools: Toolchain) -> str:
     return hashlib.sha256(json.dumps(decisive, sort_keys=True).encode()).hexdigest()
 
 
-def _compile(program: Path, cmdstan: Path, report: Report) -> Path:
+def _compile(program: Path, cmdstan: Path) -> Path:
     sources = _read_sources(program, stan_directory())
     tools = toolchain(cmdstan)
     folder = cache_directory() / _key(sources, tools)
@@ -200,12 +199,10 @@ def _compile(program: Path, cmdstan: Path, report: Report) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with process_lock(
-            folder / ".lock",
-            f"Waiting for another process that is compiling {program.name}.",
-            report,
+            folder / ".lock", f"Waiting for another process that is compiling {program.name}."
         ):
             if not executable.is_file():
-                _build(sources, tools, executable, report)
+                _build(sources, tools, executable)
     except OSError as error:
         raise ToolchainError(
             f"{program.name} could not be compiled into the cache folder {cache_directory()}: "
@@ -214,9 +211,9 @@ def _compile(program: Path, cmdstan: Path, report: Report) -> Path:
     return executable
 
 
-def _build(sources: _Sources, tools: Toolchain, executable: Path, report: Report) -> None:
+def _build(sources: _Sources, tools: Toolchain, executable: Path) -> None:
     """Compile a program in a temporary folder, then put the executable in place in one step."""
-    report(f"Compiling {sources.name} (about 20 s).")
+    logger.info(f"Compiling {sources.name} (about 20 s).")
     # Not in the cache folder, whose path may hold spaces, which make cannot handle.
     with tempfile.TemporaryDirectory(prefix="pyburgers-", ignore_cleanup_errors=True) as scratch:
         program = Path(scratch) / sources.name
@@ -224,7 +221,7 @@ def _build(sources: _Sources, tools: Toolchain, executable: Path, report: Report
             path = Path(scratch) / name
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text, encoding="utf-8")
-        _translate(program, tools, report)
+        _translate(program, tools)
         make = run_tool(["make", *COMPILE_FLAGS, program.with_suffix("")], cwd=tools.cmdstan_path)
         if make.returncode != 0:
             raise ToolchainError(
@@ -236,7 +233,7 @@ def _build(sources: _Sources, tools: Toolchain, executable: Path, report: Report
         partial.replace(executable)
 
 
-def _translate(program: Path, tools: Toolchain, report: Report) -> None:
+def _translate(program: Path, tools: Toolchain) -> None:
     """Translate a Stan program to C++, beside it.
 
     Neither make nor cmdstanpy does this: their messages would name temporary paths, and
@@ -255,4 +252,4 @@ def _translate(program: Path, tools: Toolchain, report: Report) -> None:
             f"stanc {tools.cmdstan_version} does not accept {program.name}:\n{said}"
         )
     if said:
-        report(f"stanc on {program.name}: {said}")
+        logger.info(f"stanc on {program.name}: {said}")

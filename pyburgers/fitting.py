@@ -1,7 +1,7 @@
 """Fit an experiment: run, gather, check, and keep it all in a run directory."""
 
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Self
@@ -13,7 +13,6 @@ from pyburgers.experiment import Experiment
 from pyburgers.experiment_files import load_experiment
 from pyburgers.posterior import build_posterior, load_posterior, summary_table
 from pyburgers.priors import PriorSet, load_priors
-from pyburgers.reporting import silent
 from pyburgers.run_directory import RunDirectory
 from pyburgers.sampled_fit import SampledFit, sample_until_solved, write_tables
 from pyburgers.sampler_options import SamplerOptions
@@ -62,7 +61,7 @@ class Fit(SampledFit):
         shutil.copytree(self.directory.path, path, ignore=shutil.ignore_patterns(".*"))
 
     @classmethod
-    def load(cls, path: str | Path, *, report: Callable[[str], None] = silent) -> Self:
+    def load(cls, path: str | Path) -> Self:
         """Read a run directory.
 
         Raises
@@ -77,7 +76,7 @@ class Fit(SampledFit):
         run.require_a_chain()
         posterior = load_posterior(run)
         if posterior is None:
-            posterior = build_posterior(run, report=report)
+            posterior = build_posterior(run)
         return cls(
             directory=run,
             experiment=load_experiment(run.experiment_file),
@@ -97,7 +96,6 @@ def fit(
     solver: SolverOptions | None = None,
     use_likelihood: bool = True,
     command: str = "pyburgers.fit(...)",
-    report: Callable[[str], None] = silent,
 ) -> Fit:
     """Fit the nonlinear Burgers model to an experiment.
 
@@ -121,8 +119,6 @@ def fit(
         False samples the prior predictive distribution with the same program.
     command : str
         What regenerates the run, for the manifest.
-    report : callable
-        Receives progress sentences.
 
     Returns
     -------
@@ -147,11 +143,10 @@ def fit(
             solver=solver or SolverOptions(),
             use_likelihood=use_likelihood,
             command=command,
-            report=report,
         )
-        return Fit.load(run.path, report=report)
+        return Fit.load(run.path)
 
-    result = sample_until_solved(sample, run, report)
+    result = sample_until_solved(sample, run)
     write_tables(result)
     return replace(result, manifest=run.read_manifest())
 

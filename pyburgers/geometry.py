@@ -1,5 +1,6 @@
 """What the sampler moves in: coordinates, where their origin lies, and the first metric."""
 
+import logging
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal, Protocol, TypeVar
@@ -24,6 +25,8 @@ from pyburgers.stan_data import (
     valley_block,
 )
 from pyburgers.valley import ValleyUnsuited, find_valley, noise_exponents
+
+logger = logging.getLogger(__name__)
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -98,7 +101,6 @@ def choose_geometry(
     wanted: Coordinates,
     seed: int,
     solver: SolverOptions,
-    report: Callable[[str], None],
 ) -> Geometry:
     """Find the posterior mode and set up the coordinates that suit, or fall back to plain ones.
 
@@ -120,8 +122,6 @@ def choose_geometry(
         Decides where the search for the mode starts.
     solver : SolverOptions
         Tolerance and step limit.
-    report : callable
-        Receives progress sentences.
 
     Raises
     ------
@@ -139,9 +139,8 @@ def choose_geometry(
         data,
         name=experiment.id,
         wanted=wanted,
-        find=lambda: find_mode(experiment, priors, seed=seed, solver=solver, report=report),
+        find=lambda: find_mode(experiment, priors, seed=seed, solver=solver),
         special=special,
-        report=report,
     )
 
 
@@ -164,7 +163,6 @@ def geometry_at_mode(
     wanted: Coordinates,
     find: Callable[[], AnyMode],
     special: Callable[[AnyMode], Geometry],
-    report: Callable[[str], None],
 ) -> Geometry:
     """Find the mode and set up special coordinates there, or fall back to plain ones.
 
@@ -183,8 +181,6 @@ def geometry_at_mode(
     special : callable
         Sets up valley or sheared coordinates at a mode, or raises
         `pyburgers.valley.ValleyUnsuited` or `pyburgers.sheared.ShearedUnsuited`.
-    report : callable
-        Receives progress sentences.
 
     Raises
     ------
@@ -193,7 +189,7 @@ def geometry_at_mode(
     """
     if not data["use_likelihood"]:
         return Geometry("plain", "the likelihood is off", {})
-    report("Finding the posterior mode, which sets the sampler's coordinates and metric.")
+    logger.info("Finding the posterior mode, which sets the sampler's coordinates and metric.")
     mode = None
     try:
         mode = find()

@@ -4,7 +4,7 @@ The time-domain counterpart of `pyburgers.attenuation`: the median stress is put
 rest, held, and a sinusoid is added; the microstructure is frozen.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +15,6 @@ from pyburgers.cmdstan import load_model, stan_directory
 from pyburgers.errors import InputError, SamplingError
 from pyburgers.parameters import KELVIN_REFERENCES, STANDARD_VALUES
 from pyburgers.phase_lag import PhaseLag, phase_lag
-from pyburgers.reporting import silent
 from pyburgers.simulation import check_kelvin_element, evaluate
 from pyburgers.stan_data import SolverOptions, solver_block
 
@@ -45,7 +44,6 @@ def simulate_imposed_stress(
     fabric_factor: float = 1.0,
     hold_time: float = HOLD_TIME,
     solver: SolverOptions = SOLVER,
-    report: Callable[[str], None] = silent,
 ) -> pd.DataFrame:
     """Solve the model for a hold at the median stress and the cycles after it.
 
@@ -67,8 +65,6 @@ def simulate_imposed_stress(
         Seconds between putting the median stress on and the cycles.
     solver : SolverOptions
         Tolerance and step limit.
-    report : callable
-        Receives progress sentences (a first call compiles the program).
 
     Returns
     -------
@@ -105,7 +101,7 @@ def simulate_imposed_stress(
         "time": times.tolist(),
         "n_in_hold": int(np.count_nonzero(times <= 0)),
     }
-    model = load_model(stan_directory() / "imposed_stress.stan", report=report)
+    model = load_model(stan_directory() / "imposed_stress.stan")
     solution = evaluate(model, data)
     if not np.isfinite(solution["strain"]).all():
         raise SamplingError(
@@ -158,7 +154,6 @@ def simulated_phase_lag(
     fabric_factor: float = 1.0,
     cycles: int = 6,
     n_harmonics: int = 3,
-    report: Callable[[str], None] = silent,
 ) -> PhaseLag:
     """Simulate settled cycles and read the phase lag off the record, as of a measured one.
 
@@ -167,7 +162,7 @@ def simulated_phase_lag(
 
     Parameters
     ----------
-    parameters, regime, frequency, temperature, grain_size, fabric_factor, report
+    parameters, regime, frequency, temperature, grain_size, fabric_factor
         As for `simulate_imposed_stress`.
     cycles : int
         Length of the record.
@@ -196,7 +191,6 @@ def simulated_phase_lag(
         temperature=temperature,
         grain_size=grain_size,
         fabric_factor=fabric_factor,
-        report=report,
     ).iloc[1:]  # the start of the cycles is no part of the record
     time, strain, stress = (record[name].to_numpy() for name in ("time_s", "strain", "stress_Pa"))
     # With the microstructure frozen the settled strain drifts at a constant rate.

@@ -1,6 +1,6 @@
 """Fit several tests together, and read such fits."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self
@@ -20,7 +20,6 @@ from pyburgers.joint_stan_data import joint_data
 from pyburgers.pooling import pooling_from, pooling_of
 from pyburgers.posterior import draws_table, load_posterior
 from pyburgers.priors import PriorSet, load_priors, save_priors
-from pyburgers.reporting import silent
 from pyburgers.run_directory import RunDirectory, write_atomically, write_json
 from pyburgers.run_record import priors_record
 from pyburgers.sampled_fit import SampledFit, sample_until_solved, write_tables
@@ -69,7 +68,7 @@ class JointFit(SampledFit):
         return found
 
     @classmethod
-    def load(cls, path: str | Path, *, report: Callable[[str], None] = silent) -> Self:
+    def load(cls, path: str | Path) -> Self:
         """Read a run directory.
 
         Raises
@@ -89,7 +88,7 @@ class JointFit(SampledFit):
         )
         posterior = load_posterior(run)
         if posterior is None:
-            posterior = build_joint_posterior(run, problem, report=report)
+            posterior = build_joint_posterior(run, problem)
         return cls(run, posterior, {**manifest, "chains": run.chain_records()}, problem)
 
 
@@ -103,7 +102,6 @@ def fit_jointly(
     solver: SolverOptions | None = None,
     use_likelihood: bool = True,
     command: str = "pyburgers.fit_jointly(...)",
-    report: Callable[[str], None] = silent,
 ) -> JointFit:
     """Fit the nonlinear Burgers model to several tests of one material at constant rate.
 
@@ -117,7 +115,7 @@ def fit_jointly(
         Run directory. An earlier run with the same inputs there is continued.
     pool : mapping of str to str, optional
         How parameters are pooled where it is not the default (`pyburgers.pooling.pooling_of`).
-    options, solver, use_likelihood, command, report
+    options, solver, use_likelihood, command
         As for `pyburgers.fit`.
 
     Raises
@@ -136,7 +134,6 @@ def fit_jointly(
         solver=solver,
         use_likelihood=use_likelihood,
         command=command,
-        report=report,
     )
 
 
@@ -148,7 +145,6 @@ def fit_joint_problem(
     solver: SolverOptions | None = None,
     use_likelihood: bool = True,
     command: str,
-    report: Callable[[str], None] = silent,
 ) -> JointFit:
     """Fit tests, be it a single one, with the priors and the pooling of a joint fit.
 
@@ -156,30 +152,26 @@ def fit_joint_problem(
     ----------
     problem : JointProblem
         Tests, priors, pooling.
-    out, options, solver, use_likelihood, command, report
+    out, options, solver, use_likelihood, command
         As for `fit_jointly`, which says what is raised.
     """
     options = (options or SamplerOptions()).suited_to(problem.experiments[0])
     solver = solver or SolverOptions()
     check_coordinates(problem.experiments[0], options.coordinates)
-    task = _task(problem, options, solver, use_likelihood, report)
+    task = _task(problem, options, solver, use_likelihood)
     run = RunDirectory(Path(out))
 
     def sample() -> JointFit:
-        run_task(task, run.path, solver=solver, command=command, report=report)
-        return JointFit.load(run.path, report=report)
+        run_task(task, run.path, solver=solver, command=command)
+        return JointFit.load(run.path)
 
-    result = sample_until_solved(sample, run, report)
+    result = sample_until_solved(sample, run)
     write_tables(result)
     return replace(result, manifest=run.read_manifest())
 
 
 def _task(
-    problem: JointProblem,
-    options: SamplerOptions,
-    solver: SolverOptions,
-    use_likelihood: bool,
-    report: Callable[[str], None],
+    problem: JointProblem, options: SamplerOptions, solver: SolverOptions, use_likelihood: bool
 ) -> SamplingTask:
     """Settle what is sampled."""
     data = joint_data(problem, solver=solver, use_likelihood=use_likelihood)
@@ -192,13 +184,7 @@ def _task(
         options=options,
         write_inputs=lambda run: _write_inputs(run, problem),
         choose_geometry=lambda model: choose_joint_geometry(
-            model,
-            data,
-            problem,
-            wanted=options.coordinates,
-            seed=options.seed,
-            solver=solver,
-            report=report,
+            model, data, problem, wanted=options.coordinates, seed=options.seed, solver=solver
         ),
         draw_start=lambda chain: draw_joint_start(problem, seed=options.seed, chain=chain),
         manifest={

@@ -1,6 +1,6 @@
 """Starts, posterior mode and coordinates of joint fits."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import cmdstanpy
@@ -116,7 +116,6 @@ def find_joint_mode(
     *,
     seed: int,
     solver: SolverOptions,
-    report: Callable[[str], None],
 ) -> JointMode:
     """Climb from the modes of the single tests and from `N_STARTS` draws of the prior.
 
@@ -134,8 +133,6 @@ def find_joint_mode(
         Decides the prior draws.
     solver : SolverOptions
         Tolerance and step limit.
-    report : callable
-        Receives progress sentences.
 
     Raises
     ------
@@ -143,7 +140,7 @@ def find_joint_mode(
         If the optimiser fails from all starts, or for a single test.
     """
     single = [
-        find_mode(experiment, priors, seed=seed, solver=solver, report=report).coordinate
+        find_mode(experiment, priors, seed=seed, solver=solver).coordinate
         for experiment, priors in zip(problem.experiments, problem.priors, strict=True)
     ]
     together = _joint_position(problem, single, np.ones(len(problem.partial)))
@@ -193,7 +190,6 @@ def choose_joint_geometry(
     wanted: Coordinates,
     seed: int,
     solver: SolverOptions,
-    report: Callable[[str], None],
 ) -> Geometry:
     """Find the posterior mode and set up valley coordinates in every test, or plain ones in all.
 
@@ -201,7 +197,7 @@ def choose_joint_geometry(
     ----------
     model, data, problem
         As for `find_joint_mode`.
-    wanted, seed, solver, report
+    wanted, seed, solver
         As for `pyburgers.geometry.choose_geometry`.
 
     Raises
@@ -214,9 +210,8 @@ def choose_joint_geometry(
         data,
         name=problem.name,
         wanted=wanted,
-        find=lambda: find_joint_mode(model, data, problem, seed=seed, solver=solver, report=report),
+        find=lambda: find_joint_mode(model, data, problem, seed=seed, solver=solver),
         special=lambda mode: _valley(model, data, problem, mode, seed=seed, solver=solver),
-        report=report,
     )
 
 

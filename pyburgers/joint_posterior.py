@@ -1,7 +1,8 @@
 """Chain files of a joint fit -> labelled draws: of each test, and of all quantities together."""
 
 import json
-from collections.abc import Callable, Mapping
+import logging
+from collections.abc import Mapping
 
 import cmdstanpy
 import numpy as np
@@ -27,6 +28,8 @@ from pyburgers.posterior import (
 from pyburgers.run_directory import RunDirectory
 from pyburgers.simulation import constant_rate_program, quiet_cmdstanpy
 
+logger = logging.getLogger(__name__)
+
 TESTS = "tests"
 """Group that holds the groups of every test."""
 
@@ -36,9 +39,7 @@ def own_name(quantity: str, owner: str) -> str:
     return f"{quantity}[{owner}]"
 
 
-def build_joint_posterior(
-    run: RunDirectory, problem: JointProblem, *, report: Callable[[str], None]
-) -> xr.DataTree:
+def build_joint_posterior(run: RunDirectory, problem: JointProblem) -> xr.DataTree:
     """Gather the finished chains of a joint run into labelled draws and save them.
 
     Parameters
@@ -47,8 +48,6 @@ def build_joint_posterior(
         A run with at least one finished chain.
     problem : JointProblem
         What was fitted.
-    report : callable
-        Receives progress sentences.
 
     Returns
     -------
@@ -66,14 +65,13 @@ def build_joint_posterior(
     data = json.loads(run.stan_data_file.read_text(encoding="utf-8"))
     with quiet_cmdstanpy():
         fit = read_chains(files)
-        report("Solving every draw again at the reference tolerance.")
+        logger.info("Solving every draw again at the reference tolerance.")
         checked = reference_solution(
-            load_model(constant_rate_program(), report=report),
+            load_model(constant_rate_program()),
             with_joint_grid(data, experiments, grids),
             files,
             list(STRAIN_VARIABLES),
             seed=manifest["sampler"]["seed"],
-            report=report,
         ).assign_coords(chains)
     stats = stats_with_solver(fit, checked, chains, use_likelihood=manifest["use_likelihood"])
     at_points = drawn_at_points(fit, chains)
@@ -96,7 +94,6 @@ def build_joint_posterior(
             checked.isel({f"{name}_dim_0": on_grid for name in STRAIN_VARIABLES}),
             experiment,
             priors,
-            report=report,
         )
         of_test[OF_ALL_TESTS] = total
         groups |= {f"{TESTS}/{experiment.id}/{name}": group for name, group in of_test.items()}

@@ -6,6 +6,7 @@ repeated without each test for the latter.
 """
 
 import itertools
+import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,11 +22,12 @@ from pyburgers.errors import InputError
 from pyburgers.joint_fitting import JointFit, fit_joint_problem
 from pyburgers.joint_problem import problem_without
 from pyburgers.marginal_likelihood import log_marginal_likelihood
-from pyburgers.reporting import silent
 from pyburgers.run_directory import RunDirectory, write_json, write_text
 from pyburgers.same_data import check_same_data
 from pyburgers.sampler_options import SamplerOptions
 from pyburgers.stan_data import SolverOptions
+
+logger = logging.getLogger(__name__)
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -129,10 +131,7 @@ class ComparisonByTest:
 
 
 def compare_by_test(
-    joints: Mapping[str, JointFit],
-    *,
-    command: str = "pyburgers.compare_by_test(...)",
-    report: Callable[[str], None] = silent,
+    joints: Mapping[str, JointFit], *, command: str = "pyburgers.compare_by_test(...)"
 ) -> ComparisonByTest:
     """Compare joint fits of the same tests by how well they predict each from the others.
 
@@ -142,8 +141,6 @@ def compare_by_test(
         At least one, by name.
     command : str
         What regenerates the fits without single tests, for their manifests.
-    report : callable
-        Receives progress sentences.
 
     Raises
     ------
@@ -153,21 +150,16 @@ def compare_by_test(
         If a fit without a test fails.
     """
     check_same_data(joints)
-    found = {
-        name: leave_one_test_out(joint, command=command, report=report)
-        for name, joint in joints.items()
-    }
+    found = {name: leave_one_test_out(joint, command=command) for name, joint in joints.items()}
     return _ordered(found, joints)
 
 
-def compare_kept_by_test(
-    joints: Mapping[str, JointFit], *, report: Callable[[str], None] = silent
-) -> ComparisonByTest | None:
+def compare_kept_by_test(joints: Mapping[str, JointFit]) -> ComparisonByTest | None:
     """Compare those joint fits by test for which an earlier comparison left every test out.
 
     Parameters
     ----------
-    joints, report
+    joints
         As for `compare_by_test`.
 
     Returns
@@ -179,9 +171,9 @@ def compare_kept_by_test(
     check_same_data(joints)
     found = {}
     for name, joint in joints.items():
-        kept = _kept_without(joint, report)
+        kept = _kept_without(joint)
         if kept is not None:
-            found[name] = _left_out(joint, kept.__getitem__, report)
+            found[name] = _left_out(joint, kept.__getitem__)
     return _ordered(found, joints) if found else None
 
 
@@ -197,7 +189,7 @@ def _ordered(
     )
 
 
-def _kept_without(joint: JointFit, report: Callable[[str], None]) -> Mapping[str, JointFit] | None:
+def _kept_without(joint: JointFit) -> Mapping[str, JointFit] | None:
     """Return the finished fits without each test, None where one is missing."""
     folders = {
         test: joint.directory.path / LEFT_OUT_FOLDER / test
@@ -207,14 +199,11 @@ def _kept_without(joint: JointFit, report: Callable[[str], None]) -> Mapping[str
         run = RunDirectory(folder)
         if not run.manifest_file.is_file() or run.read_manifest()["status"] != "complete":
             return None
-    return {test: JointFit.load(folder, report=report) for test, folder in folders.items()}
+    return {test: JointFit.load(folder) for test, folder in folders.items()}
 
 
 def leave_one_test_out(
-    joint: JointFit,
-    *,
-    command: str = "pyburgers.leave_one_test_out.leave_one_test_out(...)",
-    report: Callable[[str], None] = silent,
+    joint: JointFit, *, command: str = "pyburgers.leave_one_test_out.leave_one_test_out(...)"
 ) -> LeaveOneTestOut:
     """Leave each test of a joint fit out in turn, fitting again without it.
 
@@ -224,7 +213,7 @@ def leave_one_test_out(
     ----------
     joint : JointFit
         Of at least two tests, with their data.
-    command, report
+    command
         As for `compare_by_test`, which says what is raised.
     """
     if len(joint.problem.experiments) < 2:
@@ -234,16 +223,14 @@ def leave_one_test_out(
         )
 
     def again(test: str) -> JointFit:
-        report(f"{joint.directory.path.name}: fitting again without {test}.")
+        logger.info(f"{joint.directory.path.name}: fitting again without {test}.")
         out = joint.directory.path / LEFT_OUT_FOLDER / test
-        return fit_without(joint, test, out, command=command, report=report)
+        return fit_without(joint, test, out, command=command)
 
-    return _left_out(joint, again, report)
+    return _left_out(joint, again)
 
 
-def _left_out(
-    joint: JointFit, fit_of_others: Callable[[str], JointFit], report: Callable[[str], None]
-) -> LeaveOneTestOut:
+def _left_out(joint: JointFit, fit_of_others: Callable[[str], JointFit]) -> LeaveOneTestOut:
     """Relate the marginal likelihood of all tests to that of all but each.
 
     Parameters
@@ -252,17 +239,15 @@ def _left_out(
         Of at least two tests.
     fit_of_others : callable
         Receives the name of a test, returns the fit without it.
-    report : callable
-        Receives progress sentences.
     """
     experiments = {experiment.id: experiment for experiment in joint.problem.experiments}
     tests = tuple(sorted(experiments))
-    of_all = log_marginal_likelihood(joint, report=report)
+    of_all = log_marginal_likelihood(joint)
     doubts = _doubts(joint)
     without = []
     for test in tests:
         others = fit_of_others(test)
-        without.append(log_marginal_likelihood(others, report=report))
+        without.append(log_marginal_likelihood(others))
         doubts += _doubts(others)
     return LeaveOneTestOut(
         tests=tests,
@@ -273,14 +258,7 @@ def _left_out(
     )
 
 
-def fit_without(
-    joint: JointFit,
-    test: str,
-    out: Path,
-    *,
-    command: str,
-    report: Callable[[str], None] = silent,
-) -> JointFit:
+def fit_without(joint: JointFit, test: str, out: Path, *, command: str) -> JointFit:
     """Repeat a joint fit without one of its tests, with the same prior densities of what is left.
 
     Parameters
@@ -293,8 +271,6 @@ def fit_without(
         Run directory.
     command : str
         What regenerates it, for the manifest.
-    report : callable
-        Receives progress sentences.
 
     Raises
     ------
@@ -310,7 +286,6 @@ def fit_without(
         options=SamplerOptions(**joint.manifest["sampler"]),
         solver=SolverOptions(solver["tolerance"], solver["max_num_steps"]),
         command=f"{command} ({test} left out)",
-        report=report,
     )
 
 

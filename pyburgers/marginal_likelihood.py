@@ -5,8 +5,8 @@ of the log density are normalised, in the program: that of the coordinates is wh
 """
 
 import json
+import logging
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -19,11 +19,12 @@ from pyburgers.constant_rate import ConstantRateExperiment
 from pyburgers.errors import InputError, SamplingError
 from pyburgers.fitting import Fit
 from pyburgers.posterior import read_chains
-from pyburgers.reporting import silent
 from pyburgers.sampled_fit import SampledFit
 from pyburgers.simulation import REFERENCE_SOLVER, constant_rate_program, quiet_cmdstanpy
 from pyburgers.stan_data import StanData, solver_block, with_later_additions
 from pyburgers.toolchain import last_lines, run_tool
+
+logger = logging.getLogger(__name__)
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -31,17 +32,13 @@ SAMPLER_COLUMNS = 7
 """Columns of CmdStan's chain files ahead of the parameters."""
 
 
-def log_marginal_likelihood(
-    fit: SampledFit, *, report: Callable[[str], None] = silent
-) -> LogIntegral:
+def log_marginal_likelihood(fit: SampledFit) -> LogIntegral:
     """Log density of all data of a run under its priors, of stresses in Pa.
 
     Parameters
     ----------
     fit : Fit or JointFit
         Of tests at constant rate. Where the data took no part it is 0, but for its error.
-    report : callable
-        Receives progress sentences.
 
     Returns
     -------
@@ -69,8 +66,8 @@ def log_marginal_likelihood(
     at_reference = (stats["lp"] + stats["solver_log_ratio"]).transpose("chain", "draw").to_numpy()
     data: StanData = json.loads(run.stan_data_file.read_text(encoding="utf-8"))
     data = {**with_later_additions(data), **solver_block(REFERENCE_SOLVER)}
-    program = Path(str(load_model(constant_rate_program(), report=report).exe_file))
-    report(f"Marginal likelihood of {fit.manifest['experiment']}: bridge sampling.")
+    program = Path(str(load_model(constant_rate_program()).exe_file))
+    logger.info(f"Marginal likelihood of {fit.manifest['experiment']}: bridge sampling.")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "data.json").write_text(json.dumps(data), encoding="utf-8")

@@ -1,7 +1,7 @@
 """Posterior mode, found by Stan's optimiser: where the sampler's coordinates and metric are set."""
 
 import tempfile
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -45,12 +45,7 @@ class Mode:
 
 
 def find_mode(
-    experiment: Experiment,
-    priors: PriorSet,
-    *,
-    seed: int,
-    solver: SolverOptions,
-    report: Callable[[str], None],
+    experiment: Experiment, priors: PriorSet, *, seed: int, solver: SolverOptions
 ) -> Mode:
     """Climb from `N_STARTS` draws of the prior and keep the best.
 
@@ -64,8 +59,6 @@ def find_mode(
         Decides the prior draws.
     solver : SolverOptions
         Tolerance and step limit.
-    report : callable
-        Receives progress sentences.
 
     Raises
     ------
@@ -73,7 +66,7 @@ def find_mode(
         If the optimiser fails from all starts.
     """
     data = program_data(experiment, priors, solver=solver)
-    model = load_model(program_for(experiment), report=report)
+    model = load_model(program_for(experiment))
     starts = (
         draw_initial_values(experiment, priors, seed=seed, chain=start)
         for start in range(1, N_STARTS + 1)

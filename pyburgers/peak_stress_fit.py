@@ -4,7 +4,6 @@ A run has the files of a fit of a curve (`pyburgers.run_directory`), with the ta
 in ``inputs/`` and `FLOW_LAW_PRIOR_FILE` beside the draws.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self
@@ -51,7 +50,6 @@ from pyburgers.posterior import (
     summary_table,
 )
 from pyburgers.priors import PriorSet
-from pyburgers.reporting import silent
 from pyburgers.run_directory import RunDirectory, write_json
 from pyburgers.run_record import run_record
 from pyburgers.sampled_fit import SampledFit, write_tables
@@ -134,7 +132,6 @@ def fit_peak_stress(
     options: SamplerOptions | None = None,
     use_likelihood: bool = True,
     command: str = "pyburgers.fit_peak_stress(...)",
-    report: Callable[[str], None] = silent,
 ) -> PeakStressFit:
     """Fit ln(rate) = n ln(stress) - p ln(grain size) + Q_M (beta - 1/(R T)) with scatter.
 
@@ -152,8 +149,6 @@ def fit_peak_stress(
         False samples the prior.
     command : str
         What regenerates the run, for the manifest.
-    report : callable
-        Receives progress sentences.
 
     Raises
     ------
@@ -171,7 +166,7 @@ def fit_peak_stress(
         coordinates="plain",
     )
     stan_data = peak_stress_data(data, priors, use_likelihood=use_likelihood)
-    model = load_model(stan_directory() / "peak_stress.stan", report=report)
+    model = load_model(stan_directory() / "peak_stress.stan")
     identity = fingerprint(stan_data, options, Path(str(model.exe_file)).parent.name)
     with run.claimed(identity), no_process_left(model):
         save_peak_stress(data, run.inputs)
@@ -189,11 +184,7 @@ def fit_peak_stress(
             )
         )
         complete_chains(
-            model,
-            run,
-            options,
-            lambda chain: _draw_start(data, priors, options.seed, chain),
-            report=report,
+            model, run, options, lambda chain: _draw_start(data, priors, options.seed, chain)
         )
     result = PeakStressFit.load(run.path)
     if not any(priors[p.name].is_fixed for p in FLOW_LAW_PARAMETERS):

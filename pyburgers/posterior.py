@@ -5,9 +5,10 @@ group names, which `arviz.from_netcdf` reads whatever its version.
 """
 
 import json
+import logging
 import tempfile
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -44,6 +45,8 @@ from pyburgers.stan_data import (
     with_grid,
     with_later_additions,
 )
+
+logger = logging.getLogger(__name__)
 
 with warnings.catch_warnings():
     # ArviZ 0.23 announces its next major version at import, once a day.
@@ -119,7 +122,7 @@ def grid_variables(experiment: Experiment) -> tuple[str, dict[str, tuple[str, st
     return "strain", STRAIN_VARIABLES
 
 
-def build_posterior(run: RunDirectory, *, report: Callable[[str], None]) -> xr.DataTree:
+def build_posterior(run: RunDirectory) -> xr.DataTree:
     """Gather the finished chains of a run into labelled draws and save them.
 
     Every kept draw is evaluated again at the reference tolerance of the solver, which gives the
@@ -130,8 +133,6 @@ def build_posterior(run: RunDirectory, *, report: Callable[[str], None]) -> xr.D
     ----------
     run : RunDirectory
         A run with at least one finished chain.
-    report : callable
-        Receives progress sentences.
 
     Returns
     -------
@@ -152,14 +153,13 @@ def build_posterior(run: RunDirectory, *, report: Callable[[str], None]) -> xr.D
     data = with_grid(with_later_additions(data), experiment, prediction_grid(experiment))
     with quiet_cmdstanpy():
         fit = read_chains(files)
-        report("Solving every draw again at the reference tolerance.")
+        logger.info("Solving every draw again at the reference tolerance.")
         checked = reference_solution(
-            load_model(program_for(experiment), report=report),
+            load_model(program_for(experiment)),
             data,
             files,
             list(grid_variables(experiment)[1]),
             seed=manifest["sampler"]["seed"],
-            report=report,
         )
     chains = {"chain": list(run.finished_chains())}
     quantities = (
@@ -175,7 +175,6 @@ def build_posterior(run: RunDirectory, *, report: Callable[[str], None]) -> xr.D
         checked.assign_coords(chains),
         experiment,
         priors,
-        report=report,
     )
     return keep_posterior(
         run, groups, experiment=experiment.id, data_kind=experiment.provenance.kind
@@ -245,8 +244,6 @@ def groups_of_test(
     checked: xr.Dataset,
     experiment: Experiment,
     priors: PriorSet,
-    *,
-    report: Callable[[str], None],
 ) -> dict[str, xr.Dataset]:
     """Return the groups of `build_posterior` for one test.
 
@@ -262,15 +259,13 @@ def groups_of_test(
         Its solutions on `prediction_grid`, from `reference_solution`.
     experiment, priors
         The test and its resolved priors.
-    report : callable
-        Receives progress sentences.
     """
     groups = {
         "posterior": draws,
         "sample_stats": stats,
         **point_groups(at_points, [experiment]),
         "predictions": _predictions(checked, experiment),
-        "posterior_mean_solution": _solution_at_mean(draws, priors, experiment, report),
+        "posterior_mean_solution": _solution_at_mean(draws, priors, experiment),
         "constant_data": _positions(experiment),
     }
     groups["constant_data"].coords["point"] = np.arange(experiment.n_points)
@@ -399,7 +394,6 @@ def reference_solution(
     variables: Sequence[str],
     *,
     seed: int,
-    report: Callable[[str], None],
 ) -> xr.Dataset:
     """Log likelihood and grid of solutions of every draw at the reference tolerance.
 
@@ -417,8 +411,6 @@ def reference_solution(
         Generated quantities on the grid.
     seed : int
         Of replicated data.
-    report : callable
-        Receives progress sentences.
     """
     data = {**data, **solver_block(REFERENCE_SOLVER)}
     with tempfile.TemporaryDirectory() as folder:
@@ -431,7 +423,9 @@ def reference_solution(
             solution: xr.Dataset = quantities.draws_xr(["log_lik", *variables]).load()
         except RuntimeError:
             # One draw without solution is enough for that, and CmdStan does not say which.
-            report("Some draws have no solution at the reference tolerance: solving one by one.")
+            logger.info(
+                "Some draws have no solution at the reference tolerance: solving one by one."
+            )
             return _one_by_one(model, data, read_chains(files), variables)
     return solution
 
@@ -527,15 +521,10 @@ def _predictions(checked: xr.Dataset, experiment: Experiment) -> xr.Dataset:
     return xr.Dataset(variables).assign_coords({dimension: prediction_grid(experiment)})
 
 
-def _solution_at_mean(
-    draws: xr.Dataset,
-    priors: PriorSet,
-    experiment: Experiment,
-    report: Callable[[str], None],
-) -> xr.Dataset:
+def _solution_at_mean(draws: xr.Dataset, priors: PriorSet, experiment: Experiment) -> xr.Dataset:
     """Solution at the posterior mean of the parameters, as drawn in the paper's Fig. 3."""
     mean = {name: float(draws[name].mean()) for name in priors.priors}
-    curve = simulate(experiment, mean, report=report)
+    curve = simulate(experiment, mean)
     dimension, _ = grid_variables(experiment)
     column = {"strain": "strain", "time": "time_s"}[dimension]
     return xr.Dataset(

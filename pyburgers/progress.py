@@ -1,20 +1,31 @@
-"""A progress bar for each chain, or a few plain lines where there is no terminal."""
+"""How far chains are: a bar for each on a terminal, a few messages elsewhere."""
 
-import io
+import logging
 import re
 import sys
-from collections.abc import Callable, Sequence
-from types import TracebackType
-from typing import Self, TextIO
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from multiprocessing import parent_process
+from pathlib import Path
+from typing import TextIO
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-_ITERATION = re.compile(r"^Chain \[(\d+)\] Iteration:\s*(\d+) /\s*(\d+).*\((\w+)\)")
+logger = logging.getLogger(__name__)
+
+Advance = Callable[[int, int, str], None]
+"""Takes a chain, how many iterations it has done, and their phase."""
+
+_ITERATION = re.compile(rb"^Iteration:\s*(\d+) /.*\((\w+)\)\s*$", re.MULTILINE)
 
 
-class ChainProgress:
-    """Shows how far each chain is; use it as a context manager.
+@contextmanager
+def shown_progress(chains: Sequence[int], total: int) -> Iterator[Advance]:
+    """Show how far each chain is while the block runs.
+
+    Bars are drawn on standard error if that is a terminal, save by processes beside each other,
+    which would draw over each other's bars.
 
     Parameters
     ----------
@@ -22,86 +33,82 @@ class ChainProgress:
         Chains to show.
     total : int
         Iterations of each chain, warm-up included.
-    stream : file object
-        Where to write: bars on a terminal, a line for each quarter otherwise.
     """
-
-    def __init__(self, chains: Sequence[int], total: int, stream: TextIO) -> None:
-        self._stream = stream
-        self._quarter = dict.fromkeys(chains, 0)
-        self._total = total
-        self._bars: Progress | None = None
-        self._task = {}
-        if stream.isatty():
-            self._bars = Progress(
-                TextColumn("{task.description}"),
-                BarColumn(),
-                TextColumn("{task.completed}/{task.total} {task.fields[phase]}"),
-                TimeElapsedColumn(),
-                TimeRemainingColumn(),
-                console=Console(file=stream),
-            )
-            self._task = {
-                chain: self._bars.add_task(f"chain {chain}", total=total, phase="waiting")
-                for chain in chains
-            }
-
-    def __enter__(self) -> Self:
-        """Start drawing."""
-        if self._bars is not None:
-            self._bars.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Stop drawing and leave the last state on the screen."""
-        if self._bars is not None:
-            self._bars.stop()
-
-    def advance(self, chain: int, iteration: int, phase: str) -> None:
-        """Note that `chain` has done `iteration` iterations."""
-        if self._bars is not None:
-            self._bars.update(self._task[chain], completed=iteration, phase=phase.lower())
-            return
-        quarter = 4 * iteration // self._total
-        if quarter > self._quarter[chain]:
-            self._quarter[chain] = quarter
-            self._stream.write(
-                f"chain {chain}: {iteration} of {self._total} iterations ({phase.lower()})\n"
-            )
-            self._stream.flush()
+    if sys.stderr.isatty() and parent_process() is None:
+        with bars(chains, total, sys.stderr) as advance:
+            yield advance
+    else:
+        yield quarter_messages(total)
 
 
-class IterationLines(io.TextIOBase):
-    """A text stream that turns CmdStan's iteration lines into calls and passes on the rest.
-
-    cmdstanpy prints the consoles of its chains to standard output; redirected here, the lines
-    drive the progress bars.
+@contextmanager
+def bars(chains: Sequence[int], total: int, stream: TextIO) -> Iterator[Advance]:
+    """Draw a bar for each chain; the last state stays on the screen.
 
     Parameters
     ----------
-    advance : callable
-        Receives chain, iteration and phase.
+    chains, total
+        As for `shown_progress`.
+    stream : file object
+        A terminal.
+    """
+    with Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.completed}/{task.total} {task.fields[phase]}"),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        console=Console(file=stream),
+        # The streams of the process stay as they are: others may be writing to them.
+        redirect_stdout=False,
+        redirect_stderr=False,
+    ) as progress:
+        tasks = {
+            chain: progress.add_task(f"chain {chain}", total=total, phase="waiting")
+            for chain in chains
+        }
+        yield lambda chain, iteration, phase: progress.update(
+            tasks[chain], completed=iteration, phase=phase.lower()
+        )
+
+
+def quarter_messages(total: int) -> Advance:
+    """Return what logs a line for each quarter of a chain.
+
+    Parameters
+    ----------
+    total : int
+        Iterations of each chain, warm-up included.
+    """
+    quarters: dict[int, int] = {}
+
+    def advance(chain: int, iteration: int, phase: str) -> None:
+        quarter = 4 * iteration // total
+        if quarter > quarters.get(chain, 0):
+            quarters[chain] = quarter
+            logger.info(f"chain {chain}: {iteration} of {total} iterations ({phase.lower()})")
+
+    return advance
+
+
+class ConsoleFile:
+    """The console of a chain, read while CmdStan writes it.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
     """
 
-    def __init__(self, advance: Callable[[int, int, str], None]) -> None:
-        super().__init__()
-        self._advance = advance
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._n_read = 0
 
-    def writable(self) -> bool:
-        """Tell that the stream takes text."""
-        return True
-
-    def write(self, text: str) -> int:
-        """Take a piece of console output."""
-        match = _ITERATION.match(text)
-        if match:
-            chain, iteration, _, phase = match.groups()
-            self._advance(int(chain), int(iteration), phase)
-        elif text.strip() and not text.startswith("Chain ["):
-            sys.__stdout__.write(text) if sys.__stdout__ is not None else None
-        return len(text)
+    def new_iterations(self) -> list[tuple[int, str]]:
+        """Return iterations and phases of the lines that were completed since the last call."""
+        with self._path.open("rb") as file:
+            file.seek(self._n_read)
+            text = file.read()
+        whole = text[: text.rfind(b"\n") + 1]
+        self._n_read += len(whole)
+        return [(int(iteration), phase.decode()) for iteration, phase in _ITERATION.findall(whole)]

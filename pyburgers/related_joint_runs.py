@@ -1,6 +1,6 @@
 """What several joint fits on one page say together: which predicts best, by points and by tests."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 
 import pandas as pd
@@ -19,21 +19,16 @@ from pyburgers.leave_one_test_out import (
 )
 from pyburgers.related_runs import comparison_section
 from pyburgers.report import ExtraFigure, ExtraSection, ExtraTable, file_key
-from pyburgers.reporting import silent
 from pyburgers.same_data import data_hash
 
 
-def related_joint_sections(
-    joints: Sequence[JointFit], *, report: Callable[[str], None] = silent
-) -> tuple[ExtraSection, ...]:
+def related_joint_sections(joints: Sequence[JointFit]) -> tuple[ExtraSection, ...]:
     """Return the parts of a page about joint fits of the same tests.
 
     Parameters
     ----------
     joints : sequence of JointFit
         All joint fits of the page.
-    report : callable
-        Receives progress sentences.
 
     Returns
     -------
@@ -49,7 +44,7 @@ def related_joint_sections(
     for group in groups.values():
         if len(group) > 1:
             sections.append(comparison_section(group))
-        by_test = compare_kept_by_test(group, report=report)
+        by_test = compare_kept_by_test(group)
         if by_test is not None:
             sections.append(left_out_section(next(iter(group)), by_test))
     return tuple(sections)

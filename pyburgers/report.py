@@ -3,6 +3,7 @@
 import base64
 import importlib.metadata
 import json
+import logging
 import platform
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -32,6 +33,8 @@ from pyburgers.prior_influence import (
 )
 from pyburgers.processes import completed, number_of_processes
 from pyburgers.run_directory import sha256_of_file, write_json, write_text
+
+logger = logging.getLogger(__name__)
 
 REPORT_KIND = "pyburgers report"
 """What the manifest of a report says, so that no other manifest is overwritten."""
@@ -203,7 +206,6 @@ def write_report(
     *,
     title: str,
     command: str,
-    report: Callable[[str], None],
     extras: Sequence[ExtraSection] = (),
     jobs: int | None = 1,
 ) -> Path:
@@ -222,8 +224,6 @@ def write_report(
         Heading of the page.
     command : str
         What makes the report again.
-    report : callable
-        Receives progress sentences.
     extras : sequence of ExtraSection
         Parts of the page beside the fits, in their order.
     jobs : int, optional
@@ -245,16 +245,16 @@ def write_report(
     write_json(out / "manifest.json", _manifest(fits, title, command))
     sections = []
     for key, fit in zip(page_keys(fits), fits, strict=True):
-        report(f"Writing the section of {key}.")
+        logger.info(f"Writing the section of {key}.")
         sections.append(_write_section(key, fit, out))
     illustrated = []
     for extra in extras:
-        report(f"Writing the part {extra.title!r}.")
+        logger.info(f"Writing the part {extra.title!r}.")
         illustrated.append((extra, _write_extra(extra, out)))
     of_fits = [one for section in sections for one in section.illustrations]
     of_extras = [one for _, figures in illustrated for one in figures]
     illustrations = [*of_fits, *of_extras]
-    report(f"Writing {len(illustrations)} figures.")
+    logger.info(f"Writing {len(illustrations)} figures.")
     _write_figures(illustrations, out, jobs)
     page = out / "index.html"
     write_text(page, render_page(sections, illustrated, title=title, command=command))

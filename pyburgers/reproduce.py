@@ -1,6 +1,7 @@
 """The whole study in one call: fits of the shipped experiments and the page about them."""
 
-from collections.abc import Callable, Mapping
+import logging
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
@@ -22,6 +23,8 @@ from pyburgers.report import write_report
 from pyburgers.sampler_options import SamplerOptions
 from pyburgers.side_by_side import Problem, fit_side_by_side
 from pyburgers.study import study_sections
+
+logger = logging.getLogger(__name__)
 
 PRESETS: Mapping[str, SamplerOptions] = MappingProxyType(
     {
@@ -95,7 +98,7 @@ def study_experiments() -> dict[str, Experiment]:
     return {**ice, **olivine}
 
 
-def reproduce(preset: str, out: Path, *, command: str, report: Callable[[str], None]) -> Outcome:
+def reproduce(preset: str, out: Path, *, command: str) -> Outcome:
     """Fit the experiments of the study and write the page; continue where a call stopped.
 
     The page has the fits, attenuation as the ice fits predict it, what the treatment of the
@@ -110,18 +113,16 @@ def reproduce(preset: str, out: Path, *, command: str, report: Callable[[str], N
         Folder of the page; the runs go into its subfolder ``runs``.
     command : str
         Command that regenerates the page, for the manifests.
-    report : callable
-        Receives progress sentences.
     """
     runs = out / "runs" / preset
-    compile_programs([stan_directory() / f"{name}.stan" for name in PROGRAMS], report=report)
+    compile_programs([stan_directory() / f"{name}.stan" for name in PROGRAMS])
     peak_stress, handed_on = (
-        _fit_peak_stress(runs / name, priors, command=command, report=report)
+        _fit_peak_stress(runs / name, priors, command=command)
         for name, priors in _peak_stress_priors().items()
     )
     problems = _problems(preset, handed_on)
     begun = {name: problems[name] for name in LONGEST_FIRST}
-    found = fit_side_by_side(begun, runs, command=command, report=report)
+    found = fit_side_by_side(begun, runs, command=command)
     fits = {name: found[name] for name in problems}
     ice_fits = {name: fits[name] for name in ICE_TWINS}
     olivine_fits: dict[str, Fit] = {
@@ -132,9 +133,8 @@ def reproduce(preset: str, out: Path, *, command: str, report: Callable[[str], N
         out,
         title=f"Nonlinear Burgers fits of ice and olivine ({preset} preset)",
         command=command,
-        report=report,
         extras=(
-            *study_sections(ice_fits, olivine_fits, report=report),
+            *study_sections(ice_fits, olivine_fits),
             peak_stress_section(peak_stress),
             *related_sections(list(fits.values())),
         ),
@@ -152,12 +152,10 @@ def _peak_stress_priors() -> dict[str, PriorSet]:
     }
 
 
-def _fit_peak_stress(
-    out: Path, priors: PriorSet, *, command: str, report: Callable[[str], None]
-) -> PeakStressFit:
-    report(f"Fitting the flow law of measured peak stresses: {priors.title}.")
+def _fit_peak_stress(out: Path, priors: PriorSet, *, command: str) -> PeakStressFit:
+    logger.info(f"Fitting the flow law of measured peak stresses: {priors.title}.")
     table = shipped_data_directory() / "ice" / f"{PEAK_STRESS_TABLE}.toml"
-    return fit_peak_stress(load_peak_stress(table), priors, out=out, command=command, report=report)
+    return fit_peak_stress(load_peak_stress(table), priors, out=out, command=command)
 
 
 def _problems(preset: str, handed_on: PeakStressFit) -> dict[str, Problem]:

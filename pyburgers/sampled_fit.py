@@ -1,5 +1,6 @@
 """What all finished runs have in common: files, draws, verdicts, tables, a tighter solver."""
 
+import logging
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,6 +13,8 @@ from pyburgers.chains import ChainFailure, missing_chains
 from pyburgers.diagnostics import CheckResult, check_fit, check_solver, checks_record
 from pyburgers.run_directory import RunDirectory, write_json, write_text
 from pyburgers.sampling import tighten_solver
+
+logger = logging.getLogger(__name__)
 
 MAX_REFITS = 2
 """Times that a run is repeated at a tighter tolerance of the solver."""
@@ -55,9 +58,7 @@ class SampledFit(ABC):
 AnyFit = TypeVar("AnyFit", bound=SampledFit)
 
 
-def sample_until_solved(
-    sample: Callable[[], AnyFit], run: RunDirectory, report: Callable[[str], None]
-) -> AnyFit:
+def sample_until_solved(sample: Callable[[], AnyFit], run: RunDirectory) -> AnyFit:
     """Sample, and again at a tighter tolerance of the solver where its check fails.
 
     Parameters
@@ -66,8 +67,6 @@ def sample_until_solved(
         Runs missing chains and loads the fit.
     run : RunDirectory
         Where they are.
-    report : callable
-        Receives progress sentences.
     """
     while True:
         result = sample()
@@ -76,7 +75,7 @@ def sample_until_solved(
         if verdict.passed or n_refits == MAX_REFITS or result.missing_chains():
             return result
         tight = tighten_solver(run, float(verdict.table["pareto_k"].iloc[0]))
-        report(f"{verdict.sentence} Sampling all chains again at a tolerance of {tight:g}.")
+        logger.info(f"{verdict.sentence} Sampling all chains again at a tolerance of {tight:g}.")
 
 
 def write_tables(result: SampledFit) -> None:

@@ -1,6 +1,7 @@
 """NUTS runs: inputs, coordinates, starts, the chains that a folder lacks, manifest."""
 
 import json
+import logging
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -28,6 +29,8 @@ from pyburgers.sampler_options import INDECISIVE, SamplerOptions
 from pyburgers.simulation import program_for
 from pyburgers.stan_data import SolverOptions, StanData, program_data
 from pyburgers.variants import check_variant
+
+logger = logging.getLogger(__name__)
 
 TIGHTENING = 10.0
 """Factor between the tolerance of a run and of its repetition."""
@@ -93,7 +96,6 @@ def run_chains(
     solver: SolverOptions,
     use_likelihood: bool,
     command: str,
-    report: Callable[[str], None],
 ) -> tuple[ChainFailure, ...]:
     """Run the chains that a run directory lacks and record everything in it.
 
@@ -111,8 +113,6 @@ def run_chains(
         False samples the prior.
     command : str
         What regenerates the run, for the manifest.
-    report : callable
-        Receives progress sentences.
 
     Returns
     -------
@@ -150,23 +150,17 @@ def run_chains(
             wanted=options.coordinates,
             seed=options.seed,
             solver=solver,
-            report=report,
         ),
         draw_start=lambda chain: draw_initial_values(
             experiment, priors, seed=options.seed, chain=chain
         ),
         manifest=priors_record(priors, experiment),
     )
-    return run_task(task, directory, solver=solver, command=command, report=report)
+    return run_task(task, directory, solver=solver, command=command)
 
 
 def run_task(
-    task: SamplingTask,
-    directory: Path,
-    *,
-    solver: SolverOptions,
-    command: str,
-    report: Callable[[str], None],
+    task: SamplingTask, directory: Path, *, solver: SolverOptions, command: str
 ) -> tuple[ChainFailure, ...]:
     """Run the chains of a task that a run directory lacks and record everything in it.
 
@@ -174,17 +168,17 @@ def run_task(
     ----------
     task : SamplingTask
         What to sample.
-    directory, solver, command, report
+    directory, solver, command
         As for `run_chains`, which says what is returned and raised.
     """
     run = RunDirectory(directory)
     options = task.options
-    model = load_model(task.program, report=report)
+    model = load_model(task.program)
     identity = fingerprint(task.data, options, Path(str(model.exe_file)).parent.name)
     with run.claimed(identity), no_process_left(model):
         task.write_inputs(run)
         if not run.stan_data_file.is_file():
-            _write_geometry(run, task.data, task.choose_geometry(model), report)
+            _write_geometry(run, task.data, task.choose_geometry(model))
         record = run_record(
             run,
             name=task.name,
@@ -203,7 +197,7 @@ def run_task(
             }
         )
         return complete_chains(
-            model, run, options, lambda chain: _draw_start(model, run, task, chain), report=report
+            model, run, options, lambda chain: _draw_start(model, run, task, chain)
         )
 
 
@@ -212,8 +206,6 @@ def complete_chains(
     run: RunDirectory,
     options: SamplerOptions,
     draw_start: Callable[[int], dict[str, list[float]]],
-    *,
-    report: Callable[[str], None],
 ) -> tuple[ChainFailure, ...]:
     """Run the chains that a claimed run directory lacks and note in its manifest how they ended.
 
@@ -227,8 +219,6 @@ def complete_chains(
         Settled settings.
     draw_start : callable
         Start of a chain, by its identifier; called where the directory has none.
-    report : callable
-        Receives progress sentences.
 
     Returns
     -------
@@ -243,7 +233,9 @@ def complete_chains(
     wanted = range(1, options.chains + 1)
     missing = [chain for chain in wanted if chain not in run.finished_chains()]
     if len(missing) < options.chains:
-        report(f"{options.chains - len(missing)} of {options.chains} chains are there already.")
+        logger.info(
+            f"{options.chains - len(missing)} of {options.chains} chains are there already."
+        )
     for chain in missing:
         if not run.initial_values_file(chain).is_file():
             write_json(run.initial_values_file(chain), draw_start(chain))
@@ -299,12 +291,10 @@ def _tolerance_in(run: RunDirectory) -> float:
     return float(data["relative_tolerance"])
 
 
-def _write_geometry(
-    run: RunDirectory, data: StanData, geometry: Geometry, report: Callable[[str], None]
-) -> None:
+def _write_geometry(run: RunDirectory, data: StanData, geometry: Geometry) -> None:
     """Save coordinates, metric and Stan data; the data go last: they tell that all is there."""
     system, reason = geometry.system, geometry.reason
-    report(
+    logger.info(
         f"Coordinates: {system}, as asked for."
         if reason == "asked for"
         else f"Coordinates: {system}, because {reason}."

@@ -1,21 +1,22 @@
 """Several fits at the same time, so that no core waits for the last chain of a fit."""
 
-import io
+import logging
 import sys
 import tempfile
-from collections.abc import Callable, Mapping
-from contextlib import redirect_stderr
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TextIO
 
 from pyburgers.experiment import Experiment
 from pyburgers.experiment_files import load_experiment, save_experiment
 from pyburgers.fitting import Fit, fit
+from pyburgers.messages import messages_to
 from pyburgers.priors import PriorSet, load_priors, save_priors
 from pyburgers.processes import completed, number_of_processes
 from pyburgers.sampler_options import SamplerOptions
 from pyburgers.toolchain import cores
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,14 +39,12 @@ class Problem:
 
 
 def fit_side_by_side(
-    problems: Mapping[str, Problem],
-    folder: Path,
-    *,
-    jobs: int | None = None,
-    command: str,
-    report: Callable[[str], None],
+    problems: Mapping[str, Problem], folder: Path, *, jobs: int | None = None, command: str
 ) -> dict[str, Fit]:
     """Fit several experiments, each in a process of its own; continue where a call stopped.
+
+    What the fits themselves say goes to standard error, a line each with the name of the fit
+    before it.
 
     Parameters
     ----------
@@ -57,9 +56,6 @@ def fit_side_by_side(
         Fits at the same time; default one for each core. Cores that are left over run chains.
     command : str
         What regenerates the runs, for their manifests.
-    report : callable
-        Receives a sentence for each finished fit. What the fits themselves say goes to standard
-        error, a line each with the name of the fit before it.
 
     Returns
     -------
@@ -88,7 +84,7 @@ def fit_side_by_side(
             calls[name] = (name, experiment_file, priors_file, folder / name, options, command)
         done = completed(_fit_files, calls, processes=processes, folder=folder)
         for n_done, (name, _) in enumerate(done, start=1):
-            report(f"Fit {name} is done, {n_done} of {len(problems)}.")
+            logger.info(f"Fit {name} is done, {n_done} of {len(problems)}.")
     return {name: Fit.load(folder / name) for name in problems}
 
 
@@ -101,43 +97,11 @@ def _fit_files(
     command: str,
 ) -> None:
     """Fit what two files hold, in a process of its own."""
-    with redirect_stderr(NamedLines(name, sys.stderr)) as lines:
+    with messages_to(sys.stderr, name):
         fit(
             load_experiment(experiment_file),
             load_priors(priors_file),
             out=out,
             options=options,
             command=command,
-            report=lambda sentence: print(sentence, file=lines),
         )
-
-
-class NamedLines(io.TextIOBase):
-    """A text stream that passes on whole lines with a name before each.
-
-    Parameters
-    ----------
-    name : str
-        Who speaks.
-    stream : file object
-        Where the lines go.
-    """
-
-    def __init__(self, name: str, stream: TextIO) -> None:
-        super().__init__()
-        self._name = name
-        self._stream = stream
-        self._begun = ""
-
-    def writable(self) -> bool:
-        """Tell that the stream takes text."""
-        return True
-
-    def write(self, text: str) -> int:
-        """Take a piece of text; what does not end a line waits for the rest."""
-        *lines, self._begun = (self._begun + text).split("\n")
-        for line in lines:
-            # In one piece, so that lines of several processes do not mix.
-            self._stream.write(f"{self._name}: {line}\n")
-            self._stream.flush()
-        return len(text)

@@ -3,7 +3,7 @@
 import json
 import logging
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -26,7 +26,6 @@ from pyburgers.parameters import (
     STANDARD_VALUES,
 )
 from pyburgers.priors import MAY_BE_ZERO, PriorSet, fixed_prior
-from pyburgers.reporting import silent
 from pyburgers.stan_data import SolverOptions, program_data, reference_quantity
 
 FloatArray = npt.NDArray[np.float64]
@@ -238,7 +237,6 @@ def simulate(
     *,
     at: FloatArray | None = None,
     solver: SolverOptions = REFERENCE_SOLVER,
-    report: Callable[[str], None] = silent,
 ) -> pd.DataFrame:
     """Solve the model for the experiment's protocol at given parameters.
 
@@ -253,8 +251,6 @@ def simulate(
         before the start of the record) of an oscillating test. Default `output_grid`.
     solver : SolverOptions
         Tolerance and step limit.
-    report : callable
-        Receives progress sentences (a first call compiles the program).
 
     Returns
     -------
@@ -272,7 +268,7 @@ def simulate(
     """
     values = check_parameters(parameters)
     grid = output_grid(experiment) if at is None else np.asarray(at, dtype=np.float64)
-    draw = solve(experiment, values, grid, solver=solver, report=report)
+    draw = solve(experiment, values, grid, solver=solver)
     if isinstance(experiment, OscillationExperiment):
         time, strain = draw["grid_time"], experiment.prepared.strain(draw["grid_time"])
         fabric = np.full_like(time, FABRIC_OF_OLIVINE)
@@ -296,18 +292,13 @@ def simulate(
 
 
 def solve(
-    experiment: Experiment,
-    values: Mapping[str, float],
-    at: FloatArray,
-    *,
-    solver: SolverOptions,
-    report: Callable[[str], None] = silent,
+    experiment: Experiment, values: Mapping[str, float], at: FloatArray, *, solver: SolverOptions
 ) -> dict[str, FloatArray]:
     """Solve the model once and return every generated quantity of the Stan program.
 
     Parameters
     ----------
-    experiment, values, at, solver, report
+    experiment, values, at, solver
         As for `simulate`; `values` are taken as they are.
 
     Returns
@@ -326,7 +317,7 @@ def solve(
     if isinstance(experiment, ConstantRateExperiment):
         experiment = replace(experiment, strain=np.empty(0), stress=np.empty(0))
     data = program_data(experiment, priors, solver=solver, grid=at)
-    draw = evaluate(load_model(program_for(experiment), report=report), data)
+    draw = evaluate(load_model(program_for(experiment)), data)
     if not np.isfinite(draw["grid_stress"]).all():
         raise SamplingError(
             f"{experiment.id}: the solver found no finite stress at these parameters; check their "

@@ -4,7 +4,8 @@ The paper's statements, attenuation, the preparation of the olivine record and w
 treatments change.
 """
 
-from collections.abc import Callable, Mapping
+import logging
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import get_args
@@ -49,6 +50,8 @@ from pyburgers.statements import (
     statements_table,
 )
 
+logger = logging.getLogger(__name__)
+
 AMPLITUDE_REGIMES = amplitude_regimes(2e6, (0.1e6, 0.5e6, 1e6, 1.9e6))
 """Stress cycles (Pa) of the test of amplitudes: our choice, the paper's Fig. S3 is not public."""
 
@@ -72,10 +75,7 @@ FloatArray = npt.NDArray[np.float64]
 
 
 def study_sections(
-    ice_fits: Mapping[str, Fit],
-    olivine_fits: Mapping[str, Fit],
-    *,
-    report: Callable[[str], None],
+    ice_fits: Mapping[str, Fit], olivine_fits: Mapping[str, Fit]
 ) -> tuple[ExtraSection, ...]:
     """Predict attenuation, judge the paper's statements, and gather what the page shows of it.
 
@@ -85,33 +85,31 @@ def study_sections(
         Fits of constant rate tests by sample, at least one; the first is looked at most closely.
     olivine_fits : mapping of str to Fit
         Fits of one forced oscillation test by treatment of the background; may be empty.
-    report : callable
-        Receives progress sentences.
 
     Returns
     -------
     tuple of ExtraSection
         In their order on the page.
     """
-    report("Predicting attenuation.")
+    logger.info("Predicting attenuation.")
     spectra = {name: predict_attenuation(fit) for name, fit in ice_fits.items()}
-    report("Comparing the paper's statements with the posterior.")
+    logger.info("Comparing the paper's statements with the posterior.")
     statements = paper_statements(ice_fits, spectra, olivine_fits)
     is_synthetic = any(
         fit.experiment.provenance.kind == "synthetic"
         for fit in (*ice_fits.values(), *olivine_fits.values())
     )
-    report("Comparing attenuation with simulations in time.")
+    logger.info("Comparing attenuation with simulations in time.")
     sections = [
         statements_section(statements, is_synthetic=is_synthetic),
         counterparts_section(ice_fits, olivine_fits),
-        attenuation_section(ice_fits, spectra, report=report),
+        attenuation_section(ice_fits, spectra),
     ]
     if olivine_fits:
-        report("Comparing the two treatments of the olivine record.")
+        logger.info("Comparing the two treatments of the olivine record.")
         sections += [
             preparation_section(olivine_fits),
-            background_section(olivine_fits, report=report),
+            background_section(olivine_fits),
         ]
     return tuple(sections)
 
@@ -201,12 +199,7 @@ def counterparts_section(
     )
 
 
-def attenuation_section(
-    fits: Mapping[str, Fit],
-    spectra: Mapping[str, xr.Dataset],
-    *,
-    report: Callable[[str], None],
-) -> ExtraSection:
+def attenuation_section(fits: Mapping[str, Fit], spectra: Mapping[str, xr.Dataset]) -> ExtraSection:
     """Return figures and tables of attenuation; single draws and amplitudes of the first fit.
 
     Parameters
@@ -215,12 +208,10 @@ def attenuation_section(
         At least one.
     spectra : mapping of str to Dataset
         Spectra of the same fits (`pyburgers.attenuation.predict_attenuation`).
-    report : callable
-        Receives progress sentences.
     """
     first, fit = next(iter(fits.items()))
     by_amplitude = predict_attenuation(fit, regimes=AMPLITUDE_REGIMES)
-    check = time_domain_table(fit, report=report)
+    check = time_domain_table(fit)
     return ExtraSection(
         key=ATTENUATION_KEY,
         title="Attenuation",
@@ -285,15 +276,13 @@ def attenuation_section(
     )
 
 
-def time_domain_table(fit: Fit, *, report: Callable[[str], None]) -> pd.DataFrame:
+def time_domain_table(fit: Fit) -> pd.DataFrame:
     """Compare the closed form of attenuation with phase lags of simulated records.
 
     Parameters
     ----------
     fit : Fit
         The median of each parameter is taken, with the initial microstructure.
-    report : callable
-        Receives progress sentences (a first call compiles the program).
 
     Returns
     -------
@@ -316,12 +305,7 @@ def time_domain_table(fit: Fit, *, report: Callable[[str], None]) -> pd.DataFram
     for regime, of_regime in zip(PAPER_REGIMES, closed["tan_delta"].to_numpy(), strict=True):
         for frequency, expected in zip(CHECKED_FREQUENCIES, of_regime, strict=True):
             lag = simulated_phase_lag(
-                median,
-                regime,
-                frequency,
-                temperature=temperature,
-                grain_size=grain_size,
-                report=report,
+                median, regime, frequency, temperature=temperature, grain_size=grain_size
             )
             rows.append(
                 {
@@ -395,15 +379,13 @@ class _Compared:
     truth: float | None
 
 
-def background_section(fits: Mapping[str, Fit], *, report: Callable[[str], None]) -> ExtraSection:
+def background_section(fits: Mapping[str, Fit]) -> ExtraSection:
     """Return what the treatment of the background changes in the posterior, and why.
 
     Parameters
     ----------
     fits : mapping of str to Fit
         Fits of one forced oscillation test by treatment of the background.
-    report : callable
-        Receives progress sentences (a first call compiles the program).
 
     Raises
     ------
@@ -413,7 +395,7 @@ def background_section(fits: Mapping[str, Fit], *, report: Callable[[str], None]
     prepared = oscillation_of(next(iter(fits.values()))).prepared
     bias = float(np.mean(prepared.stress_fit.trend(prepared.time))) * STRESS_FACTOR
     amplitude = prepared.stress_fit.amplitude()[0] * STRESS_FACTOR
-    compared = _compared(fits, report=report)
+    compared = _compared(fits)
     return ExtraSection(
         key=BACKGROUND_KEY,
         title="What removing the background changes",
@@ -447,7 +429,7 @@ def background_section(fits: Mapping[str, Fit], *, report: Callable[[str], None]
     )
 
 
-def _compared(fits: Mapping[str, Fit], *, report: Callable[[str], None]) -> list[_Compared]:
+def _compared(fits: Mapping[str, Fit]) -> list[_Compared]:
     """Gather what the table of `background_section` compares."""
     truths = next(iter(fits.values())).experiment.true_parameters or {}
     rows = []
@@ -476,7 +458,7 @@ def _compared(fits: Mapping[str, Fit], *, report: Callable[[str], None]) -> list
     if truths and "kept" in fits:
         experiment = fits["kept"].experiment
         grid = prediction_grid(experiment)
-        solution = solve(experiment, truths, grid, solver=REFERENCE_SOLVER, report=report)
+        solution = solve(experiment, truths, grid, solver=REFERENCE_SOLVER)
         true_rate = float(np.abs(solution["grid_dashpot_rate"]).max())
         true_grain = float(solution["grid_grain_size"][-1])
     rate = shown_quantity(REFERENCE_FLOW_RATE)

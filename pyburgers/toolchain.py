@@ -1,12 +1,13 @@
 """The tools that turn a Stan program into an executable: CmdStan, a C++ compiler and make."""
 
+import logging
 import os
 import platform
 import re
 import shlex
 import shutil
 import subprocess
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,8 +16,7 @@ import filelock
 
 from pyburgers.errors import ToolchainError
 
-Report = Callable[[str], None]
-"""Takes one progress sentence for the user; may be called from several threads."""
+logger = logging.getLogger(__name__)
 
 COMPILE_FLAGS: tuple[str, ...] = ()
 """Variables (``"NAME=value"``) given to CmdStan's make for every program.
@@ -198,13 +198,13 @@ def last_lines(text: str, count: int = 15) -> str:
 
 
 @contextmanager
-def process_lock(path: Path, waiting: str, report: Report) -> Iterator[None]:
-    """Hold a lock between processes and threads; report `waiting` if another one has it."""
+def process_lock(path: Path, waiting: str) -> Iterator[None]:
+    """Hold a lock between processes and threads; say `waiting` if another one has it."""
     lock = filelock.FileLock(path)
     try:
         lock.acquire(timeout=0)
     except filelock.Timeout:
-        report(waiting)
+        logger.info(waiting)
         lock.acquire()
     try:
         yield

@@ -102,7 +102,7 @@ def valley_of(experiment: ConstantRateExperiment, priors: PriorSet) -> ValleyRef
     The noise exponents are made up, so that only that of the noise itself (the last) is 0.
     """
     solver = SolverOptions()
-    mode = find_mode(experiment, priors, seed=1, solver=solver, report=print)
+    mode = find_mode(experiment, priors, seed=1, solver=solver)
     valley = find_valley(experiment, priors, mode, solver=solver)
     return replace(valley, noise_exponent=np.linspace(0.9, 0.0, mode.coordinate.size))
 
@@ -118,8 +118,7 @@ def programs() -> None:
             ),
             *sorted((stan_directory() / "reference").glob("*.stan")),
             *sorted((TESTS / "stan").glob("*.stan")),
-        ],
-        report=print,
+        ]
     )
 
 
@@ -128,7 +127,7 @@ def function_values(programs: None, tmp_path: Path) -> FunctionValues:
     """Run a program without parameters from tests/stan once; arrays of what it generates."""
 
     def values(program: str, data: Mapping[str, object]) -> dict[str, FloatArray]:
-        model = load_model(TESTS / "stan" / f"{program}.stan", report=print)
+        model = load_model(TESTS / "stan" / f"{program}.stan")
         data_file = tmp_path / f"{program}.json"
         data_file.write_text(json.dumps(data), encoding="utf-8")
         with quiet_cmdstanpy():

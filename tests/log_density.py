@@ -108,7 +108,7 @@ def constant_rate_program(data: StanData, folder: Path) -> Program:
     data_file.write_text(json.dumps(data), encoding="utf-8")
     size = data["n_coordinates"] + data["n_further_coordinates"]
     return Program(
-        compile_program(stan_directory() / "constant_rate.stan", report=print),
+        compile_program(stan_directory() / "constant_rate.stan"),
         data_file,
         folder,
         lambda columns: np.array([columns[f"coordinate.{k + 1}"] for k in range(size)]),

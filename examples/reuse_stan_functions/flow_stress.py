@@ -8,6 +8,7 @@ says how well one test fixes the strength of ice at the much lower rates of a gl
 """
 
 import argparse
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ import pandas as pd
 
 import pyburgers
 from pyburgers.cmdstan import load_model
+from pyburgers.messages import messages_to
 from pyburgers.simulation import evaluate
 
 PROGRAM = Path(__file__).with_name("flow_stress.stan")
@@ -46,7 +48,8 @@ def main() -> None:
 
     # "#include functions/..." in a program is looked up in the package. The first call compiles,
     # later ones find the executable in a cache.
-    model = load_model(PROGRAM, report=print)
+    with messages_to(sys.stderr):
+        model = load_model(PROGRAM)
     values = evaluate(
         model,
         {

@@ -36,11 +36,7 @@ def single_fits(
     folder = tmp_path_factory.mktemp("single")
     return {
         experiment.id: fit(
-            experiment,
-            default_priors("ice"),
-            out=folder / experiment.id,
-            options=OPTIONS,
-            report=print,
+            experiment, default_priors("ice"), out=folder / experiment.id, options=OPTIONS
         )
         for experiment in experiments
     }
@@ -60,9 +56,7 @@ def test_a_common_flow_law_is_recovered(
     tmp_path: Path,
     record_property: RecordProperty,
 ) -> None:
-    joint = fit_jointly(
-        experiments, default_priors("ice"), out=tmp_path / "joint", options=OPTIONS, report=print
-    )
+    joint = fit_jointly(experiments, default_priors("ice"), out=tmp_path / "joint", options=OPTIONS)
     check(joint)
     draws = joint.posterior["posterior"].to_dataset()
     assert set(joint.problem.shared) == set(COMMON)
@@ -87,7 +81,6 @@ def test_measured_dunite_tests_have_a_common_flow_law(tmp_path: Path) -> None:
         pool=dict.fromkeys(("maxwell_modulus", "kelvin_modulus", "kelvin_viscosity"), "separate"),
         out=tmp_path / "joint",
         options=SamplerOptions(chains=2, draws=500, seed=5),
-        report=print,
     )
     assert [check.sentence for check in joint.checks() if not check.passed] == []
     table = joint.summary()
@@ -115,7 +108,6 @@ def test_nothing_pooled_gives_the_single_fits(
         pool={"all": "separate"},
         out=tmp_path / "joint",
         options=OPTIONS,
-        report=print,
     )
     check(joint)
     largest = 0.0

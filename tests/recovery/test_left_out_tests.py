@@ -37,12 +37,7 @@ def joints(
     pools = {"default": None, "separate": {"all": "separate"}}
     return {
         name: fit_jointly(
-            experiments,
-            default_priors("ice"),
-            pool=pool,
-            out=folder / name,
-            options=OPTIONS,
-            report=print,
+            experiments, default_priors("ice"), pool=pool, out=folder / name, options=OPTIONS
         )
         for name, pool in pools.items()
     }
@@ -52,12 +47,10 @@ def test_marginal_likelihoods_of_separate_tests_multiply(
     experiments: list[ConstantRateExperiment], joints: dict[str, JointFit], tmp_path: Path
 ) -> None:
     """Twice: against fits of single tests, and against the joint fit without the other test."""
-    both = leave_one_test_out(joints["separate"], command="test", report=print)
+    both = leave_one_test_out(joints["separate"], command="test")
     for k, test in enumerate(both.tests):
         (experiment,) = (e for e in experiments if e.id == test)
-        alone = fit(
-            experiment, default_priors("ice"), out=tmp_path / test, options=OPTIONS, report=print
-        )
+        alone = fit(experiment, default_priors("ice"), out=tmp_path / test, options=OPTIONS)
         single = log_marginal_likelihood(alone)
         error = float(np.hypot(both.error[k], single.error))
         print(f"{test}: {both.elpd[k]:.3f} +- {both.error[k]:.3f}, alone {single}")
@@ -68,7 +61,7 @@ def test_marginal_likelihoods_of_separate_tests_multiply(
 def test_tests_of_one_material_are_predicted_better_where_it_is_shared(
     joints: dict[str, JointFit],
 ) -> None:
-    comparison = compare_by_test(joints, command="test", report=print)
+    comparison = compare_by_test(joints, command="test")
     for sentence in sentences_by_test(comparison):
         print(sentence)
     shared, apart = (comparison.results[name] for name in ("default", "separate"))

@@ -30,7 +30,6 @@ def test_the_truth_of_the_twin_is_recovered(
         default_priors("olivine"),
         out=tmp_path / "run",
         options=SamplerOptions(chains=4, draws=1000, seed=20261120),
-        report=print,
     )
     assert result.manifest["coordinates"]["system"] == "sheared"
     truth = truth_table(result)

@@ -31,9 +31,7 @@ def test_the_truth_of_a_twin_is_recovered(
     name: str, tmp_path: Path, record_property: RecordProperty
 ) -> None:
     experiment = load_constant_rate(ICE / f"{name}.toml")
-    result = fit(
-        experiment, default_priors("ice"), out=tmp_path / "run", options=OPTIONS, report=print
-    )
+    result = fit(experiment, default_priors("ice"), out=tmp_path / "run", options=OPTIONS)
     truth = truth_table(result)
     assert truth is not None
     for share in (50, 90):
@@ -51,9 +49,7 @@ def test_the_truth_of_a_twin_is_recovered(
 @pytest.mark.parametrize("name", ["dunite_4506", "dunite_4581"])
 def test_a_measured_dunite_test_is_described(name: str, tmp_path: Path) -> None:
     experiment = load_constant_rate(TESTS / "data" / f"{name}.toml")
-    result = fit(
-        experiment, default_priors("dunite"), out=tmp_path / "run", options=PATIENT, report=print
-    )
+    result = fit(experiment, default_priors("dunite"), out=tmp_path / "run", options=PATIENT)
     table = result.summary()
     for parameter, factor in {"stress_exponent": 1.0, "stress_noise": 1e-6}.items():
         mean, sd = (table[column][parameter] * factor for column in ("mean", "sd"))

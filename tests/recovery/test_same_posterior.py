@@ -49,7 +49,7 @@ def test_plain_and_valley_coordinates_give_the_same_moments(tmp_path: Path) -> N
     results = {}
     for system in ("plain", "valley"):
         options = SamplerOptions(chains=4, warmup=500, draws=2500, coordinates=system)
-        results[system] = fit(noisy, priors, out=tmp_path / system, options=options, report=print)
+        results[system] = fit(noisy, priors, out=tmp_path / system, options=options)
         table = convergence_table(results[system].posterior)
         assert table["rhat"].max() < 1.01, system
         assert table["ess_bulk"].min() > 400, system
@@ -70,9 +70,7 @@ def test_both_arms_of_the_valley_are_visited(tmp_path: Path) -> None:
     }
     fractions, errors = {}, {}
     for name, option in options.items():
-        result = fit(
-            experiment, default_priors("ice"), out=tmp_path / name, options=option, report=print
-        )
+        result = fit(experiment, default_priors("ice"), out=tmp_path / name, options=option)
         by_grain_size = (grain_size_share(result.posterior) > 0.5).astype(float)
         effective = float(az.ess(by_grain_size.rename("arm").to_dataset())["arm"])
         share = float(by_grain_size.mean())
@@ -94,7 +92,6 @@ def test_ranks_of_simulated_truths_are_uniform(tmp_path: Path) -> None:
         out=tmp_path / "calibration",
         plan=CalibrationPlan(simulations=100, n_ranked=100, sampler=sampler),
         jobs=2,
-        report=print,
     )
     for sentence in count_sentences(calibration):
         print(sentence)

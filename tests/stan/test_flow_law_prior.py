@@ -104,7 +104,7 @@ def test_the_density_is_that_of_the_normal_and_of_the_other_priors(system: str) 
         ice = load_constant_rate(ICE / "PIL40.toml")
         valley = valley_of(ice, priors)
         data = constant_rate_data(ice, priors, solver=SolverOptions(), valley=valley)
-    model = load_model(program_for(experiment), report=print)
+    model = load_model(program_for(experiment))
     rng = np.random.default_rng(5)
     for _ in range(4):
         position = 0.3 * rng.standard_normal(len(priors.free))

@@ -352,7 +352,7 @@ def test_the_same_seed_gives_the_same_draws(twin: OscillationExperiment, tmp_pat
     draws = []
     for name in ("one", "other"):
         with quiet_cmdstanpy():
-            sample = load_model(program_for(twin), report=print).sample(
+            sample = load_model(program_for(twin)).sample(
                 data=str(data_file),
                 chains=1,
                 seed=7,

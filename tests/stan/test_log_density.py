@@ -70,14 +70,14 @@ def make_pair(tmp_path: Path) -> MakePair:
             priors,
             plain_coordinates(experiment, priors),
             Program(
-                compile_program(stan_directory() / "constant_rate.stan", report=print),
+                compile_program(stan_directory() / "constant_rate.stan"),
                 data_file,
                 tmp_path,
                 position,
                 np.ones(size),
             ),
             Program(
-                compile_program(stan_directory() / "reference" / "six_state.stan", report=print),
+                compile_program(stan_directory() / "reference" / "six_state.stan"),
                 data_file,
                 tmp_path,
                 unconstrained,

@@ -36,7 +36,7 @@ def density_at(one: Fit, points: FloatArray, folder: Path) -> FloatArray:
     (folder / "data.json").write_text(
         json.dumps({**data, **solver_block(REFERENCE_SOLVER)}), encoding="utf-8"
     )
-    program = Path(str(load_model(constant_rate_program(), report=print).exe_file))
+    program = Path(str(load_model(constant_rate_program()).exe_file))
     return log_density_at(program, folder, points)
 
 

@@ -181,7 +181,7 @@ def test_density_is_prior_plus_likelihood_plus_jacobian(
         priors = with_fixed(priors, {"beta": -7.1e-4})
     coordinates = peak_stress_coordinates(data, priors)
     assert coordinates.replaced_parameter == replaced
-    model = load_model(stan_directory() / "peak_stress.stan", report=print)
+    model = load_model(stan_directory() / "peak_stress.stan")
     stan_data = peak_stress_data(data, priors)
 
     def at(coordinate: FloatArray) -> dict[str, FloatArray]:

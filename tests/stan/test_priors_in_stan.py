@@ -97,7 +97,7 @@ def assert_prior_marginals(
     data_file = folder / "data.json"
     data_file.write_text(json.dumps(data), encoding="utf-8")
     with quiet_cmdstanpy():
-        sample = load_model(stan_directory() / "constant_rate.stan", report=print).sample(
+        sample = load_model(stan_directory() / "constant_rate.stan").sample(
             data=str(data_file),
             chains=4,
             parallel_chains=2,

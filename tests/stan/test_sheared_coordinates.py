@@ -116,7 +116,7 @@ def truth_in(experiment: OscillationExperiment, priors: PriorSet) -> Mode:
 
 
 def model_of(experiment: OscillationExperiment) -> cmdstanpy.CmdStanModel:
-    return load_model(program_for(experiment), report=print)
+    return load_model(program_for(experiment))
 
 
 def program_in(
@@ -135,7 +135,7 @@ def program_with(data: StanData, folder: Path) -> Program:
     data_file.write_text(json.dumps(data), encoding="utf-8")
     size = data["n_coordinates"]
     return Program(
-        compile_program(program_for(twin_with("removed")), report=print),
+        compile_program(program_for(twin_with("removed"))),
         data_file,
         folder,
         lambda columns: vector(columns, "coordinate", size),
@@ -389,14 +389,7 @@ def geometry_from(
     solver: SolverOptions = SAMPLING,
 ) -> Geometry:
     return choose_geometry(
-        model_of(experiment),
-        data,
-        experiment,
-        priors,
-        wanted=wanted,
-        seed=1,
-        solver=solver,
-        report=print,
+        model_of(experiment), data, experiment, priors, wanted=wanted, seed=1, solver=solver
     )
 
 

@@ -61,7 +61,7 @@ def test_both_forms_have_the_same_likelihood(
     )
 
     def columns(program: str, position: dict[str, object]) -> dict[str, float]:
-        executable = compile_program(stan_directory() / program, report=print)
+        executable = compile_program(stan_directory() / program)
         free = np.ones(len(priors.free))
         found = Program(executable, data_file, tmp_path, lambda _: free, free).columns_at
         return dict(found(position))

@@ -84,7 +84,7 @@ def test_the_trend_leaves_as_much_noise_as_the_likelihood_expects(programs: None
     quiet = simulate_oscillation(
         experiment, {**truth, "stress_noise": 1.0}, np.random.default_rng(1), source="the truth"
     )
-    model = load_model(program_for(quiet), report=lambda _: None)
+    model = load_model(program_for(quiet))
 
     def log_likelihood(log_factor: float) -> float:
         values = {**truth, "stress_noise": truth["stress_noise"] * np.exp(log_factor)}

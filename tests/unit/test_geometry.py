@@ -22,10 +22,8 @@ def test_the_first_metric_fits_where_noise_is_far_below_a_percent() -> None:
     precise = simulate_constant_rate(twin, values, np.random.default_rng(2), source="a test")
     priors, solver = resolved_priors(precise), SolverOptions()
     data = program_data(precise, priors, solver=solver)
-    model = load_model(constant_rate_program(), report=print)
-    geometry = choose_geometry(
-        model, data, precise, priors, wanted="valley", seed=1, solver=solver, report=print
-    )
+    model = load_model(constant_rate_program())
+    geometry = choose_geometry(model, data, precise, priors, wanted="valley", seed=1, solver=solver)
     assert geometry.centre is not None
     assert geometry.covariance is not None
     around = {**data, **geometry.block}

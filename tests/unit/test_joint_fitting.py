@@ -1,5 +1,6 @@
 """Joint fits through the run directory: what is written, continued, refused and shown."""
 
+import logging
 import shutil
 from pathlib import Path
 
@@ -64,22 +65,17 @@ def test_loading_gives_the_same_fit(joint: JointFit) -> None:
 
 
 def test_only_missing_chains_are_run(
-    joint: JointFit, small_problem: Problem, tmp_path: Path
+    joint: JointFit, small_problem: Problem, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     run = tmp_path / "run"
     shutil.copytree(joint.directory.path, run)
     kept = (run / "chains" / "chain_1" / "draws.csv").read_bytes()
     shutil.rmtree(run / "chains" / "chain_2")
-    said: list[str] = []
+    caplog.set_level(logging.INFO, "pyburgers")
     again = fit_jointly(
-        pair_of(small_problem),
-        small_problem.priors,
-        pool=POOL,
-        out=run,
-        options=SMALL_RUN,
-        report=said.append,
+        pair_of(small_problem), small_problem.priors, pool=POOL, out=run, options=SMALL_RUN
     )
-    assert "1 of 2 chains are there already." in said
+    assert "1 of 2 chains are there already." in caplog.messages
     assert (run / "chains" / "chain_1" / "draws.csv").read_bytes() == kept
     assert again.summary()["mean"].equals(joint.summary()["mean"])
 
@@ -125,7 +121,6 @@ def test_page_shows_joint_and_separate_fits(
         tmp_path / "report",
         title="joint",
         command="test",
-        report=print,
         extras=[joint_section("PIL40+other", joint, separate)],
     ).read_text(encoding="utf-8")
     assert "Joint fit PIL40+other" in page

@@ -1,11 +1,13 @@
-"""Progress of chains: bars on a terminal, a few lines elsewhere."""
+"""Progress of chains: bars on a terminal, a few messages elsewhere."""
 
 import io
+import logging
 import sys
+from pathlib import Path
 
 import pytest
 
-from pyburgers.progress import ChainProgress, IterationLines
+from pyburgers.progress import ConsoleFile, bars, quarter_messages, shown_progress
 
 
 class Terminal(io.StringIO):
@@ -15,14 +17,22 @@ class Terminal(io.StringIO):
         return True
 
 
-def test_without_terminal_there_is_a_line_for_each_quarter() -> None:
-    stream = io.StringIO()
-    with ChainProgress([1, 2], 100, stream) as progress:
+def terminal_as_stderr(monkeypatch: pytest.MonkeyPatch) -> Terminal:
+    """Exchange standard error until the test ends; not a fixture, after which pytest sets it."""
+    stream = Terminal()
+    monkeypatch.setattr(sys, "stderr", stream)
+    return stream
+
+
+def test_without_terminal_there_is_a_line_for_each_quarter(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    caplog.set_level(logging.INFO, "pyburgers")
+    with shown_progress([1, 2], 100) as advance:
         for iteration in range(1, 101):
-            progress.advance(1, iteration, "Warmup" if iteration <= 50 else "Sampling")
-        progress.advance(2, 60, "Sampling")
-    lines = stream.getvalue().splitlines()
-    assert lines == [
+            advance(1, iteration, "Warmup" if iteration <= 50 else "Sampling")
+        advance(2, 60, "Sampling")
+    assert caplog.messages == [
         "chain 1: 25 of 100 iterations (warmup)",
         "chain 1: 50 of 100 iterations (warmup)",
         "chain 1: 75 of 100 iterations (sampling)",
@@ -31,26 +41,57 @@ def test_without_terminal_there_is_a_line_for_each_quarter() -> None:
     ]
 
 
-def test_on_a_terminal_every_chain_has_a_bar() -> None:
-    stream = Terminal()
-    with ChainProgress([1, 3], 200, stream) as progress:
-        progress.advance(3, 120, "Sampling")
-    shown = stream.getvalue()
+def test_on_a_terminal_every_chain_has_a_bar(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    terminal = terminal_as_stderr(monkeypatch)
+    caplog.set_level(logging.INFO, "pyburgers")
+    with shown_progress([1, 3], 200) as advance:
+        advance(3, 120, "Sampling")
+    shown = terminal.getvalue()
     assert "chain 1" in shown
     assert "chain 3" in shown
     assert "120/200 sampling" in shown
+    assert caplog.messages == []
 
 
-def test_iteration_lines_become_calls_and_the_rest_passes_through(
-    monkeypatch: pytest.MonkeyPatch,
+def test_processes_beside_each_other_draw_no_bars(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    calls: list[tuple[int, int, str]] = []
-    screen = io.StringIO()
-    monkeypatch.setattr(sys, "__stdout__", screen)
-    lines = IterationLines(lambda *call: calls.append(call))
-    print("Chain [2] Iteration:  40 / 100 [ 40%]  (Warmup)", file=lines)
-    print("Chain [2] Gradient evaluation took 0.001 seconds", file=lines)
-    print("Chain [11] Iteration: 100 / 100 [100%]  (Sampling)", file=lines)
-    print("something else", file=lines)
-    assert calls == [(2, 40, "Warmup"), (11, 100, "Sampling")]
-    assert screen.getvalue().strip() == "something else"
+    terminal = terminal_as_stderr(monkeypatch)
+    monkeypatch.setattr("pyburgers.progress.parent_process", lambda: "a pool")
+    caplog.set_level(logging.INFO, "pyburgers")
+    with shown_progress([1], 100) as advance:
+        advance(1, 50, "Warmup")
+    assert terminal.getvalue() == ""
+    assert caplog.messages == ["chain 1: 50 of 100 iterations (warmup)"]
+
+
+def test_the_streams_of_the_process_stay_in_place(capsys: pytest.CaptureFixture[str]) -> None:
+    before = sys.stdout, sys.stderr
+    with bars([1], 100, Terminal()):
+        assert (sys.stdout, sys.stderr) == before
+        print("mine")
+    assert capsys.readouterr().out == "mine\n"
+
+
+def test_nobody_listens_by_default(capfd: pytest.CaptureFixture[str]) -> None:
+    quarter_messages(100)(1, 50, "Warmup")
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_console_is_followed_line_by_line(tmp_path: Path) -> None:
+    file = tmp_path / "stdout.txt"
+    file.write_text("refresh = 1\n", encoding="utf-8")
+    console = ConsoleFile(file)
+    assert console.new_iterations() == []
+    with file.open("a", encoding="utf-8") as stream:
+        print("Gradient evaluation took 0.001 seconds", file=stream)
+        print("Iteration:  1 / 100 [  1%]  (Warmup)", file=stream)
+        print("Iteration: 40 / 100 [ 40%]  (Warmup)", file=stream)
+        stream.write("Iteration: 10")
+        stream.flush()
+        assert console.new_iterations() == [(1, "Warmup"), (40, "Warmup")]
+        assert console.new_iterations() == []
+        stream.write("0 / 100 [100%]  (Sampling)\n")
+    assert console.new_iterations() == [(100, "Sampling")]

@@ -153,9 +153,7 @@ def test_all_parts_are_on_the_page_and_in_files(
     tmp_path: Path,
 ) -> None:
     extras = (peak_stress_section(peak_stress), *sections)
-    file = write_report(
-        fits, tmp_path, title="T", command="x", report=lambda _: None, extras=extras
-    )
+    file = write_report(fits, tmp_path, title="T", command="x", extras=extras)
     page = Page(file.read_text(encoding="utf-8"))
     assert not page.open
     for extra in extras:

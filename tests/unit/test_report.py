@@ -73,7 +73,7 @@ class Page(HTMLParser):
 
 
 def write(fits: Sequence[Fit], out: Path) -> Page:
-    page = write_report(fits, out, title="Two tests", command=COMMAND, report=lambda _: None)
+    page = write_report(fits, out, title="Two tests", command=COMMAND)
     assert page == out / "index.html"
     return Page(page.read_text(encoding="utf-8"))
 
@@ -275,7 +275,7 @@ def test_a_run_directory_is_not_overwritten(fits: list[Fit]) -> None:
     run = fits[0].directory
     before = run.manifest_file.read_bytes()
     with pytest.raises(InputError, match="something else than a report"):
-        write_report(fits, run.path, title="x", command="x", report=lambda _: None)
+        write_report(fits, run.path, title="x", command="x")
     assert run.manifest_file.read_bytes() == before
     assert [path.name for path in run.path.iterdir()] == ["manifest.json"]
 
@@ -308,7 +308,7 @@ def test_a_figure_that_fails_ends_the_report(tmp_path: Path) -> None:
 
 def test_processes_write_the_same_pictures(folder: Path, fits: list[Fit], page: Page) -> None:
     out = folder / "by_processes"
-    write_report([fits[1]], out, title="x", command="x", report=lambda _: None, jobs=2)
+    write_report([fits[1]], out, title="x", command="x", jobs=2)
     pictures = sorted((out / "figures").glob("*.png"))
     assert len(pictures) == len(figures_for(fits[1].experiment))
     for picture in pictures:

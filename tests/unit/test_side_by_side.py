@@ -1,6 +1,6 @@
 """Fits in processes of their own are the fits that one process makes."""
 
-import io
+import logging
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +11,7 @@ from conftest import Problem as InputFiles
 
 from pyburgers.errors import InputError
 from pyburgers.fitting import Fit, fit
-from pyburgers.side_by_side import NamedLines, Problem, fit_side_by_side
+from pyburgers.side_by_side import Problem, fit_side_by_side
 
 
 @pytest.fixture
@@ -29,11 +29,12 @@ def test_draws_and_runs_are_those_of_a_single_fit(
     small_fit: Fit,
     tmp_path: Path,
     capfd: pytest.CaptureFixture[str],
+    caplog: pytest.LogCaptureFixture,
 ) -> None:
-    said: list[str] = []
-    found = fit_side_by_side(problems, tmp_path, jobs=2, command="make it", report=said.append)
+    caplog.set_level(logging.INFO, "pyburgers.side_by_side")
+    found = fit_side_by_side(problems, tmp_path, jobs=2, command="make it")
     assert list(found) == ["first", "second"]
-    assert sorted(sentence.split()[1] for sentence in said) == ["first", "second"]
+    assert sorted(sentence.split()[1] for sentence in caplog.messages) == ["first", "second"]
     error = capfd.readouterr().err
     for name, one in found.items():
         assert f"{name}: chain 1: " in error
@@ -56,16 +57,5 @@ def test_a_refused_fit_is_told_and_leaves_the_others_alone(
     (tmp_path / "second").mkdir()
     (tmp_path / "second" / "notes.txt").write_text("mine", encoding="utf-8")
     with pytest.raises(InputError, match=r"second: has files \(notes.txt\) but no manifest.json"):
-        fit_side_by_side(problems, tmp_path, jobs=2, command="x", report=lambda _: None)
+        fit_side_by_side(problems, tmp_path, jobs=2, command="x")
     assert Fit.load(tmp_path / "first").manifest["status"] == "complete"
-
-
-def test_lines_carry_the_name_and_wait_for_their_end() -> None:
-    stream = io.StringIO()
-    lines = NamedLines("PIL40", stream)
-    print("one\ntwo", file=lines)
-    lines.write("thr")
-    assert stream.getvalue() == "PIL40: one\nPIL40: two\n"
-    lines.write("ee\n")
-    assert stream.getvalue().endswith("PIL40: three\n")
-    assert not lines.isatty()

@@ -53,14 +53,14 @@ def olivine(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Fit]:
 
 @pytest.fixture(scope="module")
 def sections(ice: dict[str, Fit], olivine: dict[str, Fit]) -> tuple[ExtraSection, ...]:
-    return study_sections(ice, olivine, report=lambda _: None)
+    return study_sections(ice, olivine)
 
 
 @pytest.fixture(scope="module")
 def folder(sections: tuple[ExtraSection, ...], tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("page")
     fit = quickly_drawn_fit(tmp_path_factory.mktemp("run"), "PIL40")
-    write_report([fit], out, title="Study", command="x", report=lambda _: None, extras=sections)
+    write_report([fit], out, title="Study", command="x", extras=sections)
     return out
 
 
@@ -102,7 +102,7 @@ def test_the_page_says_what_verdicts_on_synthetic_data_mean(
     assert SYNTHETIC_SENTENCE in page.text
     assert MICROSTRUCTURE_SENTENCE in page.text
     measured = {"PIL40": make_fit(tmp_path / "run", kind="measured", draws=100)}
-    paragraphs = study_sections(measured, {}, report=lambda _: None)[0].paragraphs
+    paragraphs = study_sections(measured, {})[0].paragraphs
     assert SYNTHETIC_SENTENCE not in paragraphs
 
 
@@ -117,7 +117,7 @@ def test_figures_and_tables_of_attenuation_are_files(folder: Path, ice: dict[str
 
 
 def test_simulations_in_time_agree_with_the_closed_form(ice: dict[str, Fit]) -> None:
-    check = time_domain_table(ice["PIL40"], report=print)
+    check = time_domain_table(ice["PIL40"])
     assert len(check) == 4 * 3
     assert (check["relative_difference"].abs() < 1e-4).all()
     assert check["simulated"].to_numpy() == pytest.approx(check["closed_form"].to_numpy(), rel=1e-4)
@@ -180,7 +180,7 @@ def test_without_a_kept_background_or_truth_there_is_no_true_state(
         replace(olivine["removed"].experiment, true_parameters=None),
     ):
         fits = {"removed": replace(olivine["removed"], experiment=experiment)}
-        (table,) = background_section(fits, report=lambda _: None).tables
+        (table,) = background_section(fits).tables
         assert table.shown["true value"].tolist()[-2:] == ["", ""]
 
 
@@ -195,7 +195,7 @@ def test_counterparts_name_what_is_there(ice: dict[str, Fit], olivine: dict[str,
 def test_without_olivine_the_page_has_neither_preparation_nor_its_statements(
     ice: dict[str, Fit],
 ) -> None:
-    sections = study_sections(ice, {}, report=lambda _: None)
+    sections = study_sections(ice, {})
     assert [section.key for section in sections] == ["statements", "counterparts", "attenuation"]
     assert not sections[0].tables[0].shown["statement"].str.contains("olivine").any()
 
@@ -225,7 +225,7 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
 
     monkeypatch.setattr("pyburgers.reproduce.fit_side_by_side", quickly)
     monkeypatch.setattr("pyburgers.reproduce.write_report", written)
-    outcome = reproduce("quick", tmp_path, command="make report", report=lambda _: None)
+    outcome = reproduce("quick", tmp_path, command="make report")
     names = [*study_experiments(), COMBINED_RUN]
     assert outcome.fits[-1].priors.flow_law is not None
     assert all(fit.priors.flow_law is None for fit in outcome.fits[:-1])

@@ -52,7 +52,7 @@ def test_a_prior_that_fixes_the_fabric_does_not_suit(
     name = "steady_state_fabric_factor"
     known = with_fixed(priors, {name: 0.5})
     solver = SolverOptions()
-    mode = find_mode(experiment, known, seed=1, solver=solver, report=print)
+    mode = find_mode(experiment, known, seed=1, solver=solver)
     assert mode.values[name] == 0.5
     with pytest.raises(ValleyUnsuited, match=f"{name} is not free"):
         find_valley(experiment, known, mode, solver=solver)

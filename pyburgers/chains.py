@@ -144,11 +144,15 @@ def run_side_by_side(
 
 @contextmanager
 def no_process_left(model: cmdstanpy.CmdStanModel) -> Iterator[None]:
-    """Kill what runs of the program when an exception, such as an interrupt, ends the block."""
+    """Kill what runs of the program when an interrupt ends the block.
+
+    At other exceptions nothing of this fit runs any more, but another thread's may.
+    """
     try:
         yield
-    except BaseException:
-        _kill_chains(model)
+    except BaseException as error:
+        if not isinstance(error, Exception):
+            _kill_chains(model)
         raise
 
 

@@ -55,13 +55,17 @@ def program_for(experiment: Experiment) -> Path:
 @contextmanager
 def quiet_cmdstanpy() -> Iterator[None]:
     """Silence cmdstanpy's log; what went wrong is read from the console files instead."""
-    logger = logging.getLogger("cmdstanpy")
-    before = logger.disabled
-    logger.disabled = True
+    cmdstanpy_logger = logging.getLogger("cmdstanpy")
+
+    # One for each call, so that calls in several threads do not undo each other's.
+    def nothing(_: logging.LogRecord) -> bool:
+        return False
+
+    cmdstanpy_logger.addFilter(nothing)
     try:
         yield
     finally:
-        logger.disabled = before
+        cmdstanpy_logger.removeFilter(nothing)
 
 
 def load_parameters(path: str | Path) -> dict[str, float]:

@@ -147,6 +147,23 @@ def test_a_missing_file_is_named(
     assert_refused(main(arguments), capsys, missing)
 
 
+def test_progress_goes_to_standard_error_and_is_said_once_at_every_call(
+    programs: None, small_problem: Problem, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = [
+        *("fit", str(small_problem.experiment_file), "--priors", str(small_problem.priors_file)),
+        *("--out", str(tmp_path / "run"), "--chains", "2", "--warmup", "150", "--draws", "100"),
+    ]
+    main(arguments)
+    first = capsys.readouterr()
+    assert "Coordinates: " in first.err
+    for chain in (1, 2):
+        assert first.err.count(f"chain {chain}: 250 of 250 iterations (sampling)\n") == 1
+    assert "iterations" not in first.out
+    main(arguments)
+    assert capsys.readouterr().err == "2 of 2 chains are there already.\n"
+
+
 def test_a_material_without_priors_names_those_with(
     write: Write, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

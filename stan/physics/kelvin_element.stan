@@ -11,7 +11,7 @@
  *   d(kelvin strain)/dt = (q_0/eta_K) sgn(q) |q/q_0|^n_K exp[-(Q_K/R)(1/T - 1/T_0)].
  *
  * n_K = 1 and Q_K = 0 is the linear element of the paper, whatever q_0 and T_0. Needs
- * functions/flow_law.stan for R.
+ * physics/flow_law.stan for R.
  */
 
 /**

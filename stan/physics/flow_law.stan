@@ -6,9 +6,7 @@
  */
 
 /** Gas constant R, J/(mol K) (CODATA 2018). */
-real gas_constant() {
-  return 8.314462618;
-}
+real gas_constant() { return 8.314462618; }
 
 /**
  * ln of the thermally activated rate factor, Q_M (beta - 1/(R T)).
@@ -23,10 +21,23 @@ real log_rate_factor(real activation_enthalpy, real beta, real temperature) {
 }
 
 /**
- * Strain rate of the dashpot, sgn(stress) (|stress|/F)^n d^-p exp[Q_M (beta - 1/(R T))].
+ * Power law that is odd in its argument, sgn(x) |x/unit|^exponent exp(log_factor).
  *
  * The sign function and the absolute value are not printed in Eq. 1; they keep the law odd in
  * stress where an oscillating test changes sign.
+ */
+real signed_power(real x, real log_unit, real exponent, real log_factor) {
+  if (x > 0) {
+    return exp(exponent * (log(x) - log_unit) + log_factor);
+  }
+  if (x < 0) {
+    return -exp(exponent * (log(-x) - log_unit) + log_factor);
+  }
+  return 0;
+}
+
+/**
+ * Strain rate of the dashpot, sgn(stress) (|stress|/F)^n d^-p exp[Q_M (beta - 1/(R T))].
  *
  * @param stress sigma, Pa
  * @param grain_size d, m
@@ -38,14 +49,8 @@ real log_rate_factor(real activation_enthalpy, real beta, real temperature) {
  */
 real dashpot_strain_rate(real stress, real grain_size, real fabric_factor, real stress_exponent,
                          real grain_size_exponent, real log_factor) {
-  real log_softening = grain_size_exponent * log(grain_size);
-  if (stress > 0) {
-    return exp(stress_exponent * log(stress / fabric_factor) - log_softening + log_factor);
-  }
-  if (stress < 0) {
-    return -exp(stress_exponent * log(-stress / fabric_factor) - log_softening + log_factor);
-  }
-  return 0;
+  return signed_power(stress / fabric_factor, 0, stress_exponent,
+                      log_factor - grain_size_exponent * log(grain_size));
 }
 
 /**

@@ -41,6 +41,21 @@ vector residual_log_densities(vector residual, real stress_noise, data vector st
 }
 
 /**
+ * Joint log density of observed stresses.
+ *
+ * @param observed, predicted Pa
+ * @param correlated 0: residuals are independent, and strain and epsilon_r have no effect
+ * @param strain, correlation_strain see residual_log_densities()
+ */
+real stress_log_density(data vector observed, vector predicted, real stress_noise,
+                        data int correlated, data vector strain, real correlation_strain) {
+  return correlated
+         ? sum(residual_log_densities(observed - predicted, stress_noise, strain,
+                                      correlation_strain))
+         : normal_lpdf(observed | predicted, stress_noise);
+}
+
+/**
  * Log density of every residual given all others, those after it too.
  *
  * @param residual and the others as for residual_log_densities()

@@ -47,13 +47,29 @@ real prior_log_density(real value, data int family, data real location, data rea
 }
 
 /**
- * Log density of the whole parameter vector, in the order of functions/parameters.stan.
+ * ln of the mass that truncation leaves, of every parameter of every test.
+ */
+array[] vector prior_log_masses(data array[,] int family, data array[] vector location,
+                                data array[] vector scale, data array[] vector lower_bound,
+                                data array[] vector upper_bound) {
+  array[size(location)] vector[rows(location[1])] log_mass;
+  for (e in 1 : size(location)) {
+    for (k in 1 : rows(location[e])) {
+      log_mass[e][k] = prior_log_mass(family[e, k], location[e][k], scale[e][k],
+                                      lower_bound[e][k], upper_bound[e][k]);
+    }
+  }
+  return log_mass;
+}
+
+/**
+ * Log density of independent priors of a whole parameter vector.
  */
 real joint_prior_log_density(vector parameter, data array[] int family, data vector location,
                              data vector scale, data vector lower_bound, data vector upper_bound,
                              data vector log_mass) {
   real total = 0;
-  for (k in 1:num_elements(parameter)) {
+  for (k in 1 : num_elements(parameter)) {
     total += prior_log_density(parameter[k], family[k], location[k], scale[k], lower_bound[k],
                                upper_bound[k], log_mass[k]);
   }
@@ -62,21 +78,18 @@ real joint_prior_log_density(vector parameter, data array[] int family, data vec
 
 /**
  * Log density of a joint prior of the flow law, on n, p, Q_M and beta: a normal of n, p,
- * ln(flow rate s) at given conditions, and beta. 0 where there is none.
+ * ln(flow rate s) at given conditions, and beta.
  *
- * @param parameter in the order of functions/parameters.stan
- * @param mean of the four quantities; no elements without a joint prior
+ * @param mean of the four quantities
  * @param factor lower Cholesky factor of their covariance
  * @param conditions temperature (K), stress (Pa) and grain size (m) of the flow rate
  */
-real flow_law_prior_log_density(vector parameter, data vector mean, data matrix factor,
-                                data vector conditions) {
-  if (num_elements(mean) == 0) {
-    return 0;
-  }
-  real log_rate = log_flow_rate(conditions[2], conditions[3], conditions[1], parameter[4],
-                                parameter[5], parameter[6], parameter[7]);
-  return multi_normal_cholesky_lpdf([parameter[4], parameter[5], log_rate, parameter[7]]' |
+real flow_law_prior_log_density(real stress_exponent, real grain_size_exponent,
+                                real activation_enthalpy, real beta, data vector mean,
+                                data matrix factor, data vector conditions) {
+  real log_rate = log_flow_rate(conditions[2], conditions[3], conditions[1], stress_exponent,
+                                grain_size_exponent, activation_enthalpy, beta);
+  return multi_normal_cholesky_lpdf([stress_exponent, grain_size_exponent, log_rate, beta]' |
                                     mean, factor)
-         + log(1 / (gas_constant() * conditions[1]) - parameter[7]); // |d ln(rate)/d Q_M|
+         + log(1 / (gas_constant() * conditions[1]) - beta); // |d ln(rate)/d Q_M|
 }

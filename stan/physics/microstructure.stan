@@ -16,27 +16,21 @@ real microstructure_rate(real value, real steady_state, real critical_strain, re
 }
 
 /**
- * Grain size that a stress wants over the one that 1 MPa wants by the law without a floor; see
- * piezometer_grain_size().
- *
- * @param stress sigma, Pa
- */
-real relative_piezometer_grain_size(real stress) {
-  return pow(1 + square(stress * 1e-6), -0.665);
-}
-
-/**
- * Grain size that a stress wants, 0.015 (|stress|/1 MPa)^-1.33 m (Maor et al., Eq. 5).
+ * Grain size that a stress wants, d_1 (|stress|/1 MPa)^-m (Maor et al., Eq. 5).
  *
  * Eq. 5 is printed without the absolute value and without a floor: grains would grow without
  * limit in every passage of the stress through zero. |stress| is replaced by
- * sqrt(stress^2 + (1 MPa)^2), a floor without a corner.
+ * sqrt(stress^2 + stress_floor^2), a floor without a corner.
  *
  * @param stress sigma, Pa
- * @return grain size, m
+ * @param reference_grain_size d_1, in any unit; that of the grain size returned
+ * @param exponent m
+ * @param stress_floor Pa
  */
-real piezometer_grain_size(real stress) {
-  return 0.015 * relative_piezometer_grain_size(stress);
+real piezometer_grain_size(real stress, real reference_grain_size, data real exponent,
+                           data real stress_floor) {
+  return reference_grain_size
+         * pow(square(1e-6 * stress_floor) + square(1e-6 * stress), -0.5 * exponent);
 }
 
 /**

@@ -9,7 +9,7 @@
  *   dw/d tau = |r| (e/epsilon_c1) (d_piezometer(stress)/d_u - w),
  *   v_K = (S period/(eta_K e)) (y - z),  v_d = v_d0 sgn(y) |y|^n (d/d_0)^-p.
  *
- * With a power-law Kelvin element (functions/kelvin_element.stan) the linear driving stress stands
+ * With a power-law Kelvin element (physics/kelvin_element.stan) the linear driving stress stands
  * for y - z in the rates; the solver gets that form only then, because every argument costs it
  * sensitivities.
  *
@@ -25,9 +25,7 @@
  */
 
 /** Unit of the grain size over its initial value, d_u/d_0. */
-real grain_size_unit() {
-  return 100;
-}
+real grain_size_unit() { return 100; }
 
 /**
  * d strain/d tau: the oscillation, and a background given as a polynomial of tau.
@@ -35,14 +33,15 @@ real grain_size_unit() {
  * @param tau time over period
  * @param sine, cosine amplitudes of the strain's harmonics
  * @param background coefficients of the background's d strain/d tau as a polynomial of
- *   (tau - background_middle)/background_half, the constant first
+ *   (tau - middle)/half, the constant first
+ * @param background_range middle and half of the record, in periods
  * @param first_tau start of the record: before it the background keeps the rate it has there
  */
 real oscillating_rate(real tau, data vector sine, data vector cosine, data vector background,
-                      data real background_middle, data real background_half,
-                      data real first_tau) {
+                      data vector background_range, data real first_tau) {
   real rate = 0;
-  real position = ((tau > first_tau ? tau : first_tau) - background_middle) / background_half;
+  real position = ((tau > first_tau ? tau : first_tau) - background_range[1])
+                  / background_range[2];
   for (k in 1 : num_elements(background)) {
     rate += background[k] * position ^ (k - 1);
   }
@@ -51,19 +50,6 @@ real oscillating_rate(real tau, data vector sine, data vector cosine, data vecto
     rate += 2 * pi() * k * (sine[k] * cos(angle) - cosine[k] * sin(angle));
   }
   return rate;
-}
-
-/**
- * Rate of the dashpot at a scaled stress: sgn(y) exp(n ln|y| + log_scale).
- */
-real scaled_dashpot_rate(real scaled_stress, real stress_exponent, real log_scale) {
-  if (scaled_stress > 0) {
-    return exp(stress_exponent * log(scaled_stress) + log_scale);
-  }
-  if (scaled_stress < 0) {
-    return -exp(stress_exponent * log(-scaled_stress) + log_scale);
-  }
-  return 0;
 }
 
 /**
@@ -78,21 +64,23 @@ real scaled_dashpot_rate(real scaled_stress, real stress_exponent, real log_scal
  * @param kelvin_decay E_K period/eta_K
  * @param log_dashpot_rate ln v_d0
  * @param inverse_critical_strain 1/epsilon_c1
+ * @param stress_scale, strain_scale S (Pa) and e
+ * @param unit d_u, m
+ * @param piezometer d_1 (m), exponent and stress floor (Pa), see piezometer_grain_size()
  */
 vector forced_oscillation_rates(real rate, int evolves, vector state, real kelvin_excess,
                                 real stiffness, real kelvin_fluidity, real kelvin_decay,
                                 real stress_exponent, real grain_size_exponent,
                                 real log_dashpot_rate, real inverse_critical_strain,
-                                data real strain_scale, data real stress_scale,
-                                data real initial_grain_size) {
-  real dashpot_rate = scaled_dashpot_rate(state[1], stress_exponent,
-                                          log_dashpot_rate
-                                          - grain_size_exponent 
-                                            * log(grain_size_unit() * state[3]));
+                                data real stress_scale, data real strain_scale,
+                                data real unit, data vector piezometer) {
+  real dashpot_rate = signed_power(state[1], 0, stress_exponent,
+                                   log_dashpot_rate
+                                   - grain_size_exponent * log(grain_size_unit() * state[3]));
   real growth = 0;
   if (evolves) {
-    real preferred = piezometer_grain_size(stress_scale * state[1])
-                     / (grain_size_unit() * initial_grain_size);
+    real preferred = piezometer_grain_size(stress_scale * state[1], piezometer[1],
+                                           piezometer[2], piezometer[3]) / unit;
     growth = microstructure_rate(state[3], preferred, 1, strain_scale * rate)
              * inverse_critical_strain;
   }
@@ -104,25 +92,24 @@ vector forced_oscillation_rates(real rate, int evolves, vector state, real kelvi
  * Right-hand side; see the head of this file.
  *
  * @param state [y, z, w]
- * @param stiffness and what follows: see forced_oscillation_rates()
- * @param first_tau start of the record: before it the grain size keeps its initial value
+ * @param sine, cosine, background, background_range, first_tau see oscillating_rate()
+ * @param stiffness and the others see forced_oscillation_rates()
  */
 vector forced_oscillation_rhs(real tau, vector state, real stiffness, real kelvin_fluidity,
                               real kelvin_decay, real stress_exponent,
                               real grain_size_exponent, real log_dashpot_rate,
                               real inverse_critical_strain, data vector sine,
                               data vector cosine, data vector background,
-                              data real background_middle, data real background_half,
-                              data real first_tau, data real strain_scale,
-                              data real stress_scale, data real initial_grain_size) {
-  real rate = oscillating_rate(tau, sine, cosine, background, background_middle,
-                               background_half, first_tau)
+                              data vector background_range, data real first_tau,
+                              data real stress_scale, data real strain_scale,
+                              data real unit, data vector piezometer) {
+  real rate = oscillating_rate(tau, sine, cosine, background, background_range, first_tau)
               / strain_scale;
   return forced_oscillation_rates(rate, tau >= first_tau, state, state[1] - state[2], stiffness,
                                   kelvin_fluidity, kelvin_decay, stress_exponent,
                                   grain_size_exponent, log_dashpot_rate,
-                                  inverse_critical_strain, strain_scale, stress_scale,
-                                  initial_grain_size);
+                                  inverse_critical_strain, stress_scale, strain_scale,
+                                  unit, piezometer);
 }
 
 /**
@@ -133,29 +120,26 @@ vector forced_oscillation_rhs(real tau, vector state, real stiffness, real kelvi
  */
 vector forced_oscillation_power_law_kelvin_rhs(real tau, vector state, real stiffness,
                                                real kelvin_fluidity, real kelvin_decay,
-                                               real stress_exponent,
-                                               real grain_size_exponent,
+                                               real stress_exponent, real grain_size_exponent,
                                                real log_dashpot_rate,
                                                real inverse_critical_strain,
                                                data vector sine, data vector cosine,
                                                data vector background,
-                                               data real background_middle,
-                                               data real background_half,
-                                               data real first_tau, data real strain_scale,
-                                               data real stress_scale,
-                                               data real initial_grain_size,
+                                               data vector background_range,
+                                               data real first_tau, data real stress_scale,
+                                               data real strain_scale,
+                                               data real unit, data vector piezometer,
                                                real kelvin_stress_exponent,
                                                data real log_kelvin_unit) {
-  real rate = oscillating_rate(tau, sine, cosine, background, background_middle,
-                               background_half, first_tau)
+  real rate = oscillating_rate(tau, sine, cosine, background, background_range, first_tau)
               / strain_scale;
   real kelvin_excess = linear_driving_stress(state[1] - state[2], kelvin_stress_exponent,
                                              log_kelvin_unit);
   return forced_oscillation_rates(rate, tau >= first_tau, state, kelvin_excess, stiffness,
                                   kelvin_fluidity, kelvin_decay, stress_exponent,
                                   grain_size_exponent, log_dashpot_rate,
-                                  inverse_critical_strain, strain_scale, stress_scale,
-                                  initial_grain_size);
+                                  inverse_critical_strain, stress_scale, strain_scale,
+                                  unit, piezometer);
 }
 
 /**
@@ -167,42 +151,46 @@ vector forced_oscillation_power_law_kelvin_rhs(real tau, vector state, real stif
  * of the solver covers these cycles and the record: its initial state is data, and sensitivities
  * to a state reached after the cycles would be three more for the solver to follow.
  *
- * @param start_tau, first_tau start of the spin-up and of the record, in periods
+ * @param parameter in the order of physics/parameters.stan
+ * @param constant parameters that are never inferred, at their places in the same order; the
+ *   others in it have no effect
  * @param tau output times in periods, not decreasing, all after first_tau
+ * @param start_tau, first_tau start of the spin-up and of the record, in periods
+ * @param period s
+ * @param sine, cosine, background, background_range see oscillating_rate()
+ * @param initial_grain_size d_0, m
+ * @param temperature of the test, K
  * @param start_stress stress at the start of the spin-up: the bias of the record, Pa
  * @param stress_scale, strain_scale S (Pa) and e
- * @param kelvin_viscosity eta_K at the temperature of the test, Pa s
  * @param power_law_kelvin 0: the Kelvin element is linear, and n_K and q_0 have no effect
- * @param kelvin_reference_stress q_0, Pa
  * @return array over times of [stress (Pa), Kelvin strain, grain size (m)]
  */
-array[] vector forced_oscillation_solution(data array[] real tau, data real start_tau,
+array[] vector forced_oscillation_solution(vector parameter, data vector constant,
+                                           data array[] real tau, data real start_tau,
                                            data real first_tau, data real period,
                                            data vector sine, data vector cosine,
                                            data vector background,
-                                           data real background_middle,
-                                           data real background_half,
+                                           data vector background_range,
                                            data real initial_grain_size,
                                            data real temperature, data real start_stress,
                                            data real stress_scale, data real strain_scale,
-                                           real maxwell_modulus, real kelvin_modulus,
-                                           real kelvin_viscosity,
-                                           real stress_exponent, real grain_size_exponent,
-                                           real activation_enthalpy, real beta,
-                                           real critical_strain_grain_size,
-                                           data int power_law_kelvin,
-                                           real kelvin_stress_exponent,
-                                           data real kelvin_reference_stress,
-                                           data real relative_tolerance,
-                                           data real absolute_tolerance,
+                                           data int power_law_kelvin, data real tolerance,
                                            data int max_num_steps) {
-  real stiffness = maxwell_modulus * strain_scale / stress_scale;
+  real kelvin_modulus = parameter[i_kelvin_modulus()];
+  real kelvin_viscosity = kelvin_viscosity_at(parameter[i_kelvin_viscosity()],
+                                              parameter[i_kelvin_activation_enthalpy()],
+                                              temperature,
+                                              constant[i_kelvin_reference_temperature()]);
+  real stress_exponent = parameter[i_stress_exponent()];
+  real grain_size_exponent = parameter[i_grain_size_exponent()];
+  real inverse_critical_strain = 1 / parameter[i_critical_strain_grain_size()];
+  real stiffness = parameter[i_maxwell_modulus()] * strain_scale / stress_scale;
   real kelvin_fluidity = stress_scale * period / (kelvin_viscosity * strain_scale);
   real kelvin_decay = kelvin_modulus * period / kelvin_viscosity;
-  real log_dashpot_rate = log(dashpot_strain_rate(stress_scale, initial_grain_size, 1,
-                                                  stress_exponent, grain_size_exponent,
-                                                  log_rate_factor(activation_enthalpy, beta,
-                                                                  temperature))
+  real log_dashpot_rate = log(exp(log_flow_rate(stress_scale, initial_grain_size, temperature,
+                                                stress_exponent, grain_size_exponent,
+                                                parameter[i_activation_enthalpy()],
+                                                parameter[i_beta()]))
                               * period / strain_scale);
   array[size(tau)] vector[3] solution;
   if (size(tau) > 0) {
@@ -211,23 +199,28 @@ array[] vector forced_oscillation_solution(data array[] real tau, data real star
       solution = ode_bdf_tol(forced_oscillation_power_law_kelvin_rhs,
                              [start_stress / stress_scale, start_stress / stress_scale,
                               1 / grain_size_unit()]',
-                             start_tau, tau, relative_tolerance, absolute_tolerance,
-                             max_num_steps, stiffness, kelvin_fluidity, kelvin_decay,
-                             stress_exponent, grain_size_exponent, log_dashpot_rate,
-                             1 / critical_strain_grain_size, sine, cosine, background,
-                             background_middle, background_half, first_tau, strain_scale,
-                             stress_scale, initial_grain_size, kelvin_stress_exponent,
-                             log(stress_scale / kelvin_reference_stress));
+                             start_tau, tau, tolerance, tolerance, max_num_steps, stiffness,
+                             kelvin_fluidity, kelvin_decay, stress_exponent,
+                             grain_size_exponent, log_dashpot_rate, inverse_critical_strain,
+                             sine, cosine, background, background_range, first_tau,
+                             stress_scale, strain_scale,
+                             grain_size_unit() * initial_grain_size,
+                             constant[{i_piezometer_reference_grain_size(),
+                                       i_piezometer_exponent(), i_piezometer_stress_floor()}],
+                             parameter[i_kelvin_stress_exponent()],
+                             log(stress_scale / constant[i_kelvin_reference_stress()]));
     } else {
       solution = ode_bdf_tol(forced_oscillation_rhs,
                              [start_stress / stress_scale, start_stress / stress_scale,
                               1 / grain_size_unit()]',
-                             start_tau, tau, relative_tolerance, absolute_tolerance,
-                             max_num_steps, stiffness, kelvin_fluidity, kelvin_decay,
-                             stress_exponent, grain_size_exponent, log_dashpot_rate,
-                             1 / critical_strain_grain_size, sine, cosine, background,
-                             background_middle, background_half, first_tau, strain_scale,
-                             stress_scale, initial_grain_size);
+                             start_tau, tau, tolerance, tolerance, max_num_steps, stiffness,
+                             kelvin_fluidity, kelvin_decay, stress_exponent,
+                             grain_size_exponent, log_dashpot_rate, inverse_critical_strain,
+                             sine, cosine, background, background_range, first_tau,
+                             stress_scale, strain_scale,
+                             grain_size_unit() * initial_grain_size,
+                             constant[{i_piezometer_reference_grain_size(),
+                                       i_piezometer_exponent(), i_piezometer_stress_floor()}]);
     }
   }
   for (i in 1 : size(tau)) {

@@ -10,17 +10,17 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from pyburgers.cmdstan import compile_programs, load_model, stan_directory
-from pyburgers.constant_rate import ConstantRateExperiment, load_constant_rate
-from pyburgers.experiment import Experiment
-from pyburgers.experiment_files import save_experiment
-from pyburgers.fitting import Fit, fit
-from pyburgers.mode import find_mode
-from pyburgers.priors import Prior, PriorSet, default_priors, load_priors, save_priors
-from pyburgers.sampler_options import SamplerOptions
-from pyburgers.simulation import quiet_cmdstanpy
-from pyburgers.stan_data import SolverOptions, ValleyReference
-from pyburgers.valley import find_valley
+from pyburgers.cmdstan.program import compile_programs, load_model, stan_directory
+from pyburgers.fitting.fit import Fit, fit
+from pyburgers.model.priors import Prior, PriorSet, default_priors, load_priors, save_priors
+from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
+from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.files import save_experiment
+from pyburgers.protocols.forward import quiet_cmdstanpy
+from pyburgers.protocols.stan_data import SolverOptions, ValleyReference
+from pyburgers.sampling.mode import find_mode
+from pyburgers.sampling.options import SamplerOptions
+from pyburgers.sampling.valley import find_valley
 
 FloatArray = npt.NDArray[np.float64]
 FunctionValues = Callable[[str, Mapping[str, object]], dict[str, FloatArray]]

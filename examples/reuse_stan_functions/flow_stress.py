@@ -15,9 +15,9 @@ import numpy as np
 import pandas as pd
 
 import pyburgers
-from pyburgers.cmdstan import load_model
-from pyburgers.messages import messages_to
-from pyburgers.simulation import evaluate
+from pyburgers.cmdstan.program import load_model
+from pyburgers.common.messages import messages_to
+from pyburgers.protocols.forward import evaluate
 
 PROGRAM = Path(__file__).with_name("flow_stress.stan")
 PARAMETERS = (

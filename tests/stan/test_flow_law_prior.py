@@ -12,22 +12,18 @@ from conftest import ICE, valley_of, with_fixed, write_problem
 from oracle import GAS_CONSTANT
 from scipy import stats
 
-from pyburgers.cli import main
-from pyburgers.cmdstan import load_model
-from pyburgers.constant_rate import load_constant_rate
-from pyburgers.draws import all_draws
-from pyburgers.errors import InputError
-from pyburgers.experiment import Experiment
-from pyburgers.fitting import Fit, fit
-from pyburgers.flow_law_prior import (
+from pyburgers.checks.prior_influence import JOINT_PRIOR, prior_influence
+from pyburgers.cli.main import main
+from pyburgers.cmdstan.program import load_model
+from pyburgers.common.errors import InputError
+from pyburgers.fitting.fit import Fit, fit
+from pyburgers.model.flow_law_prior import (
     FLOW_LAW_PRIOR_FILE,
     PRIOR_QUANTITIES,
     Conditions,
     FlowLawPrior,
 )
-from pyburgers.forced_oscillation import load_forced_oscillation
-from pyburgers.prior_influence import JOINT_PRIOR, prior_influence
-from pyburgers.priors import (
+from pyburgers.model.priors import (
     FLOW_LAW,
     PriorSet,
     default_priors,
@@ -35,9 +31,13 @@ from pyburgers.priors import (
     save_priors,
     with_flow_law,
 )
-from pyburgers.sampler_options import SamplerOptions
-from pyburgers.simulation import evaluate, program_for
-from pyburgers.stan_data import SolverOptions, constant_rate_data, program_data
+from pyburgers.posterior.draws import all_draws
+from pyburgers.protocols.constant_rate.experiment import load_constant_rate
+from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.forced_oscillation.experiment import load_forced_oscillation
+from pyburgers.protocols.forward import evaluate, program_for
+from pyburgers.protocols.stan_data import SolverOptions, constant_rate_data, program_data
+from pyburgers.sampling.options import SamplerOptions
 
 pytestmark = pytest.mark.usefixtures("programs")
 

@@ -15,28 +15,28 @@ from conftest import ICE, FunctionValues, resolved_priors
 from numpy.polynomial import Polynomial
 from scipy.integrate import quad, simpson
 
-from pyburgers.cli import main
-from pyburgers.cmdstan import load_model
-from pyburgers.forced_oscillation import (
+from pyburgers.cli.main import main
+from pyburgers.cmdstan.program import load_model
+from pyburgers.protocols.forced_oscillation.experiment import (
     OscillationExperiment,
     load_forced_oscillation,
     with_background,
 )
-from pyburgers.harmonics import fit_harmonics
-from pyburgers.oscillation import (
+from pyburgers.protocols.forced_oscillation.harmonics import fit_harmonics
+from pyburgers.protocols.forced_oscillation.preparation import (
     Background,
     OscillationRecord,
     OscillationSettings,
     prepare,
 )
-from pyburgers.simulation import (
+from pyburgers.protocols.forward import (
     REFERENCE_SOLVER,
     program_for,
     quiet_cmdstanpy,
     simulate,
     solve,
 )
-from pyburgers.stan_data import START_MARGIN, ShearedReference, forced_oscillation_data
+from pyburgers.protocols.stan_data import START_MARGIN, ShearedReference, forced_oscillation_data
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")

@@ -9,16 +9,16 @@ import numpy.typing as npt
 import pytest
 from conftest import SMALL_RUN, Problem
 
-from pyburgers.cmdstan import load_model
-from pyburgers.draws import all_draws
-from pyburgers.fitting import Fit, fit
-from pyburgers.joint_fitting import fit_joint_problem
-from pyburgers.joint_problem import joint_problem
-from pyburgers.marginal_likelihood import log_density_at, log_marginal_likelihood
-from pyburgers.pooling import pooling_of
-from pyburgers.posterior import read_chains
-from pyburgers.simulation import REFERENCE_SOLVER, constant_rate_program, quiet_cmdstanpy
-from pyburgers.stan_data import solver_block
+from pyburgers.cmdstan.program import load_model
+from pyburgers.comparison.marginal_likelihood import log_density_at, log_marginal_likelihood
+from pyburgers.fitting.fit import Fit, fit
+from pyburgers.fitting.joint_fit import fit_joint_problem
+from pyburgers.model.pooling import pooling_of
+from pyburgers.posterior.draws import all_draws
+from pyburgers.posterior.labelled_draws import read_chains
+from pyburgers.protocols.forward import REFERENCE_SOLVER, constant_rate_program, quiet_cmdstanpy
+from pyburgers.protocols.stan_data import solver_block
+from pyburgers.sampling.problem import joint_problem
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")

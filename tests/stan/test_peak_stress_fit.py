@@ -12,21 +12,21 @@ import pytest
 from conftest import ICE, with_fixed
 from scipy import stats
 
-from pyburgers.cmdstan import load_model, stan_directory
-from pyburgers.draws import all_draws
-from pyburgers.errors import InputError
-from pyburgers.experiment import Provenance
-from pyburgers.figure_style import image
-from pyburgers.fitting import Fit
-from pyburgers.flow_law_prior import FLOW_LAW_PRIOR_FILE, FlowLawPrior
-from pyburgers.peak_stress import PeakStressData, load_peak_stress
-from pyburgers.peak_stress_figures import flow_law, flow_law_table
-from pyburgers.peak_stress_fit import PeakStressFit, fit_peak_stress, flow_law_prior
-from pyburgers.peak_stress_priors import FLOW_LAW_PARAMETERS, default_peak_stress_priors
-from pyburgers.peak_stress_stan_data import peak_stress_coordinates, peak_stress_data
-from pyburgers.priors import Prior, PriorSet
-from pyburgers.sampler_options import SamplerOptions
-from pyburgers.simulation import evaluate
+from pyburgers.cmdstan.program import load_model, stan_directory
+from pyburgers.common.errors import InputError
+from pyburgers.drawing.style import image
+from pyburgers.fitting.fit import Fit
+from pyburgers.flow_law_tables.figures import flow_law, flow_law_table
+from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress, flow_law_prior
+from pyburgers.flow_law_tables.priors import FLOW_LAW_PARAMETERS, default_peak_stress_priors
+from pyburgers.flow_law_tables.stan_data import peak_stress_coordinates, peak_stress_data
+from pyburgers.flow_law_tables.table import PeakStressData, load_peak_stress
+from pyburgers.model.flow_law_prior import FLOW_LAW_PRIOR_FILE, FlowLawPrior
+from pyburgers.model.priors import Prior, PriorSet
+from pyburgers.posterior.draws import all_draws
+from pyburgers.protocols.experiment import Provenance
+from pyburgers.protocols.forward import evaluate
+from pyburgers.sampling.options import SamplerOptions
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -14,12 +14,12 @@ from log_density import constant_rate_program
 from oracle import GAS_CONSTANT
 from scipy import stats
 
-from pyburgers.cmdstan import load_model, stan_directory
-from pyburgers.constant_rate import ConstantRateExperiment, load_constant_rate
-from pyburgers.parameters import PARAMETERS
-from pyburgers.priors import Prior, PriorSet, default_priors
-from pyburgers.simulation import quiet_cmdstanpy
-from pyburgers.stan_data import (
+from pyburgers.cmdstan.program import load_model, stan_directory
+from pyburgers.model.parameters import PARAMETERS
+from pyburgers.model.priors import Prior, PriorSet, default_priors
+from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
+from pyburgers.protocols.forward import quiet_cmdstanpy
+from pyburgers.protocols.stan_data import (
     REFERENCE_STRESS,
     SolverOptions,
     StanData,

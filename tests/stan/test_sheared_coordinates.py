@@ -15,24 +15,18 @@ from conftest import ICE, fixed, resolved_priors, with_fixed, with_priors
 from log_density import Program
 from scipy import stats
 
-from pyburgers import geometry
-from pyburgers.calibration import calibration_priors, simulate_from_prior
-from pyburgers.cmdstan import compile_program, load_model
-from pyburgers.errors import InputError
-from pyburgers.forced_oscillation import (
+from pyburgers.cmdstan.program import compile_program, load_model
+from pyburgers.common.errors import InputError
+from pyburgers.model.parameters import PARAMETERS
+from pyburgers.model.priors import Prior, PriorSet
+from pyburgers.protocols.forced_oscillation.experiment import (
     OscillationExperiment,
     load_forced_oscillation,
     with_background,
 )
-from pyburgers.geometry import Coordinates, Geometry, choose_geometry
-from pyburgers.metric import curvature_at
-from pyburgers.mode import Mode
-from pyburgers.oscillation import Background, prepare
-from pyburgers.parameters import PARAMETERS
-from pyburgers.priors import Prior, PriorSet
-from pyburgers.sheared import SHIFTED_BY, find_sheared
-from pyburgers.simulation import evaluate, program_for, quiet_cmdstanpy
-from pyburgers.stan_data import (
+from pyburgers.protocols.forced_oscillation.preparation import Background, prepare
+from pyburgers.protocols.forward import evaluate, program_for, quiet_cmdstanpy
+from pyburgers.protocols.stan_data import (
     PLAIN,
     REFERENCE_FLOW_RATE,
     ShearedReference,
@@ -43,6 +37,12 @@ from pyburgers.stan_data import (
     sheared_block,
     solver_block,
 )
+from pyburgers.sampling import charts as geometry
+from pyburgers.sampling.charts import Coordinates, Geometry, choose_geometry
+from pyburgers.sampling.metric import curvature_at
+from pyburgers.sampling.mode import Mode
+from pyburgers.sampling.sheared import SHIFTED_BY, find_sheared
+from pyburgers.sbc.data_sets import calibration_priors, simulate_from_prior
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")

@@ -64,9 +64,9 @@ from pyburgers.report.tables import checks_table, parameter_table
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run_directory import RunDirectory
 from pyburgers.sbc.data_sets import calibration_priors
-from pyburgers.sbc.figures import rank_differences
 from pyburgers.sbc.results import (
     count_sentences,
+    rank_differences,
     save_calibration,
     shown_verdict_table,
 )

@@ -6,8 +6,8 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.figure import Figure
 
-from pyburgers.model.display import axis_label, shown_quantity
 from pyburgers.drawing.style import BLUE, GREEN, VERMILION, few_ticks, style
+from pyburgers.model.display import axis_label, shown_quantity
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -5,10 +5,6 @@ from functools import partial
 
 import pandas as pd
 
-from pyburgers.comparison.figures import LEFT_OUT_CAPTION, left_out_tests
-from pyburgers.model.display import with_error
-from pyburgers.fitting.joint_fit import JointFit
-from pyburgers.report.joint_section import joint_names
 from pyburgers.comparison.by_tests import (
     BY_TEST_TEXT,
     ComparisonByTest,
@@ -17,9 +13,13 @@ from pyburgers.comparison.by_tests import (
     table_of_fits,
     table_of_tests,
 )
-from pyburgers.report.same_data_sections import comparison_section
-from pyburgers.report.page import ExtraFigure, ExtraSection, ExtraTable, file_key
+from pyburgers.comparison.figures import LEFT_OUT_CAPTION, left_out_tests
 from pyburgers.comparison.same_data import data_hash
+from pyburgers.fitting.joint_fit import JointFit
+from pyburgers.model.display import with_error
+from pyburgers.report.joint_section import joint_names
+from pyburgers.report.page import ExtraFigure, ExtraSection, ExtraTable, file_key
+from pyburgers.report.same_data_sections import comparison_section
 
 
 def related_joint_sections(joints: Sequence[JointFit]) -> tuple[ExtraSection, ...]:

@@ -4,10 +4,10 @@ from functools import partial
 
 import pandas as pd
 
-from pyburgers.model.display import shown_quantity, with_error
-from pyburgers.flow_law_tables.table import least_squares
 from pyburgers.flow_law_tables.figures import FLOW_LAW_CAPTION, flow_law, flow_law_table
 from pyburgers.flow_law_tables.fit import PeakStressFit
+from pyburgers.flow_law_tables.table import least_squares
+from pyburgers.model.display import shown_quantity, with_error
 from pyburgers.report.page import ExtraFigure, ExtraSection, ExtraTable
 from pyburgers.report.tables import checks_table
 

@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from pyburgers.common.draws import all_draws
 from pyburgers.comparison.by_points import (
     COMPARISON_TEXT,
     Comparison,
@@ -15,6 +16,9 @@ from pyburgers.comparison.by_points import (
     sentences,
 )
 from pyburgers.comparison.figures import COMPARISON_CAPTION, pointwise_differences
+from pyburgers.comparison.same_data import data_hash
+from pyburgers.fitting.fit import Fit
+from pyburgers.fitting.joint_fit import JointFit
 from pyburgers.model.display import (
     LENGTH_FACTOR,
     LENGTH_UNIT,
@@ -24,14 +28,10 @@ from pyburgers.model.display import (
     unit_text,
     with_error,
 )
-from pyburgers.common.draws import all_draws
-from pyburgers.fitting.fit import Fit
-from pyburgers.report.flow_law_figures import COMBINED_CAPTION, combined_flow_law
 from pyburgers.model.flow_law_prior import FlowLawPrior
-from pyburgers.fitting.joint_fit import JointFit
 from pyburgers.model.priors import FLOW_LAW
+from pyburgers.report.flow_law_figures import COMBINED_CAPTION, combined_flow_law
 from pyburgers.report.page import ExtraFigure, ExtraSection, ExtraTable, file_key, page_keys
-from pyburgers.comparison.same_data import data_hash
 
 FloatArray = npt.NDArray[np.float64]
 

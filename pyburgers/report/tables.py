@@ -12,6 +12,7 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.checks.sampling_checks import CheckResult
+from pyburgers.fitting.fit import Fit, is_joint
 from pyburgers.model.display import (
     STRESS_FACTOR,
     STRESS_UNIT,
@@ -23,7 +24,6 @@ from pyburgers.model.display import (
     unit_text,
     with_error,
 )
-from pyburgers.fitting.fit import Fit, is_joint
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.priors import PriorSet
 

@@ -14,7 +14,6 @@ from conftest import ICE, SMALL_RUN, Problem, pair_of
 
 from pyburgers.cli.main import main
 from pyburgers.common.errors import InputError
-from pyburgers.comparison.bridge_sampling import LogIntegral
 from pyburgers.comparison.by_points import compare, pointwise_table
 from pyburgers.comparison.by_tests import (
     ComparisonByTest,
@@ -28,7 +27,7 @@ from pyburgers.comparison.by_tests import (
     table_of_tests,
 )
 from pyburgers.comparison.figures import left_out_tests, pointwise_differences
-from pyburgers.comparison.marginal_likelihood import log_marginal_likelihood
+from pyburgers.comparison.marginal_likelihood import LogIntegral, log_marginal_likelihood
 from pyburgers.drawing.style import image
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.fitting.joint_fit import JointFit, fit_jointly

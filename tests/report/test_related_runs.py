@@ -11,19 +11,19 @@ from synthetic_fit import Kind, make_fit
 from test_report import Page
 
 from pyburgers.cli.main import main
-from pyburgers.comparison.by_points import compare, comparison_table, sentences
 from pyburgers.common.draws import all_draws
+from pyburgers.comparison.by_points import compare, comparison_table, sentences
 from pyburgers.fitting.fit import Fit
-from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, Conditions, FlowLawPrior
-from pyburgers.flow_law_tables.table import least_squares, load_peak_stress
 from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress
 from pyburgers.flow_law_tables.priors import default_peak_stress_priors
-from pyburgers.report.peak_stress_section import least_squares_table, peak_stress_section
+from pyburgers.flow_law_tables.table import least_squares, load_peak_stress
+from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, Conditions, FlowLawPrior
 from pyburgers.model.priors import FLOW_LAW, with_flow_law
-from pyburgers.report.same_data_sections import LOG_RATE, related_sections
 from pyburgers.report.page import ExtraSection, write_report
-from pyburgers.studies.maor.reproduce import PEAK_STRESS_TABLE, shipped_data_directory
+from pyburgers.report.peak_stress_section import least_squares_table, peak_stress_section
+from pyburgers.report.same_data_sections import LOG_RATE, related_sections
 from pyburgers.sampling.options import SamplerOptions
+from pyburgers.studies.maor.reproduce import PEAK_STRESS_TABLE, shipped_data_directory
 
 LAW = FlowLawPrior(
     quantities=PRIOR_QUANTITIES,

@@ -175,7 +175,7 @@ def shown_truth_table(truth: pd.DataFrame) -> pd.DataFrame:
 
 
 def shown_response_table(response: pd.DataFrame) -> pd.DataFrame:
-    """Return a `pyburgers.predictions.oscillation_response.response_table` as text in display units."""
+    """Return a table of observed and replicated response as text in display units."""
     shown = {
         "amplitude": ("amplitude of the stress", STRESS_UNIT, STRESS_FACTOR),
         "lag": ("phase lag of the strain", "degrees", float(np.degrees(1.0))),
@@ -259,7 +259,7 @@ def overview_row(
     checks : sequence of CheckResult
         Its checks.
     share_inside : float
-        Share of the data inside the 90 % predictive band (`pyburgers.checks.sampling_checks.coverage`).
+        Share of the data inside the 90 % predictive band.
     """
     seconds = _wall_seconds(fit).values()
     failed = sum(not check.passed for check in checks)

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import pandas as pd
 from chain_files import read_chain
 
-from pyburgers.fitting import Fit
-from pyburgers.posterior import convergence_table
+from pyburgers.fitting.fit import Fit
+from pyburgers.posterior.labelled_draws import convergence_table
 
 
 @dataclass(frozen=True)

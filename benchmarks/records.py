@@ -18,12 +18,12 @@ import pandas as pd
 from measures import measure
 from sampling import RESULTS, ROOT, markdown
 
-from pyburgers.calibration import simulate_constant_rate
-from pyburgers.constant_rate import ConstantRateExperiment, load_constant_rate
-from pyburgers.fitting import fit
-from pyburgers.priors import default_priors
-from pyburgers.sampler_options import SamplerOptions
-from pyburgers.tables import truth_table
+from pyburgers.fitting.fit import fit
+from pyburgers.model.priors import default_priors
+from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
+from pyburgers.report.tables import truth_table
+from pyburgers.sampling.options import SamplerOptions
+from pyburgers.sbc.data_sets import simulate_constant_rate
 
 EXPLANATION = """# Other records
 

@@ -26,15 +26,16 @@ from measures import measure
 from processes import run_together
 from six_state import N_CHAINS, USUAL_LENGTH, WARMUP, WARMUP_SECONDS, Baseline, run_baseline
 
-from pyburgers.cmdstan import find_cmdstan, load_model, toolchain
-from pyburgers.experiment_files import load_experiment, save_experiment
-from pyburgers.figure_style import BLUE, GREY, ORANGE
-from pyburgers.fitting import Fit
-from pyburgers.forced_oscillation import OscillationExperiment, with_background
-from pyburgers.messages import messages_to
-from pyburgers.oscillation import Background
-from pyburgers.posterior import grain_size_share
-from pyburgers.simulation import program_for
+from pyburgers.cmdstan.program import load_program
+from pyburgers.cmdstan.toolchain import find_cmdstan, toolchain
+from pyburgers.common.messages import messages_to
+from pyburgers.drawing.style import BLUE, GREY, ORANGE
+from pyburgers.fitting.fit import Fit
+from pyburgers.posterior.labelled_draws import grain_size_share
+from pyburgers.protocols.files import load_experiment, save_experiment
+from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment, with_background
+from pyburgers.protocols.forced_oscillation.preparation import Background
+from pyburgers.protocols.forward import program_for
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "benchmarks" / "results"
@@ -115,7 +116,7 @@ def _experiment_file(name: str, scratch: Path) -> Path:
     """File of a test, the program for it compiled; the two treatments of olivine share a record."""
     experiment = load_experiment(TESTS[name])
     with messages_to(sys.stdout):
-        load_model(program_for(experiment))
+        load_program(program_for(experiment))
     if not isinstance(experiment, OscillationExperiment):
         return TESTS[name]
     background: Background = "kept" if name == "olivine_kept" else "removed"
@@ -128,7 +129,11 @@ def _product(
     name: str, form: str, file: Path, settings: tuple[str, ...], folder: Path, seed: int
 ) -> tuple[Fit, dict[str, Any]]:
     """Fit through the command line, as a user does, and read the run directory."""
-    command = [sys.executable, "-c", "from pyburgers.cli import main; raise SystemExit(main())"]
+    command = [
+        sys.executable,
+        "-c",
+        "from pyburgers.cli.main import main; raise SystemExit(main())",
+    ]
     arguments = ["fit", str(file), "--out", str(folder), "--seed", str(seed), *settings]
     cost = run_together([[*command, *arguments]])
     fit = Fit.load(folder)

@@ -21,13 +21,13 @@ import numpy.typing as npt
 from chain_files import read_chain
 from processes import Cost, run_together
 
-from pyburgers.cmdstan import compile_program, stan_directory
-from pyburgers.fitting import Fit
-from pyburgers.forced_oscillation import OscillationExperiment
-from pyburgers.messages import messages_to
-from pyburgers.parameters import PARAMETERS
-from pyburgers.priors import PriorSet
-from pyburgers.stan_data import PlainCoordinates
+from pyburgers.cmdstan.program import compile_program, stan_directory
+from pyburgers.common.messages import messages_to
+from pyburgers.fitting.fit import Fit
+from pyburgers.model.parameters import PARAMETERS
+from pyburgers.model.priors import PriorSet
+from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
+from pyburgers.protocols.stan_data import PlainCoordinates
 
 FloatArray = npt.NDArray[np.float64]
 

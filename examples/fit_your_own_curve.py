@@ -12,10 +12,10 @@ import logging
 from pathlib import Path
 
 import pyburgers
-from pyburgers.constant_rate_figures import stress_strain
-from pyburgers.figure_style import image
-from pyburgers.posterior_figures import prior_posterior
-from pyburgers.reproduce import shipped_data_directory
+from pyburgers.drawing.style import image
+from pyburgers.report.constant_rate_figures import stress_strain
+from pyburgers.report.posterior_figures import prior_posterior
+from pyburgers.studies.maor.reproduce import shipped_data_directory
 
 
 def main() -> None:

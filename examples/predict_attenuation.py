@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 
 import pyburgers
-from pyburgers.attenuation import overview_table, quantile_table
-from pyburgers.attenuation_figures import attenuation
-from pyburgers.figure_style import image
+from pyburgers.drawing.style import image
+from pyburgers.predictions.attenuation import overview_table, quantile_table
+from pyburgers.predictions.attenuation_figures import attenuation
 
 
 def main() -> None:

@@ -5,25 +5,25 @@ What takes long tells of its progress through `logging`: to the logger ``pyburge
 
 import logging
 
-from pyburgers.attenuation import Regime, attenuation_spectrum, predict_attenuation
-from pyburgers.comparison import Comparison, compare
-from pyburgers.constant_rate import ConstantRateExperiment
-from pyburgers.errors import InputError, PyburgersError, SamplingError, ToolchainError
-from pyburgers.experiment import Experiment
-from pyburgers.experiment_files import load_experiment
-from pyburgers.fitting import Fit, fit
-from pyburgers.forced_oscillation import OscillationExperiment
-from pyburgers.joint_fitting import JointFit, fit_jointly
-from pyburgers.leave_one_test_out import ComparisonByTest, compare_by_test
-from pyburgers.marginal_likelihood import log_marginal_likelihood
-from pyburgers.peak_stress import PeakStressData, load_peak_stress
-from pyburgers.peak_stress_fit import PeakStressFit, fit_peak_stress, flow_law_prior
-from pyburgers.peak_stress_priors import default_peak_stress_priors, load_peak_stress_priors
-from pyburgers.priors import PriorSet, default_priors, load_priors, with_flow_law
-from pyburgers.sampler_options import SamplerOptions
-from pyburgers.simulation import load_parameters, simulate
-from pyburgers.stan_data import SolverOptions
-from pyburgers.variants import ModelVariant, variant_of, with_variant
+from pyburgers.common.errors import InputError, PyburgersError, SamplingError, ToolchainError
+from pyburgers.comparison.by_points import Comparison, compare
+from pyburgers.comparison.by_tests import ComparisonByTest, compare_by_test
+from pyburgers.comparison.marginal_likelihood import log_marginal_likelihood
+from pyburgers.fitting.fit import Fit, fit
+from pyburgers.fitting.joint_fit import JointFit, fit_jointly
+from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress, flow_law_prior
+from pyburgers.flow_law_tables.priors import default_peak_stress_priors, load_peak_stress_priors
+from pyburgers.flow_law_tables.table import PeakStressData, load_peak_stress
+from pyburgers.model.priors import PriorSet, default_priors, load_priors, with_flow_law
+from pyburgers.model.variants import ModelVariant, variant_of, with_variant
+from pyburgers.predictions.attenuation import Regime, attenuation_spectrum, predict_attenuation
+from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.files import load_experiment
+from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
+from pyburgers.protocols.forward import load_parameters, simulate
+from pyburgers.protocols.stan_data import SolverOptions
+from pyburgers.sampling.options import SamplerOptions
 
 logging.getLogger(__name__).addHandler(logging.NullHandler())
 

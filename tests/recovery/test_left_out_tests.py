@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 from common_flow_law import with_common_flow_law
 
-from pyburgers.constant_rate import ConstantRateExperiment
-from pyburgers.fitting import fit
-from pyburgers.joint_fitting import JointFit, fit_jointly
-from pyburgers.leave_one_test_out import (
+from pyburgers.comparison.by_tests import (
     compare_by_test,
     difference_by_test,
     leave_one_test_out,
     sentences_by_test,
 )
-from pyburgers.marginal_likelihood import log_marginal_likelihood
-from pyburgers.priors import default_priors
-from pyburgers.sampler_options import SamplerOptions
+from pyburgers.comparison.marginal_likelihood import log_marginal_likelihood
+from pyburgers.fitting.fit import fit
+from pyburgers.fitting.joint_fit import JointFit, fit_jointly
+from pyburgers.model.priors import default_priors
+from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.sampling.options import SamplerOptions
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("programs")]
 

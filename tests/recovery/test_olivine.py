@@ -7,12 +7,15 @@ import numpy as np
 import pytest
 from conftest import ICE
 
-from pyburgers.fitting import fit
-from pyburgers.forced_oscillation import load_forced_oscillation, with_background
-from pyburgers.oscillation import Background
-from pyburgers.priors import default_priors
-from pyburgers.sampler_options import SamplerOptions
-from pyburgers.tables import truth_table
+from pyburgers.fitting.fit import fit
+from pyburgers.model.priors import default_priors
+from pyburgers.protocols.forced_oscillation.experiment import (
+    load_forced_oscillation,
+    with_background,
+)
+from pyburgers.protocols.forced_oscillation.preparation import Background
+from pyburgers.report.tables import truth_table
+from pyburgers.sampling.options import SamplerOptions
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("programs")]
 

@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 from conftest import ICE, TESTS, needs_measured
 
-from pyburgers.constant_rate import load_constant_rate
-from pyburgers.diagnostics import coverage
-from pyburgers.fitting import Fit, fit
-from pyburgers.priors import default_priors
-from pyburgers.sampler_options import SamplerOptions
-from pyburgers.tables import truth_table
+from pyburgers.checks.sampling_checks import coverage
+from pyburgers.fitting.fit import Fit, fit
+from pyburgers.model.priors import default_priors
+from pyburgers.protocols.constant_rate.experiment import load_constant_rate
+from pyburgers.report.tables import truth_table
+from pyburgers.sampling.options import SamplerOptions
 
 pytestmark = pytest.mark.slow
 

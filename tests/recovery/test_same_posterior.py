@@ -9,14 +9,14 @@ import pytest
 import xarray as xr
 from conftest import ICE, resolved_priors, with_priors
 
-from pyburgers.calibration import calibration_priors
-from pyburgers.calibration_results import count_sentences
-from pyburgers.calibration_run import CalibrationPlan, calibrate
-from pyburgers.constant_rate import load_constant_rate
-from pyburgers.fitting import Fit, fit
-from pyburgers.posterior import convergence_table, free_parameters, grain_size_share
-from pyburgers.priors import default_priors
-from pyburgers.sampler_options import SamplerOptions
+from pyburgers.fitting.fit import Fit, fit
+from pyburgers.model.priors import default_priors
+from pyburgers.posterior.labelled_draws import convergence_table, free_parameters, grain_size_share
+from pyburgers.protocols.constant_rate.experiment import load_constant_rate
+from pyburgers.sampling.options import SamplerOptions
+from pyburgers.sbc.data_sets import calibration_priors
+from pyburgers.sbc.results import count_sentences
+from pyburgers.sbc.run import CalibrationPlan, calibrate
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("programs")]
 

@@ -18,8 +18,7 @@ import numpy as np
 import pytest
 from conftest import ICE
 
-from pyburgers.calibration import simulate_constant_rate
-from pyburgers.comparison import (
+from pyburgers.comparison.by_points import (
     CLEAR,
     NO_DIFFERENCE,
     compare,
@@ -27,11 +26,16 @@ from pyburgers.comparison import (
     elpd_difference,
     sentences,
 )
-from pyburgers.constant_rate import ConstantRateExperiment, RateSegment, load_constant_rate
-from pyburgers.fitting import fit
-from pyburgers.priors import default_priors
-from pyburgers.sampler_options import SamplerOptions
-from pyburgers.variants import with_variant
+from pyburgers.fitting.fit import fit
+from pyburgers.model.priors import default_priors
+from pyburgers.model.variants import with_variant
+from pyburgers.protocols.constant_rate.experiment import (
+    ConstantRateExperiment,
+    RateSegment,
+    load_constant_rate,
+)
+from pyburgers.sampling.options import SamplerOptions
+from pyburgers.sbc.data_sets import simulate_constant_rate
 
 SEEDS = range(1, 11)
 OPTIONS = SamplerOptions(chains=2, warmup=250, draws=250, adapt_delta=0.9)

@@ -9,10 +9,10 @@ from conftest import ICE, TESTS, needs_measured, resolved_priors, valley_of
 from log_density import Program, constant_rate_program
 from scipy import stats
 
-from pyburgers.constant_rate import ConstantRateExperiment, load_constant_rate
-from pyburgers.parameters import PARAMETERS
-from pyburgers.priors import PriorSet
-from pyburgers.stan_data import SolverOptions, ValleyReference, constant_rate_data
+from pyburgers.model.parameters import PARAMETERS
+from pyburgers.model.priors import PriorSet
+from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
+from pyburgers.protocols.stan_data import SolverOptions, ValleyReference, constant_rate_data
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")

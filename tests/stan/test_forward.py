@@ -11,10 +11,14 @@ import pytest
 from conftest import ICE, FunctionValues
 from scipy.integrate import simpson
 
-from pyburgers.constant_rate import ConstantRateExperiment, RateSegment, load_constant_rate
-from pyburgers.errors import InputError, SamplingError
-from pyburgers.parameters import PARAMETERS
-from pyburgers.simulation import simulate
+from pyburgers.common.errors import InputError, SamplingError
+from pyburgers.model.parameters import PARAMETERS
+from pyburgers.protocols.constant_rate.experiment import (
+    ConstantRateExperiment,
+    RateSegment,
+    load_constant_rate,
+)
+from pyburgers.protocols.forward import simulate
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")

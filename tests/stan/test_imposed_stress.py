@@ -8,9 +8,9 @@ import oracle
 import pytest
 from conftest import FunctionValues
 
-from pyburgers.attenuation import PAPER_REGIMES, Regime, attenuation_spectrum
-from pyburgers.errors import InputError, SamplingError
-from pyburgers.imposed_stress import (
+from pyburgers.common.errors import InputError, SamplingError
+from pyburgers.predictions.attenuation import PAPER_REGIMES, Regime, attenuation_spectrum
+from pyburgers.predictions.imposed_stress import (
     settled_times,
     simulate_imposed_stress,
     simulated_phase_lag,

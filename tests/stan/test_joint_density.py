@@ -9,13 +9,13 @@ from conftest import ICE, resolved_priors, valley_of
 from log_density import Program, constant_rate_program
 from scipy import stats
 
-from pyburgers.constant_rate import load_constant_rate
-from pyburgers.joint_problem import JointProblem, joint_problem
-from pyburgers.joint_stan_data import JointValley, joint_coordinates, joint_data
-from pyburgers.parameters import PROGRAM_PARAMETERS
-from pyburgers.pooling import pooling_of
-from pyburgers.priors import default_priors
-from pyburgers.stan_data import SolverOptions, constant_rate_data
+from pyburgers.model.parameters import PROGRAM_PARAMETERS
+from pyburgers.model.pooling import pooling_of
+from pyburgers.model.priors import default_priors
+from pyburgers.protocols.constant_rate.experiment import load_constant_rate
+from pyburgers.protocols.stan_data import SolverOptions, constant_rate_data
+from pyburgers.sampling.joint_stan_data import JointValley, joint_coordinates, joint_data
+from pyburgers.sampling.problem import JointProblem, joint_problem
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")

@@ -15,11 +15,15 @@ from oracle import GAS_CONSTANT
 from scipy import stats
 from scipy.special import logit
 
-from pyburgers.cmdstan import compile_program, stan_directory
-from pyburgers.constant_rate import ConstantRateExperiment, RateSegment, load_constant_rate
-from pyburgers.parameters import PARAMETERS
-from pyburgers.priors import PriorSet
-from pyburgers.stan_data import (
+from pyburgers.cmdstan.program import compile_program, stan_directory
+from pyburgers.model.parameters import PARAMETERS
+from pyburgers.model.priors import PriorSet
+from pyburgers.protocols.constant_rate.experiment import (
+    ConstantRateExperiment,
+    RateSegment,
+    load_constant_rate,
+)
+from pyburgers.protocols.stan_data import (
     REFERENCE_STRESS,
     PlainCoordinates,
     SolverOptions,

@@ -8,12 +8,15 @@ import pytest
 from conftest import ICE, resolved_priors
 from log_density import Program
 
-from pyburgers.cmdstan import compile_program, stan_directory
-from pyburgers.forced_oscillation import load_forced_oscillation, with_background
-from pyburgers.oscillation import Background
-from pyburgers.priors import PriorSet
-from pyburgers.simulation import REFERENCE_SOLVER, solve
-from pyburgers.stan_data import forced_oscillation_data, plain_coordinates
+from pyburgers.cmdstan.program import compile_program, stan_directory
+from pyburgers.model.priors import PriorSet
+from pyburgers.protocols.forced_oscillation.experiment import (
+    load_forced_oscillation,
+    with_background,
+)
+from pyburgers.protocols.forced_oscillation.preparation import Background
+from pyburgers.protocols.forward import REFERENCE_SOLVER, solve
+from pyburgers.protocols.stan_data import forced_oscillation_data, plain_coordinates
 
 pytestmark = pytest.mark.usefixtures("programs")
 

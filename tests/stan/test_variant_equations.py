@@ -11,13 +11,17 @@ from conftest import ICE, FunctionValues
 from scipy import stats
 from scipy.integrate import solve_ivp
 
-from pyburgers.attenuation import Regime, attenuation_spectrum
-from pyburgers.constant_rate import ConstantRateExperiment, RateSegment, load_constant_rate
-from pyburgers.errors import InputError
-from pyburgers.experiment_files import load_experiment
-from pyburgers.forced_oscillation import OscillationExperiment
-from pyburgers.imposed_stress import simulate_imposed_stress
-from pyburgers.simulation import REFERENCE_SOLVER, simulate, solve
+from pyburgers.common.errors import InputError
+from pyburgers.predictions.attenuation import Regime, attenuation_spectrum
+from pyburgers.predictions.imposed_stress import simulate_imposed_stress
+from pyburgers.protocols.constant_rate.experiment import (
+    ConstantRateExperiment,
+    RateSegment,
+    load_constant_rate,
+)
+from pyburgers.protocols.files import load_experiment
+from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
+from pyburgers.protocols.forward import REFERENCE_SOLVER, simulate, solve
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")

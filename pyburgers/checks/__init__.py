@@ -1,0 +1,1 @@
+"""Checks with a verdict each, over labelled draws."""

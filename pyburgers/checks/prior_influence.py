@@ -1,0 +1,248 @@
+"""Where do the numbers come from: how far prior and data each move a posterior.
+
+Prior or likelihood is raised to a power slightly above and below 1 by weighting the draws; how far
+the marginal distribution of a parameter moves is its sensitivity (Kallioinen, Paananen, Bürkner
+and Vehtari 2024, Statistics and Computing 34, 57).
+"""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+import xarray as xr
+from scipy.special import xlogy
+
+from pyburgers.common.draws import all_draws
+from pyburgers.model.display import shown_quantity
+from pyburgers.model.priors import FLOW_LAW, PriorSet
+from pyburgers.posterior.labelled_draws import free_parameters, smooth_weights, total_log_likelihood
+
+FloatArray = npt.NDArray[np.float64]
+
+POWER_STEP = 0.01
+"""Powers are 1 / (1 + step) and 1 + step: a finite difference around 1."""
+
+SENSITIVE = 0.05
+"""Sensitivity from which a part of the model matters: the threshold of Kallioinen et al. 2024."""
+
+PULL = 0.05
+"""Shift of the mean, in standard deviations for a doubled weight, that counts as a pull."""
+
+AS_WIDE = 0.75
+"""Share of the prior's standard deviation from which a posterior counts as the prior itself."""
+
+JOINT_PRIOR = "flow_law"
+"""Stands for the joint prior of the flow law among the priors of single parameters."""
+
+Origin = Literal[
+    "this number is your prior",
+    "the data decide",
+    "prior and data agree",
+    "prior and data disagree",
+    "prior and data both decide",
+]
+
+THRESHOLDS_TEXT = (
+    "Sensitivity: cumulative Jensen-Shannon distance by which the posterior of a quantity moves, "
+    f"per doubling of the weight of prior or data; from {SENSITIVE:g} on, that part matters. Only "
+    "the prior matters: this number is your prior. Only the data: the data decide. Both matter: "
+    "prior and data disagree where they pull the mean in opposite directions by at least "
+    f"{PULL:g} standard deviations each, else both decide. Neither: this number is your prior "
+    f"where the posterior is at least {AS_WIDE:g} times as wide as it, else prior and data agree. "
+    "A uniform prior has no slope, so that it counts as not mattering; its bounds are not scaled, "
+    "and a posterior that leans on one is held there by the prior whatever the table says. All "
+    "priors count together: along a trade-off that the data leave open, a quantity can be set by "
+    "the prior of another one; the last column names the prior that alone moves the quantity "
+    f"furthest, by at least {SENSITIVE:g}."
+)
+
+
+@dataclass(frozen=True)
+class Influence:
+    """What one quantity owes to prior and data.
+
+    Attributes
+    ----------
+    prior_sensitivity, likelihood_sensitivity : float
+        Distance per doubling of the weight (dimensionless, 0 to about 1).
+    prior_pull, likelihood_pull : float
+        Shift of the mean in posterior standard deviations per doubling of the weight.
+    strongest_prior : str or None
+        Parameter whose prior (or `JOINT_PRIOR`, which alone) moves the quantity furthest; None
+        where none moves it by `SENSITIVE`.
+    width : float or None
+        Posterior over prior standard deviation; None for a quantity without a prior of its own.
+    """
+
+    prior_sensitivity: float
+    likelihood_sensitivity: float
+    prior_pull: float
+    likelihood_pull: float
+    strongest_prior: str | None
+    width: float | None
+
+    @property
+    def origin(self) -> Origin:
+        """Plain words, by the thresholds of `THRESHOLDS_TEXT`."""
+        prior_matters = self.prior_sensitivity >= SENSITIVE
+        data_matter = self.likelihood_sensitivity >= SENSITIVE
+        if prior_matters and not data_matter:
+            return "this number is your prior"
+        if data_matter and not prior_matters:
+            return "the data decide"
+        if not data_matter:
+            as_wide = self.width is not None and self.width >= AS_WIDE
+            return "this number is your prior" if as_wide else "prior and data agree"
+        opposed = self.prior_pull * self.likelihood_pull < 0
+        if opposed and min(abs(self.prior_pull), abs(self.likelihood_pull)) >= PULL:
+            return "prior and data disagree"
+        return "prior and data both decide"
+
+
+def prior_influence(posterior: xr.DataTree, priors: PriorSet) -> dict[str, Influence]:
+    """Tell for every sampled quantity what prior and data do to it.
+
+    Parameters
+    ----------
+    posterior : DataTree
+        Labelled draws with the groups posterior, log_prior (variable lprior) and log_likelihood
+        (one variable, by point). In a test of a joint fit the data are those of all tests.
+    priors : PriorSet
+        Priors of the fit, resolved.
+    """
+    draws = posterior["posterior"].to_dataset()
+    log_prior = all_draws(posterior["log_prior"].to_dataset()["lprior"])
+    log_likelihood = all_draws(total_log_likelihood(posterior))
+    joint = FLOW_LAW if priors.flow_law is not None else ()
+    single = {
+        name: priors[name].distribution().logpdf(all_draws(draws[name]))
+        for name in priors.free
+        if name not in joint
+    }
+    if joint:
+        single[JOINT_PRIOR] = log_prior - sum(single.values())
+    found = {}
+    for name in free_parameters(posterior):
+        values = all_draws(draws[name])
+        by_prior = {key: power_scaling_sensitivity(values, part) for key, part in single.items()}
+        strongest = max(by_prior, key=by_prior.__getitem__)
+        found[name] = Influence(
+            prior_sensitivity=power_scaling_sensitivity(values, log_prior),
+            likelihood_sensitivity=power_scaling_sensitivity(values, log_likelihood),
+            prior_pull=mean_pull(values, log_prior),
+            likelihood_pull=mean_pull(values, log_likelihood),
+            strongest_prior=strongest if by_prior[strongest] >= SENSITIVE else None,
+            width=float(np.std(values, ddof=1) / priors[name].distribution().std())
+            if name in priors.free
+            else None,
+        )
+    return found
+
+
+def influence_table(influences: Mapping[str, Influence]) -> pd.DataFrame:
+    """Sensitivities as text for people, a row for each quantity.
+
+    Returns
+    -------
+    DataFrame
+        Text. Columns quantity, prior, data (sensitivities), sd / prior sd, where it comes from,
+        mostly the prior of.
+    """
+    return pd.DataFrame(
+        [
+            {
+                "quantity": shown_quantity(name).label,
+                "prior": f"{influence.prior_sensitivity:.2f}",
+                "data": f"{influence.likelihood_sensitivity:.2f}",
+                "sd / prior sd": "" if influence.width is None else f"{influence.width:.2f}",
+                "where it comes from": influence.origin,
+                "mostly the prior of": ""
+                if influence.strongest_prior is None
+                else _prior_label(influence.strongest_prior),
+            }
+            for name, influence in influences.items()
+        ]
+    )
+
+
+def influence_numbers(influences: Mapping[str, Influence]) -> pd.DataFrame:
+    """Return every number of `Influence`, and its origin, a row for each quantity."""
+    rows = {name: {**asdict(one), "origin": one.origin} for name, one in influences.items()}
+    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("parameter")
+
+
+def _prior_label(name: str) -> str:
+    return "the flow law, jointly" if name == JOINT_PRIOR else shown_quantity(name).label
+
+
+def influence_text(influences: Mapping[str, Influence]) -> str:
+    """Return the table with what its numbers mean, as plain text."""
+    return f"{influence_table(influences).to_string(index=False)}\n\n{THRESHOLDS_TEXT}\n"
+
+
+def power_scaling_sensitivity(draws: FloatArray, log_component: FloatArray) -> float:
+    """Distance by which a marginal distribution moves per doubling of a component's weight.
+
+    Parameters
+    ----------
+    draws : array, shape (n,)
+        Draws of one quantity; its unit does not matter.
+    log_component : array, shape (n,)
+        Log prior or log likelihood of each draw.
+
+    Returns
+    -------
+    float
+        Mean of the cumulative Jensen-Shannon distances to the posteriors with the component
+        raised to the powers 1 + `POWER_STEP` and its inverse, over log2(1 + `POWER_STEP`).
+    """
+    powers = (1.0 / (1.0 + POWER_STEP), 1.0 + POWER_STEP)
+    weights = [np.exp(smooth_weights((power - 1.0) * log_component)[0]) for power in powers]
+    moved = [max(cumulative_distance(draws, w), cumulative_distance(-draws, w)) for w in weights]
+    return float(np.mean(moved) / np.log2(1.0 + POWER_STEP))
+
+
+def mean_pull(draws: FloatArray, log_component: FloatArray) -> float:
+    """Shift of a mean, in standard deviations, per doubling of a component's weight.
+
+    The derivative of the mean by the power of a component is their covariance.
+
+    Parameters
+    ----------
+    draws, log_component
+        As for `power_scaling_sensitivity`.
+    """
+    covariance = float(np.cov(draws, log_component)[0, 1])
+    return float(np.log(2.0) * covariance / np.std(draws, ddof=1))
+
+
+def cumulative_distance(draws: FloatArray, weights: FloatArray) -> float:
+    """Cumulative Jensen-Shannon distance between draws with equal and with given weights.
+
+    The Jensen-Shannon divergence of two cumulative distribution functions instead of two
+    densities, over its upper bound, and its square root (Nguyen and Vreeken 2015, ECML PKDD).
+
+    Parameters
+    ----------
+    draws : array, shape (n,)
+        Not all the same.
+    weights : array, shape (n,)
+        Positive, adding up to 1.
+
+    Returns
+    -------
+    float
+        0 where the distributions are the same, at most 1.
+    """
+    order = np.argsort(draws)
+    width = np.diff(draws[order])
+    p = np.arange(1, draws.size) / draws.size
+    q = np.cumsum(weights[order])[:-1]
+    middle = 0.5 * (p + q)
+    # The terms (q - p) / (2 ln 2) of the two directed divergences cancel in their sum.
+    divergence = width @ (xlogy(p, p / middle) + xlogy(q, q / middle)) / np.log(2.0)
+    bound = width @ (p + q)
+    return float(np.sqrt(max(0.0, divergence) / bound))

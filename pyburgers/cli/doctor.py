@@ -1,0 +1,161 @@
+"""What a fit needs of the machine, and how to get what is missing."""
+
+import importlib.metadata
+import platform
+import re
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from pyburgers.cmdstan.compilation import cache_directory, executable_path, stan_directory
+from pyburgers.cmdstan.toolchain import (
+    cmdstan_home,
+    cmdstan_version,
+    compiler_version,
+    find_cmdstan,
+    make_version,
+)
+from pyburgers.common.errors import ToolchainError
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that was looked at.
+
+    Attributes
+    ----------
+    name : str
+        What was looked at.
+    ok : bool
+        Whether it is as it has to be.
+    found : str
+        What was found.
+    remedy : str
+        How to mend it; empty if there is nothing to mend.
+    required : bool
+        Whether a fit needs it.
+    """
+
+    name: str
+    ok: bool
+    found: str
+    remedy: str = ""
+    required: bool = True
+
+
+def diagnose() -> tuple[Finding, ...]:
+    """Look at Python, the packages, the compiler, make, CmdStan, the cache and the programs."""
+    return (
+        _python(),
+        *_packages(),
+        _tool("C++ compiler", compiler_version),
+        _tool("make", make_version),
+        _cmdstan(),
+        _cache(),
+        *_programs(),
+    )
+
+
+def can_fit(findings: Sequence[Finding]) -> bool:
+    """Tell whether a fit could run."""
+    return all(finding.ok for finding in findings if finding.required)
+
+
+def format_findings(findings: Sequence[Finding]) -> str:
+    """Return a plain-text table of findings, each remedy in a line of its own."""
+    width = max((len(finding.name) for finding in findings), default=0)
+    lines = []
+    for finding in findings:
+        lines.append(f"{_verdict(finding):<8} {finding.name:<{width}}  {finding.found}")
+        if finding.remedy:
+            lines.append(f"{'':<8} {'':<{width}}  -> {finding.remedy}")
+    return "\n".join(lines)
+
+
+def _verdict(finding: Finding) -> str:
+    if finding.ok:
+        return "ok"
+    return "MISSING" if finding.required else "-"
+
+
+def _python() -> Finding:
+    # Too old a Python is refused when pyburgers is installed.
+    return Finding("Python", True, f"{platform.python_version()} ({sys.executable})")
+
+
+def _packages() -> list[Finding]:
+    """Return a finding for pyburgers and for each package its metadata asks for."""
+    try:
+        requirements = importlib.metadata.requires("pyburgers") or []
+    except importlib.metadata.PackageNotFoundError:
+        return [Finding("pyburgers", False, "not installed", "run `pip install -e .`")]
+    required = [text for text in requirements if "extra ==" not in text]
+    names = ["pyburgers", *(re.split(r"[^\w.-]", text, maxsplit=1)[0] for text in required)]
+    return [_package(name) for name in names]
+
+
+def _package(name: str) -> Finding:
+    try:
+        return Finding(name, True, importlib.metadata.version(name))
+    except importlib.metadata.PackageNotFoundError:
+        return Finding(name, False, "not installed", f"run `pip install {name}`")
+
+
+def _tool(name: str, version: Callable[[], str]) -> Finding:
+    try:
+        return Finding(name, True, version())
+    except ToolchainError as error:
+        return Finding(name, False, "not usable", str(error))
+
+
+def _cmdstan() -> Finding:
+    try:
+        cmdstan = find_cmdstan()
+    except ToolchainError as error:
+        return Finding("CmdStan", False, "not usable", str(error))
+    if cmdstan is None:
+        found = f"none in {cmdstan_home()}, and CMDSTAN is not set"
+        return Finding("CmdStan", False, found, "run `pyburgers install-cmdstan`")
+    return Finding("CmdStan", True, f"{cmdstan_version(cmdstan)} ({cmdstan})")
+
+
+def _cache() -> Finding:
+    folder = cache_directory()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        return Finding(
+            "cache folder",
+            False,
+            f"{folder} cannot be written ({error.strerror})",
+            "make it writable, or set PYBURGERS_CACHE to another folder",
+        )
+    return Finding("cache folder", True, str(folder))
+
+
+def _programs() -> list[Finding]:
+    """Return for each Stan program whether it is compiled; nothing where that cannot be known."""
+    try:
+        cmdstan = find_cmdstan()
+        if cmdstan is None:
+            return []
+        folder = stan_directory()
+        programs = [*sorted(folder.glob("*.stan")), *sorted(folder.glob("reference/*.stan"))]
+        return [_program(program, cmdstan) for program in programs]
+    except ToolchainError:
+        # What keeps a program from being compiled has a finding of its own above.
+        return []
+
+
+def _program(program: Path, cmdstan: Path) -> Finding:
+    compiled = executable_path(program, cmdstan).is_file()
+    return Finding(
+        program.name,
+        compiled,
+        "compiled" if compiled else "not compiled yet; the first fit that needs it does that",
+        required=False,
+    )

@@ -1,0 +1,1 @@
+"""Finds, builds and runs CmdStan: toolchain, installation, compiled programs."""

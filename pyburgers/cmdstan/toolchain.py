@@ -1,0 +1,253 @@
+"""The tools that turn a Stan program into an executable: CmdStan, a C++ compiler and make."""
+
+import logging
+import os
+import platform
+import re
+import shlex
+import shutil
+import subprocess
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import filelock
+
+from pyburgers.common.errors import ToolchainError
+
+logger = logging.getLogger(__name__)
+
+COMPILE_FLAGS: tuple[str, ...] = ()
+"""Variables (``"NAME=value"``) given to CmdStan's make for every program.
+
+None: CmdStan's defaults (``-O3``, range checks on) are portable. ``-march=native`` is left out
+on purpose, since a home folder, and with it the cache, may be shared between machines.
+"""
+
+MINIMUM_VERSION = (2, 27)
+"""The oldest CmdStan that compiles the Stan programs."""
+
+HOW_TO_GET_TOOLS = (
+    "install g++ and make with `apt-get install g++ make` (Debian, Ubuntu), "
+    "`dnf install gcc-c++ make` (Fedora) or `xcode-select --install` (macOS)"
+)
+
+# Set by a make that runs us (`make report`); CmdStan's own make must not inherit its options.
+_MAKE_VARIABLES = frozenset({"MAKEFLAGS", "MFLAGS", "MAKEOVERRIDES", "MAKELEVEL"})
+# Read by CmdStan's makefiles from the environment.
+_COMPILER_VARIABLES = ("CXX", "CXXFLAGS", "CPPFLAGS", "LDFLAGS", "LDLIBS", "O")
+_VERSION = re.compile(r"^CMDSTAN_VERSION\s*:=\s*((\d+)\.(\d+)\.(\d+)(?:-rc(\d+))?)", re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class Toolchain:
+    """What turns a Stan program into an executable.
+
+    Attributes
+    ----------
+    cmdstan_path : Path
+        CmdStan's folder.
+    cmdstan_version : str
+        For example ``"2.27.0"``.
+    compiler : str
+        First line of the C++ compiler's ``--version``.
+    make : str
+        First line of ``make --version``.
+    compile_flags : tuple of str
+        `COMPILE_FLAGS`, then compiler variables of the environment, then the settings of
+        CmdStan's ``make/local`` and of the user's ``~/.config/stan/make.local``.
+    """
+
+    cmdstan_path: Path
+    cmdstan_version: str
+    compiler: str
+    make: str
+    compile_flags: tuple[str, ...]
+
+
+def cmdstan_home() -> Path:
+    """Return the folder of installed CmdStans, the one that cmdstanpy uses as well."""
+    return Path.home() / ".cmdstan"
+
+
+def find_cmdstan() -> Path | None:
+    """Return the CmdStan to use: ``$CMDSTAN``, else the newest usable one in ``~/.cmdstan``.
+
+    Raises
+    ------
+    ToolchainError
+        If ``$CMDSTAN`` is set to something that is not a built CmdStan.
+    """
+    chosen = os.environ.get("CMDSTAN")
+    if chosen:
+        path = Path(chosen).expanduser().absolute()
+        defect = cmdstan_defect(path)
+        if defect is not None:
+            raise ToolchainError(
+                f"The environment variable CMDSTAN is set to {path}, which {defect}; "
+                "set it to a built CmdStan, or unset it and run `pyburgers install-cmdstan`."
+            )
+        return path
+    usable = [path for path in cmdstan_home().glob("cmdstan-*") if cmdstan_defect(path) is None]
+    return max(usable, key=_release, default=None)
+
+
+def cmdstan_version(cmdstan: Path) -> str:
+    """Return the version of the CmdStan in folder `cmdstan`, for example ``"2.27.0"``.
+
+    Raises
+    ------
+    ToolchainError
+        If its makefile does not name one.
+    """
+    match = _version_match(cmdstan)
+    if match is None:
+        raise ToolchainError(f"{cmdstan / 'makefile'} does not name a version of CmdStan.")
+    return match[1]
+
+
+def cmdstan_defect(cmdstan: Path) -> str | None:
+    """Return what keeps folder `cmdstan` from being a usable CmdStan ("is ..."), None if sound."""
+    if not cmdstan.is_dir():
+        return "is not a folder"
+    match = _version_match(cmdstan)
+    if match is None:
+        return "is not a CmdStan folder: it has no makefile that names a version"
+    if (int(match[2]), int(match[3])) < MINIMUM_VERSION:
+        minimum = ".".join(map(str, MINIMUM_VERSION))
+        return f"is CmdStan {match[1]}, while {minimum} or newer is needed"
+    for tool in ("stanc", "stansummary", "diagnose"):
+        if not os.access(cmdstan / "bin" / tool, os.X_OK):
+            return f"is CmdStan {match[1]} but not built: bin/{tool} is missing"
+    return None
+
+
+def compiler_version() -> str:
+    """Return the first line that the C++ compiler says about its version.
+
+    The compiler is ``$CXX``, else clang++ on macOS and g++ elsewhere, as in CmdStan's makefile.
+
+    Raises
+    ------
+    ToolchainError
+        If it is missing or does not work.
+    """
+    default = "clang++" if platform.system() == "Darwin" else "g++"
+    command = shlex.split(os.environ.get("CXX", "")) or [default]
+    return _tool_version(command, "C++ compiler")
+
+
+def make_version() -> str:
+    """Return the first line that make says about its version.
+
+    Raises
+    ------
+    ToolchainError
+        If it is missing or does not work.
+    """
+    return _tool_version(["make"], "build tool")
+
+
+def toolchain(cmdstan: Path) -> Toolchain:
+    """Return the tools that compile programs with the CmdStan in folder `cmdstan`.
+
+    Raises
+    ------
+    ToolchainError
+        If the compiler or make is missing, or `cmdstan` is not a built CmdStan.
+    """
+    defect = cmdstan_defect(cmdstan)
+    if defect is not None:
+        raise ToolchainError(f"{cmdstan} {defect}.")
+    return Toolchain(
+        cmdstan_path=cmdstan,
+        cmdstan_version=cmdstan_version(cmdstan),
+        compiler=compiler_version(),
+        make=make_version(),
+        compile_flags=(*COMPILE_FLAGS, *_environment_flags(), *_make_settings(cmdstan)),
+    )
+
+
+def run_tool(
+    command: Sequence[str | Path], *, cwd: Path, timeout_s: float | None = None
+) -> subprocess.CompletedProcess[str]:
+    """Run a command to its end; all it prints, errors included, is in ``stdout``."""
+    return subprocess.run(
+        command,
+        cwd=cwd,
+        env={name: value for name, value in os.environ.items() if name not in _MAKE_VARIABLES},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        encoding="utf-8",
+        errors="replace",
+        timeout=timeout_s,
+        check=False,
+    )
+
+
+def last_lines(text: str, count: int = 15) -> str:
+    """Return the last lines of what a tool printed, for a message."""
+    return "\n".join(text.rstrip().splitlines()[-count:])
+
+
+@contextmanager
+def process_lock(path: Path, waiting: str) -> Iterator[None]:
+    """Hold a lock between processes and threads; say `waiting` if another one has it."""
+    lock = filelock.FileLock(path)
+    try:
+        lock.acquire(timeout=0)
+    except filelock.Timeout:
+        logger.info(waiting)
+        lock.acquire()
+    try:
+        yield
+    finally:
+        lock.release()
+
+
+def _version_match(cmdstan: Path) -> re.Match[str] | None:
+    makefile = cmdstan / "makefile"
+    if not makefile.is_file():
+        return None
+    return _VERSION.search(makefile.read_text(encoding="utf-8"))
+
+
+def _release(cmdstan: Path) -> tuple[float, ...]:
+    """Return numbers that order releases, release candidates before their release."""
+    match = _version_match(cmdstan)
+    if match is None:
+        return ()
+    _, major, minor, patch, candidate = match.groups(default="inf")
+    return (float(major), float(minor), float(patch), float(candidate))
+
+
+def _tool_version(command: list[str], role: str) -> str:
+    if shutil.which(command[0]) is None:
+        raise ToolchainError(
+            f"The {role} {command[0]} was not found on the PATH; {HOW_TO_GET_TOOLS}."
+        )
+    answer = run_tool([*command, "--version"], cwd=Path.home())
+    if answer.returncode != 0 or not answer.stdout.strip():
+        raise ToolchainError(
+            f"The {role} {command[0]} does not work: `{shlex.join(command)} --version` ended "
+            f"with code {answer.returncode}; {HOW_TO_GET_TOOLS}.\n{last_lines(answer.stdout)}"
+        )
+    return answer.stdout.strip().splitlines()[0]
+
+
+def _environment_flags() -> list[str]:
+    return [f"{name}={os.environ[name]}" for name in _COMPILER_VARIABLES if os.environ.get(name)]
+
+
+def _make_settings(cmdstan: Path) -> list[str]:
+    """Return the user's settings for CmdStan's make, without comments."""
+    files = (cmdstan / "make" / "local", Path.home() / ".config" / "stan" / "make.local")
+    lines = (
+        line.strip()
+        for file in files
+        if file.is_file()
+        for line in file.read_text(encoding="utf-8").splitlines()
+    )
+    return [line for line in lines if line and not line.startswith("#")]

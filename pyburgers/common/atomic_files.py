@@ -1,0 +1,74 @@
+"""Files written whole or not at all, and hashes of what they hold."""
+
+import hashlib
+import json
+import os
+import uuid
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+UNFINISHED = ".unfinished-"
+"""Start of the name of a file that is being written; a killed process leaves it behind."""
+
+
+def sha256_of_json(content: Any) -> str:
+    """Hash of a JSON-serialisable object, independent of key order."""
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def sha256_of_file(path: Path) -> str:
+    """Hash of a file's bytes."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def flush_to_disk(path: Path) -> None:
+    """Make sure that what was written to a file or folder is on the disk."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def write_atomically(path: Path, write: Callable[[Path], None]) -> None:
+    """Let `write` fill a temporary file beside `path`, then rename it over `path`.
+
+    Parameters
+    ----------
+    path : Path
+        Final name; its folder must exist. The temporary name keeps the suffix, which some
+        writers look at.
+    write : callable
+        Receives the temporary path.
+    """
+    temporary = path.with_name(f"{UNFINISHED}{uuid.uuid4().hex}{path.suffix}")
+    try:
+        write(temporary)
+        flush_to_disk(temporary)
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file atomically."""
+    write_atomically(path, lambda temporary: _write_utf8(temporary, text))
+
+
+def _write_utf8(path: Path, text: str) -> None:
+    path.write_text(text, encoding="utf-8")
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a binary file atomically."""
+
+    def write(temporary: Path) -> None:
+        temporary.write_bytes(content)
+
+    write_atomically(path, write)
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Write a JSON file atomically; floats keep every digit, infinities are allowed."""
+    write_text(path, json.dumps(content, indent=1) + "\n")

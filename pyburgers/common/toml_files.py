@@ -1,0 +1,194 @@
+"""TOML files: read, check the structure, write; every error is one sentence.
+
+The structure of a file is a pydantic model derived from `Table`; what a key must hold is said in
+its field's description, which the messages quote.
+"""
+
+import difflib
+import json
+import tomllib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, TypeVar, get_args
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from pyburgers.common.errors import InputError
+
+
+class Table(BaseModel):
+    """A TOML table whose unknown keys, wrong types and non-finite numbers are errors."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+
+TableT = TypeVar("TableT", bound=Table)
+
+
+def read_text(path: Path, where: str | None = None) -> str:
+    """Return the text of an input file.
+
+    Parameters
+    ----------
+    path : Path
+        File to read, UTF-8 with or without byte order mark.
+    where : str, optional
+        File and key that name `path`, for the message.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, unreadable or not text.
+    """
+    prefix = f"{where}: " if where else ""
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise InputError(f"{prefix}file {path} does not exist.") from None
+    except IsADirectoryError:
+        raise InputError(f"{prefix}{path} is a folder; expected a file.") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{prefix}file {path} is not UTF-8 text.") from None
+    except OSError as error:
+        raise InputError(f"{prefix}file {path} cannot be read: {error.strerror}.") from None
+
+
+def read_toml(path: Path, structure: type[TableT]) -> TableT:
+    """Read a TOML file into `structure`.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, is not TOML, or does not have the structure; the message names
+        the first key at fault, unknown keys before all others.
+    """
+    text = read_text(path)
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path}: not a valid TOML file: {error}.") from None
+    try:
+        return structure.model_validate(table)
+    except ValidationError as error:
+        raise InputError(f"{path}: {_sentence(error, structure)}") from None
+
+
+def nearest(name: str, valid: Iterable[str]) -> str:
+    """Return the end of a sentence: the valid spelling nearest to `name`, or all of them."""
+    names = list(valid)
+    close = difflib.get_close_matches(name, names, n=1)
+    return f"did you mean {close[0]!r}?" if close else f"expected one of {', '.join(names)}."
+
+
+def toml_text(table: Mapping[str, Any]) -> str:
+    """Write a table as TOML that `tomllib` reads back to equal values.
+
+    Parameters
+    ----------
+    table : mapping
+        Strings, bools, ints, floats, lists of these, tables and lists of tables, nested at will.
+        A None is left out.
+    """
+    return "\n".join(_table_lines(table, ())).lstrip("\n") + "\n"
+
+
+def _table_lines(table: Mapping[str, Any], path: tuple[str, ...]) -> list[str]:
+    """Lines of one table: its own values first, then its tables."""
+    values = {key: value for key, value in table.items() if value is not None}
+    lines = [
+        f"{_key(key)} = {_value(value)}"
+        for key, value in values.items()
+        if not isinstance(value, Mapping) and not _is_table_list(value)
+    ]
+    for key, value in values.items():
+        inner = (*path, key)
+        header = ".".join(_key(part) for part in inner)
+        if isinstance(value, Mapping):
+            # A table that holds only tables needs no header of its own.
+            only_tables = bool(value) and all(isinstance(v, Mapping) for v in value.values())
+            lines += [] if only_tables else ["", f"[{header}]"]
+            lines += _table_lines(value, inner)
+        elif _is_table_list(value):
+            for entry in value:
+                lines += ["", f"[[{header}]]", *_table_lines(entry, inner)]
+    return lines
+
+
+def _is_table_list(value: object) -> bool:
+    return isinstance(value, list | tuple) and bool(value) and isinstance(value[0], Mapping)
+
+
+def _key(key: str) -> str:
+    bare = key.isascii() and key.replace("-", "_").replace("_", "a").isalnum()
+    return key if bare else _value(key)
+
+
+def _value(value: object) -> str:
+    if isinstance(value, str):
+        # JSON escapes what TOML wants escaped, except DEL.
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int | float):
+        return repr(value)
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(_value(entry) for entry in value) + "]"
+    raise TypeError(f"no TOML form for {value!r}")
+
+
+def _sentence(error: ValidationError, structure: type[Table]) -> str:
+    """First error of a validation in words: key, what was found, what was expected."""
+    errors = error.errors(include_url=False)
+    unknown = [entry for entry in errors if entry["type"] == "extra_forbidden"]
+    first = (unknown or errors)[0]
+    location = first["loc"]
+    parent = _model_at(structure, location[:-1])
+    name = str(location[-1])
+    key = f"key {_describe(location)}"
+    field = parent.model_fields.get(name)
+    meaning = field.description if field is not None else None
+    if first["type"] == "extra_forbidden":
+        return f"unknown {key}, {nearest(name, parent.model_fields)}"
+    if first["type"] == "missing":
+        return f"{key} is missing, expected {meaning or 'a value'}."
+    expected = first["msg"].replace("Input should be ", "")
+    if expected.startswith(("greater", "less")):
+        expected = f"a number {expected}"
+    if meaning is not None:
+        expected = f"{expected} ({meaning})"
+    return f"{key}: found {_shown(first['input'])}, expected {expected}."
+
+
+def _describe(location: tuple[int | str, ...]) -> str:
+    """Key and the table that holds it, as they stand in the file."""
+    *tables, key = location
+    if isinstance(key, int):
+        return f"'{'.'.join(map(str, tables))}', entry {key + 1}"
+    if not tables:
+        return repr(key)
+    if isinstance(tables[-1], int):
+        return f"{key!r} in [[{'.'.join(map(str, tables[:-1]))}]] number {tables[-1] + 1}"
+    return f"{key!r} in [{'.'.join(map(str, tables))}]"
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, Mapping):
+        return "a table"
+    return "a list" if isinstance(value, list) else repr(value)
+
+
+def _model_at(structure: type[Table], location: tuple[int | str, ...]) -> type[Table]:
+    """Return the model of the table at `location` (indices and names of a dict are passed over)."""
+    model = structure
+    for part in location:
+        field = model.model_fields.get(str(part))
+        if field is not None:
+            model = _nested(field.annotation) or model
+    return model
+
+
+def _nested(annotation: Any) -> type[Table] | None:
+    """Return the table model inside an annotation such as ``list[Segment] | None``."""
+    if isinstance(annotation, type) and issubclass(annotation, Table):
+        return annotation
+    return next((model for part in get_args(annotation) if (model := _nested(part))), None)

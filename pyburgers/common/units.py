@@ -1,0 +1,51 @@
+"""Units that input files may use, and their factors to SI.
+
+Conversion happens where files are read and where figures are drawn, nowhere else.
+"""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from pyburgers.common.errors import InputError
+
+UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
+    {
+        "stress": {"Pa": 1.0, "MPa": 1e6, "GPa": 1e9},
+        "viscosity": {"Pa s": 1.0, "MPa s": 1e6, "GPa s": 1e9},
+        "strain": {"fraction": 1.0, "percent": 1e-2},
+        "strain rate": {"1/s": 1.0, "1e-6/s": 1e-6},
+        "time": {"s": 1.0, "min": 60.0, "h": 3600.0},
+        "length": {"m": 1.0, "mm": 1e-3, "um": 1e-6},
+        "molar energy": {"J/mol": 1.0, "kJ/mol": 1e3},
+        "inverse molar energy": {"mol/J": 1.0, "mol/kJ": 1e-3},
+        "temperature": {"K": 1.0},
+        "dimensionless": {"1": 1.0},
+    }
+)
+"""Factor to SI of each unit, by physical quantity."""
+
+
+def factor_to_si(unit: str, quantity: str, where: str) -> float:
+    """Return the factor that turns a value in `unit` into SI.
+
+    Parameters
+    ----------
+    unit : str
+        Unit as written in the file, for example ``"MPa"``.
+    quantity : str
+        A key of `UNITS`, for example ``"stress"``.
+    where : str
+        File and key, for the message.
+
+    Raises
+    ------
+    InputError
+        If `unit` is not a unit of `quantity`.
+    """
+    factors = UNITS[quantity]
+    if unit not in factors:
+        expected = ", ".join(factors)
+        raise InputError(
+            f"{where}: unit {unit!r} is not a unit of {quantity}; expected one of {expected}."
+        )
+    return factors[unit]

@@ -1,0 +1,537 @@
+"""Compare fits of the same data: how well does each predict a point that it has not seen.
+
+The measure is the expected log pointwise predictive density (elpd) by leave-one-out
+cross-validation, approximated from the draws of the fit of all points with Pareto smoothed
+importance sampling (Vehtari, Gelman and Gabry 2017, Statistics and Computing 27, 1413-1432). A
+point whose weights have too heavy a tail (Pareto k above 0.7) is flagged, and can be left out in
+earnest: the fit is repeated without it.
+"""
+
+import itertools
+import json
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+import xarray as xr
+from scipy.special import logsumexp
+
+from pyburgers.checks.sampling_checks import PARETO_K_LIMIT
+from pyburgers.cmdstan.program import load_program
+from pyburgers.common.atomic_files import write_json, write_text
+from pyburgers.common.draws import all_draws
+from pyburgers.common.errors import InputError, SamplingError
+from pyburgers.common.wording import count_points
+from pyburgers.comparison.same_data import check_same_data, data_hash, tests_of
+from pyburgers.fitting.fit import Fit, fit
+from pyburgers.fitting.joint_fit import JointFit
+from pyburgers.posterior.labelled_draws import (
+    GIVEN_OTHERS,
+    pointwise_log_density,
+    relative_efficiency,
+    smooth_weights,
+)
+from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.protocols.forward import REFERENCE_SOLVER, program_for
+from pyburgers.protocols.stan_data import SolverOptions, experiment_block, solver_block
+from pyburgers.sampling.options import SamplerOptions
+
+logger = logging.getLogger(__name__)
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+NO_DIFFERENCE = 4.0
+"""Difference of elpd below which fits predict alike (Sivula et al. 2020, arXiv:2008.10296)."""
+
+CLEAR = 2.0
+"""Standard errors from which a larger difference counts as one."""
+
+COMPARISON_TEXT = (
+    "Measure: expected log predictive density of each point given all others (elpd), by importance "
+    "sampling from the fit of all points; higher is better. Fits whose elpd differs by less than "
+    f"{NO_DIFFERENCE:g} predict alike; a larger difference counts from {CLEAR:g} of its standard "
+    f"errors on. Points with a Pareto k above {PARETO_K_LIMIT} are not reliable; pyburgers compare "
+    "leaves them out by fitting again. Weights are those of the best mixture of the fits, and "
+    "arbitrary between fits that predict alike."
+)
+
+STACKING_TOLERANCE = 1e-8
+MAX_STACKING_STEPS = 100_000
+"""Stacking weights are settled when a step changes none by more than the tolerance."""
+
+
+@dataclass(frozen=True, eq=False)
+class LeaveOneOut:
+    """How well a fit predicts each point from the others.
+
+    Attributes
+    ----------
+    elpd : array, shape (n_points,)
+        Log predictive density of each point given all others; of a stress in Pa (1/Pa).
+    pareto_k : array, shape (n_points,)
+        Shape of the tail of the importance weights of each point.
+    exact : array of bool, shape (n_points,)
+        Whether the point was left out by fitting again, so that its `pareto_k` does not matter.
+    lppd : float
+        Log pointwise predictive density of the points that the fit has seen, summed.
+    """
+
+    elpd: FloatArray
+    pareto_k: FloatArray
+    exact: BoolArray
+    lppd: float
+
+    @property
+    def unreliable(self) -> BoolArray:
+        """Points whose elpd may be far off: Pareto k above 0.7, and not left out in earnest."""
+        flagged: BoolArray = (self.pareto_k > PARETO_K_LIMIT) & ~self.exact
+        return flagged
+
+    @property
+    def total(self) -> float:
+        """Elpd of all points."""
+        return float(self.elpd.sum())
+
+    @property
+    def n_effective(self) -> float:
+        """Effective number of parameters: what seeing a point adds to its own density."""
+        return self.lppd - self.total
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Fits of the same data, the best first.
+
+    Attributes
+    ----------
+    results : mapping of str to LeaveOneOut
+        By name, in order of falling elpd.
+    weights : array, shape (n_fits,)
+        Stacking weights in the same order: shares of the mixture of the fits' predictions that
+        predicts left-out points best (Yao et al. 2018, Bayesian Analysis 13, 917-1007). Between
+        fits that predict alike they are arbitrary.
+    position : DataArray, dimension point
+        Where the points lie: strain, or time (s) of an oscillating test. Those of several tests
+        stand one after the other and have their test as coordinate ``test``.
+    variants : mapping of str to str
+        Variant of the model by name of the fit, as
+        `pyburgers.model.variants.ModelVariant.short_text`.
+    """
+
+    results: Mapping[str, LeaveOneOut]
+    weights: FloatArray
+    position: xr.DataArray
+    variants: Mapping[str, str]
+
+    @property
+    def reliable(self) -> bool:
+        """Whether no point of any fit is left with too heavy a tail."""
+        return not any(result.unreliable.any() for result in self.results.values())
+
+
+def compare(fits: Mapping[str, Fit | JointFit], *, refits: Path | None = None) -> Comparison:
+    """Compare fits of the same data by leave-one-out cross-validation.
+
+    Parameters
+    ----------
+    fits : mapping of str to Fit or JointFit
+        At least two, by name; all of one test, or all joint ones of the same tests.
+    refits : Path, optional
+        Folder for fits without single points, in ``NAME/point_K``: points with a Pareto k above
+        0.7 are left out in earnest. Without it, and in joint fits, they are only flagged.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than two fits, or they are of different data, or one has no likelihood.
+    SamplingError
+        If a fit without a point fails.
+    """
+    if len(fits) < 2:
+        raise InputError(f"compare: found {len(fits)} fits, expected at least two.")
+    check_same_data(fits)
+    found = {}
+    for name, one in fits.items():
+        result = _all_tests([leave_one_out(test.posterior) for test in tests_of(one)])
+        flagged = np.flatnonzero(result.unreliable).tolist()
+        if flagged and refits is not None:
+            if isinstance(one, JointFit):
+                logger.info(
+                    f"{name}: points of a joint fit are not left out one by one, because each "
+                    "would take a fit of all tests; they stay flagged."
+                )
+            elif isinstance(one.experiment, ConstantRateExperiment):
+                result = leave_out_exactly(one, result, flagged, refits / name)
+            else:
+                logger.info(
+                    f"{name}: points of a record of oscillations cannot be left out one by one, "
+                    "because it is prepared as a whole; they stay flagged."
+                )
+        found[name] = result
+    ordered = dict(sorted(found.items(), key=lambda item: -item[1].total))
+    return Comparison(
+        results=ordered,
+        weights=stacking_weights(np.array([result.elpd for result in ordered.values()])),
+        position=_positions(next(iter(fits.values()))),
+        variants={name: one.variant.short_text for name, one in fits.items()},
+    )
+
+
+def leave_one_out(posterior: xr.DataTree) -> LeaveOneOut:
+    """Return the elpd of every point by Pareto smoothed importance sampling.
+
+    Parameters
+    ----------
+    posterior : DataTree
+        Labelled draws with the group log_likelihood: one variable with dimensions chain, draw,
+        point. Where residuals are correlated, the density of a point given all others takes its
+        place (Bürkner, Gabry and Vehtari 2021, Computational Statistics 36, 1243-1261).
+    """
+    pointwise = pointwise_log_density(posterior)
+    by_point = all_draws(pointwise).T
+    # Scaled, since a density in 1/Pa is of the order of 1e-6 and less.
+    scaled = pointwise - pointwise.max(("chain", "draw"))
+    efficiency = relative_efficiency(scaled.copy(data=np.exp(scaled.to_numpy())))
+    elpd, pareto_k = [], []
+    for log_lik, share in zip(by_point, efficiency, strict=True):
+        log_weights, k = smooth_weights(-log_lik, relative_efficiency=float(share))
+        elpd.append(float(logsumexp(log_weights + log_lik)))
+        pareto_k.append(k)
+    n_draws = by_point.shape[1]
+    return LeaveOneOut(
+        elpd=np.array(elpd),
+        pareto_k=np.array(pareto_k),
+        exact=np.zeros(len(elpd), dtype=bool),
+        lppd=float(np.sum(logsumexp(by_point, axis=1) - np.log(n_draws))),
+    )
+
+
+def _all_tests(results: Sequence[LeaveOneOut]) -> LeaveOneOut:
+    """Put the points of several tests one after the other."""
+    return LeaveOneOut(
+        elpd=np.concatenate([one.elpd for one in results]),
+        pareto_k=np.concatenate([one.pareto_k for one in results]),
+        exact=np.concatenate([one.exact for one in results]),
+        lppd=sum(one.lppd for one in results),
+    )
+
+
+def leave_out_exactly(
+    one: Fit, result: LeaveOneOut, points: Sequence[int], folder: Path
+) -> LeaveOneOut:
+    """Replace the elpd of single points by that of fits without them.
+
+    Parameters
+    ----------
+    one : Fit
+        A fit of a test at constant rate.
+    result : LeaveOneOut
+        Of all its points.
+    points : sequence of int
+        Points to leave out, from 0.
+    folder : Path
+        Where the fits go, ``point_K``; those that are there already are used.
+
+    Raises
+    ------
+    InputError
+        If the test is of another protocol: a record of oscillations is prepared as a whole, so a
+        point of it cannot be taken out.
+    SamplingError
+        If a fit fails.
+    """
+    elpd, exact = result.elpd.copy(), result.exact.copy()
+    for point in points:
+        logger.info(
+            f"{one.experiment.id}: Pareto k of point {point + 1} is {result.pareto_k[point]:.2f}; "
+            "fitting again without it."
+        )
+        elpd[point] = log_density_without(one, point, folder / f"point_{point + 1}")
+        exact[point] = True
+    return replace(result, elpd=elpd, exact=exact)
+
+
+def log_density_without(one: Fit, point: int, out: Path) -> float:
+    """Log predictive density (1/Pa) of a point from a fit that has not seen it.
+
+    Parameters
+    ----------
+    one : Fit
+        A fit of a test at constant rate.
+    point : int
+        The point, from 0.
+    out : Path
+        Run directory of the fit without it.
+
+    Raises
+    ------
+    InputError
+        If the test is of another protocol.
+    SamplingError
+        If the fit fails.
+    """
+    experiment = one.experiment
+    if not isinstance(experiment, ConstantRateExperiment):
+        raise InputError(
+            f"{experiment.id}: points of a test of the kind {experiment.protocol!r} cannot be left "
+            "out one by one, expected 'constant_rate'; compare without fitting again."
+        )
+    without = replace(
+        experiment,
+        strain=np.delete(experiment.strain, point),
+        stress=np.delete(experiment.stress, point),
+    )
+    solver = one.manifest["solver"]
+    again = fit(
+        without,
+        one.priors,
+        out=out,
+        options=SamplerOptions(**one.manifest["sampler"]),
+        solver=SolverOptions(solver["tolerance"], solver["max_num_steps"]),
+        command=f"pyburgers compare (point {point + 1} left out)",
+    )
+    log_lik = _log_likelihood_of(again, experiment)[:, point]
+    return float(logsumexp(log_lik) - np.log(log_lik.size))
+
+
+def stacking_weights(elpd: FloatArray) -> FloatArray:
+    """Weights of a mixture of predictions that maximise its leave-one-out density.
+
+    Parameters
+    ----------
+    elpd : array, shape (n_fits, n_points)
+        Log predictive density of each left-out point.
+
+    Returns
+    -------
+    array, shape (n_fits,)
+        Not negative, adding up to 1.
+    """
+    # Any factor common to all fits at a point drops out.
+    density = np.exp(elpd - elpd.max(axis=0))
+    weights: FloatArray = np.full(len(elpd), 1.0 / len(elpd))
+    # Expectation maximisation: the objective is concave and rises with every step.
+    for _ in range(MAX_STACKING_STEPS):
+        share = weights[:, np.newaxis] * density
+        updated = (share / share.sum(axis=0)).mean(axis=1)
+        settled = np.abs(updated - weights).max() < STACKING_TOLERANCE
+        weights = updated
+        if settled:
+            break
+    return weights
+
+
+def comparison_table(comparison: Comparison) -> pd.DataFrame:
+    """Numbers of a comparison, a row for each fit, the best first.
+
+    Returns
+    -------
+    DataFrame
+        Index name; columns variant (what differs from the standard model), elpd, se (its standard
+        error), difference (to the best), difference_se, weight, n_effective, high_k (points with a
+        Pareto k above 0.7), left_out (of these, left out in earnest).
+    """
+    best = next(iter(comparison.results.values()))
+    rows = {}
+    for (name, result), weight in zip(comparison.results.items(), comparison.weights, strict=True):
+        difference, difference_se = elpd_difference(result, best)
+        rows[name] = {
+            "variant": comparison.variants[name],
+            "elpd": result.total,
+            "se": standard_error(result.elpd),
+            "difference": difference,
+            "difference_se": difference_se,
+            "weight": float(weight),
+            "n_effective": result.n_effective,
+            "high_k": int(np.sum(result.pareto_k > PARETO_K_LIMIT)),
+            "left_out": int(result.exact.sum()),
+        }
+    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("fit")
+
+
+def elpd_difference(one: LeaveOneOut, other: LeaveOneOut) -> tuple[float, float]:
+    """Elpd of one fit less that of another, and its standard error over the points."""
+    pointwise = one.elpd - other.elpd
+    return float(pointwise.sum()), standard_error(pointwise)
+
+
+def pointwise_table(comparison: Comparison) -> pd.DataFrame:
+    """Return every point's numbers, a row for each point.
+
+    Returns
+    -------
+    DataFrame
+        Index point (from 1); columns test (of joint fits only), strain or time_s, and for each fit
+        ``NAME elpd``, ``NAME pareto_k`` and ``NAME left_out``.
+    """
+    where = "strain" if comparison.position.name == "strain" else "time_s"
+    columns: dict[str, npt.NDArray[Any]] = {
+        **({"test": comparison.position["test"].to_numpy()} if of_several(comparison) else {}),
+        where: comparison.position.to_numpy(),
+    }
+    for name, result in comparison.results.items():
+        columns |= {
+            f"{name} elpd": result.elpd,
+            f"{name} pareto_k": result.pareto_k,
+            f"{name} left_out": result.exact,
+        }
+    table = pd.DataFrame(columns)
+    table.index = pd.RangeIndex(1, len(table) + 1, name="point")
+    return table
+
+
+def of_several(comparison: Comparison) -> bool:
+    """Tell whether the points are those of several tests."""
+    return "test" in comparison.position.coords
+
+
+def save_comparison(
+    comparison: Comparison, fits: Mapping[str, Fit | JointFit], folder: Path, *, command: str
+) -> None:
+    """Write ``comparison.csv``, ``pointwise.csv`` and ``comparison.json``.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        What to write.
+    fits : mapping of str to Fit or JointFit
+        The fits that were compared.
+    folder : Path
+        An existing folder.
+    command : str
+        What regenerates the comparison.
+    """
+    write_text(folder / "comparison.csv", comparison_table(comparison).to_csv())
+    write_text(folder / "pointwise.csv", pointwise_table(comparison).to_csv())
+    write_json(
+        folder / "comparison.json",
+        {
+            **origins(fits, command=command),
+            "reliable": comparison.reliable,
+            "sentences": list(sentences(comparison)),
+        },
+    )
+
+
+def origins(fits: Mapping[str, Fit | JointFit], *, command: str) -> dict[str, Any]:
+    """Return what the record of a comparison says about where its numbers come from.
+
+    Parameters
+    ----------
+    fits : mapping of str to Fit or JointFit
+        The fits that were compared.
+    command : str
+        What regenerates the comparison.
+    """
+    return {
+        "command": command,
+        "fits": {
+            name: {
+                "directory": one.directory.path.name,
+                "fingerprint": one.manifest["fingerprint"],
+                "variant": one.variant.record(),
+                **({"pooling": one.problem.pooling.record()} if isinstance(one, JointFit) else {}),
+            }
+            for name, one in fits.items()
+        },
+        "data": data_hash(next(iter(fits.values()))),
+    }
+
+
+def sentences(comparison: Comparison) -> tuple[str, ...]:
+    """One sentence for each pair of fits, then one for points that cannot be trusted."""
+    pairs = [
+        pair_sentence(better, worse, *elpd_difference(results[better], results[worse]))
+        for results in [comparison.results]
+        for better, worse in itertools.combinations(results, 2)
+    ]
+    doubts = [
+        f"{name}: its elpd may be far off, because of {_numbered(result.unreliable)} with a Pareto "
+        f"k above {PARETO_K_LIMIT}, not left out by fitting again."
+        for name, result in comparison.results.items()
+        if result.unreliable.any()
+    ]
+    return (*pairs, *doubts)
+
+
+def position(posterior: xr.DataTree) -> xr.DataArray:
+    """Where the points lie: strain, or time (s) where the strain goes back and forth."""
+    positions = posterior["constant_data"].to_dataset()
+    strain = positions["strain"]
+    return strain if bool((strain.diff("point") >= 0).all()) else positions["time"]
+
+
+def _positions(one: Fit | JointFit) -> xr.DataArray:
+    """Where the points of all tests lie."""
+    if isinstance(one, Fit):
+        return position(one.posterior)
+    parts = []
+    for test in tests_of(one):
+        part = position(test.posterior).drop_vars("point")
+        name = np.full(part.size, test.experiment.id)
+        parts.append(part.assign_coords(test=("point", name)))
+    return xr.concat(parts, "point")
+
+
+def _log_likelihood_of(again: Fit, experiment: ConstantRateExperiment) -> FloatArray:
+    """Log density of each point given all others at another fit's draws, (n_draws, n_points)."""
+    run = again.directory
+    # Only the test is exchanged: the coordinates of the draws are those of the other fit.
+    data = {
+        **json.loads(run.stan_data_file.read_text(encoding="utf-8")),
+        **experiment_block(experiment, use_likelihood=True),
+        **solver_block(REFERENCE_SOLVER),
+    }
+    try:
+        quantities = load_program(program_for(experiment)).generate(
+            data, run.draws_files(), seed=again.manifest["sampler"]["seed"]
+        )
+    except SamplingError as error:
+        raise SamplingError(
+            f"{run.path}: some of its draws have no solution at all points of "
+            f"{experiment.id}, so the point left out has no density."
+        ) from error
+    name = GIVEN_OTHERS if GIVEN_OTHERS in quantities else "log_lik"
+    return all_draws(quantities.dataset([name])[name])
+
+
+def standard_error(pointwise: FloatArray) -> float:
+    """Return the standard error of a sum over points, or tests."""
+    return float(np.sqrt(pointwise.size) * np.std(pointwise, ddof=1))
+
+
+def pair_sentence(
+    better: str, worse: str, difference: float, error: float, *, what: str = "these data"
+) -> str:
+    """Say which of two fits predicts better.
+
+    Parameters
+    ----------
+    better, worse : str
+        Their names.
+    difference, error : float
+        Of their elpd, and its standard error.
+    what : str
+        What they predict.
+    """
+    numbers = f"difference of elpd {difference:.1f}, standard error {error:.1f}"
+    if difference < NO_DIFFERENCE:
+        return f"{better} and {worse} predict {what} alike ({numbers})."
+    if difference < CLEAR * error:
+        return (
+            f"{better} predicts {what} better than {worse}, but the difference is within "
+            f"{CLEAR:g} standard errors and decides nothing ({numbers})."
+        )
+    return f"{better} predicts {what} clearly better than {worse} ({numbers})."
+
+
+def _numbered(flags: BoolArray) -> str:
+    """Say how many points, and which, numbered from 1."""
+    numbers = ", ".join(str(k + 1) for k in np.flatnonzero(flags))
+    return f"{count_points(int(flags.sum()))} (number {numbers})"

@@ -1,0 +1,86 @@
+"""Which fits, of one test or of several, are of the same data."""
+
+from collections.abc import Mapping, Sequence
+
+from pyburgers.common.atomic_files import sha256_of_json
+from pyburgers.common.errors import InputError
+from pyburgers.fitting.fit import Fit
+from pyburgers.fitting.joint_fit import JointFit
+
+
+def tests_of(one: Fit | JointFit) -> tuple[Fit, ...]:
+    """Return a fit as fits of its tests, in the order of their names."""
+    if isinstance(one, Fit):
+        return (one,)
+    return tuple(test for _, test in sorted(one.tests().items()))
+
+
+def data_hash(one: Fit | JointFit) -> str:
+    """Hash of observed values and of where they were observed, in all tests."""
+    if isinstance(one, JointFit):
+        return sha256_of_json({name: data_hash(test) for name, test in one.tests().items()})
+    return sha256_of_json(
+        {
+            group: {
+                str(name): values.to_numpy().tolist()
+                for name, values in one.posterior[group].to_dataset().data_vars.items()
+            }
+            for group in ("observed_data", "constant_data")
+        }
+    )
+
+
+def check_same_data(fits: Mapping[str, Fit | JointFit]) -> None:
+    """Check that fits can be compared.
+
+    Parameters
+    ----------
+    fits : mapping of str to Fit or JointFit
+        At least one, by name.
+
+    Raises
+    ------
+    InputError
+        If they are of different data, or one has no likelihood.
+    """
+    (first, one), *others = fits.items()
+    for name, other in fits.items():
+        if not other.manifest["use_likelihood"]:
+            raise InputError(f"{name}: was sampled without likelihood, expected a fit of its data.")
+    wanted = data_hash(one)
+    for name, other in others:
+        if data_hash(other) != wanted:
+            raise InputError(
+                f"{name}: is a fit of other data than {first} ({_data_text(other)}, "
+                f"{_data_text(one)}), expected fits of the same data."
+            )
+
+
+def fits_alone(joint: JointFit, separate: Sequence[Fit]) -> dict[str, Fit | None]:
+    """Return the first fit of the same data, or None, for every test of a joint fit.
+
+    Parameters
+    ----------
+    joint : JointFit
+        The joint fit.
+    separate : sequence of Fit
+        Fits of single tests.
+
+    Returns
+    -------
+    dict
+        By the names of the tests, in the order of the joint fit.
+    """
+    hashes = [(data_hash(other), other) for other in separate]
+    found: dict[str, Fit | None] = {}
+    for name, fit in joint.tests().items():
+        wanted = data_hash(fit)
+        found[name] = next((other for key, other in hashes if key == wanted), None)
+    return found
+
+
+def _data_text(one: Fit | JointFit) -> str:
+    """Say what a fit is of."""
+    tests = tests_of(one)
+    names = "+".join(test.experiment.id for test in tests)
+    return f"{names} with {sum(test.experiment.n_points for test in tests)} points"

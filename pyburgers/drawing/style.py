@@ -1,0 +1,128 @@
+"""What all figures share: colours, letters, rendering; no state of matplotlib is changed."""
+
+import io
+import re
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Generic, Literal, TypeVar
+
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.ticker import MaxNLocator
+from PIL import Image
+
+from pyburgers.common.atomic_files import write_bytes
+
+Drawn = TypeVar("Drawn")
+
+# The palette of Okabe and Ito (2008), which readers with any colour vision can tell apart.
+BLACK, GREY = "#000000", "#b8b8b8"
+ORANGE, SKY_BLUE, GREEN = "#E69F00", "#56B4E9", "#009E73"
+BLUE, VERMILION, PURPLE = "#0072B2", "#D55E00", "#CC79A7"
+PNG_DOTS_PER_INCH, PNG_COLOURS = 100, 128
+"""Pictures are on pages and beside them, so they are small; the palette is chosen for each."""
+
+PALETTE_ROUNDS = 4
+"""Of k-means, with which the palette has the colours of thin lines to two of 255 steps."""
+
+SVG_DOTS_PER_INCH = 50
+"""Of what lies as one picture in vector files: thousands of curves or dots."""
+
+_TAG, _DECIMALS = re.compile(rb"<[^>]*>"), re.compile(rb"(\.\d\d)\d+")
+"""Tags of a vector file, and decimals beyond a hundredth of a point in their coordinates."""
+
+
+@dataclass(frozen=True)
+class FigureText:
+    """What a page says about a figure.
+
+    Attributes
+    ----------
+    name : str
+        Part of file names.
+    title : str
+        Heading.
+    caption : str
+        What is shown and how to read it, one paragraph.
+    """
+
+    name: str
+    title: str
+    caption: str
+
+
+@dataclass(frozen=True)
+class FigureRecipe(FigureText, Generic[Drawn]):
+    """A figure that the pages of all fits of a kind hold.
+
+    Attributes
+    ----------
+    draw : callable
+        Draws it for a fit.
+    """
+
+    draw: Callable[[Drawn], Figure]
+
+
+def style() -> AbstractContextManager[None]:
+    """Set what all figures share; undone when the context ends."""
+    return rc_context(
+        {
+            "font.size": 10.0,
+            "axes.titlesize": 10.0,
+            "axes.labelsize": 10.0,
+            "xtick.labelsize": 9.0,
+            "ytick.labelsize": 9.0,
+            "legend.fontsize": 9.5,
+            "legend.frameon": False,
+            "axes.spines.top": False,
+            "axes.spines.right": False,
+            "axes.formatter.useoffset": False,
+            "svg.hashsalt": "pyburgers",
+            # Vector files keep text as text, and lines to a part of their width.
+            "font.sans-serif": ["DejaVu Sans"],
+            "svg.fonttype": "none",
+            "path.simplify_threshold": 0.5,
+        }
+    )
+
+
+def image(figure: Figure, kind: Literal["png", "svg"]) -> bytes:
+    """Render a figure; the same figure gives the same bytes.
+
+    The layout is made once: its engine moves panels a little each time, and takes as long as the
+    drawing.
+    """
+    # Tick labels are made when a figure is drawn, so the style has to hold here as well.
+    with style():
+        engine = figure.get_layout_engine()
+        if isinstance(engine, ConstrainedLayoutEngine):
+            engine.execute(figure)
+            figure.set_layout_engine(None)
+        buffer = io.BytesIO()
+        if kind == "svg":
+            figure.savefig(buffer, format="svg", dpi=SVG_DOTS_PER_INCH, metadata={"Date": None})
+            return _TAG.sub(lambda tag: _DECIMALS.sub(rb"\1", tag[0]), buffer.getvalue())
+        figure.savefig(buffer, format="png", dpi=PNG_DOTS_PER_INCH)
+    coloured = Image.open(buffer).convert("RGB")
+    few = coloured.quantize(
+        PNG_COLOURS, Image.Quantize.MAXCOVERAGE, kmeans=PALETTE_ROUNDS, dither=Image.Dither.NONE
+    )
+    picture = io.BytesIO()
+    few.save(picture, "png", optimize=True, dpi=(PNG_DOTS_PER_INCH, PNG_DOTS_PER_INCH))
+    return picture.getvalue()
+
+
+def write_images(figure: Figure, path: Path) -> None:
+    """Write a figure as PNG and, beside it, as SVG."""
+    kinds: tuple[Literal["png", "svg"], ...] = ("png", "svg")
+    for kind in kinds:
+        write_bytes(path.with_suffix(f".{kind}"), image(figure, kind))
+
+
+def few_ticks(intervals: int) -> MaxNLocator:
+    """Return ticks at round numbers, few enough for small panels."""
+    return MaxNLocator(intervals, steps=[1, 2, 5, 10])

@@ -1,0 +1,1 @@
+"""Fits: the rooms below in order, and what a finished run says."""

@@ -1,0 +1,106 @@
+"""Several fits at the same time, so that no core waits for the last chain of a fit."""
+
+import logging
+import sys
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from pyburgers.common.messages import messages_to
+from pyburgers.common.processes import completed, cores, number_of_processes
+from pyburgers.fitting.fit import Fit, fit
+from pyburgers.model.priors import PriorSet, load_priors, save_priors
+from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.files import load_experiment, save_experiment
+from pyburgers.sampling.options import SamplerOptions
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What one fit is of.
+
+    Attributes
+    ----------
+    experiment : Experiment
+        A test with data.
+    priors : PriorSet
+        Priors of every parameter.
+    options : SamplerOptions
+        Chains, iterations, seed; how many chains run side by side is set here.
+    """
+
+    experiment: Experiment
+    priors: PriorSet
+    options: SamplerOptions
+
+
+def fit_side_by_side(
+    problems: Mapping[str, Problem], folder: Path, *, jobs: int | None = None, command: str
+) -> dict[str, Fit]:
+    """Fit several experiments, each in a process of its own; continue where a call stopped.
+
+    What the fits themselves say goes to standard error, a line each with the name of the fit
+    before it.
+
+    Parameters
+    ----------
+    problems : mapping of str to Problem
+        By name, begun in this order: those that take longest should come first.
+    folder : Path
+        Of the run directories, ``folder/NAME``.
+    jobs : int, optional
+        Fits at the same time; default one for each core. Cores that are left over run chains.
+    command : str
+        What regenerates the runs, for their manifests.
+
+    Returns
+    -------
+    dict of str to Fit
+        In the order of `problems`.
+
+    Raises
+    ------
+    InputError
+        If an input is wrong or a run directory holds something else.
+    SamplingError
+        If no chain of a fit finished, or the system killed a process.
+    """
+    processes = number_of_processes(jobs, len(problems))
+    chains_each = max(1, cores() // processes)
+    with tempfile.TemporaryDirectory(prefix="pyburgers-") as scratch:
+        calls = {}
+        for name, problem in problems.items():
+            # What a problem holds cannot travel between processes, its files can.
+            inputs = Path(scratch) / name
+            inputs.mkdir()
+            priors_file = inputs / "priors.toml"
+            save_priors(problem.priors, priors_file)
+            options = replace(problem.options, parallel_chains=chains_each)
+            experiment_file = save_experiment(problem.experiment, inputs)
+            calls[name] = (name, experiment_file, priors_file, folder / name, options, command)
+        done = completed(_fit_files, calls, processes=processes, folder=folder)
+        for n_done, (name, _) in enumerate(done, start=1):
+            logger.info(f"Fit {name} is done, {n_done} of {len(problems)}.")
+    return {name: Fit.load(folder / name) for name in problems}
+
+
+def _fit_files(
+    name: str,
+    experiment_file: Path,
+    priors_file: Path,
+    out: Path,
+    options: SamplerOptions,
+    command: str,
+) -> None:
+    """Fit what two files hold, in a process of its own."""
+    with messages_to(sys.stderr, name):
+        fit(
+            load_experiment(experiment_file),
+            load_priors(priors_file),
+            out=out,
+            options=options,
+            command=command,
+        )

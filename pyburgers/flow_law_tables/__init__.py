@@ -1,0 +1,1 @@
+"""Tables of published peak stresses and the flow law fitted to them."""

@@ -1,0 +1,266 @@
+"""Tables of tests, one point each: the peak stress of a test at a rate, temperature and grain size.
+
+A table is a TOML file beside a text file of columns, like an experiment; everything is converted
+to SI on reading. At its peak stress undeformed material flows at the imposed rate, so a table
+holds the flow law (`pyburgers.flow_law_tables.fit`).
+"""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field
+
+from pyburgers.common.atomic_files import write_text
+from pyburgers.common.columns import read_columns
+from pyburgers.common.errors import InputError
+from pyburgers.common.toml_files import Table, read_toml, toml_text
+from pyburgers.common.units import factor_to_si
+from pyburgers.model.flow_law_prior import Conditions
+from pyburgers.protocols.experiment import (
+    Provenance,
+    ProvenanceTable,
+    TextFilesTable,
+    check_column,
+    data_root,
+)
+
+FloatArray = npt.NDArray[np.float64]
+
+LEAST_POINTS = 3
+"""Points below which not even the flow rate, the stress exponent and the scatter can be told."""
+
+ZERO_CELSIUS = 273.15
+"""Kelvin at 0 degrees Celsius."""
+
+QUANTITIES: Mapping[str, str] = {
+    "stress": "stress",
+    "strain_rate": "strain rate",
+    "grain_size": "length",
+}
+"""Columns of a table with a factor to SI, and what they are in `pyburgers.common.units.UNITS`."""
+
+SI_UNITS: Mapping[str, str] = {
+    "temperature": "K",
+    "stress": "Pa",
+    "strain_rate": "1/s",
+    "grain_size": "m",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class PeakStressData:
+    """Points of the flow law of one material, a test each, in SI units.
+
+    Attributes
+    ----------
+    id, material : str
+        Name of the table; the material names the default priors.
+    temperature, stress, strain_rate, grain_size : array, shape (n_points,)
+        K, Pa, 1/s and m; all positive.
+    relative_stress_uncertainty : array, shape (n_points,)
+        Standard deviation of each stress as a fraction of it; 0 where it is taken as exact.
+    provenance : Provenance
+        Where the numbers come from.
+    """
+
+    id: str
+    material: str
+    temperature: FloatArray
+    stress: FloatArray
+    strain_rate: FloatArray
+    grain_size: FloatArray
+    relative_stress_uncertainty: FloatArray
+    provenance: Provenance
+
+    @property
+    def n_points(self) -> int:
+        """Number of tests."""
+        return self.stress.size
+
+    @property
+    def mean_conditions(self) -> Conditions:
+        """Means in which ln(strain rate) is linear: of 1/T, ln(stress) and ln(grain size)."""
+        return Conditions(
+            temperature=float(1 / np.mean(1 / self.temperature)),
+            stress=float(np.exp(np.mean(np.log(self.stress)))),
+            grain_size=float(np.exp(np.mean(np.log(self.grain_size)))),
+        )
+
+
+class _DataTable(TextFilesTable):
+    file: str = Field(description="the data file")
+    temperature_column: Any = Field(description="a column name, or number without header")
+    temperature_unit: Literal["K", "degC"] = Field(description="K or degC")
+    stress_column: Any = Field(description="a column name, or number without header")
+    stress_unit: str = Field(description="Pa, MPa or GPa")
+    strain_rate_column: Any = Field(description="a column name, or number without header")
+    strain_rate_unit: str = Field(description="1/s or 1e-6/s")
+    grain_size_column: Any = Field(description="a column name, or number without header")
+    grain_size_unit: str = Field(description="m, mm or um")
+    relative_stress_uncertainty_column: Any = Field(
+        None, description="a column name, or number without header"
+    )
+
+
+class _PeakStressFile(Table):
+    id: str = Field(
+        pattern=r"^[A-Za-z0-9._-]+$", description="the table's name, part of file names"
+    )
+    material: str = Field(min_length=1, description="the material, such as ice")
+    protocol: Literal["peak_stress"] = Field(description="the kind of table")
+    data: _DataTable = Field(description="the table that says where the columns are")
+    provenance: ProvenanceTable = Field(description="the table that says where data come from")
+
+
+def load_peak_stress(path: str | Path) -> PeakStressData:
+    """Read and check a table of peak stresses and the data file that it names.
+
+    Parameters
+    ----------
+    path : str or Path
+        The TOML file.
+
+    Raises
+    ------
+    InputError
+        If a file, key, unit or number is not what it has to be, or there are fewer than
+        `LEAST_POINTS` points.
+    """
+    path = Path(path)
+    file = read_toml(path, _PeakStressFile)
+    data = file.data
+    names = [*SI_UNITS]
+    if data.relative_stress_uncertainty_column is not None:
+        names.append("relative_stress_uncertainty")
+    columns = {f"{name}_column": getattr(data, f"{name}_column") for name in names}
+    for key, column in columns.items():
+        check_column(path, key, column)
+    factors = {
+        name: factor_to_si(
+            getattr(data, f"{name}_unit"), quantity, f"{path}: key '{name}_unit' in [data]"
+        )
+        for name, quantity in QUANTITIES.items()
+    }
+    source = data_root(path, data) / data.file
+    read = read_columns(
+        source,
+        columns,
+        separator=data.separator,
+        header=data.header,
+        where=str(path),
+        file_key="'file' in [data]",
+    )
+    values = {
+        name: column * factors.get(name, 1.0) for name, column in zip(names, read, strict=True)
+    }
+    if data.temperature_unit == "degC":
+        values["temperature"] = values["temperature"] + ZERO_CELSIUS
+    _check_values(source, values)
+    return PeakStressData(
+        id=file.id,
+        material=file.material,
+        **{"relative_stress_uncertainty": np.zeros(read[0].size), **values},
+        provenance=Provenance(**file.provenance.model_dump()),
+    )
+
+
+def save_peak_stress(data: PeakStressData, directory: Path) -> Path:
+    """Write a self-contained copy, ``peak_stress.toml`` and ``peak_stress.csv``, in SI units.
+
+    `load_peak_stress` reads back equal contents.
+
+    Parameters
+    ----------
+    data : PeakStressData
+        What to write.
+    directory : Path
+        An existing folder.
+
+    Returns
+    -------
+    Path
+        The TOML file.
+    """
+    names = [*SI_UNITS, "relative_stress_uncertainty"]
+    rows = zip(*(getattr(data, name).tolist() for name in names), strict=True)
+    lines = [",".join(names), *(",".join(repr(value) for value in row) for row in rows)]
+    write_text(directory / "peak_stress.csv", "\n".join(lines) + "\n")
+    table = {
+        "id": data.id,
+        "material": data.material,
+        "protocol": "peak_stress",
+        "data": {
+            "file": "peak_stress.csv",
+            **{f"{name}_column": name for name in names},
+            **{f"{name}_unit": unit for name, unit in SI_UNITS.items()},
+        },
+        "provenance": asdict(data.provenance),
+    }
+    target = directory / "peak_stress.toml"
+    write_text(target, toml_text(table))
+    return target
+
+
+def least_squares(data: PeakStressData) -> dict[str, tuple[float, float]]:
+    """Exponents by plain least squares of ln(strain rate), without any effect of temperature.
+
+    Parameters
+    ----------
+    data : PeakStressData
+        The table.
+
+    Returns
+    -------
+    dict
+        Value and standard error of stress_exponent and, where grain sizes differ,
+        grain_size_exponent.
+    """
+    columns = {"stress_exponent": np.log(data.stress)}
+    if np.ptp(data.grain_size) > 0:
+        columns["grain_size_exponent"] = -np.log(data.grain_size)
+    log_rate = np.log(data.strain_rate)
+    design = np.column_stack([np.ones(data.n_points), *columns.values()])
+    coefficients, *_ = np.linalg.lstsq(design, log_rate, rcond=None)
+    residual = log_rate - design @ coefficients
+    variance = float(residual @ residual) / (data.n_points - design.shape[1])
+    errors = np.sqrt(variance * np.diag(np.linalg.inv(design.T @ design)))
+    return {
+        name: (float(coefficients[k]), float(errors[k])) for k, name in enumerate(columns, start=1)
+    }
+
+
+def _check_values(source: Path, values: Mapping[str, FloatArray]) -> None:
+    """Check what the columns hold, in SI units."""
+    n_points = values["stress"].size
+    if n_points < LEAST_POINTS:
+        raise InputError(f"{source}: found {n_points} rows, expected at least {LEAST_POINTS}.")
+    for name, column in values.items():
+        lowest = 0.0 if name == "relative_stress_uncertainty" else np.nextafter(0.0, 1.0)
+        wrong = np.flatnonzero(column < lowest)
+        if wrong.size > 0:
+            wanted = "at least 0" if lowest == 0.0 else "more than 0"
+            raise InputError(
+                f"{source}: data row {wrong[0] + 1}: the {name.replace('_', ' ')} is "
+                f"{column[wrong[0]]:g} in SI units, expected {wanted}."
+            )
+    largest = float(values.get("relative_stress_uncertainty", np.zeros(1)).max())
+    if largest >= 1:
+        raise InputError(
+            f"{source}: found a relative stress uncertainty of {largest:g}, expected a fraction "
+            "below 1."
+        )
+    coldest, warmest = values["temperature"].min(), values["temperature"].max()
+    if not (coldest >= 50 and warmest <= 3000):
+        wrong_one = coldest if coldest < 50 else warmest
+        raise InputError(
+            f"{source}: found a temperature of {wrong_one:g} K, expected kelvin between 50 and "
+            "3000 (key 'temperature_unit' in [data] may be K or degC)."
+        )
+    if np.ptp(np.log(values["stress"])) == 0:
+        raise InputError(
+            f"{source}: all stresses are {values['stress'][0]:g} Pa, expected different ones."
+        )

@@ -1,0 +1,110 @@
+"""How quantities are shown: display units, symbols, digits. Nothing here is read back."""
+
+import math
+
+from pyburgers.common.units import UNITS
+from pyburgers.model.parameters import PARAMETER_BY_NAME, REFERENCE_QUANTITIES, Parameter
+from pyburgers.model.priors import Prior
+
+STRESS_UNIT, STRESS_FACTOR = "MPa", 1.0 / UNITS["stress"]["MPa"]
+STRAIN_UNIT, STRAIN_FACTOR = "%", 1.0 / UNITS["strain"]["percent"]
+LENGTH_UNIT, LENGTH_FACTOR = "µm", 1.0 / UNITS["length"]["um"]
+"""Units of curves and the factors from SI."""
+
+_GREEK = {r"\eta": "η", r"\beta": "β", r"\dot\epsilon": "ε̇", r"\epsilon": "ε"}
+_UNIT_TEXT = {"1": "–", "um": "µm", "1e-6/s": "10⁻⁶/s"}
+
+
+def shown_quantity(name: str) -> Parameter:
+    """Return symbol, label and units of a sampled quantity.
+
+    Parameters
+    ----------
+    name : str
+        A parameter, or a point of the flow law such as the reference stress.
+
+    Raises
+    ------
+    KeyError
+        If there is no such quantity.
+    """
+    return REFERENCE_QUANTITIES.get(name) or PARAMETER_BY_NAME[name]
+
+
+def unit_text(quantity: Parameter) -> str:
+    """Display unit as printed; an en dash where there is none."""
+    return _UNIT_TEXT.get(quantity.display_unit, quantity.display_unit)
+
+
+def axis_label(quantity: Parameter) -> str:
+    """Symbol and unit for an axis, as matplotlib text."""
+    return f"${quantity.symbol}$ ({unit_text(quantity)})"
+
+
+def symbol_text(quantity: Parameter) -> str:
+    """Symbol as plain text, what follows an underscore being its subscript."""
+    text = quantity.symbol.replace("{", "").replace("}", "")
+    for command, letter in _GREEK.items():
+        text = text.replace(command, letter)
+    return text
+
+
+def rounded(value: float, sd: float) -> str:
+    """Return a number with as many decimals as two significant digits of `sd` need.
+
+    Parameters
+    ----------
+    value : float
+        What to print.
+    sd : float
+        Standard deviation in the same unit; without a positive one, four significant digits are
+        printed.
+    """
+    if not (math.isfinite(sd) and sd > 0):
+        return f"{value:.4g}"
+    decimals = max(0, 1 - math.floor(math.log10(sd)))
+    return f"{value:.{decimals}f}"
+
+
+def with_error(value: float, error: float) -> str:
+    """Return a number ± its standard deviation or error, both as `rounded` has them."""
+    return f"{rounded(value, error)} ± {rounded(error, error)}"
+
+
+def number(value: float) -> str:
+    """Return a number as a person wrote it, without the noise of unit conversion."""
+    return f"{value:.6g}"
+
+
+def prior_text(prior: Prior) -> str:
+    """Return a prior in the notation of statistics and display units, such as ``N(65, 2) kJ/mol``.
+
+    U is uniform, N normal with its standard deviation, HN half-normal, LN lognormal with median
+    and standard deviation of the logarithm.
+    """
+    quantity = PARAMETER_BY_NAME[prior.parameter]
+    factor = quantity.display_factor
+    location = number(prior.location * factor)
+    lower, upper = number(prior.lower * factor), number(prior.upper * factor)
+    unit = "" if quantity.display_unit in {"1", "fraction"} else f" {unit_text(quantity)}"
+    match prior.family:
+        case "fixed":
+            return f"fixed: {location}{unit}"
+        case "uniform":
+            return f"U[{lower}, {upper}]{unit}"
+        case "half_normal":
+            # Often a share of the largest stress, whose digits mean nothing.
+            return f"HN({prior.scale * factor:.3g}){unit}"
+        case "lognormal":
+            return f"LN({location}, {number(prior.scale)}){unit}"
+        case "normal":
+            bounds = (math.isfinite(prior.lower), math.isfinite(prior.upper))
+            cut = {
+                (False, False): "",
+                (True, False): f", > {lower}",
+                (False, True): f", < {upper}",
+                (True, True): f", in [{lower}, {upper}]",
+            }[bounds]
+            # A prior taken from another fit has all the digits of a computed number.
+            mean, sd = prior.location * factor, prior.scale * factor
+            return f"N({mean:.4g}, {sd:.3g}){unit}{cut}"

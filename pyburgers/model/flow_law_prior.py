@@ -1,0 +1,246 @@
+"""A flow law as a joint normal distribution: how one kind of data tells another what it knows.
+
+Made from a fit to peak stresses (`pyburgers.flow_law_tables.fit.flow_law_prior`); in the priors of
+a curve it takes the place of those of n, p, Q_M and beta (`with_flow_law` in
+`pyburgers.model.priors`).
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+
+from pyburgers.common.atomic_files import write_json
+from pyburgers.common.errors import InputError
+
+FloatArray = npt.NDArray[np.float64]
+
+PRIOR_QUANTITIES = ("stress_exponent", "grain_size_exponent", "log_reference_flow_rate", "beta")
+"""Quantities of a `FlowLawPrior`: nearly normal and, but for beta, fixed by a table."""
+
+FLOW_LAW_PRIOR_FILE = "flow_law_prior.json"
+"""Name of a saved flow law in a run directory."""
+
+GAS_CONSTANT = 8.314462618  # J/(mol K), as in stan/functions/flow_law.stan
+
+MOMENT_DRAWS = 20_000
+"""Draws for the marginal moments of Q_M, which is not one of the quantities."""
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """Where on the flow law a point lies.
+
+    Attributes
+    ----------
+    temperature : float
+        Kelvin.
+    stress : float
+        Differential stress (Pa).
+    grain_size : float
+        Mean grain size (m).
+    """
+
+    temperature: float
+    stress: float
+    grain_size: float
+
+
+@dataclass(frozen=True, eq=False)
+class FlowLawPrior:
+    """A multivariate normal of a flow law, for fits of other data of the same material.
+
+    Attributes
+    ----------
+    quantities : tuple of str
+        `PRIOR_QUANTITIES`: n, p, ln(flow rate s) at the conditions, beta (mol/J). The activation
+        enthalpy follows from them.
+    mean : array, shape (4,)
+        Of the quantities.
+    covariance : array, shape (4, 4)
+        Of the quantities.
+    conditions : Conditions
+        Where the flow rate holds.
+    material : str
+        What the flow law is of.
+    source : str
+        What it was fitted to.
+    """
+
+    quantities: tuple[str, ...]
+    mean: FloatArray
+    covariance: FloatArray
+    conditions: Conditions
+    material: str
+    source: str
+
+    def checked(self, where: str) -> Self:
+        """Return the prior if it is a distribution of the quantities.
+
+        Parameters
+        ----------
+        where : str
+            File, for messages.
+
+        Raises
+        ------
+        InputError
+            If it is not.
+        """
+        size = len(PRIOR_QUANTITIES)
+        if self.mean.shape != (size,) or self.covariance.shape != (size, size):
+            raise InputError(
+                f"{where}: found a mean of shape {self.mean.shape} and a covariance of shape "
+                f"{self.covariance.shape}, expected ({size},) and ({size}, {size})."
+            )
+        if self.quantities != PRIOR_QUANTITIES:
+            raise InputError(
+                f"{where}: found the quantities {', '.join(self.quantities)}, expected "
+                f"{', '.join(PRIOR_QUANTITIES)}."
+            )
+        if not _is_covariance(self.covariance):
+            raise InputError(
+                f"{where}: found a covariance that is not symmetric and positive definite, "
+                "expected that of a distribution."
+            )
+        if min(asdict(self.conditions).values()) <= 0:
+            raise InputError(f"{where}: found {self.conditions}, expected positive numbers.")
+        return self
+
+    @property
+    def factor(self) -> FloatArray:
+        """Lower Cholesky factor of the covariance, shape (4, 4)."""
+        return np.asarray(np.linalg.cholesky(self.covariance), dtype=np.float64)
+
+    def sample(self, rng: np.random.Generator) -> dict[str, float]:
+        """Draw n, p, Q_M (J/mol) and beta (mol/J), again where n or p is not positive."""
+        while True:
+            n, p, log_rate, beta = self.mean + self.factor @ rng.standard_normal(self.mean.size)
+            if n > 0 and p > 0:
+                return {
+                    "stress_exponent": float(n),
+                    "grain_size_exponent": float(p),
+                    "activation_enthalpy": float(self._activation_enthalpy(n, p, log_rate, beta)),
+                    "beta": float(beta),
+                }
+
+    def marginals(self) -> dict[str, tuple[float, float]]:
+        """Mean and standard deviation of n, p, Q_M (J/mol) and beta (mol/J) each by itself."""
+        rng = np.random.default_rng(0)
+        draws = self.mean + rng.standard_normal((MOMENT_DRAWS, self.mean.size)) @ self.factor.T
+        enthalpy = self._activation_enthalpy(*draws.T)
+        spread = np.sqrt(np.diag(self.covariance))
+        return {
+            "stress_exponent": (float(self.mean[0]), float(spread[0])),
+            "grain_size_exponent": (float(self.mean[1]), float(spread[1])),
+            "activation_enthalpy": (float(np.mean(enthalpy)), float(np.std(enthalpy))),
+            "beta": (float(self.mean[3]), float(spread[3])),
+        }
+
+    def log_flow_rate(self, values: Mapping[str, npt.ArrayLike]) -> FloatArray:
+        """ln(flow rate s) at the conditions: `log_flow_rate` of the Stan functions.
+
+        Parameters
+        ----------
+        values : mapping
+            n, p, Q_M (J/mol) and beta (mol/J) by name, of any shape.
+        """
+        at = self.conditions
+        arrhenius = np.asarray(values["beta"]) - 1 / (GAS_CONSTANT * at.temperature)
+        log_rate: FloatArray = (
+            np.asarray(values["stress_exponent"]) * np.log(at.stress)
+            - np.asarray(values["grain_size_exponent"]) * np.log(at.grain_size)
+            + np.asarray(values["activation_enthalpy"]) * arrhenius
+        )
+        return log_rate
+
+    def _activation_enthalpy(
+        self,
+        stress_exponent: npt.ArrayLike,
+        grain_size_exponent: npt.ArrayLike,
+        log_rate: npt.ArrayLike,
+        beta: npt.ArrayLike,
+    ) -> FloatArray:
+        """Q_M (J/mol) from the quantities: `activation_enthalpy_from_flow` of the Stan functions.
+
+        Outside Stan because priors are drawn from without a compiled program.
+        """
+        at = self.conditions
+        log_factor = (
+            np.asarray(log_rate)
+            - np.asarray(stress_exponent) * np.log(at.stress)
+            + np.asarray(grain_size_exponent) * np.log(at.grain_size)
+        )
+        enthalpy: FloatArray = log_factor / (np.asarray(beta) - 1 / (GAS_CONSTANT * at.temperature))
+        return enthalpy
+
+    def save(self, path: Path) -> None:
+        """Write a JSON file; `load` reads back equal contents."""
+        write_json(
+            path,
+            {
+                "material": self.material,
+                "source": self.source,
+                "quantities": list(self.quantities),
+                "mean": self.mean.tolist(),
+                "covariance": self.covariance.tolist(),
+                "conditions": asdict(self.conditions),
+            },
+        )
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Read what `save` wrote.
+
+        Raises
+        ------
+        InputError
+            If the file is missing or is not such a prior.
+        """
+        try:
+            content = json.loads(Path(path).read_text(encoding="utf-8"))
+            prior = cls(
+                quantities=tuple(content["quantities"]),
+                mean=np.array(content["mean"], dtype=np.float64),
+                covariance=np.array(content["covariance"], dtype=np.float64),
+                conditions=Conditions(**content["conditions"]),
+                material=str(content["material"]),
+                source=str(content["source"]),
+            )
+        except OSError as error:
+            raise InputError(f"{path}: cannot be read ({error.strerror}).") from error
+        except (ValueError, KeyError, TypeError) as error:
+            raise InputError(
+                f"{path}: is not a flow law prior, expected what pyburgers fit-peak-stress writes."
+            ) from error
+        return prior.checked(str(path))
+
+
+def _is_covariance(matrix: FloatArray) -> bool:
+    """Whether a matrix is symmetric and positive definite, whatever the units of its rows."""
+    variance = np.diag(matrix)
+    if not (np.allclose(matrix, matrix.T, rtol=1e-6, atol=0.0) and np.all(variance > 0)):
+        return False
+    correlation = matrix / np.sqrt(np.outer(variance, variance))
+    return bool(np.linalg.eigvalsh(correlation).min() > 0)
+
+
+def load_flow_law_of_run(directory: Path) -> FlowLawPrior:
+    """Read the flow law that a fit to peak stresses left in its run directory.
+
+    Raises
+    ------
+    InputError
+        If the directory is not such a run, or a part of its flow law was fixed.
+    """
+    file = directory / FLOW_LAW_PRIOR_FILE
+    if not file.is_file():
+        raise InputError(
+            f"{directory}: has no {FLOW_LAW_PRIOR_FILE}, expected a run of pyburgers "
+            "fit-peak-stress with the whole flow law free."
+        )
+    return FlowLawPrior.load(file)

@@ -1,0 +1,191 @@
+"""The parameters of the nonlinear Burgers model: names, symbols, units, order.
+
+The order of `PROGRAM_PARAMETERS` is the order of the parameter vector in the Stan programs
+(`stan/functions/parameters.stan`).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from pyburgers.common.units import UNITS
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of the model.
+
+    Attributes
+    ----------
+    name : str
+        Name in files, draws and tables.
+    symbol : str
+        The paper's symbol as matplotlib mathtext, without dollar signs.
+    label : str
+        Plain words for tables and axes.
+    quantity : str
+        Physical quantity, a key of `pyburgers.common.units.UNITS`.
+    si_unit, display_unit : str
+        Unit of stored values and unit of figures and tables.
+    standard : float or None
+        SI value of a parameter of a variant where nothing is said about it: the value that leaves
+        it without effect. None for parameters that always have to be given.
+    """
+
+    name: str
+    symbol: str
+    label: str
+    quantity: str
+    si_unit: str
+    display_unit: str
+    standard: float | None = None
+
+    @property
+    def display_factor(self) -> float:
+        """Factor from SI to `display_unit`."""
+        return 1.0 / UNITS[self.quantity][self.display_unit]
+
+
+PARAMETERS: tuple[Parameter, ...] = (
+    Parameter("maxwell_modulus", r"E_M", "Maxwell modulus", "stress", "Pa", "GPa"),
+    Parameter("kelvin_modulus", r"E_K", "Kelvin modulus", "stress", "Pa", "GPa"),
+    Parameter("kelvin_viscosity", r"\eta_K", "Kelvin viscosity", "viscosity", "Pa s", "GPa s"),
+    Parameter("stress_exponent", r"n", "stress exponent", "dimensionless", "1", "1"),
+    Parameter("grain_size_exponent", r"p", "grain size exponent", "dimensionless", "1", "1"),
+    Parameter(
+        "activation_enthalpy", r"Q_M", "activation enthalpy", "molar energy", "J/mol", "kJ/mol"
+    ),
+    Parameter("beta", r"\beta", "pre-exponent ln(A)/Q", "inverse molar energy", "mol/J", "mol/kJ"),
+    Parameter("steady_state_grain_size", r"d_{ss}", "steady-state grain size", "length", "m", "um"),
+    Parameter(
+        "steady_state_fabric_factor",
+        r"F_{ss}",
+        "steady-state fabric factor",
+        "dimensionless",
+        "1",
+        "1",
+    ),
+    Parameter(
+        "critical_strain_grain_size",
+        r"\epsilon_{c1}",
+        "critical strain of grain size",
+        "strain",
+        "fraction",
+        "fraction",
+    ),
+    Parameter(
+        "critical_strain_fabric",
+        r"\epsilon_{c2}",
+        "critical strain of fabric",
+        "strain",
+        "fraction",
+        "fraction",
+    ),
+    Parameter("stress_noise", r"s", "stress residual", "stress", "Pa", "MPa"),
+)
+"""Every parameter that a prior file has to name, in the order of the Stan programs."""
+
+VARIANT_PARAMETERS: tuple[Parameter, ...] = (
+    Parameter(
+        "kelvin_stress_exponent",
+        r"n_K",
+        "Kelvin stress exponent",
+        "dimensionless",
+        "1",
+        "1",
+        standard=1.0,
+    ),
+    Parameter(
+        "kelvin_activation_enthalpy",
+        r"Q_K",
+        "Kelvin activation enthalpy",
+        "molar energy",
+        "J/mol",
+        "kJ/mol",
+        standard=0.0,
+    ),
+    Parameter(
+        "kelvin_reference_stress",
+        r"q_0",
+        "driving stress of the Kelvin viscosity",
+        "stress",
+        "Pa",
+        "MPa",
+        standard=1e6,
+    ),
+    Parameter(
+        "kelvin_reference_temperature",
+        r"T_0",
+        "temperature of the Kelvin viscosity",
+        "temperature",
+        "K",
+        "K",
+        standard=273.15,
+    ),
+    Parameter(
+        "residual_correlation_strain",
+        r"\epsilon_r",
+        "correlation strain of residuals",
+        "strain",
+        "fraction",
+        "fraction",
+        standard=0.0,
+    ),
+    Parameter(
+        "piezometer_reference_grain_size",
+        r"d_1",
+        "grain size of the piezometer at 1 MPa",
+        "length",
+        "m",
+        "mm",
+        standard=0.0,
+    ),
+)
+"""Parameters of variants (`docs/variants.md`), which a prior file may name."""
+
+STANDARD_VALUES: Mapping[str, float] = MappingProxyType(
+    {p.name: p.standard for p in VARIANT_PARAMETERS if p.standard is not None}
+)
+"""SI values of the parameters of variants where nothing is said about them."""
+
+PROGRAM_PARAMETERS: tuple[Parameter, ...] = (*PARAMETERS, *VARIANT_PARAMETERS)
+"""The parameter vector of the Stan programs for curves."""
+
+CONSTANTS = frozenset(
+    {"kelvin_reference_stress", "kelvin_reference_temperature", "piezometer_reference_grain_size"}
+)
+"""Parameters that are never inferred."""
+
+KELVIN_REFERENCES: Mapping[str, str] = MappingProxyType(
+    {
+        "kelvin_stress_exponent": "kelvin_reference_stress",
+        "kelvin_activation_enthalpy": "kelvin_reference_temperature",
+    }
+)
+"""Where the Kelvin viscosity varies by the first, the second says for what it is given."""
+
+PARAMETER_BY_NAME: Mapping[str, Parameter] = MappingProxyType(
+    {p.name: p for p in PROGRAM_PARAMETERS}
+)
+
+REFERENCE_STRESS_QUANTITY = Parameter(
+    "reference_stress", r"S_0", "reference stress", "stress", "Pa", "MPa"
+)
+"""The stress at which undeformed material flows at the first imposed rate; it follows from the
+parameters and has no prior of its own."""
+
+REFERENCE_FLOW_RATE_QUANTITY = Parameter(
+    "reference_flow_rate",
+    r"\dot\epsilon_0",
+    "reference flow rate",
+    "strain rate",
+    "1/s",
+    "1e-6/s",
+)
+"""The rate at which undeformed material flows at an observed stress (bias, or amplitude where the
+bias is removed); it follows from the parameters and has no prior of its own."""
+
+REFERENCE_QUANTITIES: Mapping[str, Parameter] = MappingProxyType(
+    {q.name: q for q in (REFERENCE_STRESS_QUANTITY, REFERENCE_FLOW_RATE_QUANTITY)}
+)
+"""Points of the flow law that are sampled, by their logarithms, in place of a parameter."""

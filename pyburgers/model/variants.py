@@ -1,0 +1,374 @@
+"""Variants of the model by name: which law each of its parts follows.
+
+A variant is a matter of priors: each choice frees a parameter or fixes it at a value that takes a
+part of the model out. The Stan programs read from the same priors which equations to solve, so
+priors and equations cannot contradict each other, and what a run used can be told from its priors.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, replace
+from functools import cache
+from types import MappingProxyType
+from typing import Any, Literal, get_args, get_type_hints
+
+import numpy as np
+from pydantic import Field
+
+from pyburgers.common.errors import InputError
+from pyburgers.common.toml_files import Table, nearest, read_toml
+from pyburgers.model.parameters import KELVIN_REFERENCES, PARAMETER_BY_NAME, PROGRAM_PARAMETERS
+from pyburgers.model.priors import (
+    Prior,
+    PriorSet,
+    PriorTable,
+    fixed_prior,
+    is_fixed_at,
+    load_prior,
+    shipped_prior_files,
+)
+from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
+
+REFERENCE_STRESS_SHARE = 0.25
+"""Driving stress for which the viscosity of a power-law Kelvin dashpot is given, over the largest
+measured stress: of the order of what drives the element while it creeps."""
+
+NO_EVOLUTION = 1e9
+"""Critical strain at which the microstructure of an oscillating test stays as it is."""
+
+WITHOUT_EFFECT = 1.0
+"""Critical strain where the microstructure is in its steady state from the start."""
+
+PIEZOMETER_GRAIN_SIZE = 0.015
+"""Grain size (m) at 1 MPa of the piezometer of olivine (Eq. 5 of the paper)."""
+
+
+@dataclass(frozen=True)
+class ModelVariant:
+    """Laws of the parts of the model; the defaults are those of the paper at constant rate.
+
+    Attributes
+    ----------
+    kelvin : {"linear", "power_law"}
+        Dashpot of the Kelvin element.
+    maxwell : {"power_law", "linear"}
+        Dashpot of the Maxwell element.
+    grain_size : {"evolving", "constant", "piezometric"}
+        Evolving towards a steady-state size, constant, or evolving towards the size that the
+        piezometer of olivine wants, as it always does in oscillating tests.
+    fabric : {"evolving", "constant"}
+        Crystal fabric; oscillating tests have a constant one.
+    residuals : {"independent", "autocorrelated"}
+        Of the stress, from point to point or along strain.
+    """
+
+    kelvin: Literal["linear", "power_law"] = "linear"
+    maxwell: Literal["power_law", "linear"] = "power_law"
+    grain_size: Literal["evolving", "constant", "piezometric"] = "evolving"
+    fabric: Literal["evolving", "constant"] = "evolving"
+    residuals: Literal["independent", "autocorrelated"] = "independent"
+
+    def record(self) -> dict[str, str]:
+        """Return the choices by name, as manifests hold them."""
+        return asdict(self)
+
+    @property
+    def text(self) -> str:
+        """Every choice in words."""
+        words = {"kelvin": "Kelvin dashpot", "maxwell": "Maxwell dashpot"}
+        return ", ".join(
+            f"{words.get(part, part)} {choice}".replace("_", " ")
+            for part, choice in self.record().items()
+        )
+
+    @property
+    def short_text(self) -> str:
+        """What differs from the paper's model at constant rate, as options of the command line."""
+        standard = ModelVariant().record()
+        different = [
+            f"{part}={choice}" for part, choice in self.record().items() if choice != standard[part]
+        ]
+        return " ".join(different) or "standard"
+
+
+CHOICES: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        field.name: get_args(get_type_hints(ModelVariant)[field.name])
+        for field in fields(ModelVariant)
+    }
+)
+"""Names of the parts and of the laws that each may follow."""
+
+
+def parse_choices(options: Sequence[str], where: str = "--variant") -> dict[str, str]:
+    """Read choices such as ``kelvin=power_law``.
+
+    Parameters
+    ----------
+    options : sequence of str
+        One choice each.
+    where : str
+        Option or argument, for messages.
+
+    Returns
+    -------
+    dict
+        Law by part.
+
+    Raises
+    ------
+    InputError
+        If an option is no choice, names an unknown part or law, or a part comes twice.
+    """
+    choices: dict[str, str] = {}
+    for option in options:
+        part, equals, choice = option.partition("=")
+        if not equals:
+            raise InputError(f"{where} {option}: expected PART=LAW, such as kelvin=power_law.")
+        if part in choices:
+            raise InputError(f"{where} {option}: found a second choice for {part}, expected one.")
+        choices[part] = choice
+    _check_names(choices, where)
+    return choices
+
+
+def with_variant(priors: PriorSet, experiment: Experiment, choices: Mapping[str, str]) -> PriorSet:
+    """Return priors of the model with the chosen laws.
+
+    Parameters
+    ----------
+    priors : PriorSet
+        Priors of the material. What is not chosen stays as they have it.
+    experiment : Experiment
+        The test with data that is to be fitted.
+    choices : mapping of str to str
+        Law by part, see `ModelVariant`.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown, or priors or experiment do not allow a choice.
+    """
+    _check_names(choices, "variant")
+    changed = priors
+    for part, choice in choices.items():
+        changed = _CHANGES[part](changed, experiment, choice)
+    found = variant_of(changed, experiment).record()
+    for part, choice in choices.items():
+        if found[part] != choice:
+            raise InputError(
+                f"{experiment.id}: {part}={choice} does not go with tests of the protocol "
+                f"{experiment.protocol} and these priors ({part} is {found[part]} in them), "
+                f"expected {part}={found[part]} or other priors."
+            )
+    check_variant(changed, experiment)
+    return changed
+
+
+def variant_of(priors: PriorSet, experiment: Experiment) -> ModelVariant:
+    """Tell from the priors which laws a fit of an experiment uses."""
+    oscillating = isinstance(experiment, OscillationExperiment)
+    linear_kelvin = is_fixed_at(priors["kelvin_stress_exponent"], 1.0)
+    linear_maxwell = is_fixed_at(priors["stress_exponent"], 1.0)
+    constant_fabric = oscillating or is_fixed_at(priors["steady_state_fabric_factor"], 1.0)
+    independent = is_fixed_at(priors["residual_correlation_strain"], 0.0)
+    return ModelVariant(
+        kelvin="linear" if linear_kelvin else "power_law",
+        maxwell="linear" if linear_maxwell else "power_law",
+        grain_size=_grain_size_law(priors, experiment),
+        fabric="constant" if constant_fabric else "evolving",
+        residuals="independent" if independent else "autocorrelated",
+    )
+
+
+def check_variant(priors: PriorSet, experiment: Experiment) -> None:
+    """Refuse priors of a variant that the experiment cannot be fitted with.
+
+    Raises
+    ------
+    InputError
+        If residuals are to correlate along strain in an oscillating test, or where two points
+        have the same strain, or if an oscillating test is to have another piezometer.
+    """
+    given = priors["piezometer_reference_grain_size"]
+    if isinstance(experiment, OscillationExperiment) and not is_fixed_at(given, 0.0):
+        raise InputError(
+            f"{experiment.id}: found a prior of piezometer_reference_grain_size, expected none "
+            "because oscillating tests have the piezometer of Eq. 5 of the paper."
+        )
+    if variant_of(priors, experiment).residuals == "independent":
+        return
+    if not isinstance(experiment, ConstantRateExperiment):
+        raise InputError(
+            f"{experiment.id}: residuals=autocorrelated is for tests of the protocol "
+            f"constant_rate, found {experiment.protocol}, where strain goes back and forth."
+        )
+    same = np.flatnonzero(np.diff(experiment.strain) == 0)
+    if same.size > 0:
+        raise InputError(
+            f"{experiment.id}: residuals=autocorrelated needs points at different strains, found "
+            f"two at {experiment.strain[same[0]]:g}; leave one out or average them."
+        )
+
+
+def _check_names(choices: Mapping[str, str], where: str) -> None:
+    for part, choice in choices.items():
+        if part not in CHOICES:
+            raise InputError(f"{where}: unknown part {part!r}, {nearest(part, CHOICES)}")
+        if choice not in CHOICES[part]:
+            raise InputError(
+                f"{where}: unknown law {choice!r} of {part}, {nearest(choice, CHOICES[part])}"
+            )
+
+
+def _grain_size_law(
+    priors: PriorSet, experiment: Experiment
+) -> Literal["evolving", "constant", "piezometric"]:
+    if isinstance(experiment, OscillationExperiment):
+        frozen = is_fixed_at(priors["critical_strain_grain_size"], NO_EVOLUTION)
+        return "constant" if frozen else "piezometric"
+    if not is_fixed_at(priors["piezometer_reference_grain_size"], 0.0):
+        return "piezometric"
+    size = experiment.initial_grain_size
+    return "constant" if is_fixed_at(priors["steady_state_grain_size"], size) else "evolving"
+
+
+def _exchanged(priors: PriorSet, *changed: Prior) -> PriorSet:
+    """Priors with some exchanged or added, in the order of the programs."""
+    merged = {**priors.priors, **{prior.parameter: prior for prior in changed}}
+    ordered = {p.name: merged[p.name] for p in PROGRAM_PARAMETERS if p.name in merged}
+    return replace(priors, priors=MappingProxyType(ordered))
+
+
+def _fixed(name: str, value: float, choice: str) -> Prior:
+    return fixed_prior(PARAMETER_BY_NAME[name], value, f"Variant {choice}")
+
+
+def _choose_kelvin(priors: PriorSet, experiment: Experiment, choice: str) -> PriorSet:
+    exponent = "kelvin_stress_exponent"
+    linear = is_fixed_at(priors[exponent], 1.0)
+    if choice == "linear":
+        return priors if linear else _exchanged(priors, _fixed(exponent, 1.0, "kelvin=linear"))
+    if not linear:
+        return priors
+    references = {
+        "kelvin_reference_stress": float(
+            f"{REFERENCE_STRESS_SHARE * _largest_stress(experiment):.0e}"
+        ),
+        "kelvin_reference_temperature": experiment.temperature,
+    }
+    return _exchanged(
+        priors,
+        _free_priors()[exponent],
+        *(
+            _fixed(name, references[name], "kelvin=power_law")
+            for name in KELVIN_REFERENCES.values()
+            if name not in priors.priors
+        ),
+    )
+
+
+def _choose_maxwell(priors: PriorSet, experiment: Experiment, choice: str) -> PriorSet:
+    """Fix n, or leave it; with n = 1 beta means another A, so its prior moves along.
+
+    The flow rate at the largest measured stress keeps the prior that it has with the power law,
+    to first order in the spread of n.
+    """
+    exponent, beta = priors["stress_exponent"], priors["beta"]
+    if choice == "power_law" or is_fixed_at(exponent, 1.0):
+        return priors
+    if beta.family not in ("normal", "fixed") or np.isfinite([beta.lower, beta.upper]).any():
+        raise InputError(
+            f"{experiment.id}: maxwell=linear moves the prior of beta to another stress exponent, "
+            f"expected a normal one without bounds or a fixed value, found {beta.family!r}; write "
+            "a prior file with stress_exponent fixed at 1 instead."
+        )
+    mean, spread = (exponent.location, 0.0) if exponent.is_fixed else _moments(exponent)
+    enthalpy = priors["activation_enthalpy"].location
+    per_exponent = np.log(_largest_stress(experiment)) / enthalpy
+    moved = replace(
+        beta,
+        location=float(beta.location + (mean - 1) * per_exponent),
+        scale=0.0 if beta.is_fixed else float(np.hypot(beta.scale, spread * per_exponent)),
+        source=f"Variant maxwell=linear: moved to n = 1 at the largest stress; {beta.source}",
+    )
+    return _exchanged(priors, _fixed("stress_exponent", 1.0, "maxwell=linear"), moved)
+
+
+def _choose_grain_size(priors: PriorSet, experiment: Experiment, choice: str) -> PriorSet:
+    name, source = "piezometer_reference_grain_size", f"grain_size={choice}"
+    if isinstance(experiment, OscillationExperiment):
+        critical = _fixed("critical_strain_grain_size", NO_EVOLUTION, source)
+        return _exchanged(priors, critical) if choice == "constant" else priors
+    has_none = is_fixed_at(priors[name], 0.0)
+    if choice == "evolving":
+        return priors if has_none else _exchanged(priors, _fixed(name, 0.0, source))
+    start = _fixed("steady_state_grain_size", experiment.initial_grain_size, source)
+    if choice == "piezometric":
+        # The steady-state size has no effect then.
+        law = _fixed(name, PIEZOMETER_GRAIN_SIZE, source) if has_none else priors[name]
+        return _exchanged(priors, start, law)
+    return _exchanged(
+        priors,
+        start,
+        _fixed("critical_strain_grain_size", WITHOUT_EFFECT, source),
+        *(() if has_none else (_fixed(name, 0.0, source),)),
+    )
+
+
+def _choose_fabric(priors: PriorSet, experiment: Experiment, choice: str) -> PriorSet:
+    if choice != "constant" or isinstance(experiment, OscillationExperiment):
+        return priors
+    return _exchanged(
+        priors,
+        _fixed("steady_state_fabric_factor", 1.0, "fabric=constant"),
+        _fixed("critical_strain_fabric", WITHOUT_EFFECT, "fabric=constant"),
+    )
+
+
+def _choose_residuals(priors: PriorSet, experiment: Experiment, choice: str) -> PriorSet:
+    name = "residual_correlation_strain"
+    independent = is_fixed_at(priors[name], 0.0)
+    if choice == "independent":
+        return priors if independent else _exchanged(priors, _fixed(name, 0.0, "independent"))
+    return _exchanged(priors, _free_priors()[name]) if independent else priors
+
+
+_CHANGES = MappingProxyType(
+    {
+        "kelvin": _choose_kelvin,
+        "maxwell": _choose_maxwell,
+        "grain_size": _choose_grain_size,
+        "fabric": _choose_fabric,
+        "residuals": _choose_residuals,
+    }
+)
+"""What each choice does to the priors."""
+
+
+def _moments(prior: Prior) -> tuple[float, float]:
+    """Mean and standard deviation of a prior."""
+    law = prior.distribution()
+    return float(law.mean()), float(law.std())
+
+
+def _largest_stress(experiment: Experiment) -> float:
+    if experiment.n_points == 0:
+        raise InputError(
+            f"{experiment.id}: the experiment has no data, expected some because the variant is "
+            "set up at the largest stress."
+        )
+    return experiment.largest_stress
+
+
+class _FreeParametersFile(Table):
+    parameters: dict[str, PriorTable] = Field(description="one table for each parameter")
+
+
+@cache
+def _free_priors() -> Mapping[str, Prior]:
+    """Priors of parameters that a variant frees, as shipped."""
+    path = shipped_prior_files("variants")["free_parameters"]
+    tables: dict[str, Any] = read_toml(path, _FreeParametersFile).parameters
+    return MappingProxyType({name: load_prior(path, name, table) for name, table in tables.items()})

@@ -1,0 +1,1 @@
+"""From chain files to labelled draws."""

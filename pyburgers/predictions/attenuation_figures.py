@@ -1,0 +1,205 @@
+"""Figures of attenuation spectra: what is drawn, and beside each how to read it.
+
+Every function takes a spectrum of `pyburgers.predictions.attenuation` and returns a figure of its
+own.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from pyburgers.common.draws import evenly_spaced
+from pyburgers.drawing.panels import draw_thin_lines
+from pyburgers.drawing.style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    ORANGE,
+    PURPLE,
+    SKY_BLUE,
+    VERMILION,
+    style,
+)
+from pyburgers.predictions.attenuation import flat_draws
+
+FloatArray = npt.NDArray[np.float64]
+
+FREQUENCY_LABEL = "frequency (Hz)"
+ATTENUATION_LABEL = r"attenuation $\tan\delta = Q^{-1}$ (–)"
+REGIME_TITLE = "median stress ± amplitude"
+BAND_QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
+FEW_FREQUENCIES = 10
+"""Number of frequencies below which each is marked, and seen if it is the only one."""
+
+DRAWN = 150
+"""Curves of single draws in a panel."""
+
+_COLOURS = (BLUE, GREEN, ORANGE, VERMILION, PURPLE, SKY_BLUE, BLACK)
+_DASHES: tuple[Any, ...] = ("-", "--", "-.", ":", (0, (6, 1, 1, 1, 1, 1)))
+
+ATTENUATION_CAPTION = (
+    "Attenuation of stress cycles about a median stress, predicted from the posterior: lines are "
+    "the medians over draws, dark and light areas hold 50 % and 90 % of the draws at each "
+    "frequency. The Kelvin element gives a peak (a Debye peak), the power-law dashpot a background "
+    "that falls with frequency; the dashpot flows faster at higher stress, so its background rises "
+    "and may bury the peak. The microstructure is frozen as the title says."
+)
+
+DRAWS_CAPTION = (
+    "The same spectra, one panel for each imposed stress, as curves of single draws (thin, at most "
+    "150) with their median (thick). Curves that lie apart but run parallel differ in amplitude, "
+    "which is then what the posterior leaves open; curves that cross or bend at different "
+    "frequencies would differ in where the peak is. The dashed line is the median of the first "
+    "panel, for comparison."
+)
+
+AMPLITUDE_CAPTION = (
+    "What the amplitude of the cycles does at one median stress. Left: attenuation, median and "
+    "90 % of draws. Right: attenuation over that of the smallest amplitude, draw by draw, so that "
+    "what all amplitudes share drops out. A linear material would have the ratio one throughout."
+)
+
+
+def attenuation(spectrum: xr.Dataset, title: str) -> Figure:
+    """Draw median and bands of attenuation against frequency, a colour for each regime."""
+    spectrum = spectrum.sortby("frequency")
+    with style():
+        figure = Figure(figsize=(8.0, 5.6), layout="constrained")
+        axes = figure.subplots()
+        lines = _draw_bands(axes, spectrum, flat_draws(spectrum["tan_delta"]), (0.18, 0.3))
+        axes.set_yscale("log")
+        axes.set_ylabel(ATTENUATION_LABEL)
+        areas = [
+            Patch(color=BLACK, alpha=0.43, label="50 % of draws"),
+            Patch(color=BLACK, alpha=0.18, label="90 % of draws"),
+        ]
+        _legend_above(figure, [*lines, *areas], title)
+    return figure
+
+
+def attenuation_draws(spectrum: xr.Dataset, title: str) -> Figure:
+    """Draw single draws of attenuation against frequency, a panel for each regime."""
+    spectrum = spectrum.sortby("frequency")
+    tan_delta = flat_draws(spectrum["tan_delta"])
+    shown = evenly_spaced(tan_delta, DRAWN)
+    frequency = spectrum["frequency"].to_numpy()
+    medians = np.median(tan_delta, axis=0)
+    n_regimes = len(medians)
+    columns = min(2, n_regimes)
+    rows = -(-n_regimes // columns)
+    with style():
+        # The labels at the ends of two neighbouring axes need room.
+        layout = ConstrainedLayoutEngine(wspace=0.06)
+        figure = Figure(figsize=(4.2 * columns, 2.9 * rows + 0.9), layout=layout)
+        panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+        for k, axes in enumerate(panels.flat):
+            if k >= n_regimes:
+                axes.remove()
+                continue
+            colour = _COLOURS[k % len(_COLOURS)]
+            draw_thin_lines(axes, frequency, shown[:, k], colour, alpha=0.25)
+            if k > 0:
+                axes.loglog(frequency, medians[0], color=BLACK, linestyle="--", linewidth=1.0)
+            axes.loglog(frequency, medians[k], color=BLACK, linewidth=1.8)
+            axes.set_title(f"{REGIME_TITLE}: {spectrum['regime'].to_numpy()[k]}", loc="left")
+            axes.margins(x=0.0)
+        figure.supxlabel(FREQUENCY_LABEL, fontsize=10)
+        figure.supylabel(ATTENUATION_LABEL, fontsize=10)
+        first = spectrum["regime"].to_numpy()[0]
+        figure.legend(
+            handles=[
+                Line2D([], [], color="#777777", linewidth=0.8, label=f"{len(shown)} single draws"),
+                Line2D([], [], color=BLACK, linewidth=1.8, label="median"),
+                Line2D([], [], color=BLACK, linestyle="--", label=f"median at {first}"),
+            ],
+            loc="outside upper center",
+            ncols=3,
+            title=title,
+        )
+    return figure
+
+
+def amplitude_dependence(spectrum: xr.Dataset, title: str) -> Figure:
+    """Draw what the amplitude does: spectra, and their ratios to that of the smallest amplitude.
+
+    Parameters
+    ----------
+    spectrum : Dataset
+        Regimes that share a median stress (`pyburgers.predictions.attenuation.amplitude_regimes`).
+    title : str
+        Heading.
+    """
+    spectrum = spectrum.sortby("frequency")
+    tan_delta = flat_draws(spectrum["tan_delta"])
+    smallest = int(spectrum["amplitude"].to_numpy().argmin())
+    with style():
+        figure = Figure(figsize=(9.0, 4.6), layout="constrained")
+        left, right = figure.subplots(1, 2)
+        lines = _draw_bands(left, spectrum, tan_delta, (0.2,))
+        _draw_bands(right, spectrum, tan_delta / tan_delta[:, [smallest]], (0.2,))
+        left.set_yscale("log")
+        left.set_ylabel(ATTENUATION_LABEL)
+        right.set_ylabel(
+            rf"$\tan\delta$ over that at {spectrum['regime'].to_numpy()[smallest]} (–)"
+        )
+        left.set_title("(a) attenuation", loc="left")
+        right.set_title("(b) relative to the smallest amplitude", loc="left")
+        areas = [Patch(color=BLACK, alpha=0.2, label="90 % of draws")]
+        _legend_above(figure, [*lines, *areas], title)
+    return figure
+
+
+def _legend_above(figure: Figure, handles: Sequence[Patch | Line2D], title: str) -> None:
+    """Put the heading, what the lines are and the legend above the panels."""
+    legend = figure.legend(
+        handles=list(handles),
+        loc="outside upper center",
+        ncols=min(4, -(-len(handles) // 2)),
+        title=f"{title}\nlines: {REGIME_TITLE}",
+    )
+    legend.get_title().set_multialignment("center")
+
+
+def _draw_bands(
+    axes: Axes, spectrum: xr.Dataset, values: FloatArray, opacities: Sequence[float]
+) -> list[Line2D]:
+    """Draw a median and nested bands for each regime; return the lines.
+
+    Parameters
+    ----------
+    values : array, shape (n_draws, n_regimes, n_frequencies)
+        What is drawn.
+    opacities : sequence of float
+        Of the 90 % band and, where there is a second, of the 50 % band inside it.
+    """
+    frequency = spectrum["frequency"].to_numpy()
+    marker = "o" if frequency.size < FEW_FREQUENCIES else ""
+    quantiles = np.quantile(values, BAND_QUANTILES, axis=0)
+    lines = []
+    for k, label in enumerate(spectrum["regime"].to_numpy()):
+        colour = _COLOURS[k % len(_COLOURS)]
+        for band, opacity in enumerate(opacities):
+            low, high = quantiles[band, k], quantiles[-1 - band, k]
+            axes.fill_between(frequency, low, high, color=colour, alpha=opacity, linewidth=0)
+        lines += axes.plot(
+            frequency,
+            quantiles[2, k],
+            color=colour,
+            linestyle=_DASHES[k % len(_DASHES)],
+            linewidth=1.8,
+            marker=marker,
+            label=str(label),
+        )
+    axes.set_xscale("log")
+    if not marker:
+        axes.margins(x=0.0)
+    axes.set_xlabel(FREQUENCY_LABEL)
+    return lines

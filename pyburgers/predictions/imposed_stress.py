@@ -1,0 +1,211 @@
+"""Forward simulation of stress-controlled cycles, through the Stan program.
+
+The time-domain counterpart of `pyburgers.predictions.attenuation`: the median stress is put on a
+material at rest, held, and a sinusoid is added; the microstructure is frozen.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from pyburgers.cmdstan.program import load_program, stan_directory
+from pyburgers.common.errors import InputError, SamplingError
+from pyburgers.model.parameters import KELVIN_REFERENCES, STANDARD_VALUES
+from pyburgers.predictions.attenuation import Regime, checked_frequencies, checked_inputs
+from pyburgers.predictions.phase_lag import PhaseLag, phase_lag
+from pyburgers.protocols.forward import check_kelvin_element
+from pyburgers.protocols.stan_data import SolverOptions, solver_block
+
+FloatArray = npt.NDArray[np.float64]
+
+KELVIN_PARAMETERS = (*KELVIN_REFERENCES.keys(), *KELVIN_REFERENCES.values())
+"""Parameters of a Kelvin element that is not linear, which may be left out."""
+
+HOLD_TIME = 3600.0
+"""Time (s) at the median stress before the cycles: the shortest of the paper's 1 to 2 h."""
+
+SOLVER = SolverOptions(tolerance=1e-12, max_num_steps=1_000_000)
+"""A phase is wrong by about a thousand times the tolerance; steps cost next to nothing here."""
+
+SETTLING_TIMES = 30.0
+"""Relaxation times of the Kelvin element after which its start-up transient is below 1e-13."""
+
+
+def simulate_imposed_stress(
+    parameters: Mapping[str, float],
+    regime: Regime,
+    frequency: float,
+    time: FloatArray,
+    *,
+    temperature: float,
+    grain_size: float,
+    fabric_factor: float = 1.0,
+    hold_time: float = HOLD_TIME,
+    solver: SolverOptions = SOLVER,
+) -> pd.DataFrame:
+    """Solve the model for a hold at the median stress and the cycles after it.
+
+    Parameters
+    ----------
+    parameters : mapping of str to float
+        `pyburgers.predictions.attenuation.PARAMETER_NAMES` (SI), and those of a Kelvin element
+        that is not linear (`pyburgers.model.parameters.KELVIN_REFERENCES`); others are ignored.
+    regime : Regime
+        Median stress and amplitude.
+    frequency : float
+        Hz.
+    time : array, shape (n,)
+        Seconds since the cycles started, increasing, all greater than ``-hold_time``. The start of
+        the cycles, 0, is added.
+    temperature, grain_size, fabric_factor : float
+        K, m, 1; constant.
+    hold_time : float
+        Seconds between putting the median stress on and the cycles.
+    solver : SolverOptions
+        Tolerance and step limit.
+
+    Returns
+    -------
+    DataFrame
+        Columns time_s, stress_Pa, strain, kelvin_strain, dashpot_strain.
+
+    Raises
+    ------
+    InputError
+        If an argument is wrong.
+    SamplingError
+        If the solver finds no solution.
+    """
+    values, size, fabric = checked_inputs(parameters, temperature, grain_size, fabric_factor)
+    if size.ndim != 0:
+        raise InputError(
+            f"parameters: found draws of shape {size.shape}, expected a number for each parameter."
+        )
+    check_kelvin_element(parameters, "parameters")
+    checked_frequencies([frequency])
+    times = _with_start_of_cycles(time, hold_time)
+    data = {
+        **{name: float(value) for name, value in values.items()},
+        **{name: parameters.get(name, STANDARD_VALUES[name]) for name in KELVIN_PARAMETERS},
+        **solver_block(solver),
+        "temperature": temperature,
+        "grain_size": float(size),
+        "fabric_factor": float(fabric),
+        "median_stress": regime.median_stress,
+        "amplitude": regime.amplitude,
+        "frequency": frequency,
+        "hold_time": hold_time,
+        "n_times": times.size,
+        "time": times.tolist(),
+        "n_in_hold": int(np.count_nonzero(times <= 0)),
+    }
+    solution = load_program(stan_directory() / "imposed_stress.stan").evaluate(data)
+    if not np.isfinite(solution["strain"]).all():
+        raise SamplingError(
+            "The solver found no finite strain at these parameters; check their units (SI) and "
+            "the sign of beta."
+        )
+    return pd.DataFrame(
+        {
+            "time_s": times,
+            "stress_Pa": solution["stress"],
+            "strain": solution["strain"],
+            "kelvin_strain": solution["kelvin_strain"],
+            "dashpot_strain": solution["dashpot_strain"],
+        }
+    )
+
+
+def settled_times(
+    kelvin_time: float, frequency: float, *, cycles: int = 6, readings_per_cycle: int = 64
+) -> FloatArray:
+    """Return times of whole cycles that start when the Kelvin element has settled into them.
+
+    Parameters
+    ----------
+    kelvin_time : float
+        Its relaxation time eta_K/E_K, s.
+    frequency : float
+        Hz.
+    cycles, readings_per_cycle : int
+        Size of the record.
+
+    Returns
+    -------
+    array, shape (cycles * readings_per_cycle,)
+        Seconds since the cycles started, evenly spaced.
+    """
+    skipped = int(np.ceil(SETTLING_TIMES * kelvin_time * frequency))
+    readings = np.arange(1, cycles * readings_per_cycle + 1)
+    times: FloatArray = (skipped + readings / readings_per_cycle) / frequency
+    return times
+
+
+def simulated_phase_lag(
+    parameters: Mapping[str, float],
+    regime: Regime,
+    frequency: float,
+    *,
+    temperature: float,
+    grain_size: float,
+    fabric_factor: float = 1.0,
+    cycles: int = 6,
+    n_harmonics: int = 3,
+) -> PhaseLag:
+    """Simulate settled cycles and read the phase lag off the record, as of a measured one.
+
+    A power-law Kelvin element settles more slowly than `settled_times` allows for; simulate longer
+    with `simulate_imposed_stress` there.
+
+    Parameters
+    ----------
+    parameters, regime, frequency, temperature, grain_size, fabric_factor
+        As for `simulate_imposed_stress`.
+    cycles : int
+        Length of the record.
+    n_harmonics : int
+        Of each signal; those left out of a nonlinear record bias the phase a little.
+
+    Returns
+    -------
+    PhaseLag
+        To be compared with `pyburgers.predictions.attenuation.attenuation_spectrum`.
+
+    Raises
+    ------
+    InputError
+        If an argument is wrong.
+    SamplingError
+        If the solver finds no solution.
+    """
+    values, _, _ = checked_inputs(parameters, temperature, grain_size, fabric_factor)
+    kelvin_time = float(values["kelvin_viscosity"] / values["kelvin_modulus"])
+    record = simulate_imposed_stress(
+        parameters,
+        regime,
+        frequency,
+        settled_times(kelvin_time, frequency, cycles=cycles),
+        temperature=temperature,
+        grain_size=grain_size,
+        fabric_factor=fabric_factor,
+    ).iloc[1:]  # the start of the cycles is no part of the record
+    time, strain, stress = (record[name].to_numpy() for name in ("time_s", "strain", "stress_Pa"))
+    # With the microstructure frozen the settled strain drifts at a constant rate.
+    return phase_lag(
+        time, strain, time, stress, period=1 / frequency, degree=1, n_harmonics=n_harmonics
+    )
+
+
+def _with_start_of_cycles(time: FloatArray, hold_time: float) -> FloatArray:
+    """Check output times and add 0."""
+    if not (np.isfinite(hold_time) and hold_time > 0):
+        raise InputError(f"hold_time: found {hold_time:g}, expected a positive number of s.")
+    times = np.asarray(time, dtype=np.float64)
+    if not np.isfinite(times).all() or (np.diff(times) <= 0).any() or (times <= -hold_time).any():
+        raise InputError(
+            f"time: found values that are not increasing or not greater than {-hold_time:g} s, "
+            "expected increasing times after the start of the hold."
+        )
+    return np.union1d(times, [0.0])

@@ -1,0 +1,220 @@
+"""Amplitude and phase lag of the stress in a forced oscillation test, observed and predicted."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+import xarray as xr
+
+from pyburgers.common.draws import all_draws, central_band, evenly_spaced
+from pyburgers.common.errors import InputError
+from pyburgers.fitting.fit import Fit
+from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
+from pyburgers.protocols.forced_oscillation.harmonics import fit_harmonics
+
+FloatArray = npt.NDArray[np.float64]
+
+ANALYSED_CURVES = 1000
+"""Predicted stress curves whose amplitude and lag are taken at most."""
+
+
+@dataclass(frozen=True)
+class ObservedResponse:
+    """What the prepared record says about the stress at the period of the test.
+
+    Attributes
+    ----------
+    amplitude, amplitude_standard_error : float
+        Of the fundamental (Pa).
+    lag, lag_standard_error : float
+        Phase of the stress minus that of the driving strain (rad), in [-pi, pi].
+    """
+
+    amplitude: float
+    amplitude_standard_error: float
+    lag: float
+    lag_standard_error: float
+
+
+@dataclass(frozen=True, eq=False)
+class PredictedResponse:
+    """The same for curves of single draws.
+
+    Attributes
+    ----------
+    amplitude : array, shape (n_curves,)
+        Of the fundamental (Pa).
+    lag : array, shape (n_curves,)
+        Phase of the stress minus that of the driving strain (rad), within pi of the observed one.
+    """
+
+    amplitude: FloatArray
+    lag: FloatArray
+
+
+def oscillation_of(fit: Fit) -> OscillationExperiment:
+    """Return the experiment of a fit, which has to be a forced oscillation test.
+
+    Raises
+    ------
+    InputError
+        If it is not.
+    """
+    if not isinstance(fit.experiment, OscillationExperiment):
+        raise InputError(
+            f"{fit.experiment.id}: found a test without oscillation, expected the fit of a forced "
+            "oscillation test."
+        )
+    return fit.experiment
+
+
+def observed_response(experiment: OscillationExperiment) -> ObservedResponse:
+    """Return amplitude and lag of the measured stress.
+
+    Parameters
+    ----------
+    experiment : OscillationExperiment
+        A test; the errors follow from the uncertainties of its readings.
+    """
+    of_strain, of_stress = experiment.prepared.strain_fit, experiment.prepared.stress_fit
+    strain_phase, strain_error = of_strain.phase()
+    stress_phase, stress_error = of_stress.phase()
+    return ObservedResponse(
+        *of_stress.amplitude(),
+        lag=math.remainder(stress_phase - strain_phase, 2.0 * math.pi),
+        lag_standard_error=math.hypot(strain_error, stress_error),
+    )
+
+
+def predicted_response(fit: Fit) -> PredictedResponse:
+    """Return amplitude and lag of the model's stress, without noise.
+
+    Parameters
+    ----------
+    fit : Fit
+        Of a forced oscillation test; at most `ANALYSED_CURVES` of its draws are taken.
+
+    Raises
+    ------
+    InputError
+        If the fit is of another kind of test.
+    """
+    experiment = oscillation_of(fit)
+    stress = fit.posterior["predictions"].to_dataset()["stress"]
+    return _response(experiment, stress["time"].to_numpy(), stress)
+
+
+def replicated_response(fit: Fit) -> PredictedResponse:
+    """Return amplitude and lag of replicated data, as they would be found in a new record.
+
+    Parameters
+    ----------
+    fit : Fit
+        Of a forced oscillation test; at most `ANALYSED_CURVES` of its draws are taken.
+
+    Raises
+    ------
+    InputError
+        If the fit is of another kind of test.
+    """
+    experiment = oscillation_of(fit)
+    stress = fit.posterior["posterior_predictive"].to_dataset()["stress"]
+    prepared = experiment.prepared
+    return _response(experiment, prepared.time, stress, prepared.uncertainty)
+
+
+def stress_spread(fit: Fit) -> tuple[float, float]:
+    """Spread of the oscillation in the predicted stress, without noise, over the posterior.
+
+    Parameters
+    ----------
+    fit : Fit
+        Of a forced oscillation test.
+
+    Returns
+    -------
+    of_amplitude, of_phase : float
+        Standard deviations of the fundamental's amplitude, relative to its mean, and of its phase
+        (rad), over at most `ANALYSED_CURVES` draws.
+
+    Raises
+    ------
+    InputError
+        If the fit is of another kind of test.
+    """
+    response = predicted_response(fit)
+    of_amplitude = response.amplitude.std(ddof=1) / response.amplitude.mean()
+    return float(of_amplitude), float(response.lag.std(ddof=1))
+
+
+def response_table(fit: Fit) -> pd.DataFrame:
+    """Compare the observed amplitude and lag with what replicated data have.
+
+    Parameters
+    ----------
+    fit : Fit
+        Of a forced oscillation test.
+
+    Returns
+    -------
+    DataFrame
+        Index quantity (amplitude, lag), SI units; columns unit, observed, standard_error, median,
+        q5, q95 (of replicated data) and inside: whether the observed value lies between the two.
+
+    Raises
+    ------
+    InputError
+        If the fit is of another kind of test.
+    """
+    observed, replicated = observed_response(oscillation_of(fit)), replicated_response(fit)
+    rows = {
+        "amplitude": (
+            "Pa",
+            observed.amplitude,
+            observed.amplitude_standard_error,
+            replicated.amplitude,
+        ),
+        "lag": ("rad", observed.lag, observed.lag_standard_error, replicated.lag),
+    }
+    table = {}
+    for name, (unit, value, error, draws) in rows.items():
+        low, median, high = central_band(draws)
+        table[name] = {
+            "unit": unit,
+            "observed": value,
+            "standard_error": error,
+            "median": median,
+            "q5": low,
+            "q95": high,
+            "inside": low <= value <= high,
+        }
+    return pd.DataFrame.from_dict(table, orient="index").rename_axis("quantity")
+
+
+def _response(
+    experiment: OscillationExperiment,
+    time: FloatArray,
+    stress: xr.DataArray,
+    uncertainty: FloatArray | None = None,
+) -> PredictedResponse:
+    """Amplitude and lag of stress curves (Pa) of single draws at times (s), shape (n,)."""
+    curves = all_draws(stress).astype(np.float64)
+    curves = curves[np.isfinite(curves).all(axis=1)]  # draws without solution have NaN
+    prepared = experiment.prepared
+    fits = [
+        fit_harmonics(
+            time,
+            curve,
+            period=prepared.period,
+            degree=prepared.stress_fit.degree,
+            uncertainty=uncertainty,
+        )
+        for curve in evenly_spaced(curves, ANALYSED_CURVES)
+    ]
+    oscillation = np.array([complex(of_curve.sine[0], of_curve.cosine[0]) for of_curve in fits])
+    # Phases about the observed one do not wrap.
+    observed_phase, _ = prepared.stress_fit.phase()
+    difference = np.angle(oscillation * np.exp(-1j * observed_phase))
+    return PredictedResponse(np.abs(oscillation), observed_response(experiment).lag + difference)

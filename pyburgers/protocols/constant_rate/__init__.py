@@ -1,0 +1,1 @@
+"""Tests at piecewise constant strain rate."""

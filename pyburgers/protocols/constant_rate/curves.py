@@ -1,0 +1,141 @@
+"""Measured curves: puts points that are out of place by a reading error in order.
+
+A curve may come in one file or in one file for each rate segment; the points of a file have to
+lie in the strain range of its segment.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from pyburgers.common.errors import InputError
+from pyburgers.common.wording import count_points
+
+FloatArray = npt.NDArray[np.float64]
+
+JITTER_SHARE = 0.01
+JITTER_STRAIN = 1e-3
+"""Largest misplacement of a strain that counts as reading error: 1 % of the test's strain range,
+at most 1e-3.
+
+A curve digitised from a figure is good to about 1 % of the axis. In the dunite curves of Chopra
+and Paterson (1984) as digitised by Masuti and Barbot (2021), strains of tests to 7-12 % are out of
+order by 1e-5 (4581) and 1e-4 (4580), and the first segment of 4580 ends 5e-4 beyond the rate step.
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """Points of one data file as read.
+
+    Attributes
+    ----------
+    path : Path
+        The data file.
+    strain, stress : array, shape (n_rows,)
+        Strain (fraction) and stress (Pa) in the order of the file.
+    lower, upper : float
+        Strains between which the points have to lie.
+    """
+
+    path: Path
+    strain: FloatArray
+    stress: FloatArray
+    lower: float
+    upper: float
+
+
+def join_curves(
+    curves: Sequence[Curve], final_strain: float
+) -> tuple[FloatArray, FloatArray, list[str]]:
+    """Put the points of all files into one curve.
+
+    Parameters
+    ----------
+    curves : sequence of Curve
+        In the order of their segments.
+    final_strain : float
+        Strain (fraction) at the end of the test, which sets the tolerance.
+
+    Returns
+    -------
+    strain, stress : array, shape (n_points,)
+        Strain (fraction, positive, non-decreasing) and stress (Pa).
+    notices : list of str
+        Sentences about what was moved, sorted or dropped.
+
+    Raises
+    ------
+    InputError
+        If strain runs backwards or out of its range by more than a reading error, or no point
+        lies above zero strain.
+    """
+    tolerance = min(JITTER_STRAIN, JITTER_SHARE * final_strain)
+    strains, stresses = [np.empty(0)], [np.empty(0)]
+    notices: list[str] = []
+    for curve in curves:
+        strain, moved = _inside(curve, tolerance)
+        order, sorted_ = _order(curve.path, strain, tolerance)
+        loaded = order[strain[order] > 0]
+        strains.append(strain[loaded])
+        stresses.append(curve.stress[loaded])
+        notices += [*moved, *sorted_, *_dropped(curve.path, len(strain) - len(loaded))]
+    strain, stress = np.concatenate(strains), np.concatenate(stresses)
+    if curves and strain.size == 0:
+        raise InputError(f"{curves[0].path}: every point is at zero strain, expected a curve.")
+    return strain, stress, notices
+
+
+def _inside(curve: Curve, tolerance: float) -> tuple[FloatArray, list[str]]:
+    """Strains with points a reading error outside the range moved onto its ends, and notices."""
+    strain = np.clip(curve.strain, curve.lower, curve.upper)
+    distance = np.abs(strain - curve.strain)
+    worst = int(np.argmax(distance))
+    if distance[worst] > tolerance:
+        raise InputError(
+            f"{curve.path}: data row {worst + 1}: found strain {curve.strain[worst]:g}, expected "
+            f"{_range(curve)} (within {tolerance:.2g})."
+        )
+    if distance[worst] == 0:
+        return strain, []
+    return strain, [
+        f"{curve.path.name}: {count_points(np.count_nonzero(distance))} moved by at most "
+        f"{distance[worst]:.2g} in strain onto the ends of the range from {_range(curve)}."
+    ]
+
+
+def _order(
+    path: Path, strain: FloatArray, tolerance: float
+) -> tuple[npt.NDArray[np.intp], list[str]]:
+    """Stable order of strains that do not truly run backwards, and notices."""
+    backwards = np.maximum.accumulate(strain) - strain
+    worst = int(np.argmax(backwards))
+    if backwards[worst] > tolerance:
+        raise InputError(
+            f"{path}: data row {worst + 1}: found strain {strain[worst]:g}, which runs backwards "
+            f"by {backwards[worst]:.2g}, expected increasing strain (within {tolerance:.2g})."
+        )
+    order = np.argsort(strain, kind="stable")
+    if backwards[worst] == 0:
+        return order, []
+    return order, [
+        f"{path.name}: {count_points(np.count_nonzero(backwards))} out of order by at most "
+        f"{backwards[worst]:.2g} in strain sorted."
+    ]
+
+
+def _dropped(path: Path, number: int) -> list[str]:
+    if number == 0:
+        return []
+    return [
+        f"{path.name}: {count_points(number)} at zero strain dropped, because the model is at "
+        "rest there and its stress is zero whatever the parameters."
+    ]
+
+
+def _range(curve: Curve) -> str:
+    upper = "the end" if np.isinf(curve.upper) else f"{curve.upper:g}"
+    return f"{curve.lower:g} to {upper}"

@@ -1,0 +1,363 @@
+"""Tests at piecewise constant strain rate: the imposed rates, the measured curve, their files."""
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from pyburgers.common.atomic_files import write_text
+from pyburgers.common.columns import Column, read_columns
+from pyburgers.common.errors import InputError
+from pyburgers.common.toml_files import Table, read_toml
+from pyburgers.common.units import factor_to_si
+from pyburgers.common.wording import count_points
+from pyburgers.model.parameters import PARAMETERS
+from pyburgers.protocols.constant_rate.curves import Curve, join_curves
+from pyburgers.protocols.experiment import (
+    Experiment,
+    ExperimentFile,
+    FloatArray,
+    TextFilesTable,
+    check_column,
+    data_root,
+    shared_values,
+    write_experiment,
+)
+
+
+@dataclass(frozen=True)
+class RateSegment:
+    """Part of a test at one imposed strain rate.
+
+    Attributes
+    ----------
+    start_strain : float
+        Strain (fraction) from which the rate holds, until the next segment or the end.
+    strain_rate : float
+        Imposed axial strain rate (1/s), positive.
+    """
+
+    start_strain: float
+    strain_rate: float
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ConstantRateExperiment(Experiment):
+    """One test at piecewise constant strain rate in SI units.
+
+    Attributes
+    ----------
+    segments : tuple of RateSegment
+        The first starts at zero strain; start strains increase.
+    strain : array, shape (n_points,)
+        Axial strain (fraction, positive, non-decreasing) of the stresses. Strains may repeat.
+    final_strain : float
+        Strain at which the protocol ends, not below the last data strain.
+    """
+
+    protocol: ClassVar[str] = "constant_rate"
+    segments: tuple[RateSegment, ...]
+    strain: FloatArray
+    final_strain: float
+
+    def time_at(self, strain: FloatArray) -> FloatArray:
+        """Return the times (s since the start) at which strains are reached.
+
+        Parameters
+        ----------
+        strain : array, shape (n,)
+            Axial strain (fraction), not negative.
+        """
+        starts, rates = _steps(self.segments)
+        segment = np.searchsorted(starts, strain, side="right") - 1
+        times: FloatArray = _step_times(starts, rates)[segment]
+        return times + (strain - starts[segment]) / rates[segment]
+
+
+class _SegmentTable(Table):
+    strain_rate_per_s: float = Field(gt=0, description="the imposed strain rate in 1/s")
+    start_strain: float = Field(ge=0, description="the strain (fraction) at which the rate starts")
+    file: str | None = Field(None, description="the data file of this segment")
+
+
+class _DataTable(TextFilesTable):
+    file: str | None = Field(None, description="the data file of the whole test")
+    strain_column: Any = Field(None, description="a column name, or number without header")
+    strain_unit: str | None = Field(None, description="fraction or percent")
+    time_column: Any = Field(None, description="a column name, or number without header")
+    time_unit: str | None = Field(None, description="s, min or h")
+    stress_column: Any = Field(description="a column name, or number without header")
+    stress_unit: str = Field(description="Pa, MPa or GPa")
+
+
+class _ConstantRateFile(ExperimentFile):
+    protocol: Literal["constant_rate"] = Field(description="the kind of test")
+    final_strain: float | None = Field(
+        None, gt=0, description="the strain (fraction) at the end of the test"
+    )
+    segments: list[_SegmentTable] = Field(min_length=1, description="one table for each rate")
+    data: _DataTable | None = None
+
+
+def load_constant_rate(path: str | Path) -> ConstantRateExperiment:
+    """Read and check the file of a test at constant rate and the data files that it names.
+
+    Strains that are out of order or outside their segment by a reading error (see
+    `pyburgers.protocols.constant_rate.curves`) are put right with a notice. Points at zero strain
+    are dropped with a
+    notice: the model starts at rest, where its stress is zero whatever the parameters. Where data
+    files hold time, it counts from the start of the test and strain follows from the imposed
+    rates.
+
+    Parameters
+    ----------
+    path : str or Path
+        The TOML file.
+
+    Raises
+    ------
+    InputError
+        If a file, key, unit or number is not what it has to be.
+    """
+    path = Path(path)
+    file = read_toml(path, _ConstantRateFile)
+    values = shared_values(path, file)
+    _check_segments(path, file.segments)
+    _check_data_keys(path, file)
+    segments = tuple(RateSegment(s.start_strain, s.strain_rate_per_s) for s in file.segments)
+    curves = _read_curves(path, file, segments)
+    final_strain = _final_strain(path, file, segments, curves)
+    strain, stress, changes = join_curves(curves, final_strain)
+    return ConstantRateExperiment(
+        **values,
+        segments=segments,
+        strain=strain,
+        stress=stress,
+        final_strain=final_strain,
+        notices=tuple(dict.fromkeys([*file.notices, *changes, *_remarks(strain, stress)])),
+    )
+
+
+def save_constant_rate(experiment: ConstantRateExperiment, directory: Path) -> Path:
+    """Write a self-contained copy, ``experiment.toml`` and ``experiment.csv``, in SI units.
+
+    `load_constant_rate` reads back exactly equal contents, notices included.
+
+    Parameters
+    ----------
+    experiment : ConstantRateExperiment
+        What to write.
+    directory : Path
+        An existing folder.
+
+    Returns
+    -------
+    Path
+        The TOML file.
+    """
+    data = None
+    if experiment.n_points > 0:
+        rows = zip(experiment.strain.tolist(), experiment.stress.tolist(), strict=True)
+        lines = ["strain,stress_Pa", *(f"{strain!r},{stress!r}" for strain, stress in rows)]
+        write_text(directory / "experiment.csv", "\n".join(lines) + "\n")
+        data = {
+            "file": "experiment.csv",
+            "separator": ",",
+            "header": True,
+            "strain_column": "strain",
+            "strain_unit": "fraction",
+            "stress_column": "stress_Pa",
+            "stress_unit": "Pa",
+        }
+    return write_experiment(
+        experiment,
+        directory,
+        {
+            "final_strain": experiment.final_strain,
+            "segments": [
+                {"start_strain": s.start_strain, "strain_rate_per_s": s.strain_rate}
+                for s in experiment.segments
+            ],
+            "data": data,
+        },
+    )
+
+
+def _check_segments(path: Path, segments: Sequence[_SegmentTable]) -> None:
+    starts = [segment.start_strain for segment in segments]
+    if starts[0] != 0:
+        raise InputError(
+            f"{path}: key 'start_strain' in [[segments]] number 1: found {starts[0]:g}, expected "
+            "0, the start of the test."
+        )
+    for number, (before, after) in enumerate(itertools.pairwise(starts), start=2):
+        if after <= before:
+            raise InputError(
+                f"{path}: key 'start_strain' in [[segments]] number {number}: found {after:g}, "
+                f"expected more than {before:g}, where the segment before starts."
+            )
+
+
+def _check_data_keys(path: Path, file: _ConstantRateFile) -> None:
+    """Check that keys about data files fit together."""
+    with_file = [segment.file is not None for segment in file.segments]
+    data = file.data
+    if data is None:
+        if any(with_file):
+            raise InputError(
+                f"{path}: table [data] is missing, expected it because a segment has a 'file'."
+            )
+        if file.final_strain is None:
+            raise InputError(
+                f"{path}: key 'final_strain' is missing, expected the strain (fraction) at the "
+                "end of the test because there is no [data]."
+            )
+        return
+    if data.file is not None and any(with_file):
+        raise InputError(
+            f"{path}: key 'file': found it in [data] and in [[segments]], expected one of the two."
+        )
+    if data.file is None and not all(with_file):
+        raise InputError(
+            f"{path}: key 'file' is missing, expected it in [data] or in every one of [[segments]]."
+        )
+    if (data.strain_column is None) == (data.time_column is None):
+        raise InputError(
+            f"{path}: [data] needs exactly one of the keys 'strain_column' and 'time_column'."
+        )
+    for quantity in ("strain", "time"):
+        column = getattr(data, f"{quantity}_column")
+        unit = getattr(data, f"{quantity}_unit")
+        if (column is None) != (unit is None):
+            raise InputError(
+                f"{path}: [data] needs both or neither of the keys '{quantity}_column' and "
+                f"'{quantity}_unit'."
+            )
+    for key in ("strain_column", "time_column", "stress_column"):
+        column = getattr(data, key)
+        if column is not None:
+            check_column(path, key, column)
+
+
+def _read_curves(
+    path: Path, file: _ConstantRateFile, segments: Sequence[RateSegment]
+) -> list[Curve]:
+    """Read the data files, in SI units but otherwise as they are."""
+    data = file.data
+    if data is None:
+        return []
+    root = data_root(path, data)
+    end = np.inf if file.final_strain is None else file.final_strain
+    if data.file is not None:
+        strain, stress = _read_points(path, root / data.file, data, segments, "'file' in [data]")
+        return [Curve(root / data.file, strain, stress, 0.0, end)]
+    bounds = [*(segment.start_strain for segment in segments), end]
+    curves = []
+    for k, segment in enumerate(file.segments):
+        source = root / str(segment.file)
+        key = f"'file' in [[segments]] number {k + 1}"
+        strain, stress = _read_points(path, source, data, segments, key)
+        curves.append(Curve(source, strain, stress, bounds[k], bounds[k + 1]))
+    return curves
+
+
+def _read_points(
+    path: Path, source: Path, data: _DataTable, segments: Sequence[RateSegment], file_key: str
+) -> tuple[FloatArray, FloatArray]:
+    """Strain (fraction) and stress (Pa) of one file, each of shape (n_rows,)."""
+    abscissa: Literal["strain", "time"] = "strain" if data.strain_column is not None else "time"
+    units = {abscissa: getattr(data, f"{abscissa}_unit"), "stress": data.stress_unit}
+    factors = {
+        quantity: factor_to_si(unit, quantity, f"{path}: key '{quantity}_unit' in [data]")
+        for quantity, unit in units.items()
+    }
+    columns: dict[str, Column] = {
+        f"{abscissa}_column": getattr(data, f"{abscissa}_column"),
+        "stress_column": data.stress_column,
+    }
+    position, stress = read_columns(
+        source,
+        columns,
+        separator=data.separator,
+        header=data.header,
+        where=str(path),
+        file_key=file_key,
+    )
+    position = position * factors[abscissa]
+    strain = position if abscissa == "strain" else _strain_at(position, segments)
+    return strain, stress * factors["stress"]
+
+
+def _steps(segments: Sequence[RateSegment]) -> tuple[FloatArray, FloatArray]:
+    """Start strains and rates (1/s) of the segments, each of shape (n_segments,)."""
+    return (
+        np.array([segment.start_strain for segment in segments]),
+        np.array([segment.strain_rate for segment in segments]),
+    )
+
+
+def _step_times(starts: FloatArray, rates: FloatArray) -> FloatArray:
+    """Return the times (s) at which the segments start."""
+    return np.concatenate([[0.0], np.cumsum(np.diff(starts) / rates[:-1])])
+
+
+def _strain_at(time: FloatArray, segments: Sequence[RateSegment]) -> FloatArray:
+    """Strain reached at times (s since the start); the first rate holds for times before it."""
+    starts, rates = _steps(segments)
+    times = _step_times(starts, rates)
+    segment = np.clip(np.searchsorted(times, time, side="right") - 1, 0, None)
+    strain: FloatArray = starts[segment] + (time - times[segment]) * rates[segment]
+    return strain
+
+
+def _final_strain(
+    path: Path, file: _ConstantRateFile, segments: Sequence[RateSegment], curves: Sequence[Curve]
+) -> float:
+    """Return the end of the protocol: the key, or else the largest strain in the data."""
+    last_start = segments[-1].start_strain
+    last_segment = f"'start_strain' in [[segments]] number {len(segments)}"
+    if file.final_strain is None:
+        final = max(float(np.max(curve.strain)) for curve in curves)
+        if final <= last_start:
+            raise InputError(
+                f"{path}: key {last_segment} is {last_start:g}, but the data end at strain "
+                f"{final:g}, expected data beyond it or the key 'final_strain'."
+            )
+        return final
+    if file.final_strain <= last_start:
+        raise InputError(
+            f"{path}: key 'final_strain': found {file.final_strain:g}, expected more than "
+            f"{last_start:g}, the {last_segment}."
+        )
+    return file.final_strain
+
+
+def _remarks(strain: FloatArray, stress: FloatArray) -> list[str]:
+    """Sentences about data that can be used but that a reader should know about.
+
+    They name no file, so that a saved copy gives the same ones.
+    """
+    if strain.size == 0:
+        return []
+    remarks = []
+    repeated = np.count_nonzero(np.diff(strain) == 0)
+    if repeated > 0:
+        remarks.append(f"{count_points(repeated)} at the same strain as the point before.")
+    if strain.size < len(PARAMETERS):
+        remarks.append(
+            f"{count_points(strain.size)} for the {len(PARAMETERS)} parameters of the model: what "
+            "the data do not fix is left to the priors."
+        )
+    if np.mean(stress < 0) > 0.5:
+        remarks.append(
+            "Most stresses are negative, but compression is positive in this model: check the sign."
+        )
+    if strain[-1] > 1:
+        remarks.append(
+            f"The largest strain is {strain[-1]:g} as a fraction: check that it is not in percent."
+        )
+    return remarks

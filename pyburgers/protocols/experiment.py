@@ -1,0 +1,289 @@
+"""Deformation experiments: what every test has, and what its file says about it.
+
+An experiment is a TOML file beside one or several text files of columns; the keys and what they
+hold are the fields of the tables below and of the module of its protocol (`constant_rate`,
+`forced_oscillation`). Everything is converted to SI on reading.
+"""
+
+import os
+import re
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from datetime import date, datetime, time
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field
+
+from pyburgers.common.atomic_files import write_text
+from pyburgers.common.columns import Separator
+from pyburgers.common.errors import InputError
+from pyburgers.common.toml_files import Table, nearest, toml_text
+from pyburgers.model.parameters import PARAMETER_BY_NAME
+
+FloatArray = npt.NDArray[np.float64]
+MetadataValue = str | float | int | bool
+
+DATA_ROOT_VARIABLE = "PYBURGERS_DATA"
+"""Environment variable that takes the place of the key `data_root`."""
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where data come from.
+
+    Attributes
+    ----------
+    kind : {"measured", "digitised", "synthetic"}
+        Measured numbers, numbers read off a figure, or the output of a model.
+    source : str
+        Citation or origin.
+    doi, licence, notes : str or None
+        As far as known.
+    """
+
+    kind: Literal["measured", "digitised", "synthetic"]
+    source: str
+    doi: str | None = None
+    licence: str | None = None
+    notes: str | None = None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Experiment:
+    """What deformation tests of all protocols share, in SI units.
+
+    Attributes
+    ----------
+    protocol : str
+        Kind of test, as in files; a constant of each derived class.
+    id, material : str
+        Sample and material; the material names the default priors.
+    temperature : float
+        Kelvin.
+    initial_grain_size : float
+        Metres, where the data start.
+    stress : array, shape (n_points,)
+        Differential stress (Pa, compression positive) that the model is compared with.
+    provenance : Provenance
+        Where the data come from.
+    metadata : mapping
+        Free remarks that no computation uses.
+    notices : tuple of str
+        What reading changed or doubts: sentences.
+    true_parameters : mapping of str to float, or None
+        Parameters (SI) behind synthetic data.
+    """
+
+    protocol: ClassVar[str]
+    id: str
+    material: str
+    temperature: float
+    initial_grain_size: float
+    stress: FloatArray
+    provenance: Provenance
+    metadata: Mapping[str, MetadataValue]
+    notices: tuple[str, ...]
+    true_parameters: Mapping[str, float] | None
+
+    @property
+    def n_points(self) -> int:
+        """Number of data points; zero for an experiment that can only be simulated."""
+        return len(self.stress)
+
+    @property
+    def largest_stress(self) -> float:
+        """Largest measured |σ| (Pa); only of an experiment with data."""
+        return float(np.max(np.abs(self.stress)))
+
+
+class TextFilesTable(Table):
+    """What a table [data] of any protocol says about its text files."""
+
+    data_root: str | None = Field(
+        None, description="the folder, relative to this file, in which data files lie"
+    )
+    separator: Separator = ","
+    header: bool = Field(True, description="whether the first row of a data file holds names")
+
+
+class ProvenanceTable(Table):
+    """The table [provenance]."""
+
+    kind: Literal["measured", "digitised", "synthetic"] = Field(
+        description="measured, digitised or synthetic"
+    )
+    source: str = Field(min_length=1, description="the citation or origin of the data")
+    doi: str | None = None
+    licence: str | None = None
+    notes: str | None = None
+
+
+class ExperimentFile(Table):
+    """Keys that experiment files of all protocols share."""
+
+    id: str = Field(description="the sample's name")
+    material: str = Field(min_length=1, description="the material, such as ice")
+    protocol: str = Field(description="the kind of test")
+    temperature_K: float = Field(description="the temperature in kelvin")  # noqa: N815 (the key of the file, K for kelvin)
+    initial_grain_size_m: float = Field(description="the mean grain size at the start in metres")
+    notices: list[str] = Field(
+        default_factory=list, description="remarks of an earlier reading of the same data"
+    )
+    provenance: ProvenanceTable = Field(description="the table that says where data come from")
+    metadata: dict[str, Any] = Field(default_factory=dict)
+    true_parameters: dict[str, float] | None = None
+
+
+def shared_values(path: Path, file: ExperimentFile) -> dict[str, Any]:
+    """Check the keys that all protocols share.
+
+    Parameters
+    ----------
+    path : Path
+        The TOML file, for messages.
+    file : ExperimentFile
+        Its contents.
+
+    Returns
+    -------
+    dict
+        Fields of `Experiment` (SI), without the stress and the notices.
+
+    Raises
+    ------
+    InputError
+        If a value is not what it has to be.
+    """
+    _check_conditions(path, file)
+    return {
+        "id": file.id,
+        "material": file.material,
+        "temperature": file.temperature_K,
+        "initial_grain_size": file.initial_grain_size_m,
+        "provenance": Provenance(**file.provenance.model_dump()),
+        "metadata": MappingProxyType(dict(file.metadata)),
+        "true_parameters": _true_parameters(path, file),
+    }
+
+
+def data_root(path: Path, data: TextFilesTable) -> Path:
+    """Return the folder from which names of data files start.
+
+    Parameters
+    ----------
+    path : Path
+        The TOML file.
+    data : TextFilesTable
+        Its table [data].
+    """
+    if data.data_root is None:
+        return path.parent
+    override = os.environ.get(DATA_ROOT_VARIABLE)
+    return Path(override).expanduser() if override else path.parent / data.data_root
+
+
+def check_column(path: Path, key: str, column: object) -> None:
+    """Check that a key names a column.
+
+    Parameters
+    ----------
+    path : Path
+        The TOML file, for the message.
+    key : str
+        Key in its table [data].
+    column : object
+        What it holds.
+
+    Raises
+    ------
+    InputError
+        If it is neither text nor a whole number.
+    """
+    if isinstance(column, bool) or not isinstance(column, str | int):
+        raise InputError(
+            f"{path}: key {key!r} in [data]: found {column!r}, expected a column name, or a "
+            "number from 1 for files without header."
+        )
+
+
+def write_experiment(experiment: Experiment, directory: Path, own: Mapping[str, Any]) -> Path:
+    """Write ``experiment.toml``.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        What to write.
+    directory : Path
+        An existing folder.
+    own : mapping
+        Keys and tables of the experiment's protocol.
+
+    Returns
+    -------
+    Path
+        The file.
+    """
+    table = {
+        "id": experiment.id,
+        "material": experiment.material,
+        "protocol": experiment.protocol,
+        "temperature_K": experiment.temperature,
+        "initial_grain_size_m": experiment.initial_grain_size,
+        **own,
+        "notices": list(experiment.notices),
+        "provenance": asdict(experiment.provenance),
+        "metadata": experiment.metadata,
+        "true_parameters": experiment.true_parameters,
+    }
+    target = directory / "experiment.toml"
+    write_text(target, toml_text(table))
+    return target
+
+
+def _check_conditions(path: Path, file: ExperimentFile) -> None:
+    """Check everything that needs no data file."""
+    if not re.fullmatch(r"[A-Za-z0-9._-]+", file.id):
+        raise InputError(
+            f"{path}: key 'id': found {file.id!r}, expected letters, digits, '.', '_' or '-', "
+            "because it names files."
+        )
+    if not 50 <= file.temperature_K <= 3000:
+        hint = "; it looks like degrees Celsius, add 273.15" if file.temperature_K < 50 else ""
+        raise InputError(
+            f"{path}: key 'temperature_K': found {file.temperature_K:g}, expected kelvin between "
+            f"50 and 3000{hint}."
+        )
+    if not 0 < file.initial_grain_size_m < 1:
+        raise InputError(
+            f"{path}: key 'initial_grain_size_m': found {file.initial_grain_size_m:g}, expected "
+            "metres between 0 and 1 (230 um is 230e-6)."
+        )
+    for key, value in file.metadata.items():
+        if not isinstance(value, str | bool | int | float):
+            kind = "a date" if isinstance(value, date | datetime | time) else "a table or list"
+            raise InputError(
+                f"{path}: key {key!r} in [metadata]: found {kind}, expected a string, a number, "
+                "true or false."
+            )
+
+
+def _true_parameters(path: Path, file: ExperimentFile) -> Mapping[str, float] | None:
+    """Check and return the parameters behind synthetic data."""
+    if file.true_parameters is None:
+        return None
+    if file.provenance.kind != "synthetic":
+        raise InputError(
+            f"{path}: table [true_parameters] is only for data of kind 'synthetic', but key 'kind' "
+            f"in [provenance] is {file.provenance.kind!r}."
+        )
+    for name in file.true_parameters:
+        if name not in PARAMETER_BY_NAME:
+            raise InputError(
+                f"{path}: unknown key {name!r} in [true_parameters], "
+                f"{nearest(name, PARAMETER_BY_NAME)}"
+            )
+    return MappingProxyType(dict(file.true_parameters))

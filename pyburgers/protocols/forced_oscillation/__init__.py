@@ -1,0 +1,1 @@
+"""Tests at an oscillating strain rate."""

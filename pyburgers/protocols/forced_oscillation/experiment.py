@@ -1,0 +1,254 @@
+"""Forced oscillation tests: raw record, how it is prepared for the model, their files."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from pyburgers.common.atomic_files import write_text
+from pyburgers.common.columns import read_columns
+from pyburgers.common.errors import InputError
+from pyburgers.common.toml_files import Table, read_toml
+from pyburgers.common.units import factor_to_si
+from pyburgers.protocols.experiment import (
+    Experiment,
+    ExperimentFile,
+    FloatArray,
+    TextFilesTable,
+    check_column,
+    data_root,
+    shared_values,
+    write_experiment,
+)
+from pyburgers.protocols.forced_oscillation.preparation import (
+    Background,
+    OscillationRecord,
+    OscillationSettings,
+    PreparedOscillation,
+    prepare,
+)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class OscillationExperiment(Experiment):
+    """One forced oscillation test in SI units.
+
+    `initial_grain_size` is that at the start of the record (`prepared.start`), and `stress` is that
+    of `prepared`.
+
+    Attributes
+    ----------
+    record : OscillationRecord
+        The readings as they were taken.
+    settings : OscillationSettings
+        How the record is prepared; every choice is a number.
+    prepared : PreparedOscillation
+        What drives the model and what it is compared with.
+    spin_up_cycles : int
+        Cycles that the model runs through ahead of the record, so that no start-up transient is
+        left in it.
+    """
+
+    protocol: ClassVar[str] = "forced_oscillation"
+    record: OscillationRecord
+    settings: OscillationSettings
+    prepared: PreparedOscillation
+    spin_up_cycles: int
+
+
+class _OscillationTable(Table):
+    period_s: float | None = Field(None, gt=0, description="the period in seconds")
+    strain_trend_degree: int | None = Field(
+        None, ge=0, description="the degree of the polynomial trend of the strain"
+    )
+    stress_trend_degree: int | None = Field(
+        None, ge=0, description="the degree of the polynomial trend of the stress"
+    )
+    background: Background = Field("removed", description="what becomes of bias and drift")
+    spin_up_cycles: int = Field(2, ge=1, description="cycles ahead of the record")
+
+
+class _DataTable(TextFilesTable):
+    strain_file: str = Field(description="the data file of the strain")
+    strain_time_column: Any = Field(description="a column name, or number without header")
+    strain_time_unit: str = Field(description="s, min or h")
+    strain_column: Any = Field(description="a column name, or number without header")
+    strain_unit: str = Field(description="fraction or percent")
+    strain_uncertainty_column: Any = Field(
+        None, description="a column name, or number without header"
+    )
+    strain_uncertainty: float | None = Field(
+        None, gt=0, description="the standard deviation of every strain, in its unit"
+    )
+    stress_file: str = Field(description="the data file of the stress")
+    stress_time_column: Any = Field(description="a column name, or number without header")
+    stress_time_unit: str = Field(description="s, min or h")
+    stress_column: Any = Field(description="a column name, or number without header")
+    stress_unit: str = Field(description="Pa, MPa or GPa")
+    stress_uncertainty_column: Any = Field(
+        None, description="a column name, or number without header"
+    )
+    stress_uncertainty: float | None = Field(
+        None, gt=0, description="the standard deviation of every stress, in its unit"
+    )
+
+
+class _OscillationFile(ExperimentFile):
+    protocol: Literal["forced_oscillation"] = Field(description="the kind of test")
+    initial_grain_size_m: float = Field(
+        description="the mean grain size at the start of the record in metres"
+    )
+    oscillation: _OscillationTable = Field(
+        default_factory=lambda: _OscillationTable.model_validate({})
+    )
+    data: _DataTable = Field(description="the table that names the data files")
+
+
+def load_forced_oscillation(path: str | Path) -> OscillationExperiment:
+    """Read and check the file of a forced oscillation test and its data files.
+
+    Strain and stress stand in files (or columns of one file) with clocks of their own that have a
+    common origin. What [oscillation] leaves open is estimated or chosen while the record is
+    prepared (`pyburgers.protocols.forced_oscillation.preparation.prepare`).
+
+    Parameters
+    ----------
+    path : str or Path
+        The TOML file.
+
+    Raises
+    ------
+    InputError
+        If a file, key, unit or number is not what it has to be, or the record cannot be prepared.
+    """
+    path = Path(path)
+    file = read_toml(path, _OscillationFile)
+    values = shared_values(path, file)
+    strain_time, strain, strain_uncertainty = _read_series(path, file.data, "strain")
+    stress_time, stress, stress_uncertainty = _read_series(path, file.data, "stress")
+    record = OscillationRecord(
+        strain_time=strain_time,
+        strain=strain,
+        strain_uncertainty=strain_uncertainty,
+        stress_time=stress_time,
+        stress=stress,
+        stress_uncertainty=stress_uncertainty,
+    )
+    wanted = OscillationSettings(
+        period=file.oscillation.period_s,
+        strain_trend_degree=file.oscillation.strain_trend_degree,
+        stress_trend_degree=file.oscillation.stress_trend_degree,
+        background=file.oscillation.background,
+    )
+    prepared = prepare(record, wanted, str(path))
+    return OscillationExperiment(
+        **values,
+        stress=prepared.stress,
+        record=record,
+        settings=prepared.settings,
+        prepared=prepared,
+        spin_up_cycles=file.oscillation.spin_up_cycles,
+        notices=tuple(dict.fromkeys([*file.notices, *prepared.notices])),
+    )
+
+
+def save_forced_oscillation(experiment: OscillationExperiment, directory: Path) -> Path:
+    """Write a self-contained copy in SI units.
+
+    The files are ``experiment.toml``, ``experiment_strain.csv`` and ``experiment_stress.csv``.
+    `load_forced_oscillation` reads back exactly equal contents, notices included.
+
+    Parameters
+    ----------
+    experiment : OscillationExperiment
+        What to write.
+    directory : Path
+        An existing folder.
+
+    Returns
+    -------
+    Path
+        The TOML file.
+    """
+    record, settings = experiment.record, experiment.settings
+    series = {
+        "strain": ("fraction", record.strain_time, record.strain, record.strain_uncertainty),
+        "stress": ("Pa", record.stress_time, record.stress, record.stress_uncertainty),
+    }
+    data: dict[str, Any] = {"separator": ",", "header": True}
+    for name, (unit, *columns) in series.items():
+        text = _csv_text(["time_s", name, "uncertainty"], columns)
+        write_text(directory / f"experiment_{name}.csv", text)
+        data |= {
+            f"{name}_file": f"experiment_{name}.csv",
+            f"{name}_time_column": "time_s",
+            f"{name}_time_unit": "s",
+            f"{name}_column": name,
+            f"{name}_unit": unit,
+            f"{name}_uncertainty_column": "uncertainty",
+        }
+    oscillation = {
+        "period_s": settings.period,
+        "strain_trend_degree": settings.strain_trend_degree,
+        "stress_trend_degree": settings.stress_trend_degree,
+        "background": settings.background,
+        "spin_up_cycles": experiment.spin_up_cycles,
+    }
+    return write_experiment(experiment, directory, {"oscillation": oscillation, "data": data})
+
+
+def with_background(
+    experiment: OscillationExperiment, background: Background
+) -> OscillationExperiment:
+    """Return the same test with its background removed or kept.
+
+    Parameters
+    ----------
+    experiment : OscillationExperiment
+        A test; period and degrees stay as they are.
+    background : {"removed", "kept"}
+        See `pyburgers.protocols.forced_oscillation.preparation.OscillationSettings`.
+    """
+    settings = replace(experiment.settings, background=background)
+    prepared = prepare(experiment.record, settings, experiment.id)
+    return replace(experiment, settings=settings, prepared=prepared, stress=prepared.stress)
+
+
+def _read_series(path: Path, data: _DataTable, name: str) -> tuple[FloatArray, ...]:
+    """Return times (s), readings and standard deviations (SI) of one series."""
+    column, number = f"{name}_uncertainty_column", f"{name}_uncertainty"
+    uncertainty = getattr(data, number)
+    if (getattr(data, column) is None) == (uncertainty is None):
+        found = "is missing" if uncertainty is None else "is given twice"
+        raise InputError(
+            f"{path}: the uncertainty of the {name} {found}, expected exactly one of the keys "
+            f"{column!r} and {number!r} in [data]."
+        )
+    keys = [f"{name}_time_column", f"{name}_column", *([column] if uncertainty is None else [])]
+    columns = {key: getattr(data, key) for key in keys}
+    for key, value in columns.items():
+        check_column(path, key, value)
+    second, factor = (
+        factor_to_si(getattr(data, key), quantity, f"{path}: key {key!r} in [data]")
+        for key, quantity in ((f"{name}_time_unit", "time"), (f"{name}_unit", name))
+    )
+    file_key = f"{name}_file"
+    time, value, *spread = read_columns(
+        data_root(path, data) / getattr(data, file_key),
+        columns,
+        separator=data.separator,
+        header=data.header,
+        where=str(path),
+        file_key=f"{file_key!r} in [data]",
+    )
+    deviation = spread[0] if spread else np.full_like(value, uncertainty)
+    return time * second, value * factor, deviation * factor
+
+
+def _csv_text(names: list[str], columns: Sequence[FloatArray]) -> str:
+    """Columns as text that reads back to the same numbers."""
+    rows = zip(*(column.tolist() for column in columns), strict=True)
+    return "\n".join([",".join(names), *(",".join(map(repr, row)) for row in rows)]) + "\n"

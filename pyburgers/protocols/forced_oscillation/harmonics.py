@@ -1,0 +1,424 @@
+"""Least squares of a time series on a sinusoid, its harmonics and a polynomial trend.
+
+The series is written as
+
+    value(t) = sum_j a_j P_j(x) + sum_k [ s_k sin(k w t) + c_k cos(k w t) ],
+
+with Legendre polynomials P_j, x running from -1 to 1 over the series, and w = 2 pi / period. The
+harmonics of a nonlinear record do not average out over a few cycles: without them they end up in
+the fundamental and in the trend.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from numpy.polynomial import legendre
+from scipy import optimize, signal
+
+from pyburgers.common.errors import InputError
+
+FloatArray = npt.NDArray[np.float64]
+
+N_HARMONICS = 3
+"""Fundamental, second and third harmonic."""
+
+MAX_DEGREE = 6
+"""Largest degree that `choose_degree` tries: beyond it a trend over a few cycles can follow the
+oscillation itself."""
+
+CUBIC = 3
+"""Degree of the trend that is subtracted before the periodogram is taken."""
+
+TRIALS_PER_PEAK = 10
+"""Trial frequencies per inverse length of the series, which is the width of a peak."""
+
+
+@dataclass(frozen=True, eq=False)
+class HarmonicFit:
+    """A fitted time series; unit U is that of the series.
+
+    Attributes
+    ----------
+    period : float
+        Seconds.
+    n_harmonics, degree : int
+        Harmonics, the fundamental included, and degree of the trend.
+    t_middle, t_half : float
+        Middle and half length (s) of the series: x = (t - t_middle)/t_half.
+    coefficients : array, shape (degree + 1 + 2 n_harmonics,)
+        Legendre coefficients of the trend, then amplitudes of the sines, then of the cosines (U).
+    covariance : array, shape (n_coefficients, n_coefficients)
+        Of the coefficients (U^2).
+    residual_sd : float
+        Standard deviation of the residuals (U), with the degrees of freedom that are left.
+    chi_square : float
+        Sum of squared residuals in units of their uncertainties; of the residual standard
+        deviation, hence the degrees of freedom, where no uncertainties were given.
+    n_points : int
+        Readings.
+    """
+
+    period: float
+    n_harmonics: int
+    degree: int
+    t_middle: float
+    t_half: float
+    coefficients: FloatArray
+    covariance: FloatArray
+    residual_sd: float
+    chi_square: float
+    n_points: int
+
+    @property
+    def angular_frequency(self) -> float:
+        """2 pi / period (rad/s)."""
+        return 2.0 * math.pi / self.period
+
+    @property
+    def sine(self) -> FloatArray:
+        """Amplitudes of the sines (U), shape (n_harmonics,)."""
+        return self.coefficients[self.degree + 1 :][: self.n_harmonics]
+
+    @property
+    def cosine(self) -> FloatArray:
+        """Amplitudes of the cosines (U), shape (n_harmonics,)."""
+        return self.coefficients[self.degree + 1 + self.n_harmonics :]
+
+    def periodic(self, time: FloatArray) -> FloatArray:
+        """Oscillating part (U) at times (s), shape (n,)."""
+        angles = self._angles(time)
+        values: FloatArray = np.sin(angles) @ self.sine + np.cos(angles) @ self.cosine
+        return values
+
+    def periodic_rate(self, time: FloatArray) -> FloatArray:
+        """Time derivative (U/s) of the oscillating part, shape (n,)."""
+        angles = self._angles(time)
+        factors = self.angular_frequency * np.arange(1, self.n_harmonics + 1)
+        values: FloatArray = np.cos(angles) @ (factors * self.sine) - np.sin(angles) @ (
+            factors * self.cosine
+        )
+        return values
+
+    def trend(self, time: FloatArray) -> FloatArray:
+        """Polynomial part (U), its constant included, shape (n,)."""
+        return _polynomial(self._scaled(time), self.trend_coefficients)
+
+    def trend_shape(self, time: FloatArray) -> FloatArray:
+        """Legendre polynomials of the trend at times (s), shape (n, degree + 1)."""
+        return np.asarray(legendre.legvander(self._scaled(time), self.degree), dtype=np.float64)
+
+    def trend_rate(self, time: FloatArray) -> FloatArray:
+        """Time derivative (U/s) of the polynomial part, shape (n,)."""
+        slope: FloatArray = legendre.legder(self.trend_coefficients).astype(np.float64)
+        return _polynomial(self._scaled(time), slope) / self.t_half
+
+    def amplitude(self, k: int = 1) -> tuple[float, float]:
+        """Amplitude (U) of harmonic `k`, from 1, and its standard error."""
+        sine, cosine = self.sine[k - 1], self.cosine[k - 1]
+        size = math.hypot(sine, cosine)
+        return size, self._standard_error(k, sine / size, cosine / size)
+
+    def phase(self, k: int = 1) -> tuple[float, float]:
+        """Phase (rad) of harmonic `k` and its standard error.
+
+        The harmonic is amplitude times sin(k w t + phase); the phase lies in (-pi, pi].
+        """
+        sine, cosine = self.sine[k - 1], self.cosine[k - 1]
+        square = sine**2 + cosine**2
+        error = self._standard_error(k, -cosine / square, sine / square)
+        return math.atan2(cosine, sine), error
+
+    @property
+    def trend_coefficients(self) -> FloatArray:
+        """Legendre coefficients of the trend (U), shape (degree + 1,)."""
+        return self.coefficients[: self.degree + 1]
+
+    def _angles(self, time: FloatArray) -> FloatArray:
+        """Phase angles k w t, shape (n, n_harmonics)."""
+        return _angles(time, self.period, self.n_harmonics)
+
+    def _scaled(self, time: FloatArray) -> FloatArray:
+        return (time - self.t_middle) / self.t_half
+
+    def _standard_error(self, k: int, of_sine: float, of_cosine: float) -> float:
+        """Propagate the covariance through derivatives by sine and cosine of harmonic `k`."""
+        at_sine = self.degree + k
+        indices = [at_sine, at_sine + self.n_harmonics]
+        gradient = np.array([of_sine, of_cosine])
+        return math.sqrt(gradient @ self.covariance[np.ix_(indices, indices)] @ gradient)
+
+
+def fit_harmonics(
+    time: FloatArray,
+    value: FloatArray,
+    *,
+    period: float,
+    degree: int,
+    n_harmonics: int = N_HARMONICS,
+    uncertainty: FloatArray | None = None,
+) -> HarmonicFit:
+    """Fit harmonics and a polynomial to a time series by weighted least squares.
+
+    Parameters
+    ----------
+    time : array, shape (n,)
+        Seconds, increasing.
+    value : array, shape (n,)
+        The series, unit U.
+    period : float
+        Period of the fundamental (s).
+    degree : int
+        Degree of the trend.
+    n_harmonics : int
+        Harmonics, the fundamental included.
+    uncertainty : array, shape (n,), optional
+        Standard deviations (U) of the readings, taken as absolute: the covariance follows from
+        them alone. Without them all readings weigh the same and the covariance follows from the
+        residuals.
+
+    Raises
+    ------
+    InputError
+        If there are fewer readings than the coefficients need, or they do not tell the
+        coefficients apart.
+    """
+    weight = np.ones_like(value) if uncertainty is None else 1.0 / uncertainty
+    design = _design(time, period, degree, n_harmonics)
+    solver = _solver(design, weight, period, degree, n_harmonics)
+    coefficients = solver @ value
+    residual = value - design @ coefficients
+    freedom = time.size - coefficients.size
+    residual_sd = math.sqrt(residual @ residual / freedom)
+    scale = residual_sd**2 if uncertainty is None else 1.0
+    t_middle, t_half = _span(time)
+    return HarmonicFit(
+        period=period,
+        n_harmonics=n_harmonics,
+        degree=degree,
+        t_middle=t_middle,
+        t_half=t_half,
+        coefficients=coefficients,
+        covariance=scale * (solver / weight**2) @ solver.T,
+        residual_sd=residual_sd,
+        chi_square=(
+            float(freedom) if uncertainty is None else float(np.sum((residual * weight) ** 2))
+        ),
+        n_points=time.size,
+    )
+
+
+def trend_projection(
+    time: FloatArray,
+    *,
+    period: float,
+    degree: int,
+    n_harmonics: int = N_HARMONICS,
+    uncertainty: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Return what takes the trend of any series at these times, as `fit_harmonics` finds it.
+
+    Parameters
+    ----------
+    time, period, degree, n_harmonics, uncertainty
+        As in `fit_harmonics`.
+
+    Returns
+    -------
+    shape : array, shape (n, degree + 1)
+        Legendre polynomials at the times.
+    fit : array, shape (degree + 1, n)
+        What turns a series into its Legendre coefficients: the trend is ``shape @ (fit @ series)``.
+
+    Raises
+    ------
+    InputError
+        As `fit_harmonics` does.
+    """
+    design = _design(time, period, degree, n_harmonics)
+    solver = _solver(design, 1.0 / uncertainty, period, degree, n_harmonics)
+    return design[:, : degree + 1], solver[: degree + 1]
+
+
+def _span(time: FloatArray) -> tuple[float, float]:
+    """Middle and half length (s) of a series."""
+    return float(0.5 * (time[0] + time[-1])), float(0.5 * (time[-1] - time[0]))
+
+
+def _design(time: FloatArray, period: float, degree: int, n_harmonics: int) -> FloatArray:
+    """Values of trend polynomials, sines and cosines, shape (n, n_coefficients)."""
+    t_middle, t_half = _span(time)
+    angles = _angles(time, period, n_harmonics)
+    columns: FloatArray = np.hstack(
+        [legendre.legvander((time - t_middle) / t_half, degree), np.sin(angles), np.cos(angles)]
+    )
+    return columns
+
+
+def _solver(
+    design: FloatArray, weight: FloatArray, period: float, degree: int, n_harmonics: int
+) -> FloatArray:
+    """Return what turns a series into its least-squares coefficients, (n_coefficients, n)."""
+    n_readings, n_coefficients = design.shape
+    if n_readings <= n_coefficients:
+        raise InputError(
+            f"found {n_readings} readings, expected more than {n_coefficients}, the coefficients "
+            f"of {n_harmonics} harmonics and a trend of degree {degree}."
+        )
+    left, singular, right = np.linalg.svd(design * weight[:, None], full_matrices=False)
+    if singular[-1] < 1e-10 * singular[0]:
+        raise InputError(
+            f"the readings do not tell {n_harmonics} harmonics of the period {period:g} s and a "
+            f"trend of degree {degree} apart, expected denser or longer sampling."
+        )
+    solver: FloatArray = (right.T / singular) @ left.T * weight
+    return solver
+
+
+def choose_degree(
+    time: FloatArray,
+    value: FloatArray,
+    *,
+    period: float,
+    n_harmonics: int = N_HARMONICS,
+    uncertainty: FloatArray | None = None,
+) -> int:
+    """Choose the degree of the trend by the Bayesian information criterion.
+
+    The criterion adds a degree only where the series clearly asks for it; the rate of the trend,
+    whose error grows fast with the degree at the ends of the series, stays quiet that way.
+
+    Parameters
+    ----------
+    time, value, period, n_harmonics, uncertainty
+        As in `fit_harmonics`.
+
+    Returns
+    -------
+    int
+        From 0 to `MAX_DEGREE`, below twice the number of cycles: a polynomial that turns as often
+        as the oscillation could stand in for it.
+
+    Raises
+    ------
+    InputError
+        As `fit_harmonics` does, of a constant trend.
+    """
+    cycles = (time[-1] - time[0]) / period
+    spare = time.size - 2 - 2 * n_harmonics
+    largest = max(0, min(MAX_DEGREE, int(2.0 * cycles) - 1, spare))
+    fits = [
+        fit_harmonics(
+            time,
+            value,
+            period=period,
+            degree=degree,
+            n_harmonics=n_harmonics,
+            uncertainty=uncertainty,
+        )
+        for degree in range(largest + 1)
+    ]
+    return min(fits, key=lambda fit: _bayesian_criterion(fit, uncertainty is not None)).degree
+
+
+def estimate_period(
+    time: FloatArray,
+    value: FloatArray,
+    *,
+    degree: int | None = None,
+    n_harmonics: int = N_HARMONICS,
+    uncertainty: FloatArray | None = None,
+) -> float:
+    """Estimate the period (s) of the fundamental from a series alone.
+
+    The highest peak of the periodogram, after a cubic is subtracted, is where a search for the
+    least squares of the whole fit starts.
+
+    Parameters
+    ----------
+    time, value, n_harmonics, uncertainty
+        As in `fit_harmonics`.
+    degree : int, optional
+        Degree of the trend; by default the one that `choose_degree` finds.
+
+    Raises
+    ------
+    InputError
+        As `fit_harmonics` does.
+    """
+    length = float(time[-1] - time[0])
+    cubic = legendre.Legendre.fit(time, value, CUBIC)
+    highest = 0.5 / float(np.median(np.diff(time)))
+    trials = np.arange(1.0 / length, highest, 1.0 / (TRIALS_PER_PEAK * length))
+    power = signal.lombscargle(time, value - cubic(time), 2.0 * math.pi * trials)
+    frequency = float(trials[np.argmax(power)])
+    chosen = CUBIC if degree is None else degree
+    # The degree can only be judged well near the right period, hence the second round.
+    for _ in range(2):
+        frequency = _refine(time, value, frequency, chosen, n_harmonics, uncertainty)
+        if degree is None:
+            chosen = choose_degree(
+                time,
+                value,
+                period=1.0 / frequency,
+                n_harmonics=n_harmonics,
+                uncertainty=uncertainty,
+            )
+    return 1.0 / _refine(time, value, frequency, chosen, n_harmonics, uncertainty)
+
+
+def _refine(
+    time: FloatArray,
+    value: FloatArray,
+    frequency: float,
+    degree: int,
+    n_harmonics: int,
+    uncertainty: FloatArray | None,
+) -> float:
+    """Least-squares frequency (Hz) within the peak of the periodogram around a first guess."""
+    half_width = 0.5 / float(time[-1] - time[0])
+
+    def misfit(trial: float) -> float:
+        fit = fit_harmonics(
+            time,
+            value,
+            period=1.0 / trial,
+            degree=degree,
+            n_harmonics=n_harmonics,
+            uncertainty=uncertainty,
+        )
+        return fit.residual_sd if uncertainty is None else fit.chi_square
+
+    found = optimize.minimize_scalar(
+        misfit,
+        bounds=(max(frequency - half_width, 0.5 * frequency), frequency + half_width),
+        method="bounded",
+        options={"xatol": 1e-7 * frequency},
+    )
+    return float(found.x)
+
+
+def _bayesian_criterion(fit: HarmonicFit, known_uncertainty: bool) -> float:
+    """Bayesian information criterion of a fit, up to a constant of the series."""
+    n_coefficients = fit.coefficients.size
+    if known_uncertainty:
+        misfit = fit.chi_square
+    else:
+        square = fit.residual_sd**2 * (fit.n_points - n_coefficients) / fit.n_points
+        # A fit without any residual is as good as can be told.
+        misfit = fit.n_points * math.log(max(square, np.finfo(float).tiny))
+    return misfit + n_coefficients * math.log(fit.n_points)
+
+
+def _polynomial(x: FloatArray, coefficients: FloatArray) -> FloatArray:
+    """Legendre series at positions, shape (n,)."""
+    values: FloatArray = legendre.legvander(x, coefficients.size - 1) @ coefficients
+    return values
+
+
+def _angles(time: FloatArray, period: float, n_harmonics: int) -> FloatArray:
+    """Phase angles k w t, shape (n, n_harmonics)."""
+    multiples = np.arange(1, n_harmonics + 1)
+    angles: FloatArray = 2.0 * math.pi / period * np.asarray(time)[:, None] * multiples
+    return angles

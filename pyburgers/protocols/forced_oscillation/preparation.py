@@ -1,0 +1,335 @@
+"""Raw record of a forced oscillation -> what drives the model and what it is compared with.
+
+The paper's Methods: a sinusoid and a polynomial trend are fitted to the strain, the polynomial is
+subtracted, and the derivative of the sinusoid drives the model, whose stress is compared with the
+measured one. Here the sinusoid has its second and third harmonics.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+from numpy.polynomial import legendre, polynomial
+
+from pyburgers.common.errors import InputError
+from pyburgers.common.wording import count_points
+from pyburgers.protocols.forced_oscillation.harmonics import (
+    HarmonicFit,
+    choose_degree,
+    estimate_period,
+    fit_harmonics,
+)
+
+FloatArray = npt.NDArray[np.float64]
+Background = Literal["removed", "kept"]
+
+MIN_CYCLES = 2
+"""Cycles that a record needs: with fewer, trend and oscillation cannot be told apart."""
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, eq=False)
+class OscillationRecord:
+    """Readings of one forced oscillation test, SI units.
+
+    Strain and stress have clocks of their own with a common origin; each increases strictly.
+
+    Attributes
+    ----------
+    strain_time : array, shape (n_strain,)
+        Seconds.
+    strain, strain_uncertainty : array, shape (n_strain,)
+        Axial strain (fraction) and its standard deviation.
+    stress_time : array, shape (n_stress,)
+        Seconds.
+    stress, stress_uncertainty : array, shape (n_stress,)
+        Differential stress (Pa, compression positive) and its standard deviation.
+    """
+
+    strain_time: FloatArray
+    strain: FloatArray
+    strain_uncertainty: FloatArray
+    stress_time: FloatArray
+    stress: FloatArray
+    stress_uncertainty: FloatArray
+
+
+@dataclass(frozen=True)
+class OscillationSettings:
+    """How a record is prepared.
+
+    Attributes
+    ----------
+    period : float or None
+        Seconds; None estimates it from the strain.
+    strain_trend_degree, stress_trend_degree : int or None
+        Degrees of the polynomials; None chooses them by an information criterion.
+    background : {"removed", "kept"}
+        With "removed" only the oscillating parts are used, as in the paper: the trends of strain
+        and stress, constants included, are subtracted. With "kept" the rate of the strain's trend
+        drives the model too, and the stress keeps its bias and its drift.
+    """
+
+    period: float | None = None
+    strain_trend_degree: int | None = None
+    stress_trend_degree: int | None = None
+    background: Background = "removed"
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedOscillation:
+    """A record in the form that the model takes, SI units; times are those of the record's clock.
+
+    Attributes
+    ----------
+    period : float
+        Seconds.
+    strain_fit, stress_fit : HarmonicFit
+        Fits of the two series; the first drives the model.
+    background : {"removed", "kept"}
+        Whether trends drive the model and stay in the stress.
+    start : float
+        Time (s) of the first strain or stress reading that is used.
+    time : array, shape (n_points,)
+        Seconds, increasing.
+    stress, uncertainty : array, shape (n_points,)
+        Stress (Pa) that the model is compared with, and its standard deviation.
+    strain_sine, strain_cosine : array, shape (3,)
+        Amplitudes of sin(k w t) and cos(k w t), w = 2 pi / period, in the driving strain.
+    background_rate : array, shape (n_background,)
+        Coefficients (1/s) of powers 0, 1, ... of (t - t_middle)/t_half in the driving strain
+        rate; zeros where the background is removed.
+    t_middle, t_half : float
+        Middle and half length (s) of the strain record.
+    notices : tuple of str
+        What the preparation left out: sentences.
+    """
+
+    period: float
+    strain_fit: HarmonicFit
+    stress_fit: HarmonicFit
+    background: Background
+    start: float
+    time: FloatArray
+    stress: FloatArray
+    uncertainty: FloatArray
+    strain_sine: FloatArray
+    strain_cosine: FloatArray
+    background_rate: FloatArray
+    t_middle: float
+    t_half: float
+    notices: tuple[str, ...]
+
+    @property
+    def settings(self) -> OscillationSettings:
+        """The settings, with everything that was estimated or chosen as a number."""
+        return OscillationSettings(
+            period=self.period,
+            strain_trend_degree=self.strain_fit.degree,
+            stress_trend_degree=self.stress_fit.degree,
+            background=self.background,
+        )
+
+    @property
+    def relative_uncertainty(self) -> FloatArray:
+        """Uncertainty of each stress over the root mean square of all, shape (n_points,)."""
+        relative: FloatArray = self.uncertainty / np.sqrt(np.mean(self.uncertainty**2))
+        return relative
+
+    def strain(self, time: FloatArray) -> FloatArray:
+        """Strain (fraction) at times (s), shape (n,): without its trend where that is removed."""
+        oscillating = self.strain_fit.periodic(time)
+        if self.background == "removed":
+            return oscillating
+        return oscillating + self.strain_fit.trend(time)
+
+    def strain_rate(self, time: FloatArray) -> FloatArray:
+        """Driving strain rate (1/s) at times (s), shape (n,)."""
+        scaled = (time - self.t_middle) / self.t_half
+        background = polynomial.polyval(scaled, self.background_rate)
+        rate: FloatArray = self.strain_fit.periodic_rate(time) + background
+        return rate
+
+
+@dataclass(frozen=True, eq=False)
+class _Series:
+    """One of the two series: its name, clock (s), readings and their uncertainties."""
+
+    name: str
+    time: FloatArray
+    value: FloatArray
+    uncertainty: FloatArray
+
+    @property
+    def spacing(self) -> float:
+        """Median time between readings (s)."""
+        return float(np.median(np.diff(self.time)))
+
+    @property
+    def length(self) -> float:
+        """Time (s) that the readings stand for: the last one counts as long as the others."""
+        return float(self.time[-1] - self.time[0]) + self.spacing
+
+    def within(self, start: float, end: float) -> "_Series":
+        """Return the readings between two times (s)."""
+        inside = (self.time >= start) & (self.time <= end)
+        return _Series(self.name, self.time[inside], self.value[inside], self.uncertainty[inside])
+
+    @property
+    def data(self) -> dict[str, Any]:
+        """Arguments of the functions of `pyburgers.protocols.forced_oscillation.harmonics`."""
+        return {"time": self.time, "value": self.value, "uncertainty": self.uncertainty}
+
+
+def prepare(
+    record: OscillationRecord, settings: OscillationSettings, where: str
+) -> PreparedOscillation:
+    """Prepare a record for the model.
+
+    Stress readings that lie outside the strain record by more than half a strain reading are left
+    out with a notice: the strain that drives the model is not extrapolated to them.
+
+    Parameters
+    ----------
+    record : OscillationRecord
+        Raw readings.
+    settings : OscillationSettings
+        Period and degrees where they are given, and what becomes of the background.
+    where : str
+        File or test, for messages.
+
+    Raises
+    ------
+    InputError
+        If a clock does not increase, an uncertainty is not positive, readings are too few for the
+        coefficients, the period does not suit the sampling, a series has fewer than two cycles,
+        or the two clocks do not overlap over two cycles.
+    """
+    strain = _checked("strain", record.strain_time, record.strain, record.strain_uncertainty, where)
+    stress = _checked("stress", record.stress_time, record.stress, record.stress_uncertainty, where)
+    if stress.time[0] > strain.time[-1] or strain.time[0] > stress.time[-1]:
+        raise InputError(
+            f"{where}: strain and stress clocks do not overlap: strain runs from "
+            f"{strain.time[0]:g} to {strain.time[-1]:g} s, stress from {stress.time[0]:g} to "
+            f"{stress.time[-1]:g} s."
+        )
+    period = settings.period
+    if period is None:
+        period = _named(where, strain, lambda: estimate_period(**strain.data))
+    for series in (strain, stress):
+        _check_period(where, series, period)
+    margin = 0.5 * strain.spacing
+    used = stress.within(strain.time[0] - margin, strain.time[-1] + margin)
+    _check_overlap(where, used, period)
+    strain_fit = _fit(where, strain, period, settings.strain_trend_degree)
+    stress_fit = _fit(where, used, period, settings.stress_trend_degree)
+    kept = settings.background == "kept"
+    slope = _powers_of_rate(strain_fit)
+    return PreparedOscillation(
+        period=period,
+        strain_fit=strain_fit,
+        stress_fit=stress_fit,
+        background=settings.background,
+        start=float(min(strain.time[0], used.time[0])),
+        time=used.time,
+        stress=used.value if kept else used.value - stress_fit.trend(used.time),
+        uncertainty=used.uncertainty,
+        strain_sine=strain_fit.sine,
+        strain_cosine=strain_fit.cosine,
+        background_rate=slope if kept else np.zeros_like(slope),
+        t_middle=strain_fit.t_middle,
+        t_half=strain_fit.t_half,
+        notices=_notices(stress.time.size - used.time.size),
+    )
+
+
+def _checked(
+    name: str, time: FloatArray, value: FloatArray, uncertainty: FloatArray, where: str
+) -> _Series:
+    """Check a series on its own."""
+    if not time.size == value.size == uncertainty.size:
+        raise InputError(
+            f"{where}: the {name} has {time.size} times, {value.size} readings and "
+            f"{uncertainty.size} uncertainties, expected as many of each."
+        )
+    if time.size < 2:
+        raise InputError(
+            f"{where}: the {name} has {time.size} readings, expected at least two cycles of them."
+        )
+    backwards = np.flatnonzero(np.diff(time) <= 0)
+    if backwards.size > 0:
+        first = backwards[0] + 1
+        raise InputError(
+            f"{where}: the {name}'s clock, reading {first + 1}: found {time[first]:g} s after "
+            f"{time[first - 1]:g} s, expected times that increase."
+        )
+    wrong = np.flatnonzero(~(uncertainty > 0))
+    if wrong.size > 0:
+        raise InputError(
+            f"{where}: the {name}'s uncertainty, reading {wrong[0] + 1}: found "
+            f"{uncertainty[wrong[0]]:g}, expected a positive standard deviation."
+        )
+    return _Series(name, time, value, uncertainty)
+
+
+def _check_period(where: str, series: _Series, period: float) -> None:
+    """Check that a series can show an oscillation of the period."""
+    if period < 2.0 * series.spacing:
+        raise InputError(
+            f"{where}: the period of {period:g} s is too short for the {series.name}, expected at "
+            f"least {2.0 * series.spacing:g} s, two readings."
+        )
+    if period > series.length:
+        raise InputError(
+            f"{where}: the period of {period:g} s is longer than the {series.name}'s record of "
+            f"{series.length:g} s, expected at most half of it."
+        )
+    if series.length < MIN_CYCLES * period:
+        raise InputError(
+            f"{where}: the {series.name} has {series.length / period:.2f} cycles of the period "
+            f"{period:g} s, expected at least {MIN_CYCLES}."
+        )
+
+
+def _check_overlap(where: str, used: _Series, period: float) -> None:
+    """Check that enough stress readings have a strain."""
+    cycles = used.length / period if used.time.size > 1 else 0.0
+    if cycles < MIN_CYCLES:
+        raise InputError(
+            f"{where}: strain and stress clocks overlap over {cycles:.2f} cycles of the period "
+            f"{period:g} s, expected at least {MIN_CYCLES}."
+        )
+
+
+def _fit(where: str, series: _Series, period: float, degree: int | None) -> HarmonicFit:
+    """Fit a series, with a trend of the given degree or of the one that suits."""
+
+    def fit() -> HarmonicFit:
+        chosen = choose_degree(**series.data, period=period) if degree is None else degree
+        return fit_harmonics(**series.data, period=period, degree=chosen)
+
+    return _named(where, series, fit)
+
+
+def _powers_of_rate(fit: HarmonicFit) -> FloatArray:
+    """Rate of a trend (1/s) as coefficients of powers of the scaled time."""
+    slope: FloatArray = legendre.legder(fit.trend_coefficients).astype(np.float64)
+    return np.asarray(legendre.leg2poly(slope), dtype=np.float64) / fit.t_half
+
+
+def _named(where: str, series: _Series, compute: Callable[[], T]) -> T:
+    """Let errors of a computation say which series of which test they are about."""
+    try:
+        return compute()
+    except InputError as error:
+        raise InputError(f"{where}: {series.name}: {error}") from None
+
+
+def _notices(n_left_out: int) -> tuple[str, ...]:
+    """Sentences about readings that are not used; they name no file."""
+    if n_left_out == 0:
+        return ()
+    return (f"{count_points(n_left_out)} of the stress outside the strain record left out.",)

@@ -1,0 +1,202 @@
+"""Figures of a fit of a test at imposed strain rate: what is drawn, and how to read it.
+
+Every function takes a fit and returns a figure of its own.
+"""
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from scipy import stats
+
+from pyburgers.common.draws import TAIL, all_draws
+from pyburgers.common.errors import InputError
+from pyburgers.drawing.panels import (
+    LINES_AND_AREAS,
+    FittedCurve,
+    curve_with_residuals,
+    draw_band_panel,
+)
+from pyburgers.drawing.style import BLACK, BLUE, GREEN, SKY_BLUE, VERMILION, FigureRecipe, style
+from pyburgers.fitting.fit import Fit
+from pyburgers.model.display import (
+    LENGTH_FACTOR,
+    LENGTH_UNIT,
+    STRAIN_FACTOR,
+    STRAIN_UNIT,
+    STRESS_FACTOR,
+    STRESS_UNIT,
+)
+from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.protocols.headings import rate_text, title
+
+FloatArray = npt.NDArray[np.float64]
+
+STRAIN_LABEL = f"axial strain ({STRAIN_UNIT})"
+
+STRESS_STRAIN_CAPTION = (
+    "Top: the stress-strain curve (circles) with the solution at the posterior mean of the "
+    "parameters (solid line), up to 1000 retrodictions, that is solutions for single draws from "
+    "the posterior (thin lines), and the band that should hold 90 % of new measurements, noise "
+    "included. The means of all parameters need not be a good combination: where parameters trade "
+    "off along a bent ridge, the solid line leaves the band although the fit is good, so judge the "
+    "fit by the band and the residuals. Dotted vertical lines mark where the imposed strain rate "
+    "changes. Bottom: data minus the mean prediction, with the band that should hold 90 % of "
+    "residuals if they were noise alone; a run of points on one side of zero means that the model "
+    "misses something there."
+)
+
+
+def stress_strain(fit: Fit) -> Figure:
+    """Draw data, retrodictions, predictive band and residuals along strain.
+
+    Raises
+    ------
+    InputError
+        If the fit is of another kind of test.
+    """
+    return curve_with_residuals(fitted_curve(fit))
+
+
+def fitted_curve(fit: Fit) -> FittedCurve:
+    """Gather the stress-strain curve as measured and as a fit has it.
+
+    Raises
+    ------
+    InputError
+        If the fit is of another kind of test.
+    """
+    experiment = _experiment(fit)
+    predictions = fit.posterior["predictions"].to_dataset()
+    mean = fit.posterior["posterior_mean_solution"].to_dataset()
+    predicted = fit.posterior["posterior_predictive"]["stress"].mean(("chain", "draw")).to_numpy()
+    noise = float(fit.posterior["posterior"]["stress_noise"].mean()) * STRESS_FACTOR
+    return FittedCurve(
+        grid=predictions["strain"].to_numpy() * STRAIN_FACTOR,
+        solutions=all_draws(predictions["stress"]) * STRESS_FACTOR,
+        replicated=all_draws(predictions["stress_replicated"]) * STRESS_FACTOR,
+        line_position=mean["strain"].to_numpy() * STRAIN_FACTOR,
+        line=mean["stress"].to_numpy() * STRESS_FACTOR,
+        line_label="solution at the posterior mean",
+        position=experiment.strain * STRAIN_FACTOR,
+        data=experiment.stress * STRESS_FACTOR,
+        residuals=(experiment.stress - predicted) * STRESS_FACTOR,
+        error=None,
+        data_label=f"{experiment.provenance.kind} data",
+        noise_band=float(stats.norm.ppf(1.0 - TAIL)) * noise,
+        position_label=STRAIN_LABEL,
+        label=f"differential stress ({STRESS_UNIT})",
+        residual_label=f"residual ({STRESS_UNIT})",
+        heading=title(experiment),
+        # The first rate is in the title.
+        marks=[
+            (segment.start_strain * STRAIN_FACTOR, f"then {rate_text(segment.strain_rate)}")
+            for segment in experiment.segments[1:]
+        ],
+        limits=(0.0, 1.02 * experiment.final_strain * STRAIN_FACTOR),
+    )
+
+
+SOFTENING_CAPTION = (
+    "Why the material weakens, as far as the curve can tell: (a) mean grain size, (b) fabric "
+    "factor (1 = isotropic), (c) the factors by which smaller grains and stronger fabric lower the "
+    "flow stress, and their product; lines are posterior medians, areas hold 90 % of draws. (d) "
+    "Share of the total softening, on a logarithmic scale, that grain size accounts for at the "
+    "final strain; below 0 or above 1 one of the two hardens, and the outermost 1 % of draws may "
+    "be cut off. The data fix the product well; where the histogram is broad, they do not tell "
+    "which of the two mechanisms did it."
+)
+
+
+def softening(fit: Fit) -> Figure:
+    """Draw how grain size and fabric soften the material along strain.
+
+    Raises
+    ------
+    InputError
+        If the fit is of another kind of test.
+    """
+    experiment = _experiment(fit)
+    predictions = fit.posterior["predictions"].to_dataset()
+    strain = predictions["strain"].to_numpy() * STRAIN_FACTOR
+    by_grains, by_fabric = (
+        all_draws(predictions[name]) for name in ("grain_size_softening", "fabric_softening")
+    )
+    with style():
+        figure = Figure(figsize=(8.6, 6.8), layout="constrained")
+        grains, fabric, strength, share = figure.subplots(2, 2).flat
+        draw_band_panel(
+            grains,
+            strain,
+            [(all_draws(predictions["grain_size"]) * LENGTH_FACTOR, BLUE, "mean grain size")],
+            heading="(a) grain size",
+            label=f"grain size ({LENGTH_UNIT})",
+            level=(experiment.initial_grain_size * LENGTH_FACTOR, "initial grain size"),
+        )
+        draw_band_panel(
+            fabric,
+            strain,
+            [(all_draws(predictions["fabric_factor"]), GREEN, "fabric factor")],
+            heading="(b) fabric",
+            label="fabric factor $F$ (–)",
+        )
+        draw_band_panel(
+            strength,
+            strain,
+            [
+                (by_grains, BLUE, "grain size alone"),
+                (by_fabric, GREEN, "fabric alone"),
+                (by_grains * by_fabric, VERMILION, "both together"),
+            ],
+            heading="(c) strength factors",
+            label="flow stress / undeformed (–)",
+        )
+        for axes, top in ((grains, None), (fabric, 1.05), (strength, None)):
+            axes.set_ylim(0.0, top)
+            axes.set_xlabel(STRAIN_LABEL)
+            axes.set_xlim(0.0, experiment.final_strain * STRAIN_FACTOR)
+        _draw_share(share, by_grains[:, -1], by_fabric[:, -1])
+        figure.suptitle(f"{title(experiment)}\n{LINES_AND_AREAS}", fontsize=10)
+    return figure
+
+
+def _draw_share(axes: Axes, by_grains: FloatArray, by_fabric: FloatArray) -> None:
+    """Draw the share that grain size has in the softening (its logarithm), of factors by draw."""
+    log_grains, log_fabric = (
+        np.log(factor.astype(np.float64)) for factor in (by_grains, by_fabric)
+    )
+    total = log_grains + log_fabric
+    share = log_grains[total != 0] / total[total != 0]
+    low, high = np.quantile(share, [0.005, 0.995]) if share.size else (0.0, 1.0)
+    ends = (min(0.0, float(low)), max(1.0, float(high)))
+    weights = np.full(share.size, 100.0 / max(share.size, 1))
+    axes.hist(share, bins=30, range=ends, weights=weights, color=SKY_BLUE, label="posterior draws")
+    if share.size:
+        axes.axvline(
+            float(np.median(share)),
+            color=BLACK,
+            linewidth=1.4,
+            label=f"median {np.median(share):.2f}",
+        )
+    axes.set_title("(d) share of grain size", loc="left")
+    axes.set_xlabel("share of ln-softening due to grain size (–)")
+    axes.set_ylabel("share of draws (%)")
+    axes.set_xlim(*ends)
+    axes.legend(loc="best")
+
+
+def _experiment(fit: Fit) -> ConstantRateExperiment:
+    """Return the experiment of a fit, which has to be of the kind that is drawn here."""
+    if not isinstance(fit.experiment, ConstantRateExperiment):
+        raise InputError(
+            f"{fit.experiment.id}: found a test of protocol {fit.experiment.protocol!r}, expected "
+            "the fit of a test at imposed strain rate."
+        )
+    return fit.experiment
+
+
+CONSTANT_RATE_FIGURES = (
+    FigureRecipe("stress_strain", "Stress-strain curve", STRESS_STRAIN_CAPTION, stress_strain),
+    FigureRecipe("softening", "What softens the material", SOFTENING_CAPTION, softening),
+)
+"""What the report of such a fit shows beside the figures of its posterior."""

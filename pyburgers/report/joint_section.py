@@ -1,0 +1,349 @@
+"""The part of a page about a joint fit: its parameters test by test, and what pooling bought."""
+
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from pyburgers.common.draws import BAND, TAIL, all_draws
+from pyburgers.comparison.same_data import fits_alone
+from pyburgers.drawing.panels import draw_curve, legend_above
+from pyburgers.drawing.style import BLUE, VERMILION, few_ticks, style
+from pyburgers.fitting.fit import Fit
+from pyburgers.fitting.joint_fit import JointFit
+from pyburgers.model.display import (
+    axis_label,
+    number,
+    shown_quantity,
+    symbol_text,
+    unit_text,
+    with_error,
+)
+from pyburgers.model.parameters import REFERENCE_STRESS_QUANTITY
+from pyburgers.posterior.joint_labelled_draws import own_name
+from pyburgers.report.constant_rate_figures import fitted_curve
+from pyburgers.report.page import ExtraFigure, ExtraSection, ExtraTable, file_key, numbered
+from pyburgers.report.tables import checks_table
+from pyburgers.sampling.joint_stan_data import CENTRE, SPREAD
+
+
+def pooling_table(joint: JointFit, separate: Sequence[Fit] = ()) -> pd.DataFrame:
+    """Mean and standard deviation (SI) of each parameter in each test.
+
+    Parameters
+    ----------
+    joint : JointFit
+        The joint fit.
+    separate : sequence of Fit
+        Fits of single tests; those of the same data as a test of the joint fit are set beside it,
+        the first of each.
+
+    Returns
+    -------
+    DataFrame
+        Columns quantity, test, pooling ("shared", "partial", "separate", or "derived" for the
+        reference stress), mean, sd, and NaN where there is no fit of the test alone separate_mean,
+        separate_sd and sd_ratio, joint over separate.
+    """
+    tests, alone = joint.tests(), fits_alone(joint, separate)
+    kinds = {**joint.problem.pooling.kinds, REFERENCE_STRESS_QUANTITY.name: "derived"}
+    rows = []
+    for quantity in (*joint.problem.free, REFERENCE_STRESS_QUANTITY.name):
+        for name, fit in tests.items():
+            mean, sd = _moments(fit, quantity)
+            other, alone_mean, alone_sd = alone[name], np.nan, np.nan
+            if other is not None:
+                alone_mean, alone_sd = _moments(other, quantity)
+            rows.append(
+                {
+                    "quantity": quantity,
+                    "test": name,
+                    "pooling": kinds[quantity],
+                    "mean": mean,
+                    "sd": sd,
+                    "separate_mean": alone_mean,
+                    "separate_sd": alone_sd,
+                    "sd_ratio": sd / alone_sd,
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+def sd_ratios(table: pd.DataFrame) -> pd.Series:
+    """Return standard deviations in the joint fit over those of separate fits, by quantity.
+
+    Parameters
+    ----------
+    table : DataFrame
+        From `pooling_table`.
+
+    Returns
+    -------
+    Series
+        Mean over tests of both; only quantities that a separate fit has.
+    """
+    both = table.dropna(subset="separate_sd").groupby("quantity", sort=False)
+    ratios: pd.Series = both["sd"].mean() / both["separate_sd"].mean()
+    return ratios
+
+
+def _moments(fit: Fit, quantity: str) -> tuple[float, float]:
+    draws = fit.posterior["posterior"][quantity]
+    return float(draws.mean()), float(draws.std(ddof=1))
+
+
+def shown_pooling_table(table: pd.DataFrame) -> pd.DataFrame:
+    """Return `pooling_table` as text in display units.
+
+    A row for each quantity in the joint fit, a shared parameter standing once, under the first
+    test; and where there are separate fits one below it for theirs.
+    """
+    tests = list(dict.fromkeys(table["test"]))
+    ratios = {str(name): float(ratio) for name, ratio in sd_ratios(table).items()}
+    rows = []
+    for name, group in table.groupby("quantity", sort=False):
+        quantity = shown_quantity(str(name))
+        by_test = group.set_index("test")[["mean", "sd", "separate_mean", "separate_sd"]] * float(
+            quantity.display_factor
+        )
+        pooling = group["pooling"].iloc[0]
+        joint = {test: with_error(by_test["mean"][test], by_test["sd"][test]) for test in tests}
+        if pooling == "shared":
+            joint |= dict.fromkeys(tests[1:], "the same")
+        row = {
+            "symbol": symbol_text(quantity),
+            "quantity": quantity.label,
+            "unit": unit_text(quantity),
+            "pooling": pooling,
+        }
+        if name not in ratios:
+            rows.append({**row, **joint})
+            continue
+        rows.append(
+            {**row, "fit": "joint", **joint, "sd joint / alone": f"{ratios[str(name)]:.2f}"}
+        )
+        alone = {
+            test: with_error(by_test["separate_mean"][test], by_test["separate_sd"][test])
+            for test in tests
+            if np.isfinite(by_test["separate_sd"][test])
+        }
+        rows.append({"fit": "alone", **alone})
+    return pd.DataFrame(rows).fillna("")
+
+
+def pooled_table(joint: JointFit) -> pd.DataFrame:
+    """Centres and spreads of the partially pooled parameters (`JointFit.summary`)."""
+    owned = [own_name(name, owner) for name in joint.problem.partial for owner in (CENTRE, SPREAD)]
+    return joint.summary().loc[owned]
+
+
+def shown_pooled_table(joint: JointFit) -> pd.DataFrame:
+    """Return `pooled_table` as text in display units, a row for each parameter."""
+    summary = joint.summary()
+
+    def shown(name: str, owner: str, factor: float) -> str:
+        mean, sd = (summary[column][own_name(name, owner)] for column in ("mean", "sd"))
+        return with_error(mean * factor, sd * factor)
+
+    rows = []
+    for name in joint.problem.partial:
+        quantity = shown_quantity(name)
+        rows.append(
+            {
+                "symbol": symbol_text(quantity),
+                "quantity": quantity.label,
+                "unit": unit_text(quantity),
+                CENTRE: shown(name, CENTRE, quantity.display_factor),
+                "spread on the real line": shown(name, SPREAD, 1.0),
+                "scale of its prior": number(joint.problem.pooling.spread_scales[name]),
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def joint_names(joints: Sequence[JointFit]) -> list[str]:
+    """Name each joint fit of a page after its tests; further ones of the same by number."""
+    return numbered([joint.problem.name for joint in joints])
+
+
+def joint_section(name: str, joint: JointFit, separate: Sequence[Fit]) -> ExtraSection:
+    """Return the part of a page about a joint fit.
+
+    Parameters
+    ----------
+    name : str
+        Its name on the page.
+    joint : JointFit
+        The joint fit.
+    separate : sequence of Fit
+        Fits of single tests, to be set beside it where they are of the same data.
+    """
+    checks, table = joint.checks(), pooling_table(joint, separate)
+    failed = [check.name for check in checks if not check.passed]
+    verdict = "All checks passed." if not failed else f"Checks that FAILED: {', '.join(failed)}."
+    pooled = pooled_table(joint)
+    return ExtraSection(
+        key=f"joint_{file_key(name)}",
+        title=f"Joint fit {name}",
+        paragraphs=(
+            f"{', '.join(joint.tests())}, fitted together (run {joint.directory.path.name}, model "
+            f"{joint.variant.short_text}). A shared parameter has one value for all of them; a "
+            "partially pooled one has a value in each, normal around a common centre on the real "
+            "line behind its bounds, with a spread of half-normal prior; separate ones know "
+            f"nothing of each other. {verdict}",
+            "The sections of the tests below hold what the joint fit says about each; their priors "
+            "of partially pooled parameters are those of the common centre.",
+            *_bought(table),
+        ),
+        tables=(
+            ExtraTable(
+                "pooling",
+                "Mean ± standard deviation, test by test",
+                shown_pooling_table(table),
+                table,
+                words=("quantity", "unit", "pooling", "fit"),
+            ),
+            *(
+                (
+                    ExtraTable(
+                        "spreads",
+                        "Common centres and spreads",
+                        shown_pooled_table(joint),
+                        pooled.reset_index(),
+                        words=("quantity", "unit"),
+                    ),
+                )
+                if len(pooled)
+                else ()
+            ),
+            ExtraTable(
+                "checks",
+                "Checks of the joint fit",
+                checks_table(checks),
+                checks_table(checks),
+                words=("check", "verdict"),
+                sentences=("sentence",),
+            ),
+        ),
+        figures=(
+            ExtraFigure("curves", "All tests", CURVES_CAPTION, partial(all_curves, joint)),
+            ExtraFigure(
+                "intervals",
+                "Parameters test by test",
+                INTERVALS_CAPTION,
+                partial(intervals, joint, separate),
+            ),
+        ),
+    )
+
+
+def _bought(table: pd.DataFrame) -> tuple[str, ...]:
+    """Say for which shared parameters pooling narrowed the posterior, and by how much."""
+    shared = table[table["pooling"] == "shared"]
+    ratios = sd_ratios(shared)
+    if not len(ratios):
+        return ()
+    listed = ", ".join(
+        f"{symbol_text(shown_quantity(str(name)))} {ratio:.2f}" for name, ratio in ratios.items()
+    )
+    return (
+        "What pooling bought: standard deviation of the shared parameters over the mean of those "
+        f"of the fits of single tests: {listed}.",
+    )
+
+
+CURVES_CAPTION = (
+    "Every test of the joint fit with all its segments: data (circles), solution at the posterior "
+    "mean (solid line), retrodictions (thin lines) and the band that should hold 90 % of new "
+    "measurements. Dotted vertical lines mark where the imposed strain rate changes."
+)
+INTERVALS_CAPTION = (
+    f"Median, central 50 % (thick) and {BAND:.0%} (thin) of every parameter in every test: in the "
+    "joint fit (blue) and, where there is one, in the fit of the test alone (red). A shared "
+    "parameter has one joint posterior, shown as a band across all tests."
+)
+COLUMNS = 3
+QUANTILES = (TAIL, 0.25, 0.5, 0.75, 1.0 - TAIL)
+SHIFT = 0.14
+"""Distance of the two fits of a test from its line; tests are 1 apart."""
+
+
+def all_curves(joint: JointFit) -> Figure:
+    """Draw data, solutions and predictive bands of every test."""
+    curves = [fitted_curve(fit) for fit in joint.tests().values()]
+    with style():
+        figure = Figure(figsize=(8.0, 3.2 * len(curves) + 0.6), layout="constrained")
+        panels = list(figure.subplots(len(curves), 1, squeeze=False)[:, 0])
+        for axes, curve in zip(panels, curves, strict=True):
+            draw_curve(axes, curve)
+        panels[-1].set_xlabel(curves[-1].position_label)
+        legend_above(figure, panels[:1])
+    return figure
+
+
+def intervals(joint: JointFit, separate: Sequence[Fit]) -> Figure:
+    """Draw intervals of every parameter in every test, joint and alone.
+
+    Parameters
+    ----------
+    joint : JointFit
+        The joint fit.
+    separate : sequence of Fit
+        Fits of single tests; those of the same data as a test are drawn beside it.
+    """
+    tests = joint.tests()
+    alone = fits_alone(joint, separate)
+    quantities = (*joint.problem.free, REFERENCE_STRESS_QUANTITY.name)
+    n_rows = -(-len(quantities) // COLUMNS)
+    with style():
+        figure = Figure(
+            figsize=(9.0, n_rows * (0.9 + 0.28 * len(tests)) + 0.5), layout="constrained"
+        )
+        panels = figure.subplots(n_rows, COLUMNS, sharey=True, squeeze=False)
+        for axes, quantity in zip(panels.flat, quantities, strict=False):
+            shared = quantity in joint.problem.shared
+            for line, (name, fit) in enumerate(tests.items()):
+                if not shared:
+                    _bar(axes, line - SHIFT, fit, quantity, BLUE)
+                elif line == 0:
+                    _across(axes, fit, quantity)
+                other = alone[name]
+                if other is not None:
+                    _bar(axes, line + SHIFT, other, quantity, VERMILION)
+            axes.xaxis.set_major_locator(few_ticks(4))
+            axes.set_xlabel(axis_label(shown_quantity(quantity)))
+            axes.set_yticks(range(len(tests)), list(tests))
+            axes.set_ylim(len(tests) - 0.5, -0.5)
+        for axes in panels.flat[len(quantities) :]:
+            axes.set_axis_off()
+        shown = {"joint fit": BLUE}
+        if any(alone.values()):
+            shown["test alone"] = VERMILION
+        lines = [Line2D([], [], color=colour, linewidth=3.5) for colour in shown.values()]
+        figure.legend(lines, list(shown), loc="outside upper center", ncols=2)
+    return figure
+
+
+def _quantiles(fit: Fit, quantity: str) -> list[float]:
+    """Quantiles of `QUANTILES` in display units."""
+    draws = all_draws(fit.posterior["posterior"].to_dataset()[quantity])
+    factor = shown_quantity(quantity).display_factor
+    return [float(value) for value in np.quantile(draws, QUANTILES) * factor]
+
+
+def _bar(axes: Axes, line: float, fit: Fit, quantity: str, colour: str) -> None:
+    low, lower, median, upper, high = _quantiles(fit, quantity)
+    axes.hlines(line, low, high, colors=colour, linewidth=1.2)
+    axes.hlines(line, lower, upper, colors=colour, linewidth=3.5)
+    axes.plot([median], [line], "o", color="white", markeredgecolor=colour, markersize=4)
+
+
+def _across(axes: Axes, fit: Fit, quantity: str) -> None:
+    low, lower, median, upper, high = _quantiles(fit, quantity)
+    axes.axvspan(low, high, color=BLUE, alpha=0.16, linewidth=0)
+    axes.axvspan(lower, upper, color=BLUE, alpha=0.25, linewidth=0)
+    axes.axvline(median, color=BLUE, linewidth=1.2)

@@ -1,0 +1,472 @@
+"""Figures of forced oscillation tests: how a record is prepared, and what a fit of it says.
+
+Beside each figure stands how to read it.
+"""
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from scipy import stats
+
+from pyburgers.common.draws import TAIL, all_draws, central_band
+from pyburgers.drawing.panels import (
+    LINES_AND_AREAS,
+    FittedCurve,
+    curve_with_residuals,
+    draw_band_panel,
+    draw_data,
+    draw_retrodictions,
+)
+from pyburgers.drawing.style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    SKY_BLUE,
+    VERMILION,
+    FigureRecipe,
+    style,
+)
+from pyburgers.fitting.fit import Fit
+from pyburgers.model.display import (
+    LENGTH_FACTOR,
+    LENGTH_UNIT,
+    STRAIN_FACTOR,
+    STRAIN_UNIT,
+    STRESS_FACTOR,
+    STRESS_UNIT,
+    shown_quantity,
+    unit_text,
+)
+from pyburgers.predictions.oscillation_response import (
+    observed_response,
+    oscillation_of,
+    predicted_response,
+    replicated_response,
+)
+from pyburgers.protocols.forced_oscillation.harmonics import HarmonicFit
+from pyburgers.protocols.forced_oscillation.preparation import (
+    OscillationRecord,
+    PreparedOscillation,
+)
+from pyburgers.protocols.headings import title
+from pyburgers.protocols.stan_data import REFERENCE_FLOW_RATE
+
+FloatArray = npt.NDArray[np.float64]
+
+STRESS_LABEL = f"differential stress ({STRESS_UNIT})"
+TIME_LABEL = "time on the record's clock (s)"
+
+CURVE_POINTS_PER_CYCLE = 100
+RATE_FACTOR = 1e5
+"""Strain rates are shown in 1e-5 per second."""
+
+PREPARATION_CAPTION = (
+    "From the raw record to what the model takes. (a) Strain readings, with a fit of the "
+    "oscillation and its second and third harmonics plus a polynomial trend (dashed). (b) Strain "
+    "without the trend and the oscillation alone: readings that leave the line in step with the "
+    "period would call for more harmonics. (c) The strain rate that drives the model. (d) Stress "
+    "readings, with the same kind of fit. (e) The stress that the model is compared with. "
+    "Vertical bars are one standard deviation of a reading either way; where none is seen, it is "
+    "shorter than the symbol."
+)
+
+
+def preparation(prepared: PreparedOscillation, record: OscillationRecord, heading: str) -> Figure:
+    """Draw each step from a raw record to the model's input.
+
+    Parameters
+    ----------
+    prepared : PreparedOscillation
+        The prepared record.
+    record : OscillationRecord
+        The raw record that it was made from.
+    heading : str
+        Title of the figure.
+    """
+    time = _curve_times(record.strain_time, prepared.period)
+    stress_time = _curve_times(prepared.time, prepared.period)
+    of_strain, of_stress = prepared.strain_fit, prepared.stress_fit
+    kept = prepared.background == "kept"
+    with style():
+        figure = Figure(figsize=(8.0, 11.0), layout="constrained")
+        raw_strain, detrended, rate, raw_stress, compared = figure.subplots(5, 1, sharex=True)
+
+        _draw_readings(
+            raw_strain,
+            record.strain_time,
+            record.strain * STRAIN_FACTOR,
+            record.strain_uncertainty * STRAIN_FACTOR,
+            "strain readings",
+        )
+        _draw_fit(raw_strain, time, of_strain, STRAIN_FACTOR)
+        _label(raw_strain, "(a) strain readings", f"axial strain ({STRAIN_UNIT})")
+
+        _draw_readings(
+            detrended,
+            record.strain_time,
+            (record.strain - of_strain.trend(record.strain_time)) * STRAIN_FACTOR,
+            record.strain_uncertainty * STRAIN_FACTOR,
+            "strain without trend",
+        )
+        detrended.plot(
+            time,
+            of_strain.periodic(time) * STRAIN_FACTOR,
+            color=BLUE,
+            linewidth=1.3,
+            label="oscillation",
+        )
+        _label(detrended, "(b) oscillating part of the strain", f"axial strain ({STRAIN_UNIT})")
+
+        rate.plot(
+            time,
+            prepared.strain_rate(time) * RATE_FACTOR,
+            color=BLUE,
+            linewidth=1.3,
+            label="driving strain rate",
+        )
+        if kept:
+            rate.plot(
+                time,
+                of_strain.trend_rate(time) * RATE_FACTOR,
+                color=VERMILION,
+                linestyle="--",
+                linewidth=1.3,
+                label="background rate",
+            )
+        rate.axhline(0.0, color=GREY, linewidth=0.8, zorder=0)
+        _label(
+            rate,
+            f"(c) strain rate that drives the model, background {prepared.background}",
+            r"strain rate (10$^{-5}$ s$^{-1}$)",
+        )
+
+        _draw_readings(
+            raw_stress,
+            record.stress_time,
+            record.stress * STRESS_FACTOR,
+            record.stress_uncertainty * STRESS_FACTOR,
+            "stress readings",
+        )
+        _draw_fit(raw_stress, stress_time, of_stress, STRESS_FACTOR)
+        _label(raw_stress, "(d) stress readings", STRESS_LABEL)
+
+        _draw_readings(
+            compared,
+            prepared.time,
+            prepared.stress * STRESS_FACTOR,
+            prepared.uncertainty * STRESS_FACTOR,
+            "stress for the model",
+        )
+        trend = of_stress.trend(stress_time) if kept else 0.0
+        compared.plot(
+            stress_time,
+            (of_stress.periodic(stress_time) + trend) * STRESS_FACTOR,
+            color=BLUE,
+            linewidth=1.3,
+            label="fit" if kept else "oscillation",
+        )
+        _label(
+            compared,
+            "(e) stress that the model is compared with, bias and drift "
+            + ("kept" if kept else "removed"),
+            STRESS_LABEL,
+        )
+        compared.set_xlabel(TIME_LABEL)
+        figure.align_ylabels()
+        figure.suptitle(heading, fontsize=10)
+    return figure
+
+
+def _curve_times(readings: FloatArray, period: float) -> FloatArray:
+    """Return times (s) for a curve over a series of readings."""
+    first, last = readings[0], readings[-1]
+    count = int(CURVE_POINTS_PER_CYCLE * (last - first) / period) + 2
+    times: FloatArray = np.linspace(first, last, count)
+    return times
+
+
+def _draw_readings(
+    axes: Axes, time: FloatArray, value: FloatArray, uncertainty: FloatArray, label: str
+) -> None:
+    """Draw readings with their standard deviations, all in display units."""
+    axes.errorbar(
+        time,
+        value,
+        yerr=uncertainty,
+        linestyle="none",
+        marker="o",
+        markersize=2.5,
+        color=BLACK,
+        ecolor=SKY_BLUE,
+        elinewidth=0.9,
+        zorder=1,
+        label=label,
+    )
+
+
+def _draw_fit(axes: Axes, time: FloatArray, fit: HarmonicFit, factor: float) -> None:
+    """Draw a fit and its trend."""
+    axes.plot(
+        time,
+        (fit.trend(time) + fit.periodic(time)) * factor,
+        color=ORANGE,
+        linewidth=1.3,
+        label="fit",
+    )
+    axes.plot(
+        time,
+        fit.trend(time) * factor,
+        color=VERMILION,
+        linestyle="--",
+        linewidth=1.3,
+        label=f"trend of degree {fit.degree}",
+    )
+
+
+def _label(axes: Axes, heading: str, label: str) -> None:
+    """Give a panel its title, its axis label and a legend beside it."""
+    axes.set_title(heading, loc="left")
+    axes.set_ylabel(label)
+    handles, labels = axes.get_legend_handles_labels()
+    # Readings, which matplotlib puts last, come first.
+    order = sorted(range(len(labels)), key=lambda k: isinstance(handles[k], Line2D))
+    axes.legend(
+        [handles[k] for k in order],
+        [labels[k] for k in order],
+        loc="center left",
+        bbox_to_anchor=(1.0, 0.5),
+    )
+
+
+STRESS_TIME_CAPTION = (
+    "Top: the stress that the model is compared with (circles, bars are one standard deviation "
+    "of a reading either way), the median of the solutions (solid line), up to 1000 "
+    "retrodictions, that is solutions for single draws from the posterior (thin lines), and the "
+    "band that should hold 90 % of new readings of typical uncertainty. Bottom: data minus the "
+    "mean prediction over the posterior mean of the noise of each reading, with the band that "
+    "should hold 90 % of residuals if they were noise alone; a run of points on one side of zero, "
+    "or an oscillation in them, means that the model misses something there."
+)
+
+
+def stress_time(fit: Fit) -> Figure:
+    """Draw data, retrodictions, predictive band and residuals along time.
+
+    Raises
+    ------
+    InputError
+        If the fit is of another kind of test.
+    """
+    return curve_with_residuals(fitted_curve(fit))
+
+
+def fitted_curve(fit: Fit) -> FittedCurve:
+    """Gather the stress along time as measured and as a fit has it.
+
+    Raises
+    ------
+    InputError
+        If the fit is of another kind of test.
+    """
+    experiment = oscillation_of(fit)
+    prepared = experiment.prepared
+    predictions = fit.posterior["predictions"].to_dataset()
+    time = predictions["time"].to_numpy()
+    solutions = all_draws(predictions["stress"]) * STRESS_FACTOR
+    predicted = fit.posterior["posterior_predictive"]["stress"].mean(("chain", "draw")).to_numpy()
+    noise = float(fit.posterior["posterior"]["stress_noise"].mean())
+    return FittedCurve(
+        grid=time,
+        solutions=solutions,
+        replicated=all_draws(predictions["stress_replicated"]) * STRESS_FACTOR,
+        line_position=time,
+        line=central_band(solutions)[1],
+        line_label="median solution",
+        position=prepared.time,
+        data=prepared.stress * STRESS_FACTOR,
+        residuals=(prepared.stress - predicted) / (noise * prepared.relative_uncertainty),
+        error=prepared.uncertainty * STRESS_FACTOR,
+        data_label=f"{experiment.provenance.kind} data",
+        noise_band=float(stats.norm.ppf(1.0 - TAIL)),
+        position_label=TIME_LABEL,
+        label=STRESS_LABEL,
+        residual_label="residual / noise (–)",
+        heading=title(experiment),
+    )
+
+
+STRESS_LOOP_CAPTION = (
+    "Stress against the strain that drives the model. The loops that single draws from the "
+    "posterior make (thin lines, up to 1000) and the median stress (solid line) are run through "
+    "once in each cycle; their area is the work that is lost, their slope the stiffness at this "
+    "period. Circles are the data at their strain, coloured by time; bars are one standard "
+    "deviation of a reading either way. Where the background is kept, the loops move along with "
+    "the strain; where it is removed, they lie on top of each other about zero."
+)
+
+
+def stress_loop(fit: Fit) -> Figure:
+    """Draw stress against driving strain: data and retrodictions.
+
+    Raises
+    ------
+    InputError
+        If the fit is of another kind of test.
+    """
+    curve, prepared = fitted_curve(fit), oscillation_of(fit).prepared
+    strain, at_data = (
+        prepared.strain(time) * STRAIN_FACTOR for time in (curve.grid, curve.position)
+    )
+    with style():
+        figure = Figure(figsize=(8.2, 5.6), layout="constrained")
+        axes = figure.subplots()
+        draw_retrodictions(axes, strain, curve.solutions)
+        axes.plot(strain, curve.line, color=VERMILION, linewidth=1.2, label=curve.line_label)
+        draw_data(axes, at_data, curve.data, curve.error, curve.data_label)
+        coloured = axes.scatter(
+            at_data,
+            curve.data,
+            c=curve.position,
+            cmap="cividis",
+            s=26.0,
+            edgecolors=BLACK,
+            linewidths=0.6,
+            zorder=3,
+        )
+        figure.colorbar(coloured, ax=axes, label=TIME_LABEL)
+        axes.set_xlabel(f"driving strain ({STRAIN_UNIT})")
+        axes.set_ylabel(STRESS_LABEL)
+        figure.legend(loc="outside upper center", ncols=3, title=curve.heading)
+    return figure
+
+
+AMPLITUDE_PHASE_CAPTION = (
+    "Amplitude of the stress at the period of the test and its phase lag, by which strain follows "
+    "stress. The cross is the record: what a fit of harmonics and a trend finds in it, with one "
+    "standard error either way. Blue dots are solutions for single draws, orange dots are "
+    "replicated data, solutions with noise added at the times of the readings and treated like "
+    "the record. Dashed lines enclose 90 % of the replicated amplitudes and 90 % of the "
+    "replicated lags: a model that describes the record has the cross inside both pairs, nine "
+    "times out of ten at least."
+)
+
+
+def amplitude_phase(fit: Fit) -> Figure:
+    """Draw amplitude and phase lag of the stress: observed, predicted and replicated.
+
+    Raises
+    ------
+    InputError
+        If the fit is of another kind of test.
+    """
+    experiment = oscillation_of(fit)
+    observed = observed_response(experiment)
+    predicted, replicated = predicted_response(fit), replicated_response(fit)
+    with style():
+        figure = Figure(figsize=(8.2, 5.2), layout="constrained")
+        axes = figure.subplots()
+        for response, colour, label in (
+            (replicated, ORANGE, "replicated data"),
+            (predicted, BLUE, "solutions"),
+        ):
+            axes.scatter(
+                response.amplitude * STRESS_FACTOR,
+                np.degrees(response.lag),
+                s=6.0,
+                color=colour,
+                alpha=0.6,
+                linewidths=0,
+                rasterized=True,
+                label=f"{response.lag.size} {label}",
+            )
+        for position, draw_line in (
+            (replicated.amplitude * STRESS_FACTOR, axes.axvline),
+            (np.degrees(replicated.lag), axes.axhline),
+        ):
+            low, _, high = central_band(position)
+            for end in (low, high):
+                draw_line(end, color=VERMILION, linestyle="--", linewidth=1.2)
+        axes.plot([], [], color=VERMILION, linestyle="--", label="90 % of replicated data")
+        axes.errorbar(
+            observed.amplitude * STRESS_FACTOR,
+            np.degrees(observed.lag),
+            xerr=observed.amplitude_standard_error * STRESS_FACTOR,
+            yerr=np.degrees(observed.lag_standard_error),
+            color=BLACK,
+            linewidth=1.4,
+            marker="o",
+            markersize=4,
+            linestyle="none",
+            label=f"{experiment.provenance.kind} data ± standard error",
+        )
+        axes.set_xlabel(f"amplitude of the stress ({STRESS_UNIT})")
+        axes.set_ylabel("phase lag of the strain (degrees)")
+        figure.legend(loc="outside upper center", ncols=2, markerscale=2.0, title=title(experiment))
+    return figure
+
+
+MICROSTRUCTURE_CAPTION = (
+    "What the record does not show directly, in the model's solutions: (a) mean grain size, (b) "
+    "strain rate of the dashpot; lines are medians over the posterior, areas hold 90 % of draws. "
+    "Grains approach the size that the piezometer gives for the current stress, over strains of "
+    "the order of the critical strain; near zero stress the piezometer asks for very large ones. "
+    "The dashpot follows stress by a power law, so it flows mainly while stress is high."
+)
+
+
+def microstructure(fit: Fit) -> Figure:
+    """Draw grain size and the dashpot's strain rate along time.
+
+    Raises
+    ------
+    InputError
+        If the fit is of another kind of test.
+    """
+    experiment = oscillation_of(fit)
+    predictions = fit.posterior["predictions"].to_dataset()
+    time = predictions["time"].to_numpy()
+    rate = shown_quantity(REFERENCE_FLOW_RATE)
+    with style():
+        figure = Figure(figsize=(8.0, 5.6), layout="constrained")
+        grains, dashpot = figure.subplots(2, 1, sharex=True)
+        draw_band_panel(
+            grains,
+            time,
+            [(all_draws(predictions["grain_size"]) * LENGTH_FACTOR, BLUE, "median")],
+            heading="(a) mean grain size",
+            label=f"grain size ({LENGTH_UNIT})",
+            level=(experiment.initial_grain_size * LENGTH_FACTOR, "at the start of the record"),
+        )
+        draw_band_panel(
+            dashpot,
+            time,
+            [(all_draws(predictions["dashpot_rate"]) * rate.display_factor, GREEN, "median")],
+            heading="(b) dashpot",
+            label=f"strain rate ({unit_text(rate)})",
+        )
+        dashpot.axhline(0.0, color=GREY, linewidth=0.8, zorder=0)
+        dashpot.set_xlabel(TIME_LABEL)
+        dashpot.margins(x=0.01)
+        figure.align_ylabels()
+        figure.suptitle(f"{title(experiment)}\n{LINES_AND_AREAS}", fontsize=10)
+    return figure
+
+
+OSCILLATION_FIGURES = (
+    FigureRecipe("stress_time", "Stress along time", STRESS_TIME_CAPTION, stress_time),
+    FigureRecipe("stress_loop", "Stress against strain", STRESS_LOOP_CAPTION, stress_loop),
+    FigureRecipe(
+        "amplitude_phase",
+        "Amplitude and phase lag of the stress",
+        AMPLITUDE_PHASE_CAPTION,
+        amplitude_phase,
+    ),
+    FigureRecipe(
+        "microstructure", "Grain size and dashpot", MICROSTRUCTURE_CAPTION, microstructure
+    ),
+)
+"""What the report of such a fit shows beside the figures of its posterior."""

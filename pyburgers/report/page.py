@@ -1,0 +1,436 @@
+"""One self-contained page about one or several fits, with its figures and tables as files."""
+
+import base64
+import importlib.metadata
+import json
+import logging
+import platform
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import pandas as pd
+from matplotlib.figure import Figure
+
+from pyburgers.checks.prior_influence import (
+    THRESHOLDS_TEXT,
+    influence_numbers,
+    influence_table,
+    prior_influence,
+)
+from pyburgers.checks.sampling_checks import CheckResult, coverage
+from pyburgers.common.atomic_files import sha256_of_file, write_json, write_text
+from pyburgers.common.errors import InputError
+from pyburgers.common.processes import completed, number_of_processes
+from pyburgers.drawing.style import FigureText, write_images
+from pyburgers.fitting.fit import Fit, is_joint
+from pyburgers.predictions.oscillation_response import response_table
+from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
+from pyburgers.report import tables
+from pyburgers.report.figures import figures_for
+
+logger = logging.getLogger(__name__)
+
+REPORT_KIND = "pyburgers report"
+"""What the manifest of a report says, so that no other manifest is overwritten."""
+
+PIXELS_PER_INCH = 100
+
+PACKAGES = ("pyburgers", "arviz", "jinja2", "matplotlib", "numpy", "pandas", "scipy", "xarray")
+
+
+@dataclass(frozen=True)
+class ExtraFigure(FigureText):
+    """A figure that is not about one fit alone.
+
+    Attributes
+    ----------
+    draw : callable
+        Draws it.
+    """
+
+    draw: Callable[[], Figure]
+
+
+@dataclass(frozen=True, eq=False)
+class ExtraTable:
+    """A table of an extra section.
+
+    Attributes
+    ----------
+    name : str
+        Part of the file name.
+    title : str
+        Heading.
+    shown : DataFrame
+        What the page shows, as text.
+    saved : DataFrame
+        What the CSV file holds; numbers at full precision.
+    words : tuple of str
+        Columns of short texts.
+    sentences : tuple of str
+        Columns of whole sentences.
+    """
+
+    name: str
+    title: str
+    shown: pd.DataFrame
+    saved: pd.DataFrame
+    words: tuple[str, ...] = ()
+    sentences: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class ExtraSection:
+    """A part of the page that is not about one fit alone.
+
+    Attributes
+    ----------
+    key : str
+        Name of its files and its anchor, unique on the page.
+    title : str
+        Heading.
+    paragraphs : tuple of str
+        Plain text above tables and figures.
+    tables : tuple of ExtraTable
+        Tables.
+    figures : tuple of ExtraFigure
+        Figures.
+    after_fits : bool
+        Whether it stands after the fits rather than between overview and fits.
+    """
+
+    key: str
+    title: str
+    paragraphs: tuple[str, ...]
+    tables: tuple[ExtraTable, ...] = ()
+    figures: tuple[ExtraFigure, ...] = ()
+    after_fits: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Illustration:
+    """A figure on the page.
+
+    Attributes
+    ----------
+    text : FigureText
+        Its name, title and caption.
+    figure : Figure
+        The figure itself.
+    file : Path
+        Where it is written as PNG; beside it as SVG.
+    """
+
+    text: FigureText
+    figure: Figure
+    file: Path
+
+    @property
+    def data_uri(self) -> str:
+        """The written picture."""
+        encoded = base64.b64encode(self.file.read_bytes()).decode("ascii")
+        return f"data:image/png;base64,{encoded}"
+
+    @property
+    def width(self) -> int:
+        """Width on the page (CSS pixels), the same size of letters for every figure."""
+        return round(PIXELS_PER_INCH * self.figure.get_figwidth())
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """What the page says about one fit.
+
+    Attributes
+    ----------
+    key : str
+        Name of its files and its anchor, unique on the page.
+    fit : Fit
+        The fit.
+    checks : tuple of CheckResult
+        Verdicts.
+    overview : dict
+        Row of the table over experiments.
+    parameters, priors, sampler : DataFrame
+        Tables as text.
+    influence : DataFrame or None
+        What the results owe to prior and data, as text; None without likelihood.
+    truth : DataFrame or None
+        Comparison with the truth as text, for synthetic data.
+    response : DataFrame or None
+        Observed and replicated amplitude and phase lag as text, for oscillating tests.
+    illustrations : tuple of Illustration
+        Figures.
+    """
+
+    key: str
+    fit: Fit
+    checks: tuple[CheckResult, ...]
+    overview: dict[str, Any]
+    parameters: pd.DataFrame
+    priors: pd.DataFrame
+    sampler: pd.DataFrame
+    influence: pd.DataFrame | None
+    truth: pd.DataFrame | None
+    response: pd.DataFrame | None
+    illustrations: tuple[Illustration, ...]
+
+    @property
+    def experiment(self) -> Experiment:
+        """The experiment of the fit."""
+        return self.fit.experiment
+
+    @property
+    def from_prior(self) -> list[str]:
+        """Quantities whose number is that of the prior."""
+        if self.influence is None:
+            return []
+        flagged = self.influence["where it comes from"] == "this number is your prior"
+        return self.influence["quantity"][flagged].tolist()
+
+    @property
+    def failed(self) -> list[CheckResult]:
+        """Checks that failed."""
+        return [check for check in self.checks if not check.passed]
+
+
+def write_report(
+    fits: Sequence[Fit],
+    out: Path,
+    *,
+    title: str,
+    command: str,
+    extras: Sequence[ExtraSection] = (),
+    jobs: int | None = 1,
+) -> Path:
+    """Write the page ``index.html``, ``figures/``, ``tables/`` and ``manifest.json``.
+
+    The page needs no other file and no network. An earlier report in the same folder is replaced,
+    file by file and each at once, the page last.
+
+    Parameters
+    ----------
+    fits : sequence of Fit
+        At least one.
+    out : Path
+        Folder, new or of an earlier report.
+    title : str
+        Heading of the page.
+    command : str
+        What makes the report again.
+    extras : sequence of ExtraSection
+        Parts of the page beside the fits, in their order.
+    jobs : int, optional
+        Processes that write figures; None takes one for each core, which pays for many figures.
+
+    Returns
+    -------
+    Path
+        The page.
+
+    Raises
+    ------
+    InputError
+        If there is no fit, or the folder cannot be written or holds something else.
+    """
+    if not fits:
+        raise InputError(f"{out}: a report needs at least one run, found none.")
+    _claim(out)
+    write_json(out / "manifest.json", _manifest(fits, title, command))
+    sections = []
+    for key, fit in zip(page_keys(fits), fits, strict=True):
+        logger.info(f"Writing the section of {key}.")
+        sections.append(_write_section(key, fit, out))
+    illustrated = []
+    for extra in extras:
+        logger.info(f"Writing the part {extra.title!r}.")
+        illustrated.append((extra, _write_extra(extra, out)))
+    of_fits = [one for section in sections for one in section.illustrations]
+    of_extras = [one for _, figures in illustrated for one in figures]
+    illustrations = [*of_fits, *of_extras]
+    logger.info(f"Writing {len(illustrations)} figures.")
+    _write_figures(illustrations, out, jobs)
+    page = out / "index.html"
+    write_text(page, render_page(sections, illustrated, title=title, command=command))
+    return page
+
+
+def _write_figures(illustrations: Sequence[Illustration], out: Path, jobs: int | None) -> None:
+    """Write every figure as PNG and SVG, most of the work of a page."""
+    calls = {one.file: (one.figure, one.file) for one in illustrations}
+    processes = number_of_processes(jobs, len(calls))
+    if processes == 1:
+        for figure, file in calls.values():
+            write_images(figure, file)
+        return
+    for _ in completed(write_images, calls, processes=processes, folder=out):
+        continue
+
+
+def render_page(
+    sections: Sequence[Section],
+    extras: Sequence[tuple[ExtraSection, tuple[Illustration, ...]]],
+    *,
+    title: str,
+    command: str,
+) -> str:
+    """Fill the page's template; everything that comes from files is escaped."""
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("pyburgers"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template("report.html").render(
+        title=title,
+        command=command,
+        sections=sections,
+        extras=extras,
+        overview=pd.DataFrame([section.overview for section in sections]),
+        synthetic=[s for s in sections if s.experiment.provenance.kind == "synthetic"],
+        failing=[section for section in sections if section.failed],
+        written=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        version=importlib.metadata.version("pyburgers"),
+        number_table=_number_table,
+        thresholds=THRESHOLDS_TEXT,
+    )
+
+
+def _claim(out: Path) -> None:
+    """Make the folders, and refuse one that holds a run or a page of another kind."""
+    manifest = out / "manifest.json"
+    if manifest.is_file():
+        content = json.loads(manifest.read_text(encoding="utf-8"))
+        is_report = isinstance(content, dict) and content.get("kind") == REPORT_KIND
+    else:
+        is_report = not (out / "index.html").exists()
+    if not is_report:
+        raise InputError(
+            f"{out}: holds something else than a report (a run or a page), expected a new folder "
+            "or one of an earlier report."
+        )
+    try:
+        for folder in (out, out / "figures", out / "tables"):
+            folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{out}: cannot be written ({error.strerror}).") from error
+
+
+def page_keys(fits: Sequence[Fit]) -> list[str]:
+    """Name each fit after its experiment, or as its part of a joint fit; further ones by number."""
+    return numbered(
+        [fit.experiment.id + ("_joint" if is_joint(fit.manifest) else "") for fit in fits]
+    )
+
+
+def numbered(names: Sequence[str]) -> list[str]:
+    """Tell equal names apart: the second A is A_run2."""
+    seen: Counter[str] = Counter()
+    told_apart = []
+    for name in names:
+        seen[name] += 1
+        told_apart.append(name if seen[name] == 1 else f"{name}_run{seen[name]}")
+    return told_apart
+
+
+def file_key(name: str) -> str:
+    """Name without what a file name or an anchor had better not hold."""
+    return name.replace("+", "_")
+
+
+def _write_section(key: str, fit: Fit, out: Path) -> Section:
+    """Write the tables of one fit, draw its figures, and gather what the page shows of it."""
+    summary, checks = fit.summary(), fit.checks()
+    truth = tables.truth_table(fit)
+    sampler = tables.sampler_table(fit)
+    files = {
+        "summary": summary.reset_index(),
+        "checks": tables.checks_table(checks),
+        "priors": tables.prior_table(fit.priors),
+        "sampler": sampler,
+    }
+    if truth is not None:
+        files["truth"] = truth.reset_index()
+    influence = None
+    if fit.manifest["use_likelihood"]:
+        influences = prior_influence(fit.posterior, fit.priors)
+        influence = influence_table(influences)
+        files["influence"] = influence_numbers(influences).reset_index()
+    response = None
+    if isinstance(fit.experiment, OscillationExperiment):
+        response = response_table(fit)
+        files["response"] = response.reset_index()
+    for name, table in files.items():
+        write_text(out / "tables" / f"{key}_{name}.csv", table.to_csv(index=False))
+    return Section(
+        key=key,
+        fit=fit,
+        checks=checks,
+        overview=tables.overview_row(fit, summary, checks, coverage(fit.posterior)),
+        parameters=tables.parameter_table(summary, fit.priors),
+        priors=files["priors"],
+        sampler=sampler,
+        influence=influence,
+        truth=None if truth is None else tables.shown_truth_table(truth),
+        response=None if response is None else tables.shown_response_table(response),
+        illustrations=tuple(
+            Illustration(recipe, recipe.draw(fit), _picture_file(out, key, recipe))
+            for recipe in figures_for(fit.experiment)
+        ),
+    )
+
+
+def _write_extra(extra: ExtraSection, out: Path) -> tuple[Illustration, ...]:
+    """Write the tables of an extra section and draw its figures."""
+    for table in extra.tables:
+        name = f"{extra.key}_{table.name}.csv"
+        write_text(out / "tables" / name, table.saved.to_csv(index=False))
+    return tuple(
+        Illustration(figure, figure.draw(), _picture_file(out, extra.key, figure))
+        for figure in extra.figures
+    )
+
+
+def _picture_file(out: Path, key: str, text: FigureText) -> Path:
+    return out / "figures" / f"{key}_{text.name}.png"
+
+
+def _number_table(table: pd.DataFrame) -> pd.DataFrame:
+    """Return a table of numbers as text of four significant digits, its index as a column."""
+    columns = table.reset_index(names=table.index.name or "index")
+    if table.index.name is None:
+        columns = columns.drop(columns="index")
+    return columns.map(lambda cell: f"{cell:.4g}" if isinstance(cell, float) else str(cell))
+
+
+def _manifest(fits: Sequence[Fit], title: str, command: str) -> dict[str, Any]:
+    """Record what made the report and from what."""
+    return {
+        "kind": REPORT_KIND,
+        "title": title,
+        "command": command,
+        "written": datetime.now(UTC).isoformat(timespec="seconds"),
+        "versions": {
+            "python": platform.python_version(),
+            **{package: importlib.metadata.version(package) for package in PACKAGES},
+        },
+        "runs": [
+            {
+                "id": key,
+                "directory": fit.directory.path.name,
+                "data_kind": fit.experiment.provenance.kind,
+                "command": fit.manifest["command"],
+                "fingerprint": fit.manifest["fingerprint"],
+                "status": fit.manifest["status"],
+                "manifest_sha256": sha256_of_file(fit.directory.manifest_file),
+            }
+            for key, fit in zip(page_keys(fits), fits, strict=True)
+        ],
+    }

@@ -1,0 +1,297 @@
+"""Tables for people: display units, digits by the standard deviation, priors and truth beside.
+
+Everything here returns text to be printed; the numbers at full precision in SI units are those of
+`Fit.summary` and of `truth_table`.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from pyburgers.checks.sampling_checks import CheckResult
+from pyburgers.fitting.fit import Fit, is_joint
+from pyburgers.model.display import (
+    STRESS_FACTOR,
+    STRESS_UNIT,
+    number,
+    prior_text,
+    rounded,
+    shown_quantity,
+    symbol_text,
+    unit_text,
+    with_error,
+)
+from pyburgers.model.parameters import PARAMETER_BY_NAME
+from pyburgers.model.priors import PriorSet
+
+INTERVALS = (50, 90, 95)
+"""Central intervals (%) in which the truth behind synthetic data is looked for."""
+
+
+def parameter_table(summary: pd.DataFrame, priors: PriorSet) -> pd.DataFrame:
+    """Posterior beside prior, a row for each sampled quantity, then the fixed parameters.
+
+    Parameters
+    ----------
+    summary : DataFrame
+        Posterior table in SI units (`Fit.summary`).
+    priors : PriorSet
+        Priors of the fit, resolved.
+
+    Returns
+    -------
+    DataFrame
+        Text. Columns symbol, quantity, unit, mean, sd, 5 %, 95 %, prior, sd / prior sd (how much
+        of the prior's width is left), ESS bulk, ESS tail, R-hat. The reference stress has no
+        prior of its own.
+    """
+    rows = []
+    for name, row in summary.iterrows():
+        quantity = shown_quantity(str(name))
+        factor = quantity.display_factor
+        sd = float(row["sd"]) * factor
+        has_prior = str(name) in priors.priors
+        rows.append(
+            {
+                "symbol": symbol_text(quantity),
+                "quantity": quantity.label,
+                "unit": unit_text(quantity),
+                **{
+                    title: rounded(float(row[key]) * factor, sd)
+                    for title, key in (
+                        ("mean", "mean"),
+                        ("sd", "sd"),
+                        ("5 %", "q5"),
+                        ("95 %", "q95"),
+                    )
+                },
+                "prior": prior_text(priors[str(name)]) if has_prior else "implied",
+                "sd / prior sd": f"{row['sd'] / row['prior_sd']:.2f}" if has_prior else "",
+                "ESS bulk": f"{row['ess_bulk']:.0f}",
+                "ESS tail": f"{row['ess_tail']:.0f}",
+                "R-hat": f"{row['rhat']:.3f}",
+            }
+        )
+    for parameter in (PARAMETER_BY_NAME[name] for name in priors.priors):
+        if priors[parameter.name].is_fixed:
+            value = number(priors[parameter.name].location * parameter.display_factor)
+            fixed = {
+                "symbol": symbol_text(parameter),
+                "quantity": parameter.label,
+                "unit": unit_text(parameter),
+                "mean": value,
+                "prior": "fixed",
+            }
+            rows.append(fixed)
+    return pd.DataFrame(rows).fillna("")
+
+
+def prior_table(priors: PriorSet) -> pd.DataFrame:
+    """Priors and their sources.
+
+    Returns
+    -------
+    DataFrame
+        Text. Columns symbol, quantity, prior, source.
+    """
+    return pd.DataFrame(
+        [
+            {
+                "symbol": symbol_text(parameter),
+                "quantity": parameter.label,
+                "prior": prior_text(priors[parameter.name]),
+                "source": priors[parameter.name].source,
+            }
+            for parameter in (PARAMETER_BY_NAME[name] for name in priors.priors)
+        ]
+    )
+
+
+def truth_table(fit: Fit) -> pd.DataFrame | None:
+    """Compare the posterior with the parameters behind synthetic data.
+
+    Returns
+    -------
+    DataFrame or None
+        Index parameter (free ones with a known truth), SI units; columns unit, truth, mean, sd,
+        and a verdict ``inside_50``, ``inside_90``, ``inside_95`` for each central interval. None
+        where no truth is known.
+    """
+    truths = fit.experiment.true_parameters
+    if truths is None:
+        return None
+    draws = fit.posterior["posterior"].to_dataset()
+    rows = {}
+    for name in fit.priors.free:
+        if name in truths:
+            values = draws[name]
+            rows[name] = {
+                "unit": shown_quantity(name).si_unit,
+                "truth": truths[name],
+                "mean": float(values.mean()),
+                "sd": float(values.std(ddof=1)),
+                **{f"inside_{share}": _inside(values, truths[name], share) for share in INTERVALS},
+            }
+    columns = ["unit", "truth", "mean", "sd", *(f"inside_{share}" for share in INTERVALS)]
+    return pd.DataFrame.from_dict(rows, orient="index", columns=columns).rename_axis("parameter")
+
+
+def _inside(values: xr.DataArray, truth: float, share: int) -> bool:
+    """Whether a number lies in the central interval that holds `share` % of the draws."""
+    low, high = np.quantile(values, [0.5 - share / 200, 0.5 + share / 200])
+    return bool(low <= truth <= high)
+
+
+def shown_truth_table(truth: pd.DataFrame) -> pd.DataFrame:
+    """Return a `truth_table` as text in display units, with the counts in its last row."""
+    rows = []
+    for name, row in truth.iterrows():
+        quantity = shown_quantity(str(name))
+        factor = quantity.display_factor
+        sd = row["sd"] * factor
+        rows.append(
+            {
+                "symbol": symbol_text(quantity),
+                "quantity": quantity.label,
+                "unit": unit_text(quantity),
+                "truth": rounded(row["truth"] * factor, sd),
+                "mean": rounded(row["mean"] * factor, sd),
+                "sd": rounded(sd, sd),
+                "distance (sd)": f"{(row['truth'] - row['mean']) / row['sd']:+.2f}",
+                **{
+                    f"in {share} % interval": "yes" if row[f"inside_{share}"] else "no"
+                    for share in INTERVALS
+                },
+            }
+        )
+    counts = {
+        f"in {share} % interval": f"{truth[f'inside_{share}'].sum()} of {len(truth)}"
+        for share in INTERVALS
+    }
+    return pd.DataFrame([*rows, {"quantity": "all parameters", **counts}]).fillna("")
+
+
+def shown_response_table(response: pd.DataFrame) -> pd.DataFrame:
+    """Return a table of observed and replicated response as text in display units."""
+    shown = {
+        "amplitude": ("amplitude of the stress", STRESS_UNIT, STRESS_FACTOR),
+        "lag": ("phase lag of the strain", "degrees", float(np.degrees(1.0))),
+    }
+    rows = []
+    for name, row in response.iterrows():
+        label, unit, factor = shown[str(name)]
+        error = row["standard_error"] * factor
+        rows.append(
+            {
+                "quantity": label,
+                "unit": unit,
+                "observed": rounded(row["observed"] * factor, error),
+                "standard error": rounded(error, error),
+                **{
+                    heading: rounded(row[key] * factor, error)
+                    for heading, key in (
+                        ("replicated: median", "median"),
+                        ("5 %", "q5"),
+                        ("95 %", "q95"),
+                    )
+                },
+                "in 90 % band": "yes" if row["inside"] else "NO",
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def checks_table(checks: Sequence[CheckResult]) -> pd.DataFrame:
+    """Verdicts: columns check, verdict (passed or FAILED), sentence."""
+    return pd.DataFrame(
+        [
+            {
+                "check": check.name,
+                "verdict": "passed" if check.passed else "FAILED",
+                "sentence": check.sentence,
+            }
+            for check in checks
+        ]
+    )
+
+
+def sampler_table(fit: Fit) -> pd.DataFrame:
+    """Say what the sampler did, a row for each finished chain.
+
+    Returns
+    -------
+    DataFrame
+        Columns chain, wall time (s), step size, leapfrog steps (mean of a draw), tree depth
+        (largest), acceptance (mean), divergences.
+    """
+    stats = fit.posterior["sample_stats"].to_dataset()
+    rows = []
+    for chain in stats["chain"].to_numpy():
+        of_chain = stats.sel(chain=chain)
+        rows.append(
+            {
+                "chain": int(chain),
+                "wall time (s)": f"{_wall_seconds(fit)[str(chain)]:.0f}",
+                "step size": f"{float(of_chain['step_size'][-1]):.3g}",
+                "leapfrog steps (mean)": f"{float(of_chain['n_steps'].mean()):.0f}",
+                "tree depth (largest)": int(of_chain["tree_depth"].max()),
+                "acceptance (mean)": f"{float(of_chain['acceptance_rate'].mean()):.2f}",
+                "divergences": int(of_chain["diverging"].sum()),
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def overview_row(
+    fit: Fit, summary: pd.DataFrame, checks: Sequence[CheckResult], share_inside: float
+) -> dict[str, Any]:
+    """One row of the table over experiments, as text.
+
+    Parameters
+    ----------
+    fit : Fit
+        The fit.
+    summary : DataFrame
+        Its posterior table in SI units.
+    checks : sequence of CheckResult
+        Its checks.
+    share_inside : float
+        Share of the data inside the 90 % predictive band.
+    """
+    seconds = _wall_seconds(fit).values()
+    failed = sum(not check.passed for check in checks)
+    passed = f"{len(checks) - failed} of {len(checks)}"
+    return {
+        "experiment": fit.experiment.id + (", joint fit" if is_joint(fit.manifest) else ""),
+        "data": fit.experiment.provenance.kind,
+        "stress exponent n": _mean_sd(fit, summary, "stress_exponent", 1.0),
+        f"residual s ({STRESS_UNIT})": _mean_sd(fit, summary, "stress_noise", STRESS_FACTOR),
+        "data in 90 % band": f"{100.0 * share_inside:.0f} %",
+        "checks passed": f"{passed}, {failed} FAILED" if failed else passed,
+        "slowest chain": duration_text(max(seconds)),
+        "all chains": duration_text(sum(seconds)),
+    }
+
+
+def _mean_sd(fit: Fit, summary: pd.DataFrame, name: str, factor: float) -> str:
+    if name not in summary.index:
+        return f"{number(fit.priors[name].location * factor)} (fixed)"
+    mean, sd = (float(summary[key][name]) * factor for key in ("mean", "sd"))
+    return with_error(mean, sd)
+
+
+def _wall_seconds(fit: Fit) -> dict[str, float]:
+    """Wall time of each finished chain, by its identifier as in the manifest."""
+    return {chain: record["wall_seconds"] for chain, record in fit.manifest["chains"].items()}
+
+
+def duration_text(seconds: float) -> str:
+    """Return a time such as ``45 s``, ``12 min`` or ``3.4 h``."""
+    if seconds < 120:
+        return f"{seconds:.0f} s"
+    if seconds < 7200:
+        return f"{seconds / 60:.0f} min"
+    return f"{seconds / 3600:.1f} h"

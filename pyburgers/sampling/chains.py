@@ -1,0 +1,251 @@
+"""Chains as processes: side by side, stopped together, each kept when it is complete."""
+
+import shutil
+import signal
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from typing import Any
+
+from pyburgers.cmdstan.draws import read_draws
+from pyburgers.cmdstan.program import Program
+from pyburgers.common.atomic_files import write_json, write_text
+from pyburgers.common.processes import Running, cores, side_by_side
+from pyburgers.sampling.options import SamplerOptions
+from pyburgers.sampling.progress import ConsoleFile, shown_progress
+from pyburgers.sampling.run_directory import RunDirectory
+
+STEP_SIZE_SHARE = 0.2
+"""Share of the warm-up, at its end, in which the step size alone adapts.
+
+By default longer than Stan's 50 iterations: a chain that passes the valley's bend there would keep
+far too small a step.
+"""
+
+FIRST_PHASE_SHARE = 0.1
+"""Share of the warm-up, at its start, after which the metric of valley coordinates adapts, once.
+
+Stan adapts it several times, first to a few draws that know one arm of the valley only, and finds a
+new step size each time: that took 1.7 times as many leapfrog steps in the warm-up of PIL40 and
+PIL72, and 1.25 times as many after it. Oscillations, whose first metric fits less well, are sampled
+better Stan's way."""
+
+FIRST_STEP = 0.1
+"""First step size where the first metric fits the posterior."""
+
+
+@dataclass(frozen=True)
+class ChainFailure:
+    """A chain that did not finish.
+
+    Attributes
+    ----------
+    chain : int
+        Identifier.
+    reason : str
+        What ended it, where, and what to try, as one sentence.
+    """
+
+    chain: int
+    reason: str
+
+
+def missing_chains(
+    finished: Iterable[int], manifest: Mapping[str, Any]
+) -> tuple[ChainFailure, ...]:
+    """Return the chains that a run was asked for and does not have, and why.
+
+    Parameters
+    ----------
+    finished : iterable of int
+        Chains that are there.
+    manifest : mapping
+        Of the run.
+    """
+    there = set(finished)
+    reasons = {failure["chain"]: failure["reason"] for failure in manifest["failures"]}
+    return tuple(
+        ChainFailure(
+            chain,
+            reasons.get(
+                chain,
+                f"Chain {chain} has not run to its end because the run was stopped; run the "
+                "same command again: it runs only the missing chains.",
+            ),
+        )
+        for chain in range(1, manifest["sampler"]["chains"] + 1)
+        if chain not in there
+    )
+
+
+def run_side_by_side(
+    model: Program,
+    run: RunDirectory,
+    chains: Sequence[int],
+    options: SamplerOptions,
+) -> tuple[ChainFailure, ...]:
+    """Run chains side by side, as many as the options say; stop them all on an interrupt.
+
+    Parameters
+    ----------
+    model : Program
+        The program.
+    run : RunDirectory
+        Claimed, with Stan data and initial values.
+    chains : sequence of int
+        Their identifiers.
+    options : SamplerOptions
+        Settled settings.
+
+    Returns
+    -------
+    tuple of ChainFailure
+        Those that did not finish.
+
+    Raises
+    ------
+    SamplingError
+        If the system starts no process.
+    """
+    active: dict[Running, _Chain] = {}
+
+    def starting() -> Iterator[Running]:
+        for chain in chains:
+            one = _start_chain(model, run, chain, options)
+            active[one.running] = one
+            yield one.running
+
+    failures: list[ChainFailure | None] = []
+    at_once, limit = options.parallel_chains or cores(), options.chain_timeout
+    try:
+        with (
+            shown_progress(chains, options.warmup_iterations + options.draws) as advance,
+            closing(side_by_side(starting(), at_once=at_once, limit=limit)) as looks,
+        ):
+            for running, ended in looks:
+                for one in (active[process] for process in running):
+                    for iteration, phase in one.console.new_iterations():
+                        advance(one.identifier, iteration, phase)
+                failures += [_keep_chain(run, active[process], options.draws) for process in ended]
+    except BaseException:
+        run.update_manifest({"status": "interrupted"})
+        raise
+    found = (failure for failure in failures if failure is not None)
+    return tuple(sorted(found, key=lambda failure: failure.chain))
+
+
+@dataclass(frozen=True, eq=False)
+class _Chain:
+    """A chain that runs or has run: its identifier, its process, and what that prints.
+
+    The folder of the console is a scratch folder for all files of the chain.
+    """
+
+    identifier: int
+    running: Running
+    console: ConsoleFile
+
+
+def _start_chain(
+    program: Program, run: RunDirectory, chain: int, options: SamplerOptions
+) -> _Chain:
+    """Start a chain in a scratch folder."""
+    total = options.warmup_iterations + options.draws
+    first_metric = (
+        [f"stepsize={FIRST_STEP}", "metric=dense_e", f"metric_file={run.metric_file}"]
+        if run.metric_file.is_file()
+        else ["metric=dense_e"]
+    )
+    running = program.start(
+        [
+            "method=sample",
+            *(f"num_samples={options.draws}", f"num_warmup={options.warmup_iterations}"),
+            *("algorithm=hmc", "engine=nuts", f"max_depth={options.max_treedepth}", *first_metric),
+            *("adapt", "engaged=1", f"delta={options.adapt_delta}"),
+            *(f"{name}={n}" for name, n in _warmup_phases(run, options.warmup_iterations).items()),
+        ],
+        data=run.stan_data_file,
+        init=run.initial_values_file(chain),
+        output=run.new_scratch() / "draws.csv",
+        seed=options.seed,
+        chain=chain,
+        digits=12,
+        output_options=[f"refresh={max(1, total // 100)}"],
+    )
+    return _Chain(chain, running, ConsoleFile(running.console))
+
+
+def _keep_chain(run: RunDirectory, one: _Chain, n_draws: int) -> ChainFailure | None:
+    """Move a chain that has ended into place if it is complete; else say what ended it."""
+    running = one.running
+    scratch = running.console.parent
+    if running.failed:
+        return _explain_failure(run, one)
+    try:
+        # A full disk can cut a file short though the process ends well.
+        (_, found, _) = read_draws([scratch / "draws.csv"]).values.shape
+    except ValueError as error:
+        return _explain_failure(run, one, str(error))
+    if found != n_draws:
+        return _explain_failure(run, one, f"found {found}, expected {n_draws}")
+    finished = scratch / "finished"
+    finished.mkdir()
+    (scratch / "draws.csv").rename(finished / "draws.csv")
+    running.console.rename(finished / "console.txt")
+    write_json(finished / "timing.json", {"wall_seconds": running.seconds})
+    run.keep_chain(one.identifier, finished)
+    shutil.rmtree(scratch)
+    return None
+
+
+def _warmup_phases(run: RunDirectory, warmup: int) -> dict[str, int]:
+    """Return the iterations of the phases of the warm-up, by CmdStan's names."""
+    last = int(STEP_SIZE_SHARE * warmup)
+    if run.read_manifest().get("coordinates", {}).get("system") != "valley":
+        return {"term_buffer": last}
+    first = int(FIRST_PHASE_SHARE * warmup)
+    return {
+        "init_buffer": first,
+        "window": warmup - first - last,
+        "term_buffer": last,
+    }
+
+
+def _explain_failure(run: RunDirectory, one: _Chain, defect: str = "") -> ChainFailure:
+    """Put into one sentence what ended a chain, where, and what to try; keep its console.
+
+    Parameters
+    ----------
+    run : RunDirectory
+        That the chain is of.
+    one : _Chain
+        Ended.
+    defect : str
+        What is wrong with its draws, of a process that ended well.
+    """
+    chain, running = one.identifier, one.running
+    code, text = running.process.returncode, running.printed()
+    run.failure_file(chain).parent.mkdir(exist_ok=True)
+    write_text(run.failure_file(chain), text + f"\nreturn code {code}\n{defect}\n")
+    iterations = [line for line in text.splitlines() if line.startswith("Iteration:")]
+    place = iterations[-1].strip() if iterations else "before the first iteration"
+    values = run.initial_values_file(chain).read_text(encoding="utf-8")
+    if running.out_of_time:
+        cause = f"ran into its time limit after {running.seconds:.0f} s"
+        remedy = "raise the limit or shorten the run"
+    elif code < 0:
+        cause = f"was killed by the system ({signal.Signals(-code).name})"
+        remedy = "free memory, or run fewer programs beside it"
+    elif defect:
+        cause = f"left incomplete draws ({defect})"
+        remedy = "free disk space"
+    else:
+        cause = "ended with an error"
+        remedy = "tighten the prior bounds or raise the solver's step limit"
+    return ChainFailure(
+        chain,
+        f"Chain {chain} {cause} at '{place}', started from {' '.join(values.split())}, last "
+        f"console lines: {running.console_tail()}; {remedy}, then run the same command again: "
+        "it repeats only the missing chains (whole console in "
+        f"{run.failure_file(chain).relative_to(run.path)}).",
+    )

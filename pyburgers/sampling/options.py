@@ -1,0 +1,103 @@
+"""Settings of the sampler and their defaults."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Self, get_args
+
+from pyburgers.common.errors import InputError
+from pyburgers.protocols.experiment import Experiment
+from pyburgers.sampling.charts import Coordinates
+
+TARGET_ACCEPTANCE: Mapping[str, float] = MappingProxyType(
+    {"constant_rate": 0.96, "forced_oscillation": 0.95}
+)
+WARMUP: Mapping[str, int] = MappingProxyType({"constant_rate": 300, "forced_oscillation": 250})
+"""Default target acceptance and warm-up by protocol: as little as leaves (almost) no divergences.
+"""
+
+INDECISIVE = frozenset({"chains", "chain_timeout", "parallel_chains"})
+"""Options that change no draw of a chain."""
+
+
+@dataclass(frozen=True)
+class SamplerOptions:
+    """How NUTS runs.
+
+    Attributes
+    ----------
+    chains, draws : int
+        Number of chains, and kept iterations of each.
+    warmup : int or None
+        Iterations before them; None takes what suits the protocol, `WARMUP`.
+    seed : int
+        Seed of initial values and chains.
+    adapt_delta : float or None
+        Target acceptance rate; None takes what suits the protocol, `TARGET_ACCEPTANCE`.
+    max_treedepth : int
+        Trajectories have at most 2**max_treedepth - 1 leapfrog steps.
+    coordinates : {"auto", "plain", "valley", "sheared"}
+        Coordinates of the sampler (`docs/coordinates.md`); the posterior is the same. "auto"
+        takes valley coordinates (constant rate) or sheared ones (oscillation) where the priors
+        and the record suit them.
+    chain_timeout : float or None
+        Seconds after which a chain is stopped and reported as failed.
+    parallel_chains : int or None
+        Chains that run side by side; None runs one for each core.
+    """
+
+    chains: int = 4
+    warmup: int | None = None
+    draws: int = 1000
+    seed: int = 1
+    adapt_delta: float | None = None
+    max_treedepth: int = 10
+    coordinates: Coordinates = "auto"
+    chain_timeout: float | None = None
+    parallel_chains: int | None = None
+
+    def __post_init__(self) -> None:
+        """Check the values.
+
+        Raises
+        ------
+        InputError
+            If one is out of range.
+        """
+        limits = {
+            "chains": (self.chains, 1, 1000),
+            "draws": (self.draws, 4, 10**6),
+            "seed": (self.seed, 0, 2**31 - 1),
+            "max_treedepth": (self.max_treedepth, 1, 20),
+        }
+        if self.parallel_chains is not None:
+            limits["parallel_chains"] = (self.parallel_chains, 1, 1000)
+        if self.warmup is not None:
+            limits["warmup"] = (self.warmup, 20, 10**6)
+        for name, (value, least, most) in limits.items():
+            if not least <= value <= most:
+                raise InputError(f"{name} is {value}, expected a number from {least} to {most}.")
+        if self.adapt_delta is not None and not 0 < self.adapt_delta < 1:
+            raise InputError(f"adapt_delta is {self.adapt_delta}, expected between 0 and 1.")
+        if self.coordinates not in get_args(Coordinates):
+            raise InputError(
+                f"coordinates is {self.coordinates!r}, expected one of "
+                f"{', '.join(get_args(Coordinates))}."
+            )
+        if self.chain_timeout is not None and self.chain_timeout <= 0:
+            raise InputError(f"chain_timeout is {self.chain_timeout} s, expected more than 0.")
+
+    @property
+    def warmup_iterations(self) -> int:
+        """Warm-up of settled options (`suited_to`)."""
+        assert self.warmup is not None  # only settled options are sampled with
+        return self.warmup
+
+    def suited_to(self, experiment: Experiment) -> Self:
+        """Fill in what is left to the experiment's protocol."""
+        protocol = experiment.protocol
+        return replace(
+            self,
+            warmup=self.warmup or WARMUP[protocol],
+            adapt_delta=self.adapt_delta or TARGET_ACCEPTANCE[protocol],
+        )

@@ -1,0 +1,285 @@
+"""The run directory: where every file of a fit lives, written so that a kill leaves no half file.
+
+Files are written beside their final name and renamed over it; a chain's folder is filled under
+``.scratch`` and renamed into place as a whole. What is under ``.scratch`` is never read, nor are
+files whose name starts with `UNFINISHED`; both are removed when the run is continued.
+"""
+
+import json
+import shutil
+import uuid
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from filelock import FileLock, Timeout
+
+from pyburgers.common.atomic_files import (
+    UNFINISHED,
+    flush_to_disk,
+    sha256_of_file,
+    write_json,
+)
+from pyburgers.common.errors import InputError
+
+FOLDERS = ("inputs", "initial_values", "chains")
+"""Folders of the run directory of a fit."""
+
+
+@dataclass(frozen=True)
+class RunDirectory:
+    """Names of the files of one run.
+
+    Attributes
+    ----------
+    path : Path
+        The directory.
+    """
+
+    path: Path
+
+    @property
+    def manifest_file(self) -> Path:
+        """Command, seeds, versions, hashes, wall times, status."""
+        return self.path / "manifest.json"
+
+    @property
+    def inputs(self) -> Path:
+        """Self-contained copies of the experiment and the priors."""
+        return self.path / "inputs"
+
+    @property
+    def experiment_file(self) -> Path:
+        """Copy of the experiment."""
+        return self.inputs / "experiment.toml"
+
+    @property
+    def priors_file(self) -> Path:
+        """Copy of the priors, noise scale resolved, or as given where a run is of several tests."""
+        return self.inputs / "priors.toml"
+
+    @property
+    def stan_data_file(self) -> Path:
+        """Data that every chain read."""
+        return self.path / "stan_data.json"
+
+    @property
+    def metric_file(self) -> Path:
+        """First metric of the sampler; absent where it starts from the unit metric."""
+        return self.path / "metric.json"
+
+    @property
+    def posterior_file(self) -> Path:
+        """Labelled draws."""
+        return self.path / "posterior.nc"
+
+    @property
+    def checks_file(self) -> Path:
+        """Verdicts of the checks."""
+        return self.path / "checks.json"
+
+    @property
+    def summary_file(self) -> Path:
+        """Posterior table."""
+        return self.path / "summary.csv"
+
+    def initial_values_file(self, chain: int) -> Path:
+        """Start of one chain."""
+        return self.path / "initial_values" / f"chain_{chain}.json"
+
+    def chain_folder(self, chain: int) -> Path:
+        """Folder of one finished chain; it exists only when the chain is complete."""
+        return self.path / "chains" / f"chain_{chain}"
+
+    def draws_file(self, chain: int) -> Path:
+        """CmdStan's CSV of one finished chain."""
+        return self.chain_folder(chain) / "draws.csv"
+
+    def draws_files(self) -> list[Path]:
+        """Those of all finished chains, in order."""
+        return [self.draws_file(chain) for chain in self.finished_chains()]
+
+    def failure_file(self, chain: int) -> Path:
+        """Console of the last failed attempt at one chain."""
+        return self.path / "failures" / f"chain_{chain}.txt"
+
+    def finished_chains(self) -> tuple[int, ...]:
+        """Return the identifiers of the chains that are complete, in order."""
+        folders = (self.path / "chains").glob("chain_*")
+        return tuple(sorted(int(folder.name.removeprefix("chain_")) for folder in folders))
+
+    def require_a_chain(self) -> None:
+        """Check that there are draws to read.
+
+        Raises
+        ------
+        InputError
+            If no chain is complete.
+        """
+        if not self.finished_chains():
+            status = self.read_manifest()["status"]
+            raise InputError(
+                f"{self.path}: no chain is finished yet (status {status!r}); run the command in "
+                "its manifest again to complete it."
+            )
+
+    def chain_records(self) -> dict[str, dict[str, Any]]:
+        """Return wall time (``wall_seconds``) and hash of each finished chain."""
+        return {
+            str(chain): {
+                **json.loads((self.chain_folder(chain) / "timing.json").read_text("utf-8")),
+                "sha256": sha256_of_file(self.draws_file(chain)),
+            }
+            for chain in self.finished_chains()
+        }
+
+    def read_manifest(self) -> dict[str, Any]:
+        """Read the manifest.
+
+        Raises
+        ------
+        InputError
+            If the directory is not a run or its manifest was damaged.
+        """
+        if not self.manifest_file.is_file():
+            raise InputError(
+                f"{self.path}: not a run directory, expected a folder that holds manifest.json."
+            )
+        try:
+            manifest: dict[str, Any] = json.loads(self.manifest_file.read_text(encoding="utf-8"))
+        except ValueError as error:
+            raise InputError(f"{self.manifest_file}: is not valid JSON ({error}).") from error
+        return manifest
+
+    def update_manifest(self, changes: Mapping[str, Any]) -> None:
+        """Merge `changes` into the manifest's top level."""
+        current = self.read_manifest() if self.manifest_file.is_file() else {}
+        write_json(self.manifest_file, {**current, **changes})
+
+    @contextmanager
+    def claimed(self, fingerprint: str, folders: Sequence[str] = FOLDERS) -> Iterator[None]:
+        """Hold the directory for a run with these inputs, new or to be continued.
+
+        A second process is kept out; a killed process lets go.
+
+        Parameters
+        ----------
+        fingerprint : str
+            Hash of everything that decides the draws.
+        folders : sequence of str
+            Folders to make in it.
+
+        Raises
+        ------
+        InputError
+            If the directory holds another run, or other files, or cannot be written, or another
+            process runs here.
+        """
+        self._refuse_others(fingerprint)
+        with self._locked():
+            # Another process may have come first.
+            self._refuse_others(fingerprint)
+            self._prepare(fingerprint, folders)
+            yield
+
+    def _refuse_others(self, fingerprint: str) -> None:
+        """Raise where the directory holds something else; nothing is written."""
+        try:
+            if self.manifest_file.is_file():
+                found = self.read_manifest().get("fingerprint")
+                if found != fingerprint:
+                    raise InputError(
+                        f"{self.path}: holds a run of other inputs (fingerprint "
+                        f"{str(found)[:12]}, these inputs have {fingerprint[:12]}); choose "
+                        "another --out or remove it."
+                    )
+            elif self.path.is_dir():
+                strangers = [entry.name for entry in self.path.iterdir() if not _is_ours(entry)]
+                if strangers:
+                    raise InputError(
+                        f"{self.path}: has files ({min(strangers)}) but no manifest.json; "
+                        "expected an empty or new folder, or one of an earlier run."
+                    )
+        except OSError as error:
+            raise InputError(f"{self.path}: cannot be read ({error.strerror}).") from error
+
+    @contextmanager
+    def _locked(self) -> Iterator[None]:
+        """Keep other processes out."""
+        lock = FileLock(self.path / ".lock", timeout=0)
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            lock.acquire()
+        except Timeout as error:
+            raise InputError(
+                f"{self.path}: another process is running a fit here; wait for it or choose "
+                "another --out."
+            ) from error
+        except OSError as error:
+            raise InputError(f"{self.path}: cannot be written ({error.strerror}).") from error
+        try:
+            yield
+        finally:
+            lock.release()
+
+    def _prepare(self, fingerprint: str, folders: Sequence[str]) -> None:
+        """Make the folders and remove what killed attempts left behind."""
+        try:
+            if not self.manifest_file.is_file():
+                # Before everything else, so that a run killed early is known as ours.
+                write_json(self.manifest_file, {"fingerprint": fingerprint, "status": "claimed"})
+            for folder in folders:
+                (self.path / folder).mkdir(exist_ok=True)
+            # What cannot be removed is in nobody's way: it is never read.
+            shutil.rmtree(self._scratch, ignore_errors=True)
+            for leftover in self.path.rglob(f"{UNFINISHED}*"):
+                leftover.unlink()
+        except OSError as error:
+            raise InputError(f"{self.path}: cannot be written ({error.strerror}).") from error
+
+    @property
+    def _scratch(self) -> Path:
+        return self.path / ".scratch"
+
+    def new_scratch(self) -> Path:
+        """Return a new folder for files that are not finished."""
+        folder = self._scratch / uuid.uuid4().hex
+        folder.mkdir(parents=True)
+        return folder
+
+    def supersede_chains(self, name: str) -> str:
+        """Put the finished chains, and what was made of them, aside.
+
+        Parameters
+        ----------
+        name : str
+            Tells these chains from others that were put aside.
+
+        Returns
+        -------
+        str
+            Where the chains are now, relative to the run directory.
+        """
+        aside = self.path / "superseded" / name
+        aside.parent.mkdir(exist_ok=True)
+        # A run killed in the midst of this was sampled again: the same chains.
+        shutil.rmtree(aside, ignore_errors=True)
+        (self.path / "chains").rename(aside)
+        (self.path / "chains").mkdir()
+        for file in (self.posterior_file, self.checks_file, self.summary_file):
+            file.unlink(missing_ok=True)
+        return aside.relative_to(self.path).as_posix()
+
+    def keep_chain(self, chain: int, finished: Path) -> None:
+        """Move the folder of a finished chain into place, all files at once."""
+        for file in finished.iterdir():
+            flush_to_disk(file)
+        finished.rename(self.chain_folder(chain))
+        flush_to_disk(self.path / "chains")
+
+
+def _is_ours(entry: Path) -> bool:
+    """Tell whether a run killed before its first file may have left this."""
+    return entry.name in {".lock", ".scratch"} or entry.name.startswith(UNFINISHED)

@@ -1,0 +1,186 @@
+"""Reference point and pins of the valley coordinates (`stan/functions/valley_coordinates.stan`).
+
+Everything comes from the posterior mode: it is the reference point, its solution the smooth curve
+that the pins lie on, and its residual sets their weight. Digitising jitter, short records, rate
+steps and curves without a peak need no special care then, and the speed of a run, not its result,
+is all that depends on it.
+"""
+
+import numpy as np
+import numpy.typing as npt
+
+from pyburgers.model.priors import PriorSet
+from pyburgers.model.variants import variant_of
+from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.protocols.forward import solve, strain_grid
+from pyburgers.protocols.stan_data import (
+    PlainCoordinates,
+    SolverOptions,
+    ValleyReference,
+    plain_coordinates,
+)
+from pyburgers.sampling.mode import Mode
+
+FloatArray = npt.NDArray[np.float64]
+
+N_PINS = 12
+LEAST_RELATIVE_NOISE = (0.02, 0.006)
+"""Of the stress: noise that the pins are taken to have at least, for epsilon_c1 and for the rest.
+
+The conditional density of epsilon_c1 is known at a few places, from solutions that a few steps have
+reached. Made narrower than that it is jagged: with noise of 0.6 % of the stress a draw took 800
+steps. Those of the rest are closer to their solutions; too wide they leave draws correlated."""
+
+MIN_FLOWING_POINTS = 4
+FLOWING_SHARE = 0.5
+"""Pins lie where the dashpot carries at least this share of the imposed rate."""
+
+N_PRIOR_DRAWS = 1000
+
+NEAR_BOUND = 0.05
+"""A mode within this fraction of a parameter's range above its lower bound leans on the bound."""
+
+SMALL_PART = 0.1
+
+NOISE_SCALED = ("maxwell_modulus", "kelvin_viscosity")
+"""Parameters fixed by stresses alone; the others' widths also come from priors of partners."""
+
+SOLVED = ("steady_state_fabric_factor", "critical_strain_grain_size", "critical_strain_fabric")
+
+
+class ValleyUnsuited(Exception):  # noqa: N818 - an outcome with a reason, not an error
+    """The valley coordinates do not apply; the message says why."""
+
+
+def find_valley(
+    experiment: ConstantRateExperiment, priors: PriorSet, mode: Mode, *, solver: SolverOptions
+) -> ValleyReference:
+    """Set the pins along the solution at the posterior mode.
+
+    Parameters
+    ----------
+    experiment : ConstantRateExperiment
+        A test with data.
+    priors : PriorSet
+        Resolved priors.
+    mode : Mode
+        Their posterior mode.
+    solver : SolverOptions
+        Tolerance and step limit.
+
+    Raises
+    ------
+    ValleyUnsuited
+        If the priors or the record do not fit the coordinates.
+    """
+    if variant_of(priors, experiment).grain_size == "piezometric":
+        raise ValleyUnsuited("the grain size follows a piezometer")
+    coordinates = plain_coordinates(experiment, priors)
+    _check_priors(priors, coordinates)
+    values = mode.values
+    observed = solve(experiment, values, np.unique(experiment.strain), solver=solver)
+    flowing = np.isin(
+        experiment.strain,
+        observed["grid_strain"][observed["grid_dashpot_share"] >= FLOWING_SHARE],
+    )
+    n_flowing = int(flowing.sum())
+    if n_flowing < MIN_FLOWING_POINTS:
+        raise ValleyUnsuited(
+            f"only {n_flowing} points lie where the dashpot flows, {MIN_FLOWING_POINTS} are needed"
+        )
+    quantiles = (np.arange(N_PINS) + 0.5) / N_PINS
+    pin_strain = np.unique(np.quantile(experiment.strain[flowing], quantiles))
+    knots = solve(experiment, values, _knot_strain(experiment, pin_strain), solver=solver)
+    pin_knot = np.searchsorted(knots["grid_strain"], pin_strain)
+    segment = np.searchsorted(
+        [s.start_strain for s in experiment.segments[1:]], pin_strain, side="left"
+    )
+    rate = np.array([s.strain_rate for s in experiment.segments])[segment]
+    stress = knots["grid_stress"][pin_knot]
+    relative_noise = values["stress_noise"] / stress
+    weights = [
+        n_flowing / pin_strain.size / np.maximum(relative_noise, least) ** 2
+        for least in LEAST_RELATIVE_NOISE
+    ]
+    time = experiment.time_at(knots["grid_strain"])
+    return ValleyReference(
+        coordinate=mode.coordinate,
+        linear_from=_linear_from(mode.coordinate, coordinates),
+        knot_time_step=np.diff(time, prepend=0.0),
+        knot_stress=knots["grid_stress"],
+        pin_knot=pin_knot + 1,
+        pin=np.column_stack(
+            [
+                pin_strain,
+                knots["grid_stress_slope"][pin_knot],
+                rate,
+                np.log(experiment.segments[0].strain_rate / rate),
+                *weights,
+            ]
+        ),
+        noise_exponent=np.zeros(mode.coordinate.size),
+    )
+
+
+def noise_exponents(
+    coordinates: PlainCoordinates, priors: PriorSet, covariance: FloatArray
+) -> FloatArray:
+    """Power of the stress noise with which the posterior width of each coordinate grows.
+
+    Parameters
+    ----------
+    coordinates : PlainCoordinates
+        What the coordinates stand for.
+    priors : PriorSet
+        Resolved priors.
+    covariance : array, shape (n_coordinates, n_coordinates)
+        Laplace approximation of the posterior in valley coordinates.
+
+    Returns
+    -------
+    array, shape (n_coordinates,)
+        1 - posterior variance/prior variance, between 0 and 1, for `NOISE_SCALED`; 0 for others.
+    """
+    rng = np.random.default_rng(0)
+    exponents = np.zeros(len(coordinates.quantities))
+    for name in NOISE_SCALED:
+        if name not in coordinates.quantities:
+            continue
+        k = coordinates.quantities.index(name)
+        values = priors[name].distribution().rvs(N_PRIOR_DRAWS, random_state=rng)
+        prior_variance = float(np.var(coordinates.of_quantity(k, values)))
+        exponents[k] = np.clip(1 - covariance[k, k] / prior_variance, 0.0, 1.0)
+    return exponents
+
+
+def _check_priors(priors: PriorSet, coordinates: PlainCoordinates) -> None:
+    """Ask for solved parameters between finite bounds, and for ln S_0 as a coordinate."""
+    for name in SOLVED:
+        prior = priors[name]
+        if prior.is_fixed or not np.isfinite([prior.lower, prior.upper]).all():
+            raise ValleyUnsuited(f"{name} is not free between two finite bounds")
+    if coordinates.replaced_parameter is None:
+        raise ValleyUnsuited("neither Q_M nor beta leaves its place to the reference stress")
+
+
+def _knot_strain(experiment: ConstantRateExperiment, pin_strain: FloatArray) -> FloatArray:
+    """Strains of the piecewise linear reference curve: dense at each segment's start."""
+    shape = np.union1d(np.geomspace(1e-3, 1.0, 25), np.linspace(0.0, 1.0, 16)[1:])
+    strain: FloatArray = np.union1d(strain_grid(experiment, shape), pin_strain)
+    return strain
+
+
+def _linear_from(position: FloatArray, coordinates: PlainCoordinates) -> FloatArray:
+    """Where coordinates turn from logarithmic to linear (below 0: linear in the inverse).
+
+    Modes that lean on a lower bound, from their odds (value - lower)/(upper - value) on; and the
+    inverse of the Maxwell modulus, from a small part of its value at the mode on.
+    """
+    odds = np.exp(position)
+    bounded = np.isfinite(coordinates.lower) & np.isfinite(coordinates.upper)
+    linear: FloatArray = np.where(bounded & (odds < NEAR_BOUND), odds, 0.0)
+    if "maxwell_modulus" in coordinates.quantities:
+        k = coordinates.quantities.index("maxwell_modulus")
+        if np.isinf(coordinates.upper[k]) and coordinates.lower[k] == 0.0:
+            linear[k] = -SMALL_PART / odds[k]
+    return linear

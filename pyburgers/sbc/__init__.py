@@ -1,0 +1,1 @@
+"""Simulation-based calibration: data from the prior, their fits, the ranks of the truth."""

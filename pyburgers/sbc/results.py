@@ -1,0 +1,228 @@
+"""What a calibration found: counts, table of verdicts, figure of the ranks, and their files."""
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from pyburgers.common.atomic_files import write_text
+from pyburgers.drawing.style import BLACK, BLUE, GREY, SKY_BLUE, VERMILION, few_ticks, style
+from pyburgers.model.display import shown_quantity
+from pyburgers.sbc.data_sets import LOG_LIKELIHOOD, RHAT_LIMIT
+from pyburgers.sbc.rank_uniformity import VERDICTS_TEXT, RankBands, RankVerdict, counts_at_most
+from pyburgers.sbc.run import Calibration
+
+
+def ranked_label(name: str) -> str:
+    """Plain words for a ranked quantity."""
+    return "log likelihood" if name == LOG_LIKELIHOOD else shown_quantity(name).label
+
+
+def verdict_table(calibration: Calibration) -> pd.DataFrame:
+    """Verdicts, a row for each ranked quantity.
+
+    Returns
+    -------
+    DataFrame
+        Columns quantity (its name), data_sets, mean_rank and rank_spread (numbers), verdict and
+        in_words.
+    """
+    rows = [
+        {
+            "quantity": name,
+            "data_sets": len(calibration.ranked),
+            "mean_rank": verdict.mean,
+            "rank_spread": verdict.spread,
+            "verdict": verdict.verdict,
+            "in_words": verdict.sentence,
+        }
+        for name, verdict in calibration.verdicts.items()
+    ]
+    columns = ["quantity", "data_sets", "mean_rank", "rank_spread", "verdict", "in_words"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def shown_verdict_table(calibration: Calibration) -> pd.DataFrame:
+    """Return `verdict_table` as text for people."""
+    table = verdict_table(calibration)
+    return pd.DataFrame(
+        {
+            "quantity": table["quantity"].map(ranked_label),
+            "mean rank": table["mean_rank"].map("{:.3f}".format),
+            "spread": table["rank_spread"].map("{:.3f}".format),
+            "verdict": table["verdict"],
+            "in words": table["in_words"],
+        }
+    )
+
+
+def rank_table(calibration: Calibration) -> pd.DataFrame:
+    """Return every data set: seed, outcome, and its ranks.
+
+    Returns
+    -------
+    DataFrame
+        Columns seed, unsolvable_draws, coordinates, divergences, rhat, least_ess, failed_checks,
+        failure, then the rank of each quantity (missing where there is no fit).
+    """
+    return pd.DataFrame(
+        [
+            {
+                "seed": one.seed,
+                "unsolvable_draws": one.n_unsolvable,
+                "coordinates": one.coordinates,
+                "divergences": one.divergences,
+                "rhat": one.rhat,
+                "least_ess": one.least_ess,
+                "failed_checks": "; ".join(one.failed_checks),
+                "failure": one.failure,
+                **{name: one.ranks.get(name) for name in calibration.ranks},
+            }
+            for one in calibration.replications
+        ]
+    )
+
+
+def count_sentences(calibration: Calibration) -> tuple[str, ...]:
+    """Say how many data sets, unphysical draws, lost fits and failed checks there were."""
+    done, ranked = calibration.replications, calibration.ranked
+    n_unsolvable = sum(one.n_unsolvable for one in done)
+    n_drawn = n_unsolvable + len(done)
+    failed = Counter(name for one in ranked for name in one.failed_checks)
+    n_failed = sum(bool(one.failed_checks) for one in ranked)
+    sentences = [
+        "All data are synthetic: they were made with known parameters and say nothing of nature.",
+        f"{len(done)} data sets like {calibration.template.id}, {len(ranked)} of them fitted; the "
+        f"truth is ranked among {calibration.plan.n_ranked} draws of each fit.",
+        f"Unphysical draws: {n_unsolvable} of {n_drawn} draws from the prior had no finite "
+        "solution within the solver's step limit and were replaced by the next ones.",
+        f"Fits without any chain: {len(done) - len(ranked)}; they have no ranks.",
+    ]
+    by_name = ", ".join(f"{name} {count}" for name, count in sorted(failed.items()))
+    return (
+        *sentences,
+        f"Fits that failed a check of convergence: {n_failed}{f' ({by_name})' if by_name else ''}; "
+        f"they are ranked all the same. The limit of R-hat is {RHAT_LIMIT} for these short chains, "
+        "and as many effective draws are wanted as are ranked.",
+    )
+
+
+def calibration_text(calibration: Calibration, command: str) -> str:
+    """Return counts, verdicts and how to repeat them as Markdown."""
+    table = shown_verdict_table(calibration)
+    rows = [list(table.columns), ["---"] * len(table.columns), *table.to_numpy().tolist()]
+    return "\n".join(
+        [
+            f"# Calibration of the fit of {calibration.template.id}",
+            "",
+            *(f"- {sentence}" for sentence in count_sentences(calibration)),
+            f"- Priors: {calibration.priors.title}.",
+            f"- Command: `{command}`",
+            "",
+            *(_table_row(row) for row in rows),
+            "",
+            VERDICTS_TEXT,
+            "",
+        ]
+    )
+
+
+def _table_row(cells: Sequence[str]) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+def save_calibration(calibration: Calibration, folder: Path, *, command: str) -> None:
+    """Write ``verdicts.csv``, ``ranks.csv`` and ``calibration.md``.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        What to write.
+    folder : Path
+        An existing folder.
+    command : str
+        What regenerates it.
+    """
+    write_text(folder / "verdicts.csv", verdict_table(calibration).to_csv(index=False))
+    write_text(folder / "ranks.csv", rank_table(calibration).to_csv(index=False))
+    write_text(folder / "calibration.md", calibration_text(calibration, command))
+
+
+COLUMNS = 4
+
+RANKS_CAPTION = (
+    "Share of data sets in which the true value ranks at most this high among the draws, less the "
+    "share expected of a right posterior. Dark band: holds the whole line in 95 % of calibrations "
+    "of a right program; light band: holds the lines of all quantities together in 95 %. A line "
+    "like an arch above zero means that the posterior is too high, below zero too low; one that "
+    "is above zero at first and below it at the end, that it is too narrow, the reverse too wide."
+)
+
+
+def rank_differences(calibration: Calibration) -> Figure:
+    """Draw the empirical distribution of the ranks less the uniform one, with its bands."""
+    names = list(calibration.ranks)
+    n_rows = math.ceil(len(names) / COLUMNS)
+    with style():
+        figure = Figure(figsize=(9.0, 0.9 + 1.7 * n_rows), layout="constrained")
+        panels = figure.subplots(n_rows, COLUMNS, sharex=True, sharey=True, squeeze=False).ravel()
+        for axes, name in zip(panels, names, strict=False):
+            _draw(axes, calibration.ranks[name], calibration.verdicts[name], calibration.bands)
+            axes.set_title(_heading(name), loc="left")
+        for axes in panels[len(names) :]:
+            axes.set_axis_off()
+        for axes in panels[max(0, len(names) - COLUMNS) : len(names)]:
+            axes.tick_params(labelbottom=True)
+        figure.supxlabel("rank of the true value as a share of the draws", fontsize=10.0)
+        figure.supylabel("difference from uniform", fontsize=10.0)
+        n_unsolvable = sum(one.n_unsolvable for one in calibration.replications)
+        figure.suptitle(
+            f"{calibration.template.id}: {len(calibration.ranked)} data sets from the prior, "
+            f"{n_unsolvable} draws without solution",
+            x=0.01,
+            horizontalalignment="left",
+            fontsize=10.0,
+        )
+        handles, labels = panels[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper right", ncols=2)
+    return figure
+
+
+def _draw(axes: Axes, ranks: list[int], verdict: RankVerdict, bands: RankBands) -> None:
+    """Draw one quantity."""
+    place = np.arange(1, bands.n_draws + 1) / (bands.n_draws + 1)
+    for band, colour, label in (
+        (bands.joint, GREY, "95 % band, all quantities"),
+        (bands.own, SKY_BLUE, "95 % band"),
+    ):
+        low, high = (limit / bands.n_ranks - place for limit in band)
+        axes.fill_between(
+            place, low, high, color=colour, alpha=0.5, linewidth=0, step="post", label=label
+        )
+    wrong = verdict.verdict == "not calibrated"
+    difference = counts_at_most(ranks, bands.n_draws) / bands.n_ranks - place
+    axes.step(place, difference, where="post", color=VERMILION if wrong else BLUE, linewidth=1.4)
+    axes.axhline(0.0, color=BLACK, linewidth=0.6)
+    axes.set_xlim(0.0, 1.0)
+    axes.set_xticks([0.0, 0.5, 1.0])
+    axes.yaxis.set_major_locator(few_ticks(4))
+    if verdict.verdict != "calibrated":
+        axes.text(
+            0.97,
+            0.95,
+            verdict.verdict,
+            transform=axes.transAxes,
+            horizontalalignment="right",
+            verticalalignment="top",
+            fontsize=9.0,
+            color=VERMILION if wrong else BLACK,
+        )
+
+
+def _heading(name: str) -> str:
+    return "log likelihood" if name == LOG_LIKELIHOOD else f"${shown_quantity(name).symbol}$"

@@ -1,0 +1,188 @@
+"""The whole study in one call: fits of the shipped experiments and the page about them."""
+
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from importlib.resources import files
+from pathlib import Path
+from types import MappingProxyType
+
+from pyburgers.cmdstan.program import compile_programs, stan_directory
+from pyburgers.fitting.fit import Fit
+from pyburgers.fitting.side_by_side import Problem, fit_side_by_side
+from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress, flow_law_prior
+from pyburgers.flow_law_tables.priors import default_peak_stress_priors, with_enthalpy_of
+from pyburgers.flow_law_tables.table import load_peak_stress
+from pyburgers.model.priors import PriorSet, default_priors, with_flow_law
+from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.files import load_experiment
+from pyburgers.protocols.forced_oscillation.experiment import (
+    load_forced_oscillation,
+    with_background,
+)
+from pyburgers.protocols.forced_oscillation.preparation import Background
+from pyburgers.report.comparison_sections import comparison_sections
+from pyburgers.report.flow_law_sections import peak_stress_section
+from pyburgers.report.page import write_report
+from pyburgers.sampling.options import SamplerOptions
+from pyburgers.studies.maor.sections import study_sections
+
+logger = logging.getLogger(__name__)
+
+PRESETS: Mapping[str, SamplerOptions] = MappingProxyType(
+    {
+        "quick": SamplerOptions(chains=4, warmup=300, draws=500, seed=1),
+        "paper": SamplerOptions(chains=5, warmup=500, draws=3000, seed=1),
+    }
+)
+"""Sampler settings: `paper` has the chains and draws of the paper's Methods. Oscillating tests
+warm up as long as their protocol needs, which is less."""
+
+PROGRAMS = ("peak_stress", "imposed_stress")
+"""Stan programs of the study other than those of the fits, which compile them themselves, each
+while another one runs already."""
+
+ICE_TWINS = ("PIL40", "PIL72", "PIL105")
+
+OLIVINE_RUNS: Mapping[Background, str] = MappingProxyType(
+    {"removed": "olivine_removed", "kept": "olivine_kept"}
+)
+"""Names of the fits of the olivine record by treatment of its background, the paper's first."""
+
+
+COMBINED_TWIN, COMBINED_RUN = "PIL40", "PIL40_with_peak_stress"
+"""Test that is fitted once more with the flow law of the peak stresses as prior, and that fit,
+which is compared by standard deviations alone and therefore short under every preset."""
+
+PEAK_STRESS_TABLE = "peak_stress_qi_goldsby_2021"
+HANDED_ON_RUN = f"{PEAK_STRESS_TABLE}_handed_on"
+"""Fit of the same table whose flow law that test gets: with the test's priors of Q_M and beta."""
+
+
+LONGEST_FIRST = ("olivine_removed", "PIL40", "PIL72", COMBINED_RUN, "PIL105", "olivine_kept")
+"""Order in which the fits begin, so that none is left over for one core at the end."""
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What `reproduce` made.
+
+    Attributes
+    ----------
+    page : Path
+        The HTML page.
+    fits : tuple of Fit
+        The fits it shows.
+    peak_stress : PeakStressFit
+        The flow law it shows.
+    """
+
+    page: Path
+    fits: tuple[Fit, ...]
+    peak_stress: PeakStressFit
+
+
+def shipped_data_directory() -> Path:
+    """Folder of the experiments that come with the package."""
+    package = Path(str(files("pyburgers")))
+    inside = package / "data"
+    return inside if inside.is_dir() else package.parent / "data"
+
+
+def study_experiments() -> dict[str, Experiment]:
+    """Read the shipped experiments of the study, by the names of their runs."""
+    data = shipped_data_directory()
+    ice = {name: load_experiment(data / "ice" / f"{name}.toml") for name in ICE_TWINS}
+    record = load_forced_oscillation(data / "olivine" / "olivine_twin.toml")
+    olivine = {
+        name: replace(with_background(record, background), id=name)
+        for background, name in OLIVINE_RUNS.items()
+    }
+    return {**ice, **olivine}
+
+
+def reproduce(preset: str, out: Path, *, command: str) -> Outcome:
+    """Fit the experiments of the study and write the page; continue where a call stopped.
+
+    The page has the fits, attenuation as the ice fits predict it, what the treatment of the
+    olivine record changes, the paper's statements, the flow law of measured peak stresses, and
+    what that adds to one of the curves.
+
+    Parameters
+    ----------
+    preset : str
+        A key of `PRESETS`.
+    out : Path
+        Folder of the page; the runs go into its subfolder ``runs``.
+    command : str
+        Command that regenerates the page, for the manifests.
+    """
+    runs = out / "runs" / preset
+    compile_programs([stan_directory() / f"{name}.stan" for name in PROGRAMS])
+    peak_stress, handed_on = (
+        _fit_peak_stress(runs / name, priors, command=command)
+        for name, priors in _peak_stress_priors().items()
+    )
+    problems = _problems(preset, handed_on)
+    begun = {name: problems[name] for name in LONGEST_FIRST}
+    found = fit_side_by_side(begun, runs, command=command)
+    fits = {name: found[name] for name in problems}
+    ice_fits = {name: fits[name] for name in ICE_TWINS}
+    olivine_fits: dict[str, Fit] = {
+        background: fits[name] for background, name in OLIVINE_RUNS.items()
+    }
+    page = write_report(
+        list(fits.values()),
+        out,
+        title=f"Nonlinear Burgers fits of ice and olivine ({preset} preset)",
+        command=command,
+        extras=(
+            *study_sections(ice_fits, olivine_fits),
+            peak_stress_section(peak_stress),
+            *comparison_sections(list(fits.values())),
+        ),
+        jobs=None,
+    )
+    return Outcome(page=page, fits=tuple(fits.values()), peak_stress=peak_stress)
+
+
+def _peak_stress_priors() -> dict[str, PriorSet]:
+    """Priors of the two fits of the table, by the names of their runs: the second is handed on."""
+    weak = default_peak_stress_priors("ice")
+    return {
+        PEAK_STRESS_TABLE: weak,
+        HANDED_ON_RUN: with_enthalpy_of(weak, default_priors("ice")),
+    }
+
+
+def _fit_peak_stress(out: Path, priors: PriorSet, *, command: str) -> PeakStressFit:
+    logger.info(f"Fitting the flow law of measured peak stresses: {priors.title}.")
+    table = shipped_data_directory() / "ice" / f"{PEAK_STRESS_TABLE}.toml"
+    return fit_peak_stress(load_peak_stress(table), priors, out=out, command=command)
+
+
+def _problems(preset: str, handed_on: PeakStressFit) -> dict[str, Problem]:
+    """Fits of the study, by the names of their runs, in the order of the page.
+
+    Parameters
+    ----------
+    preset : str
+        A key of `PRESETS`.
+    handed_on : PeakStressFit
+        The fit that gives one curve its flow law.
+    """
+    experiments = study_experiments()
+    problems = {
+        name: Problem(one, default_priors(one.material), _options(preset, one))
+        for name, one in experiments.items()
+    }
+    combined = replace(experiments[COMBINED_TWIN], id=COMBINED_RUN)
+    priors = with_flow_law(
+        default_priors(combined.material), flow_law_prior(handed_on), HANDED_ON_RUN
+    )
+    return {**problems, COMBINED_RUN: Problem(combined, priors, PRESETS["quick"])}
+
+
+def _options(preset: str, experiment: Experiment) -> SamplerOptions:
+    options = PRESETS[preset]
+    return replace(options, warmup=None) if experiment.protocol != "constant_rate" else options

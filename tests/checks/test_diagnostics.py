@@ -1,0 +1,190 @@
+"""Checks of a fit on made-up draws: each passes on good ones and fails on its own defect."""
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+import xarray as xr
+from scipy.stats import norm
+
+from pyburgers.checks.sampling_checks import (
+    CheckResult,
+    check_chains,
+    check_coverage,
+    check_divergences,
+    check_effective_sample_size,
+    check_energy,
+    check_fit,
+    check_rhat,
+    check_solver,
+    check_treedepth,
+    coverage,
+)
+from pyburgers.sampling.chains import ChainFailure
+
+FloatArray = npt.NDArray[np.float64]
+CHAINS, DRAWS, POINTS = 4, 500, 60
+MAX_TREEDEPTH = 10
+
+
+def good(chains: int = CHAINS, draws: int = DRAWS) -> xr.DataTree:
+    """Draws that no check finds fault with."""
+    rng = np.random.default_rng(7)
+    shape = (chains, draws)
+    labels = ("chain", "draw")
+    coords = {"chain": np.arange(1, chains + 1), "draw": np.arange(draws)}
+    posterior = xr.Dataset(
+        {
+            "stress_exponent": (labels, 3.5 + 0.1 * rng.standard_normal(shape), {"fixed": 0}),
+            "stress_noise": (labels, rng.gamma(20, 5e3, shape), {"fixed": 0}),
+            "beta": (labels, np.full(shape, -7.29e-4), {"fixed": 1}),
+        },
+        coords,
+    )
+    stats = xr.Dataset(
+        {
+            "diverging": (labels, np.zeros(shape, dtype=bool)),
+            "tree_depth": (labels, rng.integers(3, 6, shape)),
+            "n_steps": (labels, rng.integers(7, 32, shape)),
+            "energy": (labels, rng.standard_normal(shape)),
+            "solver_log_ratio": (labels, 1e-3 * rng.standard_normal(shape)),
+        },
+        coords,
+    )
+    noise = 1e5
+    observed = 5e6 + noise * norm.ppf((np.arange(POINTS) + 0.5) / POINTS)
+    replicated = 5e6 + noise * rng.standard_normal((*shape, POINTS))
+    return xr.DataTree.from_dict(
+        {
+            "posterior": posterior,
+            "sample_stats": stats,
+            "posterior_predictive": xr.Dataset(
+                {"stress": ((*labels, "point"), replicated)}, coords
+            ),
+            "observed_data": xr.Dataset({"stress": ("point", observed)}),
+        }
+    )
+
+
+def values(tree: xr.DataTree, group: str, name: str) -> FloatArray:
+    """Array of a variable, to be changed in place."""
+    array: FloatArray = tree[group].to_dataset()[name].values
+    return array
+
+
+def assert_fails(check: CheckResult, *remedies: str) -> None:
+    assert not check.passed
+    assert check.sentence.endswith(".")
+    for remedy in remedies:
+        assert remedy in check.sentence
+
+
+def test_good_draws_pass_every_check() -> None:
+    checks = check_fit(good(), (), MAX_TREEDEPTH)
+    assert [check.name for check in checks if not check.passed] == []
+    assert len({check.name for check in checks}) == 8
+    assert all(check.sentence.endswith(".") and len(check.table) > 0 for check in checks)
+
+
+def test_a_missing_chain_fails_with_its_reason() -> None:
+    failure = ChainFailure(5, "Chain 5 was killed by the system (SIGKILL).")
+    check = check_chains(good(), (failure,))
+    assert_fails(check, "1 of 5 chains", failure.reason)
+    assert check.table["chain"].tolist() == [1, 2, 3, 4, 5]
+
+
+def test_a_chain_elsewhere_fails_rhat() -> None:
+    tree = good()
+    values(tree, "posterior", "stress_exponent")[2] += 0.2
+    assert_fails(check_rhat(tree), "stress_exponent", "--draws")
+
+
+def test_a_chain_of_another_width_fails_rhat() -> None:
+    tree = good()
+    chain = values(tree, "posterior", "stress_exponent")[1]
+    chain[:] = 3.5 + 4 * (chain - 3.5)
+    assert_fails(check_rhat(tree), "stress_exponent")
+
+
+def test_one_chain_cannot_be_compared() -> None:
+    assert_fails(check_rhat(good(chains=1)), "--chains")
+
+
+def test_a_parameter_that_never_moved_is_not_called_converged() -> None:
+    tree = good()
+    values(tree, "posterior", "stress_exponent")[:] = 3.5
+    assert_fails(check_rhat(tree), "stress_exponent")
+
+
+def test_few_draws_fail_the_effective_sample_size() -> None:
+    assert_fails(check_effective_sample_size(good(draws=60)), "--draws")
+
+
+def test_slowly_mixing_draws_fail_the_effective_sample_size() -> None:
+    tree = good()
+    noise = values(tree, "posterior", "stress_noise")
+    steps = np.random.default_rng(1).standard_normal(noise.shape)
+    for k in range(1, DRAWS):
+        steps[:, k] += 0.97 * steps[:, k - 1]
+    noise[:] = 1e5 + 1e3 * steps
+    assert_fails(check_effective_sample_size(tree), "stress_noise", "--draws")
+
+
+def test_a_divergence_fails() -> None:
+    tree = good()
+    values(tree, "sample_stats", "diverging")[3, 17] = True
+    check = check_divergences(tree)
+    assert_fails(check, f"1 of {CHAINS * DRAWS}", "--adapt-delta")
+    assert check.table["divergences"].tolist() == [0, 0, 0, 1]
+
+
+def test_a_saturated_treedepth_fails() -> None:
+    tree = good()
+    values(tree, "sample_stats", "tree_depth")[0, :3] = MAX_TREEDEPTH
+    check = check_treedepth(tree, MAX_TREEDEPTH)
+    assert_fails(check, "3 of", "--max-treedepth")
+    assert check.table["saturated"].tolist() == [3, 0, 0, 0]
+
+
+def test_energy_that_wanders_fails() -> None:
+    tree = good()
+    energy = values(tree, "sample_stats", "energy")
+    energy[1] = np.cumsum(energy[1])
+    check = check_energy(tree)
+    assert_fails(check, "E-BFMI", "warm-up")
+    assert (check.table["ebfmi"] < 0.3).tolist() == [False, True, False, False]
+
+
+def test_heavy_tailed_ratios_fail_the_solver_check() -> None:
+    tree = good()
+    ratios = values(tree, "sample_stats", "solver_log_ratio")
+    ratios[:] = np.random.default_rng(2).standard_exponential(ratios.shape) * 1.5
+    assert_fails(check_solver(tree), "Pareto k", "--tolerance")
+
+
+def test_a_draw_without_solution_fails_the_solver_check() -> None:
+    tree = good()
+    values(tree, "sample_stats", "solver_log_ratio")[0, 0] = np.nan
+    check = check_solver(tree)
+    assert_fails(check, f"1 of {CHAINS * DRAWS} draws have no solution", "--tolerance")
+    assert check.table["unsolved_draws"].item() == 1
+
+
+def test_equal_ratios_pass_the_solver_check() -> None:
+    tree = good()
+    values(tree, "sample_stats", "solver_log_ratio")[:] = 0.0
+    check = check_solver(tree)
+    assert check.passed
+    assert "inf" not in check.sentence
+
+
+@pytest.mark.parametrize(("outside", "passes"), [(0, True), (6, True), (30, False)])
+def test_coverage_counts_the_data_in_the_band(outside: int, passes: bool) -> None:
+    tree = good()
+    observed = values(tree, "observed_data", "stress")
+    observed[:] = 5e6
+    observed[:outside] += 1e6
+    assert coverage(tree) == pytest.approx(1 - outside / POINTS)
+    check = check_coverage(tree)
+    assert check.passed == passes
+    if not passes:
+        assert_fails(check, "50%", "residuals")

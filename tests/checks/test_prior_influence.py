@@ -1,0 +1,215 @@
+"""Prior influence: distances against quadrature, conjugate models, a trade-off, a real fit."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+import xarray as xr
+from conftest import SMALL_RUN, write_problem
+from scipy import stats
+from scipy.integrate import quad
+from scipy.special import xlogy
+
+from pyburgers.checks.prior_influence import (
+    POWER_STEP,
+    SENSITIVE,
+    cumulative_distance,
+    influence_text,
+    mean_pull,
+    power_scaling_sensitivity,
+    prior_influence,
+)
+from pyburgers.fitting.fit import fit
+from pyburgers.model.parameters import PARAMETER_BY_NAME
+from pyburgers.model.priors import Prior, PriorSet
+
+FloatArray = npt.NDArray[np.float64]
+N_DRAWS = 20_000
+
+
+@dataclass(frozen=True)
+class Conjugate:
+    """Normal prior N(0, 1) of a mean, and data that amount to one reading of it."""
+
+    reading: float
+    deviation: float
+
+    def posterior(self, prior_power: float = 1.0, data_power: float = 1.0) -> tuple[float, float]:
+        """Mean and standard deviation with prior and likelihood raised to powers."""
+        precision = data_power / self.deviation**2
+        total = prior_power + precision
+        return precision * self.reading / total, total**-0.5
+
+    def draws(self) -> FloatArray:
+        """Quantiles of the posterior, in a random order: no Monte Carlo error."""
+        mean, sd = self.posterior()
+        quantiles = stats.norm.ppf((np.arange(N_DRAWS) + 0.5) / N_DRAWS)
+        return np.random.default_rng(1).permutation(mean + sd * quantiles)
+
+    def log_prior(self, draws: FloatArray) -> FloatArray:
+        return np.asarray(stats.norm.logpdf(draws))
+
+    def log_likelihood(self, draws: FloatArray) -> FloatArray:
+        return np.asarray(stats.norm.logpdf(self.reading, draws, self.deviation))
+
+
+def exact_distance(one: tuple[float, float], other: tuple[float, float]) -> float:
+    """Cumulative Jensen-Shannon distance of two normals by quadrature, the larger direction.
+
+    Over the range that the draws cover: towards the right the divergence of two cumulative
+    functions vanishes, its bound does not.
+    """
+    mean, sd = one
+    reach = sd * float(stats.norm.ppf(1 - 0.5 / N_DRAWS))
+
+    def distance(sign: float) -> float:
+        def cdf(x: float, law: tuple[float, float]) -> float:
+            return float(stats.norm.cdf(sign * (x - law[0]) / law[1]))
+
+        def divergence(x: float) -> float:
+            p, q = cdf(x, one), cdf(x, other)
+            middle = 0.5 * (p + q)
+            return float(xlogy(p, p / middle) + xlogy(q, q / middle)) / math.log(2.0)
+
+        ends = mean - reach, mean + reach
+        total, _ = quad(divergence, *ends, limit=200, epsabs=1e-14)
+        bound, _ = quad(lambda x: cdf(x, one) + cdf(x, other), *ends, limit=200)
+        return math.sqrt(total / bound)
+
+    return max(distance(1.0), distance(-1.0))
+
+
+def test_distance_is_zero_for_equal_weights_and_blind_to_units() -> None:
+    rng = np.random.default_rng(3)
+    draws = rng.normal(size=500)
+    equal = np.full(500, 1 / 500)
+    weights = rng.dirichlet(np.ones(500))
+    assert cumulative_distance(draws, equal) == pytest.approx(0.0, abs=1e-7)
+    distance = cumulative_distance(draws, weights)
+    assert 0 < distance < 1
+    assert cumulative_distance(1e9 * draws - 3e9, weights) == pytest.approx(distance, rel=1e-9)
+
+
+@pytest.mark.parametrize("model", [Conjugate(2.0, 1.0), Conjugate(0.0, 0.7), Conjugate(3.0, 3.0)])
+def test_sensitivities_of_a_conjugate_model_are_those_of_quadrature(model: Conjugate) -> None:
+    draws = model.draws()
+    exact = model.posterior()
+    powers = (1 + POWER_STEP, 1 / (1 + POWER_STEP))
+    by_prior = [exact_distance(exact, model.posterior(prior_power=power)) for power in powers]
+    by_data = [exact_distance(exact, model.posterior(data_power=power)) for power in powers]
+    doubling = np.log2(1 + POWER_STEP)
+    assert power_scaling_sensitivity(draws, model.log_prior(draws)) == pytest.approx(
+        np.mean(by_prior) / doubling, rel=0.03
+    )
+    assert power_scaling_sensitivity(draws, model.log_likelihood(draws)) == pytest.approx(
+        np.mean(by_data) / doubling, rel=0.03
+    )
+
+
+def test_pull_is_the_derivative_of_the_mean() -> None:
+    model = Conjugate(2.0, 0.8)
+    draws = model.draws()
+    step = 1e-4
+    (above, sd), (below, _) = model.posterior(2**step), model.posterior(2**-step)
+    assert mean_pull(draws, model.log_prior(draws)) == pytest.approx(
+        (above - below) / (2 * step * sd), rel=0.01
+    )
+    assert mean_pull(draws, model.log_likelihood(draws)) > 0
+
+
+def tree(values: dict[str, FloatArray], log_prior: FloatArray, log_lik: FloatArray) -> xr.DataTree:
+    """Draws of one chain with the groups that the table needs."""
+    labels = ("chain", "draw")
+    posterior = xr.Dataset(
+        {name: (labels, draws[None], {"fixed": 0}) for name, draws in values.items()}
+    )
+    return xr.DataTree.from_dict(
+        {
+            "posterior": posterior,
+            "log_prior": xr.Dataset({"lprior": (labels, log_prior[None])}),
+            "log_likelihood": xr.Dataset({"stress": ((*labels, "point"), log_lik[None, :, None])}),
+        }
+    )
+
+
+def priors(*given: Prior) -> PriorSet:
+    return PriorSet("ice", "test", MappingProxyType({p.parameter: p for p in given}), "test")
+
+
+def standard_normal(name: str) -> Prior:
+    unit = PARAMETER_BY_NAME[name].si_unit
+    return Prior(name, "normal", 0.0, 1.0, -np.inf, np.inf, unit, "test")
+
+
+@pytest.mark.parametrize(
+    ("model", "origin"),
+    [
+        (Conjugate(0.0, 30.0), "this number is your prior"),
+        (Conjugate(0.5, 0.05), "the data decide"),
+        (Conjugate(8.0, 1.0), "prior and data disagree"),
+        (Conjugate(0.0, 1.0), "prior and data agree"),
+    ],
+)
+def test_plain_words_for_a_conjugate_model(model: Conjugate, origin: str) -> None:
+    draws = model.draws()
+    posterior = tree({"beta": draws}, model.log_prior(draws), model.log_likelihood(draws))
+    found = prior_influence(posterior, priors(standard_normal("beta")))
+    assert found["beta"].origin == origin
+    assert origin in influence_text(found)
+
+
+def test_two_pulls_in_one_direction_are_no_disagreement() -> None:
+    draws = np.random.default_rng(2).normal(size=2000)
+    posterior = tree({"beta": draws}, 0.4 * draws, 0.6 * draws)
+    found = prior_influence(posterior, priors(standard_normal("beta")))
+    assert found["beta"].origin == "prior and data both decide"
+
+
+def test_a_flat_prior_that_the_data_leave_alone_is_your_prior() -> None:
+    draws = np.random.default_rng(2).uniform(0.0, 1.0, 2000)
+    flat = Prior("beta", "uniform", 0.5, 0.5, 0.0, 1.0, "mol/J", "test")
+    posterior = tree({"beta": draws}, np.zeros(2000), 0.01 * draws)
+    (found,) = prior_influence(posterior, priors(flat)).values()
+    assert found.prior_sensitivity == pytest.approx(0.0, abs=1e-5)
+    assert found.origin == "this number is your prior"
+
+
+def test_beta_of_a_short_curve_is_its_prior_and_the_noise_is_not(
+    programs: None, tmp_path: Path
+) -> None:
+    problem = write_problem(
+        tmp_path / "inputs",
+        free={"maxwell_modulus", "activation_enthalpy", "beta", "stress_noise"},
+        max_strain=0.02,
+        stride=2,
+    )
+    one = fit(problem.experiment, problem.priors, out=tmp_path / "run", options=SMALL_RUN)
+    found = prior_influence(one.posterior, one.priors)
+    assert set(found) == {*one.priors.free, "reference_stress"}
+    assert found["beta"].origin == "this number is your prior"
+    assert found["beta"].strongest_prior == "beta"
+    assert found["stress_noise"].origin == "the data decide"
+    assert found["reference_stress"].width is None
+
+
+def test_a_quantity_on_a_trade_off_is_set_by_the_prior_of_the_other() -> None:
+    # Data fix the sum of two quantities; one has a wide uniform prior, the other a normal one.
+    rng = np.random.default_rng(5)
+    beta = rng.normal(size=4000)
+    total = 5 + 0.05 * rng.normal(size=4000)
+    wide = Prior("stress_exponent", "uniform", 5.0, 10.0, -5.0, 15.0, "1", "test")
+    posterior = tree(
+        {"beta": beta, "stress_exponent": total - beta},
+        np.asarray(stats.norm.logpdf(beta)),
+        np.asarray(stats.norm.logpdf(total, 5, 0.05)),
+    )
+    found = prior_influence(posterior, priors(wide, standard_normal("beta")))
+    exponent = found["stress_exponent"]
+    assert exponent.origin == "this number is your prior"
+    assert exponent.strongest_prior == "beta"
+    assert exponent.likelihood_sensitivity < SENSITIVE < exponent.prior_sensitivity
+    assert "pre-exponent" in influence_text(found)

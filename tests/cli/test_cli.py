@@ -1,0 +1,419 @@
+"""The command line: exit codes, one sentence for bad input, files that it promises."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from conftest import ICE, Problem
+
+from pyburgers.cli.main import main
+from pyburgers.fitting.fit import Fit
+from pyburgers.protocols.constant_rate.experiment import load_constant_rate
+
+EXPERIMENT = """\
+id = "sample-1"
+material = "ice"
+protocol = "constant_rate"
+temperature_K = 263.0
+initial_grain_size_m = 230e-6
+
+[[segments]]
+start_strain = 0.0
+strain_rate_per_s = 1e-4
+
+[data]
+file = "curve.csv"
+strain_column = "strain"
+strain_unit = "fraction"
+stress_column = "stress"
+stress_unit = "MPa"
+
+[provenance]
+kind = "measured"
+source = "Somebody (2020)"
+"""
+CURVE = "strain,stress\n0.01,2.0\n0.02,3.0\n0.03,4.0\n0.04,5.0\n"
+PRIORS = (ICE.parent / "priors" / "ice.toml").read_text(encoding="utf-8")
+COLUMNS = ["time_s", "strain", "stress_Pa", "kelvin_strain", "grain_size_m", "fabric_factor"]
+
+Write = Callable[..., list[str]]
+Parameters = Callable[..., Path]
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Write:
+    """Write the input files, some text replaced, and return the arguments of a fit."""
+
+    def write(name: str = "", old: str = "", new: str = "") -> list[str]:
+        for file, text in {"test.toml": EXPERIMENT, "curve.csv": CURVE, "p.toml": PRIORS}.items():
+            if file == name:
+                assert old in text
+                text = text.replace(old, new, 1)
+            (tmp_path / file).write_text(text, encoding="utf-8")
+        files = [str(tmp_path / "test.toml"), "--priors", str(tmp_path / "p.toml")]
+        return ["fit", *files, "--out", str(tmp_path / "run")]
+
+    return write
+
+
+@pytest.fixture
+def parameters(tmp_path: Path) -> Parameters:
+    """Write the parameters of a twin, some changed, and return the file."""
+
+    def parameters(**changes: object) -> Path:
+        truth = load_constant_rate(ICE / "PIL40.toml").true_parameters
+        assert truth is not None
+        path = tmp_path / "parameters.json"
+        path.write_text(json.dumps({**truth, **changes}), encoding="utf-8")
+        return path
+
+    return parameters
+
+
+def assert_refused(code: int, capsys: pytest.CaptureFixture[str], *words: str) -> None:
+    """Exit code 2 and one clear sentence on standard error."""
+    out, error = capsys.readouterr()
+    assert code == 2
+    assert out == ""
+    assert re.fullmatch(r"pyburgers: [^\n]+[.?]\n", error)
+    for word in words:
+        assert word in error
+
+
+BAD_INPUT = {
+    "missing key": ("test.toml", "temperature_K = 263.0\n", "", "temperature_K"),
+    "extra key": ("test.toml", 'material = "ice"', 'material = "ice"\ncolour = "blue"', "colour"),
+    "no provenance": (
+        "test.toml",
+        '[provenance]\nkind = "measured"\nsource = "Somebody (2020)"\n',
+        "",
+        "provenance",
+    ),
+    "wrong unit": ("test.toml", '"MPa"', '"bar"', "bar"),
+    "not TOML": ("test.toml", "id = ", "id : ", "TOML"),
+    "Celsius": ("test.toml", "263.0", "-10.0", "Celsius"),
+    "too hot": ("test.toml", "263.0", "3001.0", "kelvin"),
+    "negative rate": ("test.toml", "= 1e-4", "= -1e-4", "strain_rate_per_s"),
+    "missing data file": ("test.toml", "curve.csv", "curv.csv", "curv.csv"),
+    "missing column": ("test.toml", '"stress"', '"sigma"', "sigma"),
+    "unknown material": ("test.toml", 'material = "ice"', 'material = ""', "material"),
+    "non-numeric cell": ("curve.csv", "3.0", "three", "line 3"),
+    "NaN": ("curve.csv", "3.0", "nan", "finite"),
+    "infinity": ("curve.csv", "0.02", "inf", "finite"),
+    "strain running backwards": ("curve.csv", "0.03,", "0.005,", "backwards"),
+    "empty CSV": ("curve.csv", CURVE, "", "no data rows"),
+    "header only": ("curve.csv", CURVE, "strain,stress\n", "no data rows"),
+    "prior with lower >= upper": ("p.toml", "lower = 2.7", "lower = 4.7", "stress_exponent"),
+    "prior with scale 0": ("p.toml", "scale = 2.0\nlower", "scale = 0.0\nlower", "scale"),
+    "prior with negative scale": ("p.toml", "scale = 1e-6", "scale = -1e-6", "scale"),
+    "unknown parameter": (
+        "p.toml",
+        "[parameters.stress_exponent]",
+        "[parameters.stress_exponnt]",
+        "stress_exponnt",
+    ),
+    "wrong prior unit": ("p.toml", 'unit = "GPa s"', 'unit = "GPa"', "kelvin_viscosity"),
+    "positive beta": ("p.toml", "location = -7.29e-4", "location = 7.29e-4", "misprint"),
+}
+
+
+@pytest.mark.parametrize(("name", "old", "new", "word"), BAD_INPUT.values(), ids=BAD_INPUT)
+def test_bad_input_is_one_sentence_and_nothing_is_written(
+    name: str,
+    old: str,
+    new: str,
+    word: str,
+    write: Write,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert_refused(main(write(name, old, new)), capsys, word)
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize("missing", ["test.toml", "p.toml"])
+def test_a_missing_file_is_named(
+    missing: str, write: Write, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = write()
+    (tmp_path / missing).unlink()
+    assert_refused(main(arguments), capsys, missing)
+
+
+def test_progress_goes_to_standard_error_and_is_said_once_at_every_call(
+    programs: None, small_problem: Problem, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = [
+        *("fit", str(small_problem.experiment_file), "--priors", str(small_problem.priors_file)),
+        *("--out", str(tmp_path / "run"), "--chains", "2", "--warmup", "150", "--draws", "100"),
+    ]
+    main(arguments)
+    first = capsys.readouterr()
+    assert "Coordinates: " in first.err
+    for chain in (1, 2):
+        assert first.err.count(f"chain {chain}: 250 of 250 iterations (sampling)\n") == 1
+    assert "iterations" not in first.out
+    main(arguments)
+    assert capsys.readouterr().err == "2 of 2 chains are there already.\n"
+
+
+def test_a_material_without_priors_names_those_with(
+    write: Write, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write("test.toml", 'material = "ice"', 'material = "quartz"')
+    code = main(["fit", str(tmp_path / "test.toml"), "--out", str(tmp_path / "run")])
+    assert_refused(code, capsys, "quartz", "ice")
+
+
+@pytest.mark.parametrize(
+    "option",
+    [
+        ("--chains", "0"),
+        ("--draws", "-5"),
+        ("--warmup", "1"),
+        ("--seed", "-1"),
+        ("--adapt-delta", "1.5"),
+        ("--tolerance", "-1"),
+        ("--tolerance", "nan"),
+        ("--chain-timeout", "0"),
+        ("--coordinates", "polar"),
+    ],
+    ids=" ".join,
+)
+def test_options_out_of_range_are_refused(
+    option: tuple[str, str], write: Write, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code = main([*write(), *option])
+    out, error = capsys.readouterr()
+    assert code == 2
+    assert out == ""
+    # Few points are worth a note, before the options are looked at.
+    assert error.splitlines()[-1].startswith(f"pyburgers: {option[0][2:].replace('-', '_')}")
+    assert not (tmp_path / "run").exists()
+
+
+def test_an_experiment_without_data_cannot_be_fitted(
+    write: Write, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data = EXPERIMENT[EXPERIMENT.index("[data]") : EXPERIMENT.index("[provenance]")]
+    arguments = write("test.toml", data, "")
+    path = tmp_path / "test.toml"
+    path.write_text("final_strain = 0.1\n" + path.read_text(encoding="utf-8"), encoding="utf-8")
+    assert_refused(main(arguments), capsys, "no data")
+    assert not (tmp_path / "run").exists()
+
+
+def test_the_directory_of_another_run_is_refused(
+    write: Write, small_fit: Fit, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = {p: p.stat().st_mtime_ns for p in small_fit.directory.path.rglob("*")}
+    code = main([*write(), "--out", str(small_fit.directory.path)])
+    out, error = capsys.readouterr()
+    assert (code, out) == (2, "")
+    assert "other inputs" in error.splitlines()[-1]
+    assert {p: p.stat().st_mtime_ns for p in small_fit.directory.path.rglob("*")} == before
+
+
+def test_an_unwritable_directory_is_refused(
+    programs: None, write: Write, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "file"
+    file.touch()
+    locked = Path("/proc")
+    if os.geteuid() != 0:  # root may write wherever there is a disk
+        locked = tmp_path / "locked"
+        locked.mkdir(mode=0o555)
+    for folder in (file / "run", locked / "pyburgers-run"):
+        code = main([*write(), "--out", str(folder)])
+        out, error = capsys.readouterr()
+        assert (code, out) == (2, "")
+        assert f"{folder}: cannot be written" in error.splitlines()[-1]
+
+
+def test_without_cmdstan_a_fit_could_not_run(
+    write: Write,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setenv("CMDSTAN", str(tmp_path / "nothing"))
+    assert main(write()) == 1
+    assert "nothing" in capsys.readouterr().err
+    assert main(["doctor"]) == 1
+
+
+def test_a_fit_prints_table_and_checks_and_check_repeats_the_verdicts(
+    small_problem: Problem, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = tmp_path / "run"
+    arguments = [
+        *("fit", str(small_problem.experiment_file)),
+        *("--priors", str(small_problem.priors_file), "--out", str(run)),
+        *("--chains", "2", "--warmup", "150", "--draws", "50", "--seed", "3"),
+    ]
+    code = main(arguments)
+    out, error = capsys.readouterr()
+    assert code == 3  # 100 draws are too few
+    assert "Maxwell modulus" in out
+    assert f"run directory: {run}" in out
+    assert re.search(r"^FAILED +effective sample size: .*--draws", out, re.MULTILINE)
+    assert re.search(r"^passed +chains: ", out, re.MULTILINE)
+    assert "chain 2: 200 of 200 iterations (sampling)" in error
+
+    verdicts = re.findall(r"^(?:FAILED|passed) .*$", out, re.MULTILINE)
+    assert len(verdicts) == 8
+    assert main(["check", str(run)]) == 3
+    assert capsys.readouterr().out.splitlines() == verdicts
+
+    # Once more: nothing to do, the same answer.
+    assert main(arguments) == 3
+    again, error = capsys.readouterr()
+    assert again == out
+    assert "2 of 2 chains are there already" in error
+
+
+def test_all_checks_passed_is_exit_code_0(
+    long_fit: Fit, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["check", str(long_fit.directory.path)]) == 0
+    assert "FAILED" not in capsys.readouterr().out
+
+
+def test_the_prior_alone_in_the_default_directory(
+    small_problem: Problem,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    code = main(
+        [
+            *("fit", str(small_problem.experiment_file), "--prior-only"),
+            *("--priors", str(small_problem.priors_file)),
+            *("--chains", "2", "--warmup", "100", "--draws", "100", "--seed", "3"),
+        ]
+    )
+    assert code in (0, 3)
+    assert re.search(r"^passed +solver: ", capsys.readouterr().out, re.MULTILINE)
+    fit = Fit.load(tmp_path / "runs" / "PIL40")
+    assert fit.manifest["use_likelihood"] is False
+    table = fit.summary()
+    ratio = table["sd"] / table["prior_sd"]
+    assert (ratio.dropna() > 0.6).all()
+
+
+@pytest.mark.parametrize("command", ["check", "report"])
+def test_a_folder_that_is_no_run_is_refused(
+    command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = [command, str(tmp_path / "nowhere")]
+    if command == "report":
+        arguments += ["--out", str(tmp_path / "page")]
+    assert_refused(main(arguments), capsys, "nowhere", "run directory")
+    assert not (tmp_path / "page").exists()
+
+
+def test_a_report_of_a_run(
+    small_fit: Fit, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = tmp_path / "page"
+    assert main(["report", str(small_fit.directory.path), "--out", str(page)]) == 0
+    assert str(page / "index.html") in capsys.readouterr().out
+    assert "PIL40" in (page / "index.html").read_text(encoding="utf-8")
+
+
+def test_simulate_writes_the_promised_columns(
+    programs: None, parameters: Parameters, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "curve.csv"
+    files = ["--parameters", str(parameters()), "--out", str(out)]
+    assert main(["simulate", str(ICE / "PIL40.toml"), *files]) == 0
+    table = pd.read_csv(out)
+    assert list(table) == COLUMNS
+    np.testing.assert_allclose(table["time_s"] * 1.69e-4, table["strain"])
+    assert table["stress_Pa"].max() == pytest.approx(7.995e6, rel=2e-3)
+    assert table["strain"].iloc[-1] == pytest.approx(0.2)
+    assert "warning" not in capsys.readouterr().err
+
+
+def test_the_printed_beta_is_warned_about(
+    programs: None, parameters: Parameters, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    files = ["--parameters", str(parameters(beta=7.29e-4)), "--out", str(tmp_path / "curve.csv")]
+    code = main(["simulate", str(ICE / "PIL40.toml"), *files])
+    error = capsys.readouterr().err
+    assert code in (0, 1)
+    assert "beta is positive" in error
+    assert "misprint" in error
+
+
+@pytest.mark.parametrize(
+    ("changes", "word"),
+    [
+        ({"viscosity": 1.0}, "viscosity"),
+        ({"maxwell_modulus": -1.0}, "maxwell_modulus"),
+        ({"beta": "small"}, "beta"),
+        ({"steady_state_fabric_factor": 1.5}, "isotropic"),
+        ({"kelvin_modulus": True}, "kelvin_modulus"),
+    ],
+)
+def test_simulate_refuses_wrong_parameters(
+    changes: dict[str, object],
+    word: str,
+    parameters: Parameters,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    out = tmp_path / "curve.csv"
+    files = ["--parameters", str(parameters(**changes)), "--out", str(out)]
+    assert_refused(main(["simulate", str(ICE / "PIL40.toml"), *files]), capsys, word)
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("content", [None, "{", "[1, 2]", '{"beta": -7.29e-4}'])
+def test_simulate_refuses_a_wrong_parameter_file(
+    content: str | None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "parameters.json"
+    if content is not None:
+        path.write_text(content, encoding="utf-8")
+    files = ["--parameters", str(path), "--out", str(tmp_path / "curve.csv")]
+    assert_refused(main(["simulate", str(ICE / "PIL40.toml"), *files]), capsys, "parameters.json")
+
+
+def test_simulate_refuses_an_unwritable_file(
+    programs: None, parameters: Parameters, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for out in (tmp_path, tmp_path / "no" / "folder.csv"):
+        files = ["--parameters", str(parameters()), "--out", str(out)]
+        code = main(["simulate", str(ICE / "PIL40.toml"), *files])
+        assert_refused(code, capsys, str(out))
+    assert not list(tmp_path.glob(".*"))
+
+
+@pytest.mark.parametrize("arguments", [[], ["fit"], ["dance"], ["fit", "a.toml", "--draws", "x"]])
+def test_a_wrong_command_line_is_exit_code_2(
+    arguments: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        main(arguments)
+    assert stopped.value.code == 2
+    assert "usage: pyburgers" in capsys.readouterr().err
+
+
+def test_the_module_and_the_console_script_are_the_same_command() -> None:
+    shown = subprocess.run(
+        [sys.executable, "-m", "pyburgers.cli.main", "--help"],
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout
+    for command in ("doctor", "install-cmdstan", "fit", "check", "simulate", "report"):
+        assert command in shown

@@ -1,0 +1,188 @@
+"""`pyburgers compare` and `pyburgers fit-peak-stress`: files, exit codes, one sentence each."""
+
+import json
+import re
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from conftest import ICE, SMALL_RUN, Problem
+
+from pyburgers.cli.main import main
+from pyburgers.fitting.fit import Fit
+from pyburgers.fitting.joint_fit import fit_jointly
+from pyburgers.model.flow_law_prior import FlowLawPrior
+
+TABLE = str(ICE / "peak_stress_qi_goldsby_2021.toml")
+SHORT = ("--chains", "2", "--warmup", "200", "--draws", "400", "--seed", "2")
+
+
+def assert_refused(code: int, capsys: pytest.CaptureFixture[str], *words: str) -> None:
+    """Exit code 2 and one clear sentence on standard error."""
+    out, error = capsys.readouterr()
+    assert code == 2
+    assert out == ""
+    assert re.fullmatch(r"pyburgers: [^\n]+[.?]\n", error)
+    for word in words:
+        assert word in error
+
+
+def test_a_comparison_is_a_table_points_a_record_and_a_figure(
+    small_fit: Fit, long_fit: Fit, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # Both run directories are called "run": the folders above tell them apart.
+    runs = [str(one.directory.path) for one in (small_fit, long_fit)]
+    out = tmp_path / "both"
+    code = main(["compare", *runs, "--out", str(out), "--no-refit"])
+    names = {f"{Path(run).parent.name}_run" for run in runs}
+    printed = capsys.readouterr().out
+    assert "predict these data alike" in printed
+    assert str(out) in printed
+    table = pd.read_csv(out / "comparison.csv", index_col="fit")
+    assert set(table.index) == names
+    assert code == (3 if table["high_k"].any() else 0)
+    assert len(pd.read_csv(out / "pointwise.csv")) == small_fit.experiment.n_points
+    record = json.loads((out / "comparison.json").read_text(encoding="utf-8"))
+    assert set(record["fits"]) == names
+    assert (out / "comparison.png").read_bytes().startswith(b"\x89PNG")
+    assert "<svg" in (out / "comparison.svg").read_text(encoding="utf-8")
+    assert len(list(out.iterdir())) == 5
+
+
+def test_points_with_heavy_tails_are_left_out_in_earnest(
+    small_fit: Fit, long_fit: Fit, tmp_path: Path
+) -> None:
+    runs = [str(one.directory.path) for one in (small_fit, long_fit)]
+    assert main(["compare", *runs, "--out", str(tmp_path / "out")]) == 0
+    table = pd.read_csv(tmp_path / "out" / "comparison.csv", index_col="fit")
+    assert table["left_out"].tolist() == table["high_k"].tolist()
+    refits = list((tmp_path / "out").glob("refits/*/point_*"))
+    assert len(refits) == table["left_out"].sum()
+
+
+def test_one_run_and_the_same_run_twice_are_refused(
+    small_fit: Fit, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run, out = str(small_fit.directory.path), ("--out", str(tmp_path / "out"))
+    assert_refused(main(["compare", run, *out]), capsys, "found 1 fits, expected at least two")
+    assert_refused(main(["compare", run, run, *out]), capsys, "same run twice")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_that_is_no_run_and_a_file_for_a_folder_are_refused(
+    small_fit: Fit, long_fit: Fit, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    runs = [str(one.directory.path) for one in (small_fit, long_fit)]
+    code = main(["compare", runs[0], str(tmp_path)])
+    assert_refused(code, capsys, "not a run directory")
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    code = main(["compare", *runs, "--out", str(tmp_path / "file"), "--no-refit"])
+    assert_refused(code, capsys, "--out", "cannot be written")
+
+
+@pytest.fixture(scope="module")
+def joints(
+    programs: None, small_problem: Problem, tmp_path_factory: pytest.TempPathFactory
+) -> dict[str, str]:
+    """Run directories of the small test and a copy of it, with two ways of pooling."""
+    folder = tmp_path_factory.mktemp("joints")
+    tests = [small_problem.experiment, replace(small_problem.experiment, id="other")]
+    for kind in ("shared", "separate"):
+        fit_jointly(
+            tests,
+            small_problem.priors,
+            pool={"all": kind},
+            out=folder / kind,
+            options=SMALL_RUN,
+        )
+    return {kind: str(folder / kind) for kind in ("shared", "separate")}
+
+
+def test_joint_runs_are_compared_by_points(
+    joints: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    code = main(["compare", *joints.values(), "--out", str(out)])
+    table = pd.read_csv(out / "comparison.csv", index_col="fit")
+    assert set(table.index) == set(joints)
+    assert code == (3 if table["high_k"].any() else 0)
+    assert set(pd.read_csv(out / "pointwise.csv")["test"]) == {"PIL40", "other"}
+    assert re.search(r"(shared|separate) .*these data", capsys.readouterr().out)
+
+
+def test_joint_runs_are_compared_by_tests(
+    joints: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    assert main(["compare", *joints.values(), "--leave-out", "tests", "--out", str(out)]) == 3
+    printed = capsys.readouterr().out
+    assert "shared predicts left-out tests" in printed
+    # A hundred draws a chain fail the check of their number.
+    assert "failed its check of" in printed
+    names = {"comparison.csv", "comparison.json", "comparison.png", "comparison.svg"}
+    assert {file.name for file in out.iterdir()} == {*names, "left_out_tests.csv"}
+    for run in joints.values():
+        assert (Path(run) / "leave_out" / "other" / "summary.csv").is_file()
+
+
+def test_one_joint_run_will_do_to_leave_tests_out(
+    joints: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run, out = joints["shared"], ("--out", str(tmp_path / "out"))
+    assert main(["compare", run, "--leave-out", "tests", *out]) == 3  # few draws
+    assert "beside that of another fit" in capsys.readouterr().out
+    table = pd.read_csv(tmp_path / "out" / "left_out_tests.csv", index_col="test")
+    assert table.index.tolist() == ["PIL40", "other"]
+
+
+def test_runs_that_cannot_be_compared_are_refused(
+    joints: dict[str, str],
+    small_fit: Fit,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    run, out = joints["shared"], ("--out", str(tmp_path / "out"))
+    single, by_test = str(small_fit.directory.path), ("--leave-out", "tests")
+    assert_refused(main(["compare", run, *out]), capsys, "found 1 fits, expected at least two")
+    assert_refused(main(["compare", run, single, *out]), capsys, "other data", "PIL40+other")
+    assert_refused(main(["compare", run, single, *by_test, *out]), capsys, "is not a joint fit")
+    assert_refused(main(["compare", run, *by_test, "--no-refit", *out]), capsys, "--no-refit")
+    assert not (tmp_path / "out").exists()
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    code = main(["compare", run, *by_test, "--out", str(tmp_path / "file")])
+    assert_refused(code, capsys, "--out", "cannot be written")
+
+
+def test_a_table_is_fitted_with_figure_checks_and_a_prior_to_hand_on(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "run"
+    code = main(["fit-peak-stress", TABLE, "--out", str(out), *SHORT])
+    printed = capsys.readouterr().out
+    checks = json.loads((out / "checks.json").read_text(encoding="utf-8"))
+    assert code == (0 if all(check["passed"] for check in checks) else 3)
+    assert f"run directory: {out}" in printed
+    assert "stress exponent" in printed
+    for name in ("manifest.json", "posterior.nc", "summary.csv", "flow_law.png", "flow_law.svg"):
+        assert (out / name).is_file()
+    manifest = json.loads((out / "manifest.json").read_text(encoding="utf-8"))
+    assert manifest["sampler"]["draws"] == 400
+    assert manifest["status"] == "complete"
+    assert FlowLawPrior.load(out / "flow_law_prior.json").mean.shape == (4,)
+
+
+def test_bad_tables_priors_and_folders_are_refused(
+    small_fit: Fit, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def run(table: str, *options: str) -> int:
+        return main(["fit-peak-stress", table, "--out", str(tmp_path / "run"), *options])
+
+    assert_refused(run(str(tmp_path / "none.toml")), capsys, "does not exist")
+    assert_refused(run(str(ICE / "PIL40.toml")), capsys, "unknown key", "PIL40.toml")
+    ice = str(ICE.parent / "priors" / "ice.toml")
+    assert_refused(run(TABLE, "--priors", ice), capsys, "unknown key")
+    assert_refused(run(TABLE, "--chains", "0"), capsys, "chains is 0")
+    shutil.copytree(small_fit.directory.path, tmp_path / "run")
+    assert_refused(run(TABLE), capsys, "holds a run of other inputs")

@@ -1,0 +1,68 @@
+"""What `pyburgers doctor` finds, and when it says that a fit cannot run."""
+
+from pathlib import Path
+
+import pytest
+
+from pyburgers.cli.doctor import Finding, can_fit, diagnose, format_findings
+
+GOOD = Finding("make", True, "GNU Make 4.3")
+NEEDED = Finding("CmdStan", False, "none", "install it")
+OPTIONAL = Finding("constant_rate.stan", False, "not compiled yet", required=False)
+
+
+@pytest.fixture
+def bare_machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty home folder and nothing on the PATH."""
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setenv("PYBURGERS_CACHE", str(tmp_path / "cache"))
+    for name in ("CMDSTAN", "CXX"):
+        monkeypatch.delenv(name, raising=False)
+    return tmp_path
+
+
+def finding(name: str) -> Finding:
+    return next(finding for finding in diagnose() if finding.name == name)
+
+
+def test_only_required_findings_decide() -> None:
+    assert can_fit([GOOD, OPTIONAL])
+    assert not can_fit([GOOD, OPTIONAL, NEEDED])
+
+
+def test_table_shows_every_finding_and_remedy() -> None:
+    lines = format_findings([GOOD, OPTIONAL, NEEDED]).splitlines()
+    assert [line.split()[0] for line in lines] == ["ok", "-", "MISSING", "->"]
+    assert "GNU Make 4.3" in lines[0]
+    assert lines[3].endswith("install it")
+
+
+def test_this_machine_can_fit() -> None:
+    findings = diagnose()
+    assert can_fit(findings), format_findings(findings)
+    assert {"Python", "pyburgers", "cmdstanpy", "arviz", "CmdStan", "constant_rate.stan"} <= {
+        finding.name for finding in findings
+    }
+
+
+def test_bare_machine_is_told_what_to_get(bare_machine: Path) -> None:
+    findings = diagnose()
+    missing = {finding.name for finding in findings if finding.required and not finding.ok}
+    assert missing == {"C++ compiler", "make", "CmdStan"}
+    assert not can_fit(findings)
+    assert "apt-get install g++ make" in finding("make").remedy
+    assert "pyburgers install-cmdstan" in finding("CmdStan").remedy
+
+
+def test_wrong_cmdstan_variable(bare_machine: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CMDSTAN", str(bare_machine / "nowhere"))
+    assert not finding("CmdStan").ok
+    assert "CMDSTAN is set to" in finding("CmdStan").remedy
+
+
+def test_unusable_cache_folder(bare_machine: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (bare_machine / "file").write_text("")
+    monkeypatch.setenv("PYBURGERS_CACHE", str(bare_machine / "file" / "cache"))
+    assert not finding("cache folder").ok
+    assert finding("cache folder").required

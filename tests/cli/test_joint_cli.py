@@ -1,0 +1,110 @@
+"""Joint fits on the command line: what is printed, continued after a kill, and refused."""
+
+import re
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from conftest import ICE, Problem
+
+from pyburgers.cli.main import main
+from pyburgers.fitting.joint_fit import JointFit
+from pyburgers.protocols.files import save_experiment
+from pyburgers.sampling.run_directory import RunDirectory
+
+TWINS = [str(ICE / f"{name}.toml") for name in ("PIL40", "PIL72")]
+OSCILLATION = str(ICE.parent / "olivine" / "olivine_twin.toml")
+
+
+@pytest.fixture
+def arguments(small_problem: Problem, tmp_path: Path) -> list[str]:
+    """A joint fit of the small test and a copy of it under another name."""
+    folder = tmp_path / "other"
+    folder.mkdir()
+    other = save_experiment(replace(small_problem.experiment, id="other"), folder)
+    return [
+        *("fit", str(small_problem.experiment_file), str(other)),
+        *("--priors", str(small_problem.priors_file), "--out", str(tmp_path / "run")),
+        *("--chains", "2", "--warmup", "150", "--draws", "50", "--seed", "3"),
+    ]
+
+
+def test_a_joint_fit_prints_its_tests_and_check_repeats_the_verdicts(
+    programs: None, arguments: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([*arguments, "--pool", "maxwell_modulus=partial:0.2"]) == 3  # few draws
+    out, _ = capsys.readouterr()
+    assert re.search(r"Maxwell modulus .*partial", out)
+    assert re.search(r"activation .*shared.* the same", out)
+    verdicts = re.findall(r"^(?:FAILED|passed) .*$", out, re.MULTILINE)
+    assert len(verdicts) == 8
+    pooling = JointFit.load(tmp_path / "run").problem.pooling
+    assert pooling.spread_scales["maxwell_modulus"] == 0.2
+    assert main(["check", str(tmp_path / "run")]) == 3
+    assert capsys.readouterr().out.splitlines() == verdicts
+
+
+def test_a_killed_joint_fit_is_continued(
+    programs: None, arguments: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = RunDirectory(tmp_path / "run")
+    killed = subprocess.Popen(
+        [sys.executable, "-m", "pyburgers.cli.main", *arguments, "--parallel-chains", "1"],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    while not run.finished_chains():
+        assert killed.poll() is None
+        time.sleep(0.02)
+    killed.kill()
+    killed.wait()
+    kept = run.draws_file(1).read_bytes()
+    assert main(arguments) == 3
+    assert "of 2 chains are there already" in capsys.readouterr().err
+    assert run.finished_chains() == (1, 2)
+    assert run.draws_file(1).read_bytes() == kept
+    assert run.read_manifest()["status"] == "complete"
+
+
+REFUSED = {
+    "unknown parameter": ([*TWINS, "--pool", "stres_exponent=shared"], "stress_exponent"),
+    "a name twice": ([*TWINS, *["--pool", "beta=shared"] * 2], "stands twice"),
+    "in place of Q_M": ([*TWINS, "--pool", "activation_enthalpy=partial"], "reference stress"),
+    "one test": ([TWINS[0], "--pool", "beta=shared"], "found one experiment, expected several"),
+    "a test twice": ([TWINS[0], TWINS[0]], "stands 2 times"),
+    "an oscillating test": ([TWINS[0], OSCILLATION], "expected constant_rate"),
+    "sheared coordinates": ([*TWINS, "--coordinates", "sheared"], "expected --coordinates auto"),
+}
+
+
+@pytest.mark.parametrize(("arguments", "word"), REFUSED.values(), ids=REFUSED)
+def test_what_cannot_be_fitted_together_is_one_sentence(
+    arguments: list[str], word: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert_refused(arguments, word, tmp_path, capsys)
+
+
+def test_tests_of_different_materials_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = (ICE / "PIL72.toml").read_text(encoding="utf-8")
+    assert 'material = "ice"' in text
+    other = tmp_path / "other.toml"
+    other.write_text(text.replace('material = "ice"', 'material = "olivine"'), encoding="utf-8")
+    (tmp_path / "PIL72.csv").write_bytes((ICE / "PIL72.csv").read_bytes())
+    assert_refused([TWINS[0], str(other)], "of one material", tmp_path, capsys)
+
+
+def assert_refused(
+    arguments: list[str], word: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Exit code 2, one clear sentence on standard error, no run directory."""
+    assert main(["fit", *arguments, "--out", str(tmp_path / "run")]) == 2
+    out, error = capsys.readouterr()
+    assert out == ""
+    assert re.fullmatch(r"(note: [^\n]+\n)*pyburgers: [^\n]+[.?]\n", error)
+    assert word in error
+    assert not (tmp_path / "run").exists()

@@ -1,0 +1,145 @@
+"""`pyburgers predict attenuation`: files that it promises, exit codes, one sentence each."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+
+from pyburgers.cli.main import main
+from pyburgers.fitting.fit import Fit
+from pyburgers.predictions.attenuation import Regime, predict_attenuation
+
+Arguments = tuple[str, ...]
+
+
+def predict(run: Path, out: Path, *options: str) -> int:
+    return main(["predict", "attenuation", str(run), "--out", str(out), *options])
+
+
+def test_a_prediction_is_a_table_all_draws_and_a_figure(
+    small_fit: Fit, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "tan_delta.csv"
+    assert predict(small_fit.directory.path, out) == 0
+    printed = capsys.readouterr().out
+    for suffix in (".csv", ".nc", ".png", ".svg"):
+        assert str(out.with_suffix(suffix)) in printed
+    assert "PIL40 (ice, fitted to synthetic data): 260 K, initial microstructure" in printed
+    assert re.search(r"^ *4 ± 1\.5 MPa +\S+ \[\S+, \S+\].* % of draws$", printed, re.MULTILINE)
+
+    table = pd.read_csv(out)
+    assert len(table) == 4 * 60
+    assert sorted(set(table["median_stress_MPa"])) == [1.0, 1.5, 2.0, 4.0]
+    assert table["frequency_Hz"].min() == pytest.approx(1e-4)
+    assert table["frequency_Hz"].max() == pytest.approx(1.0)
+    with xr.open_dataset(out.with_suffix(".nc"), engine="h5netcdf") as draws:
+        assert draws["tan_delta"].sizes == {
+            "chain": 2,
+            "draw": 100,
+            "regime": 4,
+            "frequency": 60,
+        }
+        median = draws["tan_delta"].median(("chain", "draw")).to_numpy().ravel()
+    np.testing.assert_allclose(table["q50"], median, rtol=1e-6)
+    assert out.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
+    assert "<svg" in out.with_suffix(".svg").read_text(encoding="utf-8")
+    assert len(list(tmp_path.iterdir())) == 4
+
+
+def test_options_are_in_the_units_of_their_names(small_fit: Fit, tmp_path: Path) -> None:
+    out = tmp_path / "tan_delta.csv"
+    code = predict(
+        small_fit.directory.path,
+        out,
+        *("--median-stress-MPa", "0.5", "3", "--amplitude-MPa", "0.1", "0.2"),
+        *("--frequencies-Hz", "1e-3", "0.01", "--temperature-K", "250"),
+        *("--grain-size-um", "500", "--fabric-factor", "0.6"),
+        *("--microstructure", "steady-state"),
+    )
+    assert code == 0
+    expected = predict_attenuation(
+        small_fit,
+        [1e-3, 1e-2],
+        (Regime(0.5e6, 0.1e6), Regime(3e6, 0.2e6)),
+        temperature=250.0,
+        grain_size=500e-6,
+        fabric_factor=0.6,
+    )
+    table = pd.read_csv(out)
+    assert table["amplitude_MPa"].tolist() == [0.1, 0.1, 0.2, 0.2]
+    np.testing.assert_allclose(
+        table["mean"], expected["tan_delta"].mean(("chain", "draw")).to_numpy().ravel()
+    )
+
+
+def test_the_steady_state_is_softer(small_fit: Fit, tmp_path: Path) -> None:
+    options = ("--regimes", "4", "--frequencies-Hz", "1e-4")
+    values = {}
+    for microstructure in ("initial", "steady-state"):
+        out = tmp_path / f"{microstructure}.csv"
+        run = small_fit.directory.path
+        assert predict(run, out, *options, "--microstructure", microstructure) == 0
+        (values[microstructure],) = pd.read_csv(out)["q50"]
+    assert values["steady-state"] > values["initial"]
+
+
+BAD_OPTIONS: dict[str, tuple[Arguments, str]] = {
+    "unknown regime": (("--regimes", "1", "3"), "unknown regime '3'"),
+    "regimes twice": (
+        ("--regimes", "1", "--median-stress-MPa", "1", "--amplitude-MPa", "1"),
+        "either",
+    ),
+    "unequal lists": (
+        ("--median-stress-MPa", "1", "2", "--amplitude-MPa", "0.1"),
+        "found 2 and 1 numbers",
+    ),
+    "median alone": (("--median-stress-MPa", "1"), "found 1 and 0 numbers"),
+    "amplitude alone": (("--amplitude-MPa", "1"), "found 0 and 1 numbers"),
+    "no amplitude": (("--median-stress-MPa", "1", "--amplitude-MPa", "0"), "amplitude: found 0"),
+    "negative median": (
+        ("--median-stress-MPa", "-1", "--amplitude-MPa", "1"),
+        "median_stress: found -1e+06",
+    ),
+    "no frequency": (("--frequencies-Hz", "0"), "frequencies: found 0"),
+    "Celsius": (("--temperature-K", "-10"), "temperature: found -10"),
+    "grain size": (("--grain-size-um", "0"), "grain_size: found 0"),
+    "fabric": (("--fabric-factor", "-1"), "fabric_factor: found -1"),
+    "microstructure": (("--microstructure", "frozen"), "'frozen'"),
+}
+
+
+@pytest.mark.parametrize(("options", "words"), BAD_OPTIONS.values(), ids=BAD_OPTIONS)
+def test_bad_options_are_one_sentence_and_nothing_is_written(
+    options: Arguments,
+    words: str,
+    small_fit: Fit,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert predict(small_fit.directory.path, tmp_path / "tan_delta.csv", *options) == 2
+    assert_one_sentence(capsys, words)
+    assert not list(tmp_path.iterdir())
+
+
+def assert_one_sentence(capsys: pytest.CaptureFixture[str], words: str) -> None:
+    out, error = capsys.readouterr()
+    assert out == ""
+    assert re.fullmatch(r"pyburgers: [^\n]+\.\n", error)
+    assert words in error
+
+
+def test_files_that_cannot_be_are_refused(
+    small_fit: Fit, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = small_fit.directory.path
+    for directory, out, words in (
+        (run, tmp_path / "tan_delta.txt", "ends in .csv"),
+        (run, tmp_path / "nowhere" / "tan_delta.csv", "cannot be written"),
+        (tmp_path / "no_run", tmp_path / "tan_delta.csv", "no_run"),
+    ):
+        assert predict(directory, out) == 2
+        assert_one_sentence(capsys, words)
+    assert not list(tmp_path.iterdir())

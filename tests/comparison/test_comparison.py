@@ -1,0 +1,256 @@
+"""Comparison: leave-one-out in closed form, weights, sentences, refusals, points left out."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+import pytest
+import xarray as xr
+from conftest import SMALL_RUN, Problem, with_fixed
+from scipy import stats
+from synthetic_fit import make_fit
+from synthetic_olivine_fit import make_olivine_fit
+
+from pyburgers.common.errors import InputError
+from pyburgers.comparison.by_points import (
+    Comparison,
+    LeaveOneOut,
+    compare,
+    comparison_table,
+    elpd_difference,
+    leave_one_out,
+    leave_out_exactly,
+    save_comparison,
+    sentences,
+    stacking_weights,
+)
+from pyburgers.comparison.figures import pointwise_differences
+from pyburgers.comparison.same_data import data_hash
+from pyburgers.drawing.style import image
+from pyburgers.fitting.fit import Fit, fit
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def normal_model(
+    observed: FloatArray, *, prior_sd: float, draws: int = 4000
+) -> tuple[xr.DataTree, FloatArray]:
+    """Exact draws of the mean of N(mean, 1) data with prior N(0, prior_sd), and the exact elpd."""
+    rng = np.random.default_rng(4)
+
+    def posterior(values: FloatArray) -> tuple[float, float]:
+        precision = 1 / prior_sd**2 + values.size
+        return float(values.sum() / precision), float(precision**-0.5)
+
+    mean, sd = posterior(observed)
+    means = rng.normal(mean, sd, (4, draws // 4))
+    log_lik = stats.norm.logpdf(observed, means[..., None])
+    tree = xr.DataTree.from_dict(
+        {
+            "log_likelihood": xr.Dataset({"stress": (("chain", "draw", "point"), log_lik)}),
+            "observed_data": xr.Dataset({"stress": ("point", observed)}),
+            "constant_data": xr.Dataset({"strain": ("point", np.arange(observed.size) * 0.01)}),
+        }
+    )
+    exact = []
+    for k in range(observed.size):
+        mean, sd = posterior(np.delete(observed, k))
+        exact.append(stats.norm.logpdf(observed[k], mean, np.hypot(1.0, sd)))
+    return tree, np.array(exact)
+
+
+def test_leave_one_out_of_a_normal_model_is_the_closed_form() -> None:
+    observed = np.random.default_rng(1).normal(0.5, 1.0, 40)
+    tree, exact = normal_model(observed, prior_sd=3.0)
+    found = leave_one_out(tree)
+    np.testing.assert_allclose(found.elpd, exact, atol=0.01)
+    assert not found.unreliable.any()
+    assert found.n_effective == pytest.approx(1.0, abs=0.4)
+
+
+def test_a_unit_of_stress_shifts_all_elpd_alike() -> None:
+    tree, _ = normal_model(np.linspace(-2, 2, 12), prior_sd=3.0)
+    in_pascal = tree.copy()
+    in_pascal["log_likelihood"] = xr.DataTree(tree["log_likelihood"].to_dataset() - np.log(1e6))
+    np.testing.assert_allclose(
+        leave_one_out(in_pascal).elpd, leave_one_out(tree).elpd - np.log(1e6), rtol=1e-12
+    )
+
+
+def test_a_point_far_from_the_others_is_flagged() -> None:
+    # Three points: the one at 9 pulls the mean by a third of its distance.
+    tree, _ = normal_model(np.array([0.0, 0.1, 9.0]), prior_sd=100.0)
+    assert leave_one_out(tree).unreliable.tolist()[-1]
+
+
+def result(elpd: FloatArray, pareto_k: float = 0.1) -> LeaveOneOut:
+    size = elpd.size
+    return LeaveOneOut(elpd, np.full(size, pareto_k), np.zeros(size, dtype=bool), elpd.sum() + 2)
+
+
+def test_stacking_weights_maximise_the_density_of_the_mixture() -> None:
+    rng = np.random.default_rng(6)
+    elpd = rng.normal(0.0, 1.0, (3, 50))
+    weights = stacking_weights(elpd)
+    assert weights.sum() == pytest.approx(1.0)
+
+    def density(shares: FloatArray) -> float:
+        return float(np.log(shares @ np.exp(elpd)).sum())
+
+    others = rng.dirichlet(np.ones(3), 500)
+    assert all(density(weights) >= density(other) for other in others)
+
+
+def test_all_weight_goes_to_a_fit_that_is_better_everywhere() -> None:
+    elpd = np.zeros((2, 30))
+    elpd[1] -= 1.0
+    np.testing.assert_allclose(stacking_weights(elpd), [1.0, 0.0], atol=1e-6)
+
+
+def test_a_fit_worse_by_orders_of_magnitude_is_no_trouble() -> None:
+    np.testing.assert_allclose(stacking_weights(np.array([[0.0] * 5, [-1e5] * 5])), [1.0, 0.0])
+
+
+def comparison_of(*results: tuple[str, LeaveOneOut]) -> Comparison:
+    ordered = dict(sorted(results, key=lambda item: -item[1].total))
+    size = results[0][1].elpd.size
+    return Comparison(
+        ordered,
+        stacking_weights(np.array([one.elpd for one in ordered.values()])),
+        xr.DataArray(np.linspace(0.01, 0.2, size), dims="point", name="strain"),
+        dict.fromkeys(ordered, "standard"),
+    )
+
+
+def test_difference_has_the_standard_error_of_a_sum_over_points() -> None:
+    rng = np.random.default_rng(8)
+    one, other = rng.normal(size=(2, 50))
+    difference, error = elpd_difference(result(one), result(other))
+    assert difference == pytest.approx(float((one - other).sum()))
+    assert error == pytest.approx(float(np.sqrt(50) * np.std(one - other, ddof=1)))
+
+
+def test_a_sentence_for_each_pair() -> None:
+    rng = np.random.default_rng(9)
+    noise = rng.normal(size=60)
+    flat = np.zeros(60)
+    comparison = comparison_of(
+        ("good", result(flat)),
+        ("alike", result(flat - 0.02)),
+        ("unclear", result(flat - 0.15 + 2 * (noise - noise.mean()))),
+        ("bad", result(flat - 1.0 - 0.1 * noise)),
+    )
+    found = sentences(comparison)
+    assert len(found) == 6
+    assert "good and alike predict these data alike" in found[0]
+    assert "good predicts these data better than unclear, but" in found[1]
+    assert "good predicts these data clearly better than bad" in found[2]
+    table = comparison_table(comparison)
+    assert table.index.tolist() == ["good", "alike", "unclear", "bad"]
+    assert table["difference"].iloc[0] == 0
+    assert table["weight"].sum() == pytest.approx(1.0)
+
+
+def test_points_that_cannot_be_trusted_are_named_until_they_are_left_out() -> None:
+    doubtful = result(np.zeros(10))
+    doubtful.pareto_k[3] = 0.9
+    comparison = comparison_of(("one", doubtful), ("two", result(np.full(10, -1.0))))
+    assert not comparison.reliable
+    assert "one: its elpd may be far off" in sentences(comparison)[-1]
+    assert "1 point (number 4) with a Pareto k above 0.7" in sentences(comparison)[-1]
+    settled = replace(doubtful, exact=np.arange(10) == 3)
+    comparison = comparison_of(("one", settled), ("two", result(np.full(10, -1.0))))
+    assert comparison.reliable
+    assert len(sentences(comparison)) == 1
+
+
+def test_the_figure_draws_every_fit_but_the_best() -> None:
+    rng = np.random.default_rng(3)
+    comparison = comparison_of(
+        *((name, result(rng.normal(-1, 1, 30))) for name in ("one", "two", "three"))
+    )
+    figure = pointwise_differences(comparison)
+    (legend,) = figure.legends
+    best = next(iter(comparison.results))
+    labels = [text.get_text() for text in legend.get_texts()]
+    assert len(labels) == 2
+    assert all(label.endswith(f"less {best}") for label in labels)
+    assert image(figure, "png").startswith(b"\x89PNG")
+
+
+def test_what_is_saved_holds_numbers_points_and_origins(tmp_path: Path) -> None:
+    fits = {"one": make_fit(tmp_path / "one"), "two": make_fit(tmp_path / "two")}
+    comparison = compare(fits)
+    save_comparison(comparison, fits, tmp_path, command="pyburgers compare one two")
+    table = pd.read_csv(tmp_path / "comparison.csv", index_col="fit")
+    points = pd.read_csv(tmp_path / "pointwise.csv", index_col="point")
+    for name in fits:
+        assert points[f"{name} elpd"].sum() == pytest.approx(table["elpd"][name])
+    np.testing.assert_allclose(points["strain"], comparison.position)
+    record = json.loads((tmp_path / "comparison.json").read_text(encoding="utf-8"))
+    assert record["command"] == "pyburgers compare one two"
+    assert record["fits"]["one"]["fingerprint"] == fits["one"].manifest["fingerprint"]
+    assert record["sentences"] == list(sentences(comparison))
+
+
+def test_points_of_an_oscillation_stay_flagged(tmp_path: Path) -> None:
+    olivine = make_olivine_fit(tmp_path / "olivine")
+    with pytest.raises(InputError, match=r"cannot be left out one by one, expected .*\.$"):
+        leave_out_exactly(olivine, result(np.zeros(5)), [0], tmp_path / "refits")
+
+
+def test_fits_of_other_data_are_refused(tmp_path: Path) -> None:
+    one, same = make_fit(tmp_path / "one", seed=1), make_fit(tmp_path / "same", seed=1)
+    other = make_fit(tmp_path / "other", seed=2)
+    assert data_hash(one) == data_hash(same)
+    assert data_hash(one) != data_hash(other)
+    with pytest.raises(InputError, match=r"other: is a fit of other data than one .*\.$"):
+        compare({"one": one, "other": other})
+
+
+def test_one_fit_and_a_sampled_prior_are_refused(tmp_path: Path) -> None:
+    one = make_fit(tmp_path / "one")
+    with pytest.raises(InputError, match=r"found 1 fits, expected at least two\.$"):
+        compare({"one": one})
+    prior = replace(one, manifest={**one.manifest, "use_likelihood": False})
+    with pytest.raises(InputError, match=r"^prior: was sampled without likelihood"):
+        compare({"one": one, "prior": prior})
+
+
+@pytest.fixture(scope="module")
+def wrong_fit(small_problem: Problem, tmp_path_factory: pytest.TempPathFactory) -> Fit:
+    """The small problem with a Kelvin element three times too stiff."""
+    truth = small_problem.experiment.true_parameters
+    assert truth is not None
+    priors = with_fixed(small_problem.priors, {"kelvin_modulus": 3 * truth["kelvin_modulus"]})
+    out = tmp_path_factory.mktemp("wrong") / "run"
+    return fit(small_problem.experiment, priors, out=out, options=SMALL_RUN)
+
+
+def test_the_model_behind_the_data_predicts_them_better(small_fit: Fit, wrong_fit: Fit) -> None:
+    comparison = compare({"wrong": wrong_fit, "right": small_fit})
+    assert list(comparison.results) == ["right", "wrong"]
+    assert "right predicts these data clearly better than wrong" in sentences(comparison)[0]
+    assert comparison.weights[0] > 0.9
+
+
+def test_a_point_left_out_in_earnest_has_the_approximated_density(
+    small_fit: Fit, tmp_path: Path
+) -> None:
+    approximate = leave_one_out(small_fit.posterior)
+    # The least expected one of those whose density can be approximated.
+    point = int(np.argmin(np.where(approximate.pareto_k < 0.7, approximate.elpd, np.inf)))
+    assert approximate.pareto_k[point] < 0.7
+    exact = leave_out_exactly(small_fit, approximate, [point], tmp_path / "refits")
+    assert exact.exact.tolist() == [k == point for k in range(exact.elpd.size)]
+    # Leaving an unexpected point out must cost it something.
+    seen = small_fit.posterior["log_likelihood"].to_dataset()["stress"].isel(point=point)
+    assert exact.elpd[point] < float(np.log(np.exp(seen).mean()))
+    assert exact.elpd[point] == pytest.approx(approximate.elpd[point], abs=0.4)
+    kept = np.arange(exact.elpd.size) != point
+    np.testing.assert_array_equal(exact.elpd[kept], approximate.elpd[kept])
+    without = Fit.load(tmp_path / "refits" / f"point_{point + 1}")
+    assert without.experiment.n_points == small_fit.experiment.n_points - 1

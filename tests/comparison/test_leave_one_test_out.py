@@ -1,0 +1,289 @@
+"""Leaving whole tests out: against single fits, same priors, tables, sentences, refusals."""
+
+import json
+import logging
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+import pytest
+from conftest import ICE, SMALL_RUN, Problem, pair_of
+
+from pyburgers.cli.main import main
+from pyburgers.common.errors import InputError
+from pyburgers.comparison.by_points import compare, pointwise_table
+from pyburgers.comparison.by_tests import (
+    ComparisonByTest,
+    LeaveOneTestOut,
+    compare_by_test,
+    fit_without,
+    leave_one_test_out,
+    save_comparison_by_test,
+    sentences_by_test,
+    table_of_fits,
+    table_of_tests,
+)
+from pyburgers.comparison.figures import left_out_tests, pointwise_differences
+from pyburgers.comparison.marginal_likelihood import LogIntegral, log_marginal_likelihood
+from pyburgers.drawing.style import image
+from pyburgers.fitting.fit import Fit, fit
+from pyburgers.fitting.joint_fit import JointFit, fit_jointly
+from pyburgers.model.pooling import pooling_of
+from pyburgers.model.priors import default_priors
+from pyburgers.protocols.constant_rate.experiment import load_constant_rate
+from pyburgers.report.comparison_sections import comparison_sections
+from pyburgers.sampling.problem import joint_problem, problem_without
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@pytest.fixture(scope="module")
+def shared(
+    programs: None, small_problem: Problem, tmp_path_factory: pytest.TempPathFactory
+) -> JointFit:
+    return fit_jointly(
+        pair_of(small_problem),
+        small_problem.priors,
+        out=tmp_path_factory.mktemp("shared") / "run",
+        options=SMALL_RUN,
+    )
+
+
+@pytest.fixture(scope="module")
+def separate(
+    programs: None, small_problem: Problem, tmp_path_factory: pytest.TempPathFactory
+) -> JointFit:
+    return fit_jointly(
+        pair_of(small_problem),
+        small_problem.priors,
+        pool={"all": "separate"},
+        out=tmp_path_factory.mktemp("separate") / "run",
+        options=SMALL_RUN,
+    )
+
+
+def test_tests_that_share_nothing_are_predicted_from_their_priors(
+    separate: JointFit, small_fit: Fit, small_problem: Problem, tmp_path: Path
+) -> None:
+    """Each has the marginal likelihood of a fit of it alone."""
+    found = leave_one_test_out(separate, command="test")
+    other = fit(
+        pair_of(small_problem)[1],
+        small_problem.priors,
+        out=tmp_path / "other",
+        options=replace(SMALL_RUN, seed=5),
+    )
+    assert found.tests == ("PIL40", "other")
+    for test, alone in zip(found.tests, (small_fit, other), strict=True):
+        exact = log_marginal_likelihood(alone)
+        place = found.tests.index(test)
+        error = float(np.hypot(found.error[place], exact.error))
+        assert error < 0.2
+        assert found.elpd[place] == pytest.approx(exact.value, abs=4 * error)
+
+
+def test_a_test_like_the_others_is_predicted_better_where_the_material_is_shared(
+    shared: JointFit, separate: JointFit
+) -> None:
+    comparison = compare_by_test({"apart": separate, "together": shared}, command="test")
+    assert list(comparison.results) == ["together", "apart"]
+    table = table_of_fits(comparison)
+    assert table["difference"]["apart"] < -2
+    assert table["difference_monte_carlo_error"]["together"] == 0
+    assert comparison.weights.sum() == pytest.approx(1.0)
+
+
+def test_fits_without_a_test_are_kept_and_say_how_they_came_about(
+    shared: JointFit, caplog: pytest.LogCaptureFixture
+) -> None:
+    first = leave_one_test_out(shared, command="pyburgers compare X")
+    run = JointFit.load(shared.directory.path / "leave_out" / "other")
+    assert [experiment.id for experiment in run.problem.experiments] == ["PIL40"]
+    assert run.manifest["command"] == "pyburgers compare X (other left out)"
+    assert run.problem.pooling == shared.problem.pooling
+    caplog.set_level(logging.INFO, "pyburgers")
+    again = leave_one_test_out(shared, command="pyburgers compare X")
+    assert caplog.messages.count("2 of 2 chains are there already.") == 2
+    np.testing.assert_array_equal(again.elpd, first.elpd)
+
+
+def test_priors_stay_those_of_all_tests() -> None:
+    """A noise that all share has a prior that goes with the largest stress of all."""
+    strong, weak = (load_constant_rate(ICE / f"{name}.toml") for name in ("PIL40", "PIL105"))
+    assert strong.stress.max() > 1.2 * weak.stress.max()
+    priors = default_priors("ice")
+    for kind in ("shared", "separate"):
+        problem = joint_problem([strong, weak], priors, pooling_of({"stress_noise": kind}))
+        left = problem_without(problem, strong.id)
+        assert left.experiments == (weak,)
+        assert left.priors[0].priors == problem.priors[1].priors
+        # What a run keeps gives the same priors again.
+        again = joint_problem([weak], left.given_priors, problem.pooling)
+        assert again.priors[0].priors == problem.priors[1].priors
+
+
+def test_partially_pooled_noise_has_one_prior_on_the_real_line_in_all_tests() -> None:
+    """So the centre's prior does not depend on which test comes first."""
+    tests = [load_constant_rate(ICE / f"{name}.toml") for name in ("PIL40", "PIL105")]
+    problem = joint_problem(tests, default_priors("ice"), pooling_of({"stress_noise": "partial"}))
+    place = problem.free.index("stress_noise")
+    ratio = [
+        own.scale[place] / priors["stress_noise"].scale
+        for own, priors in zip(problem.coordinates, problem.priors, strict=True)
+    ]
+    assert ratio[0] == pytest.approx(ratio[1], rel=1e-12)
+
+
+def result(
+    elpd: FloatArray, *, error: float = 0.1, doubts: tuple[str, ...] = ()
+) -> LeaveOneTestOut:
+    """Made-up numbers of tests A, B, ..., with the same error in all marginal likelihoods."""
+    return LeaveOneTestOut(
+        tuple("ABCDEF"[: elpd.size]),
+        np.full(elpd.size, 50),
+        LogIntegral(-1000.0, error),
+        tuple(LogIntegral(-1000.0 - value, error) for value in elpd),
+        doubts,
+    )
+
+
+def comparison_of(**results: LeaveOneTestOut) -> ComparisonByTest:
+    ordered = dict(sorted(results.items(), key=lambda item: -item[1].total))
+    weights = np.full(len(ordered), 1 / len(ordered))
+    return ComparisonByTest(ordered, weights, dict.fromkeys(ordered, "standard"))
+
+
+def test_the_error_of_the_joint_fit_counts_for_every_test() -> None:
+    one = result(np.array([-700.0, -710.0, -690.0]), error=0.1)
+    np.testing.assert_allclose(one.elpd, [-700.0, -710.0, -690.0])
+    np.testing.assert_allclose(one.error, 0.1 * np.sqrt(2))
+    assert one.total_error == pytest.approx(0.1 * np.sqrt(9 + 3))
+
+
+def test_a_sentence_for_each_pair_and_for_what_is_doubtful() -> None:
+    base = np.array([-700.0, -710.0, -690.0])
+    spread = np.array([-40.0, 40.0, -20.0])
+    comparison = comparison_of(
+        good=result(base),
+        alike=result(base - 0.5),
+        unclear=result(base + spread),
+        bad=result(base - 30.0, error=2.0),
+    )
+    found = sentences_by_test(comparison)
+    assert "good and alike predict left-out tests alike" in found[0]
+    assert "good predicts left-out tests better than unclear, but" in found[1]
+    assert "good predicts left-out tests clearly better than bad" in found[2]
+    flags = found[6:]
+    assert len(flags) == 3
+    assert "bad: the log density of A has a Monte Carlo error of 2.8, more than 1" in flags[0]
+    assert not comparison.reliable
+    doubtful = comparison_of(only=result(base, doubts=("The fit failed.",)))
+    assert not doubtful.reliable
+    assert sentences_by_test(doubtful)[1] == "only: The fit failed."
+    two = comparison_of(good=result(base[:2]), bad=result(base[:2] - 30.0))
+    assert "Of two tests the standard error says little" in sentences_by_test(two)[1]
+    assert comparison_of(only=result(base)).reliable
+
+
+def test_figures_are_drawn_of_one_fit_and_of_several() -> None:
+    base = np.array([-700.0, -710.0, -690.0])
+    several = comparison_of(a=result(base), b=result(base - 5), c=result(base - 9))
+    figure = left_out_tests(several)
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == ["b less a", "c less a"]
+    alone = left_out_tests(comparison_of(a=result(base)))
+    assert "per reading" in alone.axes[0].get_xlabel()
+    for drawn in (figure, alone):
+        assert image(drawn, "png").startswith(b"\x89PNG")
+
+
+def test_what_is_saved_holds_every_marginal_likelihood(shared: JointFit, tmp_path: Path) -> None:
+    comparison = compare_by_test({"one": shared}, command="test")
+    save_comparison_by_test(comparison, {"one": shared}, tmp_path, command="pyburgers compare one")
+    tests = pd.read_csv(tmp_path / "left_out_tests.csv", index_col="test")
+    assert tests.equals(table_of_tests(comparison).astype(tests.dtypes))
+    record = json.loads((tmp_path / "comparison.json").read_text(encoding="utf-8"))
+    of_all = record["marginal_likelihoods"]["one"]["all"]["log"]
+    without = record["marginal_likelihoods"]["one"]["without"]["other"]["log"]
+    assert of_all - without == pytest.approx(tests["one elpd"]["other"])
+    assert record["command"] == "pyburgers compare one"
+    assert record["fits"]["one"]["pooling"] == shared.problem.pooling.record()
+
+
+def test_points_of_joint_fits_are_those_of_all_their_tests(
+    shared: JointFit, separate: JointFit
+) -> None:
+    comparison = compare({"together": shared, "apart": separate})
+    sizes = [experiment.n_points for experiment in shared.problem.experiments]
+    points = pointwise_table(comparison)
+    assert points["test"].value_counts().tolist() == sizes
+    assert points["together elpd"].sum() == pytest.approx(comparison.results["together"].total)
+    figure = pointwise_differences(comparison)
+    assert [axes.get_title(loc="left") for axes in figure.axes[:2]] == ["PIL40", "other"]
+    assert image(figure, "png").startswith(b"\x89PNG")
+
+
+def test_the_order_of_the_tests_does_not_matter(small_problem: Problem, tmp_path: Path) -> None:
+    tests = pair_of(small_problem)
+    fits = {
+        name: fit_jointly(
+            order,
+            small_problem.priors,
+            out=tmp_path / name,
+            options=replace(SMALL_RUN, draws=600),
+        )
+        for name, order in (("one", tests), ("turned", tests[::-1]))
+    }
+    comparison = compare(fits)
+    one, other = (comparison.results[name].elpd for name in fits)
+    np.testing.assert_allclose(one, other, atol=0.5)
+
+
+def test_a_page_sets_joint_fits_of_the_same_tests_side_by_side(
+    shared: JointFit, separate: JointFit, tmp_path: Path
+) -> None:
+    """By points; by tests as soon as they were left out, without fitting anything."""
+    runs = [tmp_path / name for name in ("together", "apart")]
+    for run, joint in zip(runs, (shared, separate), strict=True):
+        shutil.copytree(joint.directory.path, run, ignore=shutil.ignore_patterns("leave_out"))
+    joints = [JointFit.load(run) for run in runs]
+    (by_points,) = comparison_sections([], joints)
+    assert by_points.key == "comparison_PIL40_other"
+    leave_one_test_out(joints[0], command="test")
+    *_, by_tests = comparison_sections([], joints)
+    assert by_tests.key == "left_out_PIL40_other"
+    exact = leave_one_test_out(joints[0], command="test")
+    assert by_tests.tables[1].saved["PIL40+other elpd"].tolist() == exact.elpd.tolist()
+    assert not (runs[1] / "leave_out").exists()
+    leave_one_test_out(joints[1], command="test")
+    both = comparison_sections([], joints)[1]
+    assert set(both.tables[0].saved["fit"]) == {"PIL40+other", "PIL40+other_run2"}
+
+
+def test_joint_fits_of_the_same_tests_have_sections_of_their_own(
+    shared: JointFit, separate: JointFit, tmp_path: Path
+) -> None:
+    runs = [str(joint.directory.path) for joint in (shared, separate)]
+    assert main(["report", *runs, "--out", str(tmp_path / "page")]) == 0
+    tables = tmp_path / "page" / "tables"
+    first, other = (
+        pd.read_csv(tables / f"joint_PIL40_other{suffix}_pooling.csv") for suffix in ("", "_run2")
+    )
+    assert "shared" in set(first["pooling"])
+    assert set(other["pooling"]) == {"separate", "derived"}
+
+
+def test_other_data_other_kinds_and_a_sampled_prior_are_refused(
+    shared: JointFit, small_fit: Fit, tmp_path: Path
+) -> None:
+    with pytest.raises(InputError, match=r"joint: is a fit of other data than one .*\+other .*\.$"):
+        compare({"one": small_fit, "joint": shared})
+    prior = replace(shared, manifest={**shared.manifest, "use_likelihood": False})
+    with pytest.raises(InputError, match=r"^prior: was sampled without likelihood"):
+        compare_by_test({"prior": prior}, command="test")
+    alone = fit_without(shared, "other", tmp_path / "alone", command="test")
+    with pytest.raises(InputError, match=r"is a fit of PIL40 alone, expected at least two tests"):
+        leave_one_test_out(alone, command="test")

@@ -1,0 +1,86 @@
+"""The example scripts run from any folder and give what they promise."""
+
+import logging
+import runpy
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import oracle
+import pandas as pd
+import pytest
+from conftest import Problem
+
+from pyburgers.fitting.fit import Fit
+from pyburgers.predictions.attenuation import Regime, predict_attenuation, quantile_table
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+Script = Callable[..., str]
+
+
+@pytest.fixture
+def script(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Iterator[Script]:
+    """Run an example in an empty folder as a user does; return what it prints."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(name: str, *arguments: object) -> str:
+        monkeypatch.setattr(sys, "argv", [name, *map(str, arguments)])
+        runpy.run_path(str(EXAMPLES / name), run_name="__main__")
+        return capsys.readouterr().out
+
+    yield run
+    logging.getLogger("pyburgers").setLevel(logging.NOTSET)  # one of them has it talk
+
+
+def test_a_curve_is_fitted(
+    script: Script, programs: None, small_problem: Problem, tmp_path: Path
+) -> None:
+    files = (small_problem.experiment_file, "--priors", small_problem.priors_file)
+    printed = script(
+        "fit_your_own_curve.py", *files, "--chains", 2, "--warmup", 150, "--draws", 100
+    )
+    fit = Fit.load(tmp_path / "runs" / "PIL40")
+    assert fit.posterior["posterior"].sizes == {"chain": 2, "draw": 100}
+    row = next(line for line in printed.splitlines() if line.startswith("maxwell_modulus"))
+    mean = fit.summary()["mean"]["maxwell_modulus"]
+    assert float(row.split()[2]) == pytest.approx(mean, rel=1e-5)
+    for check in fit.checks():
+        assert check.sentence in printed
+    for figure in ("stress_strain", "prior_posterior"):
+        assert (fit.directory.path / f"{figure}.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_attenuation_is_predicted_from_a_saved_fit(
+    script: Script, small_fit: Fit, tmp_path: Path
+) -> None:
+    printed = script("predict_attenuation.py", small_fit.directory.path, "--median-stress-MPa", 2)
+    assert "2 ± 0.2 MPa: tan(delta) at 1 mHz is" in printed
+    written = pd.read_csv(tmp_path / "attenuation" / "attenuation.csv")
+    spectrum = predict_attenuation(small_fit, np.geomspace(1e-4, 1.0, 80), [Regime(2e6, 0.2e6)])
+    pd.testing.assert_frame_equal(written, quantile_table(spectrum))
+    picture = tmp_path / "attenuation" / "attenuation.png"
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_stan_functions_serve_another_program(
+    script: Script, small_fit: Fit, tmp_path: Path
+) -> None:
+    arguments = ("--strain", 100, "--draws", 200, "--out", "tables/stress.csv")
+    script("reuse_stan_functions/flow_stress.py", small_fit.directory.path, *arguments)
+    written = pd.read_csv(tmp_path / "tables" / "stress.csv")
+    # After much strain the stress is the steady one; only the enthalpy varies in this fit.
+    draws = small_fit.posterior["posterior"].to_dataset()
+    value = {str(name): values.to_numpy().ravel() for name, values in draws.items()}
+    rate_factor = value["activation_enthalpy"] * (
+        value["beta"] - 1 / (oracle.GAS_CONSTANT * small_fit.experiment.temperature)
+    )
+    size = value["steady_state_grain_size"] ** value["grain_size_exponent"]
+    for row in written.itertuples():
+        fluidity = row.strain_rate_per_s * size * np.exp(-rate_factor)
+        steady = value["steady_state_fabric_factor"] * fluidity ** (1 / value["stress_exponent"])
+        expected = np.quantile(steady, [0.05, 0.5, 0.95]) / 1e6
+        assert (row.q5_MPa, row.q50_MPa, row.q95_MPa) == pytest.approx(expected, rel=1e-8)

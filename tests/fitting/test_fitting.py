@@ -1,0 +1,365 @@
+"""A fit from files to checks: what it writes, repeats, continues and refuses."""
+
+import json
+import logging
+import shutil
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import arviz as az
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+from conftest import SMALL_RUN, Problem
+from log_density import Program
+
+from pyburgers.cmdstan.draws import read_draws
+from pyburgers.cmdstan.program import compile_program
+from pyburgers.common.atomic_files import sha256_of_file
+from pyburgers.common.errors import InputError
+from pyburgers.fitting.fit import Fit, fit
+from pyburgers.model.parameters import PARAMETERS
+from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.protocols.forward import REFERENCE_SOLVER, program_for
+from pyburgers.protocols.stan_data import REFERENCE_STRESS, SolverOptions, solver_block
+
+FREE = ["maxwell_modulus", "activation_enthalpy", "stress_noise"]
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {
+        file.relative_to(folder).as_posix(): file.read_bytes()
+        for file in folder.rglob("*")
+        if file.is_file()
+    }
+
+
+def group(result: Fit, name: str) -> xr.Dataset:
+    return result.posterior[name].to_dataset()
+
+
+@pytest.fixture
+def copy(small_fit: Fit, tmp_path: Path) -> Path:
+    """Run directory of the small fit that a test may change."""
+    small_fit.save(tmp_path / "copy")
+    return tmp_path / "copy"
+
+
+def test_a_fit_writes_everything(small_fit: Fit) -> None:
+    files = set(contents(small_fit.directory.path)) - {".lock"}
+    chain_files = {
+        f"chains/chain_{chain}/{name}"
+        for chain in (1, 2)
+        for name in ("draws.csv", "console.txt", "timing.json")
+    }
+    assert files == chain_files | {
+        "manifest.json",
+        "stan_data.json",
+        "metric.json",
+        "posterior.nc",
+        "checks.json",
+        "summary.csv",
+        "inputs/experiment.toml",
+        "inputs/experiment.csv",
+        "inputs/priors.toml",
+        "initial_values/chain_1.json",
+        "initial_values/chain_2.json",
+    }
+
+
+def test_the_manifest_says_what_was_run(small_fit: Fit) -> None:
+    manifest = small_fit.manifest
+    assert manifest["status"] == "complete"
+    assert manifest["sampler"]["seed"] == SMALL_RUN.seed
+    assert manifest["solver"]["tolerance"] == SolverOptions().tolerance
+    assert manifest["failures"] == []
+    assert {"python", "cmdstan", "compiler", "cmdstanpy", "numpy"} <= set(manifest["versions"])
+    assert set(manifest["chains"]) == {"1", "2"}
+    assert manifest["chains"]["1"]["wall_seconds"] > 0
+    for name, digest in manifest["hashes"].items():
+        assert sha256_of_file(small_fit.directory.path / name) == digest
+    assert "inputs/experiment.toml" in manifest["hashes"]
+
+
+def test_chains_tell_their_metric_and_step_size(small_fit: Fit) -> None:
+    text = small_fit.directory.draws_file(1).read_text(encoding="utf-8")
+    assert "# Step size = " in text
+    assert "# Elements of inverse mass matrix:" in text
+
+
+def test_the_posterior_is_labelled(small_fit: Fit) -> None:
+    posterior = group(small_fit, "posterior")
+    assert set(posterior.data_vars) == {p.name for p in PARAMETERS} | {REFERENCE_STRESS}
+    assert posterior.sizes == {"chain": 2, "draw": SMALL_RUN.draws}
+    assert posterior["chain"].to_numpy().tolist() == [1, 2]
+    modulus = posterior["maxwell_modulus"]
+    assert (modulus.attrs["units"], modulus.attrs["symbol"]) == ("Pa", "E_M")
+    experiment = small_fit.experiment
+    assert isinstance(experiment, ConstantRateExperiment)
+    n_points = experiment.n_points
+    assert small_fit.posterior["log_likelihood"].sizes["point"] == n_points
+    assert small_fit.posterior["posterior_predictive"].sizes["point"] == n_points
+    predictions = small_fit.posterior["predictions"]
+    assert float(predictions["strain"].max()) == pytest.approx(experiment.final_strain)
+
+
+def test_fixed_parameters_stay_fixed_and_the_others_find_the_truth(small_fit: Fit) -> None:
+    posterior = group(small_fit, "posterior")
+    truth = small_fit.experiment.true_parameters
+    assert truth is not None
+    for parameter in PARAMETERS:
+        draws = posterior[parameter.name].to_numpy()
+        if parameter.name in FREE:
+            assert np.ptp(draws) > 0
+            assert abs(draws.mean() - truth[parameter.name]) < 4 * draws.std()
+        else:
+            np.testing.assert_allclose(draws, truth[parameter.name], rtol=1e-11)
+
+
+def test_any_arviz_reads_the_posterior(small_fit: Fit) -> None:
+    data = az.from_netcdf(small_fit.directory.posterior_file)
+    np.testing.assert_array_equal(
+        data["posterior"]["maxwell_modulus"],
+        small_fit.posterior["posterior"]["maxwell_modulus"],
+    )
+
+
+def test_the_table_has_the_prior_beside_the_posterior(small_fit: Fit) -> None:
+    table = small_fit.summary()
+    assert set(table.index) == {*FREE, REFERENCE_STRESS}
+    assert table["prior_mean"]["activation_enthalpy"] == pytest.approx(65e3)
+    assert table["prior_sd"]["activation_enthalpy"] == pytest.approx(2e3)
+    assert (table["q5"] < table["mean"]).all()
+    assert (table["mean"] < table["q95"]).all()
+    assert (table["sd"][FREE] < table["prior_sd"][FREE]).all()
+    assert np.isnan(table["prior_mean"][REFERENCE_STRESS])
+    written = pd.read_csv(small_fit.directory.summary_file, index_col="parameter")
+    np.testing.assert_allclose(written["mean"], table["mean"])
+
+
+def test_the_checks_are_written_with_their_sentences(small_fit: Fit) -> None:
+    written = json.loads(small_fit.directory.checks_file.read_text(encoding="utf-8"))
+    checks = small_fit.checks()
+    assert [(c["name"], c["passed"], c["sentence"]) for c in written] == [
+        (c.name, c.passed, c.sentence) for c in checks
+    ]
+    assert {c.name: c.passed for c in checks}["chains"]
+
+
+def test_the_same_call_again_does_nothing_and_is_quick(copy: Path, small_problem: Problem) -> None:
+    before = contents(copy)
+    started = time.monotonic()
+    again = fit(small_problem.experiment, small_problem.priors, out=copy, options=SMALL_RUN)
+    assert time.monotonic() - started < 5
+    after = contents(copy)
+    for name in set(before) - {"manifest.json"}:
+        assert after[name] == before[name], name
+    assert again.manifest["status"] == "complete"
+
+
+def test_the_same_seed_gives_the_same_draws_and_another_seed_others(
+    small_fit: Fit, small_problem: Problem, tmp_path: Path
+) -> None:
+    runs = {
+        seed: fit(
+            small_problem.experiment,
+            small_problem.priors,
+            out=tmp_path / str(seed),
+            options=replace(SMALL_RUN, seed=seed),
+        )
+        for seed in (SMALL_RUN.seed, SMALL_RUN.seed + 1)
+    }
+    first = group(small_fit, "posterior")
+    same = group(runs[SMALL_RUN.seed], "posterior")
+    other = group(runs[SMALL_RUN.seed + 1], "posterior")
+    assert same.equals(first)
+    assert not np.any(other["maxwell_modulus"].to_numpy() == first["maxwell_modulus"].to_numpy())
+    for name in ("posterior_predictive", "predictions", "sample_stats"):
+        assert group(runs[SMALL_RUN.seed], name).equals(group(small_fit, name))
+
+
+def test_more_chains_continue_the_run(copy: Path, small_fit: Fit, small_problem: Problem) -> None:
+    before = contents(copy)
+    more = fit(
+        small_problem.experiment,
+        small_problem.priors,
+        out=copy,
+        options=replace(SMALL_RUN, chains=3),
+    )
+    posterior = group(more, "posterior")
+    assert posterior["chain"].to_numpy().tolist() == [1, 2, 3]
+    assert posterior.sel(chain=[1, 2]).equals(group(small_fit, "posterior"))
+    for chain in (1, 2):
+        name = f"chains/chain_{chain}/draws.csv"
+        assert contents(copy)[name] == before[name]
+
+
+@pytest.mark.parametrize("changed", ["seed", "draws", "tolerance", "prior", "data", "likelihood"])
+def test_other_inputs_in_the_same_directory_are_refused(
+    changed: str, small_fit: Fit, small_problem: Problem
+) -> None:
+    folder = small_fit.directory.path
+    before = contents(folder)
+    experiment, priors = small_problem.experiment, small_problem.priors
+    if changed == "data":
+        experiment = replace(experiment, stress=1.001 * experiment.stress)
+    if changed == "prior":
+        prior = replace(priors["maxwell_modulus"], scale=3e9)
+        priors = replace(priors, priors={**priors.priors, "maxwell_modulus": prior})
+    options = {
+        "seed": replace(SMALL_RUN, seed=99),
+        "draws": replace(SMALL_RUN, draws=150),
+    }.get(changed, SMALL_RUN)
+    with pytest.raises(InputError, match="other inputs"):
+        fit(
+            experiment,
+            priors,
+            out=folder,
+            options=options,
+            solver=SolverOptions(tolerance=1e-7) if changed == "tolerance" else SolverOptions(),
+            use_likelihood=changed != "likelihood",
+        )
+    assert contents(folder) == before
+
+
+def test_a_saved_copy_is_a_complete_fit(small_fit: Fit, copy: Path) -> None:
+    loaded = Fit.load(copy)
+    assert group(loaded, "posterior").equals(group(small_fit, "posterior"))
+    assert loaded.priors == small_fit.priors
+    assert [check.passed for check in loaded.checks()] == [
+        check.passed for check in small_fit.checks()
+    ]
+    with pytest.raises(InputError, match="exists"):
+        small_fit.save(copy)
+
+
+def test_the_posterior_is_gathered_again_where_it_is_missing(small_fit: Fit, copy: Path) -> None:
+    (copy / "posterior.nc").unlink()
+    loaded = Fit.load(copy)
+    for name in ("posterior", "predictions", "sample_stats", "posterior_predictive"):
+        assert group(loaded, name).equals(group(small_fit, name))
+    assert (copy / "posterior.nc").is_file()
+
+
+def test_draws_without_solution_at_the_reference_tolerance_do_not_end_the_fit(
+    programs: None, small_problem: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    impossible = SolverOptions(tolerance=1e-10, max_num_steps=5)
+    monkeypatch.setattr("pyburgers.posterior.labelled_draws.REFERENCE_SOLVER", impossible)
+    options = replace(SMALL_RUN, draws=10)
+    result = fit(
+        small_problem.experiment, small_problem.priors, out=tmp_path / "run", options=options
+    )
+    check = next(check for check in result.checks() if check.name == "solver")
+    assert not check.passed
+    assert "20 of 20 draws have no solution" in check.sentence
+    assert np.isnan(group(result, "predictions")["stress"]).all()
+    assert np.isfinite(group(result, "log_likelihood")["stress"]).all()
+
+
+def test_the_solver_check_is_of_the_density_that_was_sampled(
+    small_fit: Fit, tmp_path: Path
+) -> None:
+    """Reference over sampled density, both asked of the program itself at kept draws."""
+    run = small_fit.directory
+    data = json.loads(run.stan_data_file.read_text(encoding="utf-8"))
+    coordinate = read_draws([run.draws_file(1)])["coordinate"][0]
+    ratios = group(small_fit, "sample_stats")["solver_log_ratio"].sel(chain=1).to_numpy()
+
+    def log_density(solver: SolverOptions, draw: int) -> float:
+        data_file = tmp_path / "data.json"
+        data_file.write_text(json.dumps({**data, **solver_block(solver)}), encoding="utf-8")
+        program = Program(
+            compile_program(program_for(small_fit.experiment)),
+            data_file,
+            tmp_path,
+            lambda columns: np.empty(0),
+            np.ones(data["n_coordinates"]),
+        )
+        return program.columns_at({"coordinate": coordinate[draw].tolist()})["lp__"]
+
+    for draw in (0, 7, 19):
+        change = log_density(REFERENCE_SOLVER, draw) - log_density(SolverOptions(), draw)
+        # The reference is that accurate; log_lik of the chains would be wrong by 0.01 to 0.03.
+        assert ratios[draw] == pytest.approx(change, abs=1e-3)
+
+
+def test_a_tolerance_too_loose_is_tightened_and_the_chains_run_again(
+    programs: None,
+    small_problem: Problem,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    caplog.set_level(logging.INFO, "pyburgers")
+    arguments = (small_problem.experiment, small_problem.priors)
+    with monkeypatch.context() as strict:
+        # No tolerance is good enough: the run is repeated as often as is allowed.
+        strict.setattr("pyburgers.checks.sampling_checks.PARETO_K_LIMIT", -np.inf)
+        result = fit(*arguments, out=tmp_path / "run", options=SMALL_RUN)
+        assert not {check.name: check.passed for check in result.checks()}["solver"]
+    refits = result.manifest["refits"]
+    asked = SolverOptions().tolerance
+    assert [refit["tolerance"] for refit in refits] == pytest.approx([asked, asked / 10])
+    assert result.manifest["solver"]["tolerance"] == pytest.approx(asked / 100)
+    assert sum("Sampling all chains again" in line for line in caplog.messages) == 2
+    for refit in refits:
+        aside = tmp_path / "run" / refit["chains"]
+        assert sorted(folder.name for folder in aside.iterdir()) == ["chain_1", "chain_2"]
+        assert np.isfinite(refit["pareto_k"])
+    # The same inputs continue the tightened run; nothing is sampled again.
+    before = contents(tmp_path / "run")
+    again = fit(*arguments, out=tmp_path / "run", options=SMALL_RUN)
+    assert again.manifest["refits"] == refits
+    assert {check.name: check.passed for check in again.checks()}["solver"]
+    after = contents(tmp_path / "run")
+    changed = {name for name in before if after[name] != before[name]}
+    assert changed <= {"manifest.json", "checks.json"}
+
+
+def test_a_run_stopped_after_its_first_chain_can_be_looked_at(copy: Path) -> None:
+    """As a kill leaves it: one chain there, the manifest still from the start of sampling."""
+    shutil.rmtree(copy / "chains" / "chain_2")
+    for name in ("posterior.nc", "checks.json", "summary.csv"):
+        (copy / name).unlink()
+    manifest = json.loads((copy / "manifest.json").read_text(encoding="utf-8"))
+    del manifest["chains"]
+    (copy / "manifest.json").write_text(
+        json.dumps({**manifest, "status": "sampling"}), encoding="utf-8"
+    )
+    loaded = Fit.load(copy)
+    chains = loaded.checks()[0]
+    assert not chains.passed
+    assert "Chain 2 has not run to its end" in chains.sentence
+    assert "same command again" in chains.sentence
+    assert list(loaded.manifest["chains"]) == ["1"]
+
+
+def test_a_folder_that_is_no_run_or_has_no_chain_is_refused(copy: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="not a run directory"):
+        Fit.load(tmp_path / "nowhere")
+    shutil.rmtree(copy / "chains")
+    with pytest.raises(InputError, match="no chain is finished"):
+        Fit.load(copy)
+
+
+def test_without_likelihood_the_draws_are_the_prior(
+    programs: None, small_problem: Problem, tmp_path: Path
+) -> None:
+    options = replace(SMALL_RUN, draws=500)
+    prior = fit(
+        small_problem.experiment,
+        small_problem.priors,
+        out=tmp_path / "run",
+        options=options,
+        use_likelihood=False,
+    )
+    table = prior.summary()
+    for name in FREE:
+        mean, sd = table["prior_mean"][name], table["prior_sd"][name]
+        assert table["mean"][name] == pytest.approx(mean, abs=0.3 * sd)
+        assert table["sd"][name] == pytest.approx(sd, rel=0.2)
+    # The solver has no part in the prior, so its tolerance cannot matter.
+    assert {check.name: check.passed for check in prior.checks()}["solver"]

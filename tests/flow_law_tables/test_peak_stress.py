@@ -1,0 +1,181 @@
+"""Tables of peak stresses and their priors: what is read, converted, written and refused."""
+
+from collections.abc import Callable
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import ICE
+
+from pyburgers.common.errors import InputError
+from pyburgers.flow_law_tables.priors import (
+    FLOW_LAW_PARAMETERS,
+    default_peak_stress_priors,
+    load_peak_stress_priors,
+    save_peak_stress_priors,
+)
+from pyburgers.flow_law_tables.stan_data import groups
+from pyburgers.flow_law_tables.table import PeakStressData, load_peak_stress, save_peak_stress
+
+TABLE = """\
+id = "table-1"
+material = "ice"
+protocol = "peak_stress"
+
+[data]
+file = "points.csv"
+temperature_column = "T"
+temperature_unit = "degC"
+stress_column = "s"
+stress_unit = "MPa"
+strain_rate_column = "rate"
+strain_rate_unit = "1e-6/s"
+grain_size_column = "d"
+grain_size_unit = "mm"
+relative_stress_uncertainty_column = "u"
+
+[provenance]
+kind = "measured"
+source = "Somebody (2020)"
+"""
+POINTS = "T,s,rate,d,u\n-10,5,40,0.2,0.01\n-10,8,200,0.2,0.02\n-20,9,100,0.6,0\n"
+PRIORS = ICE.parent / "priors" / "peak_stress" / "ice.toml"
+
+Write = Callable[..., Path]
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Write:
+    """Write a table with replaced text and its data file; return the TOML's path."""
+
+    def write(*replacements: tuple[str, str], points: str = POINTS) -> Path:
+        text = TABLE
+        for old, new in replacements:
+            assert old in text
+            text = text.replace(old, new, 1)
+        (tmp_path / "points.csv").write_text(points, encoding="utf-8")
+        path = tmp_path / "table.toml"
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return write
+
+
+def assert_one_sentence(error: InputError) -> str:
+    text = str(error)
+    assert "\n" not in text
+    assert text.endswith((".", "?"))
+    return text
+
+
+def assert_equal(one: PeakStressData, other: PeakStressData) -> None:
+    for field in fields(one):
+        np.testing.assert_array_equal(getattr(one, field.name), getattr(other, field.name))
+
+
+def test_everything_is_converted_to_si(write: Write) -> None:
+    data = load_peak_stress(write())
+    np.testing.assert_allclose(data.temperature, [263.15, 263.15, 253.15])
+    np.testing.assert_allclose(data.stress, [5e6, 8e6, 9e6])
+    np.testing.assert_allclose(data.strain_rate, [4e-5, 2e-4, 1e-4])
+    np.testing.assert_allclose(data.grain_size, [2e-4, 2e-4, 6e-4])
+    np.testing.assert_allclose(data.relative_stress_uncertainty, [0.01, 0.02, 0.0])
+
+
+def test_stresses_without_uncertainty_are_exact(write: Write) -> None:
+    data = load_peak_stress(write(('relative_stress_uncertainty_column = "u"\n', "")))
+    np.testing.assert_array_equal(data.relative_stress_uncertainty, 0.0)
+
+
+def test_the_published_table_has_23_tests_in_two_groups() -> None:
+    data = load_peak_stress(ICE / "peak_stress_qi_goldsby_2021.toml")
+    assert data.n_points == 23
+    assert [group.points.size for group in groups(data)] == [18, 5]
+    assert 263.0 < data.mean_conditions.temperature < 264.1
+    assert data.provenance.kind == "measured"
+
+
+def test_a_saved_table_is_read_back_unchanged(write: Write, tmp_path: Path) -> None:
+    data = load_peak_stress(write())
+    (tmp_path / "copy").mkdir()
+    assert_equal(load_peak_stress(save_peak_stress(data, tmp_path / "copy")), data)
+
+
+def test_groups_share_grain_size_and_temperature(write: Write) -> None:
+    rows = "".join(f"{t},{s},40,{d},0\n" for t, s, d in ((-10, 5, 1), (-30, 6, 1), (-11.5, 7, 1)))
+    data = load_peak_stress(write(points="T,s,rate,d,u\n" + rows + "-10,8,40,2,0\n"))
+    assert [sorted(group.points.tolist()) for group in groups(data)] == [[1], [0, 2], [3]]
+
+
+@pytest.mark.parametrize(
+    ("points", "expected"),
+    [
+        (POINTS.replace("8,200", "-8,200"), "data row 2: the stress is -8e+06 in SI units"),
+        (POINTS.replace("5,40", "5,0"), "data row 1: the strain rate is 0 in SI units"),
+        (POINTS.replace("0.02", "-0.02"), "relative stress uncertainty is -0.02"),
+        (POINTS.replace("0.02", "2"), "relative stress uncertainty of 2, expected a fraction"),
+        (POINTS.replace("-20,", "-300,"), "the temperature is -26.85"),
+        (POINTS.replace("-20,", "5000,"), "a temperature of 5273.15 K"),
+        ("T,s,rate,d,u\n-10,5,40,0.2,0\n", "found 1 rows, expected at least 3"),
+        (POINTS.replace(",8,", ",5,").replace(",9,", ",5,"), "all stresses are 5e+06 Pa"),
+        (POINTS.replace(",8,", ",eight,"), "found 'eight', expected a number"),
+        (POINTS.replace("T,s", "T,stress"), "column 's' is not in"),
+    ],
+)
+def test_wrong_points_are_refused_in_one_sentence(write: Write, points: str, expected: str) -> None:
+    with pytest.raises(InputError) as caught:
+        load_peak_stress(write(points=points))
+    assert expected in assert_one_sentence(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ('temperature_unit = "degC"', 'temperature_unit = "degF"', "'K' or 'degC'"),
+        ('stress_unit = "MPa"', 'stress_unit = "bar"', "unit 'bar' is not a unit of stress"),
+        ('grain_size_column = "d"\n', "", "key 'grain_size_column' in [data] is missing"),
+        ('protocol = "peak_stress"', 'protocol = "constant_rate"', "'peak_stress'"),
+        ('id = "table-1"', 'id = "table 1"', "key 'id'"),
+        ('stress_column = "s"', "stress_column = true", "expected a column name"),
+        ('file = "points.csv"', 'file = "none.csv"', "does not exist"),
+    ],
+)
+def test_wrong_keys_are_refused_in_one_sentence(
+    write: Write, old: str, new: str, expected: str
+) -> None:
+    with pytest.raises(InputError) as caught:
+        load_peak_stress(write((old, new)))
+    assert expected in assert_one_sentence(caught.value)
+
+
+def test_saved_priors_are_read_back_unchanged(tmp_path: Path) -> None:
+    priors = default_peak_stress_priors("ice")
+    assert list(priors.priors) == [parameter.name for parameter in FLOW_LAW_PARAMETERS]
+    save_peak_stress_priors(priors, tmp_path / "ice.toml")
+    assert load_peak_stress_priors(tmp_path / "ice.toml") == priors
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("[parameters.rate_scatter]", "[parameters.stress_noise]", "unknown key 'stress_noise'"),
+        ('family = "half_normal"', 'family = "uniform"', "'half_normal'"),
+        ("location = -7.29e-4", "location = 7.29e-4", "so the sign is a misprint"),
+    ],
+)
+def test_wrong_priors_are_refused_in_one_sentence(
+    tmp_path: Path, old: str, new: str, expected: str
+) -> None:
+    text = PRIORS.read_text(encoding="utf-8")
+    assert old in text
+    path = tmp_path / "priors.toml"
+    path.write_text(text.replace(old, new), encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        load_peak_stress_priors(path)
+    assert expected in assert_one_sentence(caught.value)
+
+
+def test_a_material_without_default_priors_is_named() -> None:
+    with pytest.raises(InputError, match="material 'basalt' has no default priors"):
+        default_peak_stress_priors("basalt")

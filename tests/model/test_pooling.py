@@ -1,0 +1,112 @@
+"""How tests of a joint fit hang together: defaults, options, and what is refused."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from conftest import ICE, with_fixed
+
+from pyburgers.common.errors import InputError
+from pyburgers.model.parameters import CONSTANTS, PROGRAM_PARAMETERS
+from pyburgers.model.pooling import (
+    DEFAULT_KINDS,
+    DEFAULT_SPREAD_SCALE,
+    parse_pooling,
+    pooling_from,
+    pooling_of,
+)
+from pyburgers.model.priors import default_priors
+from pyburgers.protocols.constant_rate.experiment import load_constant_rate
+from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.files import load_experiment
+from pyburgers.sampling.joint_stan_data import joint_coordinates
+from pyburgers.sampling.problem import JointProblem, joint_problem
+
+NAMES = ("PIL40", "PIL72", "PIL105")
+
+
+def twins() -> list[Experiment]:
+    return [load_constant_rate(ICE / f"{name}.toml") for name in NAMES]
+
+
+def problem(**pool: str) -> JointProblem:
+    return joint_problem(twins(), default_priors("ice"), pooling_of(pool))
+
+
+def test_every_parameter_has_a_default() -> None:
+    assert set(DEFAULT_KINDS) == {p.name for p in PROGRAM_PARAMETERS} - CONSTANTS
+
+
+def test_options_change_what_they_name() -> None:
+    pool = parse_pooling(["all=separate", "stress_exponent=shared", "beta=partial:0.2"])
+    pooling = pooling_of(pool)
+    assert pooling.kinds["stress_exponent"] == "shared"
+    assert pooling.kinds["maxwell_modulus"] == "separate"
+    assert pooling.spread_scales == {"beta": 0.2}
+    assert pooling_of().spread_scales == {"steady_state_grain_size": DEFAULT_SPREAD_SCALE}
+    assert pooling_from(pooling.record()) == pooling
+
+
+@pytest.mark.parametrize(
+    ("option", "message"),
+    [
+        ("stress_exponent", "expected NAME=shared"),
+        ("stres_exponent=shared", "unknown parameter 'stres_exponent'"),
+        ("stress_exponent=common", "expected shared, partial"),
+        ("stress_exponent=shared:2", "expected shared, partial"),
+        ("all=common", "--pool all=common: found 'common'"),
+        ("stress_exponent=partial:-1", "found the scale '-1'"),
+        ("stress_exponent=partial:wide", "found the scale 'wide'"),
+        ("kelvin_reference_stress=shared", "constant of the model"),
+    ],
+)
+def test_wrong_options_are_refused(option: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        pooling_of(parse_pooling([option]))
+
+
+def test_an_option_stands_once() -> None:
+    with pytest.raises(InputError, match="stands twice"):
+        parse_pooling(["beta=shared", "beta=separate"])
+
+
+def test_shared_coordinates_stand_once() -> None:
+    joint = problem()
+    layout = joint_coordinates(joint)
+    # 7 shared, 5 of each test, a centre and a spread.
+    assert layout.size == 7 + 3 * 5 + 2
+    i = layout.names.index("stress_exponent")
+    assert len(set(layout.position[:, i])) == 1
+    own = layout.position[:, layout.names.index("stress_noise")]
+    assert len(set(own)) == 3
+    assert joint_coordinates(problem(all="separate")).size == 36
+
+
+def test_noise_prior_is_that_of_the_test_unless_it_is_shared() -> None:
+    largest = [float(np.max(experiment.stress)) for experiment in twins()]
+    scales = [priors["stress_noise"].scale for priors in problem().priors]
+    assert scales == pytest.approx([0.05 * stress for stress in largest])
+    shared = [priors["stress_noise"].scale for priors in problem(stress_noise="shared").priors]
+    assert shared == pytest.approx([0.05 * max(largest)] * 3)
+
+
+def test_unsuited_tests_are_refused() -> None:
+    first, second, _ = twins()
+    priors, pooling = default_priors("ice"), pooling_of()
+    with pytest.raises(InputError, match="stands 2 times"):
+        joint_problem([first, first], priors, pooling)
+    with pytest.raises(InputError, match="of one material"):
+        joint_problem([first, replace(second, material="olivine")], priors, pooling)
+    empty = replace(load_constant_rate(ICE / "PIL72.toml"), strain=np.empty(0), stress=np.empty(0))
+    with pytest.raises(InputError, match="has no data"):
+        joint_problem([first, empty], priors, pooling)
+    oscillating = load_experiment(ICE.parent / "olivine" / "olivine_twin.toml")
+    with pytest.raises(InputError, match="expected constant_rate"):
+        joint_problem([first, oscillating], priors, pooling)
+
+
+def test_what_the_reference_stress_replaces_cannot_be_partially_pooled() -> None:
+    with pytest.raises(InputError, match="activation_enthalpy=partial"):
+        problem(activation_enthalpy="partial")
+    priors = with_fixed(default_priors("ice"), {"activation_enthalpy": 65e3, "beta": -7.29e-4})
+    joint_problem(twins(), priors, pooling_of({"activation_enthalpy": "partial"}))

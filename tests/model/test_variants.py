@@ -1,0 +1,401 @@
+"""Variants by name: what they do to the priors, what is refused, what a run keeps of them."""
+
+import json
+import math
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from conftest import ICE, SMALL_RUN, Problem, with_fixed
+from scipy import stats
+
+from pyburgers.checks.sampling_checks import check_coverage
+from pyburgers.cli import main as cli
+from pyburgers.common.atomic_files import write_json
+from pyburgers.common.errors import InputError
+from pyburgers.comparison.by_points import (
+    compare,
+    comparison_table,
+    leave_one_out,
+    leave_out_exactly,
+)
+from pyburgers.fitting.fit import Fit, fit
+from pyburgers.model.parameters import PARAMETERS, PROGRAM_PARAMETERS
+from pyburgers.model.priors import PriorSet, default_priors, load_priors, save_priors
+from pyburgers.model.variants import (
+    CHOICES,
+    ModelVariant,
+    check_variant,
+    parse_choices,
+    variant_of,
+    with_variant,
+)
+from pyburgers.posterior.labelled_draws import CORRELATED
+from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
+from pyburgers.protocols.files import load_experiment
+from pyburgers.protocols.forward import check_parameters, simulate
+from pyburgers.protocols.stan_data import SolverOptions, program_data
+from pyburgers.sbc.data_sets import simulate_constant_rate
+
+OLIVINE = Path(__file__).parents[2] / "data" / "olivine" / "olivine_twin.toml"
+
+EVERY_CHOICE = {
+    "kelvin": "power_law",
+    "maxwell": "linear",
+    "grain_size": "constant",
+    "fabric": "constant",
+    "residuals": "autocorrelated",
+}
+
+
+@pytest.fixture(scope="module")
+def ice() -> ConstantRateExperiment:
+    return load_constant_rate(ICE / "PIL40.toml")
+
+
+@pytest.fixture(scope="module")
+def priors() -> PriorSet:
+    return default_priors("ice")
+
+
+def test_no_choice_changes_nothing(ice: ConstantRateExperiment, priors: PriorSet) -> None:
+    assert with_variant(priors, ice, {}) is priors
+    assert variant_of(priors, ice) == ModelVariant()
+    standard = ModelVariant().record()
+    assert with_variant(priors, ice, standard) == priors
+    assert ModelVariant().short_text == "standard"
+    data = program_data(ice, priors.resolved(1e7), solver=SolverOptions())
+    assert data["prior_family"][len(PARAMETERS) :] == [0] * 6
+    assert data["prior_location"][len(PARAMETERS) :] == [1.0, 0.0, 1e6, 273.15, 0.0, 0.0]
+    assert max(data["parameter_of_coordinate"]) == len(PARAMETERS)
+
+
+@pytest.mark.parametrize(("part", "law"), EVERY_CHOICE.items())
+def test_a_choice_changes_its_part_alone(
+    part: str, law: str, ice: ConstantRateExperiment, priors: PriorSet
+) -> None:
+    changed = with_variant(priors, ice, {part: law})
+    assert variant_of(changed, ice).record() == ModelVariant().record() | {part: law}
+    assert variant_of(changed, ice).short_text == f"{part}={law}"
+
+
+def test_all_choices_survive_a_prior_file(
+    ice: ConstantRateExperiment, priors: PriorSet, tmp_path: Path
+) -> None:
+    changed = with_variant(priors, ice, EVERY_CHOICE)
+    save_priors(changed, tmp_path / "priors.toml")
+    again = load_priors(tmp_path / "priors.toml")
+    assert again == changed
+    assert variant_of(again, ice).record() == EVERY_CHOICE
+    assert with_variant(again, ice, EVERY_CHOICE) == again
+    for line in ("Kelvin dashpot power law", "fabric constant", "residuals autocorrelated"):
+        assert line in variant_of(again, ice).text
+
+
+def test_the_viscosity_of_a_power_law_kelvin_dashpot_is_given_at_the_test(
+    ice: ConstantRateExperiment, priors: PriorSet
+) -> None:
+    changed = with_variant(priors, ice, {"kelvin": "power_law"})
+    assert changed["kelvin_reference_stress"].location == 2e6  # 8.1 MPa / 4
+    assert changed["kelvin_reference_temperature"].location == ice.temperature
+    assert changed["kelvin_stress_exponent"].lower == 1.0
+    assert with_variant(changed, ice, {"kelvin": "linear"})["kelvin_stress_exponent"].is_fixed
+
+
+def test_constant_microstructure_is_that_of_the_start(
+    ice: ConstantRateExperiment, priors: PriorSet
+) -> None:
+    changed = with_variant(priors, ice, {"grain_size": "constant", "fabric": "constant"})
+    assert changed["steady_state_grain_size"].location == ice.initial_grain_size
+    assert changed["steady_state_fabric_factor"].location == 1.0
+    assert set(priors.free) - set(changed.free) == {
+        "steady_state_grain_size",
+        "steady_state_fabric_factor",
+        "critical_strain_grain_size",
+        "critical_strain_fabric",
+    }
+
+
+def test_grain_size_may_follow_a_piezometer(ice: ConstantRateExperiment, priors: PriorSet) -> None:
+    changed = with_variant(priors, ice, {"grain_size": "piezometric"})
+    assert variant_of(changed, ice).short_text == "grain_size=piezometric"
+    assert changed["piezometer_reference_grain_size"].location == 0.015
+    assert set(priors.free) - set(changed.free) == {"steady_state_grain_size"}
+    constant = with_variant(changed, ice, {"grain_size": "constant"})
+    assert variant_of(constant, ice).grain_size == "constant"
+    twin = load_experiment(OLIVINE)
+    with pytest.raises(
+        InputError, match="found a prior of piezometer_reference_grain_size, expected none"
+    ):
+        check_variant(changed, twin)
+
+
+def test_a_linear_maxwell_dashpot_keeps_the_prior_of_its_rate_at_the_largest_stress(
+    ice: ConstantRateExperiment, priors: PriorSet
+) -> None:
+    changed = with_variant(priors, ice, {"maxwell": "linear"})
+    log_stress = math.log(np.abs(ice.stress).max())
+    inverse_rt = 1 / (8.314462618 * ice.temperature)
+    rng = np.random.default_rng(3)
+
+    def log_rate(priors: PriorSet) -> float:
+        draw = priors.sample(rng)
+        return draw["stress_exponent"] * log_stress + draw["activation_enthalpy"] * (
+            draw["beta"] - inverse_rt
+        )
+
+    linear, power_law = (
+        np.array([log_rate(p.resolved(1e7)) for _ in range(4000)]) for p in (changed, priors)
+    )
+    assert linear.mean() == pytest.approx(power_law.mean(), abs=0.05 * power_law.std())
+    assert linear.std() == pytest.approx(power_law.std(), rel=0.2)
+
+
+def test_oscillating_tests_follow_a_piezometer_and_have_no_fabric() -> None:
+    twin, priors = load_experiment(OLIVINE), default_priors("olivine")
+    found = variant_of(priors, twin)
+    assert (found.grain_size, found.fabric) == ("piezometric", "constant")
+    frozen = with_variant(priors, twin, {"grain_size": "constant", "kelvin": "power_law"})
+    assert variant_of(frozen, twin).short_text == (
+        "kelvin=power_law grain_size=constant fabric=constant"
+    )
+    with pytest.raises(InputError, match=r"fabric=evolving does not go with .* forced_oscillation"):
+        with_variant(priors, twin, {"fabric": "evolving"})
+    with pytest.raises(InputError, match="residuals=autocorrelated is for tests of the protocol"):
+        with_variant(priors, twin, {"residuals": "autocorrelated"})
+
+
+@pytest.mark.parametrize(
+    ("option", "message"),
+    [
+        ("kelvin", "--variant kelvin: expected PART=LAW"),
+        ("kelvn=linear", "unknown part 'kelvn', did you mean 'kelvin'?"),
+        ("kelvin=cubic", "unknown law 'cubic' of kelvin, expected one of linear, power_law."),
+    ],
+)
+def test_wrong_options_are_named(option: str, message: str) -> None:
+    with pytest.raises(InputError) as caught:
+        parse_choices([option])
+    assert message in str(caught.value)
+
+
+def test_a_part_has_one_law() -> None:
+    assert parse_choices(["kelvin=power_law", "fabric=constant"]) == {
+        "kelvin": "power_law",
+        "fabric": "constant",
+    }
+    with pytest.raises(InputError, match="a second choice for kelvin"):
+        parse_choices(["kelvin=power_law", "kelvin=linear"])
+    assert set(CHOICES) == set(EVERY_CHOICE)
+
+
+def test_priors_without_a_law_cannot_follow_it(
+    ice: ConstantRateExperiment, priors: PriorSet
+) -> None:
+    linear = with_fixed(priors, {"stress_exponent": 1.0})
+    with pytest.raises(InputError, match=r"maxwell=power_law does not go .*\(maxwell is linear"):
+        with_variant(linear, ice, {"maxwell": "power_law"})
+    constant = with_variant(priors, ice, {"fabric": "constant"})
+    with pytest.raises(InputError, match=r"fabric=evolving does not go .*\(fabric is constant"):
+        with_variant(constant, ice, {"fabric": "evolving"})
+
+
+def test_correlated_residuals_need_different_strains(
+    ice: ConstantRateExperiment, priors: PriorSet
+) -> None:
+    changed = with_variant(priors, ice, {"residuals": "autocorrelated"})
+    strain = ice.strain.copy()
+    strain[4] = strain[3]
+    with pytest.raises(InputError, match="needs points at different strains, found two at"):
+        check_variant(changed, replace(ice, strain=strain))
+
+
+def test_command_line_refuses_a_wrong_variant_before_anything_runs(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "run"
+    arguments = ["fit", str(ICE / "PIL40.toml"), "--out", str(out), "--variant", "fabric=none"]
+    assert cli.main(arguments) == 2
+    assert "unknown law 'none' of fabric" in capsys.readouterr().err
+    assert not out.exists()
+
+
+VARIANT_TABLES = {
+    "kelvin_stress_exponent": '"uniform"\nlower = 1.0\nupper = 5.0\nunit = "1"',
+    "kelvin_activation_enthalpy": '"normal"\nlocation = 60\nscale = 5\nlower = 0\nunit = "kJ/mol"',
+    "kelvin_reference_stress": '"fixed"\nvalue = 2.0\nunit = "MPa"',
+    "kelvin_reference_temperature": '"fixed"\nvalue = 260.0\nunit = "K"',
+    "residual_correlation_strain": '"lognormal"\nlocation = 1.0\nscale = 1.0\nunit = "percent"',
+    "piezometer_reference_grain_size": '"fixed"\nvalue = 2.0\nunit = "mm"',
+}
+
+
+def prior_file(folder: Path, tables: dict[str, str]) -> Path:
+    save_priors(default_priors("ice"), folder / "priors.toml")
+    text = (folder / "priors.toml").read_text(encoding="utf-8")
+    for name, table in tables.items():
+        text += f'\n[parameters.{name}]\nfamily = {table}\nsource = "test"\n'
+    (folder / "mine.toml").write_text(text, encoding="utf-8")
+    return folder / "mine.toml"
+
+
+def test_prior_files_may_name_the_parameters_of_variants(tmp_path: Path) -> None:
+    priors = load_priors(prior_file(tmp_path, VARIANT_TABLES))
+    assert list(priors.priors) == [p.name for p in PROGRAM_PARAMETERS]
+    assert priors["kelvin_activation_enthalpy"].location == 60e3
+    assert priors["residual_correlation_strain"].location == 0.01
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"kelvin_reference_stress": None}, r"\[parameters.kelvin_reference_stress\] is missing"),
+        ({"kelvin_reference_temperature": None}, "because kelvin_activation_enthalpy is not fixed"),
+        (
+            {"kelvin_reference_stress": '"uniform"\nlower = 1.0\nupper = 2.0\nunit = "MPa"'},
+            "found 'uniform', expected 'fixed'",
+        ),
+        (
+            {"kelvin_stress_exponent": '"uniform"\nlower = 0.5\nupper = 5.0\nunit = "1"'},
+            "key 'lower': found 0.5, expected at least 1",
+        ),
+        ({"kelvin_stress_exponent": '"fixed"\nvalue = 0.9\nunit = "1"'}, "key 'value': found 0.9"),
+    ],
+)
+def test_wrong_tables_are_named(
+    changed: dict[str, str | None], message: str, tmp_path: Path
+) -> None:
+    tables = {
+        name: table for name, table in (VARIANT_TABLES | changed).items() if table is not None
+    }
+    with pytest.raises(InputError, match=message):
+        load_priors(prior_file(tmp_path, tables))
+
+
+def test_given_parameters_of_a_kelvin_element_are_checked(ice: ConstantRateExperiment) -> None:
+    truth = ice.true_parameters
+    assert truth is not None
+    with pytest.raises(InputError, match="'kelvin_reference_stress' is missing, expected it"):
+        check_parameters(dict(truth) | {"kelvin_stress_exponent": 3.0})
+    with pytest.raises(InputError, match=r"kelvin_stress_exponent is 0.5, expected at least 1."):
+        check_parameters(dict(truth) | {"kelvin_stress_exponent": 0.5})
+
+
+def test_simulated_residuals_are_correlated(programs: None, ice: ConstantRateExperiment) -> None:
+    truth = ice.true_parameters
+    assert truth is not None
+    correlated = dict(truth) | {"residual_correlation_strain": 0.02}
+    clean = simulate(ice, truth, at=ice.strain)["stress_Pa"].to_numpy()
+    dense = np.exp(-np.abs(ice.strain[:, None] - ice.strain) / 0.02)
+    whitened = []
+    for seed in range(40):
+        data = simulate_constant_rate(ice, correlated, np.random.default_rng(seed), source="test")
+        residual = (data.stress - clean) / truth["stress_noise"]
+        whitened.append(np.linalg.solve(np.linalg.cholesky(dense), residual))
+    assert stats.kstest(np.ravel(whitened), "norm").pvalue > 1e-3
+
+
+@pytest.fixture(scope="module")
+def correlated_fit(
+    programs: None, small_problem: Problem, tmp_path_factory: pytest.TempPathFactory
+) -> Fit:
+    """The small problem with residuals that correlate, fitted as such."""
+    experiment, rng = small_problem.experiment, np.random.default_rng(5)
+    assert experiment.true_parameters is not None
+    truth = dict(experiment.true_parameters) | {"residual_correlation_strain": 0.005}
+    data = simulate_constant_rate(experiment, truth, rng, source="test")
+    priors = with_variant(small_problem.priors, data, {"residuals": "autocorrelated"})
+    out = tmp_path_factory.mktemp("correlated") / "run"
+    return fit(data, priors, out=out, options=SMALL_RUN)
+
+
+def dataset(result: Fit, group: str) -> xr.Dataset:
+    return result.posterior[group].to_dataset()
+
+
+def test_a_run_keeps_its_variant(correlated_fit: Fit) -> None:
+    loaded = Fit.load(correlated_fit.directory.path)
+    assert loaded.variant.short_text == "residuals=autocorrelated"
+    manifest = json.loads(loaded.directory.manifest_file.read_text(encoding="utf-8"))
+    assert manifest["variant"] == loaded.variant.record()
+    assert "residual_correlation_strain" in loaded.summary().index
+
+
+def test_leave_one_out_uses_the_density_given_all_others(correlated_fit: Fit) -> None:
+    """Of the residuals of one draw: what the fit kept, against a dense precision matrix."""
+    experiment = correlated_fit.experiment
+    assert isinstance(experiment, ConstantRateExperiment)
+    draws = dataset(correlated_fit, "posterior").isel(chain=0, draw=3)
+    values = {name: float(draws[name]) for name in correlated_fit.priors.priors}
+    tolerance = correlated_fit.manifest["solver"]["tolerance"]
+    solution = simulate(
+        experiment, values, at=experiment.strain, solver=SolverOptions(tolerance=tolerance)
+    )
+    residual = experiment.stress - solution["stress_Pa"].to_numpy()
+    distance = np.abs(experiment.strain[:, None] - experiment.strain)
+    correlation = np.exp(-distance / values["residual_correlation_strain"])
+    covariance = values["stress_noise"] ** 2 * correlation
+    precision = np.linalg.inv(covariance)
+    sd = np.diag(precision) ** -0.5
+    given_others = stats.norm.logpdf(precision @ residual * sd**2, 0.0, sd)
+    kept = dataset(correlated_fit, CORRELATED)["stress"].isel(chain=0, draw=3)
+    np.testing.assert_allclose(kept, given_others, atol=1e-3)
+    before = dataset(correlated_fit, "log_likelihood")["stress"].isel(chain=0, draw=3)
+    joint = stats.multivariate_normal.logpdf(residual, np.zeros(residual.size), covariance)
+    assert float(before.sum()) == pytest.approx(joint, abs=1e-2)
+
+
+def test_old_runs_load(small_fit: Fit, tmp_path: Path) -> None:
+    """A run of a version without variants: shorter data, no variant, no labelled draws."""
+    shutil.copytree(small_fit.directory.path, tmp_path / "run")
+    run = replace(small_fit.directory, path=tmp_path / "run")
+    manifest = run.read_manifest()
+    del manifest["variant"]
+    write_json(run.manifest_file, manifest)
+    data = json.loads(run.stan_data_file.read_text(encoding="utf-8"))
+    for name in ("family", "location", "scale", "lower", "upper"):
+        data[f"prior_{name}"] = data[f"prior_{name}"][: len(PARAMETERS)]
+    write_json(run.stan_data_file, data)
+    run.posterior_file.unlink()
+    again = Fit.load(run.path)
+    assert again.variant == small_fit.variant
+    for group in ("posterior", "log_likelihood", "predictions"):
+        xr.testing.assert_allclose(dataset(again, group), dataset(small_fit, group))
+
+
+def test_the_fit_that_knows_of_the_correlation_predicts_better(
+    correlated_fit: Fit, small_problem: Problem, tmp_path: Path
+) -> None:
+    independent = fit(
+        correlated_fit.experiment, small_problem.priors, out=tmp_path / "run", options=SMALL_RUN
+    )
+    comparison = compare({"plain": independent, "correlated": correlated_fit})
+    table = comparison_table(comparison)
+    assert table.index[0] == "correlated"
+    assert table["variant"].to_dict() == {
+        "correlated": "residuals=autocorrelated",
+        "plain": "standard",
+    }
+
+
+def test_leaving_a_point_out_in_earnest_agrees_with_the_conditional_density(
+    correlated_fit: Fit, tmp_path: Path
+) -> None:
+    approximate = leave_one_out(correlated_fit.posterior)
+    assert CORRELATED in correlated_fit.posterior.children
+    point = correlated_fit.experiment.n_points // 2
+    assert approximate.pareto_k[point] < 0.7
+    exact = leave_out_exactly(correlated_fit, approximate, [point], tmp_path / "refits")
+    assert exact.elpd[point] == pytest.approx(approximate.elpd[point], abs=0.3)
+
+
+def test_coverage_of_correlated_residuals_expects_runs_outside(correlated_fit: Fit) -> None:
+    """Residuals that leave the band together make a low coverage less of a surprise."""
+    check = check_coverage(correlated_fit.posterior)
+    n_points = correlated_fit.experiment.n_points
+    binomial = stats.binom.ppf(0.01, n_points, 0.9) / n_points
+    assert check.table["least_wanted"].item() < binomial
+    assert check.passed

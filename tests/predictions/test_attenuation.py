@@ -1,0 +1,405 @@
+"""The closed-form attenuation spectrum: limits, closed forms, invariants, tables, files."""
+
+import itertools
+import time
+import tracemalloc
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import oracle
+import pytest
+import xarray as xr
+from scipy.integrate import quad
+from synthetic_fit import INITIAL_GRAIN_SIZE, make_fit
+
+from pyburgers.common.errors import InputError
+from pyburgers.fitting.fit import Fit
+from pyburgers.predictions.attenuation import (
+    DEFAULT_FREQUENCIES,
+    PAPER_REGIMES,
+    PARAMETER_NAMES,
+    Regime,
+    amplitude_regimes,
+    attenuation_spectrum,
+    has_debye_peak,
+    overview_table,
+    predict_attenuation,
+    quantile_table,
+    regimes_named,
+    save_spectrum,
+)
+
+FloatArray = npt.NDArray[np.float64]
+
+TEMPERATURE = 260.0
+FLUIDITY = 1.778058e-31  # A_eff of model.md, section 6, Pa^-4 s^-1
+SHORT = (1e-4, 1e-3, 1e-2)
+PAPER_LIKE_DRAWS: dict[str, tuple[float, float]] = {
+    "maxwell_modulus": (2e9, 6e9),
+    "kelvin_modulus": (5e8, 2e9),
+    "kelvin_viscosity": (1e10, 1e11),
+    "stress_exponent": (2.7, 4.5),
+    "grain_size_exponent": (0.1, 0.7),
+    "activation_enthalpy": (61e3, 69e3),
+    "beta": (-7.31e-4, -7.27e-4),
+}
+
+
+def material(exponent: float = 4.0, fluidity: float = FLUIDITY, **changes: float) -> dict[str, Any]:
+    """Parameters of model.md's table, with A_eff = `fluidity` at `TEMPERATURE` whatever d."""
+    enthalpy = 60e3
+    return {
+        "maxwell_modulus": 4e9,
+        "kelvin_modulus": 5e8,
+        "kelvin_viscosity": 1e11,
+        "stress_exponent": exponent,
+        "grain_size_exponent": 0.0,
+        "activation_enthalpy": enthalpy,
+        "beta": np.log(fluidity) / enthalpy + 1 / (oracle.GAS_CONSTANT * TEMPERATURE),
+        **changes,
+    }
+
+
+def spectrum_of(
+    parameters: Mapping[str, npt.ArrayLike],
+    regimes: tuple[Regime, ...] = PAPER_REGIMES,
+    frequencies: tuple[float, ...] = SHORT,
+    **conditions: Any,
+) -> xr.Dataset:
+    given = {"temperature": TEMPERATURE, "grain_size": 1e-4, **conditions}
+    return attenuation_spectrum(parameters, frequencies, regimes, **given)
+
+
+def dashpot_fluidity(
+    parameters: Mapping[str, Any], regimes: tuple[Regime, ...], **conditions: Any
+) -> FloatArray:
+    """B (1/(Pa s)) of each regime: what the loss compliance has at a frequency without Kelvin."""
+    frozen = {**parameters, "kelvin_viscosity": 0.0}
+    spectrum = spectrum_of(frozen, regimes, (1.0,), **conditions)
+    fluidity: FloatArray = 2 * np.pi * spectrum["loss_compliance"].to_numpy()[..., 0]
+    return fluidity
+
+
+def random_draws(shape: tuple[int, ...], seed: int = 1) -> dict[str, FloatArray]:
+    rng = np.random.default_rng(seed)
+    return {name: rng.uniform(*ends, shape) for name, ends in PAPER_LIKE_DRAWS.items()}
+
+
+def test_the_values_of_an_independent_computation() -> None:
+    regimes = (PAPER_REGIMES[0], PAPER_REGIMES[3])
+    expected = [[0.63270, 1.06305, 0.64634], [36.20369, 8.76002, 3.65217]]
+    np.testing.assert_allclose(spectrum_of(material(), regimes)["tan_delta"], expected, rtol=1e-5)
+
+
+def test_fluidity_of_a_fourth_power_is_a_polynomial() -> None:
+    expected = [
+        FLUIDITY * (4 * r.median_stress**3 + 3 * r.median_stress * r.amplitude**2)
+        for r in PAPER_REGIMES
+    ]
+    np.testing.assert_allclose(dashpot_fluidity(material(), PAPER_REGIMES), expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("median", [0.0, 0.4e6, 3e6])
+def test_fluidity_of_a_cube_is_a_polynomial_whatever_the_sign_of_stress(median: float) -> None:
+    amplitude = 2e6
+    expected = 1e-24 * (3 * median**2 + 0.75 * amplitude**2)
+    found = dashpot_fluidity(material(3.0, 1e-24), (Regime(median, amplitude),))
+    assert found[0] == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("exponent", [2.5, 2.7, 3.3, 4.5, 5.0])
+@pytest.mark.parametrize("median", [0.0, 0.3, 0.9, 1.0, 1.02, 2.0, 5.0])
+def test_fluidity_agrees_with_adaptive_quadrature(exponent: float, median: float) -> None:
+    """Medians are over the amplitude: stress changes sign below 1."""
+
+    def integrand(angle: float) -> float:
+        relative = median + np.sin(angle)
+        return float(np.sign(relative) * np.abs(relative) ** exponent * np.sin(angle))
+
+    turning = [-np.pi / 2, -np.arcsin(min(median, 1.0)), np.pi / 2]
+    halves = [
+        quad(integrand, low, high, epsabs=0, epsrel=1e-12, limit=200)[0]
+        for low, high in itertools.pairwise(turning)
+        if high > low
+    ]
+    amplitude, fluidity = 1e6, 1e-30
+    found = dashpot_fluidity(material(exponent, fluidity), (Regime(median * amplitude, amplitude),))
+    expected = fluidity * amplitude ** (exponent - 1) * 2 / np.pi * sum(halves)
+    assert found[0] == pytest.approx(expected, rel=1e-10)
+
+
+def test_small_cycles_see_the_slope_of_the_flow_law() -> None:
+    median, exponent = 2e6, 3.7
+    found = dashpot_fluidity(material(exponent, 1e-28), (Regime(median, 1e-4 * median),))
+    assert found[0] == pytest.approx(1e-28 * exponent * median ** (exponent - 1), rel=1e-7)
+
+
+def test_a_linear_material_answers_as_complex_algebra_says_in_every_regime() -> None:
+    viscosity = 3e13
+    parameters = material(1.0, 1 / viscosity)
+    frequencies = np.geomspace(1e-6, 1.0, 25)
+    omega = 2 * np.pi * frequencies
+    compliance = 1 / 4e9 + 1 / (5e8 + 1j * omega * 1e11) + 1 / (1j * omega * viscosity)
+    regimes = (*PAPER_REGIMES, Regime(0.0, 1e6), Regime(1e6, 3e6))
+    spectrum = spectrum_of(parameters, regimes, tuple(frequencies))
+    for k in range(len(regimes)):
+        of_regime = spectrum.isel(regime=k)
+        np.testing.assert_allclose(of_regime["storage_compliance"], compliance.real, rtol=1e-12)
+        np.testing.assert_allclose(of_regime["loss_compliance"], -compliance.imag, rtol=1e-12)
+        np.testing.assert_allclose(
+            of_regime["tan_delta"], -compliance.imag / compliance.real, rtol=1e-12
+        )
+
+
+def test_microstructure_and_temperature_act_through_the_flow_law() -> None:
+    parameters = material(3.5, 1e-27, grain_size_exponent=0.6)
+    reference = dashpot_fluidity(parameters, PAPER_REGIMES)
+    for conditions, factor in (
+        ({"grain_size": 2e-4}, 2**-0.6),
+        ({"fabric_factor": 0.5}, 2**3.5),
+        (
+            {"temperature": 250.0},
+            np.exp(60e3 / oracle.GAS_CONSTANT * (1 / TEMPERATURE - 1 / 250.0)),
+        ),
+    ):
+        changed = dashpot_fluidity(parameters, PAPER_REGIMES, **conditions)
+        np.testing.assert_allclose(changed / reference, factor, rtol=1e-10)
+
+
+def test_attenuation_rises_with_the_amplitude_of_a_nonlinear_material_only() -> None:
+    regimes = amplitude_regimes(2e6, (0.1e6, 0.5e6, 1e6, 2e6, 3e6))
+    assert {regime.median_stress for regime in regimes} == {2e6}
+    nonlinear = spectrum_of(material(), regimes)["tan_delta"]
+    linear = spectrum_of(material(1.0, 1e-14), regimes)["tan_delta"]
+    assert (nonlinear.diff("regime") > 0).all()
+    np.testing.assert_allclose(linear.diff("regime"), 0.0, atol=1e-12)
+
+
+def test_one_array_expression_gives_what_single_draws_and_regimes_give() -> None:
+    draws = random_draws((2, 3))
+    grain_size = np.linspace(1e-4, 2e-4, 6).reshape(2, 3)
+    together = spectrum_of(draws, grain_size=grain_size)["tan_delta"]
+    assert together.dims == ("chain", "draw", "regime", "frequency")
+    for k, regime in enumerate(PAPER_REGIMES):
+        alone = spectrum_of(
+            {name: values[1, 2] for name, values in draws.items()},
+            (regime,),
+            grain_size=grain_size[1, 2],
+        )["tan_delta"]
+        assert alone.dims == ("regime", "frequency")
+        np.testing.assert_allclose(together[1, 2, k], alone[0], rtol=1e-13)
+
+
+def test_a_spectrum_says_what_it_is() -> None:
+    spectrum = spectrum_of(random_draws((5,)), fabric_factor=np.full(5, 0.8))
+    assert spectrum["tan_delta"].dims == ("draw", "regime", "frequency")
+    assert spectrum["tan_delta"].attrs["units"] == "1"
+    assert spectrum["loss_compliance"].attrs["units"] == "1/Pa"
+    assert spectrum["frequency"].attrs["units"] == "Hz"
+    assert spectrum["median_stress"].attrs["units"] == "Pa"
+    assert spectrum["regime"].to_numpy().tolist() == [
+        "1 ± 0.17 MPa",
+        "1.5 ± 0.5 MPa",
+        "2 ± 0.9 MPa",
+        "4 ± 1.5 MPa",
+    ]
+    np.testing.assert_array_equal(spectrum["fabric_factor"], 0.8)
+    np.testing.assert_allclose(
+        spectrum["tan_delta"], spectrum["loss_compliance"] / spectrum["storage_compliance"]
+    )
+
+
+def test_the_criterion_of_the_peak_counts_the_turns_of_the_curve() -> None:
+    """Draws near the limit included, where dip and peak merge."""
+    rng = np.random.default_rng(5)
+    ratio = np.append(rng.uniform(0.02, 1.0, 60), [0.2, 0.2, 0.125, 0.12])
+    limit = (1 + ratio) / np.maximum(8 * ratio - 1, 1e-3)
+    background = limit * np.append(rng.uniform(0.1, 2.0, 60), [0.97, 1.03, 1.0, 1.0])
+    background[ratio <= 0.125] = rng.uniform(0.1, 3.0, int((ratio <= 0.125).sum()))
+    kelvin = 5e8 * np.ones(ratio.size)
+    viscosity = 1e11
+    parameters = {
+        **{name: np.full(ratio.size, value) for name, value in material(1.0, 1.0).items()},
+        "maxwell_modulus": kelvin / ratio,
+        "activation_enthalpy": np.full(ratio.size, 60e3),
+        "beta": np.log(background / viscosity) / 60e3 + 1 / (oracle.GAS_CONSTANT * TEMPERATURE),
+    }
+    frequencies = tuple(np.geomspace(1e-6, 1e1, 20_001))
+    spectrum = spectrum_of(parameters, PAPER_REGIMES[:1], frequencies)
+    slopes = np.sign(np.diff(spectrum["tan_delta"].to_numpy()[:, 0], axis=-1))
+    n_turns = (np.diff(slopes, axis=-1) != 0).sum(axis=-1)
+    found = has_debye_peak(parameters, PAPER_REGIMES[:1], temperature=TEMPERATURE, grain_size=1e-4)[
+        :, 0
+    ]
+    assert set(n_turns.tolist()) == {0, 2}
+    np.testing.assert_array_equal(found, n_turns == 2)
+    np.testing.assert_array_equal(spectrum["debye_peak"][:, 0], found)
+
+
+def test_a_whole_posterior_takes_little_time_and_memory() -> None:
+    draws = random_draws((4, 1000))
+    assert len(DEFAULT_FREQUENCIES) == 60
+    start = time.perf_counter()
+    spectrum_of(draws, frequencies=DEFAULT_FREQUENCIES)
+    assert time.perf_counter() - start < 2.0
+    tracemalloc.start()
+    spectrum_of(draws, frequencies=DEFAULT_FREQUENCIES)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 100e6
+
+
+@pytest.mark.parametrize(
+    ("median", "amplitude", "word"),
+    [
+        (-1.0, 1e6, "median_stress"),
+        (np.nan, 1e6, "median_stress"),
+        (1e6, 0.0, "amplitude"),
+        (1e6, np.inf, "amplitude"),
+    ],
+)
+def test_impossible_regimes_are_refused(median: float, amplitude: float, word: str) -> None:
+    with pytest.raises(InputError, match=rf"^{word}: found .* expected"):
+        Regime(median, amplitude)
+
+
+def test_the_papers_regimes_have_names() -> None:
+    assert regimes_named(["4", "1"]) == (PAPER_REGIMES[3], PAPER_REGIMES[0])
+    with pytest.raises(InputError, match=r"unknown regime '3', expected .* 1, 1\.5, 2, 4\."):
+        regimes_named(["1", "3"])
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"frequencies": (1e-3, 0.0)}, "frequencies: found 0"),
+        ({"frequencies": (np.nan,)}, "frequencies: found nan"),
+        ({"frequencies": ()}, "frequencies: found an array of shape"),
+        ({"temperature": -3.0}, "temperature: found -3"),
+        ({"grain_size": 0.0}, "grain_size: found 0"),
+        ({"grain_size": np.ones(7)}, r"grain_size: found the shape \(7,\)"),
+        ({"fabric_factor": -0.5}, "fabric_factor: found -0.5"),
+    ],
+)
+def test_conditions_out_of_range_are_refused(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        spectrum_of(random_draws((2, 3)), **changes)
+
+
+def test_draws_that_do_not_fit_together_are_refused() -> None:
+    draws = random_draws((2, 3))
+    with pytest.raises(InputError, match="'beta' is missing"):
+        spectrum_of({name: values for name, values in draws.items() if name != "beta"})
+    with pytest.raises(InputError, match=r"'beta' has the shape \(3,\), expected \(2, 3\)"):
+        spectrum_of({**draws, "beta": draws["beta"][0]})
+    with pytest.raises(InputError, match=r"shape \(1, 2, 3\)"):
+        spectrum_of({name: values[np.newaxis] for name, values in draws.items()})
+
+
+@pytest.fixture(scope="module")
+def fit(tmp_path_factory: pytest.TempPathFactory) -> Fit:
+    return make_fit(tmp_path_factory.mktemp("run"), chains=2, draws=50)
+
+
+def draws_of(fit: Fit) -> dict[str, FloatArray]:
+    posterior = fit.posterior["posterior"].to_dataset()
+    return {
+        name: posterior[name].transpose("chain", "draw").to_numpy()
+        for name in (*PARAMETER_NAMES, "steady_state_grain_size", "steady_state_fabric_factor")
+    }
+
+
+def test_a_fit_predicts_with_its_initial_microstructure(fit: Fit) -> None:
+    found = predict_attenuation(fit, SHORT)
+    expected = spectrum_of(draws_of(fit), grain_size=INITIAL_GRAIN_SIZE)
+    np.testing.assert_allclose(found["tan_delta"], expected["tan_delta"], rtol=1e-13)
+    np.testing.assert_array_equal(found["chain"], fit.posterior["posterior"]["chain"])
+    np.testing.assert_array_equal(found["draw"], fit.posterior["posterior"]["draw"])
+    assert found.attrs["title"] == (
+        "PIL40 (ice, fitted to synthetic data): 260 K, initial microstructure"
+    )
+
+
+def test_a_fit_predicts_with_the_steady_state_of_each_draw(fit: Fit) -> None:
+    draws = draws_of(fit)
+    found = predict_attenuation(fit, SHORT, microstructure="steady_state")
+    expected = spectrum_of(
+        draws,
+        grain_size=draws["steady_state_grain_size"],
+        fabric_factor=draws["steady_state_fabric_factor"],
+    )
+    np.testing.assert_allclose(found["tan_delta"], expected["tan_delta"], rtol=1e-13)
+    # Softer than the undeformed material in every draw.
+    assert (found["tan_delta"] > predict_attenuation(fit, SHORT)["tan_delta"]).all()
+
+
+def test_given_conditions_take_the_place_of_the_experiments(fit: Fit) -> None:
+    found = predict_attenuation(
+        fit,
+        SHORT,
+        microstructure="steady_state",
+        temperature=250.0,
+        grain_size=1e-3,
+        fabric_factor=0.5,
+    )
+    expected = spectrum_of(draws_of(fit), temperature=250.0, grain_size=1e-3, fabric_factor=0.5)
+    np.testing.assert_allclose(found["tan_delta"], expected["tan_delta"], rtol=1e-13)
+    assert "250 K, steady-state microstructure, grain size 1000 µm" in found.attrs["title"]
+    assert "fabric factor 0.5" in found.attrs["title"]
+
+
+def test_an_unknown_microstructure_is_refused(fit: Fit) -> None:
+    with pytest.raises(InputError, match="'frozen', expected 'initial' or 'steady_state'"):
+        predict_attenuation(fit, SHORT, microstructure="frozen")
+
+
+def test_the_table_holds_the_quantiles_of_the_draws(fit: Fit) -> None:
+    spectrum = predict_attenuation(fit, SHORT)
+    table = quantile_table(spectrum)
+    assert list(table) == [
+        "median_stress_MPa",
+        "amplitude_MPa",
+        "frequency_Hz",
+        "mean",
+        "sd",
+        "q5",
+        "q25",
+        "q50",
+        "q75",
+        "q95",
+    ]
+    assert len(table) == len(PAPER_REGIMES) * len(SHORT)
+    row = table[(table["amplitude_MPa"] == 0.9) & (table["frequency_Hz"] == 1e-3)].iloc[0]
+    values = spectrum["tan_delta"].sel(regime="2 ± 0.9 MPa", frequency=1e-3)
+    assert row["median_stress_MPa"] == 2.0
+    assert row["mean"] == pytest.approx(float(values.mean()))
+    assert row["sd"] == pytest.approx(float(values.std()))
+    for percent in (5, 25, 50, 75, 95):
+        assert row[f"q{percent}"] == pytest.approx(np.percentile(values, percent))
+
+
+def test_the_overview_has_a_few_frequencies_and_the_share_of_peaks(fit: Fit) -> None:
+    spectrum = predict_attenuation(fit)
+    table = overview_table(spectrum)
+    assert list(table)[0::6] == ["regime", "Debye peak"]
+    assert len(table.columns) == 7
+    share = float(spectrum["debye_peak"].isel(regime=3).mean())
+    assert table["Debye peak"].iloc[3] == f"{100 * share:.0f} % of draws"
+    assert len(overview_table(predict_attenuation(fit, [1e-3])).columns) == 3
+
+
+def test_a_saved_spectrum_reads_back(fit: Fit, tmp_path: Path) -> None:
+    spectrum = predict_attenuation(fit, SHORT)
+    save_spectrum(spectrum, tmp_path / "spectrum.nc")
+    with xr.open_dataset(tmp_path / "spectrum.nc", engine="h5netcdf") as opened:
+        again = opened.load()
+    assert again["tan_delta"].dtype == np.float32
+    np.testing.assert_allclose(again["tan_delta"], spectrum["tan_delta"], rtol=1e-6)
+    np.testing.assert_array_equal(again["debye_peak"], spectrum["debye_peak"])
+    np.testing.assert_array_equal(again["regime"], spectrum["regime"])
+    assert again["frequency"].attrs == {"units": "Hz"}
+    assert again.attrs == spectrum.attrs
+    assert [path.name for path in tmp_path.iterdir()] == ["spectrum.nc"]

@@ -1,0 +1,133 @@
+"""Figures of attenuation spectra: units, legends, letters, and that they show the draws."""
+
+import re
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import pytest
+import xarray as xr
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+from synthetic_fit import make_fit
+
+from pyburgers.drawing.style import image
+from pyburgers.predictions.attenuation import amplitude_regimes, predict_attenuation
+from pyburgers.predictions.attenuation_figures import (
+    AMPLITUDE_CAPTION,
+    ATTENUATION_CAPTION,
+    DRAWS_CAPTION,
+    amplitude_dependence,
+    attenuation,
+    attenuation_draws,
+)
+
+Draw = Callable[[xr.Dataset, str], Figure]
+
+DRAWERS: Mapping[Draw, str] = {
+    attenuation: ATTENUATION_CAPTION,
+    attenuation_draws: DRAWS_CAPTION,
+    amplitude_dependence: AMPLITUDE_CAPTION,
+}
+each_figure = pytest.mark.parametrize("draw", DRAWERS, ids=lambda draw: draw.__name__)
+
+
+@pytest.fixture(scope="module")
+def spectrum(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
+    """Five regimes that share a median stress."""
+    fit = make_fit(tmp_path_factory.mktemp("run"), chains=2, draws=100)
+    regimes = amplitude_regimes(2e6, [0.5e6, 0.1e6, 1e6, 1.5e6, 2e6])
+    return predict_attenuation(fit, np.geomspace(1e-4, 1.0, 20), regimes)
+
+
+def texts(figure: Figure) -> list[str]:
+    found = [artist for artist in figure.findobj(Text) if isinstance(artist, Text)]
+    return [text.get_text() for text in found if text.get_text() and text.get_visible()]
+
+
+@each_figure
+def test_axes_have_units_and_the_legend_names_every_regime(
+    draw: Draw, spectrum: xr.Dataset
+) -> None:
+    figure = draw(spectrum, "a heading")
+    written = texts(figure)
+    for axes in figure.axes:
+        for label in (
+            axes.get_xlabel() or figure.get_supxlabel(),
+            axes.get_ylabel() or figure.get_supylabel(),
+        ):
+            assert re.search(r"\((Hz|–)\)$", label), label
+    for regime in spectrum["regime"].to_numpy():
+        assert any(str(regime) in text for text in written)
+    assert any("a heading" in text for text in written)
+    assert any("median stress ± amplitude" in text for text in written)
+
+
+@each_figure
+def test_letters_have_at_least_nine_points(draw: Draw, spectrum: xr.Dataset) -> None:
+    figure = draw(spectrum, "a heading")
+    image(figure, "svg")
+    for text in figure.findobj(Text):
+        assert isinstance(text, Text)
+        if text.get_text() and text.get_visible():
+            assert float(text.get_fontsize()) >= 9.0, text.get_text()
+
+
+@each_figure
+def test_the_same_spectrum_gives_the_same_bytes(draw: Draw, spectrum: xr.Dataset) -> None:
+    assert image(draw(spectrum, ""), "svg") == image(draw(spectrum, ""), "svg")
+
+
+@each_figure
+def test_every_figure_has_a_caption_of_one_paragraph(draw: Draw) -> None:
+    assert len(DRAWERS[draw].split()) > 30
+    assert "\n" not in DRAWERS[draw]
+
+
+def test_regimes_differ_in_colour_and_in_dashes(spectrum: xr.Dataset) -> None:
+    lines = attenuation(spectrum, "").axes[0].lines
+    assert len(lines) == 5
+    assert len({line.get_color() for line in lines}) == 5
+    assert len({line.get_linestyle() for line in lines[:4]}) == 4
+
+
+def test_the_lines_are_medians_inside_their_bands(spectrum: xr.Dataset) -> None:
+    (axes,) = attenuation(spectrum, "").axes
+    medians = spectrum["tan_delta"].median(("chain", "draw")).to_numpy()
+    low = spectrum["tan_delta"].quantile(0.05, ("chain", "draw")).to_numpy()
+    for k, line in enumerate(axes.lines):
+        np.testing.assert_allclose(np.asarray(line.get_ydata()), medians[k])
+        widest = axes.collections[2 * k].get_paths()[0].vertices
+        assert np.asarray(widest)[:, 1].min() == pytest.approx(low[k].min())
+    assert axes.get_xscale() == axes.get_yscale() == "log"
+
+
+def test_a_panel_for_each_regime_shows_at_most_150_draws(spectrum: xr.Dataset) -> None:
+    figure = attenuation_draws(spectrum, "")
+    assert len(figure.axes) == 5
+    for axes in figure.axes:
+        (curves,) = (c for c in axes.collections if isinstance(c, LineCollection))
+        assert len(curves.get_segments()) == 150
+        assert curves.get_rasterized()
+    assert "150 single draws" in texts(figure)
+    few = attenuation_draws(spectrum.isel(draw=slice(0, 10)), "")
+    assert "20 single draws" in texts(few)
+
+
+def test_ratios_are_to_the_smallest_amplitude(spectrum: xr.Dataset) -> None:
+    _, right = amplitude_dependence(spectrum, "").axes
+    np.testing.assert_allclose(np.asarray(right.lines[1].get_ydata()), 1.0)
+    assert (np.asarray(right.lines[4].get_ydata()) > 1.0).all()
+    assert "2 ± 0.1 MPa" in right.get_ylabel()
+
+
+@each_figure
+def test_one_regime_and_one_frequency_are_enough(draw: Draw, spectrum: xr.Dataset) -> None:
+    assert image(draw(spectrum.isel(regime=[0]), ""), "png").startswith(b"\x89PNG")
+    assert image(draw(spectrum.isel(frequency=[3]), ""), "png").startswith(b"\x89PNG")
+
+
+@each_figure
+def test_frequencies_may_come_in_any_order(draw: Draw, spectrum: xr.Dataset) -> None:
+    shuffled = spectrum.isel(frequency=[3, 1, 0, 2, *range(19, 3, -1)])
+    assert image(draw(shuffled, ""), "svg") == image(draw(spectrum, ""), "svg")

@@ -1,0 +1,379 @@
+"""Experiment files: what is read, what is put right with a notice, what is refused."""
+
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pyburgers.common.errors import InputError
+from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
+from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.files import load_experiment, save_experiment
+
+CHECKOUT = Path(__file__).parents[2]
+EXPERIMENT = """\
+id = "sample-1"
+material = "ice"
+protocol = "constant_rate"
+temperature_K = 263.0
+initial_grain_size_m = 230e-6
+
+[[segments]]
+start_strain = 0.0
+strain_rate_per_s = 1e-4
+
+[[segments]]
+start_strain = 0.05
+strain_rate_per_s = 1e-5
+
+[data]
+file = "curve.csv"
+strain_column = "strain"
+strain_unit = "percent"
+stress_column = "stress"
+stress_unit = "MPa"
+
+[provenance]
+kind = "measured"
+source = "Somebody (2020)"
+
+[metadata]
+operator = "somebody"
+confined = true
+pressure_MPa = 300
+"""
+STRAINS_PERCENT = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 10.5, 11)
+
+Write = Callable[..., Path]
+
+
+def curve(strains: Sequence[float] = STRAINS_PERCENT) -> str:
+    rows = [f"{strain},{1 + 0.1 * k:.1f}" for k, strain in enumerate(strains)]
+    return "\n".join(["strain,stress", *rows]) + "\n"
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Write:
+    """Write an experiment with replaced text and its data files; return the TOML's path."""
+
+    def write(*replacements: tuple[str, str], text: str = EXPERIMENT, **files: str | None) -> Path:
+        for old, new in replacements:
+            assert old in text
+            text = text.replace(old, new, 1)
+        for name, content in {"curve": curve(), **files}.items():
+            if content is not None:
+                (tmp_path / f"{name}.csv").write_text(content, encoding="utf-8")
+        path = tmp_path / "test.toml"
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return write
+
+
+def assert_equal(one: Experiment, other: Experiment) -> None:
+    assert type(one) is type(other)
+    for field in fields(one):
+        left, right = getattr(one, field.name), getattr(other, field.name)
+        if isinstance(left, np.ndarray):
+            np.testing.assert_array_equal(left, right)
+        else:
+            assert left == right, field.name
+
+
+def message(path: Path) -> str:
+    """Message of the InputError that reading raises: one sentence on one line."""
+    with pytest.raises(InputError) as caught:
+        load_experiment(path)
+    text = str(caught.value)
+    assert "\n" not in text
+    assert text.endswith((".", "?"))
+    return text
+
+
+def measured(name: str) -> ConstantRateExperiment:
+    """Load an experiment of `tests/data`, whose columns are not part of the project."""
+    default = CHECKOUT.parent / "shared" / "data"
+    folder = Path(os.environ.get("PYBURGERS_DATA", default)) / "chopra_paterson_1984_dunite"
+    if not folder.is_dir():
+        pytest.skip("the measured dunite curves are absent: set PYBURGERS_DATA to their folder")
+    return load_constant_rate(CHECKOUT / "tests" / "data" / f"{name}.toml")
+
+
+class TestReading:
+    def test_everything_is_converted_to_si(self, write: Write) -> None:
+        experiment = load_constant_rate(write())
+        np.testing.assert_allclose(experiment.strain, np.array(STRAINS_PERCENT) / 100, rtol=1e-15)
+        np.testing.assert_allclose(experiment.stress[:2], [1.0e6, 1.1e6], rtol=1e-15)
+        assert experiment.n_points == 12
+        assert experiment.final_strain == pytest.approx(0.11)
+        assert experiment.notices == ()
+        assert experiment.metadata == {
+            "operator": "somebody",
+            "confined": True,
+            "pressure_MPa": 300,
+        }
+
+    def test_time_follows_from_the_rates(self, write: Write) -> None:
+        times = load_constant_rate(write()).time_at(np.array([0.0, 0.02, 0.05, 0.06]))
+        np.testing.assert_allclose(times, [0, 200, 500, 1500], rtol=1e-12)
+
+    def test_strain_follows_from_time_and_the_rates(self, write: Write) -> None:
+        path = write(
+            ('strain_column = "strain"', 'time_column = "time"'),
+            ('strain_unit = "percent"', 'time_unit = "min"'),
+            curve="time,stress\n5,1\n10,2\n20,3\n",
+        )
+        experiment = load_constant_rate(path)
+        np.testing.assert_allclose(experiment.strain, [0.03, 0.051, 0.057], rtol=1e-12)
+        np.testing.assert_allclose(
+            experiment.time_at(experiment.strain), [300, 600, 1200], rtol=1e-12
+        )
+
+    def test_columns_by_number_between_spaces(self, write: Write) -> None:
+        path = write(
+            ('strain_column = "strain"', 'separator = "whitespace"\nheader = false\n'),
+            ('stress_column = "stress"', "strain_column = 3\nstress_column = 1"),
+            curve="# stress, load, strain\n\n 1.0\t7  1.0\n 2.0 8 6.0 \n",
+        )
+        experiment = load_constant_rate(path)
+        np.testing.assert_allclose(experiment.strain, [0.01, 0.06])
+        np.testing.assert_allclose(experiment.stress, [1e6, 2e6])
+
+    def test_one_file_for_each_segment(self, write: Write) -> None:
+        path = write(
+            ("strain_rate_per_s = 1e-4", 'strain_rate_per_s = 1e-4\nfile = "curve.csv"'),
+            ("strain_rate_per_s = 1e-5", 'strain_rate_per_s = 1e-5\nfile = "second.csv"'),
+            ('[data]\nfile = "curve.csv"', "[data]"),
+            curve=curve((1, 5.04)),
+            second=curve((5, 6)),
+        )
+        experiment = load_constant_rate(path)
+        np.testing.assert_allclose(experiment.strain, [0.01, 0.05, 0.05, 0.06])
+        assert "curve.csv: 1 point moved by at most 0.0004" in experiment.notices[0]
+        assert "1 point at the same strain" in experiment.notices[1]
+
+    def test_an_experiment_without_data_can_be_simulated(self, write: Write) -> None:
+        start, end = EXPERIMENT.index("[data]"), EXPERIMENT.index("[provenance]")
+        text = "final_strain = 0.1\n" + EXPERIMENT[:start] + EXPERIMENT[end:]
+        experiment = load_constant_rate(write(text=text))
+        assert experiment.n_points == 0
+        assert experiment.final_strain == 0.1
+
+    def test_the_environment_takes_the_place_of_data_root(
+        self, write: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        path = write(("[data]", '[data]\ndata_root = "elsewhere"'))
+        monkeypatch.delenv("PYBURGERS_DATA", raising=False)
+        assert "elsewhere" in message(path)
+        monkeypatch.setenv("PYBURGERS_DATA", str(tmp_path))
+        assert load_constant_rate(path).n_points == 12
+
+    def test_nothing_depends_on_the_current_directory(
+        self, write: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        path = write()
+        (tmp_path / "empty").mkdir()
+        monkeypatch.chdir(tmp_path / "empty")
+        assert load_constant_rate(path).n_points == 12
+
+
+class TestJitter:
+    def test_a_hair_out_of_order_is_sorted_and_reported(self, write: Write) -> None:
+        strains = (1, 2, 3, 2.95, 4, 5, 6, 7, 8, 9, 10, 11)
+        experiment = load_constant_rate(write(curve=curve(strains)))
+        assert np.all(np.diff(experiment.strain) >= 0)
+        np.testing.assert_allclose(experiment.stress[2:4], [1.3e6, 1.2e6])
+        assert experiment.notices == (
+            "curve.csv: 1 point out of order by at most 0.0005 in strain sorted.",
+        )
+
+    def test_repeated_strains_keep_their_order(self, write: Write) -> None:
+        strains = (1, 2, 2, 2, 4, 5, 6, 7, 8, 9, 10, 11)
+        experiment = load_constant_rate(write(curve=curve(strains)))
+        np.testing.assert_allclose(experiment.stress[1:4], [1.1e6, 1.2e6, 1.3e6])
+        assert experiment.notices == ("2 points at the same strain as the point before.",)
+
+    def test_points_at_and_just_before_zero_are_dropped(self, write: Write) -> None:
+        experiment = load_constant_rate(write(curve=curve((-0.05, 0, *STRAINS_PERCENT))))
+        assert experiment.n_points == 12
+        assert experiment.strain[0] == pytest.approx(0.01)
+        assert "1 point moved" in experiment.notices[0]
+        assert "2 points at zero strain dropped" in experiment.notices[1]
+
+    def test_points_just_beyond_the_end_are_moved_onto_it(self, write: Write) -> None:
+        experiment = load_constant_rate(
+            write(("[[segments]]", "final_strain = 0.1095\n[[segments]]"))
+        )
+        assert experiment.strain[-1] == experiment.final_strain == 0.1095
+        assert "1 point moved by at most 0.0005" in experiment.notices[0]
+
+
+@pytest.mark.parametrize(
+    ("content", "notice"),
+    [
+        (curve((1, 2, 6)), "3 points for the 12 parameters"),
+        ("strain,stress\n" + "\n".join(f"{k},-1" for k in range(1, 13)), "compression is positive"),
+        (curve([100 * strain for strain in STRAINS_PERCENT]), "not in percent"),
+    ],
+)
+def test_doubtful_data_are_announced(write: Write, content: str, notice: str) -> None:
+    assert notice in " ".join(load_constant_rate(write(curve=content)).notices)
+
+
+class TestBadInput:
+    """One sentence that names the file and the key, column or line."""
+
+    @pytest.mark.parametrize(
+        ("old", "new", "fragments"),
+        [
+            ("temperature_K = 263.0\n", "", ["'temperature_K' is missing", "kelvin"]),
+            ("temperature_K", "temperature_k", ["'temperature_k'", "mean 'temperature_K'"]),
+            ("[data]", "[data]\nweight = 1", ["'weight' in [data]", "stress_unit"]),
+            ("start_strain = 0.05", "start = 0.05", ["'start' in [[segments]] number 2"]),
+            ("temperature_K = 263.0", "temperature_K = -10.0", ["'temperature_K'", "Celsius"]),
+            ("temperature_K = 263.0", "temperature_K = 26300", ["'temperature_K'", "3000"]),
+            ("temperature_K = 263.0", 'temperature_K = "263"', ["'temperature_K'", "'263'"]),
+            ("temperature_K = 263.0", "temperature_K = nan", ["'temperature_K'", "finite"]),
+            ("[[segments]]", "final_strain = 0.04\n[[segments]]", ["'final_strain'", "0.05"]),
+            ("strain_rate_per_s = 1e-5", "strain_rate_per_s = -1e-5", ["'strain_rate_per_s'", "2"]),
+            ("strain_rate_per_s = 1e-4", "strain_rate_per_s = 0", ["'strain_rate_per_s'"]),
+            ("size_m = 230e-6", "size_m = 230", ["'initial_grain_size_m'", "metres"]),
+            ("size_m = 230e-6", "size_m = 0", ["'initial_grain_size_m'", "metres"]),
+            ("start_strain = 0.0\n", "start_strain = 0.01\n", ["'start_strain'", "number 1"]),
+            ("start_strain = 0.05", "start_strain = 0.0", ["'start_strain'", "number 2"]),
+            ("start_strain = 0.05", "start_strain = 0.5", ["'start_strain'", "0.11"]),
+            ('stress_unit = "MPa"', 'stress_unit = "psi"', ["'stress_unit'", "'psi'", "GPa"]),
+            ('strain_unit = "percent"', 'strain_unit = "%"', ["'strain_unit'", "'%'"]),
+            ('strain_unit = "percent"\n', "", ["'strain_unit'", "strain_column"]),
+            (
+                'strain_column = "strain"',
+                'strain_column = "eps"',
+                ["'strain_column'", "strain, st"],
+            ),
+            ('strain_column = "strain"', "strain_column = 1.5", ["'strain_column'", "1.5"]),
+            (
+                'strain_column = "strain"',
+                "header = false\nstrain_column = 3",
+                ["number from 1 to 2"],
+            ),
+            ('file = "curve.csv"', 'file = "curves.csv"', ["'file' in [data]", "does not exist"]),
+            ('file = "curve.csv"\n', "", ["'file' is missing"]),
+            ('kind = "measured"', 'kind = "guessed"', ["'kind' in [provenance]", "'guessed'"]),
+            ('kind = "measured"\n', "", ["'kind' in [provenance] is missing"]),
+            ('source = "Somebody (2020)"\n', "", ["'source' in [provenance] is missing"]),
+            (
+                'protocol = "constant_rate"',
+                'protocol = "creep"',
+                ["'protocol'", "constant_rate", "forced_oscillation"],
+            ),
+            ('id = "sample-1"', 'id = "../sample"', ["'id'", "letters"]),
+            ("confined = true", "when = 2020-01-01", ["'when' in [metadata]", "a date"]),
+            ("[metadata]", "[true_parameters]\nbeta = -1e-4\n[metadata]", ["synthetic"]),
+            ("id = ", "id ", ["not a valid TOML file"]),
+        ],
+    )
+    def test_experiment_file(self, write: Write, old: str, new: str, fragments: list[str]) -> None:
+        path = write((old, new))
+        text = message(path)
+        for fragment in (str(path), *fragments):
+            assert fragment in text
+
+    @pytest.mark.parametrize(
+        ("content", "fragments"),
+        [
+            ("", ["no data rows"]),
+            ("strain,stress\n", ["no data rows"]),
+            ("strain,stress\n1,2\n2,high\n", ["line 3", "'stress'", "'high'"]),
+            ("strain,stress\n1,2\n2,\n", ["line 3", "'stress'", "an empty cell"]),
+            ("strain,stress\n1,2\n2\n", ["line 3", "'stress'", "row ends before"]),
+            ("strain,stress\n1,2\nnan,3\n", ["line 3", "'strain'", "finite"]),
+            ("strain,stress\n1,2\n2,inf\n", ["line 3", "'stress'", "finite"]),
+            (curve((1, 2, 3, 2, 4, 5, 6)), ["row 4", "backwards", "0.01"]),
+            (curve((-1, 2, 6)), ["row 1", "-0.01"]),
+            (curve((0, 0)), ["final_strain", "0.05"]),
+        ],
+    )
+    def test_data_file(self, write: Write, content: str, fragments: list[str]) -> None:
+        path = write(curve=content)
+        text = message(path)
+        assert str(path) in text or str(path.with_name("curve.csv")) in text
+        for fragment in fragments:
+            assert fragment in text
+
+    def test_missing_experiment_file(self, tmp_path: Path) -> None:
+        assert str(tmp_path / "none.toml") in message(tmp_path / "none.toml")
+
+    def test_a_folder_in_place_of_a_file(self, tmp_path: Path) -> None:
+        assert "is a folder" in message(tmp_path)
+
+    def test_binary_data_file(self, write: Write) -> None:
+        path = write()
+        path.with_name("curve.csv").write_bytes(b"\xff\xfe\x00strain")
+        assert "not UTF-8" in message(path)
+
+    def test_points_beyond_the_end(self, write: Write) -> None:
+        path = write(("[[segments]]", "final_strain = 0.1\n[[segments]]"))
+        assert "row 12: found strain 0.11, expected 0 to 0.1" in message(path)
+
+    def test_points_outside_their_segment(self, write: Write) -> None:
+        path = write(
+            ("strain_rate_per_s = 1e-4", 'strain_rate_per_s = 1e-4\nfile = "curve.csv"'),
+            ("strain_rate_per_s = 1e-5", 'strain_rate_per_s = 1e-5\nfile = "second.csv"'),
+            ('[data]\nfile = "curve.csv"', "[data]"),
+            second=curve((4, 11)),
+            curve=curve((1, 2)),
+        )
+        text = message(path)
+        assert "second.csv" in text
+        assert "found strain 0.04" in text
+
+    def test_no_data_and_no_end(self, write: Write) -> None:
+        start, end = EXPERIMENT.index("[data]"), EXPERIMENT.index("[provenance]")
+        assert "'final_strain'" in message(write(text=EXPERIMENT[:start] + EXPERIMENT[end:]))
+
+    def test_unknown_true_parameter(self, write: Write) -> None:
+        path = write(
+            ('"measured"', '"synthetic"'),
+            ("[metadata]", "[true_parameters]\nbetta = 1\n[metadata]"),
+        )
+        assert "'betta' in [true_parameters], did you mean 'beta'?" in message(path)
+
+
+class TestSaving:
+    def test_a_copy_reads_back_exactly_with_its_notices(self, write: Write, tmp_path: Path) -> None:
+        path = write(
+            (
+                'source = "Somebody (2020)"',
+                'source = "Müller \\"ice\\" \\\\ 2020"\nnotes = "a\\nb"',
+            ),
+            curve=curve((0, 1 / 3, 1, 0.99, 6, 6)),
+        )
+        original = load_experiment(path)
+        assert len(original.notices) == 4
+        copy = load_experiment(save_experiment(original, tmp_path))
+        assert_equal(copy, original)
+
+    def test_a_copy_without_data(self, write: Write, tmp_path: Path) -> None:
+        start, end = EXPERIMENT.index("[data]"), EXPERIMENT.index("[provenance]")
+        text = "final_strain = 0.1\n" + EXPERIMENT[:start] + EXPERIMENT[end:]
+        original = load_experiment(write(text=text))
+        assert_equal(load_experiment(save_experiment(original, tmp_path)), original)
+
+
+class TestMeasuredDunite:
+    def test_4506_has_one_rate_and_a_peak(self) -> None:
+        experiment = measured("dunite_4506")
+        assert experiment.n_points == 14
+        assert experiment.stress.max() == pytest.approx(480.4937e6)
+        assert experiment.strain[experiment.stress.argmax()] == pytest.approx(0.0336)
+        assert "2 points at zero strain dropped" in experiment.notices[0]
+
+    def test_4581_has_two_rate_steps(self) -> None:
+        experiment = measured("dunite_4581")
+        assert [s.strain_rate for s in experiment.segments] == [1.07e-4, 3.2e-5, 1.1e-5]
+        assert experiment.n_points == 55
+        assert "1 point out of order by at most 1e-05" in experiment.notices[0]
+        assert np.all(np.diff(experiment.strain) >= 0)

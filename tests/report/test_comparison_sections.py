@@ -1,0 +1,182 @@
+"""Parts of a page about several runs of the same data, and about the flow law of peak stresses."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from synthetic_fit import Kind, make_fit
+from test_report import Page
+
+from pyburgers.cli.main import main
+from pyburgers.common.draws import all_draws
+from pyburgers.comparison.by_points import compare, comparison_table, sentences
+from pyburgers.fitting.fit import Fit
+from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress
+from pyburgers.flow_law_tables.priors import default_peak_stress_priors
+from pyburgers.flow_law_tables.table import least_squares, load_peak_stress
+from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, Conditions, FlowLawPrior
+from pyburgers.model.priors import FLOW_LAW, with_flow_law
+from pyburgers.report.comparison_sections import comparison_sections
+from pyburgers.report.flow_law_sections import LOG_RATE, least_squares_table, peak_stress_section
+from pyburgers.report.page import ExtraSection, write_report
+from pyburgers.sampling.options import SamplerOptions
+from pyburgers.studies.maor.reproduce import PEAK_STRESS_TABLE, shipped_data_directory
+
+LAW = FlowLawPrior(
+    quantities=PRIOR_QUANTITIES,
+    mean=np.array([3.6, 0.5, -9.2, -7.29e-4]),
+    covariance=np.diag([0.1, 0.1, 0.05, 1e-6]) ** 2,
+    conditions=Conditions(263.5, 6e6, 3e-4),
+    material="ice",
+    source="the other source",
+)
+
+
+def pair(folder: Path, kind: Kind = "synthetic") -> list[Fit]:
+    """Fits of the same data whose draws differ, the second with a flow law from elsewhere."""
+    alone = make_fit(folder / "alone", name="A", kind=kind, draws=100)
+    other = make_fit(folder / "both", name="A", kind=kind, draws=100, apart=0.5)
+    both = replace(other, priors=with_flow_law(alone.priors, LAW, "test"))
+    return [alone, both]
+
+
+@pytest.fixture(scope="module")
+def fits(tmp_path_factory: pytest.TempPathFactory) -> list[Fit]:
+    return pair(tmp_path_factory.mktemp("pair"))
+
+
+@pytest.fixture(scope="module")
+def sections(fits: list[Fit]) -> tuple[ExtraSection, ...]:
+    return comparison_sections(fits)
+
+
+def test_one_fit_of_each_data_set_leaves_nothing_to_relate(fits: list[Fit], tmp_path: Path) -> None:
+    other = make_fit(tmp_path / "other", name="B", draws=100, seed=9)
+    assert comparison_sections([fits[0], other]) == ()
+    without_data = replace(fits[1], manifest={**fits[1].manifest, "use_likelihood": False})
+    assert comparison_sections([fits[0], without_data]) == ()
+
+
+def test_fits_of_the_same_data_are_compared(
+    fits: list[Fit], sections: tuple[ExtraSection, ...]
+) -> None:
+    section = sections[0]
+    assert section.key == "comparison_A"
+    comparison = compare({"A": fits[0], "A_run2": fits[1]})
+    assert section.paragraphs[1:] == sentences(comparison)
+    (table,) = section.tables
+    pd.testing.assert_frame_equal(table.saved, comparison_table(comparison).reset_index())
+    assert table.shown["fit"].tolist() == list(comparison.results)
+    assert table.shown["difference"].tolist()[0] == "0.0"
+
+
+def test_the_sources_of_a_flow_law_stand_side_by_side(
+    fits: list[Fit], sections: tuple[ExtraSection, ...]
+) -> None:
+    section = sections[1]
+    assert section.key == "flow_law_A_run2"
+    saved = section.tables[0].saved.set_index("quantity")
+    assert saved.index.tolist() == [*FLOW_LAW, LOG_RATE]
+    for source, fit in zip(("curve alone", "both"), fits, strict=True):
+        draws = all_draws(fit.posterior["posterior"].to_dataset()["stress_exponent"])
+        assert saved[f"{source} mean"]["stress_exponent"] == pytest.approx(draws.mean())
+        assert saved[f"{source} sd"]["stress_exponent"] == pytest.approx(draws.std(ddof=1))
+    # A few hundred draws of the joint prior.
+    assert saved["other source alone sd"]["stress_exponent"] == pytest.approx(0.1, rel=0.2)
+    assert saved["other source alone mean"][LOG_RATE] == pytest.approx(-9.2, abs=0.02)
+    shown = section.tables[0].shown.set_index("quantity")
+    ratio = saved["both sd"]["stress_exponent"] / saved["curve alone sd"]["stress_exponent"]
+    assert shown["sd both / curve alone"]["stress exponent"] == f"{ratio:.2f}"
+
+
+def test_sources_that_disagree_are_said_to(fits: list[Fit]) -> None:
+    for shift, expected in ((0.0, "agree on the flow rate"), (20.0, "disagree on the flow rate")):
+        alone = fits[0].posterior["posterior"].to_dataset()
+        of_curve = LAW.log_flow_rate({name: alone[name].to_numpy() for name in FLOW_LAW})
+        mean = LAW.mean.copy()
+        mean[2] = of_curve.mean() + shift * of_curve.std()
+        law = replace(LAW, mean=mean)
+        both = replace(fits[1], priors=with_flow_law(fits[0].priors, law, "test"))
+        text = " ".join(comparison_sections([fits[0], both])[1].paragraphs)
+        assert f"The two sources {expected}" in text
+
+
+def test_a_synthetic_curve_with_another_source_says_nothing_about_nature(
+    sections: tuple[ExtraSection, ...], tmp_path: Path
+) -> None:
+    assert "says nothing about nature" in " ".join(sections[1].paragraphs)
+    measured = comparison_sections(pair(tmp_path, "measured"))
+    assert "nature" not in " ".join(measured[1].paragraphs)
+
+
+@pytest.fixture(scope="module")
+def peak_stress(programs: None, tmp_path_factory: pytest.TempPathFactory) -> PeakStressFit:
+    return fit_peak_stress(
+        load_peak_stress(shipped_data_directory() / "ice" / f"{PEAK_STRESS_TABLE}.toml"),
+        default_peak_stress_priors("ice"),
+        out=tmp_path_factory.mktemp("peak") / "run",
+        options=SamplerOptions(chains=2, warmup=300, draws=1000, seed=3),
+    )
+
+
+def test_the_fit_of_the_measured_table_agrees_with_least_squares(
+    peak_stress: PeakStressFit,
+) -> None:
+    table = least_squares_table(peak_stress)
+    published = {"stress_exponent": (3.54, 0.13), "grain_size_exponent": (0.58, 0.09)}
+    for name, (value, error) in published.items():
+        assert table["least_squares"][name] == pytest.approx(value, abs=0.005)
+        assert table["standard_error"][name] == pytest.approx(error, abs=0.005)
+        assert table["mean"][name] == pytest.approx(value, abs=0.1)
+        assert table["sd"][name] == pytest.approx(error, rel=0.2)
+
+
+def test_least_squares_leave_out_a_grain_size_that_never_changes(
+    peak_stress: PeakStressFit,
+) -> None:
+    data = peak_stress.data
+    same = replace(data, grain_size=np.full(data.n_points, 2.3e-4))
+    assert set(least_squares(same)) == {"stress_exponent"}
+    exact = replace(data, strain_rate=data.stress**3 / data.grain_size**0.5 * 1e-25)
+    found = least_squares(exact)
+    assert found["stress_exponent"] == pytest.approx((3.0, 0.0), abs=1e-10)
+    assert found["grain_size_exponent"] == pytest.approx((0.5, 0.0), abs=1e-10)
+
+
+def test_all_parts_are_on_the_page_and_in_files(
+    fits: list[Fit],
+    sections: tuple[ExtraSection, ...],
+    peak_stress: PeakStressFit,
+    tmp_path: Path,
+) -> None:
+    extras = (peak_stress_section(peak_stress), *sections)
+    file = write_report(fits, tmp_path, title="T", command="x", extras=extras)
+    page = Page(file.read_text(encoding="utf-8"))
+    assert not page.open
+    for extra in extras:
+        assert extra.key in page.ids
+        for figure in extra.figures:
+            assert figure.caption in page.alternatives
+            assert (tmp_path / "figures" / f"{extra.key}_{figure.name}.svg").is_file()
+        for table in extra.tables:
+            assert (tmp_path / "tables" / f"{extra.key}_{table.name}.csv").is_file()
+    assert "are a joint one from another source: the other source" in page.text
+    assert "23 tests (measured data" in page.text
+
+
+def test_the_report_of_two_runs_of_one_experiment_compares_them(
+    small_fit: Fit, long_fit: Fit, tmp_path: Path
+) -> None:
+    runs = [str(one.directory.path) for one in (small_fit, long_fit)]
+    assert main(["report", *runs, "--out", str(tmp_path / "page")]) == 0
+    page = Page((tmp_path / "page" / "index.html").read_text(encoding="utf-8"))
+    key = small_fit.experiment.id
+    assert f"comparison_{key}" in page.ids
+    assert f"{key} and {key}_run2 predict these data alike" in page.text or (
+        f"{key}_run2 and {key} predict these data alike" in page.text
+    )
+    manifest = json.loads((tmp_path / "page" / "manifest.json").read_text(encoding="utf-8"))
+    assert len(manifest["runs"]) == 2

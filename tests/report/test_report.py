@@ -1,0 +1,369 @@
+import hashlib
+import json
+import shutil
+from collections.abc import Sequence
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+from synthetic_fit import make_fit
+from synthetic_olivine_fit import make_olivine_fit, oscillating
+
+from pyburgers.checks.prior_influence import THRESHOLDS_TEXT, prior_influence
+from pyburgers.common.errors import InputError
+from pyburgers.fitting.fit import Fit
+from pyburgers.protocols.experiment import Provenance
+from pyburgers.protocols.forced_oscillation.preparation import Background
+from pyburgers.report.figures import figures_for
+from pyburgers.report.page import write_report
+
+FEW = (
+    "maxwell_modulus",
+    "kelvin_viscosity",
+    "kelvin_modulus",
+    "grain_size_exponent",
+    "activation_enthalpy",
+    "beta",
+    "steady_state_grain_size",
+    "steady_state_fabric_factor",
+    "critical_strain_fabric",
+)
+HOSTILE = "<script>alert('data')</script> & \"quotes\""
+BACKGROUNDS: tuple[Background, Background] = ("removed", "kept")
+COMMAND = "pyburgers report runs/A runs/B --out page"
+
+
+class Page(HTMLParser):
+    """Collects what a page refers to, its text, and whether elements are closed."""
+
+    VOID = frozenset({"meta", "img", "br", "link", "hr", "input"})
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.references: list[tuple[str, str]] = []
+        self.tags: list[str] = []
+        self.open: list[str] = []
+        self.ids: list[str] = []
+        self.alternatives: list[str] = []
+        self.words: list[str] = []
+        self.feed(text)
+        self.close()
+        self.text = " ".join(" ".join(self.words).split())
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        if tag not in self.VOID:
+            self.open.append(tag)
+        for name, value in attrs:
+            if name in {"src", "href"}:
+                self.references.append((tag, value or ""))
+            if name == "id":
+                self.ids.append(value or "")
+            if name == "alt":
+                self.alternatives.append(value or "")
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if not self.open or self.open[-1] != "style":
+            self.words.append(data)
+
+
+def write(fits: Sequence[Fit], out: Path) -> Page:
+    page = write_report(fits, out, title="Two tests", command=COMMAND)
+    assert page == out / "index.html"
+    return Page(page.read_text(encoding="utf-8"))
+
+
+def small_fit(path: Path, name: str = "A", **changes: Any) -> Fit:
+    arguments: dict[str, Any] = {"chains": 2, "draws": 300, "fixed": FEW, **changes}
+    return make_fit(path, name=name, **arguments)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("report")
+
+
+@pytest.fixture(scope="module")
+def fits(folder: Path) -> list[Fit]:
+    """A synthetic test whose checks fail and a measured one that passes."""
+    failing = small_fit(folder / "runs" / "A", divergences=5, apart=3.0)
+    hostile = Provenance("measured", HOSTILE, doi='10.1/x" onload="y', notes=HOSTILE)
+    passing = small_fit(
+        folder / "runs" / "B",
+        "B",
+        kind="measured",
+        segments=((0.0, 1e-4), (0.05, 1e-5)),
+        provenance=hostile,
+        notices=(HOSTILE,),
+        material=HOSTILE,
+        metadata={HOSTILE: HOSTILE},
+        command=HOSTILE,
+        draws=600,
+    )
+    return [failing, passing]
+
+
+@pytest.fixture(scope="module")
+def page(folder: Path, fits: list[Fit]) -> Page:
+    return write(fits, folder / "page")
+
+
+@pytest.fixture(scope="module")
+def passing_page(folder: Path, fits: list[Fit]) -> Page:
+    """Page about the measured test alone."""
+    return write([fits[1]], folder / "passing")
+
+
+def test_the_page_is_well_formed_and_its_links_lead_somewhere(page: Page) -> None:
+    assert not page.open
+    assert len(set(page.ids)) == len(page.ids)
+    for tag, reference in page.references:
+        if tag == "a" and reference.startswith("#"):
+            assert reference[1:] in page.ids
+
+
+def test_the_page_needs_nothing_but_itself(page: Page) -> None:
+    assert not {"script", "link", "iframe", "object"} & set(page.tags)
+    for tag, reference in page.references:
+        allowed = ("#", "https://doi.org/") if tag == "a" else ("data:image/png;base64,",)
+        assert reference.startswith(allowed), reference
+
+
+def test_every_figure_is_on_the_page_with_a_text_alternative(page: Page, fits: list[Fit]) -> None:
+    expected = [recipe.caption for fit in fits for recipe in figures_for(fit.experiment)]
+    assert page.alternatives == expected
+
+
+def test_strings_from_files_are_escaped(folder: Path, page: Page) -> None:
+    raw = (folder / "page" / "index.html").read_text(encoding="utf-8")
+    assert "<script>" not in raw
+    assert 'onload="y' not in raw
+    assert page.text.count(HOSTILE) >= 5
+
+
+def test_synthetic_data_are_announced_by_name_at_the_top(page: Page) -> None:
+    banner = page.text.index("SYNTHETIC DATA: A")
+    assert banner < page.text.index("Overview")
+    assert "It says nothing about nature" in page.text
+    assert "synthetic-data" in page.ids
+    assert "SYNTHETIC DATA: A , B" not in page.text
+
+
+def test_there_is_no_banner_without_synthetic_data(passing_page: Page) -> None:
+    assert "synthetic-data" not in passing_page.ids
+    assert "SYNTHETIC DATA" not in passing_page.text
+    assert "MEASURED DATA" in passing_page.text
+
+
+def test_failed_checks_cannot_be_overlooked(page: Page, fits: list[Fit]) -> None:
+    failed = [check for check in fits[0].checks() if not check.passed]
+    assert {"R-hat", "divergences"} <= {check.name for check in failed}
+    assert page.text.index("✗ CHECKS FAILED") < page.text.index("Overview")
+    for check in failed:
+        assert " ".join(f"✗ FAILED {check.name} : {check.sentence}".split()) in page.text
+    assert f"{len(failed)} FAILED" in page.text
+    assert page.text.count("✗ FAILED") == len(failed)
+    passed = sum(check.passed for fit in fits for check in fit.checks())
+    assert page.text.count("✓ PASSED") == passed
+
+
+def test_a_page_without_failures_says_so(fits: list[Fit], passing_page: Page) -> None:
+    assert all(check.passed for check in fits[1].checks())
+    assert "✓ All checks passed." in passing_page.text
+    assert "FAILED" not in passing_page.text
+
+
+def test_a_fit_without_likelihood_says_so(tmp_path: Path) -> None:
+    fit = small_fit(tmp_path / "run")
+    fit.manifest["use_likelihood"] = False
+    text = write([fit], tmp_path / "page").text
+    assert "Fitted without the data." in text
+    assert "Where the numbers come from" not in text
+
+
+def test_the_page_says_what_prior_and_data_decide(
+    folder: Path, page: Page, fits: list[Fit], tmp_path: Path
+) -> None:
+    assert page.text.count("Where the numbers come from: prior or data?") == len(fits)
+    assert THRESHOLDS_TEXT in page.text
+    for fit in fits:
+        file = folder / "page" / "tables" / f"{fit.experiment.id}_influence.csv"
+        written = pd.read_csv(file, index_col=0)
+        influences = prior_influence(fit.posterior, fit.priors)
+        assert written["origin"].to_dict() == {k: one.origin for k, one in influences.items()}
+        assert written["prior_sensitivity"].to_dict() == {
+            name: pytest.approx(one.prior_sensitivity) for name, one in influences.items()
+        }
+    # A posterior that data have not touched: as wide as its prior, and moved by nothing.
+    untouched = small_fit(tmp_path / "run")
+    draws = untouched.posterior["posterior"].to_dataset()
+    values = (
+        untouched.priors["stress_exponent"]
+        .distribution()
+        .rvs(draws["stress_exponent"].shape, random_state=1)
+    )
+    untouched.posterior["posterior"] = draws.assign(
+        stress_exponent=draws["stress_exponent"].copy(data=values)
+    )
+    assert "This number is your prior: stress exponent" in write([untouched], tmp_path / "p").text
+
+
+def test_the_page_names_the_laws_of_the_model(page: Page, shown: Page) -> None:
+    for text in ("Kelvin dashpot linear", "grain size evolving", "residuals independent"):
+        assert text in page.text
+    assert "grain size piezometric, fabric constant" in shown.text
+
+
+def test_the_page_says_how_to_make_everything_again(page: Page, fits: list[Fit]) -> None:
+    assert COMMAND in page.text
+    manifest = fits[0].manifest
+    for text in (manifest["command"], manifest["fingerprint"], *manifest["hashes"].values()):
+        assert text in page.text
+    assert f"seed {manifest['sampler']['seed']}" in page.text
+
+
+def test_tables_hold_the_summary_at_full_precision(folder: Path, fits: list[Fit]) -> None:
+    for fit in fits:
+        key = fit.experiment.id
+        written = pd.read_csv(folder / "page" / "tables" / f"{key}_summary.csv", index_col=0)
+        pd.testing.assert_frame_equal(written, fit.summary(), check_exact=True, check_dtype=False)
+        checks = pd.read_csv(folder / "page" / "tables" / f"{key}_checks.csv")
+        assert (checks["verdict"] == "passed").tolist() == [c.passed for c in fit.checks()]
+        assert checks["sentence"].tolist() == [c.sentence for c in fit.checks()]
+    assert (folder / "page" / "tables" / "A_truth.csv").is_file()
+    assert not (folder / "page" / "tables" / "B_truth.csv").exists()
+
+
+def test_figures_are_written_as_pictures_and_vectors(folder: Path, fits: list[Fit]) -> None:
+    for recipe in figures_for(fits[0].experiment):
+        base = folder / "page" / "figures" / f"A_{recipe.name}"
+        assert base.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
+        assert "<svg" in base.with_suffix(".svg").read_text(encoding="utf-8")
+
+
+def test_the_manifest_pins_the_runs(folder: Path, fits: list[Fit]) -> None:
+    manifest = json.loads((folder / "page" / "manifest.json").read_text(encoding="utf-8"))
+    assert manifest["command"] == COMMAND
+    assert manifest["versions"]["matplotlib"]
+    for run, fit in zip(manifest["runs"], fits, strict=True):
+        content = fit.directory.manifest_file.read_bytes()
+        assert run["manifest_sha256"] == hashlib.sha256(content).hexdigest()
+
+
+def test_two_runs_of_one_experiment_do_not_overwrite_each_other(tmp_path: Path) -> None:
+    fits = [small_fit(tmp_path / name) for name in ("first", "second")]
+    page = write(fits, tmp_path / "page")
+    assert {"A", "A_run2"} <= set(page.ids)
+    assert (tmp_path / "page" / "tables" / "A_run2_summary.csv").is_file()
+
+
+def test_a_report_replaces_an_earlier_one_and_leaves_no_scraps(
+    folder: Path, page: Page, fits: list[Fit], tmp_path: Path
+) -> None:
+    assert "Two tests" in page.text
+    copy = shutil.copytree(folder / "page", tmp_path / "page")
+    assert "A" not in write([fits[1]], copy).ids
+    assert not [path for path in copy.rglob("*") if path.name.startswith(".")]
+
+
+def test_a_run_directory_is_not_overwritten(fits: list[Fit]) -> None:
+    run = fits[0].directory
+    before = run.manifest_file.read_bytes()
+    with pytest.raises(InputError, match="something else than a report"):
+        write_report(fits, run.path, title="x", command="x")
+    assert run.manifest_file.read_bytes() == before
+    assert [path.name for path in run.path.iterdir()] == ["manifest.json"]
+
+
+def test_a_page_of_another_kind_is_not_overwritten(fits: list[Fit], tmp_path: Path) -> None:
+    (tmp_path / "index.html").write_text("mine", encoding="utf-8")
+    with pytest.raises(InputError, match="something else than a report"):
+        write(fits, tmp_path)
+    assert (tmp_path / "index.html").read_text(encoding="utf-8") == "mine"
+
+
+def test_a_folder_that_cannot_be_made_is_refused(fits: list[Fit], tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    with pytest.raises(InputError, match="cannot be written"):
+        write(fits, tmp_path / "file" / "page")
+
+
+def test_a_report_needs_a_run(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="at least one run"):
+        write([], tmp_path / "page")
+
+
+def test_a_figure_that_fails_ends_the_report(tmp_path: Path) -> None:
+    fit = small_fit(tmp_path / "run")
+    del fit.posterior["posterior_mean_solution"]
+    with pytest.raises(KeyError):
+        write([fit], tmp_path / "page")
+    assert not (tmp_path / "page" / "index.html").exists()
+
+
+def test_processes_write_the_same_pictures(folder: Path, fits: list[Fit], page: Page) -> None:
+    out = folder / "by_processes"
+    write_report([fits[1]], out, title="x", command="x", jobs=2)
+    pictures = sorted((out / "figures").glob("*.png"))
+    assert len(pictures) == len(figures_for(fits[1].experiment))
+    for picture in pictures:
+        assert picture.read_bytes() == (folder / "page" / "figures" / picture.name).read_bytes()
+        assert picture.with_suffix(".svg").is_file()
+
+
+@pytest.fixture(scope="module")
+def oscillations(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Page of a curve and of both treatments; the one with background kept misses the phase."""
+    path = tmp_path_factory.mktemp("oscillation")
+    removed, kept = (
+        make_olivine_fit(path / "runs" / background, background, chains=2, draws=60)
+        for background in BACKGROUNDS
+    )
+    shifted = oscillating(kept, amplitude_sd=0.01, phase_sd=0.01, phase_shift=0.3)
+    curve = small_fit(path / "runs" / "B", "B", kind="measured", draws=60)
+    write([curve, removed, shifted], path / "page")
+    return path / "page"
+
+
+@pytest.fixture(scope="module")
+def shown(oscillations: Path) -> Page:
+    return Page((oscillations / "index.html").read_text(encoding="utf-8"))
+
+
+def test_an_oscillation_says_what_was_done_to_the_record(shown: Page) -> None:
+    assert not shown.open
+    assert "SYNTHETIC DATA: olivine_removed , olivine_kept" in shown.text
+    assert shown.text.count("Period 300 s") == 2
+    assert shown.text.count("Strain amplitude 0.2 %") == 2
+    assert shown.text.count("on record, 2 of spin-up ahead of it") == 2
+    assert "Background removed: polynomial trends" in shown.text
+    assert "Background kept: the rate of the strain's trend" in shown.text
+    assert shown.text.count("The reference flow rate") == 2
+
+
+def test_a_curve_on_the_same_page_has_its_strain_rate(shown: Page) -> None:
+    assert shown.text.count("Strain rate 1.69 × 10") == 1
+    assert shown.text.count("The reference stress S") == 1
+
+
+def test_amplitude_and_lag_stand_beside_those_of_replicated_data(
+    shown: Page, oscillations: Path
+) -> None:
+    inside, outside = (
+        pd.read_csv(oscillations / "tables" / f"olivine_{background}_response.csv", index_col=0)
+        for background in BACKGROUNDS
+    )
+    assert inside["inside"].tolist() == [True, True]
+    assert outside["inside"].tolist() == [True, False]
+    assert shown.text.count("are inside the central 90 % of those of the replicated data") == 1
+    assert shown.text.count("The record is outside the central 90 %") == 1
+
+
+def test_figures_of_an_oscillation_are_files(oscillations: Path) -> None:
+    for name in ("stress_time", "stress_loop", "amplitude_phase", "microstructure", "pairs"):
+        assert (oscillations / "figures" / f"olivine_kept_{name}.png").is_file()

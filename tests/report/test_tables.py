@@ -1,0 +1,126 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+from synthetic_fit import TRUTH, make_fit, make_prior, uniform
+
+from pyburgers.fitting.fit import Fit
+from pyburgers.model.display import number, prior_text, rounded, shown_quantity, symbol_text
+from pyburgers.model.parameters import PARAMETERS
+from pyburgers.model.priors import Prior
+from pyburgers.report import tables
+
+
+@pytest.fixture(scope="module")
+def fit(tmp_path_factory: pytest.TempPathFactory) -> Fit:
+    return make_fit(tmp_path_factory.mktemp("run"), chains=2, draws=200, fixed=("beta",))
+
+
+@pytest.mark.parametrize(
+    ("value", "sd", "expected"),
+    [
+        (3.77912, 0.3012, "3.78"),
+        (-0.729, 0.001, "-0.7290"),
+        (155.3, 31.4, "155"),
+        (12345.6, 300.0, "12346"),
+        (0.1007, 0.0996, "0.101"),
+        (4.0, 0.0, "4"),
+        (4.0, float("nan"), "4"),
+    ],
+)
+def test_numbers_have_the_digits_that_the_sd_supports(
+    value: float, sd: float, expected: str
+) -> None:
+    assert rounded(value, sd) == expected
+
+
+@pytest.mark.parametrize(
+    ("prior", "expected"),
+    [
+        (uniform("grain_size_exponent", 0.1, 0.7), "U[0.1, 0.7]"),
+        (uniform("kelvin_viscosity", 1e9, 5e11), "U[1, 500] GPa s"),
+        (uniform("steady_state_grain_size", 10e-6, 200e-6), "U[10, 200] µm"),
+        (make_prior("activation_enthalpy", "normal", 65e3, 2e3), "N(65, 2) kJ/mol"),
+        (make_prior("maxwell_modulus", "normal", 4e9, 2e9, 0.0), "N(4, 2) GPa, > 0"),
+        (make_prior("maxwell_modulus", "normal", 4e9, 2e9, 1e9, 9e9), "N(4, 2) GPa, in [1, 9]"),
+        (make_prior("beta", "normal", -7.29e-4, 1e-6), "N(-0.729, 0.001) mol/kJ"),
+        (make_prior("stress_noise", "half_normal", 0.0, 4e5, 0.0), "HN(0.4) MPa"),
+        (make_prior("kelvin_modulus", "lognormal", 5e9, 0.3, 0.0), "LN(5, 0.3) GPa"),
+        (make_prior("kelvin_modulus", "fixed", 5e9, 0.0), "fixed: 5 GPa"),
+    ],
+)
+def test_priors_are_written_in_display_units(prior: Prior, expected: str) -> None:
+    assert prior_text(prior) == expected
+
+
+def test_every_symbol_can_be_printed_without_mathematics() -> None:
+    symbols = [symbol_text(parameter) for parameter in PARAMETERS]
+    assert len(set(symbols)) == len(symbols)
+    assert not any(letter in symbol for symbol in symbols for letter in "\\{}$")
+    assert symbol_text(shown_quantity("reference_stress")) == "S_0"
+
+
+def test_the_parameter_table_shows_the_summary_in_display_units(fit: Fit) -> None:
+    summary = fit.summary()
+    shown = tables.parameter_table(summary, fit.priors).set_index("quantity")
+    row = shown.loc["Kelvin viscosity"]
+    sd = summary["sd"]["kelvin_viscosity"] / 1e9
+    assert row["mean"] == rounded(summary["mean"]["kelvin_viscosity"] / 1e9, sd)
+    assert row["95 %"] == rounded(summary["q95"]["kelvin_viscosity"] / 1e9, sd)
+    assert row["unit"] == "GPa s"
+    assert row["prior"] == "U[1, 500] GPa s"
+    assert shown.loc["reference stress", "prior"] == "implied"
+    assert shown.loc["pre-exponent ln(A)/Q", "prior"] == "fixed"
+    assert shown.loc["pre-exponent ln(A)/Q", "mean"] == "-0.729"
+    assert len(shown) == len(PARAMETERS) + 1
+
+
+def test_the_truth_is_looked_for_in_each_interval(fit: Fit) -> None:
+    truth = tables.truth_table(fit)
+    assert truth is not None
+    assert list(truth.index) == [name for name in TRUTH if name != "beta"]
+    for name, row in truth.iterrows():
+        draws = fit.posterior["posterior"][str(name)].to_numpy()
+        low, high = np.quantile(draws, [0.05, 0.95])
+        assert row["inside_90"] == (low <= TRUTH[str(name)] <= high)
+    shown = tables.shown_truth_table(truth).iloc[-1]
+    assert shown["in 90 % interval"] == f"{truth['inside_90'].sum()} of {len(truth)}"
+
+
+def test_a_truth_far_away_is_outside_every_interval(tmp_path: Path) -> None:
+    wrong = {**TRUTH, "stress_exponent": 20.0}
+    truth = tables.truth_table(make_fit(tmp_path, chains=2, draws=50, true_parameters=wrong))
+    assert truth is not None
+    row = truth.loc["stress_exponent"]
+    assert not row[["inside_50", "inside_90", "inside_95"]].any()
+
+
+def test_measured_data_have_no_truth(tmp_path: Path) -> None:
+    assert tables.truth_table(make_fit(tmp_path, chains=1, draws=20, kind="measured")) is None
+
+
+def test_the_overview_counts_failed_checks_and_adds_up_wall_times(fit: Fit) -> None:
+    checks = fit.checks()
+    failed = sum(not check.passed for check in checks)
+    row = tables.overview_row(fit, fit.summary(), checks, 0.934)
+    assert row["checks passed"] == f"{len(checks) - failed} of {len(checks)}, {failed} FAILED"
+    assert row["data in 90 % band"] == "93 %"
+    assert row["all chains"] == "2 min"
+    assert row["slowest chain"] == "62 s"
+
+
+def test_a_fixed_exponent_is_called_fixed_in_the_overview(tmp_path: Path) -> None:
+    fit = make_fit(tmp_path, chains=2, draws=50, fixed=("stress_exponent",))
+    row = tables.overview_row(fit, fit.summary(), fit.checks(), 0.9)
+    assert row["stress exponent n"] == "3.779 (fixed)"
+
+
+@pytest.mark.parametrize(
+    ("seconds", "expected"), [(5.2, "5 s"), (600.0, "10 min"), (9000.0, "2.5 h")]
+)
+def test_durations(seconds: float, expected: str) -> None:
+    assert tables.duration_text(seconds) == expected
+
+
+def test_unit_conversion_leaves_no_noise_in_numbers() -> None:
+    assert number(0.1 * 3) == "0.3"

@@ -1,0 +1,97 @@
+"""Progress of chains: bars on a terminal, a few messages elsewhere."""
+
+import io
+import logging
+import sys
+from pathlib import Path
+
+import pytest
+
+from pyburgers.sampling.progress import ConsoleFile, bars, quarter_messages, shown_progress
+
+
+class Terminal(io.StringIO):
+    """A stream that says it is a terminal."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def terminal_as_stderr(monkeypatch: pytest.MonkeyPatch) -> Terminal:
+    """Exchange standard error until the test ends; not a fixture, after which pytest sets it."""
+    stream = Terminal()
+    monkeypatch.setattr(sys, "stderr", stream)
+    return stream
+
+
+def test_without_terminal_there_is_a_line_for_each_quarter(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    caplog.set_level(logging.INFO, "pyburgers")
+    with shown_progress([1, 2], 100) as advance:
+        for iteration in range(1, 101):
+            advance(1, iteration, "Warmup" if iteration <= 50 else "Sampling")
+        advance(2, 60, "Sampling")
+    assert caplog.messages == [
+        "chain 1: 25 of 100 iterations (warmup)",
+        "chain 1: 50 of 100 iterations (warmup)",
+        "chain 1: 75 of 100 iterations (sampling)",
+        "chain 1: 100 of 100 iterations (sampling)",
+        "chain 2: 60 of 100 iterations (sampling)",
+    ]
+
+
+def test_on_a_terminal_every_chain_has_a_bar(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    terminal = terminal_as_stderr(monkeypatch)
+    caplog.set_level(logging.INFO, "pyburgers")
+    with shown_progress([1, 3], 200) as advance:
+        advance(3, 120, "Sampling")
+    shown = terminal.getvalue()
+    assert "chain 1" in shown
+    assert "chain 3" in shown
+    assert "120/200 sampling" in shown
+    assert caplog.messages == []
+
+
+def test_processes_beside_each_other_draw_no_bars(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    terminal = terminal_as_stderr(monkeypatch)
+    monkeypatch.setattr("pyburgers.sampling.progress.parent_process", lambda: "a pool")
+    caplog.set_level(logging.INFO, "pyburgers")
+    with shown_progress([1], 100) as advance:
+        advance(1, 50, "Warmup")
+    assert terminal.getvalue() == ""
+    assert caplog.messages == ["chain 1: 50 of 100 iterations (warmup)"]
+
+
+def test_the_streams_of_the_process_stay_in_place(capsys: pytest.CaptureFixture[str]) -> None:
+    before = sys.stdout, sys.stderr
+    with bars([1], 100, Terminal()):
+        assert (sys.stdout, sys.stderr) == before
+        print("mine")
+    assert capsys.readouterr().out == "mine\n"
+
+
+def test_nobody_listens_by_default(capfd: pytest.CaptureFixture[str]) -> None:
+    quarter_messages(100)(1, 50, "Warmup")
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_console_is_followed_line_by_line(tmp_path: Path) -> None:
+    file = tmp_path / "stdout.txt"
+    file.write_text("refresh = 1\n", encoding="utf-8")
+    console = ConsoleFile(file)
+    assert console.new_iterations() == []
+    with file.open("a", encoding="utf-8") as stream:
+        print("Gradient evaluation took 0.001 seconds", file=stream)
+        print("Iteration:  1 / 100 [  1%]  (Warmup)", file=stream)
+        print("Iteration: 40 / 100 [ 40%]  (Warmup)", file=stream)
+        stream.write("Iteration: 10")
+        stream.flush()
+        assert console.new_iterations() == [(1, "Warmup"), (40, "Warmup")]
+        assert console.new_iterations() == []
+        stream.write("0 / 100 [100%]  (Sampling)\n")
+    assert console.new_iterations() == [(100, "Sampling")]

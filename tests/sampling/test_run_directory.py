@@ -1,0 +1,201 @@
+"""The run directory: atomic writing, claiming, refusing, what a kill leaves behind."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from pyburgers.common.atomic_files import (
+    UNFINISHED,
+    sha256_of_json,
+    write_atomically,
+    write_json,
+    write_text,
+)
+from pyburgers.common.errors import InputError
+from pyburgers.sampling.run_directory import RunDirectory
+
+
+def names(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir()}
+
+
+def unwritable(tmp_path: Path) -> Path:
+    """Return a folder in which nothing can be made, whoever runs the tests."""
+    if os.geteuid() == 0:
+        return Path("/proc")
+    folder = tmp_path / "locked"
+    folder.mkdir(mode=0o555)
+    return folder
+
+
+def test_a_write_that_fails_leaves_the_old_file(tmp_path: Path) -> None:
+    path = tmp_path / "file.json"
+    write_json(path, {"old": 1})
+
+    def fail(temporary: Path) -> None:
+        temporary.write_text('{"new": ', encoding="utf-8")
+        raise RuntimeError("disk full")
+
+    with pytest.raises(RuntimeError, match="disk full"):
+        write_atomically(path, fail)
+    assert json.loads(path.read_text(encoding="utf-8")) == {"old": 1}
+    assert names(tmp_path) == {"file.json"}
+
+
+def test_a_written_file_replaces_the_old_one_and_keeps_its_suffix_meanwhile(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "table.csv"
+    write_text(path, "old")
+    seen = []
+
+    def write(temporary: Path) -> None:
+        seen.append(temporary)
+        temporary.write_text("new", encoding="utf-8")
+
+    write_atomically(path, write)
+    assert path.read_text(encoding="utf-8") == "new"
+    assert seen[0].suffix == ".csv"
+    assert seen[0].name.startswith(UNFINISHED)
+    assert names(tmp_path) == {"table.csv"}
+
+
+def test_json_keeps_every_digit_and_infinity(tmp_path: Path) -> None:
+    content = {"third": 1 / 3, "bound": float("inf")}
+    write_json(tmp_path / "a.json", content)
+    assert json.loads((tmp_path / "a.json").read_text(encoding="utf-8")) == content
+
+
+def test_hash_does_not_depend_on_the_order_of_keys() -> None:
+    assert sha256_of_json({"a": 1, "b": [2.5]}) == sha256_of_json({"b": [2.5], "a": 1})
+    assert sha256_of_json({"a": 1}) != sha256_of_json({"a": 2})
+
+
+def test_a_new_directory_is_claimed_with_its_parents(tmp_path: Path) -> None:
+    run = RunDirectory(tmp_path / "deep" / "run")
+    with run.claimed("abc"):
+        assert run.read_manifest()["fingerprint"] == "abc"
+        assert run.inputs.is_dir()
+        assert run.finished_chains() == ()
+
+
+def test_the_same_inputs_may_come_back_and_find_what_was_finished(tmp_path: Path) -> None:
+    run = RunDirectory(tmp_path / "run")
+    with run.claimed("abc"):
+        for chain in (10, 2):
+            folder = run.new_scratch()
+            (folder / "draws.csv").write_text(str(chain), encoding="utf-8")
+            run.keep_chain(chain, folder)
+    with run.claimed("abc"):
+        assert run.finished_chains() == (2, 10)
+        assert run.draws_file(10).read_text(encoding="utf-8") == "10"
+
+
+def test_other_inputs_are_refused_and_nothing_changes(tmp_path: Path) -> None:
+    run = RunDirectory(tmp_path / "run")
+    with run.claimed("abc"):
+        run.update_manifest({"status": "sampled"})
+    before = {path: path.stat().st_mtime_ns for path in run.path.rglob("*")}
+    with pytest.raises(InputError, match="other inputs"), run.claimed("xyz"):
+        pass
+    assert {path: path.stat().st_mtime_ns for path in run.path.rglob("*")} == before
+
+
+def test_a_folder_of_something_else_is_refused_and_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "thesis.txt").write_text("precious", encoding="utf-8")
+    with pytest.raises(InputError, match=r"thesis\.txt"), RunDirectory(tmp_path).claimed("abc"):
+        pass
+    assert names(tmp_path) == {"thesis.txt"}
+
+
+def test_a_place_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "file"
+    file.write_text("", encoding="utf-8")
+    for path in (file, file / "run", unwritable(tmp_path) / "pyburgers-run"):
+        with (
+            pytest.raises(InputError, match="cannot be written"),
+            RunDirectory(path).claimed("abc"),
+        ):
+            pass
+
+
+def test_a_second_process_is_kept_out_until_the_first_is_gone(tmp_path: Path) -> None:
+    run = RunDirectory(tmp_path / "run")
+    code = (
+        "import sys, time\n"
+        "from pathlib import Path\n"
+        "from pyburgers.sampling.run_directory import RunDirectory\n"
+        "with RunDirectory(Path(sys.argv[1])).claimed('abc'):\n"
+        "    print('claimed', flush=True)\n"
+        "    time.sleep(600)\n"
+    )
+    holder = subprocess.Popen(
+        [sys.executable, "-c", code, str(run.path)],
+        stdout=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    assert holder.stdout is not None
+    with holder, holder.stdout:
+        assert holder.stdout.readline() == "claimed\n"
+        with pytest.raises(InputError, match="another process"), run.claimed("abc"):
+            pass
+        holder.send_signal(signal.SIGKILL)
+        holder.wait(timeout=30)
+    with run.claimed("abc"):
+        pass
+
+
+def test_what_a_kill_left_behind_is_removed(tmp_path: Path) -> None:
+    run = RunDirectory(tmp_path / "run")
+    # Killed while the very first file was being written.
+    run.path.mkdir()
+    (run.path / ".lock").touch()
+    (run.path / f"{UNFINISHED}1.json").write_text('{"finger', encoding="utf-8")
+    with run.claimed("abc"):
+        assert not list(run.path.rglob(f"{UNFINISHED}*"))
+        (run.new_scratch() / "draws.csv").write_text("half", encoding="utf-8")
+        (run.inputs / f"{UNFINISHED}2.csv").write_text("half", encoding="utf-8")
+    with run.claimed("abc"):
+        leftovers = [p for p in run.path.rglob("*") if p.is_file() and p.name != ".lock"]
+        assert leftovers == [run.manifest_file]
+
+
+def test_no_reader_ever_sees_half_a_file(tmp_path: Path) -> None:
+    """Kill processes that rewrite a file all the time, at several moments."""
+    code = (
+        "import sys\n"
+        "from pathlib import Path\n"
+        "from pyburgers.sampling.run_directory import write_json\n"
+        "while True:\n"
+        "    write_json(Path(sys.argv[1]), list(range(100_000)))\n"
+    )
+    paths = [tmp_path / f"{number}.json" for number in range(3)]
+    writers = [
+        subprocess.Popen([sys.executable, "-c", code, str(path)], start_new_session=True)
+        for path in paths
+    ]
+    for path, writer, wait_s in zip(paths, writers, (0.05, 0.1, 0.17), strict=True):
+        while not path.is_file() and writer.poll() is None:
+            time.sleep(0.01)
+        time.sleep(wait_s)
+        writer.kill()
+        writer.wait(timeout=30)
+        assert json.loads(path.read_text(encoding="utf-8"))[-1] == 99_999
+
+
+def test_a_folder_without_manifest_is_no_run(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="not a run directory"):
+        RunDirectory(tmp_path).read_manifest()
+
+
+def test_a_damaged_manifest_is_named(tmp_path: Path) -> None:
+    (tmp_path / "manifest.json").write_text("{", encoding="utf-8")
+    with pytest.raises(InputError, match=r"manifest\.json"):
+        RunDirectory(tmp_path).read_manifest()

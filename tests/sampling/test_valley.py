@@ -1,0 +1,70 @@
+"""Reference point and pins of the valley coordinates."""
+
+import numpy as np
+import pytest
+from conftest import ICE, resolved_priors, valley_of, with_fixed
+
+from pyburgers.model.priors import PriorSet
+from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
+from pyburgers.protocols.stan_data import SolverOptions, plain_coordinates
+from pyburgers.sampling.mode import find_mode
+from pyburgers.sampling.valley import NOISE_SCALED, ValleyUnsuited, find_valley, noise_exponents
+
+pytestmark = pytest.mark.usefixtures("programs")
+
+
+@pytest.fixture(scope="module")
+def experiment() -> ConstantRateExperiment:
+    return load_constant_rate(ICE / "PIL105.toml")
+
+
+@pytest.fixture(scope="module")
+def priors(experiment: ConstantRateExperiment) -> PriorSet:
+    return resolved_priors(experiment)
+
+
+def test_pins_lie_on_the_curve_where_the_dashpot_flows(
+    experiment: ConstantRateExperiment, priors: PriorSet
+) -> None:
+    valley = valley_of(experiment, priors)
+    strain, weight = valley.pin[:, 0], valley.pin[:, 4]
+    assert np.all(np.diff(strain) > 0)
+    assert strain[0] > 0.005  # beyond the elastic rise
+    stress = valley.knot_stress[valley.pin_knot - 1]
+    observed = np.interp(strain, experiment.strain, experiment.stress)
+    assert np.all(np.abs(stress - observed) < 4e5)  # four times the noise
+    # All pins together weigh as much as the points where the dashpot flows.
+    points = np.sum(weight * (1e5 / stress) ** 2)
+    assert points == pytest.approx(experiment.n_points, rel=0.4)
+
+
+def test_what_follows_the_first_quantile_trusts_quiet_records_more() -> None:
+    noisy, quiet = load_constant_rate(ICE / "PIL105.toml"), load_constant_rate(ICE / "PIL40.toml")
+    first, rest = valley_of(noisy, resolved_priors(noisy)).pin[:, 4:].T
+    np.testing.assert_array_equal(first, rest)  # noise of 2 % of the stress and more
+    first, rest = valley_of(quiet, resolved_priors(quiet)).pin[:, 4:].T
+    assert np.all(rest > 1.2 * first)
+
+
+def test_a_prior_that_fixes_the_fabric_does_not_suit(
+    experiment: ConstantRateExperiment, priors: PriorSet
+) -> None:
+    name = "steady_state_fabric_factor"
+    known = with_fixed(priors, {name: 0.5})
+    solver = SolverOptions()
+    mode = find_mode(experiment, known, seed=1, solver=solver)
+    assert mode.values[name] == 0.5
+    with pytest.raises(ValleyUnsuited, match=f"{name} is not free"):
+        find_valley(experiment, known, mode, solver=solver)
+
+
+def test_widths_follow_the_noise_as_far_as_the_data_set_them(
+    experiment: ConstantRateExperiment, priors: PriorSet
+) -> None:
+    coordinates = plain_coordinates(experiment, priors)
+    size = len(coordinates.quantities)
+    precise = noise_exponents(coordinates, priors, np.zeros((size, size)))
+    vague = noise_exponents(coordinates, priors, 100 * np.eye(size))
+    scaled = np.isin(coordinates.quantities, NOISE_SCALED)
+    np.testing.assert_array_equal(precise, scaled.astype(float))
+    np.testing.assert_array_equal(vague, 0.0)

@@ -1,0 +1,207 @@
+"""`pyburgers sbc`: many data sets, resumed bit for bit, and errors of one sentence."""
+
+import json
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from conftest import ICE, Problem
+
+from pyburgers.cli.main import main
+from pyburgers.drawing.style import image
+from pyburgers.model.priors import default_priors
+from pyburgers.protocols.constant_rate.experiment import load_constant_rate
+from pyburgers.sbc.data_sets import Replication
+from pyburgers.sbc.results import (
+    calibration_text,
+    count_sentences,
+    rank_differences,
+    rank_table,
+    verdict_table,
+)
+from pyburgers.sbc.run import Calibration, CalibrationPlan
+
+TINY = ("--simulations", "3", "--warmup", "40", "--draws", "20", "--ranked-draws", "19")
+RESULTS = ("verdicts.csv", "ranks.csv", "ranks.png", "ranks.svg")
+
+
+def made_up(width: float, *, n: int = 100) -> Calibration:
+    """Return a calibration whose truths are `width` times as wide as the posterior."""
+    rng = np.random.default_rng(6)
+    truths = width * rng.standard_normal(n)
+    found = (rng.standard_normal((n, 99)) < truths[:, None]).sum(axis=1).tolist()
+    right = rng.integers(0, 100, n).tolist()
+    done = [
+        Replication(
+            seed=k,
+            ranks={"stress_exponent": found[k], "log_likelihood": right[k]},
+            n_draws=99,
+            n_unsolvable=int(k == 3),
+            failed_checks=("divergences",) if k < 4 else (),
+            divergences=2 if k < 4 else 0,
+            rhat=1.01,
+            least_ess=200.0,
+            coordinates="valley",
+        )
+        for k in range(n - 1)
+    ]
+    lost = Replication(seed=n, ranks={}, n_draws=99, n_unsolvable=0, failure="No chain finished.")
+    return Calibration(
+        load_constant_rate(ICE / "PIL40.toml"),
+        default_priors("ice"),
+        CalibrationPlan(simulations=n),
+        (*done, lost),
+    )
+
+
+def test_a_posterior_that_is_too_narrow_fails_and_a_right_one_passes() -> None:
+    narrow, right = made_up(1.8), made_up(1.0)
+    table = verdict_table(narrow).set_index("quantity")
+    assert table["verdict"].to_dict() == {
+        "stress_exponent": "not calibrated",
+        "log_likelihood": "calibrated",
+    }
+    assert "too narrow" in table["in_words"]["stress_exponent"]
+    assert not narrow.passed
+    assert right.passed
+    assert set(verdict_table(right)["verdict"]) == {"calibrated"}
+
+
+def test_lost_fits_unphysical_draws_and_failed_checks_are_shown() -> None:
+    calibration = made_up(1.0)
+    text = " ".join(count_sentences(calibration))
+    assert "100 data sets like PIL40, 99 of them fitted" in text
+    assert "1 of 101 draws from the prior had no finite solution" in text
+    assert "Fits without any chain: 1" in text
+    assert "check of convergence: 4 (divergences 4)" in text
+    page = calibration_text(calibration, "pyburgers sbc x")
+    for sentence in count_sentences(calibration):
+        assert sentence in page
+    assert "| stress exponent |" in page
+    assert "`pyburgers sbc x`" in page
+    table = rank_table(calibration)
+    assert table["failure"].notna().sum() == 1
+    assert table["stress_exponent"].notna().sum() == 99
+    assert image(rank_differences(calibration), "png").startswith(b"\x89PNG")
+
+
+def test_without_a_single_fit_nothing_is_passed() -> None:
+    calibration = replace(made_up(1.0), replications=made_up(1.0).replications[-1:])
+    assert not calibration.passed
+    assert verdict_table(calibration).empty
+
+
+def command(problem: Problem, out: Path, *options: str) -> list[str]:
+    inputs = (str(problem.experiment_file), "--priors", str(problem.priors_file))
+    return ["sbc", *inputs, "--out", str(out), "--jobs", "2", *TINY, *options]
+
+
+@pytest.fixture(scope="module")
+def finished(
+    programs: None, small_problem: Problem, tmp_path_factory: pytest.TempPathFactory
+) -> Path:
+    """Folder of a calibration done in one go."""
+    out = tmp_path_factory.mktemp("calibration") / "out"
+    assert main(command(small_problem, out)) == 0
+    return out
+
+
+@pytest.fixture
+def outcomes(finished: Path) -> Iterator[dict[str, bytes]]:
+    """Return the files of the finished calibration, and check that a test leaves them alone."""
+    before = contents(finished)
+    yield before
+    assert contents(finished) == before
+
+
+def contents(out: Path) -> dict[str, bytes]:
+    files = [*(out / "simulations").iterdir(), *(out / name for name in RESULTS)]
+    return {file.name: file.read_bytes() for file in files}
+
+
+def test_every_data_set_is_a_file_and_the_manifest_says_how_to_repeat_it(
+    finished: Path, outcomes: dict[str, bytes]
+) -> None:
+    assert len(outcomes) == 3 + len(RESULTS)
+    ranks = pd.read_csv(finished / "ranks.csv")
+    assert ranks["seed"].tolist() == [1, 2, 3]
+    for record in ranks.to_dict("records"):
+        kept = json.loads(outcomes[f"simulation_{record['seed']:06d}.json"])
+        for name, rank in kept["ranks"].items():
+            assert 0 <= rank <= 19
+            assert record[name] == rank
+    assert len(set(ranks["reference_stress"])) > 1
+    manifest = json.loads((finished / "manifest.json").read_text(encoding="utf-8"))
+    assert manifest["status"] == "complete"
+    assert manifest["plan"]["sampler"]["draws"] == 20
+    assert set(manifest["hashes"]) == {
+        "inputs/experiment.csv",
+        "inputs/experiment.toml",
+        "inputs/priors.toml",
+    }
+    assert {"cmdstan", "pyburgers"} <= set(manifest["versions"])
+    assert "Unphysical draws: 0 of 3" in (finished / "calibration.md").read_text(encoding="utf-8")
+
+
+def test_a_killed_calibration_is_continued_with_more_data_sets_to_the_same_result(
+    small_problem: Problem, outcomes: dict[str, bytes], tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    arguments = command(small_problem, out, "--jobs", "1", "--simulations", "2")
+    killed = subprocess.Popen([sys.executable, "-m", "pyburgers.cli.main", *arguments])
+    first = out / "simulations" / "simulation_000001.json"
+    deadline = time.monotonic() + 120
+    while not first.is_file() and time.monotonic() < deadline:
+        time.sleep(0.02)
+    killed.send_signal(signal.SIGKILL)
+    killed.wait()
+    left = {file.name for file in (out / "simulations").iterdir()}
+    assert first.name in left
+    assert len(left) < 2 or not (out / "ranks.csv").is_file()
+    assert main(command(small_problem, out)) == 0
+    assert contents(out) == outcomes
+
+
+def assert_refused(code: int, capsys: pytest.CaptureFixture[str], *words: str) -> None:
+    """Exit code 2 and one clear sentence on standard error."""
+    out, error = capsys.readouterr()
+    assert code == 2
+    assert out == ""
+    assert re.fullmatch(r"pyburgers: [^\n]+[.?]\n", error)
+    for word in words:
+        assert word in error
+
+
+@pytest.mark.parametrize("option", [("--seed", "2"), ("--draws", "21"), ("--chains", "3")])
+def test_another_configuration_in_the_same_folder_is_refused(
+    option: tuple[str, str],
+    small_problem: Problem,
+    finished: Path,
+    outcomes: dict[str, bytes],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    code = main(command(small_problem, finished, *option))
+    assert_refused(code, capsys, "holds a run of other inputs", "choose another --out")
+
+
+def test_bad_numbers_and_files_are_refused(
+    small_problem: Problem, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    for options, words in (
+        (("--simulations", "0"), "simulations is 0"),
+        (("--ranked-draws", "41"), "ranked_draws is 41, expected a number from 3 to 40"),
+        (("--jobs", "0"), "jobs is 0"),
+        (("--coordinates", "sheared"), "sheared coordinates are not for tests"),
+    ):
+        assert_refused(main(command(small_problem, out, *options)), capsys, words)
+    assert_refused(main(["sbc", str(tmp_path / "none.toml")]), capsys, "does not exist")
+    assert not out.exists()

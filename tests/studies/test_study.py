@@ -1,0 +1,240 @@
+"""The parts of the study's page beside the fits."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from synthetic_fit import make_fit
+from synthetic_olivine_fit import make_olivine_fit
+from test_report import Page
+from test_report import small_fit as quickly_drawn_fit
+
+from pyburgers.common.draws import all_draws
+from pyburgers.fitting.fit import Fit
+from pyburgers.fitting.side_by_side import Problem
+from pyburgers.predictions.attenuation import predict_attenuation, quantile_table
+from pyburgers.predictions.oscillation_response import oscillation_of
+from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
+from pyburgers.protocols.forward import simulate
+from pyburgers.report.page import ExtraSection, write_report
+from pyburgers.studies.maor.reproduce import (
+    COMBINED_RUN,
+    PEAK_STRESS_TABLE,
+    reproduce,
+    study_experiments,
+)
+from pyburgers.studies.maor.sections import (
+    background_section,
+    counterparts_section,
+    study_sections,
+    time_domain_table,
+)
+from pyburgers.studies.maor.statements import MICROSTRUCTURE_SENTENCE, SYNTHETIC_SENTENCE
+
+
+@pytest.fixture(scope="module")
+def ice(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Fit]:
+    folder = tmp_path_factory.mktemp("ice")
+    return {name: make_fit(folder / name, name=name, draws=100) for name in ("PIL40", "PIL72")}
+
+
+@pytest.fixture(scope="module")
+def olivine(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Fit]:
+    folder = tmp_path_factory.mktemp("olivine")
+    return {
+        "removed": make_olivine_fit(folder / "removed", "removed"),
+        "kept": make_olivine_fit(folder / "kept", "kept"),
+    }
+
+
+@pytest.fixture(scope="module")
+def sections(ice: dict[str, Fit], olivine: dict[str, Fit]) -> tuple[ExtraSection, ...]:
+    return study_sections(ice, olivine)
+
+
+@pytest.fixture(scope="module")
+def folder(sections: tuple[ExtraSection, ...], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("page")
+    fit = quickly_drawn_fit(tmp_path_factory.mktemp("run"), "PIL40")
+    write_report([fit], out, title="Study", command="x", extras=sections)
+    return out
+
+
+@pytest.fixture(scope="module")
+def page(folder: Path) -> Page:
+    return Page((folder / "index.html").read_text(encoding="utf-8"))
+
+
+def test_the_page_holds_every_part_in_its_place(
+    page: Page, sections: tuple[ExtraSection, ...]
+) -> None:
+    assert not page.open
+    assert len(set(page.ids)) == len(page.ids)
+    links = [reference for tag, reference in page.references if tag == "a"]
+    for section in sections:
+        assert f"#{section.key}" in links
+    places = [page.ids.index(key) for key in ("overview", "statements", "PIL40", "attenuation")]
+    assert places == sorted(places)
+    for section in sections:
+        for figure in section.figures:
+            assert figure.caption in page.alternatives
+
+
+def test_statements_stand_with_verdict_evidence_and_rule(
+    page: Page, sections: tuple[ExtraSection, ...], folder: Path
+) -> None:
+    (table,) = sections[0].tables
+    assert len(table.shown) == 10
+    for row in table.shown.to_dict("records"):
+        for cell in row.values():
+            assert " ".join(str(cell).split()) in page.text
+    written = pd.read_csv(folder / "tables" / "statements_table.csv")
+    pd.testing.assert_frame_equal(written, table.saved)
+
+
+def test_the_page_says_what_verdicts_on_synthetic_data_mean(
+    page: Page, tmp_path: Path, ice: dict[str, Fit]
+) -> None:
+    assert SYNTHETIC_SENTENCE in page.text
+    assert MICROSTRUCTURE_SENTENCE in page.text
+    measured = {"PIL40": make_fit(tmp_path / "run", kind="measured", draws=100)}
+    paragraphs = study_sections(measured, {})[0].paragraphs
+    assert SYNTHETIC_SENTENCE not in paragraphs
+
+
+def test_figures_and_tables_of_attenuation_are_files(folder: Path, ice: dict[str, Fit]) -> None:
+    for name in ("PIL40_spectrum", "PIL72_spectrum", "PIL40_draws", "PIL40_amplitude"):
+        picture = folder / "figures" / f"attenuation_{name}.png"
+        assert picture.read_bytes().startswith(b"\x89PNG")
+        assert "<svg" in picture.with_suffix(".svg").read_text(encoding="utf-8")
+    for name, fit in ice.items():
+        written = pd.read_csv(folder / "tables" / f"attenuation_{name}_quantiles.csv")
+        pd.testing.assert_frame_equal(written, quantile_table(predict_attenuation(fit)))
+
+
+def test_simulations_in_time_agree_with_the_closed_form(ice: dict[str, Fit]) -> None:
+    check = time_domain_table(ice["PIL40"])
+    assert len(check) == 4 * 3
+    assert (check["relative_difference"].abs() < 1e-4).all()
+    assert check["simulated"].to_numpy() == pytest.approx(check["closed_form"].to_numpy(), rel=1e-4)
+
+
+def test_each_treatment_of_the_olivine_record_has_its_preparation(
+    sections: tuple[ExtraSection, ...], folder: Path
+) -> None:
+    preparation = {section.key: section for section in sections}["preparation"]
+    names = [figure.name for figure in preparation.figures]
+    assert names == ["olivine_removed", "olivine_kept"]
+    for name in names:
+        assert (folder / "figures" / f"preparation_{name}.svg").is_file()
+
+
+def test_the_page_says_what_removing_the_background_changes(
+    sections: tuple[ExtraSection, ...], olivine: dict[str, Fit]
+) -> None:
+    background = {section.key: section for section in sections}["background"]
+    (table,) = background.tables
+    saved, shown = table.saved.set_index("quantity"), table.shown.set_index("quantity")
+    for treatment, fit in olivine.items():
+        draws = fit.posterior["posterior"]["kelvin_modulus"].to_numpy()
+        expected = np.quantile(draws, [0.05, 0.5, 0.95])
+        columns = [f"{treatment}_{name}" for name in ("q5", "median", "q95")]
+        assert [saved[column]["Kelvin modulus"] for column in columns] == pytest.approx(
+            list(expected)
+        )
+        low, median, high = (end / 1e9 for end in expected.tolist())
+        cell = shown.loc["Kelvin modulus", f"background {treatment}"]
+        assert cell == f"{median:.3g} [{low:.3g}, {high:.3g}]"
+        rates = np.abs(all_draws(fit.posterior["predictions"].to_dataset()["dashpot_rate"]))
+        assert saved.loc["largest rate of the dashpot", f"{treatment}_median"] == pytest.approx(
+            float(np.median(rates.max(axis=1)))
+        )
+    assert shown.loc["Kelvin modulus", "true value"] == "25"
+    text = " ".join(background.paragraphs)
+    prepared = oscillation_of(olivine["kept"]).prepared
+    assert f"oscillates by {prepared.stress_fit.amplitude()[0] / 1e6:.0f} MPa" in text
+
+
+def test_the_true_state_is_that_of_the_model_at_the_true_parameters(
+    sections: tuple[ExtraSection, ...], olivine: dict[str, Fit]
+) -> None:
+    background = {section.key: section for section in sections}["background"]
+    truth = background.tables[0].saved.set_index("quantity")["truth"]
+    experiment = olivine["kept"].experiment
+    assert experiment.true_parameters is not None
+    solution = simulate(experiment, experiment.true_parameters)
+    assert truth["grain size at the end"] == pytest.approx(
+        float(solution["grain_size_m"].iloc[-1]), rel=1e-6
+    )
+
+
+def test_without_a_kept_background_or_truth_there_is_no_true_state(
+    olivine: dict[str, Fit],
+) -> None:
+    for experiment in (
+        olivine["removed"].experiment,
+        replace(olivine["removed"].experiment, true_parameters=None),
+    ):
+        fits = {"removed": replace(olivine["removed"], experiment=experiment)}
+        (table,) = background_section(fits).tables
+        assert table.shown["true value"].tolist()[-2:] == ["", ""]
+
+
+def test_counterparts_name_what_is_there(ice: dict[str, Fit], olivine: dict[str, Fit]) -> None:
+    (all_of_it,) = counterparts_section(ice, olivine).tables
+    papers = ["Fig. 3", "Fig. 4", "Fig. 5", "Fig. 6", "Fig. S3", "Table 1", "Table 2"]
+    assert all_of_it.shown["paper"].tolist() == papers
+    (of_ice,) = counterparts_section(ice, {}).tables
+    assert of_ice.shown["paper"].tolist() == [p for p in papers if p not in {"Fig. 5", "Table 2"}]
+
+
+def test_without_olivine_the_page_has_neither_preparation_nor_its_statements(
+    ice: dict[str, Fit],
+) -> None:
+    sections = study_sections(ice, {})
+    assert [section.key for section in sections] == ["statements", "counterparts", "attenuation"]
+    assert not sections[0].tables[0].shown["statement"].str.contains("olivine").any()
+
+
+def test_the_study_fits_every_experiment_and_shows_all_of_it(
+    programs: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shown: dict[str, Any] = {}
+
+    def quickly(problems: Mapping[str, Problem], folder: Path, **_: object) -> dict[str, Fit]:
+        return {name: made(problem, folder / name) for name, problem in problems.items()}
+
+    def made(problem: Problem, out: Path) -> Fit:
+        experiment, priors = problem.experiment, problem.priors
+        assert priors.material == experiment.material
+        assert out == tmp_path / "runs" / "quick" / experiment.id
+        if isinstance(experiment, OscillationExperiment):
+            treatment = experiment.prepared.background
+            assert experiment.id == f"olivine_{treatment}"
+            return make_olivine_fit(out, treatment)
+        fit = make_fit(out, name=experiment.id, draws=100, command=experiment.id)
+        return replace(fit, priors=priors.resolved(8e6))
+
+    def written(fits: Sequence[Fit], out: Path, **arguments: object) -> Path:
+        shown.update(fits=fits, **arguments)
+        return out / "index.html"
+
+    monkeypatch.setattr("pyburgers.studies.maor.reproduce.fit_side_by_side", quickly)
+    monkeypatch.setattr("pyburgers.studies.maor.reproduce.write_report", written)
+    outcome = reproduce("quick", tmp_path, command="make report")
+    names = [*study_experiments(), COMBINED_RUN]
+    assert outcome.fits[-1].priors.flow_law is not None
+    assert all(fit.priors.flow_law is None for fit in outcome.fits[:-1])
+    assert outcome.page == tmp_path / "index.html"
+    for fits in (outcome.fits, shown["fits"]):
+        assert [fit.experiment.id for fit in fits] == names
+    assert shown["command"] == "make report"
+    keys = [section.key for section in shown["extras"]]
+    of_study = ["statements", "counterparts", "attenuation", "preparation", "background"]
+    assert keys[:6] == [*of_study, "peak_stress"]
+    assert names[:-1] == ["PIL40", "PIL72", "PIL105", "olivine_removed", "olivine_kept"]
+    assert outcome.peak_stress.data.id == PEAK_STRESS_TABLE

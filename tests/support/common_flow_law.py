@@ -1,0 +1,32 @@
+"""Ice tests made with one flow law and one set of moduli, for joint fits that should find them."""
+
+from types import MappingProxyType
+
+import numpy as np
+from conftest import ICE
+
+from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
+from pyburgers.sbc.data_sets import simulate_constant_rate
+
+NAMES = ("PIL40", "PIL72", "PIL105")
+COMMON = MappingProxyType(
+    {
+        "maxwell_modulus": 3.5e9,
+        "kelvin_modulus": 5.6e8,
+        "kelvin_viscosity": 6e10,
+        "stress_exponent": 3.9,
+        "grain_size_exponent": 0.5,
+        "activation_enthalpy": 63e3,
+        "beta": -7.29e-4,
+    }
+)
+"""Flow law and moduli of all tests; microstructure and noise are those of the shipped twins."""
+
+
+def with_common_flow_law(name: str) -> ConstantRateExperiment:
+    """The strains of a shipped twin with stresses of the common flow law."""
+    twin = load_constant_rate(ICE / f"{name}.toml")
+    assert twin.true_parameters is not None
+    rng = np.random.default_rng([20261120, NAMES.index(name)])
+    values = {**twin.true_parameters, **COMMON}
+    return simulate_constant_rate(twin, values, rng, source="a common flow law")

@@ -9,7 +9,7 @@
  *   w = angular_frequency dashpot_strain/g(sigma_max),
  *
  * (with a power-law Kelvin element its linear driving stress in place of sigma/sigma_max - z, see
- * functions/kelvin_element.stan), with g the flow law (functions/flow_law.stan) and sigma_max = median_stress + amplitude. z is
+ * physics/kelvin_element.stan), with g the flow law (physics/flow_law.stan) and sigma_max = median_stress + amplitude. z is
  * O(1), and w counts the radians that the dashpot would need at its fastest.
  */
 
@@ -66,8 +66,7 @@ array[] vector imposed_stress_solution(data array[] real time, data int n_in_hol
                                        real fabric_factor, real log_factor,
                                        real kelvin_stress_exponent,
                                        data real kelvin_reference_stress,
-                                       data real relative_tolerance,
-                                       data real absolute_tolerance, data int max_num_steps) {
+                                       data real tolerance, data int max_num_steps) {
   real largest_stress = median_stress + amplitude;
   real dashpot_scale = dashpot_strain_rate(largest_stress, grain_size, fabric_factor,
                                            stress_exponent, grain_size_exponent, log_factor)
@@ -78,7 +77,7 @@ array[] vector imposed_stress_solution(data array[] real time, data int n_in_hol
   array[n] vector[2] solution;
   solution[1 : n_in_hold]
     = ode_bdf_tol(imposed_stress_rhs, rep_vector(0, 2), -hold_time, time[1 : n_in_hold],
-                  relative_tolerance, absolute_tolerance, max_num_steps, median_stress, 0.0,
+                  tolerance, tolerance, max_num_steps, median_stress, 0.0,
                   largest_stress, angular_frequency, kelvin_modulus, kelvin_viscosity,
                   stress_exponent, grain_size_exponent, grain_size, fabric_factor, log_factor,
                   kelvin_stress_exponent, log_kelvin_unit);
@@ -86,7 +85,7 @@ array[] vector imposed_stress_solution(data array[] real time, data int n_in_hol
     // The dashpot's strain starts anew: its tolerance is relative to what the cycles add.
     solution[n_in_hold + 1 : n]
       = ode_bdf_tol(imposed_stress_rhs, [solution[n_in_hold][1], 0]', 0, time[n_in_hold + 1 : n],
-                    relative_tolerance, absolute_tolerance, max_num_steps, median_stress,
+                    tolerance, tolerance, max_num_steps, median_stress,
                     amplitude, largest_stress, angular_frequency, kelvin_modulus,
                     kelvin_viscosity, stress_exponent, grain_size_exponent, grain_size,
                     fabric_factor, log_factor, kelvin_stress_exponent, log_kelvin_unit);

@@ -10,19 +10,19 @@
  *   clock far from zero does not see them
  * @param origin on the record's clock, s
  * @param period s
- * @param sine, cosine, background, background_middle, background_half, first_tau see
- *   oscillating_rate()
+ * @param sine, cosine, background, background_range, first_tau see oscillating_rate()
+ * @param piezometer d_1 (m), exponent and stress floor (Pa)
  */
-vector six_state_oscillation_rhs(real time, vector state, data real origin, data real period, data vector sine,
-                                 data vector cosine, data vector background,
-                                 data real background_middle, data real background_half,
-                                 data real first_tau, data real temperature,
+vector six_state_oscillation_rhs(real time, vector state, data real origin, data real period,
+                                 data vector sine, data vector cosine, data vector background,
+                                 data vector background_range, data real first_tau,
+                                 data real temperature, data vector piezometer,
                                  real maxwell_modulus, real kelvin_modulus,
                                  real kelvin_viscosity, real stress_exponent,
                                  real grain_size_exponent, real activation_enthalpy,
                                  real beta, real critical_strain_grain_size) {
   real strain_rate = oscillating_rate((origin + time) / period, sine, cosine, background,
-                                      background_middle, background_half, first_tau)
+                                      background_range, first_tau)
                      / period;
   real kelvin_rate = (state[1] - kelvin_modulus * state[2]) / kelvin_viscosity;
   real dashpot_rate = dashpot_strain_rate(state[1], state[5], 1, stress_exponent,
@@ -38,7 +38,8 @@ vector six_state_oscillation_rhs(real time, vector state, data real origin, data
   // Ahead of the record grains keep their size.
   rate[5] = origin + time < first_tau * period
             ? 0
-            : microstructure_rate(state[5], piezometer_grain_size(state[1]),
+            : microstructure_rate(state[5], piezometer_grain_size(state[1], piezometer[1],
+                                                        piezometer[2], piezometer[3]),
                                   critical_strain_grain_size, strain_rate);
   return rate;
 }

@@ -1,7 +1,9 @@
-// Values of the constitutive functions, one row of data each.
+// Values of the constitutive functions and of the densities of residuals, one row of data each.
 functions {
-#include functions/flow_law.stan
-#include functions/microstructure.stan
+#include physics/flow_law.stan
+#include physics/kelvin_element.stan
+#include physics/microstructure.stan
+#include statistics/residuals.stan
 }
 data {
   real<lower=0> temperature;
@@ -19,6 +21,19 @@ data {
   real<lower=0> critical_strain;
   int<lower=0> n_path_strains;
   vector<lower=0>[n_path_strains] path_strain;
+  int<lower=1> n;
+  vector[n] strain;
+  vector[n] residual;
+  real<lower=0> stress_noise;
+  real<lower=0> correlation_strain;
+  int<lower=0> n_replications;
+  real<lower=0> viscosity;
+  real<lower=0> kelvin_stress_exponent;
+  real kelvin_activation_enthalpy;
+  real<lower=0> reference_stress;
+  real<lower=0> reference_temperature;
+  int<lower=0> n_driving;
+  vector[n_driving] driving_stress;
 }
 generated quantities {
   vector[n_stresses] dashpot_rate;
@@ -48,7 +63,7 @@ generated quantities {
                                           grain_size_exponent,
                                           log_rate_factor(activation_enthalpy, beta,
                                                           temperature));
-    preferred_grain_size[i] = piezometer_grain_size(stress[i]);
+    preferred_grain_size[i] = piezometer_grain_size(stress[i], 0.015, 1.33, 1e6);
   }
   for (i in 1 : n_path_strains) {
     grain_size_at[i] = microstructure_at(path_strain[i], initial_grain_size, steady_state,
@@ -65,5 +80,24 @@ generated quantities {
     grain_size_strength[i] = strength_factor(path_strain[i], initial_grain_size, steady_state,
                                              critical_strain,
                                              grain_size_exponent / stress_exponent);
+  }
+  vector[n] log_density = residual_log_densities(residual, stress_noise, strain,
+                                                 correlation_strain);
+  vector[n] log_density_given_others
+    = residual_log_densities_given_others(residual, stress_noise, strain, correlation_strain);
+  array[n_replications] vector[n] replicated;
+  real log_rate_factor_of_kelvin = log_kelvin_rate_factor(viscosity, kelvin_stress_exponent,
+                                                          kelvin_activation_enthalpy,
+                                                          reference_stress,
+                                                          reference_temperature);
+  vector[n_driving] kelvin_rate;
+  for (i in 1 : n_replications) {
+    replicated[i] = residuals_rng(strain, stress_noise, correlation_strain);
+  }
+  for (i in 1 : n_driving) {
+    kelvin_rate[i] = linear_driving_stress(driving_stress[i], kelvin_stress_exponent,
+                                           -log(reference_stress))
+                     / kelvin_viscosity_at(viscosity, kelvin_activation_enthalpy, temperature,
+                                           reference_temperature);
   }
 }

@@ -31,7 +31,7 @@ from pyburgers.common.messages import messages_to
 from pyburgers.drawing.style import BLUE, GREY, ORANGE
 from pyburgers.fitting.fit import Fit
 from pyburgers.posterior.labelled_draws import grain_size_share
-from pyburgers.protocols.files import load_experiment, save_experiment
+from pyburgers.protocols.registry import load_experiment, save_experiment
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment, with_background
 from pyburgers.protocols.forced_oscillation.preparation import Background
 from pyburgers.protocols.forward import program_for

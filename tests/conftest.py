@@ -15,12 +15,12 @@ from pyburgers.fitting.fit import Fit, fit
 from pyburgers.model.priors import Prior, PriorSet, default_priors, load_priors, save_priors
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.files import save_experiment
+from pyburgers.protocols.registry import save_experiment
 from pyburgers.protocols.forward import quiet_cmdstanpy
 from pyburgers.protocols.stan_data import SolverOptions, ValleyReference
 from pyburgers.sampling.mode import find_mode
 from pyburgers.sampling.options import SamplerOptions
-from pyburgers.sampling.valley import find_valley
+from pyburgers.protocols.constant_rate.valley import find_valley
 
 FloatArray = npt.NDArray[np.float64]
 FunctionValues = Callable[[str, Mapping[str, object]], dict[str, FloatArray]]

@@ -30,7 +30,7 @@ from pyburgers.common.wording import count_points
 from pyburgers.comparison.same_data import check_same_data, data_hash, tests_of
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.fitting.joint_fit import JointFit
-from pyburgers.posterior.draws import all_draws
+from pyburgers.common.draws import all_draws
 from pyburgers.posterior.labelled_draws import (
     GIVEN_OTHERS,
     has_correlated_residuals,

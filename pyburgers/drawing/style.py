@@ -28,7 +28,7 @@ from pyburgers.checks.sampling_checks import BAND
 from pyburgers.common.atomic_files import write_bytes
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.display import STRAIN_FACTOR, STRAIN_UNIT, STRESS_FACTOR
-from pyburgers.posterior.draws import all_draws, evenly_spaced
+from pyburgers.common.draws import all_draws, evenly_spaced
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment

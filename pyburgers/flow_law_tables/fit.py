@@ -42,7 +42,7 @@ from pyburgers.flow_law_tables.table import PeakStressData, load_peak_stress, sa
 from pyburgers.model.flow_law_prior import FLOW_LAW_PRIOR_FILE, PRIOR_QUANTITIES, FlowLawPrior
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.model.priors import PriorSet
-from pyburgers.posterior.draws import all_draws
+from pyburgers.common.draws import all_draws
 from pyburgers.posterior.labelled_draws import (
     keep_posterior,
     label_draws,

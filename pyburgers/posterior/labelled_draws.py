@@ -27,7 +27,7 @@ from pyburgers.model.parameters import PARAMETER_BY_NAME, REFERENCE_QUANTITIES, 
 from pyburgers.model.priors import PriorSet, load_priors
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.files import load_experiment
+from pyburgers.protocols.registry import load_experiment
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.protocols.forward import (
     REFERENCE_SOLVER,

@@ -27,7 +27,7 @@ from pyburgers.drawing.style import (
     VERMILION,
     style,
 )
-from pyburgers.posterior.draws import evenly_spaced
+from pyburgers.common.draws import evenly_spaced
 from pyburgers.predictions.attenuation import flat_draws
 
 FloatArray = npt.NDArray[np.float64]

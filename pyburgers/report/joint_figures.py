@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from pyburgers.report.constant_rate_figures import draw_curve, mark_rate_steps
+from pyburgers.protocols.constant_rate.figures import draw_curve, mark_rate_steps
 from pyburgers.checks.sampling_checks import BAND
 from pyburgers.model.display import (
     STRAIN_FACTOR,
@@ -16,7 +16,7 @@ from pyburgers.model.display import (
     axis_label,
     shown_quantity,
 )
-from pyburgers.posterior.draws import all_draws
+from pyburgers.common.draws import all_draws
 from pyburgers.drawing.style import (
     BLUE,
     TAIL,

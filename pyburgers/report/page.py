@@ -24,7 +24,7 @@ from pyburgers.drawing.style import FigureText, write_images
 from pyburgers.report.figures import figures_for
 from pyburgers.fitting.fit import Fit, is_joint
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
-from pyburgers.predictions.oscillation_response import response_table
+from pyburgers.protocols.forced_oscillation.response import response_table
 from pyburgers.checks.prior_influence import (
     THRESHOLDS_TEXT,
     influence_numbers,

@@ -17,7 +17,7 @@ from matplotlib.patches import Patch
 from scipy import ndimage, stats
 
 from pyburgers.model.display import axis_label, number, shown_quantity, unit_text
-from pyburgers.posterior.draws import all_draws, evenly_spaced
+from pyburgers.common.draws import all_draws, evenly_spaced
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.drawing.style import (
     BLACK,

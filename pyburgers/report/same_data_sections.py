@@ -24,7 +24,7 @@ from pyburgers.model.display import (
     unit_text,
     with_error,
 )
-from pyburgers.posterior.draws import all_draws
+from pyburgers.common.draws import all_draws
 from pyburgers.fitting.fit import Fit
 from pyburgers.report.flow_law_figures import COMBINED_CAPTION, combined_flow_law
 from pyburgers.model.flow_law_prior import FlowLawPrior

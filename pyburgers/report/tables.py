@@ -175,7 +175,7 @@ def shown_truth_table(truth: pd.DataFrame) -> pd.DataFrame:
 
 
 def shown_response_table(response: pd.DataFrame) -> pd.DataFrame:
-    """Return a `pyburgers.predictions.oscillation_response.response_table` as text in display units."""
+    """Return a `pyburgers.protocols.forced_oscillation.response.response_table` as text in display units."""
     shown = {
         "amplitude": ("amplitude of the stress", STRESS_UNIT, STRESS_FACTOR),
         "lag": ("phase lag of the strain", "degrees", float(np.degrees(1.0))),

@@ -23,8 +23,8 @@ from pyburgers.protocols.stan_data import (
 )
 from pyburgers.sampling.metric import expected_rise, laplace_metric
 from pyburgers.sampling.mode import Mode, ModeNotFound, climb, find_mode
-from pyburgers.sampling.sheared import ShearedUnsuited, find_sheared
-from pyburgers.sampling.valley import ValleyUnsuited, find_valley, noise_exponents
+from pyburgers.protocols.forced_oscillation.sheared import ShearedUnsuited, find_sheared
+from pyburgers.protocols.constant_rate.valley import ValleyUnsuited, find_valley, noise_exponents
 
 logger = logging.getLogger(__name__)
 
@@ -180,7 +180,7 @@ def geometry_at_mode(
         Finds the mode, or raises `pyburgers.sampling.mode.ModeNotFound`.
     special : callable
         Sets up valley or sheared coordinates at a mode, or raises
-        `pyburgers.sampling.valley.ValleyUnsuited` or `pyburgers.sampling.sheared.ShearedUnsuited`.
+        `pyburgers.protocols.constant_rate.valley.ValleyUnsuited` or `pyburgers.protocols.forced_oscillation.sheared.ShearedUnsuited`.
 
     Raises
     ------

@@ -27,7 +27,7 @@ from pyburgers.sampling.joint_stan_data import (
 )
 from pyburgers.sampling.mode import N_STARTS, Mode, climb, find_mode
 from pyburgers.sampling.problem import JointProblem
-from pyburgers.sampling.valley import SOLVED, ValleyUnsuited, find_valley, noise_exponents
+from pyburgers.protocols.constant_rate.valley import SOLVED, ValleyUnsuited, find_valley, noise_exponents
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.model.priors import PriorSet, save_priors
 from pyburgers.model.variants import check_variant
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.files import save_experiment
+from pyburgers.protocols.registry import save_experiment
 from pyburgers.protocols.forward import program_for
 from pyburgers.protocols.stan_data import SolverOptions, StanData, program_data
 from pyburgers.sampling.chains import ChainFailure, no_process_left, run_side_by_side

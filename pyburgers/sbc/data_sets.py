@@ -18,7 +18,7 @@ from pyburgers.cmdstan.program import load_model
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.model.priors import PriorSet, default_priors, load_priors, shipped_prior_files
-from pyburgers.posterior.draws import all_draws
+from pyburgers.common.draws import all_draws
 from pyburgers.posterior.labelled_draws import convergence_table, free_parameters
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.protocols.experiment import Experiment, Provenance

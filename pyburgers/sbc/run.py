@@ -20,7 +20,7 @@ from pyburgers.common.processes import completed, number_of_processes
 from pyburgers.common.toml_files import read_text
 from pyburgers.model.priors import PriorSet, load_priors, save_priors
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.files import load_experiment, save_experiment
+from pyburgers.protocols.registry import load_experiment, save_experiment
 from pyburgers.protocols.forward import program_for
 from pyburgers.protocols.stan_data import SolverOptions, program_data
 from pyburgers.sampling.charts import check_coordinates

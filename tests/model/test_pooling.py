@@ -18,7 +18,7 @@ from pyburgers.model.pooling import (
 from pyburgers.model.priors import default_priors
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.files import load_experiment
+from pyburgers.protocols.registry import load_experiment
 from pyburgers.sampling.joint_stan_data import joint_coordinates
 from pyburgers.sampling.problem import JointProblem, joint_problem
 

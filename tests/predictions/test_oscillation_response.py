@@ -9,7 +9,7 @@ from synthetic_olivine_fit import make_olivine_fit, oscillating
 
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
-from pyburgers.predictions.oscillation_response import (
+from pyburgers.protocols.forced_oscillation.response import (
     central_band,
     observed_response,
     oscillation_of,

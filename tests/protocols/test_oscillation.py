@@ -13,7 +13,7 @@ from pyburgers.protocols.forced_oscillation.preparation import (
     OscillationSettings,
     prepare,
 )
-from pyburgers.report.oscillation_figures import preparation
+from pyburgers.protocols.forced_oscillation.figures import preparation
 
 FloatArray = npt.NDArray[np.float64]
 

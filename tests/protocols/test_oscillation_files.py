@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pyburgers.common.errors import InputError
-from pyburgers.protocols.files import load_experiment, save_experiment
+from pyburgers.protocols.registry import load_experiment, save_experiment
 from pyburgers.protocols.forced_oscillation.experiment import (
     OscillationExperiment,
     load_forced_oscillation,

@@ -13,14 +13,14 @@ from synthetic_olivine_fit import make_olivine_fit
 from pyburgers.common.errors import InputError
 from pyburgers.drawing.style import FigureRecipe
 from pyburgers.fitting.fit import Fit
-from pyburgers.report.oscillation_figures import (
+from pyburgers.protocols.forced_oscillation.figures import (
     OSCILLATION_FIGURES,
     amplitude_phase,
     microstructure,
     stress_loop,
     stress_time,
 )
-from pyburgers.predictions.oscillation_response import central_band, oscillation_of, replicated_response
+from pyburgers.protocols.forced_oscillation.response import central_band, oscillation_of, replicated_response
 
 
 @pytest.fixture(scope="module", params=["removed", "kept"])

@@ -12,7 +12,7 @@ from test_report import Page
 
 from pyburgers.cli.main import main
 from pyburgers.comparison.by_points import compare, comparison_table, sentences
-from pyburgers.posterior.draws import all_draws
+from pyburgers.common.draws import all_draws
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, Conditions, FlowLawPrior
 from pyburgers.flow_law_tables.table import least_squares, load_peak_stress

@@ -8,7 +8,7 @@ from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
 from pyburgers.protocols.stan_data import SolverOptions, plain_coordinates
 from pyburgers.sampling.mode import find_mode
-from pyburgers.sampling.valley import NOISE_SCALED, ValleyUnsuited, find_valley, noise_exponents
+from pyburgers.protocols.constant_rate.valley import NOISE_SCALED, ValleyUnsuited, find_valley, noise_exponents
 
 pytestmark = pytest.mark.usefixtures("programs")
 

@@ -31,7 +31,7 @@ from pyburgers.model.priors import (
     save_priors,
     with_flow_law,
 )
-from pyburgers.posterior.draws import all_draws
+from pyburgers.common.draws import all_draws
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forced_oscillation.experiment import load_forced_oscillation

@@ -14,7 +14,7 @@ from pyburgers.comparison.marginal_likelihood import log_density_at, log_margina
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.fitting.joint_fit import fit_joint_problem
 from pyburgers.model.pooling import pooling_of
-from pyburgers.posterior.draws import all_draws
+from pyburgers.common.draws import all_draws
 from pyburgers.posterior.labelled_draws import read_chains
 from pyburgers.protocols.forward import REFERENCE_SOLVER, constant_rate_program, quiet_cmdstanpy
 from pyburgers.protocols.stan_data import solver_block

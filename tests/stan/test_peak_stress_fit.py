@@ -23,7 +23,7 @@ from pyburgers.flow_law_tables.stan_data import peak_stress_coordinates, peak_st
 from pyburgers.flow_law_tables.table import PeakStressData, load_peak_stress
 from pyburgers.model.flow_law_prior import FLOW_LAW_PRIOR_FILE, FlowLawPrior
 from pyburgers.model.priors import Prior, PriorSet
-from pyburgers.posterior.draws import all_draws
+from pyburgers.common.draws import all_draws
 from pyburgers.protocols.experiment import Provenance
 from pyburgers.protocols.forward import evaluate
 from pyburgers.sampling.options import SamplerOptions

@@ -41,7 +41,7 @@ from pyburgers.sampling import charts as geometry
 from pyburgers.sampling.charts import Coordinates, Geometry, choose_geometry
 from pyburgers.sampling.metric import curvature_at
 from pyburgers.sampling.mode import Mode
-from pyburgers.sampling.sheared import SHIFTED_BY, find_sheared
+from pyburgers.protocols.forced_oscillation.sheared import SHIFTED_BY, find_sheared
 from pyburgers.sbc.data_sets import calibration_priors, simulate_from_prior
 
 FloatArray = npt.NDArray[np.float64]

@@ -14,7 +14,7 @@ from pyburgers.fitting.fit import Fit
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.priors import default_priors
 from pyburgers.posterior.labelled_draws import prediction_grid
-from pyburgers.predictions.oscillation_response import oscillation_of
+from pyburgers.protocols.forced_oscillation.response import oscillation_of
 from pyburgers.protocols.forced_oscillation.experiment import (
     load_forced_oscillation,
     with_background,

@@ -15,7 +15,7 @@ from pyburgers.flow_law_tables.priors import default_peak_stress_priors, with_en
 from pyburgers.flow_law_tables.table import load_peak_stress
 from pyburgers.model.priors import PriorSet, default_priors, with_flow_law
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.files import load_experiment
+from pyburgers.protocols.registry import load_experiment
 from pyburgers.protocols.forced_oscillation.experiment import (
     load_forced_oscillation,
     with_background,

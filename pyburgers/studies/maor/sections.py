@@ -24,7 +24,7 @@ from pyburgers.model.display import (
     shown_quantity,
     unit_text,
 )
-from pyburgers.posterior.draws import all_draws
+from pyburgers.common.draws import all_draws
 from pyburgers.posterior.labelled_draws import prediction_grid
 from pyburgers.predictions import attenuation_figures
 from pyburgers.predictions.attenuation import (
@@ -37,10 +37,10 @@ from pyburgers.predictions.attenuation import (
     quantile_table,
 )
 from pyburgers.predictions.imposed_stress import simulated_phase_lag
-from pyburgers.predictions.oscillation_response import central_band, oscillation_of
+from pyburgers.protocols.forced_oscillation.response import central_band, oscillation_of
 from pyburgers.protocols.forward import REFERENCE_SOLVER, solve
 from pyburgers.protocols.stan_data import REFERENCE_FLOW_RATE
-from pyburgers.report import oscillation_figures
+from pyburgers.protocols.forced_oscillation import figures as oscillation_figures
 from pyburgers.report.page import ExtraFigure, ExtraSection, ExtraTable
 from pyburgers.studies.maor.statements import (
     MICROSTRUCTURE_SENTENCE,

@@ -45,7 +45,7 @@ from pyburgers.fitting.fit import Fit
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.protocols.forced_oscillation.harmonics import HarmonicFit
 from pyburgers.protocols.forced_oscillation.preparation import OscillationRecord, PreparedOscillation
-from pyburgers.predictions.oscillation_response import (
+from pyburgers.protocols.forced_oscillation.response import (
     central_band,
     observed_response,
     oscillation_of,

@@ -11,7 +11,7 @@ import xarray as xr
 from pyburgers.checks.sampling_checks import BAND
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
-from pyburgers.posterior.draws import all_draws, evenly_spaced
+from pyburgers.common.draws import all_draws, evenly_spaced
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.protocols.forced_oscillation.harmonics import fit_harmonics
 

@@ -20,7 +20,7 @@ from pyburgers.model.display import (
     STRESS_FACTOR,
     STRESS_UNIT,
 )
-from pyburgers.posterior.draws import all_draws
+from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError
 from pyburgers.drawing.style import (
     BLACK,

@@ -25,6 +25,7 @@ from pyburgers.checks.sampling_checks import (
 )
 from pyburgers.cmdstan.program import load_model, stan_directory
 from pyburgers.common.atomic_files import write_json
+from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.sampled_fit import SampledFit, write_tables
 from pyburgers.flow_law_tables.priors import (
@@ -42,7 +43,6 @@ from pyburgers.flow_law_tables.table import PeakStressData, load_peak_stress, sa
 from pyburgers.model.flow_law_prior import FLOW_LAW_PRIOR_FILE, PRIOR_QUANTITIES, FlowLawPrior
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.model.priors import PriorSet
-from pyburgers.common.draws import all_draws
 from pyburgers.posterior.labelled_draws import (
     keep_posterior,
     label_draws,

@@ -7,29 +7,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from pyburgers.protocols.constant_rate.figures import draw_curve, mark_rate_steps
-from pyburgers.checks.sampling_checks import BAND
-from pyburgers.model.display import (
-    STRAIN_FACTOR,
-    STRAIN_UNIT,
-    STRESS_UNIT,
-    axis_label,
-    shown_quantity,
-)
-from pyburgers.common.draws import all_draws
-from pyburgers.drawing.style import (
-    BLUE,
-    TAIL,
-    VERMILION,
-    few_ticks,
-    legend_of_panels,
-    style,
-    title,
-)
+from pyburgers.common.draws import BAND, TAIL, all_draws
+from pyburgers.comparison.same_data import fits_alone
+from pyburgers.drawing.panels import draw_curve, legend_above
+from pyburgers.drawing.style import BLUE, VERMILION, few_ticks, style
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.joint_fit import JointFit
+from pyburgers.model.display import axis_label, shown_quantity
 from pyburgers.model.parameters import REFERENCE_STRESS_QUANTITY
-from pyburgers.comparison.same_data import fits_alone
+from pyburgers.protocols.constant_rate.figures import fitted_curve
 
 CURVES_CAPTION = (
     "Every test of the joint fit with all its segments: data (circles), solution at the posterior "
@@ -49,20 +35,14 @@ SHIFT = 0.14
 
 def all_curves(joint: JointFit) -> Figure:
     """Draw data, solutions and predictive bands of every test."""
-    tests = joint.tests()
+    curves = [fitted_curve(fit) for fit in joint.tests().values()]
     with style():
-        figure = Figure(figsize=(8.0, 3.2 * len(tests) + 0.6), layout="constrained")
-        panels = list(figure.subplots(len(tests), 1, squeeze=False)[:, 0])
-        for axes, fit, experiment in zip(
-            panels, tests.values(), joint.problem.experiments, strict=True
-        ):
-            draw_curve(axes, fit, experiment)
-            mark_rate_steps([axes], experiment)
-            axes.set_xlim(0.0, 1.02 * experiment.final_strain * STRAIN_FACTOR)
-            axes.set_title(title(experiment), loc="left")
-            axes.set_ylabel(f"differential stress ({STRESS_UNIT})")
-        panels[-1].set_xlabel(f"axial strain ({STRAIN_UNIT})")
-        legend_of_panels(figure, panels[:1])
+        figure = Figure(figsize=(8.0, 3.2 * len(curves) + 0.6), layout="constrained")
+        panels = list(figure.subplots(len(curves), 1, squeeze=False)[:, 0])
+        for axes, curve in zip(panels, curves, strict=True):
+            draw_curve(axes, curve)
+        panels[-1].set_xlabel(curves[-1].position_label)
+        legend_above(figure, panels[:1])
     return figure
 
 

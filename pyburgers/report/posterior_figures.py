@@ -31,12 +31,12 @@ from pyburgers.drawing.style import (
     FigureRecipe,
     few_ticks,
     style,
-    title,
 )
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.parameters import Parameter
 from pyburgers.posterior.labelled_draws import free_parameters
 from pyburgers.model.priors import Prior
+from pyburgers.protocols.headings import title
 from pyburgers.protocols.stan_data import REFERENCE_FLOW_RATE, REFERENCE_STRESS
 
 FloatArray = npt.NDArray[np.float64]

@@ -15,10 +15,10 @@ import numpy.typing as npt
 import xarray as xr
 
 from pyburgers.cmdstan.program import load_model
+from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.model.priors import PriorSet, default_priors, load_priors, shipped_prior_files
-from pyburgers.common.draws import all_draws
 from pyburgers.posterior.labelled_draws import convergence_table, free_parameters
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.protocols.experiment import Experiment, Provenance

@@ -15,6 +15,7 @@ from scipy import stats
 from pyburgers.checks.prior_influence import JOINT_PRIOR, prior_influence
 from pyburgers.cli.main import main
 from pyburgers.cmdstan.program import load_model
+from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.model.flow_law_prior import (
@@ -31,7 +32,6 @@ from pyburgers.model.priors import (
     save_priors,
     with_flow_law,
 )
-from pyburgers.common.draws import all_draws
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forced_oscillation.experiment import load_forced_oscillation

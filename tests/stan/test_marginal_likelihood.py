@@ -10,11 +10,11 @@ import pytest
 from conftest import SMALL_RUN, Problem
 
 from pyburgers.cmdstan.program import load_model
+from pyburgers.common.draws import all_draws
 from pyburgers.comparison.marginal_likelihood import log_density_at, log_marginal_likelihood
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.fitting.joint_fit import fit_joint_problem
 from pyburgers.model.pooling import pooling_of
-from pyburgers.common.draws import all_draws
 from pyburgers.posterior.labelled_draws import read_chains
 from pyburgers.protocols.forward import REFERENCE_SOLVER, constant_rate_program, quiet_cmdstanpy
 from pyburgers.protocols.stan_data import solver_block

@@ -13,6 +13,7 @@ from conftest import ICE, with_fixed
 from scipy import stats
 
 from pyburgers.cmdstan.program import load_model, stan_directory
+from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError
 from pyburgers.drawing.style import image
 from pyburgers.fitting.fit import Fit
@@ -23,7 +24,6 @@ from pyburgers.flow_law_tables.stan_data import peak_stress_coordinates, peak_st
 from pyburgers.flow_law_tables.table import PeakStressData, load_peak_stress
 from pyburgers.model.flow_law_prior import FLOW_LAW_PRIOR_FILE, FlowLawPrior
 from pyburgers.model.priors import Prior, PriorSet
-from pyburgers.common.draws import all_draws
 from pyburgers.protocols.experiment import Provenance
 from pyburgers.protocols.forward import evaluate
 from pyburgers.sampling.options import SamplerOptions

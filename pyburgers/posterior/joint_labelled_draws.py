@@ -16,18 +16,17 @@ from pyburgers.model.parameters import (
 )
 from pyburgers.posterior.labelled_draws import (
     OF_ALL_TESTS,
-    STRAIN_VARIABLES,
     drawn_at_points,
     groups_of_test,
     keep_posterior,
     label_draws,
     point_groups,
-    prediction_grid,
     read_chains,
     reference_solution,
     stats_with_solver,
 )
-from pyburgers.protocols.forward import constant_rate_program, quiet_cmdstanpy
+from pyburgers.protocols.constant_rate.protocol import CONSTANT_RATE
+from pyburgers.protocols.forward import quiet_cmdstanpy
 from pyburgers.sampling.joint_stan_data import CENTRE, SPREAD, with_joint_grid
 from pyburgers.sampling.problem import JointProblem
 from pyburgers.sampling.run_directory import RunDirectory
@@ -65,20 +64,20 @@ def build_joint_posterior(run: RunDirectory, problem: JointProblem) -> xr.DataTr
     experiments = problem.experiments
     files = [str(run.draws_file(chain)) for chain in run.finished_chains()]
     chains = {"chain": list(run.finished_chains())}
-    grids = [prediction_grid(experiment) for experiment in experiments]
+    grids = [CONSTANT_RATE.prediction_grid(experiment) for experiment in experiments]
     data = json.loads(run.stan_data_file.read_text(encoding="utf-8"))
     with quiet_cmdstanpy():
         fit = read_chains(files)
         logger.info("Solving every draw again at the reference tolerance.")
         checked = reference_solution(
-            load_model(constant_rate_program()),
+            load_model(CONSTANT_RATE.program),
             with_joint_grid(data, experiments, grids),
             files,
-            list(STRAIN_VARIABLES),
+            list(CONSTANT_RATE.grid_quantities),
             seed=manifest["sampler"]["seed"],
         ).assign_coords(chains)
     stats = stats_with_solver(fit, checked, chains, use_likelihood=manifest["use_likelihood"])
-    at_points = drawn_at_points(fit, chains)
+    at_points = drawn_at_points(fit, chains, CONSTANT_RATE.response)
     draws = _draws_of_tests(fit, problem, chains)
     groups: dict[str, xr.Dataset] = {
         "posterior": _all_draws(fit, problem, draws, chains),
@@ -95,7 +94,7 @@ def build_joint_posterior(run: RunDirectory, problem: JointProblem) -> xr.DataTr
             draws[experiment.id],
             points.assign_coords(point=np.arange(experiment.n_points)),
             stats,
-            checked.isel({f"{name}_dim_0": on_grid for name in STRAIN_VARIABLES}),
+            checked.isel({f"{name}_dim_0": on_grid for name in CONSTANT_RATE.grid_quantities}),
             experiment,
             priors,
         )

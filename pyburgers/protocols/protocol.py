@@ -125,6 +125,8 @@ class Protocol(ABC, Generic[E]):
         Default of the solver while sampling.
     chart : Chart or None
         Coordinates other than the plain ones.
+    gives_log_density : bool
+        Whether the program generates the log density, which marginal likelihoods need.
     points_together : str or None
         Why single points cannot be left out; None where they can.
     figures : tuple of FigureRecipe
@@ -143,6 +145,7 @@ class Protocol(ABC, Generic[E]):
     target_acceptance: ClassVar[float]
     solver: ClassVar[SolverOptions] = SolverOptions()
     chart: ClassVar[Chart[Any] | None] = None
+    gives_log_density: ClassVar[bool] = False
     points_together: ClassVar[str | None] = None
     figures: ClassVar[tuple[FigureRecipe[FittedTest], ...]]
     reference_text: ClassVar[Markup]
@@ -181,14 +184,16 @@ class Protocol(ABC, Generic[E]):
     def output_grid(self, experiment: E) -> FloatArray:
         """Positions of a smooth curve, the observed ones among them (SI), shape (n,)."""
 
-    @abstractmethod
-    def solution(
-        self, experiment: E, at: FloatArray, draw: Mapping[str, FloatArray]
-    ) -> dict[str, FloatArray]:
-        """Return the columns of a solution at positions from the variables of the program.
+    def solved_positions(self, data: StanData, at: FloatArray) -> FloatArray:
+        """Return where the program gives its solution (SI) when it is asked for positions."""
+        return np.asarray(at)
 
-        They are time_s, strain, stress_Pa, kelvin_strain, grain_size_m and fabric_factor, the
-        columns of clock and response among them.
+    @abstractmethod
+    def solution(self, experiment: E, draw: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+        """Return the columns of a solution from the variables of the program and ``grid_CLOCK``.
+
+        They are time_s, strain, stress_Pa, kelvin_strain, grain_size_m and fabric_factor, those of
+        clock and response among them.
         """
 
     @abstractmethod
@@ -235,7 +240,8 @@ class Protocol(ABC, Generic[E]):
             If a point cannot be left out.
         """
         raise InputError(
-            f"{experiment.id}: {self.points_together}; compare without fitting again."
+            f"{experiment.id}: points cannot be left out one by one, expected a comparison without "
+            f"fitting again, because {self.points_together}."
         )
 
     @abstractmethod

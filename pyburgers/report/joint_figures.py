@@ -15,7 +15,7 @@ from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.joint_fit import JointFit
 from pyburgers.model.display import axis_label, shown_quantity
 from pyburgers.model.parameters import REFERENCE_STRESS_QUANTITY
-from pyburgers.protocols.constant_rate.figures import fitted_curve
+from pyburgers.protocols.registry import protocol_of
 
 CURVES_CAPTION = (
     "Every test of the joint fit with all its segments: data (circles), solution at the posterior "
@@ -35,7 +35,7 @@ SHIFT = 0.14
 
 def all_curves(joint: JointFit) -> Figure:
     """Draw data, solutions and predictive bands of every test."""
-    curves = [fitted_curve(fit) for fit in joint.tests().values()]
+    curves = [protocol_of(fit.experiment).curve(fit) for fit in joint.tests().values()]
     with style():
         figure = Figure(figsize=(8.0, 3.2 * len(curves) + 0.6), layout="constrained")
         panels = list(figure.subplots(len(curves), 1, squeeze=False)[:, 0])

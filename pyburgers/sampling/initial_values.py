@@ -7,13 +7,9 @@ import numpy.typing as npt
 from pyburgers.common.errors import SamplingError
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.forward import evaluate, observed_grid, simulate
-from pyburgers.protocols.stan_data import (
-    SolverOptions,
-    StanData,
-    plain_coordinates,
-    reference_quantity,
-)
+from pyburgers.protocols.forward import evaluate, simulate
+from pyburgers.protocols.registry import protocol_of
+from pyburgers.protocols.stan_data import SolverOptions, StanData, plain_coordinates
 
 INITIAL_ATTEMPTS = 100
 
@@ -42,7 +38,7 @@ def draw_initial_values(
     """
     rng = np.random.default_rng([seed, chain])
     coordinates = plain_coordinates(experiment, priors)
-    grid, reference = observed_grid(experiment), reference_quantity(experiment).name
+    grid, reference = experiment.position, protocol_of(experiment).reference.name
     for _ in range(INITIAL_ATTEMPTS):
         values = priors.sample(rng)
         try:

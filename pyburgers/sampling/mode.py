@@ -2,7 +2,6 @@
 
 import tempfile
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +13,10 @@ from pyburgers.cmdstan.program import load_model
 from pyburgers.common.atomic_files import write_json
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.priors import PriorSet
+from pyburgers.protocols.chart import Mode
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.forward import program_for, quiet_cmdstanpy
+from pyburgers.protocols.forward import quiet_cmdstanpy
+from pyburgers.protocols.registry import protocol_of
 from pyburgers.protocols.stan_data import SolverOptions, StanData, program_data
 from pyburgers.sampling.initial_values import draw_initial_values
 
@@ -26,22 +27,6 @@ N_STARTS = 4
 
 class ModeNotFound(Exception):  # noqa: N818 - an outcome with a reason, not an error
     """The optimiser failed; the message says how."""
-
-
-@dataclass(frozen=True, eq=False)
-class Mode:
-    """The highest density found, on the real line of the plain coordinates.
-
-    Attributes
-    ----------
-    values : mapping of str to float
-        Every parameter in SI.
-    coordinate : array, shape (n_coordinates,)
-        Plain coordinates.
-    """
-
-    values: Mapping[str, float]
-    coordinate: FloatArray
 
 
 def find_mode(
@@ -66,7 +51,7 @@ def find_mode(
         If the optimiser fails from all starts.
     """
     data = program_data(experiment, priors, solver=solver)
-    model = load_model(program_for(experiment))
+    model = load_model(protocol_of(experiment).program)
     starts = (
         draw_initial_values(experiment, priors, seed=seed, chain=start)
         for start in range(1, N_STARTS + 1)

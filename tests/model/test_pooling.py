@@ -83,7 +83,7 @@ def test_shared_coordinates_stand_once() -> None:
 
 
 def test_noise_prior_is_that_of_the_test_unless_it_is_shared() -> None:
-    largest = [float(np.max(experiment.stress)) for experiment in twins()]
+    largest = [experiment.largest_stress for experiment in twins()]
     scales = [priors["stress_noise"].scale for priors in problem().priors]
     assert scales == pytest.approx([0.05 * stress for stress in largest])
     shared = [priors["stress_noise"].scale for priors in problem(stress_noise="shared").priors]

@@ -13,7 +13,7 @@ from synthetic_olivine_fit import make_olivine_fit, oscillating
 
 from pyburgers.common.errors import InputError
 from pyburgers.protocols.experiment import Provenance
-from pyburgers.report.figures import figures_for
+from pyburgers.report.posterior_figures import figures_for
 from pyburgers.fitting.fit import Fit
 from pyburgers.protocols.forced_oscillation.preparation import Background
 from pyburgers.checks.prior_influence import THRESHOLDS_TEXT, prior_influence

@@ -29,13 +29,8 @@ from pyburgers.protocols.forced_oscillation.preparation import (
     OscillationSettings,
     prepare,
 )
-from pyburgers.protocols.forward import (
-    REFERENCE_SOLVER,
-    program_for,
-    quiet_cmdstanpy,
-    simulate,
-    solve,
-)
+from pyburgers.protocols.forward import REFERENCE_SOLVER, quiet_cmdstanpy, simulate, solve
+from pyburgers.protocols.registry import protocol_of
 from pyburgers.protocols.stan_data import START_MARGIN, ShearedReference, forced_oscillation_data
 
 FloatArray = npt.NDArray[np.float64]
@@ -142,7 +137,6 @@ def sinusoid(background: Background, spin_up_cycles: int) -> OscillationExperime
         record=record,
         settings=settings,
         prepared=prepared,
-        stress=prepared.stress,
         spin_up_cycles=spin_up_cycles,
     )
 
@@ -352,7 +346,7 @@ def test_the_same_seed_gives_the_same_draws(twin: OscillationExperiment, tmp_pat
     draws = []
     for name in ("one", "other"):
         with quiet_cmdstanpy():
-            sample = load_model(program_for(twin)).sample(
+            sample = load_model(protocol_of(twin).program).sample(
                 data=str(data_file),
                 chains=1,
                 seed=7,

@@ -16,7 +16,8 @@ from pyburgers.fitting.fit import Fit, fit
 from pyburgers.fitting.joint_fit import fit_joint_problem
 from pyburgers.model.pooling import pooling_of
 from pyburgers.posterior.labelled_draws import read_chains
-from pyburgers.protocols.forward import REFERENCE_SOLVER, constant_rate_program, quiet_cmdstanpy
+from pyburgers.protocols.constant_rate.protocol import CONSTANT_RATE
+from pyburgers.protocols.forward import REFERENCE_SOLVER, quiet_cmdstanpy
 from pyburgers.protocols.stan_data import solver_block
 from pyburgers.sampling.problem import joint_problem
 
@@ -36,7 +37,7 @@ def density_at(one: Fit, points: FloatArray, folder: Path) -> FloatArray:
     (folder / "data.json").write_text(
         json.dumps({**data, **solver_block(REFERENCE_SOLVER)}), encoding="utf-8"
     )
-    program = Path(str(load_model(constant_rate_program()).exe_file))
+    program = Path(str(load_model(CONSTANT_RATE.program).exe_file))
     return log_density_at(program, folder, points)
 
 

@@ -48,6 +48,7 @@ class ConstantRate(Protocol[ConstantRateExperiment]):
     warmup = 300
     target_acceptance = 0.96
     chart = ValleyChart()
+    gives_log_density = True
     figures = CONSTANT_RATE_FIGURES
     reference_text = Markup(
         "The reference stress <i>S</i><sub>0</sub>, at which the undeformed material flows at the "
@@ -82,10 +83,14 @@ class ConstantRate(Protocol[ConstantRateExperiment]):
         shape = np.union1d(np.geomspace(1e-4, 1.0, 120), np.linspace(0.0, 1.0, 101)[1:])
         return np.union1d(strain_grid(experiment, shape), experiment.strain)
 
+    def solved_positions(self, data: StanData, at: FloatArray) -> FloatArray:
+        """Return the wanted strains and those of rate steps."""
+        return np.array(data["grid_strain"])
+
     def solution(
-        self, experiment: ConstantRateExperiment, at: FloatArray, draw: Mapping[str, FloatArray]
+        self, experiment: ConstantRateExperiment, draw: Mapping[str, FloatArray]
     ) -> dict[str, FloatArray]:
-        """Return the solution at the wanted strains and at rate steps."""
+        """Return the solution along strain."""
         return {
             "time_s": experiment.time_at(draw["grid_strain"]),
             "strain": draw["grid_strain"],

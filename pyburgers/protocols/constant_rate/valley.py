@@ -55,9 +55,7 @@ class ValleyChart(Chart[ConstantRateExperiment]):
     name = "valley"
     solved = SOLVED
 
-    def reference(
-        self, test: AtMode[ConstantRateExperiment]
-    ) -> tuple[ValleyReference, FloatArray]:
+    def reference(self, test: AtMode[ConstantRateExperiment]) -> tuple[ValleyReference, FloatArray]:
         """Set the pins (`find_valley`); the mode lies at the origin."""
         return find_valley(test), np.zeros_like(test.mode.coordinate)
 

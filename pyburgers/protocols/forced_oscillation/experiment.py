@@ -86,7 +86,6 @@ class OscillationExperiment(Experiment):
         """Largest |σ| (Pa) that the model is compared with."""
         return float(np.max(np.abs(self.stress)))
 
-
     @property
     def title(self) -> str:
         """Sample, material and kind of data; below them period, amplitude and background."""

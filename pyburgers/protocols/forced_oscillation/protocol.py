@@ -54,15 +54,12 @@ class ForcedOscillation(Protocol[OscillationExperiment]):
     warmup = 250
     target_acceptance = 0.95
     chart = ShearedChart()
-    points_together = (
-        "points of a record of oscillations cannot be left out one by one, because it is prepared "
-        "as a whole"
-    )
+    points_together = "a record of oscillations is prepared as a whole"
     figures = OSCILLATION_FIGURES
     reference_text = Markup(
-        "The reference flow rate <i>ε̇</i><sub>0</sub>, at which the dashpot flows at the grain size "
-        "of the start and at the bias or the amplitude of the stress, whichever is larger (at the "
-        "amplitude where the background is removed), follows from the other parameters, and so "
+        "The reference flow rate <i>ε̇</i><sub>0</sub>, at which the dashpot flows at the grain "
+        "size of the start and at the bias or the amplitude of the stress, whichever is larger (at "
+        "the amplitude where the background is removed), follows from the other parameters, and so "
         "does its prior."
     )
 
@@ -93,16 +90,17 @@ class ForcedOscillation(Protocol[OscillationExperiment]):
         return np.union1d(_time_grid(experiment, OUTPUTS_PER_CYCLE), experiment.prepared.time)
 
     def solution(
-        self, experiment: OscillationExperiment, at: FloatArray, draw: Mapping[str, FloatArray]
+        self, experiment: OscillationExperiment, draw: Mapping[str, FloatArray]
     ) -> dict[str, FloatArray]:
         """Return the solution; the strain is without its trend where that is removed."""
+        time = draw["grid_time"]
         return {
-            "time_s": at,
-            "strain": experiment.prepared.strain(at),
+            "time_s": time,
+            "strain": experiment.prepared.strain(time),
             "stress_Pa": draw["grid_stress"],
             "kelvin_strain": draw["grid_kelvin_strain"],
             "grain_size_m": draw["grid_grain_size"],
-            "fabric_factor": np.full_like(at, FABRIC_OF_OLIVINE),
+            "fabric_factor": np.full_like(time, FABRIC_OF_OLIVINE),
         }
 
     def observed_positions(

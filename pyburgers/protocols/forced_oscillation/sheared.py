@@ -39,9 +39,7 @@ class ShearedChart(Chart[OscillationExperiment]):
     differences of gradients where the dashpot carries most of the load: at 1e-4 slopes of the flow
     rate came out 50 times too large."""
 
-    def reference(
-        self, test: AtMode[OscillationExperiment]
-    ) -> tuple[ShearedReference, FloatArray]:
+    def reference(self, test: AtMode[OscillationExperiment]) -> tuple[ShearedReference, FloatArray]:
         """Set the shifts (`find_sheared`)."""
         return find_sheared(test)
 

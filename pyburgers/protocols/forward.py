@@ -1,20 +1,16 @@
 """Forward solutions at given parameters, through the Stan program."""
 
 import json
-import logging
-import tempfile
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
-import cmdstanpy
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from pyburgers.cmdstan.program import load_model
+from pyburgers.cmdstan.program import load_program
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.model.parameters import (
     KELVIN_REFERENCES,
@@ -34,22 +30,6 @@ E = TypeVar("E", bound=Experiment)
 
 REFERENCE_SOLVER = SolverOptions(tolerance=1e-10, max_num_steps=1_000_000)
 """Tolerance at which a solution is taken as exact."""
-
-
-@contextmanager
-def quiet_cmdstanpy() -> Iterator[None]:
-    """Silence cmdstanpy's log; what went wrong is read from the console files instead."""
-    cmdstanpy_logger = logging.getLogger("cmdstanpy")
-
-    # One for each call, so that calls in several threads do not undo each other's.
-    def nothing(_: logging.LogRecord) -> bool:
-        return False
-
-    cmdstanpy_logger.addFilter(nothing)
-    try:
-        yield
-    finally:
-        cmdstanpy_logger.removeFilter(nothing)
 
 
 def load_parameters(path: str | Path) -> dict[str, float]:
@@ -238,7 +218,7 @@ def solve(
     protocol = protocol_of(experiment)
     bare = protocol.without_data(experiment)
     data = program_data(bare, priors, solver=solver, grid=at)
-    draw = evaluate(load_model(protocol.program), data)
+    draw = load_program(protocol.program).evaluate(data)
     if not np.isfinite(draw[f"grid_{protocol.response.name}"]).all():
         raise SamplingError(
             f"{experiment.id}: the solver found no finite {protocol.response.name} at these "
@@ -285,66 +265,3 @@ def simulate_data(
         true_parameters=values,
     )
     return simulated
-
-
-def evaluate(
-    model: cmdstanpy.CmdStanModel,
-    data: Mapping[str, object],
-    position: Mapping[str, object] | None = None,
-    *,
-    seed: int = 1,
-) -> dict[str, FloatArray]:
-    """Run a program once, without sampling.
-
-    Parameters
-    ----------
-    model : CmdStanModel
-        The program.
-    data : mapping
-        Its data.
-    position : mapping, optional
-        Its parameters; not needed where every parameter is fixed.
-    seed : int
-        Of replicated data.
-
-    Returns
-    -------
-    dict
-        Every variable of the program.
-
-    Raises
-    ------
-    SamplingError
-        If the program stops with an error.
-    """
-    with tempfile.TemporaryDirectory() as name, quiet_cmdstanpy():
-        folder = Path(name)
-        data_file, position_file = folder / "data.json", folder / "position.json"
-        data_file.write_text(json.dumps(data), encoding="utf-8")
-        position_file.write_text(json.dumps(position or {}), encoding="utf-8")
-        try:
-            run = model.sample(
-                data=str(data_file),
-                inits=str(position_file),
-                fixed_param=True,
-                chains=1,
-                iter_sampling=1,
-                seed=seed,
-                sig_figs=17,
-                output_dir=str(folder),
-                show_progress=False,
-            )
-            return {name: value[0] for name, value in run.stan_variables().items()}
-        except RuntimeError as error:
-            raise SamplingError(
-                f"The forward solution failed at these parameters: {console_tail(folder)}"
-            ) from error
-
-
-def console_tail(folder: Path, lines: int = 6) -> str:
-    """Last lines of the console file that a CmdStan process left in `folder`."""
-    consoles = sorted(folder.glob("*stdout.txt"))
-    if not consoles:
-        return "it left no console output."
-    text = consoles[-1].read_text(encoding="utf-8", errors="replace").strip().splitlines()
-    return " | ".join(line.strip() for line in text[-lines:] if line.strip())

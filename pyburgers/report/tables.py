@@ -12,6 +12,7 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.checks.sampling_checks import CheckResult
+from pyburgers.fitting.fit import Fit, is_joint
 from pyburgers.model.display import (
     number,
     prior_text,
@@ -21,7 +22,6 @@ from pyburgers.model.display import (
     unit_text,
     with_error,
 )
-from pyburgers.fitting.fit import Fit, is_joint
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.registry import protocol_of
@@ -228,7 +228,7 @@ def overview_row(
     checks : sequence of CheckResult
         Its checks.
     share_inside : float
-        Share of the data inside the 90 % predictive band (`pyburgers.checks.sampling_checks.coverage`).
+        Share of the data inside the 90 % predictive band.
     """
     seconds = _wall_seconds(fit).values()
     noise = PARAMETER_BY_NAME[protocol_of(fit.experiment).noise]

@@ -5,15 +5,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
 
-import cmdstanpy
 import numpy as np
 import numpy.typing as npt
 
+from pyburgers.cmdstan.program import Program
 from pyburgers.common.errors import InputError
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.chart import Chart, ChartUnsuited, Mode
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.forward import evaluate, solve
+from pyburgers.protocols.forward import solve
 from pyburgers.protocols.registry import protocol_of
 from pyburgers.protocols.stan_data import (
     PlainCoordinates,
@@ -83,7 +83,7 @@ def check_coordinates(experiment: Experiment, wanted: str) -> None:
 
 
 def choose_geometry(
-    model: cmdstanpy.CmdStanModel,
+    model: Program,
     data: StanData,
     experiment: Experiment,
     priors: PriorSet,
@@ -96,7 +96,7 @@ def choose_geometry(
 
     Parameters
     ----------
-    model : CmdStanModel
+    model : Program
         The program for the experiment.
     data : dict
         Its data in plain coordinates. Where they switch the likelihood off, coordinates stay
@@ -147,7 +147,7 @@ AnyMode = TypeVar("AnyMode", bound=HasCoordinate)
 
 
 def geometry_at_mode(
-    model: cmdstanpy.CmdStanModel,
+    model: Program,
     data: StanData,
     *,
     name: str,
@@ -159,7 +159,7 @@ def geometry_at_mode(
 
     Parameters
     ----------
-    model : CmdStanModel
+    model : Program
         The program.
     data : dict
         Its data in plain coordinates.
@@ -196,9 +196,7 @@ def geometry_at_mode(
         return _plain(model, data, mode, "asked for" if wanted == "plain" else str(error))
 
 
-def _plain(
-    model: cmdstanpy.CmdStanModel, data: StanData, mode: HasCoordinate | None, reason: str
-) -> Geometry:
+def _plain(model: Program, data: StanData, mode: HasCoordinate | None, reason: str) -> Geometry:
     if mode is None:
         return Geometry("plain", reason, {})
     covariance = laplace_metric(model, data, mode.coordinate)
@@ -206,13 +204,13 @@ def _plain(
 
 
 def laplace_at_mode(
-    model: cmdstanpy.CmdStanModel, data: StanData, start: FloatArray, *, seed: int
+    model: Program, data: StanData, start: FloatArray, *, seed: int
 ) -> tuple[FloatArray, FloatArray]:
     """Climb to the mode in the coordinates that the data choose.
 
     Parameters
     ----------
-    model : CmdStanModel
+    model : Program
         The program.
     data : dict
         Its data.
@@ -242,7 +240,7 @@ def laplace_at_mode(
 class ModeOfTest:
     """A test at its posterior mode; methods as `pyburgers.protocols.chart.AtMode` has them."""
 
-    model: cmdstanpy.CmdStanModel
+    model: Program
     data: StanData
     experiment: Any
     priors: PriorSet
@@ -261,7 +259,7 @@ class ModeOfTest:
     def generated(self, **changes: object) -> dict[str, FloatArray]:
         """Variables of the program at the mode."""
         position = {"coordinate": self.mode.coordinate.tolist()}
-        return evaluate(self.model, {**self.data, **changes}, position)
+        return self.model.evaluate({**self.data, **changes}, position)
 
     def curvature(self, **changes: object) -> FloatArray:
         """Curvature at the mode."""
@@ -270,7 +268,7 @@ class ModeOfTest:
 
 def _at_mode(
     chart: Chart[Any],
-    model: cmdstanpy.CmdStanModel,
+    model: Program,
     data: StanData,
     experiment: Experiment,
     priors: PriorSet,

@@ -14,14 +14,14 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from pyburgers.cmdstan.program import load_model
+from pyburgers.cmdstan.program import load_program
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.model.priors import PriorSet, default_priors, load_priors, shipped_prior_files
 from pyburgers.posterior.labelled_draws import convergence_table, free_parameters, response_in
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.forward import evaluate, given_parameters, simulate, simulate_data
+from pyburgers.protocols.forward import given_parameters, simulate, simulate_data
 from pyburgers.protocols.registry import protocol_of
 from pyburgers.protocols.stan_data import (
     SolverOptions,
@@ -276,7 +276,7 @@ def _at_truth(experiment: Experiment, solver: SolverOptions) -> dict[str, float]
     values = experiment.true_parameters
     assert values is not None  # simulated
     data = program_data(experiment, given_parameters(experiment.material, values), solver=solver)
-    draw = evaluate(load_model(protocol_of(experiment).program), data)
+    draw = load_program(protocol_of(experiment).program).evaluate(data)
     reference = protocol_of(experiment).reference.name
     return {
         **values,

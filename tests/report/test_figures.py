@@ -14,9 +14,8 @@ from synthetic_fit import make_fit
 from synthetic_olivine_fit import make_olivine_fit
 
 from pyburgers.drawing.style import image
-from pyburgers.report.posterior_figures import figures_for
 from pyburgers.fitting.fit import Fit
-from pyburgers.report.posterior_figures import CHAIN_COLOURS, rank
+from pyburgers.report.posterior_figures import CHAIN_COLOURS, figures_for, rank
 
 FEW = ("maxwell_modulus", "kelvin_viscosity", "activation_enthalpy", "beta")
 STEPS = ((0.0, 1e-4), (0.03, 1e-5), (0.1, 3e-4))

@@ -19,9 +19,9 @@ from pyburgers.model.variants import ModelVariant, variant_of, with_variant
 from pyburgers.predictions.attenuation import Regime, attenuation_spectrum, predict_attenuation
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.files import load_experiment
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.protocols.forward import load_parameters, simulate
+from pyburgers.protocols.registry import load_experiment
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.options import SamplerOptions
 

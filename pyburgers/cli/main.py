@@ -48,8 +48,8 @@ from pyburgers.predictions.attenuation import (
 )
 from pyburgers.predictions.attenuation_figures import attenuation
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.files import load_experiment
 from pyburgers.protocols.forward import load_parameters, simulate
+from pyburgers.protocols.registry import load_experiment
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.report.comparison_sections import comparison_sections
 from pyburgers.report.joint_section import (

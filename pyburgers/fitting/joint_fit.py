@@ -20,10 +20,10 @@ from pyburgers.posterior.labelled_draws import draws_table, load_posterior
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
 from pyburgers.protocols.constant_rate.protocol import CONSTANT_RATE
 from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.charts import check_coordinates
 from pyburgers.sampling.joint_charts import choose_joint_geometry, draw_joint_start
-from pyburgers.sampling.joint_stan_data import joint_data
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.problem import JointProblem, joint_problem
 from pyburgers.sampling.run import SamplingTask, keep_experiment, run_task
@@ -176,7 +176,7 @@ def _task(
     problem: JointProblem, options: SamplerOptions, solver: SolverOptions, use_likelihood: bool
 ) -> SamplingTask:
     """Settle what is sampled."""
-    data = joint_data(problem, solver=solver, use_likelihood=use_likelihood)
+    data = program_data(problem, solver=solver, use_likelihood=use_likelihood)
     priors = problem.given_priors
     return SamplingTask(
         name=problem.name,

@@ -11,7 +11,6 @@ from pyburgers.cmdstan.draws import Draws, read_draws
 from pyburgers.cmdstan.program import load_program
 from pyburgers.model.parameters import (
     PARAMETER_BY_NAME,
-    PROGRAM_PARAMETERS,
     REFERENCE_STRESS_QUANTITY,
 )
 from pyburgers.posterior.labelled_draws import (
@@ -20,12 +19,14 @@ from pyburgers.posterior.labelled_draws import (
     groups_of_test,
     keep_posterior,
     label_draws,
+    parameters_of_test,
     point_groups,
     reference_solution,
     stats_with_solver,
 )
 from pyburgers.protocols.constant_rate.protocol import CONSTANT_RATE
-from pyburgers.sampling.joint_stan_data import CENTRE, SPREAD, with_joint_grid
+from pyburgers.protocols.layout import CENTRE, SPREAD
+from pyburgers.protocols.program_data import with_grids
 from pyburgers.sampling.problem import JointProblem
 from pyburgers.sampling.run_directory import RunDirectory
 
@@ -68,7 +69,7 @@ def build_joint_posterior(run: RunDirectory, problem: JointProblem) -> xr.DataTr
     logger.info("Solving every draw again at the reference tolerance.")
     checked = reference_solution(
         load_program(CONSTANT_RATE.program),
-        with_joint_grid(data, experiments, grids),
+        with_grids(data, experiments, grids),
         files,
         list(CONSTANT_RATE.grid_quantities),
         seed=manifest["sampler"]["seed"],
@@ -104,16 +105,9 @@ def _draws_of_tests(
     fit: Draws, problem: JointProblem, chains: Mapping[str, list[int]]
 ) -> dict[str, xr.Dataset]:
     """Labelled draws of the parameters of each test, as a fit of it alone has them."""
-    columns = fit.dataset(["parameter", "log_stress"]).assign_coords(chains)
-    places = {p.name: k for k, p in enumerate(PROGRAM_PARAMETERS)}
     found = {}
     for e, (experiment, priors) in enumerate(zip(problem.experiments, problem.priors, strict=True)):
-        own = columns["parameter"].isel(parameter_dim_0=e)
-        values = {name: own.isel(parameter_dim_1=places[name]) for name in priors.priors}
-        stress = np.exp(columns["log_stress"].isel(log_stress_dim_0=e))
-        draws = xr.Dataset({**values, REFERENCE_STRESS_QUANTITY.name: stress}).drop_vars(
-            ["parameter_dim_0", "parameter_dim_1", "log_stress_dim_0"], errors="ignore"
-        )
+        draws = parameters_of_test(fit, e, priors, REFERENCE_STRESS_QUANTITY).assign_coords(chains)
         parameters = (PARAMETER_BY_NAME[name] for name in priors.priors)
         label_draws(draws, (*parameters, REFERENCE_STRESS_QUANTITY), priors)
         found[experiment.id] = draws

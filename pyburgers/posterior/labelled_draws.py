@@ -26,14 +26,10 @@ from pyburgers.model.parameters import PARAMETER_BY_NAME, REFERENCE_QUANTITIES, 
 from pyburgers.model.priors import PriorSet, load_priors
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forward import REFERENCE_SOLVER, simulate
+from pyburgers.protocols.program_data import PLACE, with_grids
 from pyburgers.protocols.protocol import Quantity
 from pyburgers.protocols.registry import load_experiment, protocol_of
-from pyburgers.protocols.stan_data import (
-    StanData,
-    solver_block,
-    with_grid,
-    with_later_additions,
-)
+from pyburgers.protocols.stan_data import StanData, solver_block
 from pyburgers.sampling.run_directory import RunDirectory
 
 logger = logging.getLogger(__name__)
@@ -102,7 +98,7 @@ def build_posterior(run: RunDirectory) -> xr.DataTree:
     manifest = run.read_manifest()
     files = run.draws_files()
     data = json.loads(run.stan_data_file.read_text(encoding="utf-8"))
-    data = with_grid(with_later_additions(data), experiment, protocol.prediction_grid(experiment))
+    data = with_grids(data, [experiment], [protocol.prediction_grid(experiment)])
     fit = read_draws(files)
     logger.info("Solving every draw again at the reference tolerance.")
     checked = reference_solution(
@@ -117,7 +113,7 @@ def build_posterior(run: RunDirectory) -> xr.DataTree:
         *(PARAMETER_BY_NAME[name] for name in priors.priors),
         protocol.reference,
     )
-    draws = fit.dataset([quantity.name for quantity in quantities]).assign_coords(chains)
+    draws = parameters_of_test(fit, 0, priors, protocol.reference).assign_coords(chains)
     label_draws(draws, quantities, priors)
     groups = groups_of_test(
         draws,
@@ -129,6 +125,17 @@ def build_posterior(run: RunDirectory) -> xr.DataTree:
     )
     return keep_posterior(
         run, groups, experiment=experiment.id, data_kind=experiment.provenance.kind
+    )
+
+
+def parameters_of_test(fit: Draws, test: int, priors: PriorSet, reference: Parameter) -> xr.Dataset:
+    """Draws of the parameters of a test, counted from 0, and of its reference quantity, SI."""
+    columns = fit.dataset(["parameter", "log_reference"])
+    own = columns["parameter"].isel(parameter_dim_0=test)
+    values = {name: own.isel(parameter_dim_1=PLACE[name] - 1) for name in priors.priors}
+    log_reference = columns["log_reference"].isel(log_reference_dim_0=test)
+    return xr.Dataset({**values, reference.name: np.exp(log_reference)}).drop_vars(
+        ["parameter_dim_0", "parameter_dim_1", "log_reference_dim_0"], errors="ignore"
     )
 
 
@@ -384,9 +391,7 @@ def _one_by_one(
     """As `generate_quantities`, slower, with NaN where a draw has no solution."""
     coordinates = fit["coordinate"]
     shape = coordinates.shape[:2]
-    n_grid = data["n_grid"] + sum(data.get("n_further_grid", []))
-    n_points = data["n_points"] + sum(data.get("n_further_points", []))
-    sizes = dict.fromkeys(variables, n_grid) | {"log_lik": n_points}
+    sizes = dict.fromkeys(variables, data["grid_end"][-1]) | {"log_lik": data["point_end"][-1]}
     values = {name: np.full((*shape, size), np.nan) for name, size in sizes.items()}
     for number, index in enumerate(np.ndindex(*shape)):
         position = {"coordinate": coordinates[index].tolist()}
@@ -408,10 +413,11 @@ def _sampled_log_likelihood(fit: Draws) -> xr.DataArray:
     tolerance, generated quantities have none, so the two solutions take different steps.
     """
     log_density = sample_stats(fit)["lp"]
-    terms = ["lprior", "log_jacobian"]
-    if "log_pooling" in fit:  # the program for constant rate
-        terms.append("log_pooling")
-    other = fit.dataset(terms).to_array().sum("variable", skipna=False)
+    other = (
+        fit.dataset(["lprior", "log_jacobian", "log_pooling"])
+        .to_array()
+        .sum("variable", skipna=False)
+    )
     # By values: the labels of draws and chains differ between the two.
     return log_density - other.to_numpy()
 

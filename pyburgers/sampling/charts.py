@@ -14,12 +14,13 @@ from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.chart import Chart, ChartUnsuited, Mode
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forward import solve
+from pyburgers.protocols.layout import OneTest
+from pyburgers.protocols.program_data import chart_block, plain_coordinates
 from pyburgers.protocols.registry import protocol_of
 from pyburgers.protocols.stan_data import (
     PlainCoordinates,
     SolverOptions,
     StanData,
-    plain_coordinates,
     solver_block,
 )
 from pyburgers.sampling.metric import curvature_at, expected_rise, laplace_metric
@@ -281,9 +282,11 @@ def _at_mode(
         data = {**data, **solver_block(SolverOptions(chart.curvature_tolerance))}
     test = ModeOfTest(model, data, experiment, priors, mode, solver)
     reference, centre = chart.reference(test)
-    around = {**data, **chart.block(reference)}
+    tests = OneTest(experiment, priors)
+    around = {**data, **chart_block(tests, [reference])}
     covariance = laplace_metric(model, around, centre)
     if expected_rise(model, around, centre, covariance) > LARGEST_RISE:
         centre, covariance = laplace_at_mode(model, around, centre, seed=seed)
     reference = chart.rescaled(reference, test, covariance)
-    return Geometry(chart.name, SUITED, chart.block(reference), centre, covariance)
+    block = chart_block(tests, [reference])
+    return Geometry(chart.name, SUITED, block, centre, covariance)

@@ -8,12 +8,9 @@ from pyburgers.common.errors import SamplingError
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forward import simulate
+from pyburgers.protocols.program_data import plain_coordinates
 from pyburgers.protocols.registry import protocol_of
-from pyburgers.protocols.stan_data import (
-    SolverOptions,
-    StanData,
-    plain_coordinates,
-)
+from pyburgers.protocols.stan_data import SolverOptions, StanData
 
 INITIAL_ATTEMPTS = 100
 

@@ -8,17 +8,13 @@ import numpy.typing as npt
 
 from pyburgers.cmdstan.program import Program
 from pyburgers.common.errors import SamplingError
-from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.protocols.chart import ChartUnsuited, Mode
+from pyburgers.protocols.constant_rate.stan_data import ValleyReference
 from pyburgers.protocols.constant_rate.valley import SOLVED, find_valley, noise_exponents
 from pyburgers.protocols.forward import simulate
-from pyburgers.protocols.stan_data import (
-    REFERENCE_STRESS,
-    SolverOptions,
-    StanData,
-    ValleyReference,
-    program_data,
-)
+from pyburgers.protocols.layout import Layout, OneTest, layout_of
+from pyburgers.protocols.program_data import chart_block, program_data, values_of_test
+from pyburgers.protocols.stan_data import REFERENCE_STRESS, SolverOptions, StanData
 from pyburgers.sampling.charts import (
     SUITED,
     Geometry,
@@ -27,12 +23,6 @@ from pyburgers.sampling.charts import (
     laplace_at_mode,
 )
 from pyburgers.sampling.initial_values import INITIAL_ATTEMPTS
-from pyburgers.sampling.joint_stan_data import (
-    JointCoordinates,
-    JointValley,
-    joint_coordinates,
-    joint_valley_block,
-)
 from pyburgers.sampling.mode import N_STARTS, climb, find_mode
 from pyburgers.sampling.problem import JointProblem
 
@@ -90,7 +80,7 @@ def _joint_position(
     problem: JointProblem, plain: list[FloatArray], spreads: FloatArray
 ) -> FloatArray:
     """Coordinates of a joint fit from plain ones of each test and spreads over their scales."""
-    layout = joint_coordinates(problem)
+    layout = layout_of(problem)
     position = np.empty(layout.size)
     # The first test comes last, so that shared coordinates are its own.
     for own, places in zip(reversed(plain), reversed(layout.position), strict=True):
@@ -163,15 +153,10 @@ def find_joint_mode(
     ]
     variables = climb(model, data, starts, seed=seed)
     coordinate = np.asarray(variables["coordinate"], dtype=np.float64)
-    values, stresses = variables["parameter"], np.atleast_1d(variables["log_stress"])
+    values, stresses = variables["parameter"], variables["log_reference"]
     plain = _plain_of_tests(problem, coordinate, stresses)
-    names = [p.name for p in PROGRAM_PARAMETERS]
     return JointMode(
-        tuple(
-            Mode(dict(zip(names, map(float, own), strict=True)), position)
-            for own, position in zip(values, plain, strict=True)
-        ),
-        coordinate,
+        tuple(Mode(values_of_test(values, e), own) for e, own in enumerate(plain)), coordinate
     )
 
 
@@ -179,7 +164,7 @@ def _plain_of_tests(
     problem: JointProblem, coordinate: FloatArray, log_stress: FloatArray
 ) -> list[FloatArray]:
     """Plain coordinates of each test by itself, the inverse of `_joint_position`."""
-    layout = joint_coordinates(problem)
+    layout = layout_of(problem)
     found = []
     tests = zip(problem.coordinates, layout.position, log_stress, strict=True)
     for coordinates, places, stress in tests:
@@ -243,14 +228,14 @@ def _valley(
     the mode as it is in a single fit, and its curvature can be far from that of the posterior.
     """
     for name in SOLVED:
-        if name in problem.shared:
-            raise ChartUnsuited(f"{name} is shared")
-    layout = joint_coordinates(problem)
+        if name in (*problem.shared, *problem.partial):
+            raise ChartUnsuited(f"{name} is {'shared' if name in problem.shared else 'pooled'}")
+    layout = layout_of(problem)
     references = [
         find_valley(
             ModeOfTest(
                 model,
-                program_data(experiment, priors, solver=solver),
+                program_data(OneTest(experiment, priors), solver=solver),
                 experiment,
                 priors,
                 own,
@@ -261,22 +246,23 @@ def _valley(
             problem.experiments, problem.priors, mode.tests, strict=True
         )
     ]
-    pooling = np.concatenate(
+    pooled = np.array([own.coordinate[layout.pooled] for own in references])
+    pooling = np.array(
         [
             mode.coordinate[layout.centre],
             np.maximum(mode.coordinate[layout.spread], np.log(LEAST_SPREAD)),
         ]
     )
-    valley = JointValley(tuple(references), pooling)
-    block = joint_valley_block(problem, valley)
+    block = chart_block(problem, references, pooled=pooled, pooling=pooling)
     centre, covariance = laplace_at_mode(model, {**data, **block}, np.zeros(layout.size), seed=seed)
-    scaled = JointValley(_with_noise(problem, layout, references, covariance), pooling)
-    return Geometry("valley", SUITED, joint_valley_block(problem, scaled), centre, covariance)
+    scaled = _with_noise(problem, layout, references, covariance)
+    block = chart_block(problem, scaled, pooled=pooled, pooling=pooling)
+    return Geometry("valley", SUITED, block, centre, covariance)
 
 
 def _with_noise(
     problem: JointProblem,
-    layout: JointCoordinates,
+    layout: Layout,
     references: Sequence[ValleyReference],
     covariance: FloatArray,
 ) -> tuple[ValleyReference, ...]:

@@ -7,12 +7,13 @@ import numpy.typing as npt
 
 from pyburgers.cmdstan.program import Program, load_program
 from pyburgers.common.errors import SamplingError
-from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.chart import Mode
 from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.layout import OneTest
+from pyburgers.protocols.program_data import program_data, values_of_test
 from pyburgers.protocols.registry import protocol_of
-from pyburgers.protocols.stan_data import SolverOptions, StanData, program_data
+from pyburgers.protocols.stan_data import SolverOptions, StanData
 from pyburgers.sampling.initial_values import draw_initial_values
 
 FloatArray = npt.NDArray[np.float64]
@@ -45,7 +46,7 @@ def find_mode(
     ModeNotFound
         If the optimiser fails from all starts.
     """
-    data = program_data(experiment, priors, solver=solver)
+    data = program_data(OneTest(experiment, priors), solver=solver)
     model = load_program(protocol_of(experiment).program)
     starts = (
         draw_initial_values(experiment, priors, seed=seed, chain=start)
@@ -53,7 +54,7 @@ def find_mode(
     )
     variables = climb(model, data, starts, seed=seed)
     return Mode(
-        {p.name: float(variables[p.name]) for p in PROGRAM_PARAMETERS},
+        values_of_test(variables["parameter"], 0),
         np.atleast_1d(np.asarray(variables["coordinate"], dtype=np.float64)),
     )
 

@@ -10,7 +10,8 @@ from pyburgers.model.priors import FLOW_LAW, PriorSet
 from pyburgers.model.variants import check_variant
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.stan_data import PlainCoordinates, plain_coordinates
+from pyburgers.protocols.program_data import plain_coordinates
+from pyburgers.protocols.stan_data import PlainCoordinates
 
 
 @dataclass(frozen=True)

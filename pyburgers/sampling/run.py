@@ -15,8 +15,10 @@ from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.model.priors import PriorSet, save_priors
 from pyburgers.model.variants import check_variant
 from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.layout import OneTest
+from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.registry import protocol_of, save_experiment
-from pyburgers.protocols.stan_data import SolverOptions, StanData, program_data
+from pyburgers.protocols.stan_data import SolverOptions, StanData
 from pyburgers.sampling.chains import ChainFailure, run_side_by_side
 from pyburgers.sampling.charts import Geometry, check_coordinates, choose_geometry
 from pyburgers.sampling.initial_values import draw_initial_values, draw_start_around
@@ -128,7 +130,8 @@ def run_chains(
     check_variant(priors, experiment)
     options = options.suited_to(experiment)
     priors = priors.resolved(experiment.largest_stress)
-    data = program_data(experiment, priors, solver=solver, use_likelihood=use_likelihood)
+    tests = OneTest(experiment, priors)
+    data = program_data(tests, solver=solver, use_likelihood=use_likelihood)
     task = SamplingTask(
         name=experiment.id,
         data_kind=experiment.provenance.kind,
@@ -272,17 +275,14 @@ def tighten_solver(run: RunDirectory, pareto_k: float) -> float:
         run.update_manifest({"refits": [*manifest["refits"], refit]})
         data: StanData = json.loads(run.stan_data_file.read_text(encoding="utf-8"))
         tight = loose / TIGHTENING
-        write_json(
-            run.stan_data_file,
-            {**data, "relative_tolerance": tight, "absolute_tolerance": tight},
-        )
+        write_json(run.stan_data_file, {**data, "tolerance": tight})
     return tight
 
 
 def _tolerance_in(run: RunDirectory) -> float:
     """Tolerance with which the run's chains are sampled, tightened or as asked for."""
     data: StanData = json.loads(run.stan_data_file.read_text(encoding="utf-8"))
-    return float(data["relative_tolerance"])
+    return float(data["tolerance"])
 
 
 def _write_geometry(run: RunDirectory, data: StanData, geometry: Geometry) -> None:

@@ -33,7 +33,7 @@ from pyburgers.posterior.labelled_draws import relative_efficiency
 from pyburgers.protocols.constant_rate.protocol import CONSTANT_RATE
 from pyburgers.protocols.forward import REFERENCE_SOLVER
 from pyburgers.protocols.registry import protocol_of
-from pyburgers.protocols.stan_data import StanData, solver_block, with_later_additions
+from pyburgers.protocols.stan_data import StanData, solver_block
 
 logger = logging.getLogger(__name__)
 
@@ -106,7 +106,7 @@ def log_marginal_likelihood(fit: SampledFit) -> LogIntegral:
     stats = fit.posterior["sample_stats"].to_dataset()
     at_reference = (stats["lp"] + stats["solver_log_ratio"]).transpose("chain", "draw").to_numpy()
     data: StanData = json.loads(run.stan_data_file.read_text(encoding="utf-8"))
-    data = {**with_later_additions(data), **solver_block(REFERENCE_SOLVER)}
+    data = {**data, **solver_block(REFERENCE_SOLVER)}
     program = load_program(CONSTANT_RATE.program)
     logger.info(f"Marginal likelihood of {fit.manifest['experiment']}: bridge sampling.")
     return log_integral(

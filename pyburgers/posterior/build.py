@@ -11,13 +11,11 @@ import xarray as xr
 from pyburgers.cmdstan.draws import Draws, read_draws
 from pyburgers.cmdstan.program import Program, load_program
 from pyburgers.common.errors import SamplingError
-from pyburgers.model.parameters import PARAMETER_BY_NAME, PROGRAM_PARAMETERS
+from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.priors import PriorSet
 from pyburgers.posterior.labelled_draws import (
-    CENTRE,
     CORRELATED,
     OF_ALL_TESTS,
-    SPREAD,
     TESTS,
     keep_posterior,
     label_draws,
@@ -26,7 +24,8 @@ from pyburgers.posterior.labelled_draws import (
 )
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forward import REFERENCE_SOLVER, simulate
-from pyburgers.protocols.program_data import with_grids
+from pyburgers.protocols.layout import CENTRE, SPREAD
+from pyburgers.protocols.program_data import PLACE, with_grids
 from pyburgers.protocols.protocol import Quantity
 from pyburgers.protocols.registry import protocol_of
 from pyburgers.protocols.stan_data import StanData, solver_block
@@ -121,11 +120,10 @@ def _draws_of_tests(
     """Labelled draws of the parameters of each test."""
     columns = fit.dataset(["parameter", "log_reference"]).assign_coords(chains)
     reference = problem.protocol.reference
-    places = {p.name: k for k, p in enumerate(PROGRAM_PARAMETERS)}
     found = {}
     for e, (experiment, priors) in enumerate(zip(problem.experiments, problem.priors, strict=True)):
         own = columns["parameter"].isel(parameter_dim_0=e, drop=True)
-        values = {name: own.isel(parameter_dim_1=places[name], drop=True) for name in priors.priors}
+        values = {name: own.isel(parameter_dim_1=PLACE[name] - 1, drop=True) for name in priors.priors}
         logarithm = columns["log_reference"].isel(log_reference_dim_0=e, drop=True)
         draws = xr.Dataset({**values, reference.name: np.exp(logarithm)})
         parameters = (PARAMETER_BY_NAME[name] for name in priors.priors)

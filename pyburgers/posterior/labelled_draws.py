@@ -69,9 +69,6 @@ OF_ALL_TESTS = "log_likelihood_of_all_tests"
 TESTS = "tests"
 """Group that holds the groups of every test of a joint fit."""
 
-CENTRE, SPREAD = "centre", "spread"
-"""Owners of the quantities of a joint fit that belong to no test."""
-
 LEAST_SMOOTHED_DRAWS = 25
 """Importance weights of fewer draws are left as they are: their tail is less than five draws."""
 

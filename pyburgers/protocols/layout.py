@@ -13,6 +13,9 @@ from pyburgers.protocols.experiment import Experiment
 
 IntArray = npt.NDArray[np.int64]
 
+CENTRE, SPREAD = "centre", "spread"
+"""Owners of the coordinates that belong to no test."""
+
 
 class FittedTests(Protocol):
     """What is fitted: tests of one protocol and material."""
@@ -55,8 +58,9 @@ class OneTest:
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Which coordinate of a fit stands for what: the first test's, the other tests' own ones,
-    centres, spreads.
+    """Which coordinate of a fit stands for what.
+
+    They stand in this order: the first test's, the other tests' own ones, centres, spreads.
 
     Attributes
     ----------

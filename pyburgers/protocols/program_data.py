@@ -18,13 +18,13 @@ from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.layout import FittedTests, Layout, layout_of
 from pyburgers.protocols.registry import protocol_of
 from pyburgers.protocols.stan_data import (
+    CHART,
     PLAIN,
     PlainCoordinates,
     SolverOptions,
     StanData,
     coordinates_through,
     ends,
-    family_codes,
     flow_law_block,
     prior_block,
     solver_block,
@@ -42,9 +42,7 @@ CHART_DATA_PRECISION = 1.0
 def plain_coordinates(experiment: Experiment, priors: PriorSet) -> PlainCoordinates:
     """Choose origin and size of every free parameter and what the reference quantity replaces."""
     protocol = protocol_of(experiment)
-    return coordinates_through(
-        priors, protocol.reference, *protocol.reference_origin(experiment)
-    )
+    return coordinates_through(priors, protocol.reference, *protocol.reference_origin(experiment))
 
 
 def program_data(
@@ -88,7 +86,6 @@ def tests_block(tests: FittedTests, *, use_likelihood: bool) -> StanData:
         "temperature": [e.temperature for e in experiments],
         "initial_grain_size": [e.initial_grain_size for e in experiments],
         "point_end": ends(e.n_points for e in experiments),
-        "stress_observed": np.concatenate([e.stress for e in experiments]).tolist(),
         "use_likelihood": int(use_likelihood),
         "power_law_kelvin": int(
             not all(is_fixed_at(own["kelvin_stress_exponent"], 1.0) for own in tests.priors)
@@ -133,12 +130,25 @@ def chart_block(
     pooling = np.zeros((2, n_partial)) if pooling is None else pooling
     return {
         **({} if chart is None else chart.block(references, layout)),
-        "coordinate_system": PLAIN + bool(references),
+        "coordinate_system": CHART if references else PLAIN,
         "pooled_reference": pooled.tolist(),
         "centre_reference": pooling[0].tolist(),
         "log_spread_reference": pooling[1].tolist(),
         "pooled_data_precision": CHART_DATA_PRECISION if references else 0.0,
     }
+
+
+def values_of_test(parameter: FloatArray, test: int) -> dict[str, float]:
+    """Return the parameters of a test, counted from 0, by name.
+
+    Parameters
+    ----------
+    parameter : array, shape (n_tests, n_parameters)
+        The variable of this name of a program.
+    test : int
+        Number of the test.
+    """
+    return {p.name: float(v) for p, v in zip(PROGRAM_PARAMETERS, parameter[test], strict=True)}
 
 
 def _prior_block(tests: FittedTests, layout: Layout) -> StanData:
@@ -164,8 +174,8 @@ def _as_solved(priors: PriorSet, experiment: Experiment) -> PriorSet:
     """Priors with the piezometer left out where the grain size does not follow it."""
     if variant_of(priors, experiment).grain_size == "piezometric":
         return priors
-    none = fixed_prior(PARAMETER_BY_NAME[PIEZOMETER], 0.0, "not in use")
-    return replace(priors, priors={**priors.priors, PIEZOMETER: none})
+    none = fixed_prior(PARAMETER_BY_NAME[PIEZOMETER[0]], 0.0, "not in use")
+    return replace(priors, priors={**priors.priors, none.parameter: none})
 
 
 def _coordinate_block(tests: FittedTests, layout: Layout) -> StanData:
@@ -180,7 +190,7 @@ def _coordinate_block(tests: FittedTests, layout: Layout) -> StanData:
     for row, found in zip(place, parameters, strict=True):
         row[np.array(found, dtype=np.int64) - 1] = np.arange(1, len(found) + 1)
     replaced = PLACE.get(plain[0].replaced_parameter or "", 0)
-    codes = family_codes(tests.priors[0], PROGRAM_PARAMETERS)
+    families = prior_block(tests.priors[0], PROGRAM_PARAMETERS)["prior_family"]
     return {
         "n_coordinates": layout.size,
         # Shared by one test with nobody.
@@ -192,17 +202,15 @@ def _coordinate_block(tests: FittedTests, layout: Layout) -> StanData:
             int(layout.position[test, i]) + 1 for test, places in enumerate(own) for i in places
         ],
         "quantity": np.concatenate(
-            [numbers.matrix[places] for numbers, places in zip(plain, own, strict=True)]
+            [numbers.quantity[places] for numbers, places in zip(plain, own, strict=True)]
         ).tolist(),
         "own_place": place.tolist(),
-        "replaced_parameter": [
-            replaced if replaced in found else 0 for found in parameters
-        ],
+        "replaced_parameter": [replaced if replaced in found else 0 for found in parameters],
         "n_pooled": len(layout.partial),
         "pooled_parameter": [PLACE[name] for name in layout.partial],
-        "pooled_family": [codes[PLACE[name] - 1] for name in layout.partial],
+        "pooled_family": [families[PLACE[name] - 1] for name in layout.partial],
         "pooled_position": (layout.position[:, layout.pooled] + 1).tolist(),
-        "pooled_quantity": [numbers.matrix[layout.pooled].tolist() for numbers in plain],
+        "pooled_quantity": [numbers.quantity[layout.pooled].tolist() for numbers in plain],
         "centre_position": (layout.centre + 1).tolist(),
         "spread_position": (layout.spread + 1).tolist(),
         "spread_scale": [tests.pooling.spread_scales[name] for name in layout.partial],

@@ -173,8 +173,16 @@ class Protocol(ABC, Generic[E]):
         """Return the test as one that can only be simulated, as far as the program allows it."""
 
     @abstractmethod
-    def experiment_data(self, experiment: E, *, use_likelihood: bool) -> StanData:
-        """Return the data of the program that are about the test alone."""
+    def reference_origin(self, experiment: E) -> tuple[float, float]:
+        """Return origin and size of ln(`reference`/SI unit) of a test."""
+
+    @abstractmethod
+    def tests_block(self, experiments: Sequence[E], priors: Sequence[PriorSet]) -> StanData:
+        """Return the data of the program that are about tests of this protocol alone."""
+
+    @abstractmethod
+    def grid_block(self, experiments: Sequence[E], grids: Sequence[FloatArray]) -> StanData:
+        """Return the positions on the clock (SI) at which the program reports solutions."""
 
     @abstractmethod
     def prediction_grid(self, experiment: E) -> FloatArray:

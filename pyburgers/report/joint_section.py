@@ -25,10 +25,10 @@ from pyburgers.model.display import (
 )
 from pyburgers.model.parameters import REFERENCE_STRESS_QUANTITY
 from pyburgers.posterior.joint_labelled_draws import own_name
+from pyburgers.protocols.layout import CENTRE, SPREAD
 from pyburgers.protocols.registry import protocol_of
 from pyburgers.report.page import ExtraFigure, ExtraSection, ExtraTable, file_key, numbered
 from pyburgers.report.tables import checks_table
-from pyburgers.sampling.joint_stan_data import CENTRE, SPREAD
 
 
 def pooling_table(joint: JointFit, separate: Sequence[Fit] = ()) -> pd.DataFrame:

@@ -128,10 +128,8 @@ def choose_chart(
 
 
 @dataclass(frozen=True, eq=False)
-class TestAtMode:
+class ModeOfTest:
     """A test by itself at its posterior mode; members as `pyburgers.protocols.chart.AtMode`."""
-
-    __test__ = False  # for pytest
 
     problem: Problem
     mode: Mode
@@ -198,7 +196,7 @@ def _at_mode(
         data = {**data, **solver_block(solver)}
     layout = layout_of(problem)
     tests = [
-        TestAtMode(one, own, solver) for one, own in zip(problem.alone(), mode.tests, strict=True)
+        ModeOfTest(one, own, solver) for one, own in zip(problem.alone(), mode.tests, strict=True)
     ]
     references, centre = [], np.zeros(layout.size)
     # The first test comes last, so that shared coordinates are its own.

@@ -9,10 +9,9 @@ import numpy.typing as npt
 
 from pyburgers.cmdstan.program import Program, load_program
 from pyburgers.common.errors import SamplingError
-from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.protocols.chart import Mode
 from pyburgers.protocols.layout import layout_of
-from pyburgers.protocols.program_data import program_data
+from pyburgers.protocols.program_data import program_data, values_of_test
 from pyburgers.protocols.stan_data import SolverOptions, StanData
 from pyburgers.sampling.initial_values import draw_initial_values, position_of
 from pyburgers.sampling.problem import Problem
@@ -72,14 +71,10 @@ def find_mode(problem: Problem, *, seed: int, solver: SolverOptions) -> ProblemM
     model = load_program(problem.protocol.program)
     variables = climb(model, program_data(problem, solver=solver), starts, seed=seed)
     coordinate = np.atleast_1d(variables["coordinate"])
-    names = [p.name for p in PROGRAM_PARAMETERS]
-    plain = _plain_of_tests(problem, coordinate, np.atleast_1d(variables["log_reference"]))
+    plain = _plain_of_tests(problem, coordinate, variables["log_reference"])
+    values = variables["parameter"]
     return ProblemMode(
-        tuple(
-            Mode(dict(zip(names, map(float, own), strict=True)), position)
-            for own, position in zip(variables["parameter"], plain, strict=True)
-        ),
-        coordinate,
+        tuple(Mode(values_of_test(values, e), own) for e, own in enumerate(plain)), coordinate
     )
 
 

@@ -20,8 +20,10 @@ from pyburgers.common.processes import completed, number_of_processes
 from pyburgers.common.toml_files import read_text
 from pyburgers.model.priors import PriorSet, load_priors, save_priors
 from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.layout import OneTest
+from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.registry import load_experiment, protocol_of, save_experiment
-from pyburgers.protocols.stan_data import SolverOptions, program_data
+from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.charts import check_coordinates
 from pyburgers.sampling.options import INDECISIVE, SamplerOptions
 from pyburgers.sampling.run_directory import RunDirectory
@@ -210,7 +212,7 @@ def _fingerprint(
     return sha256_of_json(
         {
             "kind": CALIBRATION_KIND,
-            "data": program_data(template, priors, solver=SolverOptions()),
+            "data": program_data(OneTest(template, priors), solver=SolverOptions()),
             "seed": plan.seed,
             "n_ranked": plan.n_ranked,
             "sampler": sampler,

@@ -1,4 +1,5 @@
 // Tests at imposed, piecewise constant strain rate.
+vector[point_end[n_tests + 1]] stress_observed; // Pa
 array[n_tests + 1] int<lower=0> segment_end;
 array[segment_end[n_tests + 1]] real<lower=0> segment_start; // strain, the first of a test 0
 array[segment_end[n_tests + 1]] real<lower=0> segment_rate; // 1/s

@@ -1,4 +1,5 @@
 // Records of tests at oscillating strain rate; times in periods since the clock's zero.
+vector[point_end[n_tests + 1]] stress_observed; // Pa
 array[n_tests] real<lower=0> period; // s
 int<lower=1> n_harmonics;
 array[n_tests] vector[n_harmonics] strain_sine; // amplitudes of the strain's harmonics, fraction

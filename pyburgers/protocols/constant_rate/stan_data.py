@@ -77,9 +77,8 @@ def tests_block(
         "strain": np.concatenate([strain for strain, _, _ in outputs]).tolist(),
         "n_strains_in_segment": list(chain.from_iterable(counts for _, counts, _ in outputs)),
         "strain_of_point": np.concatenate([places + 1 for _, _, places in outputs]).tolist(),
-        "point_strain": np.concatenate(
-            [strain[places] for strain, _, places in outputs]
-        ).tolist(),
+        "point_strain": np.concatenate([strain[places] for strain, _, places in outputs]).tolist(),
+        "stress_observed": np.concatenate([e.stress for e in experiments]).tolist(),
         "correlated_residuals": int(
             not all(is_fixed_at(own["residual_correlation_strain"], 0.0) for own in priors)
         ),
@@ -143,8 +142,10 @@ class ValleyReference:
 
 def valley_block(references: Sequence[ValleyReference], layout: Layout) -> StanData:
     """Return the block `stan/data/valley.stan`; no references keep the plain coordinates."""
+    # The width of a shared parameter follows the noise of no test.
+    follows = [name not in layout.shared for name in layout.names]
     guides = [
-        np.column_stack([own.coordinate, own.linear_from, own.noise_exponent])[
+        np.column_stack([own.coordinate, own.linear_from, np.where(follows, own.noise_exponent, 0)])[
             layout.own(test)
         ]
         for test, own in enumerate(references)
@@ -161,4 +162,3 @@ def valley_block(references: Sequence[ValleyReference], layout: Layout) -> StanD
         "guide": np.concatenate([np.empty((0, 3)), *guides]).tolist(),
         "reference_parameter": [own.values.tolist() for own in references],
     }
-

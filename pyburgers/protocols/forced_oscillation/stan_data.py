@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -41,8 +42,7 @@ def reference_origin(experiment: OscillationExperiment) -> tuple[float, float]:
 def tests_block(
     experiments: Sequence[OscillationExperiment], priors: Sequence[PriorSet]
 ) -> StanData:
-    """Return the block `stan/data/forced_oscillation.stan`, and that of the sheared coordinates as
-    far as it is about the records."""
+    """Return the block `stan/data/forced_oscillation.stan`, and the records of `sheared.stan`."""
     records = [_record(experiment) for experiment in experiments]
     n_harmonics = max(record["strain_sine"].size for record in records)
     n_background = max(record["background"].size for record in records)
@@ -59,6 +59,7 @@ def tests_block(
         "n_background": n_background,
         "background": _padded([record["background"] for record in records], n_background),
         "background_range": [record["background_range"] for record in records],
+        "stress_observed": np.concatenate([e.stress for e in experiments]).tolist(),
         "tau": np.concatenate([record["tau"] for record in records]).tolist(),
         "relative_noise": np.concatenate([record["relative_noise"] for record in records]).tolist(),
         "n_trend": [record["trend_shape"].shape[1] for record in records],
@@ -74,7 +75,7 @@ def _padded(rows: Sequence[FloatArray], size: int) -> list[list[float]]:
     return [[*row.tolist(), *[0.0] * (size - row.size)] for row in rows]
 
 
-def _record(experiment: OscillationExperiment) -> dict[str, object]:
+def _record(experiment: OscillationExperiment) -> dict[str, Any]:
     """Entries of the blocks for one test; arrays differ in size between tests."""
     prepared = experiment.prepared
     period = prepared.period
@@ -159,8 +160,7 @@ class ShearedReference:
 
 
 def sheared_block(references: Sequence[ShearedReference], layout: Layout) -> StanData:
-    """Return what the mode says in the block `stan/data/sheared.stan`; no references keep the plain
-    coordinates."""
+    """Return shifts of the block `stan/data/sheared.stan`; no references: plain coordinates."""
     if not references:
         return {
             "flow_slope": [NO_SHIFT] * layout.n_tests,

@@ -6,10 +6,9 @@ from pathlib import Path
 from pyburgers.cli.arguments import command_line
 from pyburgers.cli.results import load_fit
 from pyburgers.fitting.joint_fit import JointFit
-from pyburgers.report.joint_comparison_sections import related_joint_sections
+from pyburgers.report.comparison_sections import comparison_sections
 from pyburgers.report.joint_section import joint_names, joint_section
 from pyburgers.report.page import write_report
-from pyburgers.report.same_data_sections import related_sections
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -32,14 +31,13 @@ def run(options: argparse.Namespace) -> int:
         joint_section(name, joint, fits)
         for name, joint in zip(joint_names(joints), joints, strict=True)
     ]
-    of_joints = related_joint_sections(joints)
     fits = [*(fit for joint in joints for fit in joint.tests().values()), *fits]
     page = write_report(
         fits,
         options.out,
         title=options.title,
         command=command_line(),
-        extras=(*sections, *of_joints, *related_sections(fits)),
+        extras=(*sections, *comparison_sections(fits, joints)),
     )
     print(f"The page is {page}")
     return 0

@@ -9,8 +9,12 @@ from pyburgers.drawing.style import write_images
 from pyburgers.model.priors import load_priors
 from pyburgers.protocols.files import load_experiment
 from pyburgers.sbc.data_sets import calibration_priors
-from pyburgers.sbc.figures import rank_differences
-from pyburgers.sbc.results import count_sentences, save_calibration, shown_verdict_table
+from pyburgers.sbc.results import (
+    count_sentences,
+    rank_differences,
+    save_calibration,
+    shown_verdict_table,
+)
 from pyburgers.sbc.run import N_RANKED, SHORT_RUN, CalibrationPlan, calibrate
 
 CALIBRATION_OPTIONS = ("chains", "warmup", "draws", "seed", "adapt_delta", "coordinates")

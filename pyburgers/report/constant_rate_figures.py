@@ -162,7 +162,9 @@ def softening(fit: Fit) -> Figure:
 
 def _draw_share(axes: Axes, by_grains: FloatArray, by_fabric: FloatArray) -> None:
     """Draw the share that grain size has in the softening (its logarithm), of factors by draw."""
-    log_grains, log_fabric = (np.log(factor.astype(np.float64)) for factor in (by_grains, by_fabric))
+    log_grains, log_fabric = (
+        np.log(factor.astype(np.float64)) for factor in (by_grains, by_fabric)
+    )
     total = log_grains + log_fabric
     share = log_grains[total != 0] / total[total != 0]
     low, high = np.quantile(share, [0.005, 0.995]) if share.size else (0.0, 1.0)

@@ -14,7 +14,6 @@ from conftest import ICE, SMALL_RUN, Problem, pair_of
 
 from pyburgers.cli.main import main
 from pyburgers.common.errors import InputError
-from pyburgers.comparison.bridge_sampling import LogIntegral
 from pyburgers.comparison.by_points import compare, pointwise_table
 from pyburgers.comparison.by_tests import (
     ComparisonByTest,
@@ -28,14 +27,14 @@ from pyburgers.comparison.by_tests import (
     table_of_tests,
 )
 from pyburgers.comparison.figures import left_out_tests, pointwise_differences
-from pyburgers.comparison.marginal_likelihood import log_marginal_likelihood
+from pyburgers.comparison.marginal_likelihood import LogIntegral, log_marginal_likelihood
 from pyburgers.drawing.style import image
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.fitting.joint_fit import JointFit, fit_jointly
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import default_priors
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
-from pyburgers.report.joint_comparison_sections import related_joint_sections
+from pyburgers.report.comparison_sections import comparison_sections
 from pyburgers.sampling.problem import joint_problem, problem_without
 
 FloatArray = npt.NDArray[np.float64]
@@ -251,16 +250,16 @@ def test_a_page_sets_joint_fits_of_the_same_tests_side_by_side(
     for run, joint in zip(runs, (shared, separate), strict=True):
         shutil.copytree(joint.directory.path, run, ignore=shutil.ignore_patterns("leave_out"))
     joints = [JointFit.load(run) for run in runs]
-    (by_points,) = related_joint_sections(joints)
+    (by_points,) = comparison_sections([], joints)
     assert by_points.key == "comparison_PIL40_other"
     leave_one_test_out(joints[0], command="test")
-    *_, by_tests = related_joint_sections(joints)
+    *_, by_tests = comparison_sections([], joints)
     assert by_tests.key == "left_out_PIL40_other"
     exact = leave_one_test_out(joints[0], command="test")
     assert by_tests.tables[1].saved["PIL40+other elpd"].tolist() == exact.elpd.tolist()
     assert not (runs[1] / "leave_out").exists()
     leave_one_test_out(joints[1], command="test")
-    both = related_joint_sections(joints)[1]
+    both = comparison_sections([], joints)[1]
     assert set(both.tables[0].saved["fit"]) == {"PIL40+other", "PIL40+other_run2"}
 
 

@@ -14,9 +14,9 @@ from synthetic_fit import make_fit
 from synthetic_olivine_fit import make_olivine_fit
 
 from pyburgers.drawing.style import image
+from pyburgers.fitting.fit import Fit
 from pyburgers.protocols.headings import title
 from pyburgers.report.figures import figures_for
-from pyburgers.fitting.fit import Fit
 from pyburgers.report.posterior_figures import CHAIN_COLOURS, rank
 
 FEW = ("maxwell_modulus", "kelvin_viscosity", "activation_enthalpy", "beta")

@@ -14,6 +14,7 @@ from pyburgers.common.draws import central_band
 from pyburgers.common.errors import InputError
 from pyburgers.drawing.style import FigureRecipe
 from pyburgers.fitting.fit import Fit
+from pyburgers.predictions.oscillation_response import oscillation_of, replicated_response
 from pyburgers.report.oscillation_figures import (
     OSCILLATION_FIGURES,
     amplitude_phase,
@@ -21,7 +22,6 @@ from pyburgers.report.oscillation_figures import (
     stress_loop,
     stress_time,
 )
-from pyburgers.predictions.oscillation_response import oscillation_of, replicated_response
 
 
 @pytest.fixture(scope="module", params=["removed", "kept"])

@@ -17,7 +17,7 @@ from pydantic import Field
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.columns import read_columns
 from pyburgers.common.errors import InputError
-from pyburgers.common.toml_files import Table, read_toml, toml_text
+from pyburgers.common.toml_files import Table, read_toml, write_toml
 from pyburgers.common.units import factor_to_si
 from pyburgers.model.flow_law_prior import Conditions
 from pyburgers.protocols.experiment import (
@@ -201,7 +201,7 @@ def save_peak_stress(data: PeakStressData, directory: Path) -> Path:
         "provenance": asdict(data.provenance),
     }
     target = directory / "peak_stress.toml"
-    write_text(target, toml_text(table))
+    write_toml(target, table)
     return target
 
 

@@ -18,10 +18,9 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from pyburgers.common.atomic_files import write_text
 from pyburgers.common.columns import Separator
 from pyburgers.common.errors import InputError
-from pyburgers.common.toml_files import Table, nearest, toml_text
+from pyburgers.common.toml_files import Table, nearest, write_toml
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 
 FloatArray = npt.NDArray[np.float64]
@@ -240,7 +239,7 @@ def write_experiment(experiment: Experiment, directory: Path, own: Mapping[str, 
         "true_parameters": experiment.true_parameters,
     }
     target = directory / "experiment.toml"
-    write_text(target, toml_text(table))
+    write_toml(target, table)
     return target
 
 

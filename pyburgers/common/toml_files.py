@@ -112,7 +112,7 @@ def _sentence(error: ValidationError, structure: type[Table]) -> str:
     expected = first["msg"].replace("Input should be ", "")
     if expected.startswith(("greater", "less")):
         expected = f"a number {expected}"
-    if meaning is not None:
+    if meaning is not None and first["type"] != "column":
         expected = f"{expected} ({meaning})"
     return f"{key}: found {_shown(first['input'])}, expected {expected}."
 

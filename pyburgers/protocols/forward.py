@@ -18,7 +18,8 @@ from pyburgers.model.parameters import (
     PROGRAM_PARAMETERS,
     STANDARD_VALUES,
 )
-from pyburgers.model.priors import MAY_BE_ZERO, PriorSet, fixed_prior
+from pyburgers.model.prior_families import MAY_BE_ZERO, fixed_prior
+from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment

@@ -8,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from pyburgers.cmdstan.program import Program
-from pyburgers.model.priors import Prior, PriorSet
+from pyburgers.model.prior_families import Prior
+from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.stan_data import (
     PLAIN,
     PlainCoordinates,

@@ -13,6 +13,8 @@ from pyburgers.cmdstan.program import compile_programs, load_program, stan_direc
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.model.priors import Prior, PriorSet, default_priors, load_priors, save_priors
 from pyburgers.protocols.chart import Mode
+from pyburgers.model.prior_families import Prior
+from pyburgers.model.priors import PriorSet, default_priors, load_priors, save_priors
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
 from pyburgers.protocols.constant_rate.valley import find_valley
 from pyburgers.protocols.experiment import Experiment

@@ -12,15 +12,16 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.checks.sampling_checks import CheckResult
+from pyburgers.common.numbers import number, rounded, with_error
 from pyburgers.fitting.fit import Fit, is_joint
 from pyburgers.model.display import (
     number,
+    STRESS_FACTOR,
+    STRESS_UNIT,
     prior_text,
-    rounded,
     shown_quantity,
     symbol_text,
     unit_text,
-    with_error,
 )
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.priors import PriorSet

@@ -21,6 +21,8 @@ from pyburgers.common.errors import InputError
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.priors import Prior, PriorSet
 from pyburgers.protocols.chart import Mode
+from pyburgers.model.prior_families import Prior
+from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.forced_oscillation.experiment import (
     OscillationExperiment,
     load_forced_oscillation,

@@ -15,6 +15,18 @@ from pyburgers.protocols.forced_oscillation.experiment import OscillationExperim
 from pyburgers.protocols.forced_oscillation.stan_data import ShearedReference, sheared_block
 from pyburgers.protocols.layout import Layout
 from pyburgers.protocols.stan_data import PlainCoordinates, StanData
+from pyburgers.cmdstan.program import Program
+from pyburgers.model.prior_families import Prior
+from pyburgers.model.priors import PriorSet
+from pyburgers.protocols.stan_data import (
+    PLAIN,
+    PlainCoordinates,
+    ShearedReference,
+    StanData,
+    sheared_block,
+)
+from pyburgers.sampling.metric import curvature_at
+from pyburgers.sampling.mode import Mode
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -9,22 +9,25 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from pyburgers.checks.sampling_checks import CheckResult
+from pyburgers.checks.check import CheckResult
 from pyburgers.cli.doctor import can_fit, diagnose, format_findings
 from pyburgers.cmdstan.program import ensure_cmdstan, install_cmdstan
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.errors import InputError, PyburgersError
 from pyburgers.common.messages import messages_to
 from pyburgers.common.units import UNITS
-from pyburgers.comparison.by_points import compare, comparison_table, save_comparison, sentences
-from pyburgers.comparison.by_tests import (
-    compare_by_test,
+from pyburgers.comparison.by_points import compare
+from pyburgers.comparison.by_tests import compare_by_test
+from pyburgers.comparison.figures import left_out_tests, pointwise_differences
+from pyburgers.comparison.results import (
+    comparison_table,
+    save_comparison,
     save_comparison_by_test,
+    sentences,
     sentences_by_test,
     table_of_fits,
     table_of_tests,
 )
-from pyburgers.comparison.figures import left_out_tests, pointwise_differences
 from pyburgers.drawing.style import write_images
 from pyburgers.fitting.fit import Fit, fit, is_joint
 from pyburgers.fitting.joint_fit import JointFit, fit_jointly

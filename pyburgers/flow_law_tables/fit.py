@@ -14,15 +14,8 @@ import numpy.typing as npt
 import pandas as pd
 import xarray as xr
 
-from pyburgers.checks.sampling_checks import (
-    CheckResult,
-    check_chains,
-    check_divergences,
-    check_effective_sample_size,
-    check_energy,
-    check_rhat,
-    check_treedepth,
-)
+from pyburgers.checks.check import CheckResult
+from pyburgers.checks.fit_checks import CHAIN_CHECKS, run_checks
 from pyburgers.cmdstan.program import load_model, stan_directory
 from pyburgers.common.atomic_files import write_json
 from pyburgers.common.draws import all_draws
@@ -90,15 +83,7 @@ class PeakStressFit(SampledFit):
 
     def checks(self) -> tuple[CheckResult, ...]:
         """Return the checks with their verdicts; there is no solver and no band to check."""
-        posterior = self.posterior
-        return (
-            check_chains(posterior, self.missing_chains()),
-            check_rhat(posterior),
-            check_effective_sample_size(posterior),
-            check_divergences(posterior),
-            check_treedepth(posterior, self.manifest["sampler"]["max_treedepth"]),
-            check_energy(posterior),
-        )
+        return run_checks(self.checked_draws, CHAIN_CHECKS)
 
     @classmethod
     def load(cls, path: str | Path) -> Self:

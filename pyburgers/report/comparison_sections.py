@@ -9,25 +9,22 @@ from typing import TypeVar
 
 import pandas as pd
 
-from pyburgers.comparison.by_points import (
-    COMPARISON_TEXT,
-    compare,
-    comparison_table,
-    sentences,
-)
-from pyburgers.comparison.by_tests import (
-    BY_TEST_TEXT,
-    ComparisonByTest,
-    compare_kept_by_test,
-    sentences_by_test,
-    table_of_fits,
-    table_of_tests,
-)
+from pyburgers.comparison.by_points import compare
+from pyburgers.comparison.by_tests import ComparisonByTest, compare_kept_by_test
 from pyburgers.comparison.figures import (
     COMPARISON_CAPTION,
     LEFT_OUT_CAPTION,
     left_out_tests,
     pointwise_differences,
+)
+from pyburgers.comparison.results import (
+    BY_TEST_TEXT,
+    COMPARISON_TEXT,
+    comparison_table,
+    sentences,
+    sentences_by_test,
+    table_of_fits,
+    table_of_tests,
 )
 from pyburgers.comparison.same_data import data_hash
 from pyburgers.fitting.fit import Fit

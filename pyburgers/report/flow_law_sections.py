@@ -27,7 +27,6 @@ from pyburgers.model.display import (
 from pyburgers.model.flow_law_prior import FlowLawPrior
 from pyburgers.model.priors import FLOW_LAW
 from pyburgers.report.page import ExtraFigure, ExtraSection, ExtraTable
-from pyburgers.report.tables import checks_table
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -60,7 +59,7 @@ def peak_stress_section(fit: PeakStressFit) -> ExtraSection:
     fit : PeakStressFit
         Fit of a table of peak stresses.
     """
-    data, checks = fit.data, checks_table(fit.checks())
+    data = fit.data
     comparison = least_squares_table(fit)
     return ExtraSection(
         key=PEAK_STRESS_KEY,
@@ -83,14 +82,7 @@ def peak_stress_section(fit: PeakStressFit) -> ExtraSection:
                 _shown_least_squares(comparison),
                 comparison.reset_index(),
             ),
-            ExtraTable(
-                "checks",
-                "Checks of this fit",
-                checks,
-                checks,
-                words=("check", "verdict"),
-                sentences=("sentence",),
-            ),
+            ExtraTable.of_checks("Checks of this fit", fit.checks()),
         ),
         figures=(ExtraFigure("flow_law", "Flow law", FLOW_LAW_CAPTION, partial(flow_law, fit)),),
         after_fits=True,

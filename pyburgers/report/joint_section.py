@@ -27,7 +27,6 @@ from pyburgers.model.parameters import REFERENCE_STRESS_QUANTITY
 from pyburgers.posterior.joint_labelled_draws import own_name
 from pyburgers.report.constant_rate_figures import fitted_curve
 from pyburgers.report.page import ExtraFigure, ExtraSection, ExtraTable, file_key, numbered
-from pyburgers.report.tables import checks_table
 from pyburgers.sampling.joint_stan_data import CENTRE, SPREAD
 
 
@@ -220,14 +219,7 @@ def joint_section(name: str, joint: JointFit, separate: Sequence[Fit]) -> ExtraS
                 if len(pooled)
                 else ()
             ),
-            ExtraTable(
-                "checks",
-                "Checks of the joint fit",
-                checks_table(checks),
-                checks_table(checks),
-                words=("check", "verdict"),
-                sentences=("sentence",),
-            ),
+            ExtraTable.of_checks("Checks of the joint fit", checks),
         ),
         figures=(
             ExtraFigure("curves", "All tests", CURVES_CAPTION, partial(all_curves, joint)),

@@ -6,28 +6,32 @@ import json
 import logging
 import platform
 from collections import Counter
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import jinja2
 import pandas as pd
 from matplotlib.figure import Figure
 
+from pyburgers.checks.check import CheckResult
+from pyburgers.checks.fit_checks import coverage
 from pyburgers.checks.prior_influence import (
     THRESHOLDS_TEXT,
+    Influence,
+    Origin,
     influence_numbers,
     influence_table,
     prior_influence,
 )
-from pyburgers.checks.sampling_checks import CheckResult, coverage
 from pyburgers.common.atomic_files import sha256_of_file, write_json, write_text
 from pyburgers.common.errors import InputError
 from pyburgers.common.processes import completed, number_of_processes
 from pyburgers.drawing.style import FigureText, write_images
 from pyburgers.fitting.fit import Fit, is_joint
+from pyburgers.model.display import shown_quantity
 from pyburgers.predictions.oscillation_response import response_table
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
@@ -75,6 +79,8 @@ class ExtraTable:
         Columns of short texts.
     sentences : tuple of str
         Columns of whole sentences.
+    bad : mapping of str to sequence of bool
+        Columns, and whether what each row says there is bad news.
     """
 
     name: str
@@ -83,6 +89,21 @@ class ExtraTable:
     saved: pd.DataFrame
     words: tuple[str, ...] = ()
     sentences: tuple[str, ...] = ()
+    bad: Mapping[str, Sequence[bool]] = field(default_factory=dict)
+
+    @classmethod
+    def of_checks(cls, title: str, checks: Sequence[CheckResult]) -> Self:
+        """Return the verdicts of checks as a table."""
+        shown = tables.checks_table(checks)
+        return cls(
+            "checks",
+            title,
+            shown,
+            shown,
+            words=("check", "verdict"),
+            sentences=("sentence",),
+            bad={"verdict": [not one.passed for one in checks]},
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,12 +180,12 @@ class Section:
         Row of the table over experiments.
     parameters, priors, sampler : DataFrame
         Tables as text.
-    influence : DataFrame or None
-        What the results owe to prior and data, as text; None without likelihood.
+    influences : mapping of str to Influence
+        What each quantity owes to prior and data; empty without likelihood.
     truth : DataFrame or None
-        Comparison with the truth as text, for synthetic data.
+        Comparison with the truth (`pyburgers.report.tables.truth_table`), for synthetic data.
     response : DataFrame or None
-        Observed and replicated amplitude and phase lag as text, for oscillating tests.
+        Observed and replicated amplitude and phase lag, for oscillating tests.
     illustrations : tuple of Illustration
         Figures.
     """
@@ -176,7 +197,7 @@ class Section:
     parameters: pd.DataFrame
     priors: pd.DataFrame
     sampler: pd.DataFrame
-    influence: pd.DataFrame | None
+    influences: Mapping[str, Influence]
     truth: pd.DataFrame | None
     response: pd.DataFrame | None
     illustrations: tuple[Illustration, ...]
@@ -189,10 +210,11 @@ class Section:
     @property
     def from_prior(self) -> list[str]:
         """Quantities whose number is that of the prior."""
-        if self.influence is None:
-            return []
-        flagged = self.influence["where it comes from"] == "this number is your prior"
-        return self.influence["quantity"][flagged].tolist()
+        return [
+            shown_quantity(name).label
+            for name, influence in self.influences.items()
+            if influence.origin is Origin.PRIOR
+        ]
 
     @property
     def failed(self) -> list[CheckResult]:
@@ -300,6 +322,9 @@ def render_page(
         version=importlib.metadata.version("pyburgers"),
         number_table=_number_table,
         thresholds=THRESHOLDS_TEXT,
+        influence_table=influence_table,
+        truth_table=tables.shown_truth_table,
+        response_table=tables.shown_response_table,
     )
 
 
@@ -358,10 +383,9 @@ def _write_section(key: str, fit: Fit, out: Path) -> Section:
     }
     if truth is not None:
         files["truth"] = truth.reset_index()
-    influence = None
+    influences: dict[str, Influence] = {}
     if fit.manifest["use_likelihood"]:
         influences = prior_influence(fit.posterior, fit.priors)
-        influence = influence_table(influences)
         files["influence"] = influence_numbers(influences).reset_index()
     response = None
     if isinstance(fit.experiment, OscillationExperiment):
@@ -377,9 +401,9 @@ def _write_section(key: str, fit: Fit, out: Path) -> Section:
         parameters=tables.parameter_table(summary, fit.priors),
         priors=files["priors"],
         sampler=sampler,
-        influence=influence,
-        truth=None if truth is None else tables.shown_truth_table(truth),
-        response=None if response is None else tables.shown_response_table(response),
+        influences=influences,
+        truth=truth,
+        response=response,
         illustrations=tuple(
             Illustration(recipe, recipe.draw(fit), _picture_file(out, key, recipe))
             for recipe in figures_for(fit.experiment)

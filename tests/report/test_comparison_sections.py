@@ -12,7 +12,8 @@ from test_report import Page
 
 from pyburgers.cli.main import main
 from pyburgers.common.draws import all_draws
-from pyburgers.comparison.by_points import compare, comparison_table, sentences
+from pyburgers.comparison.by_points import compare
+from pyburgers.comparison.results import comparison_table, sentences
 from pyburgers.fitting.fit import Fit
 from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress
 from pyburgers.flow_law_tables.priors import default_peak_stress_priors

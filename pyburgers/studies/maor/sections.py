@@ -144,6 +144,7 @@ def statements_section(statements: tuple[Statement, ...], *, is_synthetic: bool)
                 table,
                 words=("paper", "verdict"),
                 sentences=("statement", "our posterior", "rule"),
+                bad={"verdict": [verdict == "does not agree" for verdict in verdicts]},
             ),
         ),
     )

@@ -14,7 +14,7 @@ import numpy.typing as npt
 import pandas as pd
 import xarray as xr
 
-from pyburgers.checks.sampling_checks import RHAT_LIMIT
+from pyburgers.checks.fit_checks import RHAT_LIMIT
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.display import (

@@ -11,7 +11,7 @@ from typing import Any
 
 from pyburgers.checks.check import CheckResult
 from pyburgers.cli.doctor import can_fit, diagnose, format_findings
-from pyburgers.cmdstan.program import ensure_cmdstan, install_cmdstan
+from pyburgers.cmdstan.installation import ensure_cmdstan, install_cmdstan
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.errors import InputError, PyburgersError
 from pyburgers.common.messages import messages_to

@@ -24,14 +24,14 @@ from scipy.optimize import brentq
 from scipy.special import expit
 from scipy.stats import multivariate_normal
 
-from pyburgers.cmdstan.program import load_model
-from pyburgers.cmdstan.toolchain import last_lines, run_tool
+from pyburgers.cmdstan.draws import read_draws
+from pyburgers.cmdstan.program import ALL_DIGITS, Program, Unsolved, load_program
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import SampledFit
-from pyburgers.posterior.labelled_draws import read_chains, relative_efficiency
+from pyburgers.posterior.labelled_draws import relative_efficiency
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
-from pyburgers.protocols.forward import REFERENCE_SOLVER, constant_rate_program, quiet_cmdstanpy
+from pyburgers.protocols.forward import REFERENCE_SOLVER, constant_rate_program
 from pyburgers.protocols.stan_data import StanData, solver_block, with_later_additions
 
 logger = logging.getLogger(__name__)
@@ -100,71 +100,58 @@ def log_marginal_likelihood(fit: SampledFit) -> LogIntegral:
             "expected constant_rate, the only one with a marginal likelihood."
         )
     run = fit.directory
-    with quiet_cmdstanpy():
-        chains = read_chains([str(run.draws_file(chain)) for chain in run.finished_chains()])
-        draws = chains.draws_xr(["coordinate"])["coordinate"].to_numpy()
+    draws = read_draws(run.draws_files())["coordinate"]
     stats = fit.posterior["sample_stats"].to_dataset()
     at_reference = (stats["lp"] + stats["solver_log_ratio"]).transpose("chain", "draw").to_numpy()
     data: StanData = json.loads(run.stan_data_file.read_text(encoding="utf-8"))
     data = {**with_later_additions(data), **solver_block(REFERENCE_SOLVER)}
-    program = Path(str(load_model(constant_rate_program()).exe_file))
+    program = load_program(constant_rate_program())
     logger.info(f"Marginal likelihood of {fit.manifest['experiment']}: bridge sampling.")
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        (folder / "data.json").write_text(json.dumps(data), encoding="utf-8")
-        return log_integral(
-            draws,
-            # A draw without solution at the reference tolerance has no density there.
-            np.where(np.isnan(at_reference), -np.inf, at_reference),
-            lambda points: log_density_at(program, folder, points),
-            seed=fit.manifest["sampler"]["seed"],
-        )
+    return log_integral(
+        draws,
+        # A draw without solution at the reference tolerance has no density there.
+        np.where(np.isnan(at_reference), -np.inf, at_reference),
+        lambda points: log_density_at(program, data, points),
+        seed=fit.manifest["sampler"]["seed"],
+    )
 
 
-def log_density_at(program: Path, folder: Path, points: FloatArray) -> FloatArray:
+def log_density_at(program: Program, data: StanData, points: FloatArray) -> FloatArray:
     """Log density of coordinates, minus infinity where the model has no solution.
 
     Parameters
     ----------
-    program : Path
-        Executable of the program for constant rate.
-    folder : Path
-        Holds its data, ``data.json``; other files are written there.
+    program : Program
+        The program for constant rate.
+    data : dict
+        Its data.
     points : array, shape (n_points, n_coordinates)
         Coordinates.
     """
-    found = _generated(program, folder, points)
-    if len(found) == len(points):
-        return np.where(np.isnan(found), -np.inf, found)
-    if len(points) == 1:
-        return np.array([-np.inf])
-    # CmdStan leaves points without solution out and does not say which.
-    return np.concatenate(
-        [log_density_at(program, folder, part) for part in np.array_split(points, 2)]
-    )
+    try:
+        found = _generated(program, data, points)
+    except Unsolved:
+        if len(points) == 1:
+            return np.array([-np.inf])
+        return np.concatenate(
+            [log_density_at(program, data, part) for part in np.array_split(points, 2)]
+        )
+    return np.where(np.isnan(found), -np.inf, found)
 
 
-def _generated(program: Path, folder: Path, points: FloatArray) -> FloatArray:
-    """Log density of those points that have one, in their order, from generated quantities."""
-    fitted, output = folder / "points.csv", folder / "generated.csv"
+def _generated(program: Program, data: StanData, points: FloatArray) -> FloatArray:
+    """Log density of points that all have one, from generated quantities."""
     names = [
         *(f"sampler_{k}__" for k in range(SAMPLER_COLUMNS)),
         *(f"coordinate.{k + 1}" for k in range(points.shape[1])),
     ]
     columns = np.hstack([np.zeros((len(points), SAMPLER_COLUMNS)), points])
-    pd.DataFrame(columns, columns=names).to_csv(fitted, index=False, float_format="%.17g")
-    done = run_tool(
-        [
-            *(program, "generate_quantities", f"fitted_params={fitted}"),
-            *("data", f"file={folder / 'data.json'}", "random", "seed=1"),
-            *("output", f"file={output}", "sig_figs=17"),
-        ],
-        cwd=folder,
-    )
-    if done.returncode != 0:
-        raise SamplingError(f"The log density could not be computed: {last_lines(done.stdout, 3)}")
-    table = pd.read_csv(output, comment="#", usecols=["log_density"])
-    return table["log_density"].to_numpy(dtype=np.float64)
+    with tempfile.TemporaryDirectory(prefix="pyburgers-") as folder:
+        file = Path(folder) / "points.csv"
+        pd.DataFrame(columns, columns=names).to_csv(file, index=False, float_format="%.17g")
+        found: FloatArray
+        (found,) = program.generate(data, [file], seed=1, digits=ALL_DIGITS)["log_density"]
+        return found
 
 
 def log_integral(

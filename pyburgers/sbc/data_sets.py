@@ -22,7 +22,7 @@ from pyburgers.checks.fit_checks import (
     check_treedepth,
     run_checks,
 )
-from pyburgers.cmdstan.program import load_model
+from pyburgers.cmdstan.program import load_program
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.fitting.fit import Fit, fit
@@ -32,7 +32,7 @@ from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.protocols.experiment import Experiment, Provenance
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.protocols.forced_oscillation.preparation import prepare
-from pyburgers.protocols.forward import evaluate, given_parameters, program_for, simulate
+from pyburgers.protocols.forward import given_parameters, program_for, simulate
 from pyburgers.protocols.stan_data import (
     SolverOptions,
     program_data,
@@ -401,7 +401,7 @@ def _at_truth(experiment: Experiment, solver: SolverOptions) -> dict[str, float]
     values = experiment.true_parameters
     assert values is not None  # simulated
     data = program_data(experiment, given_parameters(experiment.material, values), solver=solver)
-    draw = evaluate(load_model(program_for(experiment)), data)
+    draw = load_program(program_for(experiment)).evaluate(data)
     reference = reference_quantity(experiment).name
     return {
         **values,

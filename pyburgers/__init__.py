@@ -16,7 +16,8 @@ from pyburgers.flow_law_tables.priors import default_peak_stress_priors, load_pe
 from pyburgers.flow_law_tables.table import PeakStressData, load_peak_stress
 from pyburgers.model.priors import PriorSet, default_priors, load_priors, with_flow_law
 from pyburgers.model.variants import ModelVariant, variant_of, with_variant
-from pyburgers.predictions.attenuation import Regime, attenuation_spectrum, predict_attenuation
+from pyburgers.predictions.attenuation import attenuation_spectrum, predict_attenuation
+from pyburgers.predictions.stress_cycles import Regime
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.files import load_experiment

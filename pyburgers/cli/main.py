@@ -41,15 +41,13 @@ from pyburgers.model.priors import PriorSet, default_priors, load_priors, with_f
 from pyburgers.model.variants import CHOICES, parse_choices, with_variant
 from pyburgers.predictions.attenuation import (
     DEFAULT_FREQUENCIES,
-    PAPER_REGIMES,
-    Regime,
     overview_table,
     predict_attenuation,
     quantile_table,
-    regimes_named,
     save_spectrum,
 )
 from pyburgers.predictions.attenuation_figures import attenuation
+from pyburgers.predictions.stress_cycles import PAPER_REGIMES, Regime, regimes_named
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.files import load_experiment
 from pyburgers.protocols.forward import load_parameters, simulate

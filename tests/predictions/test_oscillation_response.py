@@ -10,6 +10,7 @@ from synthetic_olivine_fit import make_olivine_fit, oscillating
 from pyburgers.common.draws import central_band
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
+from pyburgers.predictions.imposed_stress import phase_lag
 from pyburgers.predictions.oscillation_response import (
     observed_response,
     oscillation_of,
@@ -17,7 +18,6 @@ from pyburgers.predictions.oscillation_response import (
     replicated_response,
     response_table,
 )
-from pyburgers.predictions.phase_lag import phase_lag
 
 
 @pytest.fixture(scope="module")

@@ -13,12 +13,9 @@ from synthetic_olivine_fit import make_olivine_fit, normal, oscillating, redrawn
 
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
-from pyburgers.predictions.attenuation import (
-    amplitude_regimes,
-    attenuation_spectrum,
-    predict_attenuation,
-)
+from pyburgers.predictions.attenuation import attenuation_spectrum, predict_attenuation
 from pyburgers.predictions.oscillation_response import stress_spread
+from pyburgers.predictions.stress_cycles import amplitude_regimes
 from pyburgers.studies.maor.statements import (
     Statement,
     Verdict,

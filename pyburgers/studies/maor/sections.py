@@ -28,9 +28,6 @@ from pyburgers.model.display import (
 from pyburgers.posterior.labelled_draws import prediction_grid
 from pyburgers.predictions import attenuation_figures
 from pyburgers.predictions.attenuation import (
-    PAPER_REGIMES,
-    PARAMETER_NAMES,
-    amplitude_regimes,
     attenuation_spectrum,
     overview_table,
     predict_attenuation,
@@ -38,6 +35,7 @@ from pyburgers.predictions.attenuation import (
 )
 from pyburgers.predictions.imposed_stress import simulated_phase_lag
 from pyburgers.predictions.oscillation_response import oscillation_of
+from pyburgers.predictions.stress_cycles import PAPER_REGIMES, PARAMETER_NAMES, amplitude_regimes
 from pyburgers.protocols.forward import REFERENCE_SOLVER, solve
 from pyburgers.protocols.stan_data import REFERENCE_FLOW_RATE
 from pyburgers.report import oscillation_figures

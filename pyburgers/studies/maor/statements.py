@@ -27,8 +27,14 @@ from pyburgers.model.display import (
 )
 from pyburgers.model.display import symbol_text as symbol
 from pyburgers.posterior.labelled_draws import convergence_table
-from pyburgers.predictions.attenuation import PAPER_REGIMES, flat_draws
+from pyburgers.predictions.attenuation import (
+    falling_stretch,
+    increasing_frequency,
+    lowest_slope,
+    regime_peaks,
+)
 from pyburgers.predictions.oscillation_response import stress_spread
+from pyburgers.predictions.stress_cycles import PAPER_REGIMES
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -157,7 +163,7 @@ def paper_statements(
         statements += [
             _peak_and_background(spectra),
             _rise_with_stress(spectra),
-            _one_falling_stretch(spectra),
+            _onefalling_stretch(spectra),
             _larger_step(spectra),
         ]
     return tuple(statements)
@@ -210,15 +216,15 @@ def _value_of_pil40(fit: Fit, name: str) -> Statement:
 def _narrow_posteriors(fits: Mapping[str, Fit]) -> Statement:
     """Count the parameters whose posterior is much narrower than the prior."""
     shares = {key: _shares_of_prior(fit) for key, fit in fits.items()}
-    every = np.array([share for of_fit in shares.values() for share in of_fit.values()])
+    every = np.array([share for ratios in shares.values() for share in ratios.values()])
     narrow = int((every < NARROW).sum())
     by_fit = "; ".join(
         f"{key}: "
         + ", ".join(
             f"{symbol(shown_quantity(name))} {share:.2f}"
-            for name, share in sorted(of_fit.items(), key=lambda item: item[1])
+            for name, share in sorted(ratios.items(), key=lambda item: item[1])
         )
-        for key, of_fit in shares.items()
+        for key, ratios in shares.items()
     )
     return Statement(
         key="narrow_posteriors",
@@ -236,22 +242,21 @@ def _constrained_kelvin_modulus(fits: Mapping[str, Fit]) -> Statement:
     """Whether the data narrow the Kelvin modulus of olivine."""
     name = "kelvin_modulus"
     quantity = shown_quantity(name)
-    factor = quantity.display_factor
-    evidence, verdicts = [], []
-    for key, fit in fits.items():
-        draws, share = _draws(fit, name) * factor, _share_of_prior(fit, name)
-        sd = float(draws.std(ddof=1))
-        evidence.append(
-            f"with the background {key} {with_error(float(draws.mean()), sd)} "
-            f"{quantity.display_unit}, {share:.2f} of the prior's standard deviation"
+
+    def judge(fit: Fit) -> tuple[str, Verdict]:
+        draws, share = _draws(fit, name) * quantity.display_factor, _share_of_prior(fit, name)
+        shown = with_error(float(draws.mean()), float(draws.std(ddof=1)))
+        return (
+            f"{shown} {quantity.display_unit}, {share:.2f} of the prior's standard deviation",
+            _between(-share, wrong_below=-MOST, right_above=-FEW),
         )
-        verdicts.append(_between(-share, wrong_below=-MOST, right_above=-FEW))
-    return Statement(
+
+    return _judge_treatments(
+        fits,
+        judge,
         key="kelvin_modulus_of_olivine",
         source="Olivine, Table 2",
         text="The Kelvin modulus E_K of olivine is constrained by the data.",
-        evidence=_sentence(evidence),
-        verdict=_common(verdicts),
         rule="Agrees if the standard deviation is below a third of the prior's, does not agree "
         f"above two thirds, {_ALL_TREATMENTS}.",
     )
@@ -260,24 +265,25 @@ def _constrained_kelvin_modulus(fits: Mapping[str, Fit]) -> Statement:
 def _unconstrained_critical_strain(fits: Mapping[str, Fit]) -> Statement:
     """Whether the critical strain of olivine is left to its prior, and whether chains agree."""
     name = "critical_strain_grain_size"
-    evidence, verdicts = [], []
-    for key, fit in fits.items():
+
+    def judge(fit: Fit) -> tuple[str, Verdict]:
         share = _share_of_prior(fit, name)
         rhat = float(convergence_table(fit.posterior)["rhat"][name])
         agreement = "the chains agree" if rhat <= RHAT_LIMIT else "the chains do not agree"
         if not np.isfinite(rhat):
             agreement = "it is not known whether chains agree"
-        evidence.append(
-            f"with the background {key} the standard deviation is {share:.2f} of the prior's and "
-            f"{agreement} (R-hat {rhat:.3f})"
+        return (
+            f"the standard deviation is {share:.2f} of the prior's and {agreement} (R-hat "
+            f"{rhat:.3f})",
+            _between(share, wrong_below=NARROW, right_above=UNINFORMED),
         )
-        verdicts.append(_between(share, wrong_below=NARROW, right_above=UNINFORMED))
-    return Statement(
+
+    return _judge_treatments(
+        fits,
+        judge,
         key="critical_strain_of_olivine",
         source="Olivine, Table 2",
         text="The critical strain ε_c1 of olivine does not converge: the data do not fix it.",
-        evidence=_sentence(evidence),
-        verdict=_common(verdicts),
         rule=f"Agrees if the standard deviation is above {UNINFORMED:g} of the prior's, does not "
         f"agree below {NARROW:g}, {_ALL_TREATMENTS}; chains that agree say that a parameter was "
         "sampled well, not that the data fix it.",
@@ -286,27 +292,46 @@ def _unconstrained_critical_strain(fits: Mapping[str, Fit]) -> Statement:
 
 def _spread_in_amplitude(fits: Mapping[str, Fit]) -> Statement:
     """Whether predicted stress curves of olivine differ in amplitude more than in phase."""
-    evidence, verdicts = [], []
-    for key, fit in fits.items():
-        of_amplitude, of_phase = stress_spread(fit)
-        evidence.append(
-            f"with the background {key} the amplitude varies by {100 * of_amplitude:.2g} % and "
-            f"the phase by {of_phase:.2g} rad (standard deviations), a ratio of "
-            f"{of_amplitude / of_phase:.2g}"
+
+    def judge(fit: Fit) -> tuple[str, Verdict]:
+        amplitude, phase = stress_spread(fit)
+        return (
+            f"the amplitude varies by {100 * amplitude:.2g} % and the phase by {phase:.2g} rad "
+            f"(standard deviations), a ratio of {amplitude / phase:.2g}",
+            _between(amplitude / phase, wrong_below=1 / DOMINANT, right_above=DOMINANT),
         )
-        verdicts.append(
-            _between(of_amplitude / of_phase, wrong_below=1 / DOMINANT, right_above=DOMINANT)
-        )
-    return Statement(
+
+    return _judge_treatments(
+        fits,
+        judge,
         key="spread_in_amplitude",
         source="Olivine",
         text="The predicted stress of olivine varies over the posterior in amplitude rather than "
         "in phase.",
-        evidence=_sentence(evidence),
-        verdict=_common(verdicts),
         rule="A shift of the phase by x rad changes an oscillation as much as a relative change x "
         f"of its amplitude: agrees if amplitude varies more than {DOMINANT:g} times as much as "
         f"phase, does not agree if less than 1/{DOMINANT:g} times, {_ALL_TREATMENTS}.",
+    )
+
+
+def _judge_treatments(
+    fits: Mapping[str, Fit],
+    judge: Callable[[Fit], tuple[str, Verdict]],
+    *,
+    key: str,
+    source: str,
+    text: str,
+    rule: str,
+) -> Statement:
+    """Judge a statement by the fit of each treatment of the background, in words and verdict."""
+    found = {treatment: judge(fit) for treatment, fit in fits.items()}
+    return Statement(
+        key,
+        source,
+        text,
+        _sentence(f"with the background {name} {words}" for name, (words, _) in found.items()),
+        _common(verdict for _, verdict in found.values()),
+        rule,
     )
 
 
@@ -314,13 +339,13 @@ def _peak_and_background(spectra: Mapping[str, xr.Dataset]) -> Statement:
     """Whether a curve has both a Debye peak and, at low frequency, the dashpot's background."""
 
     def both(spectrum: xr.Dataset) -> BoolArray:
-        in_regime = _debye_peak(spectrum) & (_lowest_slope(spectrum) < BACKGROUND_SLOPE)
+        in_regime = regime_peaks(spectrum) & (lowest_slope(spectrum) < BACKGROUND_SLOPE)
         return np.asarray(in_regime.any(axis=1))
 
     def slopes(spectrum: xr.Dataset) -> str:
-        return ", ".join(f"{slope:.2f}" for slope in np.median(_lowest_slope(spectrum), axis=0))
+        return ", ".join(f"{slope:.2f}" for slope in np.median(lowest_slope(spectrum), axis=0))
 
-    return _of_spectra(
+    return _judge_spectra(
         spectra,
         key="peak_and_background",
         text="Attenuation is a Debye peak on top of a background that rises towards low frequency "
@@ -338,15 +363,15 @@ def _rise_with_stress(spectra: Mapping[str, xr.Dataset]) -> Statement:
     """Whether attenuation grows from each regime to the next at every frequency."""
 
     def growth(spectrum: xr.Dataset) -> FloatArray:
-        tan_delta = _tan_delta(spectrum)
+        tan_delta = increasing_frequency(spectrum)
         factors: FloatArray = tan_delta[:, 1:] / tan_delta[:, :-1]
         return factors
 
     def smallest(spectrum: xr.Dataset) -> str:
-        medians = np.median(_tan_delta(spectrum), axis=0)
+        medians = np.median(increasing_frequency(spectrum), axis=0)
         return f"{(medians[1:] / medians[:-1]).min():.3f}"
 
-    return _of_spectra(
+    return _judge_spectra(
         spectra,
         key="rise_with_stress",
         text="Attenuation rises with stress.",
@@ -359,24 +384,24 @@ def _rise_with_stress(spectra: Mapping[str, xr.Dataset]) -> Statement:
     )
 
 
-def _one_falling_stretch(spectra: Mapping[str, xr.Dataset]) -> Statement:
+def _onefalling_stretch(spectra: Mapping[str, xr.Dataset]) -> Statement:
     """Whether only the lowest regime has a peak, with its falling stretch where the paper's is."""
 
     def only_lowest(spectrum: xr.Dataset) -> BoolArray:
-        peak = _debye_peak(spectrum)
-        low, high = _falling_stretch(spectrum)
+        peak = regime_peaks(spectrum)
+        low, high = falling_stretch(spectrum)
         near = (low <= FALLING_FREQUENCY * DOMINANT) & (high >= FALLING_FREQUENCY / DOMINANT)
         return np.asarray(peak[:, 0] & ~peak[:, 1:].any(axis=1) & near)
 
     def stretches(spectrum: xr.Dataset) -> str:
-        shares = _debye_peak(spectrum).mean(axis=0)
+        shares = regime_peaks(spectrum).mean(axis=0)
         text = f"{', '.join(f'{100 * share:.0f}' for share in shares)} %"
-        low, high = (end[np.isfinite(end)] for end in _falling_stretch(spectrum))
+        low, high = (end[np.isfinite(end)] for end in falling_stretch(spectrum))
         if low.size == 0:
             return text
         return f"{text}; {np.median(low):.1e} to {np.median(high):.1e} Hz"
 
-    return _of_spectra(
+    return _judge_spectra(
         spectra,
         key="one_falling_stretch",
         text="Towards low frequency attenuation rises throughout, except at 1 MPa, where it falls "
@@ -394,7 +419,7 @@ def _larger_step(spectra: Mapping[str, xr.Dataset]) -> Statement:
     """Whether attenuation grows much more from 2 to 4 MPa than from 1 to 2 MPa."""
 
     def steps(spectrum: xr.Dataset) -> tuple[FloatArray, FloatArray]:
-        one, two, four = (_tan_delta(spectrum)[:, k] for k in (0, 2, 3))
+        one, two, four = (increasing_frequency(spectrum)[:, k] for k in (0, 2, 3))
         return two - one, four - two
 
     def larger(spectrum: xr.Dataset) -> BoolArray:
@@ -407,7 +432,7 @@ def _larger_step(spectra: Mapping[str, xr.Dataset]) -> Statement:
         low, median, high = np.quantile(upper / lower, [0.05, 0.5, 0.95])
         return f"{median:.1f} [{low:.1f}, {high:.1f}]"
 
-    return _of_spectra(
+    return _judge_spectra(
         spectra,
         key="larger_step",
         text="The step from 2 to 4 MPa is much larger than that from 1 to 2 MPa.",
@@ -419,7 +444,7 @@ def _larger_step(spectra: Mapping[str, xr.Dataset]) -> Statement:
     )
 
 
-def _of_spectra(
+def _judge_spectra(
     spectra: Mapping[str, xr.Dataset],
     *,
     key: str,
@@ -493,36 +518,3 @@ def _check_regimes(name: str, spectrum: xr.Dataset) -> None:
             f"spectra: {name!r} has the regimes {', '.join(map(str, spectrum['regime'].values))}, "
             f"expected the paper's, {', '.join(regime.label for regime in PAPER_REGIMES)}."
         )
-
-
-def _tan_delta(spectrum: xr.Dataset) -> FloatArray:
-    """Attenuation along increasing frequency, shape (n_draws, n_regimes, n_frequencies)."""
-    return flat_draws(spectrum.sortby("frequency")["tan_delta"])
-
-
-def _debye_peak(spectrum: xr.Dataset) -> BoolArray:
-    """Whether the peak stands out, shape (n_draws, n_regimes)."""
-    peak = spectrum["debye_peak"].transpose(..., "regime").to_numpy()
-    flat: BoolArray = peak.reshape(-1, peak.shape[-1])
-    return flat
-
-
-def _lowest_slope(spectrum: xr.Dataset) -> FloatArray:
-    """Logarithmic slope between the two lowest frequencies, shape (n_draws, n_regimes)."""
-    first, second = np.sort(spectrum["frequency"].to_numpy())[:2]
-    tan_delta = _tan_delta(spectrum)
-    slope: FloatArray = np.log(tan_delta[..., 1] / tan_delta[..., 0]) / np.log(second / first)
-    return slope
-
-
-def _falling_stretch(spectrum: xr.Dataset) -> tuple[FloatArray, FloatArray]:
-    """Return the ends (Hz) of where the lowest regime falls towards low frequency.
-
-    NaN where a draw has no such stretch among the frequencies, shape (n_draws,) each.
-    """
-    frequency = np.sort(spectrum["frequency"].to_numpy())
-    falls = np.diff(_tan_delta(spectrum)[:, 0], axis=-1) > 0
-    some = falls.any(axis=1)
-    low = np.where(some, frequency[:-1][falls.argmax(axis=1)], np.nan)
-    high = np.where(some, frequency[1:][::-1][falls[:, ::-1].argmax(axis=1)], np.nan)
-    return low, high

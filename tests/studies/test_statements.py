@@ -16,10 +16,10 @@ from pyburgers.fitting.fit import Fit
 from pyburgers.predictions.attenuation import attenuation_spectrum, predict_attenuation
 from pyburgers.predictions.oscillation_response import stress_spread
 from pyburgers.predictions.stress_cycles import amplitude_regimes
+from pyburgers.studies.maor.sections import paper_statements
 from pyburgers.studies.maor.statements import (
     Statement,
     Verdict,
-    paper_statements,
     statements_table,
 )
 

@@ -14,7 +14,6 @@ import numpy.typing as npt
 import pandas as pd
 import xarray as xr
 
-from pyburgers.checks.fit_checks import RHAT_LIMIT
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.display import (
@@ -23,17 +22,14 @@ from pyburgers.model.display import (
     number,
     rounded,
     shown_quantity,
-    with_error,
 )
 from pyburgers.model.display import symbol_text as symbol
-from pyburgers.posterior.labelled_draws import convergence_table
 from pyburgers.predictions.attenuation import (
     falling_stretch,
     increasing_frequency,
     lowest_slope,
     regime_peaks,
 )
-from pyburgers.predictions.oscillation_response import stress_spread
 from pyburgers.predictions.stress_cycles import PAPER_REGIMES
 
 FloatArray = npt.NDArray[np.float64]
@@ -49,8 +45,6 @@ NARROW = 0.5
 MOST, FEW = 2 / 3, 1 / 3
 """Shares of parameters, and of a prior's standard deviation, for the rules that count them."""
 
-UNINFORMED = 0.8
-"""Share of the prior's standard deviation above which the data have hardly spoken."""
 
 DOMINANT = 2.0
 """Ratio from which one of two numbers is called much larger than the other."""
@@ -85,7 +79,6 @@ _PROBABILITY_RULE = (
     f"agrees above a posterior probability of {LIKELY:g} in every sample, does not agree below "
     f"{UNLIKELY:g} in every sample, else undecided"
 )
-_ALL_TREATMENTS = "under both treatments of the background alike, else undecided"
 
 
 @dataclass(frozen=True)
@@ -116,30 +109,26 @@ class Statement:
     rule: str
 
 
-def paper_statements(
-    ice_fits: Mapping[str, Fit],
-    spectra: Mapping[str, xr.Dataset],
-    olivine_fits: Mapping[str, Fit],
-) -> tuple[Statement, ...]:
-    """Judge the paper's statements by our posteriors.
-
-    The parameters that a statement is about have to be free in the fits.
+def ice_statements(fits: Mapping[str, Fit]) -> tuple[Statement, ...]:
+    """Judge the paper's statements about ice by posteriors of its parameters.
 
     Parameters
     ----------
-    ice_fits : mapping of str to Fit
+    fits : mapping of str to Fit
         Fits of constant rate tests by sample; statements about PIL40 need the key ``"PIL40"``.
+    """
+    values = [_value_of_pil40(fits["PIL40"], name) for name in PIL40_VALUES if "PIL40" in fits]
+    return (*values, _narrow_posteriors(fits)) if fits else ()
+
+
+def attenuation_statements(spectra: Mapping[str, xr.Dataset]) -> tuple[Statement, ...]:
+    """Judge the paper's statements about attenuation.
+
+    Parameters
+    ----------
     spectra : mapping of str to Dataset
         Spectra of `pyburgers.predictions.attenuation.predict_attenuation` by sample, in the
         paper's regimes.
-    olivine_fits : mapping of str to Fit
-        Fits of forced oscillation tests, by treatment of the background: ``"removed"``,
-        ``"kept"``.
-
-    Returns
-    -------
-    tuple of Statement
-        Those that the given fits and spectra say something about.
 
     Raises
     ------
@@ -148,25 +137,8 @@ def paper_statements(
     """
     for name, spectrum in spectra.items():
         _check_regimes(name, spectrum)
-    statements: list[Statement] = []
-    if "PIL40" in ice_fits:
-        statements += [_value_of_pil40(ice_fits["PIL40"], name) for name in PIL40_VALUES]
-    if ice_fits:
-        statements.append(_narrow_posteriors(ice_fits))
-    if olivine_fits:
-        statements += [
-            _constrained_kelvin_modulus(olivine_fits),
-            _unconstrained_critical_strain(olivine_fits),
-            _spread_in_amplitude(olivine_fits),
-        ]
-    if spectra:
-        statements += [
-            _peak_and_background(spectra),
-            _rise_with_stress(spectra),
-            _onefalling_stretch(spectra),
-            _larger_step(spectra),
-        ]
-    return tuple(statements)
+    judges = (_peak_and_background, _rise_with_stress, _one_falling_stretch, _larger_step)
+    return tuple(judge(spectra) for judge in judges) if spectra else ()
 
 
 def statements_table(statements: Iterable[Statement]) -> pd.DataFrame:
@@ -189,7 +161,7 @@ def statements_table(statements: Iterable[Statement]) -> pd.DataFrame:
 def _value_of_pil40(fit: Fit, name: str) -> Statement:
     """Whether the paper's value of a parameter lies in the posterior, and the data had a say."""
     value = PIL40_VALUES[name]
-    draws, share = _draws(fit, name), _share_of_prior(fit, name)
+    draws, share = draws_of(fit, name), share_of_prior(fit, name)
     low, high = np.quantile(draws, [0.05, 0.95])
     quantity = shown_quantity(name)
     verdict: Verdict = "undecided"
@@ -232,106 +204,9 @@ def _narrow_posteriors(fits: Mapping[str, Fit]) -> Statement:
         text="For ice the posteriors are narrow although the priors are wide.",
         evidence=f"{narrow} of {every.size} posteriors have a standard deviation below "
         f"{NARROW:g} of the prior's (ratios for {by_fit}).",
-        verdict=_between(narrow / every.size, wrong_below=FEW, right_above=MOST),
+        verdict=between(narrow / every.size, wrong_below=FEW, right_above=MOST),
         rule="Parameters of all samples, the noise aside: agrees if more than two thirds are "
         "narrow, does not agree if less than a third are, else undecided.",
-    )
-
-
-def _constrained_kelvin_modulus(fits: Mapping[str, Fit]) -> Statement:
-    """Whether the data narrow the Kelvin modulus of olivine."""
-    name = "kelvin_modulus"
-    quantity = shown_quantity(name)
-
-    def judge(fit: Fit) -> tuple[str, Verdict]:
-        draws, share = _draws(fit, name) * quantity.display_factor, _share_of_prior(fit, name)
-        shown = with_error(float(draws.mean()), float(draws.std(ddof=1)))
-        return (
-            f"{shown} {quantity.display_unit}, {share:.2f} of the prior's standard deviation",
-            _between(-share, wrong_below=-MOST, right_above=-FEW),
-        )
-
-    return _judge_treatments(
-        fits,
-        judge,
-        key="kelvin_modulus_of_olivine",
-        source="Olivine, Table 2",
-        text="The Kelvin modulus E_K of olivine is constrained by the data.",
-        rule="Agrees if the standard deviation is below a third of the prior's, does not agree "
-        f"above two thirds, {_ALL_TREATMENTS}.",
-    )
-
-
-def _unconstrained_critical_strain(fits: Mapping[str, Fit]) -> Statement:
-    """Whether the critical strain of olivine is left to its prior, and whether chains agree."""
-    name = "critical_strain_grain_size"
-
-    def judge(fit: Fit) -> tuple[str, Verdict]:
-        share = _share_of_prior(fit, name)
-        rhat = float(convergence_table(fit.posterior)["rhat"][name])
-        agreement = "the chains agree" if rhat <= RHAT_LIMIT else "the chains do not agree"
-        if not np.isfinite(rhat):
-            agreement = "it is not known whether chains agree"
-        return (
-            f"the standard deviation is {share:.2f} of the prior's and {agreement} (R-hat "
-            f"{rhat:.3f})",
-            _between(share, wrong_below=NARROW, right_above=UNINFORMED),
-        )
-
-    return _judge_treatments(
-        fits,
-        judge,
-        key="critical_strain_of_olivine",
-        source="Olivine, Table 2",
-        text="The critical strain ε_c1 of olivine does not converge: the data do not fix it.",
-        rule=f"Agrees if the standard deviation is above {UNINFORMED:g} of the prior's, does not "
-        f"agree below {NARROW:g}, {_ALL_TREATMENTS}; chains that agree say that a parameter was "
-        "sampled well, not that the data fix it.",
-    )
-
-
-def _spread_in_amplitude(fits: Mapping[str, Fit]) -> Statement:
-    """Whether predicted stress curves of olivine differ in amplitude more than in phase."""
-
-    def judge(fit: Fit) -> tuple[str, Verdict]:
-        amplitude, phase = stress_spread(fit)
-        return (
-            f"the amplitude varies by {100 * amplitude:.2g} % and the phase by {phase:.2g} rad "
-            f"(standard deviations), a ratio of {amplitude / phase:.2g}",
-            _between(amplitude / phase, wrong_below=1 / DOMINANT, right_above=DOMINANT),
-        )
-
-    return _judge_treatments(
-        fits,
-        judge,
-        key="spread_in_amplitude",
-        source="Olivine",
-        text="The predicted stress of olivine varies over the posterior in amplitude rather than "
-        "in phase.",
-        rule="A shift of the phase by x rad changes an oscillation as much as a relative change x "
-        f"of its amplitude: agrees if amplitude varies more than {DOMINANT:g} times as much as "
-        f"phase, does not agree if less than 1/{DOMINANT:g} times, {_ALL_TREATMENTS}.",
-    )
-
-
-def _judge_treatments(
-    fits: Mapping[str, Fit],
-    judge: Callable[[Fit], tuple[str, Verdict]],
-    *,
-    key: str,
-    source: str,
-    text: str,
-    rule: str,
-) -> Statement:
-    """Judge a statement by the fit of each treatment of the background, in words and verdict."""
-    found = {treatment: judge(fit) for treatment, fit in fits.items()}
-    return Statement(
-        key,
-        source,
-        text,
-        _sentence(f"with the background {name} {words}" for name, (words, _) in found.items()),
-        _common(verdict for _, verdict in found.values()),
-        rule,
     )
 
 
@@ -384,7 +259,7 @@ def _rise_with_stress(spectra: Mapping[str, xr.Dataset]) -> Statement:
     )
 
 
-def _onefalling_stretch(spectra: Mapping[str, xr.Dataset]) -> Statement:
+def _one_falling_stretch(spectra: Mapping[str, xr.Dataset]) -> Statement:
     """Whether only the lowest regime has a peak, with its falling stretch where the paper's is."""
 
     def only_lowest(spectrum: xr.Dataset) -> BoolArray:
@@ -464,47 +339,47 @@ def _judge_spectra(
         key=key,
         source="Fig. 6",
         text=text,
-        evidence=_sentence([f"{lead}: {by_sample}"]),
-        verdict=_common(
-            [_between(p, wrong_below=UNLIKELY, right_above=LIKELY) for p in probabilities.values()]
+        evidence=joined([f"{lead}: {by_sample}"]),
+        verdict=common_verdict(
+            [between(p, wrong_below=UNLIKELY, right_above=LIKELY) for p in probabilities.values()]
         ),
         rule=f"{rule}; {_PROBABILITY_RULE}.",
     )
 
 
-def _between(value: float, *, wrong_below: float, right_above: float) -> Verdict:
+def between(value: float, *, wrong_below: float, right_above: float) -> Verdict:
     """Verdict by a number with an undecided range between two limits."""
     if value > right_above:
         return "agrees"
     return "does not agree" if value < wrong_below else "undecided"
 
 
-def _common(verdicts: Iterable[Verdict]) -> Verdict:
+def common_verdict(verdicts: Iterable[Verdict]) -> Verdict:
     """Verdict that all share."""
     different = set(verdicts)
     return different.pop() if len(different) == 1 else "undecided"
 
 
-def _sentence(parts: Iterable[str]) -> str:
+def joined(parts: Iterable[str]) -> str:
     """Join parts into one sentence."""
     text = "; ".join(parts)
     return f"{text[0].upper()}{text[1:]}."
 
 
-def _draws(fit: Fit, name: str) -> FloatArray:
+def draws_of(fit: Fit, name: str) -> FloatArray:
     """All draws of a parameter (SI), shape (n_draws,)."""
     draws: FloatArray = fit.posterior["posterior"].to_dataset()[name].to_numpy().ravel()
     return draws
 
 
-def _share_of_prior(fit: Fit, name: str) -> float:
+def share_of_prior(fit: Fit, name: str) -> float:
     """Posterior over prior standard deviation."""
-    return float(_draws(fit, name).std(ddof=1) / fit.priors[name].distribution().std())
+    return float(draws_of(fit, name).std(ddof=1) / fit.priors[name].distribution().std())
 
 
 def _shares_of_prior(fit: Fit) -> dict[str, float]:
     """Posterior over prior standard deviation of the material's free parameters."""
-    return {name: _share_of_prior(fit, name) for name in fit.priors.free if name != "stress_noise"}
+    return {name: share_of_prior(fit, name) for name in fit.priors.free if name != "stress_noise"}
 
 
 def _check_regimes(name: str, spectrum: xr.Dataset) -> None:

@@ -9,7 +9,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from pyburgers.checks.check import CheckResult
+from pyburgers.checks.fit_checks import CheckResult
 from pyburgers.cli.doctor import can_fit, diagnose, format_findings
 from pyburgers.cmdstan.installation import ensure_cmdstan, install_cmdstan
 from pyburgers.common.atomic_files import write_text

@@ -167,6 +167,9 @@ def compare(fits: Mapping[str, Fit | JointFit], *, refits: Path | None = None) -
 def leave_one_out(posterior: xr.DataTree) -> LeaveOneOut:
     """Return the elpd of every point by Pareto smoothed importance sampling.
 
+    ArviZ's function has one relative efficiency for all points, of the parameters, and takes draws
+    in another container in each of its major versions.
+
     Parameters
     ----------
     posterior : DataTree
@@ -284,6 +287,8 @@ def log_density_without(one: Fit, point: int, out: Path) -> float:
 def stacking_weights(elpd: FloatArray) -> FloatArray:
     """Weights of a mixture of predictions that maximise its leave-one-out density.
 
+    ArviZ weighs only results of its own leave-one-out.
+
     Parameters
     ----------
     elpd : array, shape (n_fits, n_points)
@@ -314,7 +319,7 @@ def elpd_difference(one: LeaveOneOut, other: LeaveOneOut) -> tuple[float, float]
     return float(pointwise.sum()), standard_error(pointwise)
 
 
-def of_several(comparison: Comparison) -> bool:
+def has_several_tests(comparison: Comparison) -> bool:
     """Tell whether the points are those of several tests."""
     return "test" in comparison.position.coords
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from pyburgers.checks.check import CheckKind
+from pyburgers.checks.fit_checks import CheckKind
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_points import stacking_weights, standard_error
 from pyburgers.comparison.marginal_likelihood import LogIntegral, log_marginal_likelihood
@@ -46,7 +46,7 @@ class LeaveOneTestOut:
         Names, sorted.
     n_points : array of int, shape (n_tests,)
         Readings of each.
-    of_all : LogIntegral
+    all_tests : LogIntegral
         Log marginal likelihood of the joint fit, of stresses in Pa.
     without : tuple of LogIntegral
         Those of the fits without each test.
@@ -56,19 +56,19 @@ class LeaveOneTestOut:
 
     tests: tuple[str, ...]
     n_points: IntArray
-    of_all: LogIntegral
+    all_tests: LogIntegral
     without: tuple[LogIntegral, ...]
     doubts: tuple[str, ...]
 
     @property
     def elpd(self) -> FloatArray:
         """Log density of each test given the others (stresses in Pa), shape (n_tests,)."""
-        return self.of_all.value - np.array([one.value for one in self.without])
+        return self.all_tests.value - np.array([one.value for one in self.without])
 
     @property
     def error(self) -> FloatArray:
         """Monte Carlo standard error of `elpd`, shape (n_tests,)."""
-        return np.hypot(self.of_all.error, self._errors_without)
+        return np.hypot(self.all_tests.error, self._errors_without)
 
     @property
     def total(self) -> float:
@@ -78,8 +78,8 @@ class LeaveOneTestOut:
     @property
     def total_error(self) -> float:
         """Monte Carlo standard error of `total`, in which the joint fit counts for every test."""
-        of_all = len(self.tests) * self.of_all.error
-        return float(np.hypot(of_all, np.linalg.norm(self._errors_without)))
+        all_tests = len(self.tests) * self.all_tests.error
+        return float(np.hypot(all_tests, np.linalg.norm(self._errors_without)))
 
     @property
     def reliable(self) -> bool:
@@ -217,29 +217,29 @@ def leave_one_test_out(
     return _left_out(joint, again)
 
 
-def _left_out(joint: JointFit, fit_of_others: Callable[[str], JointFit]) -> LeaveOneTestOut:
+def _left_out(joint: JointFit, fit_others: Callable[[str], JointFit]) -> LeaveOneTestOut:
     """Relate the marginal likelihood of all tests to that of all but each.
 
     Parameters
     ----------
     joint : JointFit
         Of at least two tests.
-    fit_of_others : callable
+    fit_others : callable
         Receives the name of a test, returns the fit without it.
     """
     experiments = {experiment.id: experiment for experiment in joint.problem.experiments}
     tests = tuple(sorted(experiments))
-    of_all = log_marginal_likelihood(joint)
+    all_tests = log_marginal_likelihood(joint)
     doubts = _doubts(joint)
     without = []
     for test in tests:
-        others = fit_of_others(test)
+        others = fit_others(test)
         without.append(log_marginal_likelihood(others))
         doubts += _doubts(others)
     return LeaveOneTestOut(
         tests=tests,
         n_points=np.array([experiments[test].n_points for test in tests]),
-        of_all=of_all,
+        all_tests=all_tests,
         without=tuple(without),
         doubts=doubts,
     )

@@ -16,7 +16,7 @@ from pyburgers.comparison.by_points import (
     BoolArray,
     Comparison,
     elpd_difference,
-    of_several,
+    has_several_tests,
     standard_error,
 )
 from pyburgers.comparison.by_tests import LARGEST_ERROR, ComparisonByTest, difference_by_test
@@ -87,7 +87,11 @@ def pointwise_table(comparison: Comparison) -> pd.DataFrame:
     """
     where = "strain" if comparison.position.name == "strain" else "time_s"
     columns: dict[str, npt.NDArray[Any]] = {
-        **({"test": comparison.position["test"].to_numpy()} if of_several(comparison) else {}),
+        **(
+            {"test": comparison.position["test"].to_numpy()}
+            if has_several_tests(comparison)
+            else {}
+        ),
         where: comparison.position.to_numpy(),
     }
     for name, result in comparison.results.items():
@@ -273,7 +277,7 @@ def save_comparison_by_test(
             **origins(joints, command=command),
             "marginal_likelihoods": {
                 name: {
-                    "all": _record(result.of_all),
+                    "all": _record(result.all_tests),
                     "without": dict(zip(result.tests, map(_record, result.without), strict=True)),
                 }
                 for name, result in comparison.results.items()

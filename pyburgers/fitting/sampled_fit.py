@@ -9,8 +9,13 @@ from typing import Any, TypeVar
 import pandas as pd
 import xarray as xr
 
-from pyburgers.checks.check import CheckedDraws, CheckResult, checks_record
-from pyburgers.checks.fit_checks import check_solver, run_checks
+from pyburgers.checks.fit_checks import (
+    CheckedDraws,
+    CheckResult,
+    check_solver,
+    checks_record,
+    run_checks,
+)
 from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.sampling.chains import ChainFailure, missing_chains
 from pyburgers.sampling.run import tighten_solver

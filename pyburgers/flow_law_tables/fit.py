@@ -13,8 +13,7 @@ import numpy.typing as npt
 import pandas as pd
 import xarray as xr
 
-from pyburgers.checks.check import CheckResult
-from pyburgers.checks.fit_checks import CHAIN_CHECKS, run_checks
+from pyburgers.checks.fit_checks import CHAIN_CHECKS, CheckResult, run_checks
 from pyburgers.cmdstan.draws import Draws, read_draws
 from pyburgers.cmdstan.program import load_program, stan_directory
 from pyburgers.common.atomic_files import write_json

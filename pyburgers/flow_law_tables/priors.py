@@ -130,7 +130,7 @@ def default_peak_stress_priors(material: str) -> PriorSet:
     return load_peak_stress_priors(file)
 
 
-def with_enthalpy_of(priors: PriorSet, curve: PriorSet) -> PriorSet:
+def with_curve_enthalpy(priors: PriorSet, curve: PriorSet) -> PriorSet:
     """Take the priors of Q_M and beta from those of a curve.
 
     A table at one temperature says little about either. Where its flow law is handed on to a curve,

@@ -123,9 +123,9 @@ def attenuation_spectrum(
     loss = (omega * viscosity / kelvin_stiffness)[..., np.newaxis, :] + fluidity[
         ..., np.newaxis
     ] / omega
-    of_draw = DRAW_DIMENSIONS[size.ndim]
-    of_regime = (*of_draw, "regime")
-    dimensions = (*of_regime, "frequency")
+    draw_dimensions = DRAW_DIMENSIONS[size.ndim]
+    regime_dimensions = (*draw_dimensions, "regime")
+    dimensions = (*regime_dimensions, "frequency")
     return xr.Dataset(
         {
             "tan_delta": (dimensions, loss / storage, {"units": "1"}),
@@ -135,9 +135,9 @@ def attenuation_spectrum(
                 {"units": "1/Pa"},
             ),
             "loss_compliance": (dimensions, loss, {"units": "1/Pa"}),
-            "debye_peak": (of_regime, _has_peak(draws, fluidity)),
-            "grain_size": (of_draw, size, {"units": "m"}),
-            "fabric_factor": (of_draw, fabric, {"units": "1"}),
+            "debye_peak": (regime_dimensions, _has_peak(draws, fluidity)),
+            "grain_size": (draw_dimensions, size, {"units": "m"}),
+            "fabric_factor": (draw_dimensions, fabric, {"units": "1"}),
         },
         coords={
             "frequency": ("frequency", frequency, {"units": "Hz"}),

@@ -111,10 +111,10 @@ def phase_lag(
         except InputError as error:
             raise InputError(f"{name}: {error}") from None
 
-    of_strain = fit("strain", strain_time, strain, strain_uncertainty)
-    of_stress = fit("stress", stress_time, stress, stress_uncertainty)
-    strain_phase, strain_error = of_strain.phase()
-    stress_phase, stress_error = of_stress.phase()
+    strain_fit = fit("strain", strain_time, strain, strain_uncertainty)
+    stress_fit = fit("stress", stress_time, stress, stress_uncertainty)
+    strain_phase, strain_error = strain_fit.phase()
+    stress_phase, stress_error = stress_fit.phase()
     # The remainder lies in [-pi, pi]: the one end stands for the other.
     radians = math.remainder(stress_phase - strain_phase, 2.0 * math.pi)
     radians = math.pi if radians == -math.pi else radians
@@ -125,8 +125,8 @@ def phase_lag(
         error,
         tan_delta,
         (1.0 + tan_delta**2) * error,
-        *of_strain.amplitude(),
-        *of_stress.amplitude(),
+        *strain_fit.amplitude(),
+        *stress_fit.amplitude(),
     )
 
 

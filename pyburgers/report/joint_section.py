@@ -219,7 +219,7 @@ def joint_section(name: str, joint: JointFit, separate: Sequence[Fit]) -> ExtraS
                 if len(pooled)
                 else ()
             ),
-            ExtraTable.of_checks("Checks of the joint fit", checks),
+            ExtraTable.from_checks("Checks of the joint fit", checks),
         ),
         figures=(
             ExtraFigure("curves", "All tests", CURVES_CAPTION, partial(all_curves, joint)),

@@ -16,8 +16,7 @@ import jinja2
 import pandas as pd
 from matplotlib.figure import Figure
 
-from pyburgers.checks.check import CheckResult
-from pyburgers.checks.fit_checks import coverage
+from pyburgers.checks.fit_checks import CheckResult, coverage
 from pyburgers.checks.prior_influence import (
     THRESHOLDS_TEXT,
     Influence,
@@ -92,7 +91,7 @@ class ExtraTable:
     bad: Mapping[str, Sequence[bool]] = field(default_factory=dict)
 
     @classmethod
-    def of_checks(cls, title: str, checks: Sequence[CheckResult]) -> Self:
+    def from_checks(cls, title: str, checks: Sequence[CheckResult]) -> Self:
         """Return the verdicts of checks as a table."""
         shown = tables.checks_table(checks)
         return cls(

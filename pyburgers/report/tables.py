@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from pyburgers.checks.check import CheckResult
+from pyburgers.checks.fit_checks import CheckResult
 from pyburgers.fitting.fit import Fit, is_joint
 from pyburgers.model.display import (
     STRESS_FACTOR,

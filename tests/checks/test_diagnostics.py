@@ -6,8 +6,10 @@ import pytest
 import xarray as xr
 from scipy.stats import norm
 
-from pyburgers.checks.check import CheckedDraws, CheckKind, CheckResult
 from pyburgers.checks.fit_checks import (
+    CheckedDraws,
+    CheckKind,
+    CheckResult,
     check_chains,
     check_coverage,
     check_divergences,

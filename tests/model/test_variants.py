@@ -12,8 +12,7 @@ import xarray as xr
 from conftest import ICE, SMALL_RUN, Problem, with_fixed
 from scipy import stats
 
-from pyburgers.checks.check import CheckedDraws
-from pyburgers.checks.fit_checks import check_coverage
+from pyburgers.checks.fit_checks import CheckedDraws, check_coverage
 from pyburgers.cli import main as cli
 from pyburgers.common.atomic_files import write_json
 from pyburgers.common.errors import InputError

@@ -39,9 +39,9 @@ from pyburgers.studies.maor.statements import (
     Verdict,
     between,
     common_verdict,
-    draws_of,
     joined,
-    share_of_prior,
+    posterior_draws,
+    prior_share,
 )
 
 FloatArray = npt.NDArray[np.float64]
@@ -88,7 +88,7 @@ def _constrained_kelvin_modulus(fits: Mapping[str, Fit]) -> Statement:
     quantity = shown_quantity(name)
 
     def judge(fit: Fit) -> tuple[str, Verdict]:
-        draws, share = draws_of(fit, name) * quantity.display_factor, share_of_prior(fit, name)
+        draws, share = posterior_draws(fit, name) * quantity.display_factor, prior_share(fit, name)
         shown = with_error(float(draws.mean()), float(draws.std(ddof=1)))
         return (
             f"{shown} {quantity.display_unit}, {share:.2f} of the prior's standard deviation",
@@ -111,7 +111,7 @@ def _unconstrained_critical_strain(fits: Mapping[str, Fit]) -> Statement:
     name = "critical_strain_grain_size"
 
     def judge(fit: Fit) -> tuple[str, Verdict]:
-        share = share_of_prior(fit, name)
+        share = prior_share(fit, name)
         rhat = float(convergence_table(fit.posterior)["rhat"][name])
         agreement = "the chains agree" if rhat <= RHAT_LIMIT else "the chains do not agree"
         if not np.isfinite(rhat):

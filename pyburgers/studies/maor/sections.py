@@ -312,8 +312,8 @@ def time_domain_table(fit: Fit) -> pd.DataFrame:
         median, CHECKED_FREQUENCIES, PAPER_REGIMES, temperature=temperature, grain_size=grain_size
     )
     rows = []
-    for regime, of_regime in zip(PAPER_REGIMES, closed["tan_delta"].to_numpy(), strict=True):
-        for frequency, expected in zip(CHECKED_FREQUENCIES, of_regime, strict=True):
+    for regime, by_frequency in zip(PAPER_REGIMES, closed["tan_delta"].to_numpy(), strict=True):
+        for frequency, expected in zip(CHECKED_FREQUENCIES, by_frequency, strict=True):
             lag = simulated_phase_lag(
                 median, regime, frequency, temperature=temperature, grain_size=grain_size
             )

@@ -161,7 +161,7 @@ def statements_table(statements: Iterable[Statement]) -> pd.DataFrame:
 def _value_of_pil40(fit: Fit, name: str) -> Statement:
     """Whether the paper's value of a parameter lies in the posterior, and the data had a say."""
     value = PIL40_VALUES[name]
-    draws, share = draws_of(fit, name), share_of_prior(fit, name)
+    draws, share = posterior_draws(fit, name), prior_share(fit, name)
     low, high = np.quantile(draws, [0.05, 0.95])
     quantity = shown_quantity(name)
     verdict: Verdict = "undecided"
@@ -187,7 +187,7 @@ def _value_of_pil40(fit: Fit, name: str) -> Statement:
 
 def _narrow_posteriors(fits: Mapping[str, Fit]) -> Statement:
     """Count the parameters whose posterior is much narrower than the prior."""
-    shares = {key: _shares_of_prior(fit) for key, fit in fits.items()}
+    shares = {key: _prior_shares(fit) for key, fit in fits.items()}
     every = np.array([share for ratios in shares.values() for share in ratios.values()])
     narrow = int((every < NARROW).sum())
     by_fit = "; ".join(
@@ -366,20 +366,20 @@ def joined(parts: Iterable[str]) -> str:
     return f"{text[0].upper()}{text[1:]}."
 
 
-def draws_of(fit: Fit, name: str) -> FloatArray:
+def posterior_draws(fit: Fit, name: str) -> FloatArray:
     """All draws of a parameter (SI), shape (n_draws,)."""
     draws: FloatArray = fit.posterior["posterior"].to_dataset()[name].to_numpy().ravel()
     return draws
 
 
-def share_of_prior(fit: Fit, name: str) -> float:
+def prior_share(fit: Fit, name: str) -> float:
     """Posterior over prior standard deviation."""
-    return float(draws_of(fit, name).std(ddof=1) / fit.priors[name].distribution().std())
+    return float(posterior_draws(fit, name).std(ddof=1) / fit.priors[name].distribution().std())
 
 
-def _shares_of_prior(fit: Fit) -> dict[str, float]:
+def _prior_shares(fit: Fit) -> dict[str, float]:
     """Posterior over prior standard deviation of the material's free parameters."""
-    return {name: share_of_prior(fit, name) for name in fit.priors.free if name != "stress_noise"}
+    return {name: prior_share(fit, name) for name in fit.priors.free if name != "stress_noise"}
 
 
 def _check_regimes(name: str, spectrum: xr.Dataset) -> None:

@@ -8,7 +8,7 @@ import pandas as pd
 
 from pyburgers.flow_law_tables.figures import FLOW_LAW_CAPTION, flow_law, flow_law_table
 from pyburgers.flow_law_tables.fit import PeakStressFit
-from pyburgers.flow_law_tables.table import least_squares
+from pyburgers.flow_law_tables.inputs import least_squares
 from pyburgers.model.display import (
     shown_quantity,
     with_error,

@@ -16,8 +16,11 @@ from pyburgers.comparison.by_points import compare
 from pyburgers.comparison.results import comparison_table, sentences
 from pyburgers.fitting.fit import Fit
 from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress
-from pyburgers.flow_law_tables.priors import default_peak_stress_priors
-from pyburgers.flow_law_tables.table import least_squares, load_peak_stress
+from pyburgers.flow_law_tables.inputs import (
+    default_peak_stress_priors,
+    least_squares,
+    load_peak_stress,
+)
 from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, Conditions, FlowLawPrior
 from pyburgers.model.priors import FLOW_LAW, with_flow_law
 from pyburgers.report.comparison_sections import LOG_RATE, comparison_sections

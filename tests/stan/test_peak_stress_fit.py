@@ -19,9 +19,13 @@ from pyburgers.drawing.style import image
 from pyburgers.fitting.fit import Fit
 from pyburgers.flow_law_tables.figures import flow_law, flow_law_table
 from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress, flow_law_prior
-from pyburgers.flow_law_tables.priors import FLOW_LAW_PARAMETERS, default_peak_stress_priors
+from pyburgers.flow_law_tables.inputs import (
+    FLOW_LAW_PARAMETERS,
+    PeakStressData,
+    default_peak_stress_priors,
+    load_peak_stress,
+)
 from pyburgers.flow_law_tables.stan_data import peak_stress_coordinates, peak_stress_data
-from pyburgers.flow_law_tables.table import PeakStressData, load_peak_stress
 from pyburgers.model.flow_law_prior import FLOW_LAW_PRIOR_FILE, FlowLawPrior
 from pyburgers.model.priors import Prior, PriorSet
 from pyburgers.protocols.experiment import Provenance

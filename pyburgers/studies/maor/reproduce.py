@@ -11,8 +11,11 @@ from pyburgers.cmdstan.program import compile_programs, stan_directory
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.side_by_side import Problem, fit_side_by_side
 from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress, flow_law_prior
-from pyburgers.flow_law_tables.priors import default_peak_stress_priors, with_curve_enthalpy
-from pyburgers.flow_law_tables.table import load_peak_stress
+from pyburgers.flow_law_tables.inputs import (
+    default_peak_stress_priors,
+    load_peak_stress,
+    with_curve_enthalpy,
+)
 from pyburgers.model.priors import PriorSet, default_priors, with_flow_law
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.files import load_experiment

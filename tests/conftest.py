@@ -11,15 +11,16 @@ import pytest
 
 from pyburgers.cmdstan.program import compile_programs, load_program, stan_directory
 from pyburgers.fitting.fit import Fit, fit
-from pyburgers.model.priors import Prior, PriorSet, default_priors, load_priors, save_priors
-from pyburgers.protocols.chart import Mode
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet, default_priors, load_priors, save_priors
+from pyburgers.protocols.chart import Mode
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
+from pyburgers.protocols.constant_rate.stan_data import ValleyReference
 from pyburgers.protocols.constant_rate.valley import find_valley
 from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.registry import protocol_of, save_experiment
-from pyburgers.protocols.stan_data import SolverOptions, ValleyReference, program_data
+from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.charts import ModeOfTest
 from pyburgers.sampling.mode import find_mode
 from pyburgers.sampling.options import SamplerOptions

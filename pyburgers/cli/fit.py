@@ -8,14 +8,13 @@ from typing import Any
 from pyburgers.cli.arguments import add_sampler_options, command_line, sampler_options
 from pyburgers.cli.results import print_checks
 from pyburgers.common.errors import InputError
-from pyburgers.fitting.fit import fit
-from pyburgers.fitting.joint_fit import fit_jointly
+from pyburgers.fitting.fit import fit, fit_jointly
 from pyburgers.model.flow_law_prior import load_flow_law_of_run
 from pyburgers.model.pooling import parse_pooling
 from pyburgers.model.priors import PriorSet, default_priors, load_priors, with_flow_law
 from pyburgers.model.variants import CHOICES, parse_choices, with_variant
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.files import load_experiment
+from pyburgers.protocols.registry import load_experiment
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.report.joint_section import pooling_table, shown_pooling_table
 from pyburgers.report.tables import parameter_table

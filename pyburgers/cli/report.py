@@ -5,7 +5,7 @@ from pathlib import Path
 
 from pyburgers.cli.arguments import command_line
 from pyburgers.cli.results import load_fit
-from pyburgers.fitting.joint_fit import JointFit
+from pyburgers.fitting.fit import JointFit
 from pyburgers.report.comparison_sections import comparison_sections
 from pyburgers.report.joint_section import joint_names, joint_section
 from pyburgers.report.page import write_report

@@ -3,9 +3,8 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from pyburgers.checks.sampling_checks import CheckResult
-from pyburgers.fitting.fit import Fit, is_joint
-from pyburgers.fitting.joint_fit import JointFit
+from pyburgers.checks.fit_checks import CheckResult
+from pyburgers.fitting.fit import Fit, JointFit
 from pyburgers.report.tables import checks_table
 from pyburgers.sampling.run_directory import RunDirectory
 

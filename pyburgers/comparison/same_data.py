@@ -4,8 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from pyburgers.common.atomic_files import sha256_of_json
 from pyburgers.common.errors import InputError
-from pyburgers.fitting.fit import Fit
-from pyburgers.fitting.joint_fit import JointFit
+from pyburgers.fitting.fit import Fit, JointFit
 
 
 def tests_of(one: Fit | JointFit) -> tuple[Fit, ...]:

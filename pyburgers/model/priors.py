@@ -13,9 +13,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, nearest, read_toml, write_toml
 from pyburgers.model.flow_law_prior import FlowLawPrior, FlowLawTable
 from pyburgers.model.parameters import (
-    CONSTANTS,
     GIVEN_TOGETHER,
-    KELVIN_REFERENCES,
     PARAMETER_BY_NAME,
     PARAMETERS,
     PROGRAM_PARAMETERS,

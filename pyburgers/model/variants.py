@@ -23,21 +23,8 @@ from pyburgers.model.parameters import (
     PIEZOMETER,
     PROGRAM_PARAMETERS,
 )
-from pyburgers.model.priors import (
-    Prior,
-    PriorSet,
-    PriorTable,
-    fixed_prior,
-    is_fixed_at,
-    load_prior,
-    shipped_prior_files,
-)
-from pyburgers.model.parameters import KELVIN_REFERENCES, PARAMETER_BY_NAME, PROGRAM_PARAMETERS
 from pyburgers.model.prior_families import Prior, PriorTable, fixed_prior, is_fixed_at, load_prior
 from pyburgers.model.priors import PriorSet, shipped_prior_files
-from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
-from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
 
 REFERENCE_STRESS_SHARE = 0.25
 """Driving stress for which the viscosity of a power-law Kelvin dashpot is given, over the largest

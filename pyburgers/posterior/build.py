@@ -123,7 +123,9 @@ def _draws_of_tests(
     found = {}
     for e, (experiment, priors) in enumerate(zip(problem.experiments, problem.priors, strict=True)):
         own = columns["parameter"].isel(parameter_dim_0=e, drop=True)
-        values = {name: own.isel(parameter_dim_1=PLACE[name] - 1, drop=True) for name in priors.priors}
+        values = {
+            name: own.isel(parameter_dim_1=PLACE[name] - 1, drop=True) for name in priors.priors
+        }
         logarithm = columns["log_reference"].isel(log_reference_dim_0=e, drop=True)
         draws = xr.Dataset({**values, reference.name: np.exp(logarithm)})
         parameters = (PARAMETER_BY_NAME[name] for name in priors.priors)
@@ -381,5 +383,3 @@ def _solution_at_mean(draws: xr.Dataset, priors: PriorSet, experiment: Experimen
         },
         coords={clock.name: curve[clock.column].to_numpy()},
     )
-
-

@@ -7,9 +7,8 @@ group names, which `arviz.from_netcdf` reads whatever its version.
 import json
 import logging
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from importlib import import_module
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,22 +17,10 @@ import pandas as pd
 import xarray as xr
 from scipy.special import logsumexp
 
-from pyburgers.cmdstan.draws import Draws, read_draws
-from pyburgers.cmdstan.program import Program, load_program
+from pyburgers.cmdstan.draws import Draws
 from pyburgers.common.atomic_files import write_atomically
-from pyburgers.common.errors import SamplingError
-from pyburgers.model.parameters import PARAMETER_BY_NAME, REFERENCE_QUANTITIES, Parameter
-from pyburgers.model.priors import PriorSet, load_priors
-from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.forward import REFERENCE_SOLVER, simulate
-from pyburgers.protocols.protocol import Quantity
-from pyburgers.protocols.registry import load_experiment, protocol_of
-from pyburgers.protocols.stan_data import (
-    StanData,
-    solver_block,
-    with_grid,
-    with_later_additions,
-)
+from pyburgers.model.parameters import REFERENCE_QUANTITIES, Parameter
+from pyburgers.model.priors import PriorSet
 from pyburgers.sampling.run_directory import RunDirectory
 
 logger = logging.getLogger(__name__)

@@ -19,19 +19,14 @@ from pyburgers.model.parameters import (
     PROGRAM_PARAMETERS,
     STANDARD_VALUES,
 )
-from pyburgers.model.priors import MAY_BE_ZERO, PriorSet, fixed_prior
+from pyburgers.model.prior_families import MAY_BE_ZERO, fixed_prior
+from pyburgers.model.priors import PriorSet
 from pyburgers.model.variants import check_piezometer
 from pyburgers.protocols.experiment import Experiment, Provenance
 from pyburgers.protocols.layout import OneTest
 from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.registry import protocol_of
 from pyburgers.protocols.stan_data import SolverOptions
-from pyburgers.model.prior_families import MAY_BE_ZERO, fixed_prior
-from pyburgers.model.priors import PriorSet
-from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
-from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
-from pyburgers.protocols.stan_data import SolverOptions, program_data, reference_quantity
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -22,12 +22,6 @@ from pyburgers.model.parameters import (
     Parameter,
 )
 from pyburgers.model.priors import FLOW_LAW, PriorSet
-from pyburgers.model.prior_families import Prior
-from pyburgers.model.priors import FLOW_LAW, PriorSet
-from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
-from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
-from pyburgers.protocols.forced_oscillation.harmonics import trend_projection
 
 FloatArray = npt.NDArray[np.float64]
 StanData = dict[str, Any]

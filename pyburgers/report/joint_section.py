@@ -14,15 +14,13 @@ from pyburgers.common.numbers import number, with_error
 from pyburgers.comparison.same_data import fits_alone
 from pyburgers.drawing.panels import draw_curve, legend_above
 from pyburgers.drawing.style import BLUE, VERMILION, few_ticks, style
-from pyburgers.fitting.fit import Fit
-from pyburgers.fitting.joint_fit import JointFit
+from pyburgers.fitting.fit import Fit, JointFit
 from pyburgers.model.display import axis_label, shown_quantity, symbol_text, unit_text
 from pyburgers.model.parameters import REFERENCE_STRESS_QUANTITY
-from pyburgers.posterior.joint_labelled_draws import own_name
+from pyburgers.posterior.labelled_draws import own_name
 from pyburgers.protocols.layout import CENTRE, SPREAD
 from pyburgers.protocols.registry import protocol_of
 from pyburgers.report.page import ExtraFigure, ExtraSection, ExtraTable, file_key, numbered
-from pyburgers.report.tables import checks_table
 
 
 def pooling_table(joint: JointFit, separate: Sequence[Fit] = ()) -> pd.DataFrame:
@@ -214,14 +212,7 @@ def joint_section(name: str, joint: JointFit, separate: Sequence[Fit]) -> ExtraS
                 if len(pooled)
                 else ()
             ),
-            ExtraTable(
-                "checks",
-                "Checks of the joint fit",
-                checks_table(checks),
-                checks_table(checks),
-                words=("check", "verdict"),
-                sentences=("sentence",),
-            ),
+            ExtraTable.from_checks("Checks of the joint fit", checks),
         ),
         figures=(
             ExtraFigure("curves", "All tests", CURVES_CAPTION, partial(all_curves, joint)),

@@ -11,18 +11,10 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from pyburgers.checks.sampling_checks import CheckResult
+from pyburgers.checks.fit_checks import CheckResult
 from pyburgers.common.numbers import number, rounded, with_error
-from pyburgers.fitting.fit import Fit, is_joint
-from pyburgers.model.display import (
-    number,
-    STRESS_FACTOR,
-    STRESS_UNIT,
-    prior_text,
-    shown_quantity,
-    symbol_text,
-    unit_text,
-)
+from pyburgers.fitting.fit import Fit
+from pyburgers.model.display import prior_text, shown_quantity, symbol_text, unit_text
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.registry import protocol_of

@@ -49,9 +49,9 @@ def draw_initial_values(problem: Problem, *, seed: int, chain: int) -> dict[str,
         spreads = np.abs(rng.standard_normal(len(problem.partial)))
         try:
             references = [
-                simulate(
-                    experiment, own, at=experiment.position, solver=SolverOptions()
-                ).attrs[reference]
+                simulate(experiment, own, at=experiment.position, solver=SolverOptions()).attrs[
+                    reference
+                ]
                 for experiment, own in zip(problem.experiments, values, strict=True)
             ]
         except SamplingError:

@@ -14,28 +14,29 @@ from conftest import ICE, SMALL_RUN, Problem, pair_of
 
 from pyburgers.cli.main import main
 from pyburgers.common.errors import InputError
-from pyburgers.comparison.by_points import compare, pointwise_table
+from pyburgers.comparison.by_points import compare
 from pyburgers.comparison.by_tests import (
     ComparisonByTest,
     LeaveOneTestOut,
     compare_by_test,
     fit_without,
     leave_one_test_out,
+)
+from pyburgers.comparison.figures import left_out_tests, pointwise_differences
+from pyburgers.comparison.marginal_likelihood import LogIntegral, log_marginal_likelihood
+from pyburgers.comparison.results import (
+    pointwise_table,
     save_comparison_by_test,
     sentences_by_test,
     table_of_fits,
     table_of_tests,
 )
-from pyburgers.comparison.figures import left_out_tests, pointwise_differences
-from pyburgers.comparison.marginal_likelihood import LogIntegral, log_marginal_likelihood
 from pyburgers.drawing.style import image
-from pyburgers.fitting.fit import Fit, fit
-from pyburgers.fitting.joint_fit import JointFit, fit_jointly
+from pyburgers.fitting.fit import Fit, JointFit, fit, fit_jointly
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import default_priors
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
 from pyburgers.report.comparison_sections import comparison_sections
-from pyburgers.sampling.problem import joint_problem, problem_without
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import ICE, with_fixed
-from pyburgers.sampling.joint_stan_data import joint_coordinates
 
 from pyburgers.common.errors import InputError
 from pyburgers.model.parameters import CONSTANTS, PROGRAM_PARAMETERS
@@ -20,7 +19,6 @@ from pyburgers.model.priors import default_priors
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.registry import load_experiment
-from pyburgers.sampling.problem import JointProblem, joint_problem
 
 NAMES = ("PIL40", "PIL72", "PIL105")
 

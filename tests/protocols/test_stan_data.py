@@ -17,14 +17,8 @@ from pyburgers.protocols.constant_rate.experiment import (
     RateSegment,
     load_constant_rate,
 )
-from pyburgers.protocols.stan_data import (
-    REFERENCE_STRESS,
-    SolverOptions,
-    StanData,
-    constant_rate_data,
-    plain_coordinates,
-    with_later_additions,
-)
+from pyburgers.protocols.program_data import plain_coordinates
+from pyburgers.protocols.stan_data import REFERENCE_STRESS, SolverOptions, StanData
 
 INDEX = {parameter.name: k for k, parameter in enumerate(PARAMETERS, start=1)}
 

@@ -12,16 +12,20 @@ from test_report import Page
 
 from pyburgers.cli.main import main
 from pyburgers.common.draws import all_draws
-from pyburgers.comparison.by_points import compare, comparison_table, sentences
+from pyburgers.comparison.by_points import compare
+from pyburgers.comparison.results import comparison_table, sentences
 from pyburgers.fitting.fit import Fit
 from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress
-from pyburgers.flow_law_tables.priors import default_peak_stress_priors
-from pyburgers.flow_law_tables.table import least_squares, load_peak_stress
+from pyburgers.flow_law_tables.inputs import (
+    default_peak_stress_priors,
+    least_squares,
+    load_peak_stress,
+)
 from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, Conditions, FlowLawPrior
 from pyburgers.model.priors import FLOW_LAW, with_flow_law
-from pyburgers.report.comparison_sections import comparison_sections
-from pyburgers.report.flow_law_sections import LOG_RATE, least_squares_table, peak_stress_section
+from pyburgers.report.comparison_sections import LOG_RATE, comparison_sections
 from pyburgers.report.page import ExtraSection, write_report
+from pyburgers.report.peak_stress_section import least_squares_table, peak_stress_section
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.studies.maor.reproduce import PEAK_STRESS_TABLE, shipped_data_directory
 

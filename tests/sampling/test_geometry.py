@@ -8,8 +8,8 @@ from pyburgers.cmdstan.program import load_program
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
 from pyburgers.protocols.constant_rate.protocol import CONSTANT_RATE
 from pyburgers.protocols.forward import simulate_data
-from pyburgers.protocols.stan_data import SolverOptions, program_data
-from pyburgers.sampling.charts import choose_geometry
+from pyburgers.protocols.program_data import program_data
+from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.metric import curvature_at, expected_rise
 
 pytestmark = pytest.mark.usefixtures("programs")

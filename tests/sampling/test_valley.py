@@ -8,7 +8,8 @@ from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.chart import ChartUnsuited
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
 from pyburgers.protocols.constant_rate.valley import NOISE_SCALED, find_valley, noise_exponents
-from pyburgers.protocols.stan_data import SolverOptions, plain_coordinates
+from pyburgers.protocols.program_data import plain_coordinates
+from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.mode import find_mode
 
 pytestmark = pytest.mark.usefixtures("programs")

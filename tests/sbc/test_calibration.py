@@ -25,8 +25,8 @@ from pyburgers.protocols.forward import (
     simulate,
     simulate_data,
 )
+from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.registry import protocol_of
-from pyburgers.protocols.stan_data import program_data
 from pyburgers.sbc.data_sets import (
     LOG_LIKELIHOOD,
     RHAT_LIMIT,

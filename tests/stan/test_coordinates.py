@@ -12,7 +12,8 @@ from scipy import stats
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
-from pyburgers.protocols.stan_data import SolverOptions, ValleyReference, constant_rate_data
+from pyburgers.protocols.constant_rate.stan_data import ValleyReference
+from pyburgers.protocols.stan_data import SolverOptions
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")

@@ -35,8 +35,9 @@ from pyburgers.model.priors import (
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forced_oscillation.experiment import load_forced_oscillation
+from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.registry import protocol_of
-from pyburgers.protocols.stan_data import SolverOptions, constant_rate_data, program_data
+from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.options import SamplerOptions
 
 pytestmark = pytest.mark.usefixtures("programs")

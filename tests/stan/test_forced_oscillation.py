@@ -30,9 +30,9 @@ from pyburgers.protocols.forced_oscillation.preparation import (
     OscillationSettings,
     prepare,
 )
+from pyburgers.protocols.forced_oscillation.stan_data import START_MARGIN, ShearedReference
 from pyburgers.protocols.forward import REFERENCE_SOLVER, simulate, solve
 from pyburgers.protocols.registry import protocol_of
-from pyburgers.protocols.stan_data import START_MARGIN, ShearedReference, forced_oscillation_data
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")

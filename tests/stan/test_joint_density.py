@@ -7,15 +7,13 @@ import numpy.typing as npt
 import pytest
 from conftest import ICE, resolved_priors, valley_of
 from log_density import Program, constant_rate_program
-from pyburgers.sampling.joint_stan_data import JointValley, joint_coordinates, joint_data
 from scipy import stats
 
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import default_priors
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
-from pyburgers.protocols.stan_data import SolverOptions, constant_rate_data
-from pyburgers.sampling.problem import JointProblem, joint_problem
+from pyburgers.protocols.stan_data import SolverOptions
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")

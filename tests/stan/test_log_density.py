@@ -23,13 +23,8 @@ from pyburgers.protocols.constant_rate.experiment import (
     RateSegment,
     load_constant_rate,
 )
-from pyburgers.protocols.stan_data import (
-    REFERENCE_STRESS,
-    PlainCoordinates,
-    SolverOptions,
-    constant_rate_data,
-    plain_coordinates,
-)
+from pyburgers.protocols.program_data import plain_coordinates
+from pyburgers.protocols.stan_data import REFERENCE_STRESS, PlainCoordinates, SolverOptions
 
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]

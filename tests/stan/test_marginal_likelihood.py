@@ -13,12 +13,10 @@ from pyburgers.cmdstan.draws import read_draws
 from pyburgers.cmdstan.program import load_program
 from pyburgers.comparison.marginal_likelihood import log_density_at, log_marginal_likelihood
 from pyburgers.fitting.fit import Fit, fit
-from pyburgers.fitting.joint_fit import fit_joint_problem
 from pyburgers.model.pooling import pooling_of
 from pyburgers.protocols.constant_rate.protocol import CONSTANT_RATE
 from pyburgers.protocols.forward import REFERENCE_SOLVER
 from pyburgers.protocols.stan_data import solver_block
-from pyburgers.sampling.problem import joint_problem
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")

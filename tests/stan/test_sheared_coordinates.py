@@ -19,10 +19,9 @@ from pyburgers.cmdstan.program import Program as CompiledProgram
 from pyburgers.cmdstan.program import compile_program, load_program
 from pyburgers.common.errors import InputError
 from pyburgers.model.parameters import PARAMETERS
-from pyburgers.model.priors import Prior, PriorSet
-from pyburgers.protocols.chart import Mode
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet
+from pyburgers.protocols.chart import Mode
 from pyburgers.protocols.forced_oscillation.experiment import (
     OscillationExperiment,
     load_forced_oscillation,
@@ -30,20 +29,17 @@ from pyburgers.protocols.forced_oscillation.experiment import (
 )
 from pyburgers.protocols.forced_oscillation.preparation import Background, prepare
 from pyburgers.protocols.forced_oscillation.sheared import SHIFTED_BY, find_sheared
+from pyburgers.protocols.forced_oscillation.stan_data import ShearedReference, sheared_block
+from pyburgers.protocols.program_data import plain_coordinates
 from pyburgers.protocols.registry import protocol_of
 from pyburgers.protocols.stan_data import (
     PLAIN,
     REFERENCE_FLOW_RATE,
-    ShearedReference,
     SolverOptions,
     StanData,
-    forced_oscillation_data,
-    plain_coordinates,
-    sheared_block,
     solver_block,
 )
 from pyburgers.sampling import charts as geometry
-from pyburgers.sampling.charts import Geometry, choose_geometry
 from pyburgers.sampling.metric import curvature_at
 from pyburgers.sbc.data_sets import calibration_priors, simulate_from_prior
 

@@ -21,6 +21,7 @@ from pyburgers.protocols.forced_oscillation.experiment import OscillationExperim
 from pyburgers.protocols.forced_oscillation.response import oscillation_of
 from pyburgers.protocols.forward import simulate
 from pyburgers.report.page import ExtraSection, write_report
+from pyburgers.studies.maor.olivine import background_section
 from pyburgers.studies.maor.reproduce import (
     COMBINED_RUN,
     PEAK_STRESS_TABLE,
@@ -28,7 +29,6 @@ from pyburgers.studies.maor.reproduce import (
     study_experiments,
 )
 from pyburgers.studies.maor.sections import (
-    background_section,
     counterparts_section,
     study_sections,
     time_domain_table,

@@ -12,9 +12,8 @@ from pydantic import Field
 from pyburgers.common.columns import Column, TextFilesTable, read_columns, write_columns
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, read_toml
-from pyburgers.common.units import factor_to_si
-from pyburgers.model.display import STRAIN_FACTOR, STRAIN_UNIT
 from pyburgers.common.units import UNITS
+from pyburgers.model.display import STRAIN_FACTOR, STRAIN_UNIT
 from pyburgers.protocols.experiment import (
     Experiment,
     ExperimentFile,

@@ -9,24 +9,12 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from pyburgers.model.priors import Prior
+from pyburgers.model.prior_families import Prior
 from pyburgers.protocols.chart import AtMode, Chart, ChartUnsuited, Mode
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.protocols.forced_oscillation.stan_data import ShearedReference, sheared_block
 from pyburgers.protocols.layout import Layout
 from pyburgers.protocols.stan_data import PlainCoordinates, StanData
-from pyburgers.cmdstan.program import Program
-from pyburgers.model.prior_families import Prior
-from pyburgers.model.priors import PriorSet
-from pyburgers.protocols.stan_data import (
-    PLAIN,
-    PlainCoordinates,
-    ShearedReference,
-    StanData,
-    sheared_block,
-)
-from pyburgers.sampling.metric import curvature_at
-from pyburgers.sampling.mode import Mode
 
 FloatArray = npt.NDArray[np.float64]
 

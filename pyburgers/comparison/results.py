@@ -22,7 +22,7 @@ from pyburgers.comparison.by_points import (
 from pyburgers.comparison.by_tests import LARGEST_ERROR, ComparisonByTest, difference_by_test
 from pyburgers.comparison.marginal_likelihood import LogIntegral
 from pyburgers.comparison.same_data import data_hash
-from pyburgers.fitting.fit import Fit, JointFit
+from pyburgers.fitting.fit import Fit
 
 NO_DIFFERENCE = 4.0
 """Difference of elpd below which fits predict alike (Sivula et al. 2020, arXiv:2008.10296)."""
@@ -105,7 +105,7 @@ def pointwise_table(comparison: Comparison) -> pd.DataFrame:
 
 
 def save_comparison(
-    comparison: Comparison, fits: Mapping[str, Fit | JointFit], folder: Path, *, command: str
+    comparison: Comparison, fits: Mapping[str, Fit], folder: Path, *, command: str
 ) -> None:
     """Write ``comparison.csv``, ``pointwise.csv`` and ``comparison.json``.
 
@@ -113,7 +113,7 @@ def save_comparison(
     ----------
     comparison : Comparison
         What to write.
-    fits : mapping of str to Fit or JointFit
+    fits : mapping of str to Fit
         The fits that were compared.
     folder : Path
         An existing folder.
@@ -253,7 +253,7 @@ def sentences_by_test(comparison: ComparisonByTest) -> tuple[str, ...]:
 
 
 def save_comparison_by_test(
-    comparison: ComparisonByTest, joints: Mapping[str, JointFit], folder: Path, *, command: str
+    comparison: ComparisonByTest, joints: Mapping[str, Fit], folder: Path, *, command: str
 ) -> None:
     """Write ``comparison.csv``, ``left_out_tests.csv`` and ``comparison.json``.
 
@@ -261,7 +261,7 @@ def save_comparison_by_test(
     ----------
     comparison : ComparisonByTest
         What to write.
-    joints : mapping of str to JointFit
+    joints : mapping of str to Fit
         The fits that were compared.
     folder : Path
         An existing folder.
@@ -293,12 +293,12 @@ def _numbered(flags: BoolArray) -> str:
     return f"{count_points(int(flags.sum()))} (number {numbers})"
 
 
-def origins(fits: Mapping[str, Fit | JointFit], *, command: str) -> dict[str, Any]:
+def origins(fits: Mapping[str, Fit], *, command: str) -> dict[str, Any]:
     """Return what the record of a comparison says about where its numbers come from.
 
     Parameters
     ----------
-    fits : mapping of str to Fit or JointFit
+    fits : mapping of str to Fit
         The fits that were compared.
     command : str
         What regenerates the comparison.
@@ -310,7 +310,7 @@ def origins(fits: Mapping[str, Fit | JointFit], *, command: str) -> dict[str, An
                 "directory": one.directory.path.name,
                 "fingerprint": one.manifest["fingerprint"],
                 "variant": one.variant.record(),
-                **({"pooling": one.problem.pooling.record()} if isinstance(one, JointFit) else {}),
+                **({"pooling": one.problem.pooling.record()} if one.is_joint else {}),
             }
             for name, one in fits.items()
         },

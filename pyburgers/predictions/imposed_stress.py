@@ -16,7 +16,6 @@ import pandas as pd
 from pyburgers.cmdstan.program import load_program, stan_directory
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.model.parameters import KELVIN_REFERENCES, STANDARD_VALUES
-from pyburgers.predictions.imposed_stress import PhaseLag, phase_lag
 from pyburgers.predictions.stress_cycles import Regime, checked_frequencies, checked_inputs
 from pyburgers.protocols.forced_oscillation.harmonics import (
     N_HARMONICS,

@@ -33,7 +33,7 @@ from pyburgers.comparison.results import (
 )
 from pyburgers.comparison.same_data import data_hash
 from pyburgers.drawing.style import BLUE, GREEN, VERMILION, few_ticks, style
-from pyburgers.fitting.fit import Fit, JointFit
+from pyburgers.fitting.fit import Fit
 from pyburgers.model.display import (
     LENGTH_FACTOR,
     LENGTH_UNIT,
@@ -45,13 +45,12 @@ from pyburgers.model.display import (
 )
 from pyburgers.model.flow_law_prior import FlowLawPrior
 from pyburgers.model.priors import FLOW_LAW
-from pyburgers.report.comparison_sections import flow_law_source_section
 from pyburgers.report.joint_section import joint_names
 from pyburgers.report.page import ExtraFigure, ExtraSection, ExtraTable, file_key, page_keys
 
 FloatArray = npt.NDArray[np.float64]
 
-AnyFit = TypeVar("AnyFit", Fit, JointFit)
+AnyFit = TypeVar("AnyFit", Fit, Fit)
 
 LOG_RATE = "log_flow_rate"
 """Row of the table of a flow law beside its parameters."""
@@ -73,7 +72,7 @@ COMBINED_CAPTION = (
 
 
 def comparison_sections(
-    fits: Sequence[Fit], joints: Sequence[JointFit] = ()
+    fits: Sequence[Fit], joints: Sequence[Fit] = ()
 ) -> tuple[ExtraSection, ...]:
     """Return the parts of a page about fits of the same data, joint fits first.
 
@@ -81,7 +80,7 @@ def comparison_sections(
     ----------
     fits : sequence of Fit
         All fits of single tests on the page.
-    joints : sequence of JointFit
+    joints : sequence of Fit
         All joint fits of the page.
 
     Returns
@@ -113,12 +112,12 @@ def _same_data(named: Iterable[tuple[str, AnyFit]]) -> list[dict[str, AnyFit]]:
     return list(groups.values())
 
 
-def by_points_section(fits: Mapping[str, Fit] | Mapping[str, JointFit]) -> ExtraSection:
+def by_points_section(fits: Mapping[str, Fit]) -> ExtraSection:
     """Return the leave-one-out comparison of fits of the same data.
 
     Parameters
     ----------
-    fits : mapping of str to Fit or JointFit
+    fits : mapping of str to Fit
         At least two, by their names on the page.
     """
     comparison = compare(fits)

@@ -328,7 +328,6 @@ def render_page(
         thresholds=THRESHOLDS_TEXT,
         influence_table=influence_table,
         truth_table=tables.shown_truth_table,
-        response_table=tables.shown_response_table,
     )
 
 
@@ -354,9 +353,7 @@ def _claim(out: Path) -> None:
 
 def page_keys(fits: Sequence[Fit]) -> list[str]:
     """Name each fit after its experiment, or as its part of a joint fit; further ones by number."""
-    return numbered(
-        [fit.experiment.id + ("_joint" if is_joint(fit.manifest) else "") for fit in fits]
-    )
+    return numbered([fit.experiment.id + ("_joint" if fit.is_part else "") for fit in fits])
 
 
 def numbered(names: Sequence[str]) -> list[str]:

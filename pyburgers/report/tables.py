@@ -228,7 +228,7 @@ def overview_row(
     failed = sum(not check.passed for check in checks)
     passed = f"{len(checks) - failed} of {len(checks)}"
     return {
-        "experiment": fit.experiment.id + (", joint fit" if is_joint(fit.manifest) else ""),
+        "experiment": fit.experiment.id + (", joint fit" if fit.is_part else ""),
         "data": fit.experiment.provenance.kind,
         "stress exponent n": _mean_sd(fit, summary, "stress_exponent", 1.0),
         f"residual {noise.symbol} ({noise.display_unit})": _mean_sd(

@@ -198,7 +198,8 @@ def _at_mode(
     tests = [
         ModeOfTest(one, own, solver) for one, own in zip(problem.alone(), mode.tests, strict=True)
     ]
-    references, centre = [], np.zeros(layout.size)
+    references: list[Any] = []
+    centre = np.zeros(layout.size)
     # The first test comes last, so that shared coordinates are its own.
     for test, places in reversed(list(zip(tests, layout.position, strict=True))):
         reference, centre[places] = chart.reference(test)

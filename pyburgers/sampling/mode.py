@@ -83,7 +83,7 @@ def _plain_of_tests(
 ) -> list[FloatArray]:
     """Plain coordinates of each test by itself, the inverse of `position_of`."""
     layout, reference = layout_of(problem), problem.protocol.reference.name
-    found = []
+    found: list[FloatArray] = []
     tests = zip(problem.coordinates, layout.position, log_reference, strict=True)
     for coordinates, places, logarithm in tests:
         own = coordinate[places].copy()

@@ -9,9 +9,10 @@ import xarray as xr
 from conftest import SMALL_RUN
 from conftest import Problem as InputFiles
 
+from pyburgers.sampling.problem import Problem
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit, fit
-from pyburgers.fitting.side_by_side import Problem, fit_side_by_side
+from pyburgers.fitting.side_by_side import fit_side_by_side
 
 
 @pytest.fixture

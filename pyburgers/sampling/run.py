@@ -195,17 +195,14 @@ def tighten_solver(run: RunDirectory, pareto_k: float) -> float:
         run.update_manifest({"refits": [*manifest["refits"], refit]})
         data: StanData = json.loads(run.stan_data_file.read_text(encoding="utf-8"))
         tight = loose / TIGHTENING
-        write_json(
-            run.stan_data_file,
-            {**data, "relative_tolerance": tight, "absolute_tolerance": tight},
-        )
+        write_json(run.stan_data_file, {**data, "tolerance": tight})
     return tight
 
 
 def _tolerance_in(run: RunDirectory) -> float:
     """Tolerance with which the run's chains are sampled, tightened or as asked for."""
     data: StanData = json.loads(run.stan_data_file.read_text(encoding="utf-8"))
-    return float(data["relative_tolerance"])
+    return float(data["tolerance"])
 
 
 def _write_chart(run: RunDirectory, data: StanData, chart: ChosenChart) -> None:

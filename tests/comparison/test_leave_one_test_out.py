@@ -37,6 +37,7 @@ from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import default_priors
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
 from pyburgers.report.comparison_sections import comparison_sections
+from pyburgers.sampling.problem import problem_of
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -117,19 +118,19 @@ def test_priors_stay_those_of_all_tests() -> None:
     assert strong.stress.max() > 1.2 * weak.stress.max()
     priors = default_priors("ice")
     for kind in ("shared", "separate"):
-        problem = joint_problem([strong, weak], priors, pooling_of({"stress_noise": kind}))
-        left = problem_without(problem, strong.id)
+        problem = problem_of([strong, weak], priors, pooling_of({"stress_noise": kind}))
+        left = problem.without(strong.id)
         assert left.experiments == (weak,)
         assert left.priors[0].priors == problem.priors[1].priors
         # What a run keeps gives the same priors again.
-        again = joint_problem([weak], left.given_priors, problem.pooling)
+        again = problem_of([weak], left.given_priors, problem.pooling)
         assert again.priors[0].priors == problem.priors[1].priors
 
 
 def test_partially_pooled_noise_has_one_prior_on_the_real_line_in_all_tests() -> None:
     """So the centre's prior does not depend on which test comes first."""
     tests = [load_constant_rate(ICE / f"{name}.toml") for name in ("PIL40", "PIL105")]
-    problem = joint_problem(tests, default_priors("ice"), pooling_of({"stress_noise": "partial"}))
+    problem = problem_of(tests, default_priors("ice"), pooling_of({"stress_noise": "partial"}))
     place = problem.free.index("stress_noise")
     ratio = [
         own.scale[place] / priors["stress_noise"].scale

@@ -63,7 +63,7 @@ def test_no_choice_changes_nothing(ice: ConstantRateExperiment, priors: PriorSet
     standard = ModelVariant().record()
     assert with_variant(priors, ice, standard) == priors
     assert ModelVariant().short_text == "standard"
-    data = program_data(ice, priors.resolved(1e7), solver=SolverOptions())
+    data = program_data(OneTest(ice, priors.resolved(1e7)), solver=SolverOptions())
     assert data["prior_family"][len(PARAMETERS) :] == [0] * 6
     assert data["prior_location"][len(PARAMETERS) :] == [1.0, 0.0, 1e6, 273.15, 0.0, 0.0]
     assert max(data["parameter_of_coordinate"]) == len(PARAMETERS)

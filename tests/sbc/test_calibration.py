@@ -25,6 +25,7 @@ from pyburgers.protocols.forward import (
     simulate,
     simulate_data,
 )
+from pyburgers.protocols.layout import OneTest
 from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.registry import protocol_of
 from pyburgers.sbc.data_sets import (
@@ -90,7 +91,9 @@ def test_the_trend_leaves_as_much_noise_as_the_likelihood_expects(programs: None
 
     def log_likelihood(log_factor: float) -> float:
         values = {**truth, "stress_noise": truth["stress_noise"] * np.exp(log_factor)}
-        data = program_data(quiet, given_parameters("olivine", values), solver=REFERENCE_SOLVER)
+        data = program_data(
+            OneTest(quiet, given_parameters("olivine", values)), solver=REFERENCE_SOLVER
+        )
         return float(model.evaluate(data)["log_lik"].sum())
 
     step = 0.1

@@ -13,7 +13,9 @@ from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import default_priors
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
+from pyburgers.protocols.layout import layout_of
 from pyburgers.protocols.stan_data import SolverOptions
+from pyburgers.sampling.problem import Problem, problem_of
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
@@ -31,11 +33,11 @@ MICROSTRUCTURE = {
 """More than by default, so that parameters that the valley solves for are pooled too."""
 
 
-def problem(**pool: str) -> JointProblem:
-    return joint_problem(EXPERIMENTS, default_priors("ice"), pooling_of(pool))
+def problem(**pool: str) -> Problem:
+    return problem_of(EXPERIMENTS, default_priors("ice"), pooling_of(pool))
 
 
-def joint_program(joint: JointProblem, system: str, folder: Path) -> Program:
+def joint_program(joint: Problem, system: str, folder: Path) -> Program:
     valley = None
     if system == "valley":
         references = tuple(valley_of(e, resolved_priors(e)) for e in EXPERIMENTS)
@@ -63,7 +65,7 @@ def test_separate_density_is_the_sum_of_single_ones(system: str, tmp_path: Path)
 def test_pooled_density_is_that_made_by_hand(system: str, tmp_path: Path) -> None:
     """Shared parameters count once; partially pooled ones are normal on the real line."""
     joint = problem(**MICROSTRUCTURE)
-    layout = joint_coordinates(joint)
+    layout = layout_of(joint)
     program = joint_program(joint, system, tmp_path)
     coordinate = 0.3 * np.random.default_rng(4).standard_normal(layout.size)
     columns = program.columns_at({"coordinate": coordinate.tolist()})
@@ -110,7 +112,7 @@ def place(name: str) -> int:
 def test_jacobian_is_that_of_the_map(system: str, tmp_path: Path) -> None:
     """Of shared and own parameters, centres and spreads by the coordinates."""
     joint = problem(**MICROSTRUCTURE)
-    layout = joint_coordinates(joint)
+    layout = layout_of(joint)
     program = joint_program(joint, system, tmp_path)
     start = 0.3 * np.random.default_rng(5).standard_normal(layout.size)
 
@@ -142,7 +144,7 @@ def test_jacobian_is_that_of_the_map(system: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("system", ["plain", "valley"])
 def test_gradient_is_the_slope_of_the_density(system: str, tmp_path: Path) -> None:
     joint = problem(**MICROSTRUCTURE)
-    size = joint_coordinates(joint).size
+    size = layout_of(joint).size
     program = joint_program(joint, system, tmp_path)
     coordinate = 0.2 * np.random.default_rng(6).standard_normal(size)
     gradient = program.at({"coordinate": coordinate.tolist()}).gradient

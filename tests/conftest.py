@@ -14,10 +14,13 @@ from pyburgers.fitting.fit import Fit, fit
 from pyburgers.model.priors import Prior, PriorSet, default_priors, load_priors, save_priors
 from pyburgers.protocols.chart import Mode
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
+from pyburgers.protocols.constant_rate.stan_data import ValleyReference
 from pyburgers.protocols.constant_rate.valley import find_valley
 from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.layout import OneTest
+from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.registry import protocol_of, save_experiment
-from pyburgers.protocols.stan_data import SolverOptions, ValleyReference, program_data
+from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.charts import ModeOfTest
 from pyburgers.sampling.mode import find_mode
 from pyburgers.sampling.options import SamplerOptions
@@ -112,7 +115,7 @@ def at_mode(
 ) -> ModeOfTest:
     """A test at its mode, as charts are given it."""
     model = load_program(protocol_of(experiment).program)
-    data = program_data(experiment, priors, solver=solver)
+    data = program_data(OneTest(experiment, priors), solver=solver)
     return ModeOfTest(model, data, experiment, priors, mode, solver)
 
 
@@ -125,7 +128,10 @@ def programs() -> None:
                 stan_directory() / f"{name}.stan"
                 for name in ("constant_rate", "forced_oscillation", "imposed_stress", "peak_stress")
             ),
-            *sorted((stan_directory() / "reference").glob("*.stan")),
+            *(
+                stan_directory() / "reference" / f"{name}.stan"
+                for name in ("six_state", "six_state_oscillation")
+            ),
             *sorted((TESTS / "stan").glob("*.stan")),
         ]
     )

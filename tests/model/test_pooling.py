@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import ICE, with_fixed
-from pyburgers.sampling.joint_stan_data import joint_coordinates
 
 from pyburgers.common.errors import InputError
 from pyburgers.model.parameters import CONSTANTS, PROGRAM_PARAMETERS
@@ -19,6 +18,7 @@ from pyburgers.model.pooling import (
 from pyburgers.model.priors import default_priors
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
 from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.layout import layout_of
 from pyburgers.protocols.registry import load_experiment
 from pyburgers.sampling.problem import JointProblem, joint_problem
 
@@ -72,14 +72,14 @@ def test_an_option_stands_once() -> None:
 
 def test_shared_coordinates_stand_once() -> None:
     joint = problem()
-    layout = joint_coordinates(joint)
+    layout = layout_of(joint)
     # 7 shared, 5 of each test, a centre and a spread.
     assert layout.size == 7 + 3 * 5 + 2
     i = layout.names.index("stress_exponent")
     assert len(set(layout.position[:, i])) == 1
     own = layout.position[:, layout.names.index("stress_noise")]
     assert len(set(own)) == 3
-    assert joint_coordinates(problem(all="separate")).size == 36
+    assert layout_of(problem(all="separate")).size == 36
 
 
 def test_noise_prior_is_that_of_the_test_unless_it_is_shared() -> None:

@@ -17,11 +17,12 @@ import numpy as np
 import psutil
 import pytest
 from conftest import LONG_RUN, SMALL_RUN, Problem
+from stan_data import one_test_data
 
 from pyburgers.common.atomic_files import UNFINISHED, write_json
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.fitting.fit import Fit, fit
-from pyburgers.protocols.stan_data import SolverOptions, constant_rate_data
+from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.initial_values import draw_initial_values
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run import fingerprint
@@ -161,10 +162,10 @@ def test_options_out_of_range_are_refused(name: str, make: Callable[[], SamplerO
 
 def test_fingerprint_changes_with_what_decides_the_draws(small_problem: Problem) -> None:
     experiment, priors = small_problem.experiment, small_problem.priors.resolved(8e6)
-    data = constant_rate_data(experiment, priors, solver=SolverOptions())
+    data = one_test_data(experiment, priors, solver=SolverOptions())
     first = fingerprint(data, SMALL_RUN, "program")
     assert first == fingerprint(data, replace(SMALL_RUN, chains=9, chain_timeout=5.0), "program")
-    tighter = constant_rate_data(experiment, priors, solver=SolverOptions(tolerance=1e-8))
+    tighter = one_test_data(experiment, priors, solver=SolverOptions(tolerance=1e-8))
     others = [
         fingerprint(tighter, SMALL_RUN, "program"),
         fingerprint(data, replace(SMALL_RUN, seed=12), "program"),

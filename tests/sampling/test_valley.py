@@ -8,7 +8,8 @@ from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.chart import ChartUnsuited
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
 from pyburgers.protocols.constant_rate.valley import NOISE_SCALED, find_valley, noise_exponents
-from pyburgers.protocols.stan_data import SolverOptions, plain_coordinates
+from pyburgers.protocols.program_data import plain_coordinates
+from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.mode import find_mode
 
 pytestmark = pytest.mark.usefixtures("programs")
@@ -31,7 +32,9 @@ def test_pins_lie_on_the_curve_where_the_dashpot_flows(
     strain, weight = valley.pin[:, 0], valley.pin[:, 4]
     assert np.all(np.diff(strain) > 0)
     assert strain[0] > 0.005  # beyond the elastic rise
-    stress = valley.knot_stress[valley.pin_knot - 1]
+    is_pin = valley.knot[:, 2] == 1
+    stress = valley.knot[is_pin, 1]
+    np.testing.assert_allclose(np.cumsum(valley.knot[:, 0])[is_pin], experiment.time_at(strain))
     observed = np.interp(strain, experiment.strain, experiment.stress)
     assert np.all(np.abs(stress - observed) < 4e5)  # four times the noise
     # All pins together weigh as much as the points where the dashpot flows.

@@ -31,7 +31,7 @@ data {
   vector<lower=0>[n_pins] strain;
   matrix[3, 2] bounds;
   vector[2] u; // real numbers behind (epsilon_c1, epsilon_c2)
-  real amplitude; // 1 - F_ss
+  real fabric_amplitude; // 1 - F_ss
   real exponent_ratio;
   real log_grain_size_ratio;
 }
@@ -45,7 +45,7 @@ generated quantities {
   vector[n] bounded_log_slope;
   matrix[n_pins, 2] grain = grain_softening(u[1], exponent_ratio, log_grain_size_ratio, strain,
                                             bounds);
-  matrix[n_pins, 3] fabric = fabric_softening(u[2], amplitude, strain, bounds);
+  matrix[n_pins, 3] fabric = fabric_softening(u[2], fabric_amplitude, strain, bounds);
   for (i in 1 : n) {
     vector[2] quantile = place_of_quantile(log_odds[i], log_density);
     vector[2] from_remainder = bounded_from_remainder(place, deviation, remainder[i]);

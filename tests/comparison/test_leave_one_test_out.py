@@ -32,7 +32,7 @@ from pyburgers.comparison.results import (
     table_of_tests,
 )
 from pyburgers.drawing.style import image
-from pyburgers.fitting.fit import Fit, JointFit, fit, fit_jointly
+from pyburgers.fitting.fit import Fit, fit, fit_jointly
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import default_priors
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
@@ -45,7 +45,7 @@ FloatArray = npt.NDArray[np.float64]
 @pytest.fixture(scope="module")
 def shared(
     programs: None, small_problem: Problem, tmp_path_factory: pytest.TempPathFactory
-) -> JointFit:
+) -> Fit:
     return fit_jointly(
         pair_of(small_problem),
         small_problem.priors,
@@ -57,7 +57,7 @@ def shared(
 @pytest.fixture(scope="module")
 def separate(
     programs: None, small_problem: Problem, tmp_path_factory: pytest.TempPathFactory
-) -> JointFit:
+) -> Fit:
     return fit_jointly(
         pair_of(small_problem),
         small_problem.priors,
@@ -68,7 +68,7 @@ def separate(
 
 
 def test_tests_that_share_nothing_are_predicted_from_their_priors(
-    separate: JointFit, small_fit: Fit, small_problem: Problem, tmp_path: Path
+    separate: Fit, small_fit: Fit, small_problem: Problem, tmp_path: Path
 ) -> None:
     """Each has the marginal likelihood of a fit of it alone."""
     found = leave_one_test_out(separate, command="test")
@@ -88,7 +88,7 @@ def test_tests_that_share_nothing_are_predicted_from_their_priors(
 
 
 def test_a_test_like_the_others_is_predicted_better_where_the_material_is_shared(
-    shared: JointFit, separate: JointFit
+    shared: Fit, separate: Fit
 ) -> None:
     comparison = compare_by_test({"apart": separate, "together": shared}, command="test")
     assert list(comparison.results) == ["together", "apart"]
@@ -99,10 +99,10 @@ def test_a_test_like_the_others_is_predicted_better_where_the_material_is_shared
 
 
 def test_fits_without_a_test_are_kept_and_say_how_they_came_about(
-    shared: JointFit, caplog: pytest.LogCaptureFixture
+    shared: Fit, caplog: pytest.LogCaptureFixture
 ) -> None:
     first = leave_one_test_out(shared, command="pyburgers compare X")
-    run = JointFit.load(shared.directory.path / "leave_out" / "other")
+    run = Fit.load(shared.directory.path / "leave_out" / "other")
     assert [experiment.id for experiment in run.problem.experiments] == ["PIL40"]
     assert run.manifest["command"] == "pyburgers compare X (other left out)"
     assert run.problem.pooling == shared.problem.pooling
@@ -202,7 +202,7 @@ def test_figures_are_drawn_of_one_fit_and_of_several() -> None:
         assert image(drawn, "png").startswith(b"\x89PNG")
 
 
-def test_what_is_saved_holds_every_marginal_likelihood(shared: JointFit, tmp_path: Path) -> None:
+def test_what_is_saved_holds_every_marginal_likelihood(shared: Fit, tmp_path: Path) -> None:
     comparison = compare_by_test({"one": shared}, command="test")
     save_comparison_by_test(comparison, {"one": shared}, tmp_path, command="pyburgers compare one")
     tests = pd.read_csv(tmp_path / "left_out_tests.csv", index_col="test")
@@ -216,7 +216,7 @@ def test_what_is_saved_holds_every_marginal_likelihood(shared: JointFit, tmp_pat
 
 
 def test_points_of_joint_fits_are_those_of_all_their_tests(
-    shared: JointFit, separate: JointFit
+    shared: Fit, separate: Fit
 ) -> None:
     comparison = compare({"together": shared, "apart": separate})
     sizes = [experiment.n_points for experiment in shared.problem.experiments]
@@ -245,13 +245,13 @@ def test_the_order_of_the_tests_does_not_matter(small_problem: Problem, tmp_path
 
 
 def test_a_page_sets_joint_fits_of_the_same_tests_side_by_side(
-    shared: JointFit, separate: JointFit, tmp_path: Path
+    shared: Fit, separate: Fit, tmp_path: Path
 ) -> None:
     """By points; by tests as soon as they were left out, without fitting anything."""
     runs = [tmp_path / name for name in ("together", "apart")]
     for run, joint in zip(runs, (shared, separate), strict=True):
         shutil.copytree(joint.directory.path, run, ignore=shutil.ignore_patterns("leave_out"))
-    joints = [JointFit.load(run) for run in runs]
+    joints = [Fit.load(run) for run in runs]
     (by_points,) = comparison_sections([], joints)
     assert by_points.key == "comparison_PIL40_other"
     leave_one_test_out(joints[0], command="test")
@@ -266,7 +266,7 @@ def test_a_page_sets_joint_fits_of_the_same_tests_side_by_side(
 
 
 def test_joint_fits_of_the_same_tests_have_sections_of_their_own(
-    shared: JointFit, separate: JointFit, tmp_path: Path
+    shared: Fit, separate: Fit, tmp_path: Path
 ) -> None:
     runs = [str(joint.directory.path) for joint in (shared, separate)]
     assert main(["report", *runs, "--out", str(tmp_path / "page")]) == 0
@@ -279,7 +279,7 @@ def test_joint_fits_of_the_same_tests_have_sections_of_their_own(
 
 
 def test_other_data_other_kinds_and_a_sampled_prior_are_refused(
-    shared: JointFit, small_fit: Fit, tmp_path: Path
+    shared: Fit, small_fit: Fit, tmp_path: Path
 ) -> None:
     with pytest.raises(InputError, match=r"joint: is a fit of other data than one .*\+other .*\.$"):
         compare({"one": small_fit, "joint": shared})

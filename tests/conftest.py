@@ -11,19 +11,18 @@ import pytest
 
 from pyburgers.cmdstan.program import compile_programs, load_program, stan_directory
 from pyburgers.fitting.fit import Fit, fit
-from pyburgers.model.priors import Prior, PriorSet, default_priors, load_priors, save_priors
-from pyburgers.protocols.chart import Mode
+from pyburgers.model.prior_families import Prior
+from pyburgers.model.priors import PriorSet, default_priors, load_priors, save_priors
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
 from pyburgers.protocols.constant_rate.stan_data import ValleyReference
 from pyburgers.protocols.constant_rate.valley import find_valley
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.layout import OneTest
-from pyburgers.protocols.program_data import program_data
-from pyburgers.protocols.registry import protocol_of, save_experiment
+from pyburgers.protocols.registry import save_experiment
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.charts import ModeOfTest
 from pyburgers.sampling.mode import find_mode
 from pyburgers.sampling.options import SamplerOptions
+from pyburgers.sampling.problem import problem_of
 
 FloatArray = npt.NDArray[np.float64]
 FunctionValues = Callable[[str, Mapping[str, object]], dict[str, FloatArray]]
@@ -105,18 +104,10 @@ def valley_of(experiment: ConstantRateExperiment, priors: PriorSet) -> ValleyRef
     The noise exponents are made up, so that only that of the noise itself (the last) is 0.
     """
     solver = SolverOptions()
-    mode = find_mode(experiment, priors, seed=1, solver=solver)
-    valley = find_valley(at_mode(experiment, priors, mode, solver))
+    problem = problem_of([experiment], priors)
+    (mode,) = find_mode(problem, seed=1, solver=solver).tests
+    valley = find_valley(ModeOfTest(problem, mode, solver))
     return replace(valley, noise_exponent=np.linspace(0.9, 0.0, mode.coordinate.size))
-
-
-def at_mode(
-    experiment: Experiment, priors: PriorSet, mode: Mode, solver: SolverOptions
-) -> ModeOfTest:
-    """A test at its mode, as charts are given it."""
-    model = load_program(protocol_of(experiment).program)
-    data = program_data(OneTest(experiment, priors), solver=solver)
-    return ModeOfTest(model, data, experiment, priors, mode, solver)
 
 
 @pytest.fixture(scope="session")

@@ -28,11 +28,8 @@ from pyburgers.cmdstan.draws import read_draws
 from pyburgers.cmdstan.program import ALL_DIGITS, Program, Unsolved, load_program
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.fitting.fit import Fit
-from pyburgers.fitting.sampled_fit import SampledFit
 from pyburgers.posterior.labelled_draws import relative_efficiency
-from pyburgers.protocols.constant_rate.protocol import CONSTANT_RATE
 from pyburgers.protocols.forward import REFERENCE_SOLVER
-from pyburgers.protocols.registry import protocol_of
 from pyburgers.protocols.stan_data import StanData, solver_block
 
 logger = logging.getLogger(__name__)
@@ -65,7 +62,7 @@ class LogIntegral:
     error: float
 
     @classmethod
-    def mean_of(cls, one: Self, other: Self) -> Self:
+    def mean(cls, one: Self, other: Self) -> Self:
         """Mean of two independent estimates.
 
         Its error is the larger of what their own errors say and what their distance says.
@@ -74,13 +71,13 @@ class LogIntegral:
         return cls(0.5 * (one.value + other.value), max(stated, 0.5 * abs(one.value - other.value)))
 
 
-def log_marginal_likelihood(fit: SampledFit) -> LogIntegral:
+def log_marginal_likelihood(fit: Fit) -> LogIntegral:
     """Log density of all data of a run under its priors, of stresses in Pa.
 
     Parameters
     ----------
-    fit : Fit or JointFit
-        Of tests whose program gives its log density. Where the data took no part it is 0, but for
+    fit : Fit
+        Of one or several tests. Where the data took no part it is 0, but for
         its error.
 
     Returns
@@ -92,22 +89,17 @@ def log_marginal_likelihood(fit: SampledFit) -> LogIntegral:
     Raises
     ------
     InputError
-        If the test is of another protocol, or there are too few draws.
+        If there are too few draws.
     SamplingError
         If the program fails or the draws have no spread.
     """
-    if isinstance(fit, Fit) and not protocol_of(fit.experiment).gives_log_density:
-        raise InputError(
-            f"{fit.directory.path}: is a fit of a test of the protocol {fit.experiment.protocol}, "
-            "expected one whose program gives its log density, such as constant_rate."
-        )
     run = fit.directory
     draws = read_draws(run.draws_files())["coordinate"]
     stats = fit.posterior["sample_stats"].to_dataset()
     at_reference = (stats["lp"] + stats["solver_log_ratio"]).transpose("chain", "draw").to_numpy()
     data: StanData = json.loads(run.stan_data_file.read_text(encoding="utf-8"))
     data = {**data, **solver_block(REFERENCE_SOLVER)}
-    program = load_program(CONSTANT_RATE.program)
+    program = load_program(fit.problem.protocol.program)
     logger.info(f"Marginal likelihood of {fit.manifest['experiment']}: bridge sampling.")
     return log_integral(
         draws,
@@ -207,7 +199,7 @@ def log_integral(
         )
         for number, (fitted, used) in enumerate((halves, halves[::-1]))
     ]
-    return LogIntegral.mean_of(*estimates)
+    return LogIntegral.mean(*estimates)
 
 
 def _from_half(
@@ -262,21 +254,21 @@ def bridge(at_draws: FloatArray, at_proposals: FloatArray) -> LogIntegral:
     offset = np.log(share) - np.log1p(-share)
     finite = np.concatenate([part[np.isfinite(part)] for part in (at_draws, at_proposals)])
 
-    def of_draws(value: float) -> FloatArray:
+    def proposal_shares(value: float) -> FloatArray:
         """Proposal density over that of the mixture of both, up to a factor."""
         return np.asarray(expit(value - offset - at_draws), dtype=np.float64)
 
-    def of_proposals(value: float) -> FloatArray:
+    def density_shares(value: float) -> FloatArray:
         """Density over that of the mixture of both, up to a factor."""
         return np.asarray(expit(at_proposals + offset - value), dtype=np.float64)
 
     # The fixed point of Meng and Wong; the left-hand side rises with the value, the other falls.
     value = brentq(
-        lambda v: share * of_draws(v).mean() - (1 - share) * of_proposals(v).mean(),
+        lambda v: share * proposal_shares(v).mean() - (1 - share) * density_shares(v).mean(),
         finite.min() + offset - MARGIN,
         finite.max() + offset + MARGIN,
     )
-    here, there = of_draws(value), of_proposals(value)
+    here, there = proposal_shares(value), density_shares(value)
     variance = (
         _relative_variance(here) / (here.size * _efficiency(here))
         + _relative_variance(there) / there.size

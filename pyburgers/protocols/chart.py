@@ -84,9 +84,12 @@ class Chart(ABC, Generic[E]):
         As in the option ``--coordinates`` (`docs/coordinates.md`).
     curvature_tolerance : float or None
         Tolerance of the solver for curvatures; None takes that of the run.
+    solved : tuple of str
+        Parameters that every test must have of its own.
     """
 
     name: ClassVar[str]
+    solved: ClassVar[tuple[str, ...]] = ()
     curvature_tolerance: ClassVar[float | None] = None
 
     @abstractmethod

@@ -5,7 +5,6 @@ hold are the fields of the tables below and of the module of its protocol (`cons
 `forced_oscillation`). Everything is converted to SI on reading.
 """
 
-import os
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -19,17 +18,12 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from pyburgers.common.atomic_files import write_text
-from pyburgers.common.columns import Separator
 from pyburgers.common.errors import InputError
-from pyburgers.common.toml_files import Table, nearest, toml_text
+from pyburgers.common.toml_files import Table, nearest, write_toml
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 
 FloatArray = npt.NDArray[np.float64]
 MetadataValue = str | float | int | bool
-
-DATA_ROOT_VARIABLE = "PYBURGERS_DATA"
-"""Environment variable that takes the place of the key `data_root`."""
 
 
 @dataclass(frozen=True)
@@ -117,16 +111,6 @@ class Experiment(ABC):
         return len(self.response)
 
 
-class TextFilesTable(Table):
-    """What a table [data] of any protocol says about its text files."""
-
-    data_root: str | None = Field(
-        None, description="the folder, relative to this file, in which data files lie"
-    )
-    separator: Separator = ","
-    header: bool = Field(True, description="whether the first row of a data file holds names")
-
-
 class ProvenanceTable(Table):
     """The table [provenance]."""
 
@@ -187,46 +171,6 @@ def shared_values(path: Path, file: ExperimentFile) -> dict[str, Any]:
     }
 
 
-def data_root(path: Path, data: TextFilesTable) -> Path:
-    """Return the folder from which names of data files start.
-
-    Parameters
-    ----------
-    path : Path
-        The TOML file.
-    data : TextFilesTable
-        Its table [data].
-    """
-    if data.data_root is None:
-        return path.parent
-    override = os.environ.get(DATA_ROOT_VARIABLE)
-    return Path(override).expanduser() if override else path.parent / data.data_root
-
-
-def check_column(path: Path, key: str, column: object) -> None:
-    """Check that a key names a column.
-
-    Parameters
-    ----------
-    path : Path
-        The TOML file, for the message.
-    key : str
-        Key in its table [data].
-    column : object
-        What it holds.
-
-    Raises
-    ------
-    InputError
-        If it is neither text nor a whole number.
-    """
-    if isinstance(column, bool) or not isinstance(column, str | int):
-        raise InputError(
-            f"{path}: key {key!r} in [data]: found {column!r}, expected a column name, or a "
-            "number from 1 for files without header."
-        )
-
-
 def write_experiment(experiment: Experiment, directory: Path, own: Mapping[str, Any]) -> Path:
     """Write ``experiment.toml``.
 
@@ -257,7 +201,7 @@ def write_experiment(experiment: Experiment, directory: Path, own: Mapping[str, 
         "true_parameters": experiment.true_parameters,
     }
     target = directory / "experiment.toml"
-    write_text(target, toml_text(table))
+    write_toml(target, table)
     return target
 
 

@@ -19,7 +19,8 @@ from pyburgers.model.parameters import (
     PROGRAM_PARAMETERS,
     STANDARD_VALUES,
 )
-from pyburgers.model.priors import MAY_BE_ZERO, PriorSet, fixed_prior
+from pyburgers.model.prior_families import MAY_BE_ZERO, fixed_prior
+from pyburgers.model.priors import PriorSet
 from pyburgers.model.variants import check_piezometer
 from pyburgers.protocols.experiment import Experiment, Provenance
 from pyburgers.protocols.layout import OneTest

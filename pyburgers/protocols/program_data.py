@@ -12,7 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from pyburgers.model.parameters import PARAMETER_BY_NAME, PIEZOMETER, PROGRAM_PARAMETERS
-from pyburgers.model.priors import FLOW_LAW, PriorSet, fixed_prior, is_fixed_at
+from pyburgers.model.prior_families import fixed_prior, is_fixed_at
+from pyburgers.model.priors import FLOW_LAW, PriorSet
 from pyburgers.model.variants import variant_of
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.layout import FittedTests, Layout, layout_of

@@ -125,8 +125,6 @@ class Protocol(ABC, Generic[E]):
         Default of the solver while sampling.
     chart : Chart or None
         Coordinates other than the plain ones.
-    gives_log_density : bool
-        Whether the program generates the log density, which marginal likelihoods need.
     points_together : str or None
         Why single points cannot be left out; None where they can.
     figures : tuple of FigureRecipe
@@ -145,7 +143,6 @@ class Protocol(ABC, Generic[E]):
     target_acceptance: ClassVar[float]
     solver: ClassVar[SolverOptions] = SolverOptions()
     chart: ClassVar[Chart[Any] | None] = None
-    gives_log_density: ClassVar[bool] = False
     points_together: ClassVar[str | None] = None
     figures: ClassVar[tuple[FigureRecipe[FittedTest], ...]]
     reference_text: ClassVar[Markup]

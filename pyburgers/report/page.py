@@ -6,28 +6,31 @@ import json
 import logging
 import platform
 from collections import Counter
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import jinja2
 import pandas as pd
 from matplotlib.figure import Figure
 
+from pyburgers.checks.fit_checks import CheckResult, coverage
 from pyburgers.checks.prior_influence import (
     THRESHOLDS_TEXT,
+    Influence,
+    Origin,
     influence_numbers,
     influence_table,
     prior_influence,
 )
-from pyburgers.checks.sampling_checks import CheckResult, coverage
 from pyburgers.common.atomic_files import sha256_of_file, write_json, write_text
 from pyburgers.common.errors import InputError
 from pyburgers.common.processes import completed, number_of_processes
 from pyburgers.drawing.style import FigureText, write_images
-from pyburgers.fitting.fit import Fit, is_joint
+from pyburgers.fitting.fit import Fit
+from pyburgers.model.display import shown_quantity
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.protocol import PageTable, Protocol
 from pyburgers.protocols.registry import protocol_of
@@ -75,6 +78,8 @@ class ExtraTable:
         Columns of short texts.
     sentences : tuple of str
         Columns of whole sentences.
+    bad : mapping of str to sequence of bool
+        Columns, and whether what each row says there is bad news.
     """
 
     name: str
@@ -83,6 +88,21 @@ class ExtraTable:
     saved: pd.DataFrame
     words: tuple[str, ...] = ()
     sentences: tuple[str, ...] = ()
+    bad: Mapping[str, Sequence[bool]] = field(default_factory=dict)
+
+    @classmethod
+    def from_checks(cls, title: str, checks: Sequence[CheckResult]) -> Self:
+        """Return the verdicts of checks as a table."""
+        shown = tables.checks_table(checks)
+        return cls(
+            "checks",
+            title,
+            shown,
+            shown,
+            words=("check", "verdict"),
+            sentences=("sentence",),
+            bad={"verdict": [not one.passed for one in checks]},
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,10 +179,10 @@ class Section:
         Row of the table over experiments.
     parameters, priors, sampler : DataFrame
         Tables as text.
-    influence : DataFrame or None
-        What the results owe to prior and data, as text; None without likelihood.
+    influences : mapping of str to Influence
+        What each quantity owes to prior and data; empty without likelihood.
     truth : DataFrame or None
-        Comparison with the truth as text, for synthetic data.
+        Comparison with the truth (`pyburgers.report.tables.truth_table`), for synthetic data.
     more_tables : tuple of PageTable
         Tables of the protocol.
     illustrations : tuple of Illustration
@@ -176,7 +196,7 @@ class Section:
     parameters: pd.DataFrame
     priors: pd.DataFrame
     sampler: pd.DataFrame
-    influence: pd.DataFrame | None
+    influences: Mapping[str, Influence]
     truth: pd.DataFrame | None
     more_tables: tuple[PageTable, ...]
     illustrations: tuple[Illustration, ...]
@@ -194,10 +214,11 @@ class Section:
     @property
     def from_prior(self) -> list[str]:
         """Quantities whose number is that of the prior."""
-        if self.influence is None:
-            return []
-        flagged = self.influence["where it comes from"] == "this number is your prior"
-        return self.influence["quantity"][flagged].tolist()
+        return [
+            shown_quantity(name).label
+            for name, influence in self.influences.items()
+            if influence.origin is Origin.PRIOR
+        ]
 
     @property
     def failed(self) -> list[CheckResult]:
@@ -305,6 +326,8 @@ def render_page(
         version=importlib.metadata.version("pyburgers"),
         number_table=_number_table,
         thresholds=THRESHOLDS_TEXT,
+        influence_table=influence_table,
+        truth_table=tables.shown_truth_table,
     )
 
 
@@ -330,9 +353,7 @@ def _claim(out: Path) -> None:
 
 def page_keys(fits: Sequence[Fit]) -> list[str]:
     """Name each fit after its experiment, or as its part of a joint fit; further ones by number."""
-    return numbered(
-        [fit.experiment.id + ("_joint" if is_joint(fit.manifest) else "") for fit in fits]
-    )
+    return numbered([fit.experiment.id + ("_joint" if fit.is_part else "") for fit in fits])
 
 
 def numbered(names: Sequence[str]) -> list[str]:
@@ -363,10 +384,9 @@ def _write_section(key: str, fit: Fit, out: Path) -> Section:
     }
     if truth is not None:
         files["truth"] = truth.reset_index()
-    influence = None
+    influences: dict[str, Influence] = {}
     if fit.manifest["use_likelihood"]:
         influences = prior_influence(fit.posterior, fit.priors)
-        influence = influence_table(influences)
         files["influence"] = influence_numbers(influences).reset_index()
     more_tables = protocol_of(fit.experiment).tables(fit)
     files |= {table.name: table.saved for table in more_tables}
@@ -380,8 +400,8 @@ def _write_section(key: str, fit: Fit, out: Path) -> Section:
         parameters=tables.parameter_table(summary, fit.priors),
         priors=files["priors"],
         sampler=sampler,
-        influence=influence,
-        truth=None if truth is None else tables.shown_truth_table(truth),
+        influences=influences,
+        truth=truth,
         more_tables=more_tables,
         illustrations=tuple(
             Illustration(recipe, recipe.draw(fit), _picture_file(out, key, recipe))

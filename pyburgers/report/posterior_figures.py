@@ -17,6 +17,7 @@ from matplotlib.patches import Patch
 from scipy import ndimage, stats
 
 from pyburgers.common.draws import all_draws, evenly_spaced
+from pyburgers.common.numbers import number
 from pyburgers.drawing.style import (
     BLACK,
     BLUE,
@@ -30,9 +31,9 @@ from pyburgers.drawing.style import (
     few_ticks,
     style,
 )
-from pyburgers.model.display import axis_label, number, shown_quantity, unit_text
+from pyburgers.model.display import axis_label, shown_quantity, unit_text
 from pyburgers.model.parameters import Parameter
-from pyburgers.model.priors import Prior
+from pyburgers.model.prior_families import Prior
 from pyburgers.posterior.labelled_draws import free_parameters
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.protocol import FittedTest
@@ -196,7 +197,8 @@ def density(
     """Kernel density estimate that loses no mass at hard bounds.
 
     A fine histogram is smoothed with a Gaussian kernel and reflected at the ends, which are the
-    bounds where draws come near them. Draws that are all equal give a narrow spike.
+    bounds where draws come near them. Draws that are all equal give a narrow spike. (ArviZ's would
+    need limits and bandwidth given all the same, and has none for such draws.)
 
     Parameters
     ----------
@@ -254,8 +256,8 @@ def rank(fit: FittedTest) -> Figure:
             axes.axhspan(
                 expected.ppf(0.025), expected.ppf(0.975), color=GREY, alpha=0.5, linewidth=0
             )
-            for k, of_chain in enumerate(ranks):
-                counts, _ = np.histogram(of_chain, bins=edges)
+            for k, chain_ranks in enumerate(ranks):
+                counts, _ = np.histogram(chain_ranks, bins=edges)
                 axes.stairs(counts, 100 * edges, baseline=None, linewidth=1.1, **_chain_style(k))
             axes.set_title(f"{quantity.label}, ${quantity.symbol}$", loc="left", fontsize=9.5)
             axes.set_ylim(bottom=0.0)

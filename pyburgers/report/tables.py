@@ -11,17 +11,10 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from pyburgers.checks.sampling_checks import CheckResult
-from pyburgers.fitting.fit import Fit, is_joint
-from pyburgers.model.display import (
-    number,
-    prior_text,
-    rounded,
-    shown_quantity,
-    symbol_text,
-    unit_text,
-    with_error,
-)
+from pyburgers.checks.fit_checks import CheckResult
+from pyburgers.common.numbers import number, rounded, with_error
+from pyburgers.fitting.fit import Fit
+from pyburgers.model.display import prior_text, shown_quantity, symbol_text, unit_text
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.registry import protocol_of
@@ -235,7 +228,7 @@ def overview_row(
     failed = sum(not check.passed for check in checks)
     passed = f"{len(checks) - failed} of {len(checks)}"
     return {
-        "experiment": fit.experiment.id + (", joint fit" if is_joint(fit.manifest) else ""),
+        "experiment": fit.experiment.id + (", joint fit" if fit.is_part else ""),
         "data": fit.experiment.provenance.kind,
         "stress exponent n": _mean_sd(fit, summary, "stress_exponent", 1.0),
         f"residual {noise.symbol} ({noise.display_unit})": _mean_sd(

@@ -11,8 +11,7 @@ import pytest
 from conftest import ICE, SMALL_RUN, Problem
 
 from pyburgers.cli.main import main
-from pyburgers.fitting.fit import Fit
-from pyburgers.fitting.joint_fit import fit_jointly
+from pyburgers.fitting.fit import Fit, fit_jointly
 from pyburgers.model.flow_law_prior import FlowLawPrior
 
 TABLE = str(ICE / "peak_stress_qi_goldsby_2021.toml")

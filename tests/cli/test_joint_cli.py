@@ -11,7 +11,7 @@ import pytest
 from conftest import ICE, Problem
 
 from pyburgers.cli.main import main
-from pyburgers.fitting.joint_fit import JointFit
+from pyburgers.fitting.fit import JointFit
 from pyburgers.protocols.registry import save_experiment
 from pyburgers.sampling.run_directory import RunDirectory
 

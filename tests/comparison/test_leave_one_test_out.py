@@ -14,28 +14,30 @@ from conftest import ICE, SMALL_RUN, Problem, pair_of
 
 from pyburgers.cli.main import main
 from pyburgers.common.errors import InputError
-from pyburgers.comparison.by_points import compare, pointwise_table
+from pyburgers.comparison.by_points import compare
 from pyburgers.comparison.by_tests import (
     ComparisonByTest,
     LeaveOneTestOut,
     compare_by_test,
     fit_without,
     leave_one_test_out,
+)
+from pyburgers.comparison.figures import left_out_tests, pointwise_differences
+from pyburgers.comparison.marginal_likelihood import LogIntegral, log_marginal_likelihood
+from pyburgers.comparison.results import (
+    pointwise_table,
     save_comparison_by_test,
     sentences_by_test,
     table_of_fits,
     table_of_tests,
 )
-from pyburgers.comparison.figures import left_out_tests, pointwise_differences
-from pyburgers.comparison.marginal_likelihood import LogIntegral, log_marginal_likelihood
 from pyburgers.drawing.style import image
-from pyburgers.fitting.fit import Fit, fit
-from pyburgers.fitting.joint_fit import JointFit, fit_jointly
+from pyburgers.fitting.fit import Fit, JointFit, fit, fit_jointly
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import default_priors
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
 from pyburgers.report.comparison_sections import comparison_sections
-from pyburgers.sampling.problem import joint_problem, problem_without
+from pyburgers.sampling.problem import problem_of
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -116,19 +118,19 @@ def test_priors_stay_those_of_all_tests() -> None:
     assert strong.stress.max() > 1.2 * weak.stress.max()
     priors = default_priors("ice")
     for kind in ("shared", "separate"):
-        problem = joint_problem([strong, weak], priors, pooling_of({"stress_noise": kind}))
-        left = problem_without(problem, strong.id)
+        problem = problem_of([strong, weak], priors, pooling_of({"stress_noise": kind}))
+        left = problem.without(strong.id)
         assert left.experiments == (weak,)
         assert left.priors[0].priors == problem.priors[1].priors
         # What a run keeps gives the same priors again.
-        again = joint_problem([weak], left.given_priors, problem.pooling)
+        again = problem_of([weak], left.given_priors, problem.pooling)
         assert again.priors[0].priors == problem.priors[1].priors
 
 
 def test_partially_pooled_noise_has_one_prior_on_the_real_line_in_all_tests() -> None:
     """So the centre's prior does not depend on which test comes first."""
     tests = [load_constant_rate(ICE / f"{name}.toml") for name in ("PIL40", "PIL105")]
-    problem = joint_problem(tests, default_priors("ice"), pooling_of({"stress_noise": "partial"}))
+    problem = problem_of(tests, default_priors("ice"), pooling_of({"stress_noise": "partial"}))
     place = problem.free.index("stress_noise")
     ratio = [
         own.scale[place] / priors["stress_noise"].scale

@@ -11,8 +11,7 @@ from figure_texts import legend_texts
 
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.same_data import fits_alone
-from pyburgers.fitting.fit import Fit, fit
-from pyburgers.fitting.joint_fit import JointFit, fit_jointly
+from pyburgers.fitting.fit import Fit, JointFit, fit, fit_jointly
 from pyburgers.posterior.labelled_draws import total_log_likelihood
 from pyburgers.report.joint_section import intervals, joint_section, pooling_table, sd_ratios
 from pyburgers.report.page import write_report

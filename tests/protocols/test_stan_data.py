@@ -12,7 +12,8 @@ from stan_data import one_test_data
 from pyburgers.common.errors import InputError
 from pyburgers.model.parameters import PARAMETERS, PROGRAM_PARAMETERS
 from pyburgers.model.pooling import pooling_of
-from pyburgers.model.priors import Family, Prior, PriorSet, default_priors
+from pyburgers.model.prior_families import Family, Prior
+from pyburgers.model.priors import PriorSet, default_priors
 from pyburgers.protocols.constant_rate.experiment import (
     ConstantRateExperiment,
     RateSegment,
@@ -21,7 +22,7 @@ from pyburgers.protocols.constant_rate.experiment import (
 from pyburgers.protocols.layout import Layout, layout_of
 from pyburgers.protocols.program_data import plain_coordinates, program_data
 from pyburgers.protocols.stan_data import REFERENCE_STRESS, SolverOptions, StanData
-from pyburgers.sampling.problem import joint_problem
+from pyburgers.sampling.problem import problem_of
 
 INDEX = {parameter.name: k for k, parameter in enumerate(PARAMETERS, start=1)}
 
@@ -178,7 +179,7 @@ def test_solver_options_out_of_range_are_refused(
 
 def joint_data(**pool: str) -> tuple[Layout, StanData]:
     tests = [experiment([0.01]), replace(experiment([0.02, 0.03]), id="other")]
-    problem = joint_problem(tests, default_priors("ice"), pooling_of(pool))
+    problem = problem_of(tests, default_priors("ice"), pooling_of(pool))
     grids = [np.array([0.05]), np.array([0.04, 0.06])]
     return layout_of(problem), program_data(problem, solver=SolverOptions(), grids=grids)
 

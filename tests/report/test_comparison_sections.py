@@ -7,21 +7,25 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from synthetic_fit import Kind, make_fit
+from synthetic_fit import Kind, make_fit, with_problem
 from test_report import Page
 
 from pyburgers.cli.main import main
 from pyburgers.common.draws import all_draws
-from pyburgers.comparison.by_points import compare, comparison_table, sentences
+from pyburgers.comparison.by_points import compare
+from pyburgers.comparison.results import comparison_table, sentences
 from pyburgers.fitting.fit import Fit
 from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress
-from pyburgers.flow_law_tables.priors import default_peak_stress_priors
-from pyburgers.flow_law_tables.table import least_squares, load_peak_stress
+from pyburgers.flow_law_tables.inputs import (
+    default_peak_stress_priors,
+    least_squares,
+    load_peak_stress,
+)
 from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, Conditions, FlowLawPrior
 from pyburgers.model.priors import FLOW_LAW, with_flow_law
-from pyburgers.report.comparison_sections import comparison_sections
-from pyburgers.report.flow_law_sections import LOG_RATE, least_squares_table, peak_stress_section
+from pyburgers.report.comparison_sections import LOG_RATE, comparison_sections
 from pyburgers.report.page import ExtraSection, write_report
+from pyburgers.report.peak_stress_section import least_squares_table, peak_stress_section
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.studies.maor.reproduce import PEAK_STRESS_TABLE, shipped_data_directory
 
@@ -39,7 +43,7 @@ def pair(folder: Path, kind: Kind = "synthetic") -> list[Fit]:
     """Fits of the same data whose draws differ, the second with a flow law from elsewhere."""
     alone = make_fit(folder / "alone", name="A", kind=kind, draws=100)
     other = make_fit(folder / "both", name="A", kind=kind, draws=100, apart=0.5)
-    both = replace(other, priors=with_flow_law(alone.priors, LAW, "test"))
+    both = with_problem(other, other.experiment, with_flow_law(alone.priors, LAW, "test"))
     return [alone, both]
 
 
@@ -99,7 +103,7 @@ def test_sources_that_disagree_are_said_to(fits: list[Fit]) -> None:
         mean = LAW.mean.copy()
         mean[2] = of_curve.mean() + shift * of_curve.std()
         law = replace(LAW, mean=mean)
-        both = replace(fits[1], priors=with_flow_law(fits[0].priors, law, "test"))
+        both = with_problem(fits[1], fits[1].experiment, with_flow_law(fits[0].priors, law, "test"))
         text = " ".join(comparison_sections([fits[0], both])[1].paragraphs)
         assert f"The two sources {expected}" in text
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from conftest import ICE, at_mode, resolved_priors, valley_of, with_fixed
+from conftest import ICE, resolved_priors, valley_of, with_fixed
 
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.chart import ChartUnsuited
@@ -10,7 +10,9 @@ from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment,
 from pyburgers.protocols.constant_rate.valley import NOISE_SCALED, find_valley, noise_exponents
 from pyburgers.protocols.program_data import plain_coordinates
 from pyburgers.protocols.stan_data import SolverOptions
+from pyburgers.sampling.charts import ModeOfTest
 from pyburgers.sampling.mode import find_mode
+from pyburgers.sampling.problem import problem_of
 
 pytestmark = pytest.mark.usefixtures("programs")
 
@@ -55,11 +57,11 @@ def test_a_prior_that_fixes_the_fabric_does_not_suit(
 ) -> None:
     name = "steady_state_fabric_factor"
     known = with_fixed(priors, {name: 0.5})
-    solver = SolverOptions()
-    mode = find_mode(experiment, known, seed=1, solver=solver)
+    problem, solver = problem_of([experiment], known), SolverOptions()
+    (mode,) = find_mode(problem, seed=1, solver=solver).tests
     assert mode.values[name] == 0.5
     with pytest.raises(ChartUnsuited, match=f"{name} is not free"):
-        find_valley(at_mode(experiment, known, mode, solver))
+        find_valley(ModeOfTest(problem, mode, solver))
 
 
 def test_widths_follow_the_noise_as_far_as_the_data_set_them(

@@ -16,7 +16,7 @@ from pyburgers.protocols.constant_rate.experiment import load_constant_rate
 from pyburgers.protocols.layout import layout_of
 from pyburgers.protocols.program_data import chart_block, program_data
 from pyburgers.protocols.stan_data import SolverOptions
-from pyburgers.sampling.problem import JointProblem, joint_problem
+from pyburgers.sampling.problem import Problem, problem_of
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
@@ -44,11 +44,11 @@ PARTIAL = {
 }
 
 
-def problem(**pool: str) -> JointProblem:
-    return joint_problem(EXPERIMENTS, default_priors("ice"), pooling_of(pool))
+def problem(**pool: str) -> Problem:
+    return problem_of(EXPERIMENTS, default_priors("ice"), pooling_of(pool))
 
 
-def joint_program(joint: JointProblem, system: str, folder: Path) -> Program:
+def joint_program(joint: Problem, system: str, folder: Path) -> Program:
     data = program_data(joint, solver=SOLVER)
     if system == "valley":
         references = [valley_of(e, resolved_priors(e)) for e in EXPERIMENTS]

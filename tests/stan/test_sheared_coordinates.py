@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import oracle
 import pytest
-from conftest import ICE, at_mode, fixed, resolved_priors, with_fixed, with_priors
+from conftest import ICE, fixed, resolved_priors, with_fixed, with_priors
 from default_chains import sampled
 from log_density import Program
 from scipy import stats
@@ -20,7 +20,8 @@ from pyburgers.cmdstan.program import Program as CompiledProgram
 from pyburgers.cmdstan.program import compile_program, load_program
 from pyburgers.common.errors import InputError
 from pyburgers.model.parameters import PARAMETERS
-from pyburgers.model.priors import Prior, PriorSet
+from pyburgers.model.prior_families import Prior
+from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.chart import Mode
 from pyburgers.protocols.forced_oscillation.experiment import (
     OscillationExperiment,
@@ -40,9 +41,11 @@ from pyburgers.protocols.stan_data import (
     StanData,
     solver_block,
 )
-from pyburgers.sampling import charts as geometry
-from pyburgers.sampling.charts import Geometry, choose_geometry
+from pyburgers.sampling import charts
+from pyburgers.sampling.charts import ChosenChart, ModeOfTest, choose_chart
 from pyburgers.sampling.metric import curvature_at
+from pyburgers.sampling.mode import ProblemMode
+from pyburgers.sampling.problem import problem_of
 from pyburgers.sbc.data_sets import calibration_priors, simulate_from_prior
 
 FloatArray = npt.NDArray[np.float64]
@@ -308,7 +311,7 @@ def assert_coordinates_work(
     """The set-up from the curvature works, and what it sets up has the right density."""
     mode = truth_in(experiment, priors)
     reference, centre = find_sheared(
-        at_mode(experiment, priors, mode, SolverOptions(tolerance=1e-6))
+        ModeOfTest(problem_of([experiment], priors), mode, SolverOptions(tolerance=1e-6))
     )
     assert np.all(np.isfinite(reference.flow_slope))
     plain, sheared = (
@@ -371,29 +374,30 @@ UNSUITED = {
 }
 
 
-def geometry_of(
+def chart_at_truth(
     experiment: OscillationExperiment,
     priors: PriorSet,
     wanted: str,
     monkeypatch: pytest.MonkeyPatch,
-) -> Geometry:
+) -> ChosenChart:
     """Choose coordinates, with the truth in place of a search for the mode."""
-    monkeypatch.setattr(geometry, "find_mode", lambda *_, **__: truth_in(experiment, priors))
+    truth = truth_in(experiment, priors)
+    found = ProblemMode((truth,), truth.coordinate)
+    monkeypatch.setattr(charts, "find_mode", lambda *_, **__: found)
     solver = SolverOptions(tolerance=1e-6)
     data = one_test_data(experiment, priors, solver=solver)
-    return geometry_from(data, experiment, priors, wanted, solver)
+    return chart_from(data, experiment, priors, wanted, solver)
 
 
-def geometry_from(
+def chart_from(
     data: StanData,
     experiment: OscillationExperiment,
     priors: PriorSet,
     wanted: str = "auto",
     solver: SolverOptions = SAMPLING,
-) -> Geometry:
-    return choose_geometry(
-        model_of(experiment), data, experiment, priors, wanted=wanted, seed=1, solver=solver
-    )
+) -> ChosenChart:
+    problem = problem_of([experiment], priors)
+    return choose_chart(problem, data, wanted=wanted, seed=1, solver=solver)
 
 
 @pytest.mark.parametrize("case", UNSUITED)
@@ -403,11 +407,11 @@ def test_priors_that_do_not_suit_fall_back_to_plain_ones(
     changed, word = UNSUITED[case]
     experiment = short_twin("kept")
     priors = with_priors(resolved_priors(experiment), changed)
-    found = geometry_of(experiment, priors, "auto", monkeypatch)
-    assert found.system == "plain"
+    found = chart_at_truth(experiment, priors, "auto", monkeypatch)
+    assert found.name == "plain"
     assert word in found.reason
     with pytest.raises(InputError, match=f"sheared coordinates do not apply.*{word}"):
-        geometry_of(experiment, priors, "sheared", monkeypatch)
+        chart_at_truth(experiment, priors, "sheared", monkeypatch)
 
 
 def test_a_record_without_loss_does_not_suit(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -419,8 +423,8 @@ def test_a_record_without_loss_does_not_suit(monkeypatch: pytest.MonkeyPatch) ->
     prepared = prepare(elastic, experiment.settings, experiment.id)
     assert prepared.stress_fit.phase()[0] < prepared.strain_fit.phase()[0]
     backwards = replace(experiment, record=elastic, prepared=prepared)
-    found = geometry_of(backwards, resolved_priors(backwards), "auto", monkeypatch)
-    assert found.system == "plain"
+    found = chart_at_truth(backwards, resolved_priors(backwards), "auto", monkeypatch)
+    assert found.name == "plain"
     assert "stress is not ahead of the strain" in found.reason
 
 
@@ -453,7 +457,7 @@ def test_a_record_whose_loss_is_all_the_dashpots_is_smooth_in_its_coordinates(
     relaxation = truth["kelvin_viscosity"] / truth["kelvin_modulus"]
     assert relaxation < 0.01 * experiment.prepared.period
     data = one_test_data(experiment, priors, solver=SAMPLING)
-    found = geometry_from(data, experiment, priors)
+    found = chart_from(data, experiment, priors)
     assert found.centre is not None
     assert found.covariance is not None
     widths: FloatArray = np.asarray(np.linalg.cholesky(found.covariance), dtype=np.float64)
@@ -481,20 +485,20 @@ def test_a_record_whose_loss_is_all_the_dashpots_is_smooth_in_its_coordinates(
 
 def test_the_twin_is_sampled_in_sheared_coordinates(monkeypatch: pytest.MonkeyPatch) -> None:
     experiment = short_twin("removed")
-    found = geometry_of(experiment, resolved_priors(experiment), "auto", monkeypatch)
-    assert (found.system, found.block["coordinate_system"]) == ("sheared", 2)
+    found = chart_at_truth(experiment, resolved_priors(experiment), "auto", monkeypatch)
+    assert (found.name, found.block["coordinate_system"]) == ("sheared", 2)
     assert found.covariance is not None
     assert np.linalg.eigvalsh(found.covariance).min() > 0
-    plain = geometry_of(experiment, resolved_priors(experiment), "plain", monkeypatch)
-    assert (plain.system, plain.block) == ("plain", {})
+    plain = chart_at_truth(experiment, resolved_priors(experiment), "plain", monkeypatch)
+    assert (plain.name, plain.block) == ("plain", {})
 
 
 def test_without_likelihood_coordinates_stay_plain() -> None:
     experiment = short_twin("kept")
     priors = resolved_priors(experiment)
     data = one_test_data(experiment, priors, solver=SAMPLING, use_likelihood=False)
-    found = geometry_from(data, experiment, priors)
-    assert (found.system, found.block, found.centre) == ("plain", {}, None)
+    found = chart_from(data, experiment, priors)
+    assert (found.name, found.block, found.centre) == ("plain", {}, None)
 
 
 def priors_about_the_truth(experiment: OscillationExperiment) -> PriorSet:

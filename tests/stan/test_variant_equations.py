@@ -13,8 +13,9 @@ from scipy.integrate import solve_ivp
 from stan_values import PHYSICS
 
 from pyburgers.common.errors import InputError
-from pyburgers.predictions.attenuation import Regime, attenuation_spectrum
+from pyburgers.predictions.attenuation import attenuation_spectrum
 from pyburgers.predictions.imposed_stress import simulate_imposed_stress
+from pyburgers.predictions.stress_cycles import Regime
 from pyburgers.protocols.constant_rate.experiment import (
     ConstantRateExperiment,
     RateSegment,

@@ -54,7 +54,6 @@ class ConstantRate(Protocol[ConstantRateExperiment]):
     warmup = 300
     target_acceptance = 0.96
     chart = ValleyChart()
-    gives_log_density = True
     figures = CONSTANT_RATE_FIGURES
     reference_text = Markup(
         "The reference stress <i>S</i><sub>0</sub>, at which the undeformed material flows at the "

@@ -7,7 +7,8 @@ from itertools import chain
 import numpy as np
 import numpy.typing as npt
 
-from pyburgers.model.priors import PriorSet, is_fixed_at
+from pyburgers.model.prior_families import is_fixed_at
+from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.protocols.layout import Layout
 from pyburgers.protocols.stan_data import StanData, ends
@@ -142,8 +143,12 @@ class ValleyReference:
 
 def valley_block(references: Sequence[ValleyReference], layout: Layout) -> StanData:
     """Return the block `stan/data/valley.stan`; no references keep the plain coordinates."""
+    # The width of a shared parameter follows the noise of no test.
+    follows = [name not in layout.shared for name in layout.names]
     guides = [
-        np.column_stack([own.coordinate, own.linear_from, own.noise_exponent])[layout.own(test)]
+        np.column_stack(
+            [own.coordinate, own.linear_from, np.where(follows, own.noise_exponent, 0)]
+        )[layout.own(test)]
         for test, own in enumerate(references)
     ]
     n_tests = layout.position.shape[0]

@@ -9,19 +9,15 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from pyburgers.common.atomic_files import write_text
-from pyburgers.common.columns import read_columns
+from pyburgers.common.columns import Column, TextFilesTable, read_columns, write_columns
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, read_toml
-from pyburgers.common.units import factor_to_si
+from pyburgers.common.units import UNITS
 from pyburgers.model.display import STRAIN_FACTOR, STRAIN_UNIT
 from pyburgers.protocols.experiment import (
     Experiment,
     ExperimentFile,
     FloatArray,
-    TextFilesTable,
-    check_column,
-    data_root,
     shared_values,
     write_experiment,
 )
@@ -112,24 +108,20 @@ class _OscillationTable(Table):
 
 class _DataTable(TextFilesTable):
     strain_file: str = Field(description="the data file of the strain")
-    strain_time_column: Any = Field(description="a column name, or number without header")
+    strain_time_column: Column
     strain_time_unit: str = Field(description="s, min or h")
-    strain_column: Any = Field(description="a column name, or number without header")
+    strain_column: Column
     strain_unit: str = Field(description="fraction or percent")
-    strain_uncertainty_column: Any = Field(
-        None, description="a column name, or number without header"
-    )
+    strain_uncertainty_column: Column | None = None
     strain_uncertainty: float | None = Field(
         None, gt=0, description="the standard deviation of every strain, in its unit"
     )
     stress_file: str = Field(description="the data file of the stress")
-    stress_time_column: Any = Field(description="a column name, or number without header")
+    stress_time_column: Column
     stress_time_unit: str = Field(description="s, min or h")
-    stress_column: Any = Field(description="a column name, or number without header")
+    stress_column: Column
     stress_unit: str = Field(description="Pa, MPa or GPa")
-    stress_uncertainty_column: Any = Field(
-        None, description="a column name, or number without header"
-    )
+    stress_uncertainty_column: Column | None = None
     stress_uncertainty: float | None = Field(
         None, gt=0, description="the standard deviation of every stress, in its unit"
     )
@@ -218,8 +210,9 @@ def save_forced_oscillation(experiment: OscillationExperiment, directory: Path) 
     }
     data: dict[str, Any] = {"separator": ",", "header": True}
     for name, (unit, *columns) in series.items():
-        text = _csv_text(["time_s", name, "uncertainty"], columns)
-        write_text(directory / f"experiment_{name}.csv", text)
+        names = ("time_s", name, "uncertainty")
+        table = dict(zip(names, columns, strict=True))
+        write_columns(directory / f"experiment_{name}.csv", table)
         data |= {
             f"{name}_file": f"experiment_{name}.csv",
             f"{name}_time_column": "time_s",
@@ -265,28 +258,15 @@ def _read_series(path: Path, data: _DataTable, name: str) -> tuple[FloatArray, .
             f"{path}: the uncertainty of the {name} {found}, expected exactly one of the keys "
             f"{column!r} and {number!r} in [data]."
         )
-    keys = [f"{name}_time_column", f"{name}_column", *([column] if uncertainty is None else [])]
-    columns = {key: getattr(data, key) for key in keys}
-    for key, value in columns.items():
-        check_column(path, key, value)
-    second, factor = (
-        factor_to_si(getattr(data, key), quantity, f"{path}: key {key!r} in [data]")
-        for key, quantity in ((f"{name}_time_unit", "time"), (f"{name}_unit", name))
-    )
+    unit = (f"{name}_unit", name)
+    columns = {f"{name}_time_column": (f"{name}_time_unit", "time"), f"{name}_column": unit}
     file_key = f"{name}_file"
+    source = data.folder(path) / getattr(data, file_key)
+    if uncertainty is None:
+        columns[column] = unit
     time, value, *spread = read_columns(
-        data_root(path, data) / getattr(data, file_key),
-        columns,
-        separator=data.separator,
-        header=data.header,
-        where=str(path),
-        file_key=f"{file_key!r} in [data]",
+        source, data, columns, where=path, file_key=f"{file_key!r} in [data]"
     )
-    deviation = spread[0] if spread else np.full_like(value, uncertainty)
-    return time * second, value * factor, deviation * factor
-
-
-def _csv_text(names: list[str], columns: Sequence[FloatArray]) -> str:
-    """Columns as text that reads back to the same numbers."""
-    rows = zip(*(column.tolist() for column in columns), strict=True)
-    return "\n".join([",".join(names), *(",".join(map(repr, row)) for row in rows)]) + "\n"
+    if not spread:
+        spread = [np.full_like(value, uncertainty * UNITS[name][getattr(data, f"{name}_unit")])]
+    return time, value, *spread

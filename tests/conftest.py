@@ -16,6 +16,7 @@ import filelock
 import numpy as np
 import numpy.typing as npt
 import pytest
+from matplotlib.figure import Figure
 
 from pyburgers.cmdstan.program import compile_programs, load_model, stan_directory
 from pyburgers.comparison.by_tests import leave_one_test_out
@@ -158,16 +159,23 @@ def function_values(programs: None, tmp_path: Path) -> FunctionValues:
     return values
 
 
-def leave_pictures_out(patch: pytest.MonkeyPatch) -> None:
-    """Draw the figures of a page but do not render them, which is most of a page's work."""
-    pictures = {"png": b"\x89PNG", "svg": b"<svg></svg>"}
-    patch.setattr("pyburgers.drawing.style.image", lambda figure, kind: pictures[kind])
+def sketch_pictures(patch: pytest.MonkeyPatch) -> None:
+    """Draw each figure of a page once and coarsely; layout and rendering are most of its work."""
+
+    def sketch(figure: Figure, kind: str) -> bytes:
+        if kind == "png":
+            return b"\x89PNG"
+        figure.set_layout_engine(None)
+        figure.draw_without_rendering()
+        return b"<svg></svg>"
+
+    patch.setattr("pyburgers.drawing.style.image", sketch)
 
 
 @pytest.fixture
-def unrendered(monkeypatch: pytest.MonkeyPatch) -> None:
-    """`leave_pictures_out`, for tests of what else a page holds."""
-    leave_pictures_out(monkeypatch)
+def sketched(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`sketch_pictures`, for tests of what else a page holds."""
+    sketch_pictures(monkeypatch)
 
 
 @pytest.fixture(scope="session")

@@ -251,7 +251,7 @@ def test_a_page_sets_joint_fits_of_the_same_tests_side_by_side(
 
 
 def test_joint_fits_of_the_same_tests_have_sections_of_their_own(
-    joint: JointFit, separate_joint: JointFit, unrendered: None, tmp_path: Path
+    joint: JointFit, separate_joint: JointFit, sketched: None, tmp_path: Path
 ) -> None:
     runs = [str(one.directory.path) for one in (joint, separate_joint)]
     assert main(["report", *runs, "--out", str(tmp_path / "page")]) == 0

@@ -92,7 +92,7 @@ def test_kinds_of_runs_are_told_apart(joint: JointFit, small_fit: Fit) -> None:
 
 
 def test_page_shows_joint_and_separate_fits(
-    joint: JointFit, small_fit: Fit, other_fit: Fit, unrendered: None, tmp_path: Path
+    joint: JointFit, small_fit: Fit, other_fit: Fit, sketched: None, tmp_path: Path
 ) -> None:
     separate = [small_fit, other_fit]
     ratios = sd_ratios(pooling_table(joint, separate))

@@ -26,7 +26,8 @@ from measures import measure
 from processes import run_together
 from six_state import N_CHAINS, USUAL_LENGTH, WARMUP, WARMUP_SECONDS, Baseline, run_baseline
 
-from pyburgers.cmdstan.program import find_cmdstan, load_model, toolchain
+from pyburgers.cmdstan.program import load_program
+from pyburgers.cmdstan.toolchain import find_cmdstan, toolchain
 from pyburgers.common.messages import messages_to
 from pyburgers.drawing.style import BLUE, GREY, ORANGE
 from pyburgers.fitting.fit import Fit
@@ -115,7 +116,7 @@ def _experiment_file(name: str, scratch: Path) -> Path:
     """File of a test, the program for it compiled; the two treatments of olivine share a record."""
     experiment = load_experiment(TESTS[name])
     with messages_to(sys.stdout):
-        load_model(program_for(experiment))
+        load_program(program_for(experiment))
     if not isinstance(experiment, OscillationExperiment):
         return TESTS[name]
     background: Background = "kept" if name == "olivine_kept" else "removed"

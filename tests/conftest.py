@@ -3,7 +3,6 @@
 Fits that several modules look at are made once, whatever the number of processes that run tests.
 """
 
-import json
 import os
 import shutil
 from collections.abc import Callable, Mapping
@@ -18,7 +17,7 @@ import numpy.typing as npt
 import pytest
 from matplotlib.figure import Figure
 
-from pyburgers.cmdstan.program import compile_programs, load_model, stan_directory
+from pyburgers.cmdstan.program import compile_programs, load_program, stan_directory
 from pyburgers.comparison.by_tests import leave_one_test_out
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.fitting.joint_fit import JointFit, fit_jointly
@@ -26,7 +25,6 @@ from pyburgers.model.priors import Prior, PriorSet, default_priors, load_priors,
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.files import save_experiment
-from pyburgers.protocols.forward import quiet_cmdstanpy
 from pyburgers.protocols.stan_data import SolverOptions, ValleyReference
 from pyburgers.sampling.mode import find_mode
 from pyburgers.sampling.options import SamplerOptions
@@ -137,24 +135,11 @@ def programs() -> None:
 
 
 @pytest.fixture
-def function_values(programs: None, tmp_path: Path) -> FunctionValues:
+def function_values(programs: None) -> FunctionValues:
     """Run a program without parameters from tests/stan once; arrays of what it generates."""
 
     def values(program: str, data: Mapping[str, object]) -> dict[str, FloatArray]:
-        model = load_model(TESTS / "stan" / f"{program}.stan")
-        data_file = tmp_path / f"{program}.json"
-        data_file.write_text(json.dumps(data), encoding="utf-8")
-        with quiet_cmdstanpy():
-            run = model.sample(
-                data=str(data_file),
-                fixed_param=True,
-                chains=1,
-                iter_sampling=1,
-                sig_figs=17,
-                output_dir=str(tmp_path),
-                show_progress=False,
-            )
-            return {name: value[0] for name, value in run.stan_variables().items()}
+        return load_program(TESTS / "stan" / f"{program}.stan").evaluate(data)
 
     return values
 

@@ -15,9 +15,8 @@ import numpy as np
 import pandas as pd
 
 import pyburgers
-from pyburgers.cmdstan.program import load_model
+from pyburgers.cmdstan.program import load_program
 from pyburgers.common.messages import messages_to
-from pyburgers.protocols.forward import evaluate
 
 PROGRAM = Path(__file__).with_name("flow_stress.stan")
 PARAMETERS = (
@@ -49,9 +48,8 @@ def main() -> None:
     # "#include functions/..." in a program is looked up in the package. The first call compiles,
     # later ones find the executable in a cache.
     with messages_to(sys.stderr):
-        model = load_model(PROGRAM)
-    values = evaluate(
-        model,
+        program = load_program(PROGRAM)
+    values = program.evaluate(
         {
             "n_draws": chosen.size,
             **{name: draws[name].to_numpy()[chosen].tolist() for name in PARAMETERS},

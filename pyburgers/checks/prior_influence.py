@@ -15,9 +15,9 @@ import pandas as pd
 import xarray as xr
 from scipy.special import xlogy
 
+from pyburgers.common.draws import all_draws
 from pyburgers.model.display import shown_quantity
 from pyburgers.model.priors import FLOW_LAW, PriorSet
-from pyburgers.posterior.draws import all_draws
 from pyburgers.posterior.labelled_draws import free_parameters, smooth_weights, total_log_likelihood
 
 FloatArray = npt.NDArray[np.float64]

@@ -10,6 +10,7 @@ import pandas as pd
 import xarray as xr
 from scipy import stats
 
+from pyburgers.common.draws import BAND, TAIL
 from pyburgers.posterior.labelled_draws import CORRELATED, convergence_table, pareto_k
 from pyburgers.sampling.chains import ChainFailure
 
@@ -17,7 +18,6 @@ RHAT_LIMIT = 1.01
 ESS_LIMIT = 400
 EBFMI_LIMIT = 0.3
 PARETO_K_LIMIT = 0.7
-BAND = 0.9
 ONE_IN = 0.01
 """Share of correct models that would fail the check of the coverage."""
 
@@ -234,7 +234,7 @@ def _replicated_coverage(posterior: xr.DataTree) -> xr.DataArray:
 def _share_inside(posterior: xr.DataTree, stress: xr.DataArray) -> xr.DataArray:
     """Share of stresses, dimension point, inside the central 90 % of the replicated data."""
     replicated = posterior["posterior_predictive"]["stress"]
-    low, high = (replicated.quantile(q, ("chain", "draw")) for q in (0.05, 0.95))
+    low, high = (replicated.quantile(q, ("chain", "draw")) for q in (TAIL, 1.0 - TAIL))
     inside: xr.DataArray = ((stress >= low) & (stress <= high)).mean("point")
     return inside
 

@@ -9,11 +9,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from pyburgers.cmdstan.program import cache_directory, executable_path, find_cmdstan, stan_directory
+from pyburgers.cmdstan.compilation import cache_directory, executable_path, stan_directory
 from pyburgers.cmdstan.toolchain import (
     cmdstan_home,
     cmdstan_version,
     compiler_version,
+    find_cmdstan,
     make_version,
 )
 from pyburgers.common.errors import ToolchainError

@@ -11,7 +11,7 @@ from typing import Any
 
 from pyburgers.checks.sampling_checks import CheckResult
 from pyburgers.cli.doctor import can_fit, diagnose, format_findings
-from pyburgers.cmdstan.program import ensure_cmdstan, install_cmdstan
+from pyburgers.cmdstan.installation import ensure_cmdstan, install_cmdstan
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.errors import InputError, PyburgersError
 from pyburgers.common.messages import messages_to
@@ -51,7 +51,7 @@ from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.files import load_experiment
 from pyburgers.protocols.forward import load_parameters, simulate
 from pyburgers.protocols.stan_data import SolverOptions
-from pyburgers.report.joint_comparison_sections import related_joint_sections
+from pyburgers.report.comparison_sections import comparison_sections
 from pyburgers.report.joint_section import (
     joint_names,
     joint_section,
@@ -59,14 +59,13 @@ from pyburgers.report.joint_section import (
     shown_pooling_table,
 )
 from pyburgers.report.page import write_report
-from pyburgers.report.same_data_sections import related_sections
 from pyburgers.report.tables import checks_table, parameter_table
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run_directory import RunDirectory
 from pyburgers.sbc.data_sets import calibration_priors
-from pyburgers.sbc.figures import rank_differences
 from pyburgers.sbc.results import (
     count_sentences,
+    rank_differences,
     save_calibration,
     shown_verdict_table,
 )
@@ -577,14 +576,13 @@ def _report(options: argparse.Namespace) -> int:
         joint_section(name, joint, fits)
         for name, joint in zip(joint_names(joints), joints, strict=True)
     ]
-    of_joints = related_joint_sections(joints)
     fits = [*(fit for joint in joints for fit in joint.tests().values()), *fits]
     page = write_report(
         fits,
         options.out,
         title=options.title,
         command=_command_line(),
-        extras=(*sections, *of_joints, *related_sections(fits)),
+        extras=(*sections, *comparison_sections(fits, joints)),
     )
     print(f"The page is {page}")
     return 0

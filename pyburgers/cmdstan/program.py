@@ -1,255 +1,309 @@
-"""Stan programs, compiled with CmdStan into a cache.
+"""A compiled Stan program, and every way in which CmdStan runs it."""
 
-Compiled programs live in a folder named by everything that decides the executable: the
-program, what it includes, CmdStan, the compiler and its flags. A change in any of them gives
-another folder, so nothing is ever out of date, and tests, CI and users share the work.
-"""
-
-import hashlib
-import importlib.resources
 import json
-import logging
-import os
-import platform
-import re
-import shutil
 import tempfile
-from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-import cmdstanpy
-import platformdirs
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
 
-from pyburgers.cmdstan.installation import ensure_cmdstan, install_cmdstan
-from pyburgers.cmdstan.toolchain import (
-    COMPILE_FLAGS,
-    Toolchain,
-    find_cmdstan,
-    last_lines,
-    process_lock,
-    run_tool,
-    toolchain,
+from pyburgers.cmdstan.compilation import (
+    compile_program,
+    compile_programs,
+    executable_path,
+    stan_directory,
 )
-from pyburgers.common.errors import ToolchainError
-from pyburgers.common.processes import cores
-
-logger = logging.getLogger(__name__)
+from pyburgers.cmdstan.draws import Draws, read_draws, rows_of_draws
+from pyburgers.common.errors import SamplingError
+from pyburgers.common.processes import Running, cores, side_by_side, start
 
 __all__ = [
-    "Toolchain",
-    "cache_directory",
+    "Program",
+    "Unsolved",
     "compile_program",
     "compile_programs",
-    "ensure_cmdstan",
     "executable_path",
-    "find_cmdstan",
-    "install_cmdstan",
-    "load_model",
-    "program_key",
+    "load_program",
     "stan_directory",
-    "toolchain",
 ]
 
-_INCLUDE = re.compile(r"""^[ \t]*\#include[ \t]+["<]?([^"<>\s]+)""", re.MULTILINE)
+FloatArray = npt.NDArray[np.float64]
+
+ALL_DIGITS = 17
+"""Enough to read the same number back."""
+
+
+class Unsolved(SamplingError):  # noqa: N818 - an outcome, at some points
+    """A program stopped at some of the points that it was given, but not at all."""
+
+
+def load_program(source: Path) -> "Program":
+    """Return a Stan program ready to run; see `compile_program`."""
+    return Program(compile_program(source))
 
 
 @dataclass(frozen=True)
-class _Sources:
-    """A Stan program with all it includes; read once, so that key and compiler see the same."""
+class Program:
+    """A compiled Stan program.
 
-    name: str
-    text: str
-    included: Mapping[str, str]
+    Whatever ends one of its methods, no process of it is left.
 
-
-def stan_directory() -> Path:
-    """Return the folder of the Stan programs: in an installed wheel, else in the checkout.
-
-    Raises
-    ------
-    ToolchainError
-        If neither is there.
-    """
-    package = Path(str(importlib.resources.files("pyburgers")))
-    for folder in (package / "stan", package.parent / "stan"):
-        if folder.is_dir():
-            return folder
-    raise ToolchainError(
-        f"The Stan programs are missing: there is neither {package / 'stan'} nor "
-        f"{package.parent / 'stan'}; install pyburgers again."
-    )
-
-
-def cache_directory() -> Path:
-    """Return the folder of compiled programs: ``$PYBURGERS_CACHE``, else in the user's cache."""
-    chosen = os.environ.get("PYBURGERS_CACHE")
-    if chosen:
-        return Path(chosen).expanduser().absolute()
-    return Path(platformdirs.user_cache_dir("pyburgers"))
-
-
-def program_key(program: Path, include_directory: Path, cmdstan: Path) -> str:
-    """Return the name under which a compiled program is cached.
-
-    Parameters
+    Attributes
     ----------
-    program : Path
-        A Stan program.
-    include_directory : Path
-        The folder that its ``#include`` lines are relative to.
-    cmdstan : Path
-        Folder of the CmdStan that compiles it. Part of the key, since an executable finds
-        CmdStan's libraries by their full path.
-
-    Returns
-    -------
-    str
-        SHA-256, in hexadecimal digits, of the names and texts of the program and of all it
-        includes, and of the toolchain.
-
-    Raises
-    ------
-    ToolchainError
-        If a file cannot be read or a tool is missing.
+    executable : Path
+        From `compile_program`.
     """
-    return _key(_read_sources(program, include_directory), toolchain(cmdstan))
 
+    executable: Path
 
-def executable_path(program: Path, cmdstan: Path) -> Path:
-    """Return where the executable of `program` is, or will be once compiled."""
-    return cache_directory() / program_key(program, stan_directory(), cmdstan) / program.stem
+    @property
+    def key(self) -> str:
+        """Hash of the program, its compiler and its flags."""
+        return self.executable.parent.name
 
+    def start(
+        self,
+        method: Sequence[str],
+        *,
+        data: Path,
+        output: Path,
+        seed: int,
+        init: Path | float | None = None,
+        chain: int = 1,
+        digits: int | None = None,
+        output_options: Sequence[str] = (),
+    ) -> Running:
+        """Start CmdStan; what no argument names is CmdStan's default.
 
-def compile_program(program: Path) -> Path:
-    """Return the executable of a Stan program; compile it unless it is in the cache.
-
-    Parameters
-    ----------
-    program : Path
-        A Stan program; its ``#include`` lines are relative to `stan_directory`.
-
-    Raises
-    ------
-    ToolchainError
-        If CmdStan cannot be had, the program is wrong or the compiler fails; the message ends
-        with what stanc or the compiler said.
-    """
-    return _compile(program, ensure_cmdstan())
-
-
-def compile_programs(programs: Sequence[Path]) -> tuple[Path, ...]:
-    """Return the executables of several programs, compiled in parallel; see `compile_program`."""
-    cmdstan = ensure_cmdstan()
-    with ThreadPoolExecutor(max_workers=cores()) as pool:
-        return tuple(pool.map(lambda program: _compile(program, cmdstan), programs))
-
-
-def load_model(program: Path) -> cmdstanpy.CmdStanModel:
-    """Return a Stan program ready to run; see `compile_program`."""
-    return cmdstanpy.CmdStanModel(exe_file=compile_program(program))
-
-
-def _read_sources(program: Path, include_directory: Path) -> _Sources:
-    text = _read(program)
-    included: dict[str, str] = {}
-    pending = [(program.name, text)]
-    while pending:
-        includer, including_text = pending.pop()
-        for name in _INCLUDE.findall(including_text):
-            if name in included:
-                continue
-            path = include_directory / name
-            if not path.is_file():
-                raise ToolchainError(
-                    f"{includer} includes {name}, which is not in {include_directory}."
-                )
-            included[name] = _read(path)
-            pending.append((name, included[name]))
-    return _Sources(name=program.name, text=text, included=included)
-
-
-def _read(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise ToolchainError(f"The Stan file {path} cannot be read: {error.strerror}.") from error
-
-
-def _key(sources: _Sources, tools: Toolchain) -> str:
-    decisive = {
-        "program": [sources.name, sources.text],
-        "included": dict(sources.included),
-        "cmdstan": [str(tools.cmdstan_path), tools.cmdstan_version],
-        "compiler": tools.compiler,
-        "compile_flags": tools.compile_flags,
-        "machine": [platform.system(), platform.machine()],
-    }
-    return hashlib.sha256(json.dumps(decisive, sort_keys=True).encode()).hexdigest()
-
-
-def _compile(program: Path, cmdstan: Path) -> Path:
-    sources = _read_sources(program, stan_directory())
-    tools = toolchain(cmdstan)
-    folder = cache_directory() / _key(sources, tools)
-    executable = folder / program.stem
-    if executable.is_file():
-        return executable
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with process_lock(
-            folder / ".lock", f"Waiting for another process that is compiling {program.name}."
-        ):
-            if not executable.is_file():
-                _build(sources, tools, executable)
-    except OSError as error:
-        raise ToolchainError(
-            f"{program.name} could not be compiled into the cache folder {cache_directory()}: "
-            f"{error}; the environment variable PYBURGERS_CACHE can name another folder."
-        ) from error
-    return executable
-
-
-def _build(sources: _Sources, tools: Toolchain, executable: Path) -> None:
-    """Compile a program in a temporary folder, then put the executable in place in one step."""
-    logger.info(f"Compiling {sources.name} (about 20 s).")
-    # Not in the cache folder, whose path may hold spaces, which make cannot handle.
-    with tempfile.TemporaryDirectory(prefix="pyburgers-", ignore_cleanup_errors=True) as scratch:
-        program = Path(scratch) / sources.name
-        for name, text in {**sources.included, sources.name: sources.text}.items():
-            path = Path(scratch) / name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(text, encoding="utf-8")
-        _translate(program, tools)
-        make = run_tool(["make", *COMPILE_FLAGS, program.with_suffix("")], cwd=tools.cmdstan_path)
-        if make.returncode != 0:
-            raise ToolchainError(
-                f"{sources.name} could not be compiled with CmdStan {tools.cmdstan_version} and "
-                f"{tools.compiler}; make's last lines:\n{last_lines(make.stdout)}"
-            )
-        partial = executable.with_name(f".{executable.name}.partial")
-        shutil.copy2(program.with_suffix(""), partial)
-        partial.replace(executable)
-
-
-def _translate(program: Path, tools: Toolchain) -> None:
-    """Translate a Stan program to C++, beside it.
-
-    Neither make nor cmdstanpy does this: their messages would name temporary paths, and
-    cmdstanpy changes the working directory, so it cannot compile in several threads.
-    """
-    stanc = run_tool(
-        [
-            *(tools.cmdstan_path / "bin" / "stanc", "--include-paths=."),
-            *(f"--o={program.stem}.hpp", program.name),
-        ],
-        cwd=program.parent,
-    )
-    said = stanc.stdout.strip()
-    if stanc.returncode != 0:
-        raise ToolchainError(
-            f"stanc {tools.cmdstan_version} does not accept {program.name}:\n{said}"
+        Parameters
+        ----------
+        method : sequence of str
+            CmdStan's arguments of the method, ``method=...`` first.
+        data : Path
+            JSON file.
+        output : Path
+            CSV file to write. What the program prints goes beside it, with the ending ``.txt``.
+        seed, chain : int
+            Random numbers depend on these two.
+        init : Path or float, optional
+            JSON file of the parameters where it starts, or half the width of the range of the
+            unconstrained ones.
+        digits : int, optional
+            Of the numbers in `output`.
+        output_options : sequence of str
+            Further arguments of the output.
+        """
+        return start(
+            [
+                *(str(self.executable), f"id={chain}", "random", f"seed={seed}"),
+                *("data", f"file={data}", *([] if init is None else [f"init={init}"])),
+                *("output", f"file={output}", *output_options),
+                *([] if digits is None else [f"sig_figs={digits}"]),
+                *method,
+            ],
+            output.with_suffix(".txt"),
         )
-    if said:
-        logger.info(f"stanc on {program.name}: {said}")
+
+    def evaluate(
+        self,
+        data: Mapping[str, object],
+        position: Mapping[str, object] | None = None,
+        *,
+        seed: int = 1,
+    ) -> dict[str, FloatArray]:
+        """Run the program once, without sampling.
+
+        Parameters
+        ----------
+        data : mapping
+            Its data.
+        position : mapping, optional
+            Its parameters; not needed where every parameter is fixed.
+        seed : int
+            Of replicated data.
+
+        Returns
+        -------
+        dict
+            Every variable of the program.
+
+        Raises
+        ------
+        SamplingError
+            If the program stops with an error.
+        """
+        with _inputs(data, position or {}) as folder:
+            done, output = self._run(
+                folder, ["method=sample", "num_samples=1", "algorithm=fixed_param"], seed=seed
+            )
+            if done.failed:
+                raise SamplingError(
+                    f"The forward solution failed at these parameters: {done.console_tail()}"
+                )
+            return read_draws([output]).at(0)
+
+    def optimise(
+        self, data: Mapping[str, object], position: Mapping[str, object], *, seed: int
+    ) -> tuple[float, dict[str, FloatArray]]:
+        """Climb to a maximum of the log density with L-BFGS.
+
+        Parameters
+        ----------
+        data : mapping
+            The program's data.
+        position : mapping
+            Its parameters where the climb starts.
+        seed : int
+            Of replicated data; the climb draws nothing.
+
+        Returns
+        -------
+        float
+            Log density at the end of the climb, whether or not that is a maximum.
+        dict
+            Every variable of the program there.
+
+        Raises
+        ------
+        SamplingError
+            If the program stops with an error, as where it leaves the region with solutions.
+        """
+        with _inputs(data, position) as folder:
+            method = ["method=optimize", "algorithm=lbfgs", "iter=5000"]
+            done, output = self._run(folder, method, seed=seed)
+            # A line search that fails ends the climb where it is, often at the maximum.
+            if done.failed and "Line search failed" not in done.printed():
+                raise SamplingError(f"The optimiser failed: {done.console_tail()}")
+            draws = read_draws([output])
+            return float(draws["lp__"][0, 0]), draws.at(0)
+
+    def gradients(
+        self, data: Mapping[str, object], name: str, points: Sequence[FloatArray] | FloatArray
+    ) -> FloatArray:
+        """Return gradients of the log density, to the six digits that CmdStan records.
+
+        Parameters
+        ----------
+        data : mapping
+            Data of a program whose only parameter is an unbounded vector.
+        name : str
+            Of the parameter.
+        points : arrays, shape (n_points, n_coordinates)
+            Its values.
+
+        Returns
+        -------
+        array, shape (n_points, n_coordinates)
+
+        Raises
+        ------
+        SamplingError
+            If the log density is not finite at a point.
+        """
+        # What one step of vanishing length records.
+        method = [
+            *("method=sample", "num_samples=1", "num_warmup=0", "algorithm=hmc", "engine=nuts"),
+            *("max_depth=1", "stepsize=1e-14", "adapt", "engaged=0"),
+        ]
+        found = []
+        for point in points:
+            with _inputs(data, {name: point.tolist()}) as folder:
+                trace = folder / "trace.csv"
+                done, _ = self._run(folder, method, seed=1, diagnostic_file=trace)
+                if done.failed:
+                    raise SamplingError(f"There is no gradient here: {done.console_tail()}")
+                # Of the potential, which is minus the log density.
+                row = pd.read_csv(trace, comment="#").iloc[0].filter(regex="^g_")
+                found.append(-row.to_numpy(dtype=np.float64))
+        return np.array(found)
+
+    def generate(
+        self,
+        data: Mapping[str, object],
+        files: Sequence[Path],
+        *,
+        seed: int,
+        digits: int | None = None,
+    ) -> Draws:
+        """Compute generated quantities of draws.
+
+        Parameters
+        ----------
+        data : mapping
+            The program's data.
+        files : sequence of Path
+            Chains: CSV files with seven columns ahead of the parameters.
+        seed : int
+            Of replicated data.
+        digits : int, optional
+            Of the quantities; default CmdStan's, six.
+
+        Returns
+        -------
+        Draws
+            A chain for each file.
+
+        Raises
+        ------
+        Unsolved
+            If the program stopped at some draws; CmdStan does not say at which.
+        SamplingError
+            If the program fails.
+        """
+        with _inputs(data) as folder:
+            outputs = [folder / f"generated_{k}.csv" for k in range(len(files))]
+            starting = (
+                self.start(
+                    ["method=generate_quantities", f"fitted_params={file}"],
+                    data=folder / "data.json",
+                    output=output,
+                    seed=seed,
+                    chain=number,
+                    digits=digits,
+                )
+                for number, (file, output) in enumerate(zip(files, outputs, strict=True), start=1)
+            )
+            with closing(side_by_side(starting, at_once=cores())) as looks:
+                for _, ended in looks:
+                    for one in ended:
+                        if one.failed:
+                            raise SamplingError(
+                                f"Generated quantities failed: {one.console_tail()}"
+                            )
+            if [rows_of_draws(file) for file in outputs] != [rows_of_draws(file) for file in files]:
+                raise Unsolved("The program has no solution at some of the draws.")
+            return read_draws(outputs)
+
+    def _run(
+        self, folder: Path, method: Sequence[str], *, seed: int, diagnostic_file: Path | None = None
+    ) -> tuple[Running, Path]:
+        """Run the program to its end on the files of `_inputs`; also return its output."""
+        output = folder / "output.csv"
+        running = self.start(
+            method,
+            data=folder / "data.json",
+            init=folder / "position.json",
+            output=output,
+            seed=seed,
+            digits=ALL_DIGITS,
+            output_options=[f"diagnostic_file={diagnostic_file}"] if diagnostic_file else [],
+        )
+        running.wait()
+        return running, output
+
+
+@contextmanager
+def _inputs(
+    data: Mapping[str, object], position: Mapping[str, object] | None = None
+) -> Iterator[Path]:
+    """Write data and position for as long as the block runs; give their folder."""
+    with tempfile.TemporaryDirectory(prefix="pyburgers-") as name:
+        folder = Path(name)
+        for file, content in (("data.json", data), ("position.json", position)):
+            if content is not None:
+                (folder / file).write_text(json.dumps(content), encoding="utf-8")
+        yield folder

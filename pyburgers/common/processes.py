@@ -1,10 +1,13 @@
-"""Work spread over processes, which end when this one does."""
+"""Programs and workers beside this process, which end when it does or is interrupted."""
 
 import os
+import subprocess
 import threading
-from collections.abc import Callable, Generator, Mapping, Sequence
+import time
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass, field
 from multiprocessing import active_children, get_context, parent_process
 from multiprocessing.connection import wait
 from pathlib import Path
@@ -16,6 +19,9 @@ from pyburgers.common.errors import InputError, SamplingError
 
 Key = TypeVar("Key")
 Outcome = TypeVar("Outcome")
+
+POLL_SECONDS = 0.03
+"""Time between two looks at programs that run side by side."""
 
 
 def cores() -> int:
@@ -35,6 +41,122 @@ def number_of_processes(jobs: int | None, n_calls: int) -> int:
     if jobs < 1:
         raise InputError(f"jobs is {jobs}, expected at least 1.")
     return min(jobs, max(1, n_calls))
+
+
+@dataclass(eq=False)
+class Running:
+    """A program that runs, or has run, beside this process.
+
+    Attributes
+    ----------
+    process : Popen
+        The program.
+    console : Path
+        What it prints.
+    started : float
+        When, by the clock of `time.monotonic` (s).
+    seconds : float
+        How long it took, once it has ended.
+    out_of_time : bool
+        Whether it was stopped at a time limit.
+    """
+
+    process: subprocess.Popen[bytes]
+    console: Path
+    started: float = field(default_factory=time.monotonic)
+    seconds: float = 0.0
+    out_of_time: bool = False
+
+    @property
+    def failed(self) -> bool:
+        """Whether it ended otherwise than well."""
+        return self.out_of_time or self.process.returncode != 0
+
+    def has_ended(self, limit: float | None = None) -> bool:
+        """Tell whether the program has ended, which it does at a time limit (s)."""
+        runs = self.process.poll() is None
+        self.seconds = time.monotonic() - self.started
+        if runs and limit is not None and self.seconds >= limit:
+            self.out_of_time = True
+            self.stop()
+        return self.process.returncode is not None
+
+    def wait(self) -> None:
+        """Wait for its end, and end it at an interrupt."""
+        try:
+            self.process.wait()
+        finally:
+            self.stop()
+
+    def stop(self) -> None:
+        """End the program, if it has not ended."""
+        self.process.kill()
+        self.process.wait()
+
+    def printed(self) -> str:
+        """Return all that it has printed."""
+        return self.console.read_text(encoding="utf-8", errors="replace")
+
+    def console_tail(self, lines: int = 6) -> str:
+        """Return the last lines that it has printed, as one."""
+        tail = [line.strip() for line in self.printed().strip().splitlines()[-lines:]]
+        return " | ".join(line for line in tail if line) or "it left no console output."
+
+
+def start(command: Sequence[str], console: Path) -> Running:
+    """Start a program that prints into a file and reads nothing.
+
+    Raises
+    ------
+    SamplingError
+        If the system does not start it.
+    """
+    with console.open("wb") as file:
+        try:
+            process = subprocess.Popen(
+                command, stdin=subprocess.DEVNULL, stdout=file, stderr=subprocess.STDOUT
+            )
+        except OSError as error:
+            raise SamplingError(
+                f"{command[0]}: could not be started ({error.strerror}); free memory or end other "
+                "programs, then run the same command again: it does only what is missing."
+            ) from error
+    return Running(process, console)
+
+
+def side_by_side(
+    starting: Iterator[Running], *, at_once: int, limit: float | None = None
+) -> Generator[tuple[list[Running], list[Running]], None, None]:
+    """Run programs side by side to their ends; stop all that run when the generator is closed.
+
+    Parameters
+    ----------
+    starting : iterator of Running
+        Starts the next program when asked for it.
+    at_once : int
+        How many may run.
+    limit : float, optional
+        Time of each (s), at which it is stopped.
+
+    Yields
+    ------
+    tuple of two lists
+        At every look: those that ran at the look before, and which of them have ended since.
+    """
+    running: list[Running] = []
+    try:
+        while True:
+            while len(running) < at_once and (one := next(starting, None)) is not None:
+                running.append(one)
+            if not running:
+                return
+            time.sleep(POLL_SECONDS)
+            ended = [one for one in running if one.has_ended(limit)]
+            yield running, ended
+            running = [one for one in running if one not in ended]
+    finally:
+        for one in running:
+            one.stop()
 
 
 def completed(

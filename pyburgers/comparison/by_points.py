@@ -10,7 +10,6 @@ earnest: the fit is repeated without it.
 import itertools
 import json
 import logging
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,23 +22,22 @@ import xarray as xr
 from scipy.special import logsumexp
 
 from pyburgers.checks.sampling_checks import PARETO_K_LIMIT
-from pyburgers.cmdstan.program import load_model
+from pyburgers.cmdstan.program import load_program
 from pyburgers.common.atomic_files import write_json, write_text
+from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.common.wording import count_points
 from pyburgers.comparison.same_data import check_same_data, data_hash, tests_of
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.fitting.joint_fit import JointFit
-from pyburgers.posterior.draws import all_draws
 from pyburgers.posterior.labelled_draws import (
     GIVEN_OTHERS,
-    has_correlated_residuals,
     pointwise_log_density,
     relative_efficiency,
     smooth_weights,
 )
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
-from pyburgers.protocols.forward import REFERENCE_SOLVER, program_for, quiet_cmdstanpy
+from pyburgers.protocols.forward import REFERENCE_SOLVER, program_for
 from pyburgers.protocols.stan_data import SolverOptions, experiment_block, solver_block
 from pyburgers.sampling.options import SamplerOptions
 
@@ -490,25 +488,17 @@ def _log_likelihood_of(again: Fit, experiment: ConstantRateExperiment) -> FloatA
         **experiment_block(experiment, use_likelihood=True),
         **solver_block(REFERENCE_SOLVER),
     }
-    model = load_model(program_for(experiment))
-    with tempfile.TemporaryDirectory() as folder, quiet_cmdstanpy():
-        data_file = Path(folder) / "data.json"
-        data_file.write_text(json.dumps(data), encoding="utf-8")
-        try:
-            quantities = model.generate_quantities(
-                data=str(data_file),
-                previous_fit=[str(run.draws_file(chain)) for chain in run.finished_chains()],
-                seed=again.manifest["sampler"]["seed"],
-                gq_output_dir=folder,
-            )
-            name = GIVEN_OTHERS if has_correlated_residuals(quantities.column_names) else "log_lik"
-            log_lik = quantities.draws_xr([name])[name].load()
-        except RuntimeError as error:
-            raise SamplingError(
-                f"{run.path}: some of its draws have no solution at all points of "
-                f"{experiment.id}, so the point left out has no density."
-            ) from error
-    return all_draws(log_lik)
+    try:
+        quantities = load_program(program_for(experiment)).generate(
+            data, run.draws_files(), seed=again.manifest["sampler"]["seed"]
+        )
+    except SamplingError as error:
+        raise SamplingError(
+            f"{run.path}: some of its draws have no solution at all points of "
+            f"{experiment.id}, so the point left out has no density."
+        ) from error
+    name = GIVEN_OTHERS if GIVEN_OTHERS in quantities else "log_lik"
+    return all_draws(quantities.dataset([name])[name])
 
 
 def standard_error(pointwise: FloatArray) -> float:

@@ -18,9 +18,8 @@ import pandas as pd
 
 from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.errors import InputError
-from pyburgers.comparison.bridge_sampling import LogIntegral
 from pyburgers.comparison.by_points import origins, pair_sentence, stacking_weights, standard_error
-from pyburgers.comparison.marginal_likelihood import log_marginal_likelihood
+from pyburgers.comparison.marginal_likelihood import LogIntegral, log_marginal_likelihood
 from pyburgers.comparison.same_data import check_same_data
 from pyburgers.fitting.joint_fit import JointFit, fit_joint_problem
 from pyburgers.protocols.stan_data import SolverOptions

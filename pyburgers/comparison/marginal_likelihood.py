@@ -1,27 +1,37 @@
 """Marginal likelihood of a finished run: density of all its data, the parameters integrated out.
 
-By bridge sampling in the sampler's coordinates, which make posteriors close to normal. All terms
-of the log density are normalised, in the program: that of the coordinates is what it samples.
+By bridge sampling (Meng and Wong 1996, Statistica Sinica 6, 831-860) in the sampler's coordinates,
+which make posteriors close to normal. A normal proposal is fitted to one half of the draws, while
+the other half and draws of the proposal give the integral (Gronau et al. 2017, Journal of
+Mathematical Psychology 81, 80-97); then the halves change places and the two estimates are
+averaged. All terms of the log density are normalised, in the program: that of the coordinates is
+what it samples.
 """
 
 import json
 import logging
 import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
+import xarray as xr
+from scipy.optimize import brentq
+from scipy.special import expit
+from scipy.stats import multivariate_normal
 
-from pyburgers.cmdstan.program import load_model
-from pyburgers.cmdstan.toolchain import last_lines, run_tool
+from pyburgers.cmdstan.draws import read_draws
+from pyburgers.cmdstan.program import ALL_DIGITS, Program, Unsolved, load_program
 from pyburgers.common.errors import InputError, SamplingError
-from pyburgers.comparison.bridge_sampling import LogIntegral, log_integral
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import SampledFit
-from pyburgers.posterior.labelled_draws import read_chains
+from pyburgers.posterior.labelled_draws import relative_efficiency
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
-from pyburgers.protocols.forward import REFERENCE_SOLVER, constant_rate_program, quiet_cmdstanpy
+from pyburgers.protocols.forward import REFERENCE_SOLVER, constant_rate_program
 from pyburgers.protocols.stan_data import StanData, solver_block, with_later_additions
 
 logger = logging.getLogger(__name__)
@@ -30,6 +40,37 @@ FloatArray = npt.NDArray[np.float64]
 
 SAMPLER_COLUMNS = 7
 """Columns of CmdStan's chain files ahead of the parameters."""
+
+DRAWS_PER_DIMENSION = 4
+"""Least number of draws for each dimension that a proposal is fitted to."""
+
+MARGIN = 50.0
+"""Distance beyond the log ratios in which the root is looked for."""
+
+
+@dataclass(frozen=True)
+class LogIntegral:
+    """Logarithm of an integral.
+
+    Attributes
+    ----------
+    value : float
+        Natural logarithm.
+    error : float
+        Its Monte Carlo standard error.
+    """
+
+    value: float
+    error: float
+
+    @classmethod
+    def mean_of(cls, one: Self, other: Self) -> Self:
+        """Mean of two independent estimates.
+
+        Its error is the larger of what their own errors say and what their distance says.
+        """
+        stated = 0.5 * float(np.hypot(one.error, other.error))
+        return cls(0.5 * (one.value + other.value), max(stated, 0.5 * abs(one.value - other.value)))
 
 
 def log_marginal_likelihood(fit: SampledFit) -> LogIntegral:
@@ -59,68 +100,194 @@ def log_marginal_likelihood(fit: SampledFit) -> LogIntegral:
             "expected constant_rate, the only one with a marginal likelihood."
         )
     run = fit.directory
-    with quiet_cmdstanpy():
-        chains = read_chains([str(run.draws_file(chain)) for chain in run.finished_chains()])
-        draws = chains.draws_xr(["coordinate"])["coordinate"].to_numpy()
+    draws = read_draws(run.draws_files())["coordinate"]
     stats = fit.posterior["sample_stats"].to_dataset()
     at_reference = (stats["lp"] + stats["solver_log_ratio"]).transpose("chain", "draw").to_numpy()
     data: StanData = json.loads(run.stan_data_file.read_text(encoding="utf-8"))
     data = {**with_later_additions(data), **solver_block(REFERENCE_SOLVER)}
-    program = Path(str(load_model(constant_rate_program()).exe_file))
+    program = load_program(constant_rate_program())
     logger.info(f"Marginal likelihood of {fit.manifest['experiment']}: bridge sampling.")
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        (folder / "data.json").write_text(json.dumps(data), encoding="utf-8")
-        return log_integral(
-            draws,
-            # A draw without solution at the reference tolerance has no density there.
-            np.where(np.isnan(at_reference), -np.inf, at_reference),
-            lambda points: log_density_at(program, folder, points),
-            seed=fit.manifest["sampler"]["seed"],
-        )
+    return log_integral(
+        draws,
+        # A draw without solution at the reference tolerance has no density there.
+        np.where(np.isnan(at_reference), -np.inf, at_reference),
+        lambda points: log_density_at(program, data, points),
+        seed=fit.manifest["sampler"]["seed"],
+    )
 
 
-def log_density_at(program: Path, folder: Path, points: FloatArray) -> FloatArray:
+def log_density_at(program: Program, data: StanData, points: FloatArray) -> FloatArray:
     """Log density of coordinates, minus infinity where the model has no solution.
 
     Parameters
     ----------
-    program : Path
-        Executable of the program for constant rate.
-    folder : Path
-        Holds its data, ``data.json``; other files are written there.
+    program : Program
+        The program for constant rate.
+    data : dict
+        Its data.
     points : array, shape (n_points, n_coordinates)
         Coordinates.
     """
-    found = _generated(program, folder, points)
-    if len(found) == len(points):
-        return np.where(np.isnan(found), -np.inf, found)
-    if len(points) == 1:
-        return np.array([-np.inf])
-    # CmdStan leaves points without solution out and does not say which.
-    return np.concatenate(
-        [log_density_at(program, folder, part) for part in np.array_split(points, 2)]
-    )
+    try:
+        found = _generated(program, data, points)
+    except Unsolved:
+        if len(points) == 1:
+            return np.array([-np.inf])
+        return np.concatenate(
+            [log_density_at(program, data, part) for part in np.array_split(points, 2)]
+        )
+    return np.where(np.isnan(found), -np.inf, found)
 
 
-def _generated(program: Path, folder: Path, points: FloatArray) -> FloatArray:
-    """Log density of those points that have one, in their order, from generated quantities."""
-    fitted, output = folder / "points.csv", folder / "generated.csv"
+def _generated(program: Program, data: StanData, points: FloatArray) -> FloatArray:
+    """Log density of points that all have one, from generated quantities."""
     names = [
         *(f"sampler_{k}__" for k in range(SAMPLER_COLUMNS)),
         *(f"coordinate.{k + 1}" for k in range(points.shape[1])),
     ]
     columns = np.hstack([np.zeros((len(points), SAMPLER_COLUMNS)), points])
-    pd.DataFrame(columns, columns=names).to_csv(fitted, index=False, float_format="%.17g")
-    done = run_tool(
-        [
-            *(program, "generate_quantities", f"fitted_params={fitted}"),
-            *("data", f"file={folder / 'data.json'}", "random", "seed=1"),
-            *("output", f"file={output}", "sig_figs=17"),
-        ],
-        cwd=folder,
+    with tempfile.TemporaryDirectory(prefix="pyburgers-") as folder:
+        file = Path(folder) / "points.csv"
+        pd.DataFrame(columns, columns=names).to_csv(file, index=False, float_format="%.17g")
+        found: FloatArray
+        (found,) = program.generate(data, [file], seed=1, digits=ALL_DIGITS)["log_density"]
+        return found
+
+
+def log_integral(
+    draws: FloatArray,
+    log_density_at_draws: FloatArray,
+    log_density: Callable[[FloatArray], FloatArray],
+    *,
+    seed: int,
+) -> LogIntegral:
+    """Integrate a density over all of space from draws of it.
+
+    Parameters
+    ----------
+    draws : array, shape (n_chains, n_draws, n_dimensions)
+        Of the normalised density, in coordinates in which it is not far from normal.
+    log_density_at_draws : array, shape (n_chains, n_draws)
+        Log of the density up to a factor, which is what the integral finds.
+    log_density : callable
+        The same at points of shape (n_points, n_dimensions); minus infinity where the density is 0.
+    seed : int
+        Of the proposal's draws.
+
+    Returns
+    -------
+    LogIntegral
+        With an error that takes the autocorrelation of the draws into account.
+
+    Raises
+    ------
+    InputError
+        If there are too few draws to fit a proposal to.
+    SamplingError
+        If draws have no spread in some direction, or no draw of the proposal has a density.
+    """
+    n_dimensions = draws.shape[2]
+    middle = draws.shape[1] // 2
+    n_half = draws.shape[0] * middle
+    if n_half < DRAWS_PER_DIMENSION * n_dimensions:
+        raise InputError(
+            f"bridge sampling: found {2 * n_half} draws of {n_dimensions} coordinates, expected at "
+            f"least {2 * DRAWS_PER_DIMENSION * n_dimensions}."
+        )
+    halves = (slice(0, middle), slice(middle, None))
+    estimates = [
+        _from_half(
+            draws[:, fitted],
+            draws[:, used],
+            log_density_at_draws[:, used],
+            log_density,
+            np.random.default_rng([seed, number]),
+        )
+        for number, (fitted, used) in enumerate((halves, halves[::-1]))
+    ]
+    return LogIntegral.mean_of(*estimates)
+
+
+def _from_half(
+    fitted: FloatArray,
+    used: FloatArray,
+    log_density_at_used: FloatArray,
+    log_density: Callable[[FloatArray], FloatArray],
+    rng: np.random.Generator,
+) -> LogIntegral:
+    """Estimate from some draws and as many of the proposal that others give."""
+    flat = fitted.reshape(-1, fitted.shape[2])
+    try:
+        proposal = multivariate_normal(flat.mean(axis=0), np.atleast_2d(np.cov(flat.T)))
+    except np.linalg.LinAlgError as error:
+        raise SamplingError(
+            "bridge sampling: the draws have no spread in some direction; run more of them."
+        ) from error
+    n_proposals = log_density_at_used.size
+    proposed = proposal.rvs(n_proposals, random_state=rng).reshape(n_proposals, -1)
+    at_draws = log_density_at_used - proposal.logpdf(used)
+    at_proposals = log_density(proposed) - np.atleast_1d(proposal.logpdf(proposed))
+    return bridge(at_draws, at_proposals)
+
+
+def bridge(at_draws: FloatArray, at_proposals: FloatArray) -> LogIntegral:
+    """Combine draws of a density and of a proposal in the optimal way.
+
+    Parameters
+    ----------
+    at_draws : array, shape (n_chains, n_draws)
+        ln of unnormalised density over proposal density, at draws of the former.
+    at_proposals : array, shape (n_proposals,)
+        The same at independent draws of the proposal; minus infinity where the density is 0.
+
+    Returns
+    -------
+    LogIntegral
+        The error is that of Frühwirth-Schnatter (2004, The Econometrics Journal 7, 143-167), to
+        first order, with the effective number of the autocorrelated draws.
+
+    Raises
+    ------
+    SamplingError
+        If no draw of the proposal has a density.
+    """
+    if not np.isfinite(at_proposals).any():
+        raise SamplingError(
+            "bridge sampling: the density is 0 at all draws of the proposal, which is of no use."
+        )
+    n_effective = at_draws.size * _efficiency(at_draws)
+    share = n_effective / (n_effective + at_proposals.size)
+    offset = np.log(share) - np.log1p(-share)
+    finite = np.concatenate([part[np.isfinite(part)] for part in (at_draws, at_proposals)])
+
+    def of_draws(value: float) -> FloatArray:
+        """Proposal density over that of the mixture of both, up to a factor."""
+        return np.asarray(expit(value - offset - at_draws), dtype=np.float64)
+
+    def of_proposals(value: float) -> FloatArray:
+        """Density over that of the mixture of both, up to a factor."""
+        return np.asarray(expit(at_proposals + offset - value), dtype=np.float64)
+
+    # The fixed point of Meng and Wong; the left-hand side rises with the value, the other falls.
+    value = brentq(
+        lambda v: share * of_draws(v).mean() - (1 - share) * of_proposals(v).mean(),
+        finite.min() + offset - MARGIN,
+        finite.max() + offset + MARGIN,
     )
-    if done.returncode != 0:
-        raise SamplingError(f"The log density could not be computed: {last_lines(done.stdout, 3)}")
-    table = pd.read_csv(output, comment="#", usecols=["log_density"])
-    return table["log_density"].to_numpy(dtype=np.float64)
+    here, there = of_draws(value), of_proposals(value)
+    variance = (
+        _relative_variance(here) / (here.size * _efficiency(here))
+        + _relative_variance(there) / there.size
+    )
+    return LogIntegral(float(value), float(np.sqrt(variance)))
+
+
+def _relative_variance(values: FloatArray) -> float:
+    """Variance over the square of the mean."""
+    return float(np.var(values, ddof=1) / np.mean(values) ** 2)
+
+
+def _efficiency(values: FloatArray) -> float:
+    """Effective over nominal number of draws, for their mean; of chains by draws."""
+    labelled = xr.DataArray(values[..., np.newaxis], dims=("chain", "draw", "value"))
+    return float(relative_efficiency(labelled)[0])

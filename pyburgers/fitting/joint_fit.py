@@ -52,7 +52,7 @@ class JointFit(SampledFit):
         return variant_of(self.problem.priors[0], self.problem.experiments[0])
 
     def summary(self) -> pd.DataFrame:
-        """Table of every sampled quantity in SI units (`pyburgers.posterior.draws_table`)."""
+        """Table of every sampled quantity in SI units (`pyburgers.common.draws_table`)."""
         return draws_table(self.posterior)
 
     def tests(self) -> dict[str, Fit]:

@@ -5,7 +5,9 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
-from pyburgers.drawing.style import BLUE, GREEN, ORANGE, PURPLE, VERMILION, draw_band, style
+from pyburgers.common.draws import all_draws
+from pyburgers.drawing.panels import draw_band
+from pyburgers.drawing.style import BLUE, GREEN, ORANGE, PURPLE, VERMILION, style
 from pyburgers.flow_law_tables.fit import PeakStressFit
 from pyburgers.flow_law_tables.priors import FLOW_LAW_PARAMETERS, RATE_SCATTER
 from pyburgers.flow_law_tables.stan_data import GROUP_TEMPERATURES, groups
@@ -39,7 +41,7 @@ FLOW_LAW_CAPTION = (
 def flow_law(fit: PeakStressFit) -> Figure:
     """Draw points, and the flow law with its 90 % band, by grain size and temperature."""
     data = fit.data
-    rates = fit.posterior["predictions"].to_dataset()["strain_rate"]
+    rates = all_draws(fit.posterior["predictions"].to_dataset()["strain_rate"])
     with style():
         figure = Figure(figsize=(6.4, 4.8), layout="constrained")
         axes = figure.subplots()
@@ -48,7 +50,7 @@ def flow_law(fit: PeakStressFit) -> Figure:
             draw_band(
                 axes,
                 group.stress * STRESS_FACTOR,
-                rates.isel(group=k),
+                rates[:, k],
                 colour,
                 f"{number(round(group.grain_size * LENGTH_FACTOR, 3))} {LENGTH_UNIT}, "
                 f"{group.temperature:.1f} K: flow law, 90 %",

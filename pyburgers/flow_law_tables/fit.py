@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self
 
-import cmdstanpy
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
@@ -23,8 +22,10 @@ from pyburgers.checks.sampling_checks import (
     check_rhat,
     check_treedepth,
 )
-from pyburgers.cmdstan.program import load_model, stan_directory
+from pyburgers.cmdstan.draws import Draws, read_draws
+from pyburgers.cmdstan.program import load_program, stan_directory
 from pyburgers.common.atomic_files import write_json
+from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.sampled_fit import SampledFit, write_tables
 from pyburgers.flow_law_tables.priors import (
@@ -42,18 +43,14 @@ from pyburgers.flow_law_tables.table import PeakStressData, load_peak_stress, sa
 from pyburgers.model.flow_law_prior import FLOW_LAW_PRIOR_FILE, PRIOR_QUANTITIES, FlowLawPrior
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.model.priors import PriorSet
-from pyburgers.posterior.draws import all_draws
 from pyburgers.posterior.labelled_draws import (
     keep_posterior,
     label_draws,
     load_posterior,
-    read_chains,
     sample_stats,
     summary_table,
 )
-from pyburgers.protocols.forward import quiet_cmdstanpy
 from pyburgers.protocols.stan_data import REFERENCE_FLOW_RATE
-from pyburgers.sampling.chains import no_process_left
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run import complete_chains, fingerprint
 from pyburgers.sampling.run_directory import RunDirectory
@@ -167,9 +164,9 @@ def fit_peak_stress(
         coordinates="plain",
     )
     stan_data = peak_stress_data(data, priors, use_likelihood=use_likelihood)
-    model = load_model(stan_directory() / "peak_stress.stan")
-    identity = fingerprint(stan_data, options, Path(str(model.exe_file)).parent.name)
-    with run.claimed(identity), no_process_left(model):
+    model = load_program(stan_directory() / "peak_stress.stan")
+    identity = fingerprint(stan_data, options, model.key)
+    with run.claimed(identity):
         save_peak_stress(data, run.inputs)
         save_peak_stress_priors(priors, run.priors_file)
         write_json(run.stan_data_file, stan_data)
@@ -239,8 +236,7 @@ def _draw_start(
 
 def _build_posterior(run: RunDirectory, data: PeakStressData, priors: PriorSet) -> xr.DataTree:
     """Gather the finished chains into labelled draws and save them."""
-    with quiet_cmdstanpy():
-        chains = read_chains([str(run.draws_file(chain)) for chain in run.finished_chains()])
+    chains = read_draws(run.draws_files())
     identifiers = {"chain": list(run.finished_chains())}
     contents = {
         name: dataset.assign_coords(identifiers)
@@ -260,18 +256,16 @@ def _build_posterior(run: RunDirectory, data: PeakStressData, priors: PriorSet) 
     return keep_posterior(run, contents, experiment=data.id, data_kind=data.provenance.kind)
 
 
-def _drawn_groups(
-    chains: cmdstanpy.CmdStanMCMC, data: PeakStressData, priors: PriorSet
-) -> dict[str, xr.Dataset]:
+def _drawn_groups(chains: Draws, data: PeakStressData, priors: PriorSet) -> dict[str, xr.Dataset]:
     """Return the groups with dimensions chain and draw."""
-    draws = chains.draws_xr([p.name for p in FLOW_LAW_PARAMETERS] + [REFERENCE_FLOW_RATE])
+    draws = chains.dataset([p.name for p in FLOW_LAW_PARAMETERS] + [REFERENCE_FLOW_RATE])
     label_draws(draws, (*FLOW_LAW_PARAMETERS, REFERENCE_FLOW_RATE_QUANTITY), priors)
     point = {"point": np.arange(data.n_points)}
     at_points = {
-        name: chains.draws_xr([name])[name].rename({f"{name}_dim_0": "point"}).assign_coords(point)
+        name: chains.dataset([name])[name].rename({f"{name}_dim_0": "point"}).assign_coords(point)
         for name in ("log_lik", "log_rate_replicated")
     }
-    rates = chains.draws_xr(["grid_strain_rate"])["grid_strain_rate"]
+    rates = chains.dataset(["grid_strain_rate"])["grid_strain_rate"]
     lines = groups(data)
     shape = (*rates.shape[:2], len(lines), GRID_STRESSES)
     predictions = xr.Dataset(
@@ -288,7 +282,7 @@ def _drawn_groups(
         "posterior": draws,
         "sample_stats": sample_stats(chains),
         "log_likelihood": xr.Dataset({"log_strain_rate": at_points["log_lik"]}),
-        "log_prior": chains.draws_xr(["lprior"]),
+        "log_prior": chains.dataset(["lprior"]),
         "posterior_predictive": xr.Dataset({"log_strain_rate": at_points["log_rate_replicated"]}),
         "predictions": predictions,
     }

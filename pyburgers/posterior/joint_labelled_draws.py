@@ -4,11 +4,11 @@ import json
 import logging
 from collections.abc import Mapping
 
-import cmdstanpy
 import numpy as np
 import xarray as xr
 
-from pyburgers.cmdstan.program import load_model
+from pyburgers.cmdstan.draws import Draws, read_draws
+from pyburgers.cmdstan.program import load_program
 from pyburgers.model.parameters import (
     PARAMETER_BY_NAME,
     PROGRAM_PARAMETERS,
@@ -23,11 +23,10 @@ from pyburgers.posterior.labelled_draws import (
     label_draws,
     point_groups,
     prediction_grid,
-    read_chains,
     reference_solution,
     stats_with_solver,
 )
-from pyburgers.protocols.forward import constant_rate_program, quiet_cmdstanpy
+from pyburgers.protocols.forward import constant_rate_program
 from pyburgers.sampling.joint_stan_data import CENTRE, SPREAD, with_joint_grid
 from pyburgers.sampling.problem import JointProblem
 from pyburgers.sampling.run_directory import RunDirectory
@@ -63,20 +62,19 @@ def build_joint_posterior(run: RunDirectory, problem: JointProblem) -> xr.DataTr
     """
     manifest = run.read_manifest()
     experiments = problem.experiments
-    files = [str(run.draws_file(chain)) for chain in run.finished_chains()]
+    files = run.draws_files()
     chains = {"chain": list(run.finished_chains())}
     grids = [prediction_grid(experiment) for experiment in experiments]
     data = json.loads(run.stan_data_file.read_text(encoding="utf-8"))
-    with quiet_cmdstanpy():
-        fit = read_chains(files)
-        logger.info("Solving every draw again at the reference tolerance.")
-        checked = reference_solution(
-            load_model(constant_rate_program()),
-            with_joint_grid(data, experiments, grids),
-            files,
-            list(STRAIN_VARIABLES),
-            seed=manifest["sampler"]["seed"],
-        ).assign_coords(chains)
+    fit = read_draws(files)
+    logger.info("Solving every draw again at the reference tolerance.")
+    checked = reference_solution(
+        load_program(constant_rate_program()),
+        with_joint_grid(data, experiments, grids),
+        files,
+        list(STRAIN_VARIABLES),
+        seed=manifest["sampler"]["seed"],
+    ).assign_coords(chains)
     stats = stats_with_solver(fit, checked, chains, use_likelihood=manifest["use_likelihood"])
     at_points = drawn_at_points(fit, chains)
     draws = _draws_of_tests(fit, problem, chains)
@@ -105,10 +103,10 @@ def build_joint_posterior(run: RunDirectory, problem: JointProblem) -> xr.DataTr
 
 
 def _draws_of_tests(
-    fit: cmdstanpy.CmdStanMCMC, problem: JointProblem, chains: Mapping[str, list[int]]
+    fit: Draws, problem: JointProblem, chains: Mapping[str, list[int]]
 ) -> dict[str, xr.Dataset]:
     """Labelled draws of the parameters of each test, as a fit of it alone has them."""
-    columns = fit.draws_xr(["parameter", "log_stress"]).assign_coords(chains)
+    columns = fit.dataset(["parameter", "log_stress"]).assign_coords(chains)
     places = {p.name: k for k, p in enumerate(PROGRAM_PARAMETERS)}
     found = {}
     for e, (experiment, priors) in enumerate(zip(problem.experiments, problem.priors, strict=True)):
@@ -125,7 +123,7 @@ def _draws_of_tests(
 
 
 def _all_draws(
-    fit: cmdstanpy.CmdStanMCMC,
+    fit: Draws,
     problem: JointProblem,
     draws: Mapping[str, xr.Dataset],
     chains: Mapping[str, list[int]],
@@ -139,7 +137,7 @@ def _all_draws(
             own_name(name, test): of_test[name] for name in (*own, REFERENCE_STRESS_QUANTITY.name)
         }
     if problem.partial:
-        pooled = fit.draws_xr(["pooled_centre", "pooled_spread"]).assign_coords(chains)
+        pooled = fit.dataset(["pooled_centre", "pooled_spread"]).assign_coords(chains)
         for h, name in enumerate(problem.partial):
             for owner, unit in ((CENTRE, first[name].attrs["units"]), (SPREAD, "1")):
                 column = f"pooled_{owner}"

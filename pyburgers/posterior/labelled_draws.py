@@ -6,21 +6,20 @@ group names, which `arviz.from_netcdf` reads whatever its version.
 
 import json
 import logging
-import tempfile
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-import cmdstanpy
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 import xarray as xr
 from scipy.special import logsumexp
 
-from pyburgers.cmdstan.program import load_model
+from pyburgers.cmdstan.draws import Draws, read_draws
+from pyburgers.cmdstan.program import Program, load_program
 from pyburgers.common.atomic_files import write_atomically
 from pyburgers.common.errors import SamplingError
 from pyburgers.model.parameters import PARAMETER_BY_NAME, REFERENCE_QUANTITIES, Parameter
@@ -31,9 +30,7 @@ from pyburgers.protocols.files import load_experiment
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.protocols.forward import (
     REFERENCE_SOLVER,
-    evaluate,
     program_for,
-    quiet_cmdstanpy,
     simulate,
     strain_grid,
     time_grid,
@@ -149,25 +146,24 @@ def build_posterior(run: RunDirectory) -> xr.DataTree:
     experiment = load_experiment(run.experiment_file)
     priors = load_priors(run.priors_file)
     manifest = run.read_manifest()
-    files = [str(run.draws_file(chain)) for chain in run.finished_chains()]
+    files = run.draws_files()
     data = json.loads(run.stan_data_file.read_text(encoding="utf-8"))
     data = with_grid(with_later_additions(data), experiment, prediction_grid(experiment))
-    with quiet_cmdstanpy():
-        fit = read_chains(files)
-        logger.info("Solving every draw again at the reference tolerance.")
-        checked = reference_solution(
-            load_model(program_for(experiment)),
-            data,
-            files,
-            list(grid_variables(experiment)[1]),
-            seed=manifest["sampler"]["seed"],
-        )
+    fit = read_draws(files)
+    logger.info("Solving every draw again at the reference tolerance.")
+    checked = reference_solution(
+        load_program(program_for(experiment)),
+        data,
+        files,
+        list(grid_variables(experiment)[1]),
+        seed=manifest["sampler"]["seed"],
+    )
     chains = {"chain": list(run.finished_chains())}
     quantities = (
         *(PARAMETER_BY_NAME[name] for name in priors.priors),
         reference_quantity(experiment),
     )
-    draws = fit.draws_xr([quantity.name for quantity in quantities]).assign_coords(chains)
+    draws = fit.dataset([quantity.name for quantity in quantities]).assign_coords(chains)
     label_draws(draws, quantities, priors)
     groups = groups_of_test(
         draws,
@@ -182,12 +178,12 @@ def build_posterior(run: RunDirectory) -> xr.DataTree:
     )
 
 
-def drawn_at_points(fit: cmdstanpy.CmdStanMCMC, chains: Mapping[str, list[int]]) -> xr.Dataset:
+def drawn_at_points(fit: Draws, chains: Mapping[str, list[int]]) -> xr.Dataset:
     """Draws at the points of a program's data, and of its prior density.
 
     Parameters
     ----------
-    fit : CmdStanMCMC
+    fit : Draws
         Chains of a program for curves.
     chains : mapping
         Coordinate of the dimension chain.
@@ -198,18 +194,16 @@ def drawn_at_points(fit: cmdstanpy.CmdStanMCMC, chains: Mapping[str, list[int]])
         stress_replicated, log_lik, `GIVEN_OTHERS` where residuals are correlated, and lprior.
     """
     names = ["stress_replicated", "log_lik"]
-    if has_correlated_residuals(fit.column_names):
+    if GIVEN_OTHERS in fit:
         names.append(GIVEN_OTHERS)
-    columns = {
-        name: fit.draws_xr([name])[name].rename({f"{name}_dim_0": "point"}) for name in names
-    }
-    lprior = fit.draws_xr(["lprior"])["lprior"]
+    columns = {name: fit.dataset([name])[name].rename({f"{name}_dim_0": "point"}) for name in names}
+    lprior = fit.dataset(["lprior"])["lprior"]
     drawn = xr.Dataset({**columns, "lprior": lprior}).assign_coords(chains)
     return drawn.assign_coords(point=np.arange(drawn.sizes["point"]))
 
 
 def stats_with_solver(
-    fit: cmdstanpy.CmdStanMCMC,
+    fit: Draws,
     checked: xr.Dataset,
     chains: Mapping[str, list[int]],
     *,
@@ -219,7 +213,7 @@ def stats_with_solver(
 
     Parameters
     ----------
-    fit : CmdStanMCMC
+    fit : Draws
         Chains of a program for curves.
     checked : Dataset
         From `reference_solution`.
@@ -294,11 +288,6 @@ def point_groups(at_points: xr.Dataset, experiments: Sequence[Experiment]) -> di
     if GIVEN_OTHERS in at_points:
         groups[CORRELATED] = xr.Dataset({"stress": at_points[GIVEN_OTHERS]})
     return groups
-
-
-def has_correlated_residuals(columns: Sequence[str]) -> bool:
-    """Whether a program's columns hold log densities of points given all others."""
-    return f"{GIVEN_OTHERS}[1]" in columns
 
 
 def pointwise_log_density(posterior: xr.DataTree) -> xr.DataArray:
@@ -381,17 +370,10 @@ def load_posterior(run: RunDirectory) -> xr.DataTree | None:
     return tree
 
 
-def read_chains(files: Sequence[str]) -> cmdstanpy.CmdStanMCMC:
-    """Read the draws of chains from CmdStan's files."""
-    fit = cmdstanpy.from_csv(list(files), method="sample")
-    assert isinstance(fit, cmdstanpy.CmdStanMCMC)  # what from_csv gives for this method
-    return fit
-
-
 def reference_solution(
-    model: cmdstanpy.CmdStanModel,
+    model: Program,
     data: StanData,
-    files: Sequence[str],
+    files: Sequence[Path],
     variables: Sequence[str],
     *,
     seed: int,
@@ -402,11 +384,11 @@ def reference_solution(
 
     Parameters
     ----------
-    model : CmdStanModel
+    model : Program
         The program.
     data : dict
         Its data, with the grid.
-    files : sequence of str
+    files : sequence of Path
         Its chains.
     variables : sequence of str
         Generated quantities on the grid.
@@ -414,31 +396,22 @@ def reference_solution(
         Of replicated data.
     """
     data = {**data, **solver_block(REFERENCE_SOLVER)}
-    with tempfile.TemporaryDirectory() as folder:
-        data_file = Path(folder) / "data.json"
-        data_file.write_text(json.dumps(data), encoding="utf-8")
-        try:
-            quantities = model.generate_quantities(
-                data=str(data_file), previous_fit=list(files), seed=seed, gq_output_dir=folder
-            )
-            solution: xr.Dataset = quantities.draws_xr(["log_lik", *variables]).load()
-        except RuntimeError:
-            # One draw without solution is enough for that, and CmdStan does not say which.
-            logger.info(
-                "Some draws have no solution at the reference tolerance: solving one by one."
-            )
-            return _one_by_one(model, data, read_chains(files), variables)
-    return solution
+    try:
+        return model.generate(data, files, seed=seed).dataset(["log_lik", *variables])
+    except SamplingError:
+        # One draw without solution is enough for that, and CmdStan does not say which.
+        logger.info("Some draws have no solution at the reference tolerance: solving one by one.")
+        return _one_by_one(model, data, read_draws(files), variables)
 
 
 def _one_by_one(
-    model: cmdstanpy.CmdStanModel,
+    model: Program,
     data: StanData,
-    fit: cmdstanpy.CmdStanMCMC,
+    fit: Draws,
     variables: Sequence[str],
 ) -> xr.Dataset:
     """As `generate_quantities`, slower, with NaN where a draw has no solution."""
-    coordinates = fit.draws_xr(["coordinate"])["coordinate"].to_numpy()
+    coordinates = fit["coordinate"]
     shape = coordinates.shape[:2]
     n_grid = data["n_grid"] + sum(data.get("n_further_grid", []))
     n_points = data["n_points"] + sum(data.get("n_further_points", []))
@@ -447,7 +420,7 @@ def _one_by_one(
     for number, index in enumerate(np.ndindex(*shape)):
         position = {"coordinate": coordinates[index].tolist()}
         try:
-            solved = evaluate(model, data, position, seed=number)
+            solved = model.evaluate(data, position, seed=number)
         except SamplingError:
             continue  # stays NaN, which the solver check reports
         for name, array in values.items():
@@ -457,7 +430,7 @@ def _one_by_one(
     )
 
 
-def _sampled_log_likelihood(fit: cmdstanpy.CmdStanMCMC) -> xr.DataArray:
+def _sampled_log_likelihood(fit: Draws) -> xr.DataArray:
     """Log likelihood that the chains have sampled, as their log density holds it.
 
     Not the sum of ``log_lik``: while sampling the solver also keeps its sensitivities to the
@@ -465,19 +438,18 @@ def _sampled_log_likelihood(fit: cmdstanpy.CmdStanMCMC) -> xr.DataArray:
     """
     log_density = sample_stats(fit)["lp"]
     terms = ["lprior", "log_jacobian"]
-    if "log_pooling" in fit.column_names:  # the program for constant rate
+    if "log_pooling" in fit:  # the program for constant rate
         terms.append("log_pooling")
-    other = fit.draws_xr(terms).to_array().sum("variable", skipna=False)
+    other = fit.dataset(terms).to_array().sum("variable", skipna=False)
     # By values: the labels of draws and chains differ between the two.
     return log_density - other.to_numpy()
 
 
-def sample_stats(fit: cmdstanpy.CmdStanMCMC) -> xr.Dataset:
+def sample_stats(fit: Draws) -> xr.Dataset:
     """ArviZ's names for the sampler's columns."""
-    columns: dict[str, Any] = fit.method_variables()
     dataset = xr.Dataset(
-        {name: (("draw", "chain"), columns[key]) for key, name in SAMPLE_STATS.items()}
-    ).transpose("chain", "draw")
+        {name: (("chain", "draw"), fit[key]) for key, name in SAMPLE_STATS.items()}
+    )
     dataset["diverging"] = dataset["diverging"].astype(bool)
     return dataset.assign_coords(draw=np.arange(dataset.sizes["draw"]))
 

@@ -11,12 +11,13 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from pyburgers.common.draws import evenly_spaced
+from pyburgers.drawing.panels import draw_thin_lines
 from pyburgers.drawing.style import (
     BLACK,
     BLUE,
@@ -27,7 +28,6 @@ from pyburgers.drawing.style import (
     VERMILION,
     style,
 )
-from pyburgers.posterior.draws import evenly_spaced
 from pyburgers.predictions.attenuation import flat_draws
 
 FloatArray = npt.NDArray[np.float64]
@@ -104,17 +104,8 @@ def attenuation_draws(spectrum: xr.Dataset, title: str) -> Figure:
             if k >= n_regimes:
                 axes.remove()
                 continue
-            points = np.stack([np.broadcast_to(frequency, shown[:, k].shape), shown[:, k]], axis=-1)
-            # One picture instead of many paths keeps vector files small.
-            axes.add_collection(
-                LineCollection(
-                    list(points),
-                    colors=_COLOURS[k % len(_COLOURS)],
-                    linewidths=0.5,
-                    alpha=0.25,
-                    rasterized=True,
-                )
-            )
+            colour = _COLOURS[k % len(_COLOURS)]
+            draw_thin_lines(axes, frequency, shown[:, k], colour, alpha=0.25)
             if k > 0:
                 axes.loglog(frequency, medians[0], color=BLACK, linestyle="--", linewidth=1.0)
             axes.loglog(frequency, medians[k], color=BLACK, linewidth=1.8)

@@ -10,12 +10,12 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from pyburgers.cmdstan.program import load_model, stan_directory
+from pyburgers.cmdstan.program import load_program, stan_directory
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.model.parameters import KELVIN_REFERENCES, STANDARD_VALUES
 from pyburgers.predictions.attenuation import Regime, checked_frequencies, checked_inputs
 from pyburgers.predictions.phase_lag import PhaseLag, phase_lag
-from pyburgers.protocols.forward import check_kelvin_element, evaluate
+from pyburgers.protocols.forward import check_kelvin_element
 from pyburgers.protocols.stan_data import SolverOptions, solver_block
 
 FloatArray = npt.NDArray[np.float64]
@@ -101,8 +101,7 @@ def simulate_imposed_stress(
         "time": times.tolist(),
         "n_in_hold": int(np.count_nonzero(times <= 0)),
     }
-    model = load_model(stan_directory() / "imposed_stress.stan")
-    solution = evaluate(model, data)
+    solution = load_program(stan_directory() / "imposed_stress.stan").evaluate(data)
     if not np.isfinite(solution["strain"]).all():
         raise SamplingError(
             "The solver found no finite strain at these parameters; check their units (SI) and "

@@ -8,10 +8,9 @@ import numpy.typing as npt
 import pandas as pd
 import xarray as xr
 
-from pyburgers.checks.sampling_checks import BAND
+from pyburgers.common.draws import all_draws, central_band, evenly_spaced
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
-from pyburgers.posterior.draws import all_draws, evenly_spaced
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.protocols.forced_oscillation.harmonics import fit_harmonics
 
@@ -192,12 +191,6 @@ def response_table(fit: Fit) -> pd.DataFrame:
             "inside": low <= value <= high,
         }
     return pd.DataFrame.from_dict(table, orient="index").rename_axis("quantity")
-
-
-def central_band(draws: FloatArray) -> tuple[float, float, float]:
-    """Lower end, median and upper end of the central 90 % of draws, shape (n,)."""
-    low, median, high = np.quantile(draws, [0.5 - 0.5 * BAND, 0.5, 0.5 + 0.5 * BAND])
-    return float(low), float(median), float(high)
 
 
 def _response(

@@ -1,19 +1,15 @@
 """Forward solutions at given parameters, through the Stan program."""
 
 import json
-import logging
-import tempfile
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-import cmdstanpy
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from pyburgers.cmdstan.program import load_model, stan_directory
+from pyburgers.cmdstan.program import load_program, stan_directory
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.model.parameters import (
     KELVIN_REFERENCES,
@@ -50,22 +46,6 @@ def program_for(experiment: Experiment) -> Path:
     if isinstance(experiment, OscillationExperiment):
         return stan_directory() / "forced_oscillation.stan"
     return constant_rate_program()
-
-
-@contextmanager
-def quiet_cmdstanpy() -> Iterator[None]:
-    """Silence cmdstanpy's log; what went wrong is read from the console files instead."""
-    cmdstanpy_logger = logging.getLogger("cmdstanpy")
-
-    # One for each call, so that calls in several threads do not undo each other's.
-    def nothing(_: logging.LogRecord) -> bool:
-        return False
-
-    cmdstanpy_logger.addFilter(nothing)
-    try:
-        yield
-    finally:
-        cmdstanpy_logger.removeFilter(nothing)
 
 
 def load_parameters(path: str | Path) -> dict[str, float]:
@@ -321,7 +301,7 @@ def solve(
     if isinstance(experiment, ConstantRateExperiment):
         experiment = replace(experiment, strain=np.empty(0), stress=np.empty(0))
     data = program_data(experiment, priors, solver=solver, grid=at)
-    draw = evaluate(load_model(program_for(experiment)), data)
+    draw = load_program(program_for(experiment)).evaluate(data)
     if not np.isfinite(draw["grid_stress"]).all():
         raise SamplingError(
             f"{experiment.id}: the solver found no finite stress at these parameters; check their "
@@ -330,66 +310,3 @@ def solve(
     if isinstance(experiment, OscillationExperiment):
         return {**draw, "grid_time": np.asarray(at)}
     return {**draw, "grid_strain": np.array(data["grid_strain"])}
-
-
-def evaluate(
-    model: cmdstanpy.CmdStanModel,
-    data: Mapping[str, object],
-    position: Mapping[str, object] | None = None,
-    *,
-    seed: int = 1,
-) -> dict[str, FloatArray]:
-    """Run a program once, without sampling.
-
-    Parameters
-    ----------
-    model : CmdStanModel
-        The program.
-    data : mapping
-        Its data.
-    position : mapping, optional
-        Its parameters; not needed where every parameter is fixed.
-    seed : int
-        Of replicated data.
-
-    Returns
-    -------
-    dict
-        Every variable of the program.
-
-    Raises
-    ------
-    SamplingError
-        If the program stops with an error.
-    """
-    with tempfile.TemporaryDirectory() as name, quiet_cmdstanpy():
-        folder = Path(name)
-        data_file, position_file = folder / "data.json", folder / "position.json"
-        data_file.write_text(json.dumps(data), encoding="utf-8")
-        position_file.write_text(json.dumps(position or {}), encoding="utf-8")
-        try:
-            run = model.sample(
-                data=str(data_file),
-                inits=str(position_file),
-                fixed_param=True,
-                chains=1,
-                iter_sampling=1,
-                seed=seed,
-                sig_figs=17,
-                output_dir=str(folder),
-                show_progress=False,
-            )
-            return {name: value[0] for name, value in run.stan_variables().items()}
-        except RuntimeError as error:
-            raise SamplingError(
-                f"The forward solution failed at these parameters: {console_tail(folder)}"
-            ) from error
-
-
-def console_tail(folder: Path, lines: int = 6) -> str:
-    """Last lines of the console file that a CmdStan process left in `folder`."""
-    consoles = sorted(folder.glob("*stdout.txt"))
-    if not consoles:
-        return "it left no console output."
-    text = consoles[-1].read_text(encoding="utf-8", errors="replace").strip().splitlines()
-    return " | ".join(line.strip() for line in text[-lines:] if line.strip())

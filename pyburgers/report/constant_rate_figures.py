@@ -3,15 +3,22 @@
 Every function takes a fit and returns a figure of its own.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
-import xarray as xr
+import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy import stats
 
-from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.common.draws import TAIL, all_draws
+from pyburgers.common.errors import InputError
+from pyburgers.drawing.panels import (
+    LINES_AND_AREAS,
+    FittedCurve,
+    curve_with_residuals,
+    draw_band_panel,
+)
+from pyburgers.drawing.style import BLACK, BLUE, GREEN, SKY_BLUE, VERMILION, FigureRecipe, style
+from pyburgers.fitting.fit import Fit
 from pyburgers.model.display import (
     LENGTH_FACTOR,
     LENGTH_UNIT,
@@ -20,26 +27,12 @@ from pyburgers.model.display import (
     STRESS_FACTOR,
     STRESS_UNIT,
 )
-from pyburgers.posterior.draws import all_draws
-from pyburgers.common.errors import InputError
-from pyburgers.drawing.style import (
-    BLACK,
-    BLUE,
-    GREEN,
-    SKY_BLUE,
-    TAIL,
-    VERMILION,
-    FigureRecipe,
-    draw_band,
-    draw_predictive_band,
-    draw_residuals,
-    draw_retrodictions,
-    legend_of_panels,
-    rate_text,
-    style,
-    title,
-)
-from pyburgers.fitting.fit import Fit
+from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.protocols.headings import rate_text, title
+
+FloatArray = npt.NDArray[np.float64]
+
+STRAIN_LABEL = f"axial strain ({STRAIN_UNIT})"
 
 STRESS_STRAIN_CAPTION = (
     "Top: the stress-strain curve (circles) with the solution at the posterior mean of the "
@@ -62,79 +55,46 @@ def stress_strain(fit: Fit) -> Figure:
     InputError
         If the fit is of another kind of test.
     """
+    return curve_with_residuals(fitted_curve(fit))
+
+
+def fitted_curve(fit: Fit) -> FittedCurve:
+    """Gather the stress-strain curve as measured and as a fit has it.
+
+    Raises
+    ------
+    InputError
+        If the fit is of another kind of test.
+    """
     experiment = _experiment(fit)
-    with style():
-        figure = Figure(figsize=(8.0, 6.4), layout="constrained")
-        upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1])
-        draw_curve(upper, fit, experiment)
-        _draw_residuals(lower, fit, experiment)
-        mark_rate_steps((upper, lower), experiment)
-        upper.set_xlim(0.0, 1.02 * experiment.final_strain * STRAIN_FACTOR)
-        upper.set_title(title(experiment), loc="left")
-        upper.set_ylabel(f"differential stress ({STRESS_UNIT})")
-        lower.set_ylabel(f"residual ({STRESS_UNIT})")
-        lower.set_xlabel(f"axial strain ({STRAIN_UNIT})")
-        legend_of_panels(figure, (upper, lower))
-    return figure
-
-
-def draw_curve(axes: Axes, fit: Fit, experiment: ConstantRateExperiment) -> None:
-    """Draw data, mean solution, retrodictions and predictive band."""
     predictions = fit.posterior["predictions"].to_dataset()
-    strain = predictions["strain"].to_numpy() * STRAIN_FACTOR
-    draw_predictive_band(axes, strain, predictions["stress_replicated"])
-    draw_retrodictions(axes, strain, predictions["stress"], STRESS_FACTOR)
     mean = fit.posterior["posterior_mean_solution"].to_dataset()
-    axes.plot(
-        mean["strain"].to_numpy() * STRAIN_FACTOR,
-        mean["stress"].to_numpy() * STRESS_FACTOR,
-        color=VERMILION,
-        linewidth=1.6,
-        label="solution at the posterior mean",
-    )
-    axes.plot(
-        experiment.strain * STRAIN_FACTOR,
-        experiment.stress * STRESS_FACTOR,
-        linestyle="none",
-        marker="o",
-        markersize=4,
-        markerfacecolor="white",
-        markeredgecolor=BLACK,
-        markeredgewidth=0.8,
-        label=f"{experiment.provenance.kind} data",
-    )
-
-
-def _draw_residuals(axes: Axes, fit: Fit, experiment: ConstantRateExperiment) -> None:
-    """Draw data minus mean prediction, and the band of the noise."""
     predicted = fit.posterior["posterior_predictive"]["stress"].mean(("chain", "draw")).to_numpy()
     noise = float(fit.posterior["posterior"]["stress_noise"].mean()) * STRESS_FACTOR
-    half_width = float(stats.norm.ppf(1.0 - TAIL)) * noise
-    residuals = (experiment.stress - predicted) * STRESS_FACTOR
-    draw_residuals(axes, experiment.strain * STRAIN_FACTOR, residuals, half_width)
-
-
-def mark_rate_steps(panels: Sequence[Axes], experiment: ConstantRateExperiment) -> None:
-    """Mark where the imposed rate changes, and to what; the first rate is in the title.
-
-    Rates stand before their step, where the stress is high: behind it may be low readings.
-    """
-    for segment in experiment.segments[1:]:
-        position = segment.start_strain * STRAIN_FACTOR
-        for axes in panels:
-            axes.axvline(position, color=BLACK, linestyle=":", linewidth=0.9)
-        panels[0].annotate(
-            f"then {rate_text(segment.strain_rate)}",
-            (position, 0.02),
-            xycoords=("data", "axes fraction"),
-            xytext=(-3, 0),
-            textcoords="offset points",
-            rotation=90,
-            ha="right",
-            va="bottom",
-            fontsize=9,
-            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.5},
-        )
+    return FittedCurve(
+        grid=predictions["strain"].to_numpy() * STRAIN_FACTOR,
+        solutions=all_draws(predictions["stress"]) * STRESS_FACTOR,
+        replicated=all_draws(predictions["stress_replicated"]) * STRESS_FACTOR,
+        line_position=mean["strain"].to_numpy() * STRAIN_FACTOR,
+        line=mean["stress"].to_numpy() * STRESS_FACTOR,
+        line_label="solution at the posterior mean",
+        position=experiment.strain * STRAIN_FACTOR,
+        data=experiment.stress * STRESS_FACTOR,
+        residuals=(experiment.stress - predicted) * STRESS_FACTOR,
+        error=None,
+        data_label=f"{experiment.provenance.kind} data",
+        noise_band=float(stats.norm.ppf(1.0 - TAIL)) * noise,
+        position_label=STRAIN_LABEL,
+        label=f"differential stress ({STRESS_UNIT})",
+        residual_label=f"residual ({STRESS_UNIT})",
+        heading=title(experiment),
+        # The first rate is in the title.
+        marks=[
+            (segment.start_strain * STRAIN_FACTOR, f"then {rate_text(segment.strain_rate)}")
+            for segment in experiment.segments[1:]
+        ],
+        limits=(0.0, 1.02 * experiment.final_strain * STRAIN_FACTOR),
+    )
 
 
 SOFTENING_CAPTION = (
@@ -159,51 +119,54 @@ def softening(fit: Fit) -> Figure:
     experiment = _experiment(fit)
     predictions = fit.posterior["predictions"].to_dataset()
     strain = predictions["strain"].to_numpy() * STRAIN_FACTOR
-    by_grains, by_fabric = predictions["grain_size_softening"], predictions["fabric_softening"]
+    by_grains, by_fabric = (
+        all_draws(predictions[name]) for name in ("grain_size_softening", "fabric_softening")
+    )
     with style():
         figure = Figure(figsize=(8.6, 6.8), layout="constrained")
-        panels = figure.subplots(2, 2)
-        of_grains, of_fabric, of_strength, of_share = panels.flat
-        grain_size = predictions["grain_size"] * LENGTH_FACTOR
-        draw_band(of_grains, strain, grain_size, BLUE, "mean grain size")
-        of_grains.axhline(
-            experiment.initial_grain_size * LENGTH_FACTOR,
-            color=BLACK,
-            linestyle=":",
-            linewidth=1.0,
-            label="initial grain size",
+        grains, fabric, strength, share = figure.subplots(2, 2).flat
+        draw_band_panel(
+            grains,
+            strain,
+            [(all_draws(predictions["grain_size"]) * LENGTH_FACTOR, BLUE, "mean grain size")],
+            heading="(a) grain size",
+            label=f"grain size ({LENGTH_UNIT})",
+            level=(experiment.initial_grain_size * LENGTH_FACTOR, "initial grain size"),
         )
-        of_grains.set_title("(a) grain size", loc="left")
-        of_grains.set_ylabel(f"grain size ({LENGTH_UNIT})")
-        of_grains.set_ylim(bottom=0.0)
-        draw_band(of_fabric, strain, predictions["fabric_factor"], GREEN, "fabric factor")
-        of_fabric.set_title("(b) fabric", loc="left")
-        of_fabric.set_ylabel("fabric factor $F$ (–)")
-        of_fabric.set_ylim(0.0, 1.05)
-        draw_band(of_strength, strain, by_grains, BLUE, "grain size alone")
-        draw_band(of_strength, strain, by_fabric, GREEN, "fabric alone")
-        draw_band(of_strength, strain, by_grains * by_fabric, VERMILION, "both together")
-        of_strength.set_title("(c) strength factors", loc="left")
-        of_strength.set_ylabel("flow stress / undeformed (–)")
-        of_strength.set_ylim(bottom=0.0)
-        for axes in (of_grains, of_fabric, of_strength):
-            axes.set_xlabel(f"axial strain ({STRAIN_UNIT})")
+        draw_band_panel(
+            fabric,
+            strain,
+            [(all_draws(predictions["fabric_factor"]), GREEN, "fabric factor")],
+            heading="(b) fabric",
+            label="fabric factor $F$ (–)",
+        )
+        draw_band_panel(
+            strength,
+            strain,
+            [
+                (by_grains, BLUE, "grain size alone"),
+                (by_fabric, GREEN, "fabric alone"),
+                (by_grains * by_fabric, VERMILION, "both together"),
+            ],
+            heading="(c) strength factors",
+            label="flow stress / undeformed (–)",
+        )
+        for axes, top in ((grains, None), (fabric, 1.05), (strength, None)):
+            axes.set_ylim(0.0, top)
+            axes.set_xlabel(STRAIN_LABEL)
             axes.set_xlim(0.0, experiment.final_strain * STRAIN_FACTOR)
-            axes.legend(loc="best")
-        _draw_share(of_share, by_grains, by_fabric)
-        lines_and_areas = "lines: posterior median, areas: 90 % of draws"
-        figure.suptitle(f"{title(experiment)}\n{lines_and_areas}", fontsize=10)
+        _draw_share(share, by_grains[:, -1], by_fabric[:, -1])
+        figure.suptitle(f"{title(experiment)}\n{LINES_AND_AREAS}", fontsize=10)
     return figure
 
 
-def _draw_share(axes: Axes, by_grains: xr.DataArray, by_fabric: xr.DataArray) -> None:
-    """Draw the share of the logarithmic softening at the final strain that grain size has."""
-    of_grains, of_fabric = (
-        np.log(all_draws(factor.isel(strain=-1)).astype(np.float64))
-        for factor in (by_grains, by_fabric)
+def _draw_share(axes: Axes, by_grains: FloatArray, by_fabric: FloatArray) -> None:
+    """Draw the share that grain size has in the softening (its logarithm), of factors by draw."""
+    log_grains, log_fabric = (
+        np.log(factor.astype(np.float64)) for factor in (by_grains, by_fabric)
     )
-    total = of_grains + of_fabric
-    share = of_grains[total != 0] / total[total != 0]
+    total = log_grains + log_fabric
+    share = log_grains[total != 0] / total[total != 0]
     low, high = np.quantile(share, [0.005, 0.995]) if share.size else (0.0, 1.0)
     ends = (min(0.0, float(low)), max(1.0, float(high)))
     weights = np.full(share.size, 100.0 / max(share.size, 1))

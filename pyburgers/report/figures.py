@@ -1,14 +1,15 @@
 """Which figures the report of a fit holds."""
 
-from pyburgers.report.constant_rate_figures import CONSTANT_RATE_FIGURES
-from pyburgers.protocols.experiment import Experiment
 from pyburgers.drawing.style import FigureRecipe
+from pyburgers.fitting.fit import Fit
+from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
+from pyburgers.report.constant_rate_figures import CONSTANT_RATE_FIGURES
 from pyburgers.report.oscillation_figures import OSCILLATION_FIGURES
 from pyburgers.report.posterior_figures import PAIRS, PRIOR_POSTERIOR, RANK
 
 
-def figures_for(experiment: Experiment) -> tuple[FigureRecipe, ...]:
+def figures_for(experiment: Experiment) -> tuple[FigureRecipe[Fit], ...]:
     """Return the figures of a fit, in their order on the page.
 
     Parameters

@@ -3,8 +3,6 @@
 Beside each figure stands how to read it.
 """
 
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
@@ -12,6 +10,27 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from scipy import stats
 
+from pyburgers.common.draws import TAIL, all_draws, central_band
+from pyburgers.drawing.panels import (
+    LINES_AND_AREAS,
+    FittedCurve,
+    curve_with_residuals,
+    draw_band_panel,
+    draw_data,
+    draw_retrodictions,
+)
+from pyburgers.drawing.style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    SKY_BLUE,
+    VERMILION,
+    FigureRecipe,
+    style,
+)
+from pyburgers.fitting.fit import Fit
 from pyburgers.model.display import (
     LENGTH_FACTOR,
     LENGTH_UNIT,
@@ -22,52 +41,24 @@ from pyburgers.model.display import (
     shown_quantity,
     unit_text,
 )
-from pyburgers.drawing.style import (
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    SKY_BLUE,
-    TAIL,
-    VERMILION,
-    FigureRecipe,
-    band,
-    draw_band,
-    draw_predictive_band,
-    draw_residuals,
-    draw_retrodictions,
-    legend_of_panels,
-    style,
-    title,
-)
-from pyburgers.fitting.fit import Fit
-from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
-from pyburgers.protocols.forced_oscillation.harmonics import HarmonicFit
-from pyburgers.protocols.forced_oscillation.preparation import OscillationRecord, PreparedOscillation
 from pyburgers.predictions.oscillation_response import (
-    central_band,
     observed_response,
     oscillation_of,
     predicted_response,
     replicated_response,
 )
+from pyburgers.protocols.forced_oscillation.harmonics import HarmonicFit
+from pyburgers.protocols.forced_oscillation.preparation import (
+    OscillationRecord,
+    PreparedOscillation,
+)
+from pyburgers.protocols.headings import title
 from pyburgers.protocols.stan_data import REFERENCE_FLOW_RATE
 
 FloatArray = npt.NDArray[np.float64]
 
 STRESS_LABEL = f"differential stress ({STRESS_UNIT})"
 TIME_LABEL = "time on the record's clock (s)"
-DATA_STYLE: dict[str, Any] = {
-    "linestyle": "none",
-    "marker": "o",
-    "markersize": 4,
-    "markerfacecolor": "white",
-    "markeredgecolor": BLACK,
-    "markeredgewidth": 0.8,
-    "ecolor": "#777777",
-    "elinewidth": 0.8,
-}
 
 CURVE_POINTS_PER_CYCLE = 100
 RATE_FACTOR = 1e5
@@ -270,46 +261,42 @@ def stress_time(fit: Fit) -> Figure:
     InputError
         If the fit is of another kind of test.
     """
+    return curve_with_residuals(fitted_curve(fit))
+
+
+def fitted_curve(fit: Fit) -> FittedCurve:
+    """Gather the stress along time as measured and as a fit has it.
+
+    Raises
+    ------
+    InputError
+        If the fit is of another kind of test.
+    """
     experiment = oscillation_of(fit)
-    with style():
-        figure = Figure(figsize=(8.0, 6.4), layout="constrained")
-        upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1])
-        _draw_stress(upper, fit, experiment)
-        _draw_residuals(lower, fit, experiment)
-        upper.margins(x=0.01)
-        upper.set_title(title(experiment), loc="left")
-        upper.set_ylabel(STRESS_LABEL)
-        lower.set_ylabel("residual / noise (–)")
-        lower.set_xlabel(TIME_LABEL)
-        legend_of_panels(figure, (upper, lower))
-    return figure
-
-
-def _draw_stress(axes: Axes, fit: Fit, experiment: OscillationExperiment) -> None:
-    """Draw data, median solution, retrodictions and predictive band."""
+    prepared = experiment.prepared
     predictions = fit.posterior["predictions"].to_dataset()
     time = predictions["time"].to_numpy()
-    draw_predictive_band(axes, time, predictions["stress_replicated"])
-    draw_retrodictions(axes, time, predictions["stress"], STRESS_FACTOR)
-    _, median, _ = band(predictions["stress"]) * STRESS_FACTOR
-    axes.plot(time, median, color=VERMILION, linewidth=1.6, label="median solution")
-    prepared = experiment.prepared
-    axes.errorbar(
-        prepared.time,
-        prepared.stress * STRESS_FACTOR,
-        yerr=prepared.uncertainty * STRESS_FACTOR,
-        **DATA_STYLE,
-        label=f"{experiment.provenance.kind} data",
-    )
-
-
-def _draw_residuals(axes: Axes, fit: Fit, experiment: OscillationExperiment) -> None:
-    """Draw data minus mean prediction in units of the noise, and the band of the noise."""
+    solutions = all_draws(predictions["stress"]) * STRESS_FACTOR
     predicted = fit.posterior["posterior_predictive"]["stress"].mean(("chain", "draw")).to_numpy()
-    prepared = experiment.prepared
     noise = float(fit.posterior["posterior"]["stress_noise"].mean())
-    residuals = (prepared.stress - predicted) / (noise * prepared.relative_uncertainty)
-    draw_residuals(axes, prepared.time, residuals, float(stats.norm.ppf(1.0 - TAIL)))
+    return FittedCurve(
+        grid=time,
+        solutions=solutions,
+        replicated=all_draws(predictions["stress_replicated"]) * STRESS_FACTOR,
+        line_position=time,
+        line=central_band(solutions)[1],
+        line_label="median solution",
+        position=prepared.time,
+        data=prepared.stress * STRESS_FACTOR,
+        residuals=(prepared.stress - predicted) / (noise * prepared.relative_uncertainty),
+        error=prepared.uncertainty * STRESS_FACTOR,
+        data_label=f"{experiment.provenance.kind} data",
+        noise_band=float(stats.norm.ppf(1.0 - TAIL)),
+        position_label=TIME_LABEL,
+        label=STRESS_LABEL,
+        residual_label="residual / noise (–)",
+        heading=title(experiment),
+    )
 
 
 STRESS_LOOP_CAPTION = (
@@ -330,28 +317,20 @@ def stress_loop(fit: Fit) -> Figure:
     InputError
         If the fit is of another kind of test.
     """
-    experiment = oscillation_of(fit)
-    prepared = experiment.prepared
-    stress = fit.posterior["predictions"].to_dataset()["stress"]
-    strain = prepared.strain(stress["time"].to_numpy()) * STRAIN_FACTOR
-    _, median, _ = band(stress) * STRESS_FACTOR
+    curve, prepared = fitted_curve(fit), oscillation_of(fit).prepared
+    strain, at_data = (
+        prepared.strain(time) * STRAIN_FACTOR for time in (curve.grid, curve.position)
+    )
     with style():
         figure = Figure(figsize=(8.2, 5.6), layout="constrained")
         axes = figure.subplots()
-        draw_retrodictions(axes, strain, stress, STRESS_FACTOR)
-        axes.plot(strain, median, color=VERMILION, linewidth=1.2, label="median solution")
-        at_data = prepared.strain(prepared.time) * STRAIN_FACTOR
-        axes.errorbar(
-            at_data,
-            prepared.stress * STRESS_FACTOR,
-            yerr=prepared.uncertainty * STRESS_FACTOR,
-            **DATA_STYLE,
-            label=f"{experiment.provenance.kind} data",
-        )
+        draw_retrodictions(axes, strain, curve.solutions)
+        axes.plot(strain, curve.line, color=VERMILION, linewidth=1.2, label=curve.line_label)
+        draw_data(axes, at_data, curve.data, curve.error, curve.data_label)
         coloured = axes.scatter(
             at_data,
-            prepared.stress * STRESS_FACTOR,
-            c=prepared.time,
+            curve.data,
+            c=curve.position,
             cmap="cividis",
             s=26.0,
             edgecolors=BLACK,
@@ -361,7 +340,7 @@ def stress_loop(fit: Fit) -> Figure:
         figure.colorbar(coloured, ax=axes, label=TIME_LABEL)
         axes.set_xlabel(f"driving strain ({STRAIN_UNIT})")
         axes.set_ylabel(STRESS_LABEL)
-        figure.legend(loc="outside upper center", ncols=3, title=title(experiment))
+        figure.legend(loc="outside upper center", ncols=3, title=curve.heading)
     return figure
 
 
@@ -453,30 +432,27 @@ def microstructure(fit: Fit) -> Figure:
     rate = shown_quantity(REFERENCE_FLOW_RATE)
     with style():
         figure = Figure(figsize=(8.0, 5.6), layout="constrained")
-        of_grains, of_dashpot = figure.subplots(2, 1, sharex=True)
-        draw_band(of_grains, time, predictions["grain_size"] * LENGTH_FACTOR, BLUE, "median")
-        of_grains.axhline(
-            experiment.initial_grain_size * LENGTH_FACTOR,
-            color=BLACK,
-            linestyle=":",
-            linewidth=1.0,
-            label="at the start of the record",
+        grains, dashpot = figure.subplots(2, 1, sharex=True)
+        draw_band_panel(
+            grains,
+            time,
+            [(all_draws(predictions["grain_size"]) * LENGTH_FACTOR, BLUE, "median")],
+            heading="(a) mean grain size",
+            label=f"grain size ({LENGTH_UNIT})",
+            level=(experiment.initial_grain_size * LENGTH_FACTOR, "at the start of the record"),
         )
-        of_grains.set_title("(a) mean grain size", loc="left")
-        of_grains.set_ylabel(f"grain size ({LENGTH_UNIT})")
-        of_grains.legend(loc="best")
-        draw_band(
-            of_dashpot, time, predictions["dashpot_rate"] * rate.display_factor, GREEN, "median"
+        draw_band_panel(
+            dashpot,
+            time,
+            [(all_draws(predictions["dashpot_rate"]) * rate.display_factor, GREEN, "median")],
+            heading="(b) dashpot",
+            label=f"strain rate ({unit_text(rate)})",
         )
-        of_dashpot.axhline(0.0, color=GREY, linewidth=0.8, zorder=0)
-        of_dashpot.set_title("(b) dashpot", loc="left")
-        of_dashpot.set_ylabel(f"strain rate ({unit_text(rate)})")
-        of_dashpot.legend(loc="best")
-        of_dashpot.set_xlabel(TIME_LABEL)
-        of_dashpot.margins(x=0.01)
+        dashpot.axhline(0.0, color=GREY, linewidth=0.8, zorder=0)
+        dashpot.set_xlabel(TIME_LABEL)
+        dashpot.margins(x=0.01)
         figure.align_ylabels()
-        lines_and_areas = "lines: posterior median, areas: 90 % of draws"
-        figure.suptitle(f"{title(experiment)}\n{lines_and_areas}", fontsize=10)
+        figure.suptitle(f"{title(experiment)}\n{LINES_AND_AREAS}", fontsize=10)
     return figure
 
 

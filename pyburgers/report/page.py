@@ -16,23 +16,23 @@ import jinja2
 import pandas as pd
 from matplotlib.figure import Figure
 
-from pyburgers.report import tables
-from pyburgers.checks.sampling_checks import CheckResult, coverage
-from pyburgers.common.errors import InputError
-from pyburgers.protocols.experiment import Experiment
-from pyburgers.drawing.style import FigureText, write_images
-from pyburgers.report.figures import figures_for
-from pyburgers.fitting.fit import Fit, is_joint
-from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
-from pyburgers.predictions.oscillation_response import response_table
 from pyburgers.checks.prior_influence import (
     THRESHOLDS_TEXT,
     influence_numbers,
     influence_table,
     prior_influence,
 )
-from pyburgers.common.processes import completed, number_of_processes
+from pyburgers.checks.sampling_checks import CheckResult, coverage
 from pyburgers.common.atomic_files import sha256_of_file, write_json, write_text
+from pyburgers.common.errors import InputError
+from pyburgers.common.processes import completed, number_of_processes
+from pyburgers.drawing.style import FigureText, write_images
+from pyburgers.fitting.fit import Fit, is_joint
+from pyburgers.predictions.oscillation_response import response_table
+from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
+from pyburgers.report import tables
+from pyburgers.report.figures import figures_for
 
 logger = logging.getLogger(__name__)
 

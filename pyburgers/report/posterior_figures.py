@@ -16,9 +16,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from scipy import ndimage, stats
 
-from pyburgers.model.display import axis_label, number, shown_quantity, unit_text
-from pyburgers.posterior.draws import all_draws, evenly_spaced
-from pyburgers.protocols.experiment import Experiment
+from pyburgers.common.draws import all_draws, evenly_spaced
 from pyburgers.drawing.style import (
     BLACK,
     BLUE,
@@ -31,12 +29,14 @@ from pyburgers.drawing.style import (
     FigureRecipe,
     few_ticks,
     style,
-    title,
 )
 from pyburgers.fitting.fit import Fit
+from pyburgers.model.display import axis_label, number, shown_quantity, unit_text
 from pyburgers.model.parameters import Parameter
-from pyburgers.posterior.labelled_draws import free_parameters
 from pyburgers.model.priors import Prior
+from pyburgers.posterior.labelled_draws import free_parameters
+from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.headings import title
 from pyburgers.protocols.stan_data import REFERENCE_FLOW_RATE, REFERENCE_STRESS
 
 FloatArray = npt.NDArray[np.float64]

@@ -12,6 +12,7 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.checks.sampling_checks import CheckResult
+from pyburgers.fitting.fit import Fit, is_joint
 from pyburgers.model.display import (
     STRESS_FACTOR,
     STRESS_UNIT,
@@ -23,7 +24,6 @@ from pyburgers.model.display import (
     unit_text,
     with_error,
 )
-from pyburgers.fitting.fit import Fit, is_joint
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.priors import PriorSet
 
@@ -175,7 +175,7 @@ def shown_truth_table(truth: pd.DataFrame) -> pd.DataFrame:
 
 
 def shown_response_table(response: pd.DataFrame) -> pd.DataFrame:
-    """Return a `pyburgers.predictions.oscillation_response.response_table` as text in display units."""
+    """Return a table of observed and replicated response as text in display units."""
     shown = {
         "amplitude": ("amplitude of the stress", STRESS_UNIT, STRESS_FACTOR),
         "lag": ("phase lag of the strain", "degrees", float(np.degrees(1.0))),
@@ -259,7 +259,7 @@ def overview_row(
     checks : sequence of CheckResult
         Its checks.
     share_inside : float
-        Share of the data inside the 90 % predictive band (`pyburgers.checks.sampling_checks.coverage`).
+        Share of the data inside the 90 % predictive band.
     """
     seconds = _wall_seconds(fit).values()
     failed = sum(not check.passed for check in checks)

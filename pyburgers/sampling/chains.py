@@ -1,29 +1,19 @@
 """Chains as processes: side by side, stopped together, each kept when it is complete."""
 
-import os
 import shutil
 import signal
-import subprocess
-import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import closing
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
-import cmdstanpy
-import psutil
-
+from pyburgers.cmdstan.draws import read_draws
+from pyburgers.cmdstan.program import Program
 from pyburgers.common.atomic_files import write_json, write_text
-from pyburgers.common.errors import SamplingError
-from pyburgers.common.processes import cores
-from pyburgers.protocols.forward import console_tail
+from pyburgers.common.processes import Running, cores, side_by_side
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.progress import ConsoleFile, shown_progress
 from pyburgers.sampling.run_directory import RunDirectory
-
-POLL_SECONDS = 0.1
-"""Time between two looks at the chains."""
 
 STEP_SIZE_SHARE = 0.2
 """Share of the warm-up, at its end, in which the step size alone adapts.
@@ -89,7 +79,7 @@ def missing_chains(
 
 
 def run_side_by_side(
-    model: cmdstanpy.CmdStanModel,
+    model: Program,
     run: RunDirectory,
     chains: Sequence[int],
     options: SamplerOptions,
@@ -98,7 +88,7 @@ def run_side_by_side(
 
     Parameters
     ----------
-    model : CmdStanModel
+    model : Program
         The program.
     run : RunDirectory
         Claimed, with Stan data and initial values.
@@ -117,169 +107,94 @@ def run_side_by_side(
     SamplingError
         If the system starts no process.
     """
-    executable = Path(str(model.exe_file))
-    waiting = list(chains)
-    running: list[_Chain] = []
+    active: dict[Running, _Chain] = {}
+
+    def starting() -> Iterator[Running]:
+        for chain in chains:
+            one = _start_chain(model, run, chain, options)
+            active[one.running] = one
+            yield one.running
+
     failures: list[ChainFailure | None] = []
-    at_once = options.parallel_chains or cores()
-    with shown_progress(chains, options.warmup_iterations + options.draws) as advance:
-        try:
-            while waiting or running:
-                while waiting and len(running) < at_once:
-                    running.append(_start_chain(executable, run, waiting.pop(0), options))
-                time.sleep(POLL_SECONDS)
-                ended = [one for one in running if one.has_ended(options.chain_timeout)]
-                for one in running:
+    at_once, limit = options.parallel_chains or cores(), options.chain_timeout
+    try:
+        with (
+            shown_progress(chains, options.warmup_iterations + options.draws) as advance,
+            closing(side_by_side(starting(), at_once=at_once, limit=limit)) as looks,
+        ):
+            for running, ended in looks:
+                for one in (active[process] for process in running):
                     for iteration, phase in one.console.new_iterations():
                         advance(one.identifier, iteration, phase)
-                running = [one for one in running if one not in ended]
-                failures += [_keep_chain(run, one) for one in ended]
-        except BaseException:
-            for one in running:
-                one.stop()
-            run.update_manifest({"status": "interrupted"})
-            raise
+                failures += [_keep_chain(run, active[process], options.draws) for process in ended]
+    except BaseException:
+        run.update_manifest({"status": "interrupted"})
+        raise
     found = (failure for failure in failures if failure is not None)
     return tuple(sorted(found, key=lambda failure: failure.chain))
 
 
-@contextmanager
-def no_process_left(model: cmdstanpy.CmdStanModel) -> Iterator[None]:
-    """Kill what runs of the program when an interrupt ends the block.
-
-    At other exceptions nothing of this fit runs any more, but another thread's may.
-    """
-    try:
-        yield
-    except BaseException as error:
-        if not isinstance(error, Exception):
-            _kill_chains(model)
-        raise
-
-
-def _kill_chains(model: cmdstanpy.CmdStanModel) -> None:
-    """Kill the processes of the program that this process started."""
-    executable = os.path.realpath(str(model.exe_file))
-    for child in psutil.Process().children(recursive=True):
-        try:
-            if child.exe() == executable:
-                child.kill()
-        except psutil.NoSuchProcess:
-            continue  # it ended by itself in the meantime
-
-
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class _Chain:
-    """A CmdStan process.
+    """A chain that runs or has run: its identifier, its process, and what that prints.
 
-    Attributes
-    ----------
-    identifier : int
-        Of the chain.
-    process : Popen
-        What samples it.
-    scratch : Path
-        Folder of its files.
-    console : ConsoleFile
-        What it prints.
-    started : float
-        When (s).
-    seconds : float
-        How long it took, once it has ended.
-    out_of_time : bool
-        Whether it was stopped at its time limit.
+    The folder of the console is a scratch folder for all files of the chain.
     """
 
     identifier: int
-    process: subprocess.Popen[bytes]
-    scratch: Path
+    running: Running
     console: ConsoleFile
-    started: float
-    seconds: float = 0.0
-    out_of_time: bool = False
-
-    def has_ended(self, limit: float | None) -> bool:
-        """Tell whether the process has ended, which it does at a time limit (s)."""
-        running = self.process.poll() is None
-        self.seconds = time.monotonic() - self.started
-        if running and limit is not None and self.seconds >= limit:
-            self.out_of_time = True
-            self.stop()
-        return self.process.returncode is not None
-
-    def stop(self) -> None:
-        """End the process, if it has not ended."""
-        self.process.kill()
-        self.process.wait()
 
 
 def _start_chain(
-    executable: Path, run: RunDirectory, chain: int, options: SamplerOptions
+    program: Program, run: RunDirectory, chain: int, options: SamplerOptions
 ) -> _Chain:
-    """Start a chain in a scratch folder.
-
-    The process is started here and not by cmdstanpy, which keeps what a chain prints to itself
-    until the end, or prints it to the standard output of this process.
-    """
-    scratch = run.new_scratch()
-    console = scratch / "stdout.txt"
-    started = time.monotonic()
-    with console.open("wb") as file:
-        try:
-            process = subprocess.Popen(
-                _command(executable, run, chain, options, scratch),
-                stdin=subprocess.DEVNULL,
-                stdout=file,
-                stderr=subprocess.STDOUT,
-            )
-        except OSError as error:
-            raise SamplingError(
-                f"{executable}: could not be started ({error.strerror}); free memory or end other "
-                "programs, then run the same command again: it runs only the missing chains."
-            ) from error
-    return _Chain(chain, process, scratch, ConsoleFile(console), started)
-
-
-def _command(
-    executable: Path, run: RunDirectory, chain: int, options: SamplerOptions, scratch: Path
-) -> list[str]:
-    """Return CmdStan's command line; what it does not name is CmdStan's default."""
+    """Start a chain in a scratch folder."""
     total = options.warmup_iterations + options.draws
     first_metric = (
         [f"stepsize={FIRST_STEP}", "metric=dense_e", f"metric_file={run.metric_file}"]
         if run.metric_file.is_file()
         else ["metric=dense_e"]
     )
-    return [
-        *(str(executable), f"id={chain}", "random", f"seed={options.seed}"),
-        *("data", f"file={run.stan_data_file}", f"init={run.initial_values_file(chain)}"),
-        *("output", f"file={scratch / 'draws.csv'}"),
-        *(f"refresh={max(1, total // 100)}", "sig_figs=12"),
-        "method=sample",
-        *(f"num_samples={options.draws}", f"num_warmup={options.warmup_iterations}"),
-        *("algorithm=hmc", "engine=nuts", f"max_depth={options.max_treedepth}", *first_metric),
-        *("adapt", "engaged=1", f"delta={options.adapt_delta}"),
-        *(f"{name}={n}" for name, n in _warmup_phases(run, options.warmup_iterations).items()),
-    ]
+    running = program.start(
+        [
+            "method=sample",
+            *(f"num_samples={options.draws}", f"num_warmup={options.warmup_iterations}"),
+            *("algorithm=hmc", "engine=nuts", f"max_depth={options.max_treedepth}", *first_metric),
+            *("adapt", "engaged=1", f"delta={options.adapt_delta}"),
+            *(f"{name}={n}" for name, n in _warmup_phases(run, options.warmup_iterations).items()),
+        ],
+        data=run.stan_data_file,
+        init=run.initial_values_file(chain),
+        output=run.new_scratch() / "draws.csv",
+        seed=options.seed,
+        chain=chain,
+        digits=12,
+        output_options=[f"refresh={max(1, total // 100)}"],
+    )
+    return _Chain(chain, running, ConsoleFile(running.console))
 
 
-def _keep_chain(run: RunDirectory, one: _Chain) -> ChainFailure | None:
+def _keep_chain(run: RunDirectory, one: _Chain, n_draws: int) -> ChainFailure | None:
     """Move a chain that has ended into place if it is complete; else say what ended it."""
-    draws = one.scratch / "draws.csv"
-    if one.out_of_time or one.process.returncode != 0:
+    running = one.running
+    scratch = running.console.parent
+    if running.failed:
         return _explain_failure(run, one)
     try:
         # A full disk can cut a file short though the process ends well.
-        cmdstanpy.from_csv(str(draws), method="sample")
+        (_, found, _) = read_draws([scratch / "draws.csv"]).values.shape
     except ValueError as error:
         return _explain_failure(run, one, str(error))
-    finished = one.scratch / "finished"
+    if found != n_draws:
+        return _explain_failure(run, one, f"found {found}, expected {n_draws}")
+    finished = scratch / "finished"
     finished.mkdir()
-    draws.rename(finished / "draws.csv")
-    (one.scratch / "stdout.txt").rename(finished / "console.txt")
-    write_json(finished / "timing.json", {"wall_seconds": one.seconds})
+    (scratch / "draws.csv").rename(finished / "draws.csv")
+    running.console.rename(finished / "console.txt")
+    write_json(finished / "timing.json", {"wall_seconds": running.seconds})
     run.keep_chain(one.identifier, finished)
-    shutil.rmtree(one.scratch)
+    shutil.rmtree(scratch)
     return None
 
 
@@ -308,15 +223,15 @@ def _explain_failure(run: RunDirectory, one: _Chain, defect: str = "") -> ChainF
     defect : str
         What is wrong with its draws, of a process that ended well.
     """
-    chain, code = one.identifier, one.process.returncode
-    text = (one.scratch / "stdout.txt").read_text(encoding="utf-8", errors="replace")
+    chain, running = one.identifier, one.running
+    code, text = running.process.returncode, running.printed()
     run.failure_file(chain).parent.mkdir(exist_ok=True)
     write_text(run.failure_file(chain), text + f"\nreturn code {code}\n{defect}\n")
     iterations = [line for line in text.splitlines() if line.startswith("Iteration:")]
     place = iterations[-1].strip() if iterations else "before the first iteration"
     values = run.initial_values_file(chain).read_text(encoding="utf-8")
-    if one.out_of_time:
-        cause = f"ran into its time limit after {one.seconds:.0f} s"
+    if running.out_of_time:
+        cause = f"ran into its time limit after {running.seconds:.0f} s"
         remedy = "raise the limit or shorten the run"
     elif code < 0:
         cause = f"was killed by the system ({signal.Signals(-code).name})"
@@ -330,7 +245,7 @@ def _explain_failure(run: RunDirectory, one: _Chain, defect: str = "") -> ChainF
     return ChainFailure(
         chain,
         f"Chain {chain} {cause} at '{place}', started from {' '.join(values.split())}, last "
-        f"console lines: {console_tail(one.scratch)}; {remedy}, then run the same command again: "
+        f"console lines: {running.console_tail()}; {remedy}, then run the same command again: "
         "it repeats only the missing chains (whole console in "
         f"{run.failure_file(chain).relative_to(run.path)}).",
     )

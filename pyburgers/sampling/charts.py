@@ -5,10 +5,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal, Protocol, TypeVar
 
-import cmdstanpy
 import numpy as np
 import numpy.typing as npt
 
+from pyburgers.cmdstan.program import Program
 from pyburgers.common.errors import InputError
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
@@ -93,7 +93,7 @@ def check_coordinates(experiment: Experiment, wanted: Coordinates) -> None:
 
 
 def choose_geometry(
-    model: cmdstanpy.CmdStanModel,
+    model: Program,
     data: StanData,
     experiment: Experiment,
     priors: PriorSet,
@@ -106,7 +106,7 @@ def choose_geometry(
 
     Parameters
     ----------
-    model : CmdStanModel
+    model : Program
         The program for the experiment.
     data : dict
         Its data in plain coordinates. Where they switch the likelihood off, coordinates stay
@@ -156,7 +156,7 @@ AnyMode = TypeVar("AnyMode", bound=HasCoordinate)
 
 
 def geometry_at_mode(
-    model: cmdstanpy.CmdStanModel,
+    model: Program,
     data: StanData,
     *,
     name: str,
@@ -168,7 +168,7 @@ def geometry_at_mode(
 
     Parameters
     ----------
-    model : CmdStanModel
+    model : Program
         The program.
     data : dict
         Its data in plain coordinates.
@@ -205,9 +205,7 @@ def geometry_at_mode(
         return _plain(model, data, mode, "asked for" if wanted == "plain" else str(error))
 
 
-def _plain(
-    model: cmdstanpy.CmdStanModel, data: StanData, mode: HasCoordinate | None, reason: str
-) -> Geometry:
+def _plain(model: Program, data: StanData, mode: HasCoordinate | None, reason: str) -> Geometry:
     if mode is None:
         return Geometry("plain", reason, {})
     covariance = laplace_metric(model, data, mode.coordinate)
@@ -215,13 +213,13 @@ def _plain(
 
 
 def laplace_at_mode(
-    model: cmdstanpy.CmdStanModel, data: StanData, start: FloatArray, *, seed: int
+    model: Program, data: StanData, start: FloatArray, *, seed: int
 ) -> tuple[FloatArray, FloatArray]:
     """Climb to the mode in the coordinates that the data choose.
 
     Parameters
     ----------
-    model : CmdStanModel
+    model : Program
         The program.
     data : dict
         Its data.
@@ -248,7 +246,7 @@ def laplace_at_mode(
 
 
 def _valley(
-    model: cmdstanpy.CmdStanModel,
+    model: Program,
     data: StanData,
     experiment: ConstantRateExperiment,
     priors: PriorSet,
@@ -270,7 +268,7 @@ def _valley(
 
 
 def _sheared(
-    model: cmdstanpy.CmdStanModel,
+    model: Program,
     data: StanData,
     experiment: Experiment,
     priors: PriorSet,

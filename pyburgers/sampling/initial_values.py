@@ -1,13 +1,13 @@
 """Initial values of chains: from the prior, or around the posterior mode."""
 
-import cmdstanpy
 import numpy as np
 import numpy.typing as npt
 
+from pyburgers.cmdstan.program import Program
 from pyburgers.common.errors import SamplingError
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.forward import evaluate, observed_grid, simulate
+from pyburgers.protocols.forward import observed_grid, simulate
 from pyburgers.protocols.stan_data import (
     SolverOptions,
     StanData,
@@ -58,7 +58,7 @@ def draw_initial_values(
 
 
 def draw_start_around(
-    model: cmdstanpy.CmdStanModel,
+    model: Program,
     data: StanData,
     centre: npt.NDArray[np.float64],
     covariance: npt.NDArray[np.float64],
@@ -73,7 +73,7 @@ def draw_start_around(
 
     Parameters
     ----------
-    model : CmdStanModel
+    model : Program
         The program.
     data : dict
         Its data.
@@ -99,7 +99,7 @@ def draw_start_around(
     for _ in range(INITIAL_ATTEMPTS):
         start = {"coordinate": (centre + factor @ rng.standard_normal(len(factor))).tolist()}
         try:
-            solution = evaluate(model, data, start)
+            solution = model.evaluate(data, start)
         except SamplingError:
             continue  # no solution here; the next draw may have one
         if np.isfinite(solution["log_lik"]).all():

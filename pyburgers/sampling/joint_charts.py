@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import cmdstanpy
 import numpy as np
 import numpy.typing as npt
 
+from pyburgers.cmdstan.program import Program
 from pyburgers.common.errors import SamplingError
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.protocols.forward import observed_grid, simulate
@@ -116,7 +116,7 @@ class JointMode:
 
 
 def find_joint_mode(
-    model: cmdstanpy.CmdStanModel,
+    model: Program,
     data: StanData,
     problem: JointProblem,
     *,
@@ -129,7 +129,7 @@ def find_joint_mode(
 
     Parameters
     ----------
-    model : CmdStanModel
+    model : Program
         The program.
     data : dict
         Its data in plain coordinates.
@@ -189,7 +189,7 @@ def _plain_of_tests(
 
 
 def choose_joint_geometry(
-    model: cmdstanpy.CmdStanModel,
+    model: Program,
     data: StanData,
     problem: JointProblem,
     *,
@@ -222,7 +222,7 @@ def choose_joint_geometry(
 
 
 def _valley(
-    model: cmdstanpy.CmdStanModel,
+    model: Program,
     data: StanData,
     problem: JointProblem,
     mode: JointMode,

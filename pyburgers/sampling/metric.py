@@ -1,16 +1,9 @@
 """First metric of the sampler: the inverse curvature of the log density at the posterior mode."""
 
-import json
-import tempfile
-from collections.abc import Iterable
-from pathlib import Path
-
-import cmdstanpy
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
 
-from pyburgers.protocols.forward import quiet_cmdstanpy
+from pyburgers.cmdstan.program import Program
 from pyburgers.protocols.stan_data import StanData
 
 FloatArray = npt.NDArray[np.float64]
@@ -31,12 +24,12 @@ LEAST_CURVATURE = 0.15
 """Floor of the eigenvalues: flat directions are about as wide as a logistic prior, sd 1.8-2.6."""
 
 
-def laplace_metric(model: cmdstanpy.CmdStanModel, data: StanData, centre: FloatArray) -> FloatArray:
+def laplace_metric(model: Program, data: StanData, centre: FloatArray) -> FloatArray:
     """Covariance of the Laplace approximation around the posterior mode.
 
     Parameters
     ----------
-    model : CmdStanModel
+    model : Program
         Program whose parameter is the vector ``coordinate``.
     data : dict
         Its data.
@@ -61,7 +54,7 @@ def laplace_metric(model: cmdstanpy.CmdStanModel, data: StanData, centre: FloatA
 
 
 def expected_rise(
-    model: cmdstanpy.CmdStanModel, data: StanData, centre: FloatArray, covariance: FloatArray
+    model: Program, data: StanData, centre: FloatArray, covariance: FloatArray
 ) -> float:
     """Rise of the log density from a point to the mode of its quadratic approximation there.
 
@@ -72,12 +65,12 @@ def expected_rise(
     covariance : array, shape (n_coordinates, n_coordinates)
         Its result.
     """
-    (gradient,) = _gradients(model, data, [centre])
+    (gradient,) = model.gradients(data, "coordinate", [centre])
     return float(gradient @ covariance @ gradient) / 2
 
 
 def curvature_at(
-    model: cmdstanpy.CmdStanModel,
+    model: Program,
     data: StanData,
     centre: FloatArray,
     steps: FloatArray | None = None,
@@ -98,47 +91,9 @@ def curvature_at(
     """
     if steps is None:
         steps = DIFFERENCE * np.eye(centre.size)
-    difference = _gradients(model, data, centre + steps.T) - _gradients(
-        model, data, centre - steps.T
+    after, before = (
+        model.gradients(data, "coordinate", centre + shift) for shift in (steps.T, -steps.T)
     )
-    hessian = -np.linalg.solve(2 * steps.T, difference)
+    hessian = -np.linalg.solve(2 * steps.T, after - before)
     symmetric: FloatArray = (hessian + hessian.T) / 2
     return symmetric
-
-
-def _gradients(
-    model: cmdstanpy.CmdStanModel, data: StanData, points: Iterable[FloatArray]
-) -> FloatArray:
-    """Gradients of the log density, shape (n_points, n_coordinates)."""
-    with tempfile.TemporaryDirectory() as folder, quiet_cmdstanpy():
-        data_file = Path(folder) / "data.json"
-        data_file.write_text(json.dumps(data), encoding="utf-8")
-        return np.array([_gradient(model, data_file, point) for point in points])
-
-
-def _gradient(model: cmdstanpy.CmdStanModel, data_file: Path, coordinate: FloatArray) -> FloatArray:
-    """Gradient of the log density: what one step of vanishing length records."""
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        position = folder / "position.json"
-        position.write_text(json.dumps({"coordinate": coordinate.tolist()}), encoding="utf-8")
-        model.sample(
-            data=str(data_file),
-            inits=str(position),
-            chains=1,
-            iter_warmup=0,
-            iter_sampling=1,
-            adapt_engaged=False,
-            step_size=1e-14,
-            max_treedepth=1,
-            seed=1,
-            sig_figs=17,
-            save_diagnostics=True,
-            output_dir=name,
-            show_progress=False,
-        )
-        (record,) = folder.glob("*diagnostic*.csv")
-        row = pd.read_csv(record, comment="#").iloc[0]
-    # The record holds the gradient of the potential, which is minus the log density.
-    gradient: FloatArray = -row.filter(regex="^g_").to_numpy(dtype=np.float64)
-    return gradient

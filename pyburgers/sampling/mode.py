@@ -1,21 +1,17 @@
 """Posterior mode, found by Stan's optimiser: where the sampler's coordinates and metric are set."""
 
-import tempfile
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
-import cmdstanpy
 import numpy as np
 import numpy.typing as npt
 
-from pyburgers.cmdstan.program import load_model
-from pyburgers.common.atomic_files import write_json
+from pyburgers.cmdstan.program import Program, load_program
+from pyburgers.common.errors import SamplingError
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.forward import program_for, quiet_cmdstanpy
+from pyburgers.protocols.forward import program_for
 from pyburgers.protocols.stan_data import SolverOptions, StanData, program_data
 from pyburgers.sampling.initial_values import draw_initial_values
 
@@ -66,7 +62,7 @@ def find_mode(
         If the optimiser fails from all starts.
     """
     data = program_data(experiment, priors, solver=solver)
-    model = load_model(program_for(experiment))
+    model = load_program(program_for(experiment))
     starts = (
         draw_initial_values(experiment, priors, seed=seed, chain=start)
         for start in range(1, N_STARTS + 1)
@@ -79,17 +75,17 @@ def find_mode(
 
 
 def climb(
-    model: cmdstanpy.CmdStanModel,
+    model: Program,
     data: StanData,
     starts: Iterable[Mapping[str, object]],
     *,
     seed: int,
-) -> Mapping[str, Any]:
+) -> Mapping[str, FloatArray]:
     """Climb from every start with Stan's optimiser and return the variables at the best end.
 
     Parameters
     ----------
-    model : CmdStanModel
+    model : Program
         The program.
     data : dict
         Its data.
@@ -107,25 +103,10 @@ def climb(
     n_starts = 0
     for initial in starts:
         n_starts += 1
-        with tempfile.TemporaryDirectory() as folder, quiet_cmdstanpy():
-            files = {name: Path(folder) / f"{name}.json" for name in ("data", "initial")}
-            write_json(files["data"], data)
-            write_json(files["initial"], initial)
-            try:
-                found = model.optimize(
-                    data=str(files["data"]),
-                    inits=str(files["initial"]),
-                    seed=seed,
-                    algorithm="lbfgs",
-                    iter=5000,
-                    output_dir=folder,
-                    sig_figs=17,
-                    require_converged=False,
-                )
-                variables = found.stan_variables()
-                density = float(found.optimized_params_dict["lp__"])
-            except RuntimeError:
-                continue  # the optimiser left the region where the solver finds a solution
+        try:
+            density, variables = model.optimise(data, initial, seed=seed)
+        except SamplingError:
+            continue  # the optimiser left the region where the solver finds a solution
         if best is None or density > best[0]:
             best = (density, variables)
     if best is None:

@@ -7,10 +7,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import cmdstanpy
 import numpy as np
 
-from pyburgers.cmdstan.program import load_model
+from pyburgers.cmdstan.program import Program, load_program
 from pyburgers.common.atomic_files import sha256_of_json, write_atomically, write_json
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.model.priors import PriorSet, save_priors
@@ -19,7 +18,7 @@ from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.files import save_experiment
 from pyburgers.protocols.forward import program_for
 from pyburgers.protocols.stan_data import SolverOptions, StanData, program_data
-from pyburgers.sampling.chains import ChainFailure, no_process_left, run_side_by_side
+from pyburgers.sampling.chains import ChainFailure, run_side_by_side
 from pyburgers.sampling.charts import Geometry, check_coordinates, choose_geometry
 from pyburgers.sampling.initial_values import draw_initial_values, draw_start_around
 from pyburgers.sampling.options import INDECISIVE, SamplerOptions
@@ -78,7 +77,7 @@ class SamplingTask:
     data: StanData
     options: SamplerOptions
     write_inputs: Callable[[RunDirectory], None]
-    choose_geometry: Callable[[cmdstanpy.CmdStanModel], Geometry]
+    choose_geometry: Callable[[Program], Geometry]
     draw_start: Callable[[int], dict[str, list[float]]]
     manifest: Mapping[str, Any]
 
@@ -169,9 +168,9 @@ def run_task(
     """
     run = RunDirectory(directory)
     options = task.options
-    model = load_model(task.program)
-    identity = fingerprint(task.data, options, Path(str(model.exe_file)).parent.name)
-    with run.claimed(identity), no_process_left(model):
+    model = load_program(task.program)
+    identity = fingerprint(task.data, options, model.key)
+    with run.claimed(identity):
         task.write_inputs(run)
         if not run.stan_data_file.is_file():
             _write_geometry(run, task.data, task.choose_geometry(model))
@@ -198,7 +197,7 @@ def run_task(
 
 
 def complete_chains(
-    model: cmdstanpy.CmdStanModel,
+    model: Program,
     run: RunDirectory,
     options: SamplerOptions,
     draw_start: Callable[[int], dict[str, list[float]]],
@@ -207,7 +206,7 @@ def complete_chains(
 
     Parameters
     ----------
-    model : CmdStanModel
+    model : Program
         The program.
     run : RunDirectory
         With its inputs, Stan data and manifest.
@@ -308,7 +307,7 @@ def _write_geometry(run: RunDirectory, data: StanData, geometry: Geometry) -> No
 
 
 def _draw_start(
-    model: cmdstanpy.CmdStanModel, run: RunDirectory, task: SamplingTask, chain: int
+    model: Program, run: RunDirectory, task: SamplingTask, chain: int
 ) -> dict[str, list[float]]:
     """Start of one chain: around the mode, or from the prior where none was found."""
     if not run.metric_file.is_file():

@@ -97,6 +97,10 @@ class RunDirectory:
         """CmdStan's CSV of one finished chain."""
         return self.chain_folder(chain) / "draws.csv"
 
+    def draws_files(self) -> list[Path]:
+        """Those of all finished chains, in order."""
+        return [self.draws_file(chain) for chain in self.finished_chains()]
+
     def failure_file(self, chain: int) -> Path:
         """Console of the last failed attempt at one chain."""
         return self.path / "failures" / f"chain_{chain}.txt"

@@ -8,7 +8,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from pyburgers.cmdstan.program import find_cmdstan, toolchain
+from pyburgers.cmdstan.toolchain import find_cmdstan, toolchain
 from pyburgers.common.atomic_files import sha256_of_file
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.variants import variant_of

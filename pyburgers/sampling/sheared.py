@@ -4,12 +4,11 @@ Everything comes from the posterior mode and the curvature there; only the speed
 on it, not its result.
 """
 
-import cmdstanpy
 import numpy as np
 import numpy.typing as npt
 
+from pyburgers.cmdstan.program import Program
 from pyburgers.model.priors import Prior, PriorSet
-from pyburgers.protocols.forward import evaluate
 from pyburgers.protocols.stan_data import (
     PLAIN,
     PlainCoordinates,
@@ -37,7 +36,7 @@ class ShearedUnsuited(Exception):  # noqa: N818 - an outcome with a reason, not 
 
 
 def find_sheared(
-    model: cmdstanpy.CmdStanModel,
+    model: Program,
     data: StanData,
     priors: PriorSet,
     coordinates: PlainCoordinates,
@@ -47,7 +46,7 @@ def find_sheared(
 
     Parameters
     ----------
-    model : CmdStanModel
+    model : Program
         The program for oscillating tests.
     data : dict
         Its data in plain coordinates.
@@ -85,12 +84,12 @@ def find_sheared(
         np.array([mode.values[name] for name in SHIFTED_BY]),
     )
     block = {**data, **sheared_block(reference), "coordinate_system": PLAIN}
-    centre = evaluate(model, block, _position(mode))["sheared_coordinate"]
+    centre = model.evaluate(block, _position(mode))["sheared_coordinate"]
     return reference, np.atleast_1d(centre)
 
 
 def _flow_slope(
-    model: cmdstanpy.CmdStanModel,
+    model: Program,
     data: StanData,
     coordinates: PlainCoordinates,
     mode: Mode,
@@ -108,7 +107,7 @@ def _flow_slope(
         for name in SHIFTED_BY
         if name in coordinates.parameters
     }
-    growth = evaluate(model, data, _position(mode))
+    growth = model.evaluate(data, _position(mode))
     # Of p ln(d/d_0); zero where the flow law or the piezometer leaves nothing to grow.
     of_growth = mode.values["grain_size_exponent"] * float(growth["typical_growth_slope"])
     by_growth = (

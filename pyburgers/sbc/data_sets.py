@@ -14,17 +14,17 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from pyburgers.cmdstan.program import load_model
+from pyburgers.cmdstan.program import load_program
+from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.model.priors import PriorSet, default_priors, load_priors, shipped_prior_files
-from pyburgers.posterior.draws import all_draws
 from pyburgers.posterior.labelled_draws import convergence_table, free_parameters
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.protocols.experiment import Experiment, Provenance
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.protocols.forced_oscillation.preparation import prepare
-from pyburgers.protocols.forward import evaluate, given_parameters, program_for, simulate
+from pyburgers.protocols.forward import given_parameters, program_for, simulate
 from pyburgers.protocols.stan_data import (
     SolverOptions,
     program_data,
@@ -393,7 +393,7 @@ def _at_truth(experiment: Experiment, solver: SolverOptions) -> dict[str, float]
     values = experiment.true_parameters
     assert values is not None  # simulated
     data = program_data(experiment, given_parameters(experiment.material, values), solver=solver)
-    draw = evaluate(load_model(program_for(experiment)), data)
+    draw = load_program(program_for(experiment)).evaluate(data)
     reference = reference_quantity(experiment).name
     return {
         **values,

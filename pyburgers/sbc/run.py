@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
-from pyburgers.cmdstan.program import load_model
+from pyburgers.cmdstan.program import load_program
 from pyburgers.common.atomic_files import sha256_of_json, write_json
 from pyburgers.common.errors import InputError
 from pyburgers.common.processes import completed, number_of_processes
@@ -177,8 +177,7 @@ def calibrate(
     priors = priors.resolved(template.largest_stress)
     if not priors.free:
         raise InputError(f"{priors.title}: all parameters are fixed, expected a free one to rank.")
-    model = load_model(program_for(template))
-    identity = _fingerprint(template, priors, plan, Path(str(model.exe_file)).parent.name)
+    identity = _fingerprint(template, priors, plan, load_program(program_for(template)).key)
     run = RunDirectory(out)
     with run.claimed(identity, ("inputs", SIMULATIONS)):
         save_experiment(template, run.inputs)

@@ -16,15 +16,10 @@ from pathlib import Path
 import pytest
 
 from pyburgers.cmdstan import installation as cmdstan_installation
-from pyburgers.cmdstan.program import (
-    compile_program,
-    find_cmdstan,
-    install_cmdstan,
-    load_model,
-    program_key,
-    stan_directory,
-    toolchain,
-)
+from pyburgers.cmdstan.compilation import compile_program, program_key, stan_directory
+from pyburgers.cmdstan.installation import install_cmdstan
+from pyburgers.cmdstan.program import load_program
+from pyburgers.cmdstan.toolchain import find_cmdstan, toolchain
 from pyburgers.common.errors import ToolchainError
 
 MATH = "stan/lib/stan_math/"
@@ -409,9 +404,10 @@ class TestCompile:
         assert not list(cache.glob("*/.*.partial"))
 
         caplog.set_level(logging.INFO, "pyburgers")
-        model = load_model(program)
+        found = load_program(program)
         assert caplog.messages == []
-        assert model.exe_info()["stan_version_major"] == "2"
+        _, top = found.optimise({}, {"x": 3.0}, seed=1)
+        assert top["x"] == pytest.approx(0.0, abs=1e-6)
 
     def test_wrong_program_shows_what_stanc_says(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

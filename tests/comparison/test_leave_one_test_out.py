@@ -14,7 +14,6 @@ from conftest import ICE, SMALL_RUN, Problem, copy_of, pair_of
 
 from pyburgers.cli.main import main
 from pyburgers.common.errors import InputError
-from pyburgers.comparison.bridge_sampling import LogIntegral
 from pyburgers.comparison.by_points import compare, pointwise_table
 from pyburgers.comparison.by_tests import (
     ComparisonByTest,
@@ -27,14 +26,14 @@ from pyburgers.comparison.by_tests import (
     table_of_tests,
 )
 from pyburgers.comparison.figures import left_out_tests, pointwise_differences
-from pyburgers.comparison.marginal_likelihood import log_marginal_likelihood
+from pyburgers.comparison.marginal_likelihood import LogIntegral, log_marginal_likelihood
 from pyburgers.drawing.style import image
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.joint_fit import JointFit, fit_jointly
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import default_priors
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
-from pyburgers.report.joint_comparison_sections import related_joint_sections
+from pyburgers.report.comparison_sections import comparison_sections
 from pyburgers.sampling.problem import joint_problem, problem_without
 
 FloatArray = npt.NDArray[np.float64]
@@ -235,18 +234,18 @@ def test_a_page_sets_joint_fits_of_the_same_tests_side_by_side(
         copy_of(joint, tmp_path / "together", without="leave_out"),
         copy_of(separate_joint, tmp_path / "apart", without="leave_out"),
     ]
-    (by_points,) = related_joint_sections(joints)
+    (by_points,) = comparison_sections([], joints)
     assert by_points.key == "comparison_PIL40_other"
     run = joints[0].directory.path
     shutil.copytree(joint.directory.path / "leave_out", run / "leave_out")
-    *_, by_tests = related_joint_sections(joints)
+    *_, by_tests = comparison_sections([], joints)
     assert by_tests.key == "left_out_PIL40_other"
     exact = leave_one_test_out(joints[0], command="test")
     assert by_tests.tables[1].saved["PIL40+other elpd"].tolist() == exact.elpd.tolist()
     run = joints[1].directory.path
     assert not (run / "leave_out").exists()
     shutil.copytree(separate_joint.directory.path / "leave_out", run / "leave_out")
-    both = related_joint_sections(joints)[1]
+    both = comparison_sections([], joints)[1]
     assert set(both.tables[0].saved["fit"]) == {"PIL40+other", "PIL40+other_run2"}
 
 

@@ -15,12 +15,12 @@ import xarray as xr
 from conftest import SMALL_RUN, Problem
 from log_density import Program
 
+from pyburgers.cmdstan.draws import read_draws
 from pyburgers.cmdstan.program import compile_program
 from pyburgers.common.atomic_files import sha256_of_file
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.model.parameters import PARAMETERS
-from pyburgers.posterior.labelled_draws import read_chains
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.protocols.forward import REFERENCE_SOLVER, program_for
 from pyburgers.protocols.stan_data import REFERENCE_STRESS, SolverOptions, solver_block
@@ -265,7 +265,7 @@ def test_the_solver_check_is_of_the_density_that_was_sampled(
     """Reference over sampled density, both asked of the program itself at kept draws."""
     run = small_fit.directory
     data = json.loads(run.stan_data_file.read_text(encoding="utf-8"))
-    coordinate = read_chains([str(run.draws_file(1))]).stan_variable("coordinate")
+    coordinate = read_draws([run.draws_file(1)])["coordinate"][0]
     ratios = group(small_fit, "sample_stats")["solver_log_ratio"].sel(chain=1).to_numpy()
 
     def log_density(solver: SolverOptions, draw: int) -> float:

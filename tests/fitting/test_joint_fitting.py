@@ -14,8 +14,7 @@ from pyburgers.comparison.same_data import fits_alone
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.joint_fit import JointFit, fit_jointly
 from pyburgers.posterior.labelled_draws import total_log_likelihood
-from pyburgers.report.joint_figures import intervals
-from pyburgers.report.joint_section import joint_section, pooling_table, sd_ratios
+from pyburgers.report.joint_section import intervals, joint_section, pooling_table, sd_ratios
 from pyburgers.report.page import write_report
 
 

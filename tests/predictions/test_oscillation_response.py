@@ -7,10 +7,10 @@ import pytest
 from synthetic_fit import make_fit
 from synthetic_olivine_fit import make_olivine_fit, oscillating
 
+from pyburgers.common.draws import central_band
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
 from pyburgers.predictions.oscillation_response import (
-    central_band,
     observed_response,
     oscillation_of,
     predicted_response,

@@ -10,10 +10,10 @@ import xarray as xr
 from common_flow_law import COMMON, NAMES, with_common_flow_law
 from conftest import TESTS, needs_measured
 
+from pyburgers.common.draws import all_draws
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.fitting.joint_fit import JointFit, fit_jointly
 from pyburgers.model.priors import default_priors
-from pyburgers.posterior.draws import all_draws
 from pyburgers.posterior.labelled_draws import free_parameters
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
 from pyburgers.sampling.options import SamplerOptions

@@ -11,11 +11,11 @@ from matplotlib.figure import Figure
 from synthetic_fit import make_fit
 from synthetic_olivine_fit import make_olivine_fit
 
-from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
-from pyburgers.report.constant_rate_figures import softening, stress_strain
 from pyburgers.common.errors import InputError
 from pyburgers.drawing.style import image
 from pyburgers.fitting.fit import Fit
+from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.report.constant_rate_figures import softening, stress_strain
 
 FEW = (
     "maxwell_modulus",

@@ -13,9 +13,10 @@ from PIL import Image
 from synthetic_fit import make_fit
 from synthetic_olivine_fit import make_olivine_fit
 
-from pyburgers.drawing.style import image, title
-from pyburgers.report.figures import figures_for
+from pyburgers.drawing.style import image
 from pyburgers.fitting.fit import Fit
+from pyburgers.protocols.headings import title
+from pyburgers.report.figures import figures_for
 from pyburgers.report.posterior_figures import CHAIN_COLOURS, rank
 
 FEW = ("maxwell_modulus", "kelvin_viscosity", "activation_enthalpy", "beta")
@@ -80,9 +81,7 @@ def figures(fits: dict[str, Fit]) -> dict[tuple[str, str], Figure]:
 def rendered(figures: dict[tuple[str, str], Figure]) -> dict[tuple[str, str], bytes]:
     """Some of the figures as vector files, after which letters have their places and sizes."""
     return {
-        (test, name): image(figures[test, name], "svg")
-        for test in RENDERED
-        for name in NAMES[test]
+        (test, name): image(figures[test, name], "svg") for test in RENDERED for name in NAMES[test]
     }
 
 

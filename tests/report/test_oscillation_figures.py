@@ -10,9 +10,11 @@ from matplotlib.lines import Line2D
 from synthetic_fit import make_fit
 from synthetic_olivine_fit import make_olivine_fit
 
+from pyburgers.common.draws import central_band
 from pyburgers.common.errors import InputError
 from pyburgers.drawing.style import FigureRecipe
 from pyburgers.fitting.fit import Fit
+from pyburgers.predictions.oscillation_response import oscillation_of, replicated_response
 from pyburgers.report.oscillation_figures import (
     OSCILLATION_FIGURES,
     amplitude_phase,
@@ -20,7 +22,6 @@ from pyburgers.report.oscillation_figures import (
     stress_loop,
     stress_time,
 )
-from pyburgers.predictions.oscillation_response import central_band, oscillation_of, replicated_response
 
 
 @pytest.fixture(scope="module", params=["removed", "kept"])
@@ -93,7 +94,7 @@ def test_grain_size_starts_where_the_record_says(fit: Fit) -> None:
 
 @pytest.mark.parametrize("recipe", OSCILLATION_FIGURES, ids=lambda recipe: recipe.name)
 def test_a_stress_strain_curve_has_no_figures_of_an_oscillation(
-    recipe: FigureRecipe, tmp_path: Path
+    recipe: FigureRecipe[Fit], tmp_path: Path
 ) -> None:
     with pytest.raises(InputError, match="PIL40: found a test without oscillation"):
         recipe.draw(make_fit(tmp_path, chains=1, draws=5))

@@ -13,8 +13,8 @@ from synthetic_fit import make_fit
 from synthetic_olivine_fit import make_olivine_fit, redrawn
 
 from pyburgers.fitting.fit import Fit
-from pyburgers.report.posterior_figures import density, pairs, prior_posterior, rank
 from pyburgers.protocols.stan_data import REFERENCE_FLOW_RATE
+from pyburgers.report.posterior_figures import density, pairs, prior_posterior, rank
 
 FEW = (
     "maxwell_modulus",

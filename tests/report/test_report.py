@@ -12,12 +12,12 @@ from conftest import sketch_pictures
 from synthetic_fit import make_fit
 from synthetic_olivine_fit import make_olivine_fit, oscillating
 
-from pyburgers.common.errors import InputError
-from pyburgers.protocols.experiment import Provenance
-from pyburgers.report.figures import figures_for
-from pyburgers.fitting.fit import Fit
-from pyburgers.protocols.forced_oscillation.preparation import Background
 from pyburgers.checks.prior_influence import THRESHOLDS_TEXT, prior_influence
+from pyburgers.common.errors import InputError
+from pyburgers.fitting.fit import Fit
+from pyburgers.protocols.experiment import Provenance
+from pyburgers.protocols.forced_oscillation.preparation import Background
+from pyburgers.report.figures import figures_for
 from pyburgers.report.page import write_report
 
 FEW = (

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from synthetic_fit import TRUTH, make_fit, make_prior, uniform
 
-from pyburgers.report import tables
-from pyburgers.model.display import number, prior_text, rounded, shown_quantity, symbol_text
 from pyburgers.fitting.fit import Fit
+from pyburgers.model.display import number, prior_text, rounded, shown_quantity, symbol_text
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.priors import Prior
+from pyburgers.report import tables
 
 
 @pytest.fixture(scope="module")

@@ -1,9 +1,7 @@
 """Chains as processes: beside others in threads, with files that are cut short, or not at all."""
 
 import logging
-import subprocess
 import sys
-import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +10,9 @@ import pytest
 import xarray as xr
 from conftest import SMALL_RUN, Problem
 
+from pyburgers.cmdstan.program import Program
 from pyburgers.common.errors import SamplingError
+from pyburgers.common.processes import start
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.sampling.chains import _Chain, _keep_chain, _start_chain
 from pyburgers.sampling.progress import ConsoleFile
@@ -27,7 +27,6 @@ def test_fits_in_threads_are_like_any_other_and_leave_the_streams_alone(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     caplog.set_level(logging.INFO, "pyburgers")
-    cmdstanpy_filters = list(logging.getLogger("cmdstanpy").filters)
     experiment, priors = small_problem.experiment, small_problem.priors
     options = replace(SMALL_RUN, parallel_chains=1)
     with ThreadPoolExecutor(2) as pool:
@@ -39,7 +38,6 @@ def test_fits_in_threads_are_like_any_other_and_leave_the_streams_alone(
         found = [one.result() for one in waiting]
     assert capfd.readouterr() == ("mine\n", "")
     assert caplog.messages.count("chain 2: 250 of 250 iterations (sampling)") == 2
-    assert logging.getLogger("cmdstanpy").filters == cmdstanpy_filters
     expected = small_fit.posterior["posterior"].to_dataset().drop_attrs()
     for one in found:
         draws = one.posterior["posterior"].to_dataset().drop_attrs()
@@ -53,11 +51,9 @@ def test_draws_that_were_cut_short_are_not_kept(small_fit: Fit, tmp_path: Path) 
     whole = run.draws_file(2).read_text(encoding="utf-8").splitlines(keepends=True)
     scratch = run.new_scratch()
     (scratch / "draws.csv").write_text("".join(whole[:-40]), encoding="utf-8")
-    (scratch / "stdout.txt").write_text("Iteration: 250 / 250 [100%]  (Sampling)\n")
-    process = subprocess.Popen([sys.executable, "-c", ""])
-    process.wait()
-    console = ConsoleFile(scratch / "stdout.txt")
-    failure = _keep_chain(run, _Chain(2, process, scratch, console, time.monotonic()))
+    ended = start([sys.executable, "-c", ""], scratch / "draws.txt")
+    ended.wait()
+    failure = _keep_chain(run, _Chain(2, ended, ConsoleFile(ended.console)), SMALL_RUN.draws)
     assert failure is not None
     assert "Chain 2 left incomplete draws" in failure.reason
     assert "free disk space" in failure.reason
@@ -68,4 +64,4 @@ def test_a_program_that_does_not_start_is_named(small_fit: Fit, tmp_path: Path) 
     small_fit.save(tmp_path / "run")
     run = RunDirectory(tmp_path / "run")
     with pytest.raises(SamplingError, match=r"nowhere: could not be started"):
-        _start_chain(tmp_path / "nowhere", run, 1, SMALL_RUN)
+        _start_chain(Program(tmp_path / "nowhere"), run, 1, SMALL_RUN)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from conftest import ICE, resolved_priors
 
-from pyburgers.cmdstan.program import load_model
+from pyburgers.cmdstan.program import load_program
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
 from pyburgers.protocols.forward import constant_rate_program
 from pyburgers.protocols.stan_data import SolverOptions, program_data
@@ -22,7 +22,7 @@ def test_the_first_metric_fits_where_noise_is_far_below_a_percent() -> None:
     precise = simulate_constant_rate(twin, values, np.random.default_rng(2), source="a test")
     priors, solver = resolved_priors(precise), SolverOptions()
     data = program_data(precise, priors, solver=solver)
-    model = load_model(constant_rate_program())
+    model = load_program(constant_rate_program())
     geometry = choose_geometry(model, data, precise, priors, wanted="valley", seed=1, solver=solver)
     assert geometry.centre is not None
     assert geometry.covariance is not None

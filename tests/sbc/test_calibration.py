@@ -8,7 +8,7 @@ import pytest
 from conftest import ICE, resolved_priors
 from scipy import stats
 
-from pyburgers.cmdstan.program import load_model
+from pyburgers.cmdstan.program import load_program
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.priors import default_priors
@@ -21,7 +21,6 @@ from pyburgers.protocols.forced_oscillation.experiment import (
 from pyburgers.protocols.forced_oscillation.preparation import prepare
 from pyburgers.protocols.forward import (
     REFERENCE_SOLVER,
-    evaluate,
     given_parameters,
     program_for,
     simulate,
@@ -87,12 +86,12 @@ def test_the_trend_leaves_as_much_noise_as_the_likelihood_expects(programs: None
     quiet = simulate_oscillation(
         experiment, {**truth, "stress_noise": 1.0}, np.random.default_rng(1), source="the truth"
     )
-    model = load_model(program_for(quiet))
+    model = load_program(program_for(quiet))
 
     def log_likelihood(log_factor: float) -> float:
         values = {**truth, "stress_noise": truth["stress_noise"] * np.exp(log_factor)}
         data = program_data(quiet, given_parameters("olivine", values), solver=REFERENCE_SOLVER)
-        return float(evaluate(model, data)["log_lik"].sum())
+        return float(model.evaluate(data)["log_lik"].sum())
 
     step = 0.1
     loss = (log_likelihood(-step) - log_likelihood(step)) / (2 * step)

@@ -20,10 +20,10 @@ from pyburgers.drawing.style import image
 from pyburgers.model.priors import default_priors
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
 from pyburgers.sbc.data_sets import Replication
-from pyburgers.sbc.figures import rank_differences
 from pyburgers.sbc.results import (
     calibration_text,
     count_sentences,
+    rank_differences,
     rank_table,
     verdict_table,
 )

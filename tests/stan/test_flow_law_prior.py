@@ -14,7 +14,8 @@ from scipy import stats
 
 from pyburgers.checks.prior_influence import JOINT_PRIOR, prior_influence
 from pyburgers.cli.main import main
-from pyburgers.cmdstan.program import load_model
+from pyburgers.cmdstan.program import load_program
+from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.model.flow_law_prior import (
@@ -31,11 +32,10 @@ from pyburgers.model.priors import (
     save_priors,
     with_flow_law,
 )
-from pyburgers.posterior.draws import all_draws
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forced_oscillation.experiment import load_forced_oscillation
-from pyburgers.protocols.forward import evaluate, program_for
+from pyburgers.protocols.forward import program_for
 from pyburgers.protocols.stan_data import SolverOptions, constant_rate_data, program_data
 from pyburgers.sampling.options import SamplerOptions
 
@@ -104,11 +104,11 @@ def test_the_density_is_that_of_the_normal_and_of_the_other_priors(system: str) 
         ice = load_constant_rate(ICE / "PIL40.toml")
         valley = valley_of(ice, priors)
         data = constant_rate_data(ice, priors, solver=SolverOptions(), valley=valley)
-    model = load_model(program_for(experiment))
+    model = load_program(program_for(experiment))
     rng = np.random.default_rng(5)
     for _ in range(4):
         position = 0.3 * rng.standard_normal(len(priors.free))
-        found = evaluate(model, data, {"coordinate": position.tolist()})
+        found = model.evaluate(data, {"coordinate": position.tolist()})
         others = sum(
             float(own[name].distribution().logpdf(found[name]))
             for name in own.free

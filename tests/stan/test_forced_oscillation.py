@@ -12,11 +12,12 @@ import oracle
 import pandas as pd
 import pytest
 from conftest import ICE, FunctionValues, resolved_priors
+from default_chains import sampled
 from numpy.polynomial import Polynomial
 from scipy.integrate import quad, simpson
 
 from pyburgers.cli.main import main
-from pyburgers.cmdstan.program import load_model
+from pyburgers.cmdstan.program import load_program
 from pyburgers.protocols.forced_oscillation.experiment import (
     OscillationExperiment,
     load_forced_oscillation,
@@ -32,7 +33,6 @@ from pyburgers.protocols.forced_oscillation.preparation import (
 from pyburgers.protocols.forward import (
     REFERENCE_SOLVER,
     program_for,
-    quiet_cmdstanpy,
     simulate,
     solve,
 )
@@ -347,23 +347,19 @@ def test_the_same_seed_gives_the_same_draws(twin: OscillationExperiment, tmp_pat
         solver=replace(REFERENCE_SOLVER, tolerance=1e-4),
         sheared=ShearedReference(np.array([-0.5, 2.0, 1.0]), np.array([3.5, 0.7, 0.2])),
     )
-    data_file = tmp_path / "data.json"
-    data_file.write_text(json.dumps(data), encoding="utf-8")
-    draws = []
-    for name in ("one", "other"):
-        with quiet_cmdstanpy():
-            sample = load_model(program_for(twin)).sample(
-                data=str(data_file),
-                chains=1,
-                seed=7,
-                inits=0.0,
-                iter_warmup=10,
-                iter_sampling=10,
-                max_treedepth=4,
-                output_dir=str(tmp_path / name),
-                show_progress=False,
-            )
-        draws.append(sample.draws())
+    draws = [
+        sampled(
+            load_program(program_for(twin)),
+            data,
+            tmp_path / name,
+            chains=1,
+            seed=7,
+            warmup=10,
+            draws=10,
+            algorithm=("engine=nuts", "max_depth=4"),
+        ).values[0]
+        for name in ("one", "other")
+    ]
     assert np.ptp(draws[0], axis=0).max() > 0
     np.testing.assert_array_equal(draws[0], draws[1])
 

@@ -9,14 +9,13 @@ import numpy.typing as npt
 import pytest
 from conftest import SMALL_RUN, Problem
 
-from pyburgers.cmdstan.program import load_model
+from pyburgers.cmdstan.draws import read_draws
+from pyburgers.cmdstan.program import load_program
 from pyburgers.comparison.marginal_likelihood import log_density_at, log_marginal_likelihood
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.fitting.joint_fit import fit_joint_problem
 from pyburgers.model.pooling import pooling_of
-from pyburgers.posterior.draws import all_draws
-from pyburgers.posterior.labelled_draws import read_chains
-from pyburgers.protocols.forward import REFERENCE_SOLVER, constant_rate_program, quiet_cmdstanpy
+from pyburgers.protocols.forward import REFERENCE_SOLVER, constant_rate_program
 from pyburgers.protocols.stan_data import solver_block
 from pyburgers.sampling.problem import joint_problem
 
@@ -26,24 +25,19 @@ pytestmark = pytest.mark.usefixtures("programs")
 
 def coordinates_of(one: Fit) -> FloatArray:
     """All draws, shape (n_draws, n_coordinates)."""
-    files = [str(one.directory.draws_file(chain)) for chain in one.directory.finished_chains()]
-    with quiet_cmdstanpy():
-        return all_draws(read_chains(files).draws_xr(["coordinate"])["coordinate"])
+    return np.concatenate(read_draws(one.directory.draws_files())["coordinate"])
 
 
-def density_at(one: Fit, points: FloatArray, folder: Path) -> FloatArray:
+def density_at(one: Fit, points: FloatArray) -> FloatArray:
     data = json.loads(one.directory.stan_data_file.read_text(encoding="utf-8"))
-    (folder / "data.json").write_text(
-        json.dumps({**data, **solver_block(REFERENCE_SOLVER)}), encoding="utf-8"
-    )
-    program = Path(str(load_model(constant_rate_program()).exe_file))
-    return log_density_at(program, folder, points)
+    program = load_program(constant_rate_program())
+    return log_density_at(program, {**data, **solver_block(REFERENCE_SOLVER)}, points)
 
 
 def test_the_density_is_that_which_the_chains_sampled(small_fit: Fit, tmp_path: Path) -> None:
     stats = small_fit.posterior["sample_stats"].to_dataset()
-    sampled = all_draws(stats["lp"] + stats["solver_log_ratio"])
-    found = density_at(small_fit, coordinates_of(small_fit), tmp_path)
+    sampled = np.concatenate((stats["lp"] + stats["solver_log_ratio"]).to_numpy())
+    found = density_at(small_fit, coordinates_of(small_fit))
     # Log likelihoods of single points at the reference tolerance are kept with six digits.
     np.testing.assert_allclose(found, sampled, atol=2e-3)
 
@@ -52,9 +46,9 @@ def test_a_point_without_solution_has_no_density_and_the_others_keep_theirs(
     small_fit: Fit, tmp_path: Path
 ) -> None:
     points = coordinates_of(small_fit)[:5]
-    alone = density_at(small_fit, points, tmp_path)
+    alone = density_at(small_fit, points)
     with_bad = np.insert(points, [0, 3], np.full(points.shape[1], 1e4), axis=0)
-    found = density_at(small_fit, with_bad, tmp_path)
+    found = density_at(small_fit, with_bad)
     assert np.flatnonzero(np.isneginf(found)).tolist() == [0, 4]
     np.testing.assert_array_equal(found[np.isfinite(found)], alone)
 
@@ -66,7 +60,7 @@ def test_the_marginal_likelihood_is_that_of_quadrature(long_fit: Fit, tmp_path: 
     grid = np.array(np.meshgrid(node, node, node)).reshape(3, -1).T
     weights = np.prod(np.meshgrid(weight, weight, weight), axis=0).ravel()
     factor = 1.1 * np.linalg.cholesky(np.cov(draws.T))
-    density = density_at(long_fit, draws.mean(axis=0) + grid @ factor.T, tmp_path)
+    density = density_at(long_fit, draws.mean(axis=0) + grid @ factor.T)
     terms = density + 0.5 * np.sum(grid**2, axis=1)
     largest = terms.max()
     exact = largest + np.log(weights @ np.exp(terms - largest)) + np.linalg.slogdet(factor)[1]

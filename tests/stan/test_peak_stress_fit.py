@@ -12,7 +12,8 @@ import pytest
 from conftest import ICE, with_fixed
 from scipy import stats
 
-from pyburgers.cmdstan.program import load_model, stan_directory
+from pyburgers.cmdstan.program import load_program, stan_directory
+from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError
 from pyburgers.drawing.style import image
 from pyburgers.fitting.fit import Fit
@@ -23,9 +24,7 @@ from pyburgers.flow_law_tables.stan_data import peak_stress_coordinates, peak_st
 from pyburgers.flow_law_tables.table import PeakStressData, load_peak_stress
 from pyburgers.model.flow_law_prior import FLOW_LAW_PRIOR_FILE, FlowLawPrior
 from pyburgers.model.priors import Prior, PriorSet
-from pyburgers.posterior.draws import all_draws
 from pyburgers.protocols.experiment import Provenance
-from pyburgers.protocols.forward import evaluate
 from pyburgers.sampling.options import SamplerOptions
 
 FloatArray = npt.NDArray[np.float64]
@@ -181,11 +180,11 @@ def test_density_is_prior_plus_likelihood_plus_jacobian(
         priors = with_fixed(priors, {"beta": -7.1e-4})
     coordinates = peak_stress_coordinates(data, priors)
     assert coordinates.replaced_parameter == replaced
-    model = load_model(stan_directory() / "peak_stress.stan")
+    model = load_program(stan_directory() / "peak_stress.stan")
     stan_data = peak_stress_data(data, priors)
 
     def at(coordinate: FloatArray) -> dict[str, FloatArray]:
-        return evaluate(model, stan_data, {"coordinate": coordinate.tolist()})
+        return model.evaluate(stan_data, {"coordinate": coordinate.tolist()})
 
     centre = np.random.default_rng(5).normal(0.0, 0.3, len(coordinates.quantities))
     found = at(centre)

@@ -1,6 +1,5 @@
 """Priors are data of the program: densities, fixed parameters, and draws without likelihood."""
 
-import json
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -10,15 +9,15 @@ import arviz as az
 import numpy as np
 import pytest
 from conftest import ICE, valley_of, with_fixed
+from default_chains import sampled
 from log_density import constant_rate_program
 from oracle import GAS_CONSTANT
 from scipy import stats
 
-from pyburgers.cmdstan.program import load_model, stan_directory
+from pyburgers.cmdstan.program import load_program, stan_directory
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.priors import Prior, PriorSet, default_priors
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
-from pyburgers.protocols.forward import quiet_cmdstanpy
 from pyburgers.protocols.stan_data import (
     REFERENCE_STRESS,
     SolverOptions,
@@ -94,24 +93,17 @@ def assert_prior_marginals(
     data: StanData, priors: PriorSet, folder: Path, *, draws: int, least_size: int
 ) -> None:
     """Sample and compare every marginal with its prior (Kolmogorov-Smirnov)."""
-    data_file = folder / "data.json"
-    data_file.write_text(json.dumps(data), encoding="utf-8")
-    with quiet_cmdstanpy():
-        sample = load_model(stan_directory() / "constant_rate.stan").sample(
-            data=str(data_file),
-            chains=4,
-            parallel_chains=2,
-            seed=20,
-            inits=0,
-            iter_warmup=500,
-            iter_sampling=draws,
-            metric="dense_e",
-            adapt_delta=0.9,
-            sig_figs=12,
-            output_dir=str(folder),
-            show_progress=False,
-        )
-        values = sample.draws_xr([p.name for p in PARAMETERS])
+    sample = sampled(
+        load_program(stan_directory() / "constant_rate.stan"),
+        data,
+        folder,
+        chains=4,
+        seed=20,
+        warmup=500,
+        draws=draws,
+        algorithm=("metric=dense_e", "adapt", "delta=0.9"),
+    )
+    values = sample.dataset([p.name for p in PARAMETERS])
     family_wise_level = 1e-3
     for name in priors.free:
         size = az.ess(values[[name]])[name].item()

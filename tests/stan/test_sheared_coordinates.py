@@ -6,16 +6,17 @@ from dataclasses import replace
 from pathlib import Path
 
 import arviz as az
-import cmdstanpy
 import numpy as np
 import numpy.typing as npt
 import oracle
 import pytest
 from conftest import ICE, fixed, resolved_priors, with_fixed, with_priors
+from default_chains import sampled
 from log_density import Program
 from scipy import stats
 
-from pyburgers.cmdstan.program import compile_program, load_model
+from pyburgers.cmdstan.program import Program as CompiledProgram
+from pyburgers.cmdstan.program import compile_program, load_program
 from pyburgers.common.errors import InputError
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.priors import Prior, PriorSet
@@ -25,7 +26,7 @@ from pyburgers.protocols.forced_oscillation.experiment import (
     with_background,
 )
 from pyburgers.protocols.forced_oscillation.preparation import Background, prepare
-from pyburgers.protocols.forward import evaluate, program_for, quiet_cmdstanpy
+from pyburgers.protocols.forward import program_for
 from pyburgers.protocols.stan_data import (
     PLAIN,
     REFERENCE_FLOW_RATE,
@@ -115,8 +116,8 @@ def truth_in(experiment: OscillationExperiment, priors: PriorSet) -> Mode:
     return Mode(values, coordinates.at({**values, REFERENCE_FLOW_RATE: float(rate)}))
 
 
-def model_of(experiment: OscillationExperiment) -> cmdstanpy.CmdStanModel:
-    return load_model(program_for(experiment))
+def model_of(experiment: OscillationExperiment) -> CompiledProgram:
+    return load_program(program_for(experiment))
 
 
 def program_in(
@@ -154,7 +155,7 @@ def sheared_truth(
     data = forced_oscillation_data(experiment, priors, solver=TIGHT)
     data |= {**sheared_block(reference), "coordinate_system": PLAIN}
     position = {"coordinate": truth_in(experiment, priors).coordinate.tolist()}
-    return evaluate(model_of(experiment), data, position)["sheared_coordinate"]
+    return model_of(experiment).evaluate(data, position)["sheared_coordinate"]
 
 
 def scattered(centre: FloatArray, seed: int, number: int) -> FloatArray:
@@ -533,25 +534,18 @@ def test_without_likelihood_draws_have_the_priors_marginals(
         use_likelihood=False,
         sheared=sheared,
     )
-    data_file = tmp_path / "data.json"
-    data_file.write_text(json.dumps(two_points(data)), encoding="utf-8")
-    with quiet_cmdstanpy():
-        sample = model_of(experiment).sample(
-            data=str(data_file),
-            chains=4,
-            parallel_chains=2,
-            seed=20,
-            inits=0,
-            iter_warmup=500,
-            iter_sampling=3000,
-            thin=3,  # successive draws are antithetic
-            metric="dense_e",
-            adapt_delta=0.9,
-            sig_figs=12,
-            output_dir=str(tmp_path),
-            show_progress=False,
-        )
-        values = sample.draws_xr(list(FREE))
+    sample = sampled(
+        model_of(experiment),
+        two_points(data),
+        tmp_path,
+        chains=4,
+        seed=20,
+        warmup=500,
+        draws=3000,
+        thin=3,  # successive draws are antithetic
+        algorithm=("metric=dense_e", "adapt", "delta=0.9"),
+    )
+    values = sample.dataset(FREE)
     family_wise_level = 1e-3
     for name in FREE:
         size = az.ess(values[[name]])[name].item()

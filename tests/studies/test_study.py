@@ -14,9 +14,9 @@ from synthetic_olivine_fit import make_olivine_fit
 from test_report import Page
 from test_report import small_fit as quickly_drawn_fit
 
+from pyburgers.common.draws import all_draws
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.side_by_side import Problem
-from pyburgers.posterior.draws import all_draws
 from pyburgers.predictions.attenuation import predict_attenuation, quantile_table
 from pyburgers.predictions.oscillation_response import oscillation_of
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment

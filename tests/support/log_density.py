@@ -7,7 +7,6 @@ exactly, from positions that are printed with all digits.
 """
 
 import json
-import subprocess
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from pyburgers.cmdstan.program import Program as CompiledProgram
 from pyburgers.cmdstan.program import compile_program, stan_directory
 from pyburgers.protocols.stan_data import StanData
 
@@ -78,18 +78,21 @@ class Program:
         # A step of size 1 in coordinates scaled by `step`.
         metric = {"inv_metric": (step**2).tolist()}
         files["metric"].write_text(json.dumps(metric), encoding="utf-8")
-        subprocess.run(
+        running = CompiledProgram(self.executable).start(
             [
-                *(str(self.executable), "sample", "num_samples=1", "num_warmup=0"),
+                *("method=sample", "num_samples=1", "num_warmup=0"),
                 *("adapt", "engaged=0", "algorithm=hmc", "engine=static", "int_time=1"),
-                *("metric=diag_e", f"metric_file={files['metric']}", "stepsize=1", "id=1"),
-                *("data", f"file={self.data_file}", f"init={files['init']}"),
-                *("random", "seed=5", "output", f"file={files['output']}"),
-                *(f"diagnostic_file={files['trace']}", "sig_figs=17"),
+                *("metric=diag_e", f"metric_file={files['metric']}", "stepsize=1"),
             ],
-            check=True,
-            capture_output=True,
+            data=self.data_file,
+            init=files["init"],
+            output=files["output"],
+            seed=5,
+            digits=17,
+            output_options=[f"diagnostic_file={files['trace']}"],
         )
+        running.wait()
+        assert not running.failed, running.console_tail()
         trace = _only_row(files["trace"])
         # CmdStan gives the gradient of the potential, which is minus the log density.
         gradient = [-value for name, value in trace.items() if name.startswith("g_")]

@@ -21,9 +21,9 @@ from pyburgers.protocols.forced_oscillation.experiment import (
     with_background,
 )
 from pyburgers.protocols.forced_oscillation.preparation import Background
+from pyburgers.report.comparison_sections import comparison_sections
+from pyburgers.report.flow_law_sections import peak_stress_section
 from pyburgers.report.page import write_report
-from pyburgers.report.peak_stress_section import peak_stress_section
-from pyburgers.report.same_data_sections import related_sections
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.studies.maor.sections import study_sections
 
@@ -139,7 +139,7 @@ def reproduce(preset: str, out: Path, *, command: str) -> Outcome:
         extras=(
             *study_sections(ice_fits, olivine_fits),
             peak_stress_section(peak_stress),
-            *related_sections(list(fits.values())),
+            *comparison_sections(list(fits.values())),
         ),
         jobs=None,
     )

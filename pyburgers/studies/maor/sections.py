@@ -15,6 +15,7 @@ import numpy.typing as npt
 import pandas as pd
 import xarray as xr
 
+from pyburgers.common.draws import all_draws, central_band
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.display import (
     LENGTH_FACTOR,
@@ -24,7 +25,6 @@ from pyburgers.model.display import (
     shown_quantity,
     unit_text,
 )
-from pyburgers.posterior.draws import all_draws
 from pyburgers.posterior.labelled_draws import prediction_grid
 from pyburgers.predictions import attenuation_figures
 from pyburgers.predictions.attenuation import (
@@ -37,7 +37,7 @@ from pyburgers.predictions.attenuation import (
     quantile_table,
 )
 from pyburgers.predictions.imposed_stress import simulated_phase_lag
-from pyburgers.predictions.oscillation_response import central_band, oscillation_of
+from pyburgers.predictions.oscillation_response import oscillation_of
 from pyburgers.protocols.forward import REFERENCE_SOLVER, solve
 from pyburgers.protocols.stan_data import REFERENCE_FLOW_RATE
 from pyburgers.report import oscillation_figures

@@ -1,10 +1,16 @@
-"""Arrays of draws: all chains in one row, and fewer of them."""
+"""Arrays of draws: all chains in one row, fewer of them, and the band that holds most of them."""
 
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
 FloatArray = npt.NDArray[np.float64]
+
+TAIL = 0.05
+"""Share of draws on either side of the bands of figures and tables."""
+
+BAND = 1.0 - 2.0 * TAIL
+"""Share inside."""
 
 
 def all_draws(values: xr.DataArray) -> FloatArray:
@@ -27,3 +33,15 @@ def evenly_spaced(rows: FloatArray, at_most: int) -> FloatArray:
     kept = min(len(rows), at_most)
     thinned: FloatArray = rows[np.arange(kept) * len(rows) // max(kept, 1)]
     return thinned
+
+
+def central_band(draws: FloatArray) -> FloatArray:
+    """Lower end, median and upper end of the central 90 % of draws, shape (3, ...).
+
+    Parameters
+    ----------
+    draws : array, shape (n, ...)
+        NaN, which draws without solution have, does not count.
+    """
+    ends: FloatArray = np.nanquantile(draws, [TAIL, 0.5, 1.0 - TAIL], axis=0)
+    return ends

@@ -11,19 +11,19 @@ from synthetic_fit import Kind, make_fit
 from test_report import Page
 
 from pyburgers.cli.main import main
+from pyburgers.common.draws import all_draws
 from pyburgers.comparison.by_points import compare, comparison_table, sentences
-from pyburgers.posterior.draws import all_draws
 from pyburgers.fitting.fit import Fit
-from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, Conditions, FlowLawPrior
-from pyburgers.flow_law_tables.table import least_squares, load_peak_stress
 from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress
 from pyburgers.flow_law_tables.priors import default_peak_stress_priors
-from pyburgers.report.peak_stress_section import least_squares_table, peak_stress_section
+from pyburgers.flow_law_tables.table import least_squares, load_peak_stress
+from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, Conditions, FlowLawPrior
 from pyburgers.model.priors import FLOW_LAW, with_flow_law
-from pyburgers.report.same_data_sections import LOG_RATE, related_sections
+from pyburgers.report.comparison_sections import comparison_sections
+from pyburgers.report.flow_law_sections import LOG_RATE, least_squares_table, peak_stress_section
 from pyburgers.report.page import ExtraSection, write_report
-from pyburgers.studies.maor.reproduce import PEAK_STRESS_TABLE, shipped_data_directory
 from pyburgers.sampling.options import SamplerOptions
+from pyburgers.studies.maor.reproduce import PEAK_STRESS_TABLE, shipped_data_directory
 
 LAW = FlowLawPrior(
     quantities=PRIOR_QUANTITIES,
@@ -50,14 +50,14 @@ def fits(tmp_path_factory: pytest.TempPathFactory) -> list[Fit]:
 
 @pytest.fixture(scope="module")
 def sections(fits: list[Fit]) -> tuple[ExtraSection, ...]:
-    return related_sections(fits)
+    return comparison_sections(fits)
 
 
 def test_one_fit_of_each_data_set_leaves_nothing_to_relate(fits: list[Fit], tmp_path: Path) -> None:
     other = make_fit(tmp_path / "other", name="B", draws=100, seed=9)
-    assert related_sections([fits[0], other]) == ()
+    assert comparison_sections([fits[0], other]) == ()
     without_data = replace(fits[1], manifest={**fits[1].manifest, "use_likelihood": False})
-    assert related_sections([fits[0], without_data]) == ()
+    assert comparison_sections([fits[0], without_data]) == ()
 
 
 def test_fits_of_the_same_data_are_compared(
@@ -100,7 +100,7 @@ def test_sources_that_disagree_are_said_to(fits: list[Fit]) -> None:
         mean[2] = of_curve.mean() + shift * of_curve.std()
         law = replace(LAW, mean=mean)
         both = replace(fits[1], priors=with_flow_law(fits[0].priors, law, "test"))
-        text = " ".join(related_sections([fits[0], both])[1].paragraphs)
+        text = " ".join(comparison_sections([fits[0], both])[1].paragraphs)
         assert f"The two sources {expected}" in text
 
 
@@ -108,7 +108,7 @@ def test_a_synthetic_curve_with_another_source_says_nothing_about_nature(
     sections: tuple[ExtraSection, ...], tmp_path: Path
 ) -> None:
     assert "says nothing about nature" in " ".join(sections[1].paragraphs)
-    measured = related_sections(pair(tmp_path, "measured"))
+    measured = comparison_sections(pair(tmp_path, "measured"))
     assert "nature" not in " ".join(measured[1].paragraphs)
 
 

@@ -1,0 +1,233 @@
+"""Stan sources -> executables, compiled with CmdStan into a cache.
+
+Compiled programs live in a folder named by everything that decides the executable: the
+program, what it includes, CmdStan, the compiler and its flags. A change in any of them gives
+another folder, so nothing is ever out of date, and tests, CI and users share the work.
+"""
+
+import hashlib
+import importlib.resources
+import json
+import logging
+import os
+import platform
+import re
+import shutil
+import tempfile
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import platformdirs
+
+from pyburgers.cmdstan.installation import ensure_cmdstan
+from pyburgers.cmdstan.toolchain import (
+    COMPILE_FLAGS,
+    Toolchain,
+    last_lines,
+    process_lock,
+    run_tool,
+    toolchain,
+)
+from pyburgers.common.errors import ToolchainError
+from pyburgers.common.processes import cores
+
+logger = logging.getLogger(__name__)
+
+_INCLUDE = re.compile(r"""^[ \t]*\#include[ \t]+["<]?([^"<>\s]+)""", re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class _Sources:
+    """A Stan program with all it includes; read once, so that key and compiler see the same."""
+
+    name: str
+    text: str
+    included: Mapping[str, str]
+
+
+def stan_directory() -> Path:
+    """Return the folder of the Stan programs: in an installed wheel, else in the checkout.
+
+    Raises
+    ------
+    ToolchainError
+        If neither is there.
+    """
+    package = Path(str(importlib.resources.files("pyburgers")))
+    for folder in (package / "stan", package.parent / "stan"):
+        if folder.is_dir():
+            return folder
+    raise ToolchainError(
+        f"The Stan programs are missing: there is neither {package / 'stan'} nor "
+        f"{package.parent / 'stan'}; install pyburgers again."
+    )
+
+
+def cache_directory() -> Path:
+    """Return the folder of compiled programs: ``$PYBURGERS_CACHE``, else in the user's cache."""
+    chosen = os.environ.get("PYBURGERS_CACHE")
+    if chosen:
+        return Path(chosen).expanduser().absolute()
+    return Path(platformdirs.user_cache_dir("pyburgers"))
+
+
+def program_key(program: Path, include_directory: Path, cmdstan: Path) -> str:
+    """Return the name under which a compiled program is cached.
+
+    Parameters
+    ----------
+    program : Path
+        A Stan program.
+    include_directory : Path
+        The folder that its ``#include`` lines are relative to.
+    cmdstan : Path
+        Folder of the CmdStan that compiles it. Part of the key, since an executable finds
+        CmdStan's libraries by their full path.
+
+    Returns
+    -------
+    str
+        SHA-256, in hexadecimal digits, of the names and texts of the program and of all it
+        includes, and of the toolchain.
+
+    Raises
+    ------
+    ToolchainError
+        If a file cannot be read or a tool is missing.
+    """
+    return _key(_read_sources(program, include_directory), toolchain(cmdstan))
+
+
+def executable_path(program: Path, cmdstan: Path) -> Path:
+    """Return where the executable of `program` is, or will be once compiled."""
+    return cache_directory() / program_key(program, stan_directory(), cmdstan) / program.stem
+
+
+def compile_program(program: Path) -> Path:
+    """Return the executable of a Stan program; compile it unless it is in the cache.
+
+    Parameters
+    ----------
+    program : Path
+        A Stan program; its ``#include`` lines are relative to `stan_directory`.
+
+    Raises
+    ------
+    ToolchainError
+        If CmdStan cannot be had, the program is wrong or the compiler fails; the message ends
+        with what stanc or the compiler said.
+    """
+    return _compile(program, ensure_cmdstan())
+
+
+def compile_programs(programs: Sequence[Path]) -> tuple[Path, ...]:
+    """Return the executables of several programs, compiled in parallel; see `compile_program`."""
+    cmdstan = ensure_cmdstan()
+    with ThreadPoolExecutor(max_workers=cores()) as pool:
+        return tuple(pool.map(lambda program: _compile(program, cmdstan), programs))
+
+
+def _read_sources(program: Path, include_directory: Path) -> _Sources:
+    text = _read(program)
+    included: dict[str, str] = {}
+    pending = [(program.name, text)]
+    while pending:
+        includer, including_text = pending.pop()
+        for name in _INCLUDE.findall(including_text):
+            if name in included:
+                continue
+            path = include_directory / name
+            if not path.is_file():
+                raise ToolchainError(
+                    f"{includer} includes {name}, which is not in {include_directory}."
+                )
+            included[name] = _read(path)
+            pending.append((name, included[name]))
+    return _Sources(name=program.name, text=text, included=included)
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise ToolchainError(f"The Stan file {path} cannot be read: {error.strerror}.") from error
+
+
+def _key(sources: _Sources, tools: Toolchain) -> str:
+    decisive = {
+        "program": [sources.name, sources.text],
+        "included": dict(sources.included),
+        "cmdstan": [str(tools.cmdstan_path), tools.cmdstan_version],
+        "compiler": tools.compiler,
+        "compile_flags": tools.compile_flags,
+        "machine": [platform.system(), platform.machine()],
+    }
+    return hashlib.sha256(json.dumps(decisive, sort_keys=True).encode()).hexdigest()
+
+
+def _compile(program: Path, cmdstan: Path) -> Path:
+    sources = _read_sources(program, stan_directory())
+    tools = toolchain(cmdstan)
+    folder = cache_directory() / _key(sources, tools)
+    executable = folder / program.stem
+    if executable.is_file():
+        return executable
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with process_lock(
+            folder / ".lock", f"Waiting for another process that is compiling {program.name}."
+        ):
+            if not executable.is_file():
+                _build(sources, tools, executable)
+    except OSError as error:
+        raise ToolchainError(
+            f"{program.name} could not be compiled into the cache folder {cache_directory()}: "
+            f"{error}; the environment variable PYBURGERS_CACHE can name another folder."
+        ) from error
+    return executable
+
+
+def _build(sources: _Sources, tools: Toolchain, executable: Path) -> None:
+    """Compile a program in a temporary folder, then put the executable in place in one step."""
+    logger.info(f"Compiling {sources.name} (about 20 s).")
+    # Not in the cache folder, whose path may hold spaces, which make cannot handle.
+    with tempfile.TemporaryDirectory(prefix="pyburgers-", ignore_cleanup_errors=True) as scratch:
+        program = Path(scratch) / sources.name
+        for name, text in {**sources.included, sources.name: sources.text}.items():
+            path = Path(scratch) / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8")
+        _translate(program, tools)
+        make = run_tool(["make", *COMPILE_FLAGS, program.with_suffix("")], cwd=tools.cmdstan_path)
+        if make.returncode != 0:
+            raise ToolchainError(
+                f"{sources.name} could not be compiled with CmdStan {tools.cmdstan_version} and "
+                f"{tools.compiler}; make's last lines:\n{last_lines(make.stdout)}"
+            )
+        partial = executable.with_name(f".{executable.name}.partial")
+        shutil.copy2(program.with_suffix(""), partial)
+        partial.replace(executable)
+
+
+def _translate(program: Path, tools: Toolchain) -> None:
+    """Translate a Stan program to C++, beside it.
+
+    Neither make nor cmdstanpy does this: their messages would name temporary paths, and
+    cmdstanpy changes the working directory, so it cannot compile in several threads.
+    """
+    stanc = run_tool(
+        [
+            *(tools.cmdstan_path / "bin" / "stanc", "--include-paths=."),
+            *(f"--o={program.stem}.hpp", program.name),
+        ],
+        cwd=program.parent,
+    )
+    said = stanc.stdout.strip()
+    if stanc.returncode != 0:
+        raise ToolchainError(
+            f"stanc {tools.cmdstan_version} does not accept {program.name}:\n{said}"
+        )
+    if said:
+        logger.info(f"stanc on {program.name}: {said}")

@@ -1,0 +1,237 @@
+"""Panels that figures share: bands and curves of draws, data with residuals, legends.
+
+Everything is in display units already; draws are along the first axis.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+
+from pyburgers.common.draws import central_band, evenly_spaced
+from pyburgers.drawing.style import BLACK, BLUE, GREY, ORANGE, VERMILION, few_ticks, style
+
+FloatArray = npt.NDArray[np.float64]
+
+RETRODICTIONS = 1000
+"""Solutions for single draws that a figure shows at most."""
+
+LINES_AND_AREAS = "lines: posterior median, areas: 90 % of draws"
+
+
+@dataclass(frozen=True, eq=False)
+class FittedCurve:
+    """The response of a test along its clock, measured and as a fit has it, in display units.
+
+    Attributes
+    ----------
+    grid : array, shape (n_grid,)
+        Positions of the solutions on the clock.
+    solutions, replicated : array, shape (n_draws, n_grid)
+        Solutions for single draws, and the same with noise.
+    line_position, line : array, shape (n_line,)
+        One solution that stands for all.
+    line_label : str
+        Which.
+    position, data, residuals : array, shape (n_points,)
+        Readings, and by how much they exceed the mean prediction.
+    error : array, shape (n_points,), or None
+        Standard deviation of each reading where they differ.
+    data_label : str
+        What the readings are.
+    noise_band : float
+        Half width of the band of the residuals.
+    position_label, label, residual_label : str
+        Of the axes.
+    heading : str
+        What was tested.
+    marks : sequence of (float, str)
+        Positions at which what is imposed changes, and to what.
+    limits : tuple of float, optional
+        Of the horizontal axis.
+    """
+
+    grid: FloatArray
+    solutions: FloatArray
+    replicated: FloatArray
+    line_position: FloatArray
+    line: FloatArray
+    line_label: str
+    position: FloatArray
+    data: FloatArray
+    residuals: FloatArray
+    error: FloatArray | None
+    data_label: str
+    noise_band: float
+    position_label: str
+    label: str
+    residual_label: str
+    heading: str
+    marks: Sequence[tuple[float, str]] = ()
+    limits: tuple[float, float] | None = None
+
+
+def curve_with_residuals(curve: FittedCurve) -> Figure:
+    """Draw data, retrodictions and predictive band above residuals."""
+    with style():
+        figure = Figure(figsize=(8.0, 6.4), layout="constrained")
+        upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1])
+        draw_curve(upper, curve)
+        lower.axhspan(
+            -curve.noise_band,
+            curve.noise_band,
+            color=GREY,
+            alpha=0.5,
+            linewidth=0,
+            label="90 % band of the noise",
+        )
+        lower.axhline(0.0, color=BLUE, linewidth=1.0)
+        lower.plot(
+            curve.position,
+            curve.residuals,
+            linestyle="none",
+            marker="o",
+            markersize=3.5,
+            color=BLACK,
+            label="data minus mean prediction",
+        )
+        lower.yaxis.set_major_locator(few_ticks(5))
+        for position, _ in curve.marks:
+            _draw_mark(lower, position)
+        lower.set_ylabel(curve.residual_label)
+        lower.set_xlabel(curve.position_label)
+        legend_above(figure, (upper, lower))
+    return figure
+
+
+def draw_curve(axes: Axes, curve: FittedCurve) -> None:
+    """Draw data, one solution, retrodictions, predictive band, and where the imposed changes."""
+    low, _, high = central_band(curve.replicated)
+    axes.fill_between(
+        curve.grid, low, high, color=ORANGE, alpha=0.35, linewidth=0, label="90 % predictive band"
+    )
+    draw_retrodictions(axes, curve.grid, curve.solutions)
+    axes.plot(
+        curve.line_position, curve.line, color=VERMILION, linewidth=1.6, label=curve.line_label
+    )
+    draw_data(axes, curve.position, curve.data, curve.error, curve.data_label)
+    for position, text in curve.marks:
+        _draw_mark(axes, position)
+        # Ahead of the mark, where stress is high: behind it may be low readings.
+        axes.annotate(
+            text,
+            (position, 0.02),
+            xycoords=("data", "axes fraction"),
+            xytext=(-3, 0),
+            textcoords="offset points",
+            rotation=90,
+            ha="right",
+            va="bottom",
+            fontsize=9,
+            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.5},
+        )
+    if curve.limits is None:
+        axes.margins(x=0.01)
+    else:
+        axes.set_xlim(*curve.limits)
+    axes.set_title(curve.heading, loc="left")
+    axes.set_ylabel(curve.label)
+
+
+def _draw_mark(axes: Axes, position: float) -> None:
+    axes.axvline(position, color=BLACK, linestyle=":", linewidth=0.9)
+
+
+def draw_data(
+    axes: Axes, position: FloatArray, data: FloatArray, error: FloatArray | None, label: str
+) -> None:
+    """Draw readings as circles, with one standard deviation either way where it is given."""
+    axes.errorbar(
+        position,
+        data,
+        yerr=error,
+        linestyle="none",
+        marker="o",
+        markersize=4,
+        markerfacecolor="white",
+        markeredgecolor=BLACK,
+        markeredgewidth=0.8,
+        ecolor="#777777",
+        elinewidth=0.8,
+        label=label,
+    )
+
+
+def draw_retrodictions(axes: Axes, grid: FloatArray, solutions: FloatArray) -> None:
+    """Draw solutions for single draws as thin lines, at most `RETRODICTIONS` of them."""
+    curves = evenly_spaced(solutions, RETRODICTIONS)
+    draw_thin_lines(axes, grid, curves, BLUE, alpha=0.04)
+    axes.plot([], [], color=BLUE, linewidth=0.8, alpha=0.6, label=f"{len(curves)} retrodictions")
+
+
+def draw_thin_lines(
+    axes: Axes, position: FloatArray, curves: FloatArray, colour: str, *, alpha: float
+) -> None:
+    """Draw many curves, shape (n_curves, n), as one picture, which keeps vector files small."""
+    points = np.stack([np.broadcast_to(position, curves.shape), curves], axis=-1)
+    axes.add_collection(
+        LineCollection(list(points), colors=colour, linewidths=0.5, alpha=alpha, rasterized=True)
+    )
+
+
+def draw_band(
+    axes: Axes, position: FloatArray, values: FloatArray, colour: str, label: str
+) -> None:
+    """Draw the median and the 90 % band of draws, shape (n_draws, n); the label is the line's."""
+    low, median, high = central_band(values)
+    axes.fill_between(position, low, high, color=colour, alpha=0.22, linewidth=0)
+    axes.plot(position, median, color=colour, linewidth=1.6, label=label)
+
+
+def draw_band_panel(
+    axes: Axes,
+    position: FloatArray,
+    bands: Sequence[tuple[FloatArray, str, str]],
+    *,
+    heading: str,
+    label: str,
+    level: tuple[float, str] | None = None,
+) -> None:
+    """Draw a panel of medians and bands with heading, axis label and legend.
+
+    Parameters
+    ----------
+    axes : Axes
+        Where.
+    position : array, shape (n,)
+        Along the horizontal axis.
+    bands : sequence of (array, str, str)
+        Draws, shape (n_draws, n), colour and label of each.
+    heading, label : str
+        Of the panel and of its vertical axis.
+    level : (float, str), optional
+        A number to compare with, and its label.
+    """
+    for values, colour, name in bands:
+        draw_band(axes, position, values, colour, name)
+    if level is not None:
+        axes.axhline(level[0], color=BLACK, linestyle=":", linewidth=1.0, label=level[1])
+    axes.set_title(heading, loc="left")
+    axes.set_ylabel(label)
+    axes.legend(loc="best")
+
+
+def legend_above(figure: Figure, panels: Sequence[Axes]) -> None:
+    """Put the legends of several panels together above them."""
+    handles: list[Artist] = []
+    labels: list[str] = []
+    for axes in panels:
+        more, more_labels = axes.get_legend_handles_labels()
+        handles += more
+        labels += more_labels
+    figure.legend(handles, labels, loc="outside upper center", ncols=3)

@@ -1,0 +1,1 @@
+"""The page about fits: figures, tables, sections."""

@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from pyburgers.predictions.attenuation import Regime, attenuation_spectrum, predict_attenuation
     from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
     from pyburgers.protocols.experiment import Experiment
-    from pyburgers.protocols.files import load_experiment
     from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
     from pyburgers.protocols.forward import load_parameters, simulate
+    from pyburgers.protocols.registry import load_experiment
     from pyburgers.protocols.stan_data import SolverOptions
     from pyburgers.sampling.options import SamplerOptions
 
@@ -43,7 +43,7 @@ _NAMES = {
     "predictions.attenuation": ("Regime", "attenuation_spectrum", "predict_attenuation"),
     "protocols.constant_rate.experiment": ("ConstantRateExperiment",),
     "protocols.experiment": ("Experiment",),
-    "protocols.files": ("load_experiment",),
+    "protocols.registry": ("load_experiment",),
     "protocols.forced_oscillation.experiment": ("OscillationExperiment",),
     "protocols.forward": ("load_parameters", "simulate"),
     "protocols.stan_data": ("SolverOptions",),

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 import xarray as xr
 from conftest import ICE, SMALL_RUN, Problem, with_fixed
@@ -35,10 +36,11 @@ from pyburgers.model.variants import (
 )
 from pyburgers.posterior.labelled_draws import CORRELATED
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
-from pyburgers.protocols.files import load_experiment
-from pyburgers.protocols.forward import check_parameters, simulate
+from pyburgers.protocols.forward import check_parameters, simulate, simulate_data
+from pyburgers.protocols.registry import load_experiment
 from pyburgers.protocols.stan_data import SolverOptions, program_data
-from pyburgers.sbc.data_sets import simulate_constant_rate
+
+FloatArray = npt.NDArray[np.float64]
 
 OLIVINE = Path(__file__).parents[2] / "data" / "olivine" / "olivine_twin.toml"
 
@@ -141,15 +143,18 @@ def test_a_linear_maxwell_dashpot_keeps_the_prior_of_its_rate_at_the_largest_str
     inverse_rt = 1 / (8.314462618 * ice.temperature)
     rng = np.random.default_rng(3)
 
-    def log_rate(priors: PriorSet) -> float:
-        draw = priors.sample(rng)
-        return draw["stress_exponent"] * log_stress + draw["activation_enthalpy"] * (
-            draw["beta"] - inverse_rt
+    def log_rate(priors: PriorSet) -> FloatArray:
+        exponent, enthalpy, beta = (
+            np.full(4000, prior.location)
+            if prior.is_fixed
+            else prior.distribution().rvs(4000, random_state=rng)
+            for prior in (
+                priors[name] for name in ("stress_exponent", "activation_enthalpy", "beta")
+            )
         )
+        return np.asarray(exponent * log_stress + enthalpy * (beta - inverse_rt))
 
-    linear, power_law = (
-        np.array([log_rate(p.resolved(1e7)) for _ in range(4000)]) for p in (changed, priors)
-    )
+    linear, power_law = log_rate(changed), log_rate(priors)
     assert linear.mean() == pytest.approx(power_law.mean(), abs=0.05 * power_law.std())
     assert linear.std() == pytest.approx(power_law.std(), rel=0.2)
 
@@ -292,7 +297,7 @@ def test_simulated_residuals_are_correlated(programs: None, ice: ConstantRateExp
     dense = np.exp(-np.abs(ice.strain[:, None] - ice.strain) / 0.02)
     whitened = []
     for seed in range(40):
-        data = simulate_constant_rate(ice, correlated, np.random.default_rng(seed), source="test")
+        data = simulate_data(ice, correlated, np.random.default_rng(seed), source="test")
         residual = (data.stress - clean) / truth["stress_noise"]
         whitened.append(np.linalg.solve(np.linalg.cholesky(dense), residual))
     assert stats.kstest(np.ravel(whitened), "norm").pvalue > 1e-3
@@ -306,7 +311,7 @@ def correlated_fit(
     experiment, rng = small_problem.experiment, np.random.default_rng(5)
     assert experiment.true_parameters is not None
     truth = dict(experiment.true_parameters) | {"residual_correlation_strain": 0.005}
-    data = simulate_constant_rate(experiment, truth, rng, source="test")
+    data = simulate_data(experiment, truth, rng, source="test")
     priors = with_variant(small_problem.priors, data, {"residuals": "autocorrelated"})
     out = tmp_path_factory.mktemp("correlated") / "run"
     return fit(data, priors, out=out, options=SMALL_RUN)

@@ -150,6 +150,7 @@ def test_all_parts_are_on_the_page_and_in_files(
     fits: list[Fit],
     sections: tuple[ExtraSection, ...],
     peak_stress: PeakStressFit,
+    sketched: None,
     tmp_path: Path,
 ) -> None:
     extras = (peak_stress_section(peak_stress), *sections)
@@ -168,7 +169,7 @@ def test_all_parts_are_on_the_page_and_in_files(
 
 
 def test_the_report_of_two_runs_of_one_experiment_compares_them(
-    small_fit: Fit, long_fit: Fit, tmp_path: Path
+    small_fit: Fit, long_fit: Fit, sketched: None, tmp_path: Path
 ) -> None:
     runs = [str(one.directory.path) for one in (small_fit, long_fit)]
     assert main(["report", *runs, "--out", str(tmp_path / "page")]) == 0

@@ -4,26 +4,54 @@ What takes long tells of its progress through `logging`: to the logger ``pyburge
 """
 
 import logging
+from importlib import import_module
+from typing import TYPE_CHECKING
 
-from pyburgers.common.errors import InputError, PyburgersError, SamplingError, ToolchainError
-from pyburgers.comparison.by_points import Comparison, compare
-from pyburgers.comparison.by_tests import ComparisonByTest, compare_by_test
-from pyburgers.comparison.marginal_likelihood import log_marginal_likelihood
-from pyburgers.fitting.fit import Fit, fit
-from pyburgers.fitting.joint_fit import JointFit, fit_jointly
-from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress, flow_law_prior
-from pyburgers.flow_law_tables.priors import default_peak_stress_priors, load_peak_stress_priors
-from pyburgers.flow_law_tables.table import PeakStressData, load_peak_stress
-from pyburgers.model.priors import PriorSet, default_priors, load_priors, with_flow_law
-from pyburgers.model.variants import ModelVariant, variant_of, with_variant
-from pyburgers.predictions.attenuation import Regime, attenuation_spectrum, predict_attenuation
-from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
-from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.files import load_experiment
-from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
-from pyburgers.protocols.forward import load_parameters, simulate
-from pyburgers.protocols.stan_data import SolverOptions
-from pyburgers.sampling.options import SamplerOptions
+if TYPE_CHECKING:
+    from pyburgers.common.errors import InputError, PyburgersError, SamplingError, ToolchainError
+    from pyburgers.comparison.by_points import Comparison, compare
+    from pyburgers.comparison.by_tests import ComparisonByTest, compare_by_test
+    from pyburgers.comparison.marginal_likelihood import log_marginal_likelihood
+    from pyburgers.fitting.fit import Fit, fit
+    from pyburgers.fitting.joint_fit import JointFit, fit_jointly
+    from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress, flow_law_prior
+    from pyburgers.flow_law_tables.priors import default_peak_stress_priors, load_peak_stress_priors
+    from pyburgers.flow_law_tables.table import PeakStressData, load_peak_stress
+    from pyburgers.model.priors import PriorSet, default_priors, load_priors, with_flow_law
+    from pyburgers.model.variants import ModelVariant, variant_of, with_variant
+    from pyburgers.predictions.attenuation import Regime, attenuation_spectrum, predict_attenuation
+    from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
+    from pyburgers.protocols.experiment import Experiment
+    from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
+    from pyburgers.protocols.forward import load_parameters, simulate
+    from pyburgers.protocols.registry import load_experiment
+    from pyburgers.protocols.stan_data import SolverOptions
+    from pyburgers.sampling.options import SamplerOptions
+
+_NAMES = {
+    "common.errors": ("InputError", "PyburgersError", "SamplingError", "ToolchainError"),
+    "comparison.by_points": ("Comparison", "compare"),
+    "comparison.by_tests": ("ComparisonByTest", "compare_by_test"),
+    "comparison.marginal_likelihood": ("log_marginal_likelihood",),
+    "fitting.fit": ("Fit", "fit"),
+    "fitting.joint_fit": ("JointFit", "fit_jointly"),
+    "flow_law_tables.fit": ("PeakStressFit", "fit_peak_stress", "flow_law_prior"),
+    "flow_law_tables.priors": ("default_peak_stress_priors", "load_peak_stress_priors"),
+    "flow_law_tables.table": ("PeakStressData", "load_peak_stress"),
+    "model.priors": ("PriorSet", "default_priors", "load_priors", "with_flow_law"),
+    "model.variants": ("ModelVariant", "variant_of", "with_variant"),
+    "predictions.attenuation": ("Regime", "attenuation_spectrum", "predict_attenuation"),
+    "protocols.constant_rate.experiment": ("ConstantRateExperiment",),
+    "protocols.experiment": ("Experiment",),
+    "protocols.registry": ("load_experiment",),
+    "protocols.forced_oscillation.experiment": ("OscillationExperiment",),
+    "protocols.forward": ("load_parameters", "simulate"),
+    "protocols.stan_data": ("SolverOptions",),
+    "sampling.options": ("SamplerOptions",),
+}
+"""Where the public names are; they are imported when they are asked for."""
+
+_MODULE_OF = {name: module for module, names in _NAMES.items() for name in names}
 
 logging.getLogger(__name__).addHandler(logging.NullHandler())
 
@@ -67,3 +95,16 @@ __all__ = [
     "with_flow_law",
     "with_variant",
 ]
+
+
+def __getattr__(name: str) -> object:
+    """Import a public name."""
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    globals()[name] = getattr(import_module(f"{__name__}.{_MODULE_OF[name]}"), name)
+    return globals()[name]
+
+
+def __dir__() -> list[str]:
+    """Return the public names, imported or not, and those of modules."""
+    return sorted({*globals(), *__all__})

@@ -11,7 +11,7 @@ import xarray as xr
 from scipy import stats
 
 from pyburgers.common.draws import BAND, TAIL
-from pyburgers.posterior.labelled_draws import CORRELATED, convergence_table, pareto_k
+from pyburgers.posterior.labelled_draws import CORRELATED, convergence_table, pareto_k, response_in
 from pyburgers.sampling.chains import ChainFailure
 
 RHAT_LIMIT = 1.01
@@ -223,19 +223,19 @@ def check_solver(posterior: xr.DataTree) -> CheckResult:
 
 def coverage(posterior: xr.DataTree) -> float:
     """Share of the data inside the central 90 % of the replicated data."""
-    return float(_share_inside(posterior, posterior["observed_data"].to_dataset()["stress"]))
+    return float(_share_inside(posterior, response_in(posterior, "observed_data")))
 
 
 def _replicated_coverage(posterior: xr.DataTree) -> xr.DataArray:
     """Coverage of every replicated data set, dimensions chain and draw."""
-    return _share_inside(posterior, posterior["posterior_predictive"].to_dataset()["stress"])
+    return _share_inside(posterior, response_in(posterior, "posterior_predictive"))
 
 
-def _share_inside(posterior: xr.DataTree, stress: xr.DataArray) -> xr.DataArray:
-    """Share of stresses, dimension point, inside the central 90 % of the replicated data."""
-    replicated = posterior["posterior_predictive"]["stress"]
+def _share_inside(posterior: xr.DataTree, response: xr.DataArray) -> xr.DataArray:
+    """Share of responses, dimension point, inside the central 90 % of the replicated data."""
+    replicated = response_in(posterior, "posterior_predictive")
     low, high = (replicated.quantile(q, ("chain", "draw")) for q in (TAIL, 1.0 - TAIL))
-    inside: xr.DataArray = ((stress >= low) & (stress <= high)).mean("point")
+    inside: xr.DataArray = ((response >= low) & (response <= high)).mean("point")
     return inside
 
 

@@ -1,6 +1,11 @@
-"""What a fit needs of the machine, and how to get what is missing."""
+"""`pyburgers doctor`: what a fit needs of the machine, and how to get what is missing.
 
+So that it can tell which package is missing, no required one is imported with this module.
+"""
+
+import argparse
 import importlib.metadata
+import importlib.util
 import platform
 import re
 import sys
@@ -9,7 +14,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from pyburgers.cmdstan.compilation import cache_directory, executable_path, stan_directory
 from pyburgers.cmdstan.toolchain import (
     cmdstan_home,
     cmdstan_version,
@@ -18,6 +22,9 @@ from pyburgers.cmdstan.toolchain import (
     make_version,
 )
 from pyburgers.common.errors import ToolchainError
+
+IMPORTED_AS = {"pillow": "PIL"}
+"""Modules of packages that are not called like them."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +52,17 @@ class Finding:
     required: bool = True
 
 
+def add_options(_: argparse.ArgumentParser) -> None:
+    """Add no arguments: the command takes none."""
+
+
+def run(_: argparse.Namespace) -> int:
+    """Run the command; return its exit code."""
+    findings = diagnose()
+    print(format_findings(findings))
+    return 0 if can_fit(findings) else 1
+
+
 def diagnose() -> tuple[Finding, ...]:
     """Look at Python, the packages, the compiler, make, CmdStan, the cache and the programs."""
     return (
@@ -53,8 +71,7 @@ def diagnose() -> tuple[Finding, ...]:
         _tool("C++ compiler", compiler_version),
         _tool("make", make_version),
         _cmdstan(),
-        _cache(),
-        *_programs(),
+        *_compilation(),
     )
 
 
@@ -98,9 +115,14 @@ def _packages() -> list[Finding]:
 
 def _package(name: str) -> Finding:
     try:
-        return Finding(name, True, importlib.metadata.version(name))
-    except importlib.metadata.PackageNotFoundError:
-        return Finding(name, False, "not installed", f"run `pip install {name}`")
+        # A damaged installation may have a version and no module.
+        there = importlib.util.find_spec(IMPORTED_AS.get(name, name.replace("-", "_")))
+        version = importlib.metadata.version(name) if there else None
+    except (ImportError, importlib.metadata.PackageNotFoundError):
+        version = None
+    if version is None:
+        return Finding(name, False, "missing", f"run `pip install {name}`")
+    return Finding(name, True, version)
 
 
 def _tool(name: str, version: Callable[[], str]) -> Finding:
@@ -121,8 +143,24 @@ def _cmdstan() -> Finding:
     return Finding("CmdStan", True, f"{cmdstan_version(cmdstan)} ({cmdstan})")
 
 
-def _cache() -> Finding:
-    folder = cache_directory()
+def _compilation() -> list[Finding]:
+    """Look at the cache and the programs; not where a package is missing that this takes."""
+    try:
+        from pyburgers.cmdstan import compilation
+    except ModuleNotFoundError:
+        return []  # the package has a finding of its own
+    found = [_cache(compilation.cache_directory())]
+    try:
+        cmdstan, folder = find_cmdstan(), compilation.stan_directory()
+        if cmdstan is not None:
+            programs = [*sorted(folder.glob("*.stan")), *sorted(folder.glob("reference/*.stan"))]
+            found += [_program(one, compilation.executable_path(one, cmdstan)) for one in programs]
+    except ToolchainError:
+        pass  # what keeps a program from being compiled has a finding of its own
+    return found
+
+
+def _cache(folder: Path) -> Finding:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
@@ -137,22 +175,8 @@ def _cache() -> Finding:
     return Finding("cache folder", True, str(folder))
 
 
-def _programs() -> list[Finding]:
-    """Return for each Stan program whether it is compiled; nothing where that cannot be known."""
-    try:
-        cmdstan = find_cmdstan()
-        if cmdstan is None:
-            return []
-        folder = stan_directory()
-        programs = [*sorted(folder.glob("*.stan")), *sorted(folder.glob("reference/*.stan"))]
-        return [_program(program, cmdstan) for program in programs]
-    except ToolchainError:
-        # What keeps a program from being compiled has a finding of its own above.
-        return []
-
-
-def _program(program: Path, cmdstan: Path) -> Finding:
-    compiled = executable_path(program, cmdstan).is_file()
+def _program(program: Path, executable: Path) -> Finding:
+    compiled = executable.is_file()
     return Finding(
         program.name,
         compiled,

@@ -26,10 +26,10 @@ from pyburgers.cmdstan.toolchain import (
     COMPILE_FLAGS,
     Toolchain,
     last_lines,
-    process_lock,
     run_tool,
     toolchain,
 )
+from pyburgers.common.atomic_files import process_lock
 from pyburgers.common.errors import ToolchainError
 from pyburgers.common.processes import cores
 

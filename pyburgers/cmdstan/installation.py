@@ -27,9 +27,9 @@ from pyburgers.cmdstan.toolchain import (
     find_cmdstan,
     last_lines,
     make_version,
-    process_lock,
     run_tool,
 )
+from pyburgers.common.atomic_files import process_lock
 from pyburgers.common.errors import ToolchainError
 from pyburgers.common.processes import cores
 

@@ -1,22 +1,16 @@
 """The tools that turn a Stan program into an executable: CmdStan, a C++ compiler and make."""
 
-import logging
 import os
 import platform
 import re
 import shlex
 import shutil
 import subprocess
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import filelock
-
 from pyburgers.common.errors import ToolchainError
-
-logger = logging.getLogger(__name__)
 
 COMPILE_FLAGS: tuple[str, ...] = ()
 """Variables (``"NAME=value"``) given to CmdStan's make for every program.
@@ -190,21 +184,6 @@ def run_tool(
 def last_lines(text: str, count: int = 15) -> str:
     """Return the last lines of what a tool printed, for a message."""
     return "\n".join(text.rstrip().splitlines()[-count:])
-
-
-@contextmanager
-def process_lock(path: Path, waiting: str) -> Iterator[None]:
-    """Hold a lock between processes and threads; say `waiting` if another one has it."""
-    lock = filelock.FileLock(path)
-    try:
-        lock.acquire(timeout=0)
-    except filelock.Timeout:
-        logger.info(waiting)
-        lock.acquire()
-    try:
-        yield
-    finally:
-        lock.release()
 
 
 def _version_match(cmdstan: Path) -> re.Match[str] | None:

@@ -1,12 +1,18 @@
-"""Files written whole or not at all, and hashes of what they hold."""
+"""Files that several processes may use: written whole or not at all, locked, told by hashes."""
 
 import hashlib
 import json
+import logging
 import os
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+
+import filelock
+
+logger = logging.getLogger(__name__)
 
 UNFINISHED = ".unfinished-"
 """Start of the name of a file that is being written; a killed process leaves it behind."""
@@ -72,3 +78,18 @@ def write_bytes(path: Path, content: bytes) -> None:
 def write_json(path: Path, content: Any) -> None:
     """Write a JSON file atomically; floats keep every digit, infinities are allowed."""
     write_text(path, json.dumps(content, indent=1) + "\n")
+
+
+@contextmanager
+def process_lock(path: Path, waiting: str) -> Iterator[None]:
+    """Hold a lock between processes and threads; say `waiting` if another one has it."""
+    lock = filelock.FileLock(path)
+    try:
+        lock.acquire(timeout=0)
+    except filelock.Timeout:
+        logger.info(waiting)
+        lock.acquire()
+    try:
+        yield
+    finally:
+        lock.release()

@@ -1,70 +1,125 @@
-"""Columns of numbers in delimited text files."""
+"""Columns of numbers in text files, as a TOML file beside them describes them; in SI units."""
 
 import csv
 import math
-from collections.abc import Mapping
+import os
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 import numpy.typing as npt
+from pydantic import Field, PlainValidator
+from pydantic_core import PydanticCustomError
 
+from pyburgers.common.atomic_files import write_text
 from pyburgers.common.errors import InputError
-from pyburgers.common.toml_files import read_text
+from pyburgers.common.toml_files import Table, read_text
+from pyburgers.common.units import factor_to_si
 
 FloatArray = npt.NDArray[np.float64]
 Separator = Literal[",", "whitespace"]
-Column = str | int
-"""Name in the header, or 1-based number in a file without header."""
+
+DATA_ROOT_VARIABLE = "PYBURGERS_DATA"
+"""Environment variable that takes the place of the key `data_root`."""
 
 COMMENT = "#"
 """Lines that start with this are skipped, like blank ones."""
 
 
+def _checked_column(found: object) -> str | int:
+    if isinstance(found, bool) or not isinstance(found, str | int):
+        raise PydanticCustomError(
+            "column", "a column name, or a number from 1 for files without header"
+        )
+    return found
+
+
+Column = Annotated[
+    str | int,
+    PlainValidator(_checked_column),
+    Field(description="a column name, or number without header"),
+]
+"""Name in the header, or 1-based number in a file without header."""
+
+
+class TextFilesTable(Table):
+    """What a table [data] says about its text files; a derived one has the keys of columns."""
+
+    data_root: str | None = Field(
+        None, description="the folder, relative to this file, in which data files lie"
+    )
+    separator: Separator = ","
+    header: bool = Field(True, description="whether the first row of a data file holds names")
+
+    def folder(self, path: Path) -> Path:
+        """Return the folder from which names of data files start; `path` is the TOML file's."""
+        if self.data_root is None:
+            return path.parent
+        override = os.environ.get(DATA_ROOT_VARIABLE)
+        return Path(override).expanduser() if override else path.parent / self.data_root
+
+
 def read_columns(
-    path: Path,
-    columns: Mapping[str, Column],
+    source: Path,
+    data: TextFilesTable,
+    columns: Mapping[str, tuple[str, str] | None],
     *,
-    separator: Separator,
-    header: bool,
-    where: str,
+    where: Path,
     file_key: str,
 ) -> list[FloatArray]:
     """Read columns of a delimited text file.
 
     Parameters
     ----------
-    path : Path
+    source : Path
         Text file, one row a line.
-    columns : mapping of str to str or int
-        Wanted columns by the key that names them in the experiment file.
-    separator : {",", "whitespace"}
-        What stands between cells.
-    header : bool
-        Whether the first row holds names.
-    where, file_key : str
-        The experiment file, and the key in it that names `path`, for messages.
+    data : TextFilesTable
+        The table [data] that describes it.
+    columns : mapping
+        Keys of `data` that name the wanted columns, each with the key that names its unit and the
+        quantity (a key of `pyburgers.common.units.UNITS`), or with None where it has no unit.
+    where : Path
+        The TOML file, for messages.
+    file_key : str
+        The key in it that names `source`, for messages.
 
     Returns
     -------
     list of array, shape (n_rows,)
-        The columns in the order asked for, finite, in the file's unit.
+        The columns in the order asked for, finite, in SI.
 
     Raises
     ------
     InputError
-        If the file is missing or has no data rows, a column is missing, or a cell is empty, not a
-        number or not finite; the message names file, line and column.
+        If a unit is not one of its quantity, the file is missing or has no data rows, a column is
+        missing, or a cell is empty, not a number or not finite; the message names file, line and
+        column.
     """
-    rows = _rows(read_text(path, f"{where}: key {file_key}"), separator)
-    names = rows.pop(0)[1] if header and rows else None
+    factors = [
+        1.0
+        if unit is None
+        else factor_to_si(getattr(data, unit[0]), unit[1], f"{where}: key {unit[0]!r} in [data]")
+        for unit in columns.values()
+    ]
+    rows = _rows(read_text(source, f"{where}: key {file_key}"), data.separator)
+    names = rows.pop(0)[1] if data.header and rows else None
     if not rows:
-        raise InputError(f"{path}: no data rows; expected at least one row of numbers.")
+        raise InputError(f"{source}: no data rows; expected at least one row of numbers.")
     found = []
-    for key, column in columns.items():
-        index = _index(column, names, len(rows[0][1]), f"{where}: key {key!r} in [data]", path)
-        found.append(np.array([_cell(path, line, row, index, column) for line, row in rows]))
+    for key, factor in zip(columns, factors, strict=True):
+        column = getattr(data, key)
+        index = _index(column, names, len(rows[0][1]), f"{where}: key {key!r} in [data]", source)
+        cells = np.array([_cell(source, line, row, index, column) for line, row in rows])
+        found.append(cells * factor)
     return found
+
+
+def write_columns(path: Path, columns: Mapping[str, Sequence[float] | FloatArray]) -> None:
+    """Write columns with a header, separated by commas, that read back to the same numbers."""
+    rows = zip(*(np.asarray(column).tolist() for column in columns.values()), strict=True)
+    lines = [",".join(columns), *(",".join(map(repr, row)) for row in rows)]
+    write_text(path, "\n".join(lines) + "\n")
 
 
 def _rows(text: str, separator: Separator) -> list[tuple[int, list[str]]]:
@@ -82,7 +137,7 @@ def _cells(line: str, separator: Separator) -> list[str]:
     return [cell.strip() for cell in next(csv.reader([line], skipinitialspace=True))]
 
 
-def _index(column: Column, names: list[str] | None, n_cells: int, where: str, path: Path) -> int:
+def _index(column: str | int, names: list[str] | None, n_cells: int, where: str, path: Path) -> int:
     """Position of a column, from 0."""
     if names is not None:
         if names.count(str(column)) == 1:
@@ -99,7 +154,7 @@ def _index(column: Column, names: list[str] | None, n_cells: int, where: str, pa
     return column - 1
 
 
-def _cell(path: Path, line: int, row: list[str], index: int, column: Column) -> float:
+def _cell(path: Path, line: int, row: list[str], index: int, column: str | int) -> float:
     """Return the number in one cell."""
     place = f"{path}: line {line}, column {column!r}"
     if index >= len(row):

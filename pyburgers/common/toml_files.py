@@ -5,14 +5,15 @@ its field's description, which the messages quote.
 """
 
 import difflib
-import json
 import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
+import tomli_w
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from pyburgers.common.atomic_files import write_text
 from pyburgers.common.errors import InputError
 
 
@@ -80,60 +81,17 @@ def nearest(name: str, valid: Iterable[str]) -> str:
     return f"did you mean {close[0]!r}?" if close else f"expected one of {', '.join(names)}."
 
 
-def toml_text(table: Mapping[str, Any]) -> str:
-    """Write a table as TOML that `tomllib` reads back to equal values.
-
-    Parameters
-    ----------
-    table : mapping
-        Strings, bools, ints, floats, lists of these, tables and lists of tables, nested at will.
-        A None is left out.
-    """
-    return "\n".join(_table_lines(table, ())).lstrip("\n") + "\n"
+def write_toml(path: Path, table: Mapping[str, Any]) -> None:
+    """Write a table, without what is None, as a file that `tomllib` reads back to equal values."""
+    write_text(path, tomli_w.dumps(_without_none(table)))
 
 
-def _table_lines(table: Mapping[str, Any], path: tuple[str, ...]) -> list[str]:
-    """Lines of one table: its own values first, then its tables."""
-    values = {key: value for key, value in table.items() if value is not None}
-    lines = [
-        f"{_key(key)} = {_value(value)}"
-        for key, value in values.items()
-        if not isinstance(value, Mapping) and not _is_table_list(value)
-    ]
-    for key, value in values.items():
-        inner = (*path, key)
-        header = ".".join(_key(part) for part in inner)
-        if isinstance(value, Mapping):
-            # A table that holds only tables needs no header of its own.
-            only_tables = bool(value) and all(isinstance(v, Mapping) for v in value.values())
-            lines += [] if only_tables else ["", f"[{header}]"]
-            lines += _table_lines(value, inner)
-        elif _is_table_list(value):
-            for entry in value:
-                lines += ["", f"[[{header}]]", *_table_lines(entry, inner)]
-    return lines
-
-
-def _is_table_list(value: object) -> bool:
-    return isinstance(value, list | tuple) and bool(value) and isinstance(value[0], Mapping)
-
-
-def _key(key: str) -> str:
-    bare = key.isascii() and key.replace("-", "_").replace("_", "a").isalnum()
-    return key if bare else _value(key)
-
-
-def _value(value: object) -> str:
-    if isinstance(value, str):
-        # JSON escapes what TOML wants escaped, except DEL.
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, int | float):
-        return repr(value)
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(_value(entry) for entry in value) + "]"
-    raise TypeError(f"no TOML form for {value!r}")
+def _without_none(table: Mapping[str, Any]) -> dict[str, Any]:
+    return {
+        key: _without_none(value) if isinstance(value, Mapping) else value
+        for key, value in table.items()
+        if value is not None
+    }
 
 
 def _sentence(error: ValidationError, structure: type[Table]) -> str:
@@ -154,7 +112,7 @@ def _sentence(error: ValidationError, structure: type[Table]) -> str:
     expected = first["msg"].replace("Input should be ", "")
     if expected.startswith(("greater", "less")):
         expected = f"a number {expected}"
-    if meaning is not None:
+    if meaning is not None and first["type"] != "column":
         expected = f"{expected} ({meaning})"
     return f"{key}: found {_shown(first['input'])}, expected {expected}."
 

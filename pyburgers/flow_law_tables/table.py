@@ -8,24 +8,19 @@ holds the flow law (`pyburgers.flow_law_tables.fit`).
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from pyburgers.common.atomic_files import write_text
-from pyburgers.common.columns import read_columns
+from pyburgers.common.columns import Column, TextFilesTable, read_columns, write_columns
 from pyburgers.common.errors import InputError
-from pyburgers.common.toml_files import Table, read_toml, toml_text
-from pyburgers.common.units import factor_to_si
+from pyburgers.common.toml_files import Table, read_toml, write_toml
 from pyburgers.model.flow_law_prior import Conditions
 from pyburgers.protocols.experiment import (
     Provenance,
     ProvenanceTable,
-    TextFilesTable,
-    check_column,
-    data_root,
 )
 
 FloatArray = npt.NDArray[np.float64]
@@ -36,12 +31,13 @@ LEAST_POINTS = 3
 ZERO_CELSIUS = 273.15
 """Kelvin at 0 degrees Celsius."""
 
-QUANTITIES: Mapping[str, str] = {
+QUANTITIES: Mapping[str, str | None] = {
+    "temperature": None,
     "stress": "stress",
     "strain_rate": "strain rate",
     "grain_size": "length",
 }
-"""Columns of a table with a factor to SI, and what they are in `pyburgers.common.units.UNITS`."""
+"""Columns of every table, and what they are in `pyburgers.common.units.UNITS`."""
 
 SI_UNITS: Mapping[str, str] = {
     "temperature": "K",
@@ -93,17 +89,15 @@ class PeakStressData:
 
 class _DataTable(TextFilesTable):
     file: str = Field(description="the data file")
-    temperature_column: Any = Field(description="a column name, or number without header")
+    temperature_column: Column
     temperature_unit: Literal["K", "degC"] = Field(description="K or degC")
-    stress_column: Any = Field(description="a column name, or number without header")
+    stress_column: Column
     stress_unit: str = Field(description="Pa, MPa or GPa")
-    strain_rate_column: Any = Field(description="a column name, or number without header")
+    strain_rate_column: Column
     strain_rate_unit: str = Field(description="1/s or 1e-6/s")
-    grain_size_column: Any = Field(description="a column name, or number without header")
+    grain_size_column: Column
     grain_size_unit: str = Field(description="m, mm or um")
-    relative_stress_uncertainty_column: Any = Field(
-        None, description="a column name, or number without header"
-    )
+    relative_stress_uncertainty_column: Column | None = None
 
 
 class _PeakStressFile(Table):
@@ -133,30 +127,16 @@ def load_peak_stress(path: str | Path) -> PeakStressData:
     path = Path(path)
     file = read_toml(path, _PeakStressFile)
     data = file.data
-    names = [*SI_UNITS]
+    wanted = dict(QUANTITIES)
     if data.relative_stress_uncertainty_column is not None:
-        names.append("relative_stress_uncertainty")
-    columns = {f"{name}_column": getattr(data, f"{name}_column") for name in names}
-    for key, column in columns.items():
-        check_column(path, key, column)
-    factors = {
-        name: factor_to_si(
-            getattr(data, f"{name}_unit"), quantity, f"{path}: key '{name}_unit' in [data]"
-        )
-        for name, quantity in QUANTITIES.items()
+        wanted["relative_stress_uncertainty"] = None
+    columns = {
+        f"{name}_column": None if quantity is None else (f"{name}_unit", quantity)
+        for name, quantity in wanted.items()
     }
-    source = data_root(path, data) / data.file
-    read = read_columns(
-        source,
-        columns,
-        separator=data.separator,
-        header=data.header,
-        where=str(path),
-        file_key="'file' in [data]",
-    )
-    values = {
-        name: column * factors.get(name, 1.0) for name, column in zip(names, read, strict=True)
-    }
+    source = data.folder(path) / data.file
+    read = read_columns(source, data, columns, where=path, file_key="'file' in [data]")
+    values = dict(zip(wanted, read, strict=True))
     if data.temperature_unit == "degC":
         values["temperature"] = values["temperature"] + ZERO_CELSIUS
     _check_values(source, values)
@@ -186,9 +166,7 @@ def save_peak_stress(data: PeakStressData, directory: Path) -> Path:
         The TOML file.
     """
     names = [*SI_UNITS, "relative_stress_uncertainty"]
-    rows = zip(*(getattr(data, name).tolist() for name in names), strict=True)
-    lines = [",".join(names), *(",".join(repr(value) for value in row) for row in rows)]
-    write_text(directory / "peak_stress.csv", "\n".join(lines) + "\n")
+    write_columns(directory / "peak_stress.csv", {name: getattr(data, name) for name in names})
     table = {
         "id": data.id,
         "material": data.material,
@@ -201,7 +179,7 @@ def save_peak_stress(data: PeakStressData, directory: Path) -> Path:
         "provenance": asdict(data.provenance),
     }
     target = directory / "peak_stress.toml"
-    write_text(target, toml_text(table))
+    write_toml(target, table)
     return target
 
 

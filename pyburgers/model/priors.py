@@ -16,9 +16,8 @@ import numpy as np
 from pydantic import Field
 from scipy import stats
 
-from pyburgers.common.atomic_files import write_text
 from pyburgers.common.errors import InputError
-from pyburgers.common.toml_files import Table, nearest, read_toml, toml_text
+from pyburgers.common.toml_files import Table, nearest, read_toml, write_toml
 from pyburgers.common.units import factor_to_si
 from pyburgers.model.flow_law_prior import Conditions, FlowLawPrior
 from pyburgers.model.parameters import (
@@ -389,7 +388,7 @@ def save_priors(
         "parameters": tables,
         "flow_law": None if priors.flow_law is None else _flow_law_table(priors.flow_law),
     }
-    write_text(path, toml_text(table))
+    write_toml(path, table)
 
 
 def default_priors(material: str) -> PriorSet:

@@ -5,9 +5,9 @@ hold are the fields of the tables below and of the module of its protocol (`cons
 `forced_oscillation`). Everything is converted to SI on reading.
 """
 
-import os
 import re
-from collections.abc import Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import date, datetime, time
 from pathlib import Path
@@ -18,17 +18,12 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from pyburgers.common.atomic_files import write_text
-from pyburgers.common.columns import Separator
 from pyburgers.common.errors import InputError
-from pyburgers.common.toml_files import Table, nearest, toml_text
+from pyburgers.common.toml_files import Table, nearest, write_toml
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 
 FloatArray = npt.NDArray[np.float64]
 MetadataValue = str | float | int | bool
-
-DATA_ROOT_VARIABLE = "PYBURGERS_DATA"
-"""Environment variable that takes the place of the key `data_root`."""
 
 
 @dataclass(frozen=True)
@@ -53,21 +48,22 @@ class Provenance:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Experiment:
+class Experiment(ABC):
     """What deformation tests of all protocols share, in SI units.
 
     Attributes
     ----------
     protocol : str
-        Kind of test, as in files; a constant of each derived class.
+        Name of the kind of test, as in files; a constant of each derived class.
+    laws : mapping of str to sequence of str
+        Laws that such tests can be fitted with, by part of the model
+        (`pyburgers.model.variants.CHOICES`): any of a part that is not named. A constant as well.
     id, material : str
         Sample and material; the material names the default priors.
     temperature : float
         Kelvin.
     initial_grain_size : float
         Metres, where the data start.
-    stress : array, shape (n_points,)
-        Differential stress (Pa, compression positive) that the model is compared with.
     provenance : Provenance
         Where the data come from.
     metadata : mapping
@@ -79,35 +75,40 @@ class Experiment:
     """
 
     protocol: ClassVar[str]
+    laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType({})
     id: str
     material: str
     temperature: float
     initial_grain_size: float
-    stress: FloatArray
     provenance: Provenance
     metadata: Mapping[str, MetadataValue]
     notices: tuple[str, ...]
     true_parameters: Mapping[str, float] | None
 
     @property
-    def n_points(self) -> int:
-        """Number of data points; zero for an experiment that can only be simulated."""
-        return len(self.stress)
+    @abstractmethod
+    def position(self) -> FloatArray:
+        """Where on the clock of the protocol the response was observed (SI), shape (n_points,)."""
 
     @property
+    @abstractmethod
+    def response(self) -> FloatArray:
+        """What the model is compared with (SI unit of the protocol's response), (n_points,)."""
+
+    @property
+    @abstractmethod
     def largest_stress(self) -> float:
-        """Largest measured |σ| (Pa); only of an experiment with data."""
-        return float(np.max(np.abs(self.stress)))
+        """Largest |σ| (Pa) in the test; only of an experiment with data."""
 
+    @property
+    @abstractmethod
+    def title(self) -> str:
+        """Sample, material, conditions and kind of data for figures, as matplotlib text."""
 
-class TextFilesTable(Table):
-    """What a table [data] of any protocol says about its text files."""
-
-    data_root: str | None = Field(
-        None, description="the folder, relative to this file, in which data files lie"
-    )
-    separator: Separator = ","
-    header: bool = Field(True, description="whether the first row of a data file holds names")
+    @property
+    def n_points(self) -> int:
+        """Number of data points; zero for an experiment that can only be simulated."""
+        return len(self.response)
 
 
 class ProvenanceTable(Table):
@@ -170,46 +171,6 @@ def shared_values(path: Path, file: ExperimentFile) -> dict[str, Any]:
     }
 
 
-def data_root(path: Path, data: TextFilesTable) -> Path:
-    """Return the folder from which names of data files start.
-
-    Parameters
-    ----------
-    path : Path
-        The TOML file.
-    data : TextFilesTable
-        Its table [data].
-    """
-    if data.data_root is None:
-        return path.parent
-    override = os.environ.get(DATA_ROOT_VARIABLE)
-    return Path(override).expanduser() if override else path.parent / data.data_root
-
-
-def check_column(path: Path, key: str, column: object) -> None:
-    """Check that a key names a column.
-
-    Parameters
-    ----------
-    path : Path
-        The TOML file, for the message.
-    key : str
-        Key in its table [data].
-    column : object
-        What it holds.
-
-    Raises
-    ------
-    InputError
-        If it is neither text nor a whole number.
-    """
-    if isinstance(column, bool) or not isinstance(column, str | int):
-        raise InputError(
-            f"{path}: key {key!r} in [data]: found {column!r}, expected a column name, or a "
-            "number from 1 for files without header."
-        )
-
-
 def write_experiment(experiment: Experiment, directory: Path, own: Mapping[str, Any]) -> Path:
     """Write ``experiment.toml``.
 
@@ -240,7 +201,7 @@ def write_experiment(experiment: Experiment, directory: Path, own: Mapping[str, 
         "true_parameters": experiment.true_parameters,
     }
     target = directory / "experiment.toml"
-    write_text(target, toml_text(table))
+    write_toml(target, table)
     return target
 
 

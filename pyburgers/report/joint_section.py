@@ -25,7 +25,7 @@ from pyburgers.model.display import (
 )
 from pyburgers.model.parameters import REFERENCE_STRESS_QUANTITY
 from pyburgers.posterior.joint_labelled_draws import own_name
-from pyburgers.report.constant_rate_figures import fitted_curve
+from pyburgers.protocols.registry import protocol_of
 from pyburgers.report.page import ExtraFigure, ExtraSection, ExtraTable, file_key, numbered
 from pyburgers.report.tables import checks_table
 from pyburgers.sampling.joint_stan_data import CENTRE, SPREAD
@@ -274,7 +274,7 @@ SHIFT = 0.14
 
 def all_curves(joint: JointFit) -> Figure:
     """Draw data, solutions and predictive bands of every test."""
-    curves = [fitted_curve(fit) for fit in joint.tests().values()]
+    curves = [protocol_of(fit.experiment).curve(fit) for fit in joint.tests().values()]
     with style():
         figure = Figure(figsize=(8.0, 3.2 * len(curves) + 0.6), layout="constrained")
         panels = list(figure.subplots(len(curves), 1, squeeze=False)[:, 0])

@@ -28,11 +28,11 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.processes import completed, number_of_processes
 from pyburgers.drawing.style import FigureText, write_images
 from pyburgers.fitting.fit import Fit, is_joint
-from pyburgers.predictions.oscillation_response import response_table
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
+from pyburgers.protocols.protocol import PageTable, Protocol
+from pyburgers.protocols.registry import protocol_of
 from pyburgers.report import tables
-from pyburgers.report.figures import figures_for
+from pyburgers.report.posterior_figures import figures_for
 
 logger = logging.getLogger(__name__)
 
@@ -163,8 +163,8 @@ class Section:
         What the results owe to prior and data, as text; None without likelihood.
     truth : DataFrame or None
         Comparison with the truth as text, for synthetic data.
-    response : DataFrame or None
-        Observed and replicated amplitude and phase lag as text, for oscillating tests.
+    more_tables : tuple of PageTable
+        Tables of the protocol.
     illustrations : tuple of Illustration
         Figures.
     """
@@ -178,13 +178,18 @@ class Section:
     sampler: pd.DataFrame
     influence: pd.DataFrame | None
     truth: pd.DataFrame | None
-    response: pd.DataFrame | None
+    more_tables: tuple[PageTable, ...]
     illustrations: tuple[Illustration, ...]
 
     @property
     def experiment(self) -> Experiment:
         """The experiment of the fit."""
         return self.fit.experiment
+
+    @property
+    def protocol(self) -> Protocol[Any]:
+        """What kind of test it is."""
+        return protocol_of(self.experiment)
 
     @property
     def from_prior(self) -> list[str]:
@@ -363,10 +368,8 @@ def _write_section(key: str, fit: Fit, out: Path) -> Section:
         influences = prior_influence(fit.posterior, fit.priors)
         influence = influence_table(influences)
         files["influence"] = influence_numbers(influences).reset_index()
-    response = None
-    if isinstance(fit.experiment, OscillationExperiment):
-        response = response_table(fit)
-        files["response"] = response.reset_index()
+    more_tables = protocol_of(fit.experiment).tables(fit)
+    files |= {table.name: table.saved for table in more_tables}
     for name, table in files.items():
         write_text(out / "tables" / f"{key}_{name}.csv", table.to_csv(index=False))
     return Section(
@@ -379,7 +382,7 @@ def _write_section(key: str, fit: Fit, out: Path) -> Section:
         sampler=sampler,
         influence=influence,
         truth=None if truth is None else tables.shown_truth_table(truth),
-        response=None if response is None else tables.shown_response_table(response),
+        more_tables=more_tables,
         illustrations=tuple(
             Illustration(recipe, recipe.draw(fit), _picture_file(out, key, recipe))
             for recipe in figures_for(fit.experiment)

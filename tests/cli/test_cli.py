@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 from conftest import ICE, Problem
 
-from pyburgers.cli.main import main
+from pyburgers.cli.main import COMMANDS, main
 from pyburgers.fitting.fit import Fit
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
 
@@ -417,3 +417,25 @@ def test_the_module_and_the_console_script_are_the_same_command() -> None:
     ).stdout
     for command in ("doctor", "install-cmdstan", "fit", "check", "simulate", "report"):
         assert command in shown
+
+
+def test_help_answers_at_once() -> None:
+    """Processor time, which other programs that run do not lengthen much."""
+    seconds = []
+    for _ in range(3):
+        with subprocess.Popen(
+            [sys.executable, "-m", "pyburgers.cli.main", "--help"], stdout=subprocess.DEVNULL
+        ) as process:
+            _, status, usage = os.wait4(process.pid, 0)
+            process.returncode = os.waitstatus_to_exitcode(status)
+        assert process.returncode == 0
+        seconds.append(usage.ru_utime + usage.ru_stime)
+    assert min(seconds) < 0.3
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_has_help(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        main([command, "--help"])
+    assert stopped.value.code == 0
+    assert capsys.readouterr().out.startswith(f"usage: pyburgers {command}")

@@ -1,10 +1,27 @@
 """What `pyburgers doctor` finds, and when it says that a fit cannot run."""
 
+import importlib.metadata
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from pyburgers.cli.doctor import Finding, can_fit, diagnose, format_findings
+
+WITHOUT = """
+import sys
+
+class Missing:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] == sys.argv[1]:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+sys.meta_path.insert(0, Missing())
+from pyburgers.cli.main import main
+sys.exit(main(sys.argv[2:]))
+"""
+"""The command line where a package is missing: its name, then the arguments."""
 
 GOOD = Finding("make", True, "GNU Make 4.3")
 NEEDED = Finding("CmdStan", False, "none", "install it")
@@ -66,3 +83,40 @@ def test_unusable_cache_folder(bare_machine: Path, monkeypatch: pytest.MonkeyPat
     monkeypatch.setenv("PYBURGERS_CACHE", str(bare_machine / "file" / "cache"))
     assert not finding("cache folder").ok
     assert finding("cache folder").required
+
+
+@pytest.mark.parametrize(
+    ("package", "module"),
+    [
+        *((name, name) for name in ("arviz", "filelock", "platformdirs", "psutil", "pydantic")),
+        ("pillow", "PIL"),
+    ],
+)
+def test_a_missing_package_is_named_with_how_to_get_it(package: str, module: str) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", WITHOUT, module, "doctor"], capture_output=True, text=True
+    )
+    assert (done.returncode, done.stderr) == (1, "")
+    lines = [line.split() for line in done.stdout.splitlines()]
+    missing = [k for k, line in enumerate(lines) if line[0] == "MISSING"]
+    assert [lines[k] for k in missing] == [["MISSING", package, "missing"]]
+    assert lines[missing[0] + 1] == ["->", "run", "`pip", "install", f"{package}`"]
+    assert "CmdStan" in done.stdout
+
+
+def test_every_required_package_has_its_version() -> None:
+    found = {one.name: one.found for one in diagnose()}
+    for requirement in importlib.metadata.requires("pyburgers") or []:
+        if "extra ==" not in requirement:
+            name = requirement.split(">=")[0]
+            assert found[name] == importlib.metadata.version(name)
+
+
+def test_other_commands_point_to_the_doctor_where_a_package_is_missing() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", WITHOUT, "arviz", "check", "run"], capture_output=True, text=True
+    )
+    assert (done.returncode, done.stdout) == (1, "")
+    (sentence,) = done.stderr.splitlines()
+    assert "No module named 'arviz'" in sentence
+    assert "pyburgers doctor" in sentence

@@ -222,8 +222,8 @@ def test_the_order_of_the_tests_does_not_matter(small_problem: Problem, tmp_path
         for name, order in (("one", tests), ("turned", tests[::-1]))
     }
     comparison = compare(fits)
-    one, other = (comparison.results[name].elpd for name in fits)
-    np.testing.assert_allclose(one, other, atol=0.5)
+    one, turned = (comparison.results[name].elpd for name in fits)
+    np.testing.assert_allclose(one, turned, atol=0.5)
 
 
 def test_a_page_sets_joint_fits_of_the_same_tests_side_by_side(

@@ -10,14 +10,14 @@ from synthetic_olivine_fit import make_olivine_fit, oscillating
 from pyburgers.common.draws import central_band
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
-from pyburgers.predictions.oscillation_response import (
+from pyburgers.predictions.phase_lag import phase_lag
+from pyburgers.protocols.forced_oscillation.response import (
     observed_response,
     oscillation_of,
     predicted_response,
     replicated_response,
     response_table,
 )
-from pyburgers.predictions.phase_lag import phase_lag
 
 
 @pytest.fixture(scope="module")

@@ -14,14 +14,14 @@ from pyburgers.common.draws import central_band
 from pyburgers.common.errors import InputError
 from pyburgers.drawing.style import FigureRecipe
 from pyburgers.fitting.fit import Fit
-from pyburgers.predictions.oscillation_response import oscillation_of, replicated_response
-from pyburgers.report.oscillation_figures import (
+from pyburgers.protocols.forced_oscillation.figures import (
     OSCILLATION_FIGURES,
     amplitude_phase,
     microstructure,
     stress_loop,
     stress_time,
 )
+from pyburgers.protocols.forced_oscillation.response import oscillation_of, replicated_response
 
 
 @pytest.fixture(scope="module", params=["removed", "kept"])

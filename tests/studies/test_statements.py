@@ -18,7 +18,7 @@ from pyburgers.predictions.attenuation import (
     attenuation_spectrum,
     predict_attenuation,
 )
-from pyburgers.predictions.oscillation_response import stress_spread
+from pyburgers.protocols.forced_oscillation.response import stress_spread
 from pyburgers.studies.maor.statements import (
     Statement,
     Verdict,

@@ -18,8 +18,8 @@ from pyburgers.common.draws import all_draws
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.side_by_side import Problem
 from pyburgers.predictions.attenuation import predict_attenuation, quantile_table
-from pyburgers.predictions.oscillation_response import oscillation_of
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
+from pyburgers.protocols.forced_oscillation.response import oscillation_of
 from pyburgers.protocols.forward import simulate
 from pyburgers.report.page import ExtraSection, write_report
 from pyburgers.studies.maor.reproduce import (

@@ -4,16 +4,14 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
-from pyburgers.common.atomic_files import write_text
-from pyburgers.common.columns import Column, read_columns
+from pyburgers.common.columns import Column, TextFilesTable, read_columns, write_columns
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, read_toml
-from pyburgers.common.units import factor_to_si
 from pyburgers.common.wording import count_points
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.protocols.constant_rate.curves import Curve, join_curves
@@ -21,9 +19,6 @@ from pyburgers.protocols.experiment import (
     Experiment,
     ExperimentFile,
     FloatArray,
-    TextFilesTable,
-    check_column,
-    data_root,
     shared_values,
     write_experiment,
 )
@@ -55,6 +50,8 @@ class ConstantRateExperiment(Experiment):
         The first starts at zero strain; start strains increase.
     strain : array, shape (n_points,)
         Axial strain (fraction, positive, non-decreasing) of the stresses. Strains may repeat.
+    stress : array, shape (n_points,)
+        Differential stress (Pa, compression positive) that the model is compared with.
     final_strain : float
         Strain at which the protocol ends, not below the last data strain.
     """
@@ -62,7 +59,32 @@ class ConstantRateExperiment(Experiment):
     protocol: ClassVar[str] = "constant_rate"
     segments: tuple[RateSegment, ...]
     strain: FloatArray
+    stress: FloatArray
     final_strain: float
+
+    @property
+    def position(self) -> FloatArray:
+        """Strains of the stresses."""
+        return self.strain
+
+    @property
+    def response(self) -> FloatArray:
+        """Stresses."""
+        return self.stress
+
+    @property
+    def largest_stress(self) -> float:
+        """Largest measured |σ| (Pa); only of an experiment with data."""
+        return float(np.max(np.abs(self.stress)))
+
+    @property
+    def title(self) -> str:
+        """Sample, material, first rate and kind of data."""
+        rate = rate_text(self.segments[0].strain_rate)
+        return (
+            f"{self.id}: {self.material}, {self.temperature:g} K, "
+            f"{'first ' if len(self.segments) > 1 else ''}{rate}, {self.provenance.kind} data"
+        )
 
     def time_at(self, strain: FloatArray) -> FloatArray:
         """Return the times (s since the start) at which strains are reached.
@@ -78,6 +100,36 @@ class ConstantRateExperiment(Experiment):
         return times + (strain - starts[segment]) / rates[segment]
 
 
+def strain_grid(experiment: ConstantRateExperiment, shape: FloatArray) -> FloatArray:
+    """Strains spread in the same way over every rate segment.
+
+    Parameters
+    ----------
+    experiment : ConstantRateExperiment
+        Its segments and final strain.
+    shape : array, shape (n_shape,)
+        Positions in a segment, increasing, more than 0 to 1.
+
+    Returns
+    -------
+    array, shape (n_shape * n_segments,)
+        Increasing; the strains of rate steps are among them exactly, since rounding that put
+        one just behind a step would give the solver a segment too short to start in.
+    """
+    starts = np.array([segment.start_strain for segment in experiment.segments])
+    ends = np.append(starts[1:], experiment.final_strain)
+    grid = starts[:, np.newaxis] + (ends - starts)[:, np.newaxis] * shape
+    grid[:, -1] = ends
+    strain: FloatArray = grid.ravel()
+    return strain
+
+
+def rate_text(rate: float) -> str:
+    """Strain rate (1/s) as matplotlib text."""
+    mantissa, exponent = f"{rate:.2e}".split("e")
+    return rf"${mantissa}\times10^{{{int(exponent)}}}$ s$^{{-1}}$"
+
+
 class _SegmentTable(Table):
     strain_rate_per_s: float = Field(gt=0, description="the imposed strain rate in 1/s")
     start_strain: float = Field(ge=0, description="the strain (fraction) at which the rate starts")
@@ -86,11 +138,11 @@ class _SegmentTable(Table):
 
 class _DataTable(TextFilesTable):
     file: str | None = Field(None, description="the data file of the whole test")
-    strain_column: Any = Field(None, description="a column name, or number without header")
+    strain_column: Column | None = None
     strain_unit: str | None = Field(None, description="fraction or percent")
-    time_column: Any = Field(None, description="a column name, or number without header")
+    time_column: Column | None = None
     time_unit: str | None = Field(None, description="s, min or h")
-    stress_column: Any = Field(description="a column name, or number without header")
+    stress_column: Column
     stress_unit: str = Field(description="Pa, MPa or GPa")
 
 
@@ -161,9 +213,8 @@ def save_constant_rate(experiment: ConstantRateExperiment, directory: Path) -> P
     """
     data = None
     if experiment.n_points > 0:
-        rows = zip(experiment.strain.tolist(), experiment.stress.tolist(), strict=True)
-        lines = ["strain,stress_Pa", *(f"{strain!r},{stress!r}" for strain, stress in rows)]
-        write_text(directory / "experiment.csv", "\n".join(lines) + "\n")
+        columns = {"strain": experiment.strain, "stress_Pa": experiment.stress}
+        write_columns(directory / "experiment.csv", columns)
         data = {
             "file": "experiment.csv",
             "separator": ",",
@@ -237,10 +288,6 @@ def _check_data_keys(path: Path, file: _ConstantRateFile) -> None:
                 f"{path}: [data] needs both or neither of the keys '{quantity}_column' and "
                 f"'{quantity}_unit'."
             )
-    for key in ("strain_column", "time_column", "stress_column"):
-        column = getattr(data, key)
-        if column is not None:
-            check_column(path, key, column)
 
 
 def _read_curves(
@@ -250,7 +297,7 @@ def _read_curves(
     data = file.data
     if data is None:
         return []
-    root = data_root(path, data)
+    root = data.folder(path)
     end = np.inf if file.final_strain is None else file.final_strain
     if data.file is not None:
         strain, stress = _read_points(path, root / data.file, data, segments, "'file' in [data]")
@@ -269,27 +316,19 @@ def _read_points(
     path: Path, source: Path, data: _DataTable, segments: Sequence[RateSegment], file_key: str
 ) -> tuple[FloatArray, FloatArray]:
     """Strain (fraction) and stress (Pa) of one file, each of shape (n_rows,)."""
-    abscissa: Literal["strain", "time"] = "strain" if data.strain_column is not None else "time"
-    units = {abscissa: getattr(data, f"{abscissa}_unit"), "stress": data.stress_unit}
-    factors = {
-        quantity: factor_to_si(unit, quantity, f"{path}: key '{quantity}_unit' in [data]")
-        for quantity, unit in units.items()
-    }
-    columns: dict[str, Column] = {
-        f"{abscissa}_column": getattr(data, f"{abscissa}_column"),
-        "stress_column": data.stress_column,
-    }
+    abscissa = "strain" if data.strain_column is not None else "time"
     position, stress = read_columns(
         source,
-        columns,
-        separator=data.separator,
-        header=data.header,
-        where=str(path),
+        data,
+        {
+            f"{abscissa}_column": (f"{abscissa}_unit", abscissa),
+            "stress_column": ("stress_unit", "stress"),
+        },
+        where=path,
         file_key=file_key,
     )
-    position = position * factors[abscissa]
     strain = position if abscissa == "strain" else _strain_at(position, segments)
-    return strain, stress * factors["stress"]
+    return strain, stress
 
 
 def _steps(segments: Sequence[RateSegment]) -> tuple[FloatArray, FloatArray]:

@@ -1,25 +1,23 @@
 """Forced oscillation tests: raw record, how it is prepared for the model, their files."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
-from pyburgers.common.atomic_files import write_text
-from pyburgers.common.columns import read_columns
+from pyburgers.common.columns import Column, TextFilesTable, read_columns, write_columns
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, read_toml
-from pyburgers.common.units import factor_to_si
+from pyburgers.common.units import UNITS
+from pyburgers.model.display import STRAIN_FACTOR, STRAIN_UNIT
 from pyburgers.protocols.experiment import (
     Experiment,
     ExperimentFile,
     FloatArray,
-    TextFilesTable,
-    check_column,
-    data_root,
     shared_values,
     write_experiment,
 )
@@ -36,8 +34,7 @@ from pyburgers.protocols.forced_oscillation.preparation import (
 class OscillationExperiment(Experiment):
     """One forced oscillation test in SI units.
 
-    `initial_grain_size` is that at the start of the record (`prepared.start`), and `stress` is that
-    of `prepared`.
+    `initial_grain_size` is that at the start of the record (`prepared.start`).
 
     Attributes
     ----------
@@ -53,10 +50,48 @@ class OscillationExperiment(Experiment):
     """
 
     protocol: ClassVar[str] = "forced_oscillation"
+    laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType(
+        {
+            "grain_size": ("piezometric", "constant"),
+            "fabric": ("constant",),
+            "residuals": ("independent",),
+        }
+    )
     record: OscillationRecord
     settings: OscillationSettings
     prepared: PreparedOscillation
     spin_up_cycles: int
+
+    @property
+    def position(self) -> FloatArray:
+        """Times (s) of the stresses."""
+        return self.prepared.time
+
+    @property
+    def stress(self) -> FloatArray:
+        """Stress (Pa) of `prepared`, that the model is compared with, shape (n_points,)."""
+        return self.prepared.stress
+
+    @property
+    def response(self) -> FloatArray:
+        """Stresses."""
+        return self.stress
+
+    @property
+    def largest_stress(self) -> float:
+        """Largest |σ| (Pa) that the model is compared with."""
+        return float(np.max(np.abs(self.stress)))
+
+    @property
+    def title(self) -> str:
+        """Sample, material and kind of data; below them period, amplitude and background."""
+        prepared = self.prepared
+        amplitude, _ = prepared.strain_fit.amplitude()
+        return (
+            f"{self.id}: {self.material}, {self.temperature:g} K, {self.provenance.kind} data\n"
+            f"period {prepared.period:g} s, strain amplitude "
+            f"{amplitude * STRAIN_FACTOR:.2g} {STRAIN_UNIT}, background {prepared.background}"
+        )
 
 
 class _OscillationTable(Table):
@@ -73,24 +108,20 @@ class _OscillationTable(Table):
 
 class _DataTable(TextFilesTable):
     strain_file: str = Field(description="the data file of the strain")
-    strain_time_column: Any = Field(description="a column name, or number without header")
+    strain_time_column: Column
     strain_time_unit: str = Field(description="s, min or h")
-    strain_column: Any = Field(description="a column name, or number without header")
+    strain_column: Column
     strain_unit: str = Field(description="fraction or percent")
-    strain_uncertainty_column: Any = Field(
-        None, description="a column name, or number without header"
-    )
+    strain_uncertainty_column: Column | None = None
     strain_uncertainty: float | None = Field(
         None, gt=0, description="the standard deviation of every strain, in its unit"
     )
     stress_file: str = Field(description="the data file of the stress")
-    stress_time_column: Any = Field(description="a column name, or number without header")
+    stress_time_column: Column
     stress_time_unit: str = Field(description="s, min or h")
-    stress_column: Any = Field(description="a column name, or number without header")
+    stress_column: Column
     stress_unit: str = Field(description="Pa, MPa or GPa")
-    stress_uncertainty_column: Any = Field(
-        None, description="a column name, or number without header"
-    )
+    stress_uncertainty_column: Column | None = None
     stress_uncertainty: float | None = Field(
         None, gt=0, description="the standard deviation of every stress, in its unit"
     )
@@ -146,7 +177,6 @@ def load_forced_oscillation(path: str | Path) -> OscillationExperiment:
     prepared = prepare(record, wanted, str(path))
     return OscillationExperiment(
         **values,
-        stress=prepared.stress,
         record=record,
         settings=prepared.settings,
         prepared=prepared,
@@ -180,8 +210,9 @@ def save_forced_oscillation(experiment: OscillationExperiment, directory: Path) 
     }
     data: dict[str, Any] = {"separator": ",", "header": True}
     for name, (unit, *columns) in series.items():
-        text = _csv_text(["time_s", name, "uncertainty"], columns)
-        write_text(directory / f"experiment_{name}.csv", text)
+        names = ("time_s", name, "uncertainty")
+        table = dict(zip(names, columns, strict=True))
+        write_columns(directory / f"experiment_{name}.csv", table)
         data |= {
             f"{name}_file": f"experiment_{name}.csv",
             f"{name}_time_column": "time_s",
@@ -214,7 +245,7 @@ def with_background(
     """
     settings = replace(experiment.settings, background=background)
     prepared = prepare(experiment.record, settings, experiment.id)
-    return replace(experiment, settings=settings, prepared=prepared, stress=prepared.stress)
+    return replace(experiment, settings=settings, prepared=prepared)
 
 
 def _read_series(path: Path, data: _DataTable, name: str) -> tuple[FloatArray, ...]:
@@ -227,28 +258,15 @@ def _read_series(path: Path, data: _DataTable, name: str) -> tuple[FloatArray, .
             f"{path}: the uncertainty of the {name} {found}, expected exactly one of the keys "
             f"{column!r} and {number!r} in [data]."
         )
-    keys = [f"{name}_time_column", f"{name}_column", *([column] if uncertainty is None else [])]
-    columns = {key: getattr(data, key) for key in keys}
-    for key, value in columns.items():
-        check_column(path, key, value)
-    second, factor = (
-        factor_to_si(getattr(data, key), quantity, f"{path}: key {key!r} in [data]")
-        for key, quantity in ((f"{name}_time_unit", "time"), (f"{name}_unit", name))
-    )
+    unit = (f"{name}_unit", name)
+    columns = {f"{name}_time_column": (f"{name}_time_unit", "time"), f"{name}_column": unit}
     file_key = f"{name}_file"
+    source = data.folder(path) / getattr(data, file_key)
+    if uncertainty is None:
+        columns[column] = unit
     time, value, *spread = read_columns(
-        data_root(path, data) / getattr(data, file_key),
-        columns,
-        separator=data.separator,
-        header=data.header,
-        where=str(path),
-        file_key=f"{file_key!r} in [data]",
+        source, data, columns, where=path, file_key=f"{file_key!r} in [data]"
     )
-    deviation = spread[0] if spread else np.full_like(value, uncertainty)
-    return time * second, value * factor, deviation * factor
-
-
-def _csv_text(names: list[str], columns: Sequence[FloatArray]) -> str:
-    """Columns as text that reads back to the same numbers."""
-    rows = zip(*(column.tolist() for column in columns), strict=True)
-    return "\n".join([",".join(names), *(",".join(map(repr, row)) for row in rows)]) + "\n"
+    if not spread:
+        spread = [np.full_like(value, uncertainty * UNITS[name][getattr(data, f"{name}_unit")])]
+    return time, value, *spread

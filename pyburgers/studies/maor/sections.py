@@ -25,7 +25,6 @@ from pyburgers.model.display import (
     shown_quantity,
     unit_text,
 )
-from pyburgers.posterior.labelled_draws import prediction_grid
 from pyburgers.predictions import attenuation_figures
 from pyburgers.predictions.attenuation import (
     PAPER_REGIMES,
@@ -37,10 +36,11 @@ from pyburgers.predictions.attenuation import (
     quantile_table,
 )
 from pyburgers.predictions.imposed_stress import simulated_phase_lag
-from pyburgers.predictions.oscillation_response import oscillation_of
+from pyburgers.protocols.forced_oscillation import figures as oscillation_figures
+from pyburgers.protocols.forced_oscillation.response import oscillation_of
 from pyburgers.protocols.forward import REFERENCE_SOLVER, solve
+from pyburgers.protocols.registry import protocol_of
 from pyburgers.protocols.stan_data import REFERENCE_FLOW_RATE
-from pyburgers.report import oscillation_figures
 from pyburgers.report.page import ExtraFigure, ExtraSection, ExtraTable
 from pyburgers.studies.maor.statements import (
     MICROSTRUCTURE_SENTENCE,
@@ -458,7 +458,7 @@ def _compared(fits: Mapping[str, Fit]) -> list[_Compared]:
     true_rate = true_grain = None
     if truths and "kept" in fits:
         experiment = fits["kept"].experiment
-        grid = prediction_grid(experiment)
+        grid = protocol_of(experiment).prediction_grid(experiment)
         solution = solve(experiment, truths, grid, solver=REFERENCE_SOLVER)
         true_rate = float(np.abs(solution["grid_dashpot_rate"]).max())
         true_grain = float(solution["grid_grain_size"][-1])

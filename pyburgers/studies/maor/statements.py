@@ -28,7 +28,7 @@ from pyburgers.model.display import (
 from pyburgers.model.display import symbol_text as symbol
 from pyburgers.posterior.labelled_draws import convergence_table
 from pyburgers.predictions.attenuation import PAPER_REGIMES, flat_draws
-from pyburgers.predictions.oscillation_response import stress_spread
+from pyburgers.protocols.forced_oscillation.response import stress_spread
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]

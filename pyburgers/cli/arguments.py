@@ -1,0 +1,55 @@
+"""Arguments that commands share, and what becomes of them."""
+
+import argparse
+import shlex
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import fields
+from pathlib import Path
+
+from pyburgers.common.errors import InputError
+from pyburgers.sampling.options import SamplerOptions
+
+SAMPLER_OPTIONS = tuple(field.name for field in fields(SamplerOptions))
+DEFAULT_OPTIONS = SamplerOptions()
+
+
+def add_sampler_options(
+    command: argparse.ArgumentParser,
+    names: Sequence[str] = SAMPLER_OPTIONS,
+    defaults: SamplerOptions = DEFAULT_OPTIONS,
+) -> None:
+    """Add options named after fields of `SamplerOptions`, with the values of given ones."""
+    for name in SAMPLER_OPTIONS:
+        if name not in names:
+            continue
+        kind = {"adapt_delta": float, "chain_timeout": float, "coordinates": str}.get(name, int)
+        default = getattr(defaults, name)
+        command.add_argument(
+            f"--{name.replace('_', '-')}",
+            type=kind,
+            default=default,
+            help="default: by protocol or none" if default is None else f"default {default}",
+        )
+
+
+def sampler_options(
+    options: argparse.Namespace, names: Sequence[str] = SAMPLER_OPTIONS
+) -> SamplerOptions:
+    """Return what was chosen of the options that `add_sampler_options` added."""
+    return SamplerOptions(**{name: getattr(options, name) for name in names})
+
+
+def command_line() -> str:
+    """Return the command as the user typed it, for manifests."""
+    return shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
+
+
+@contextmanager
+def writing(out: Path) -> Iterator[None]:
+    """Name the option where results cannot be written."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(f"--out {out}: cannot be written ({error.strerror}).") from error

@@ -1,0 +1,16 @@
+"""`pyburgers check`: the checks of a run again."""
+
+import argparse
+from pathlib import Path
+
+from pyburgers.cli.results import load_fit, print_checks
+
+
+def add_options(command: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    command.add_argument("directory", type=Path, metavar="RUN")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the command; return its exit code."""
+    return print_checks(load_fit(options.directory).checks())

@@ -1,0 +1,102 @@
+"""`pyburgers compare`: which of several fits of the same data predicts best."""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+from pyburgers.cli.arguments import command_line, writing
+from pyburgers.cli.results import exit_code, load_fit
+from pyburgers.common.errors import InputError
+from pyburgers.comparison.by_points import compare, comparison_table, save_comparison, sentences
+from pyburgers.comparison.by_tests import (
+    compare_by_test,
+    save_comparison_by_test,
+    sentences_by_test,
+    table_of_fits,
+    table_of_tests,
+)
+from pyburgers.comparison.figures import left_out_tests, pointwise_differences
+from pyburgers.drawing.style import write_images
+from pyburgers.fitting.joint_fit import JointFit
+
+
+def add_options(command: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    command.add_argument("directories", type=Path, nargs="+", metavar="RUN")
+    command.add_argument(
+        "--out", type=Path, default=Path("comparison"), metavar="DIR", help="default: comparison"
+    )
+    command.add_argument(
+        "--leave-out",
+        choices=["points", "tests"],
+        default="points",
+        help="what is predicted from the rest: points (default), or whole tests of joint fits, for "
+        "which each is fitted again without each of its tests, in RUN/leave_out; then one RUN will "
+        "do",
+    )
+    command.add_argument(
+        "--no-refit",
+        action="store_true",
+        help="only flag points whose Pareto k is above 0.7, do not fit again without them; points "
+        "of joint fits are only flagged anyway",
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the command; return its exit code."""
+    if options.leave_out == "tests":
+        return _compare_by_test(options)
+    directories: list[Path] = options.directories
+    fits = {
+        name: load_fit(directory)
+        for name, directory in zip(_names_of(directories), directories, strict=True)
+    }
+    comparison = compare(fits, refits=None if options.no_refit else options.out / "refits")
+    with writing(options.out):
+        options.out.mkdir(parents=True, exist_ok=True)
+        save_comparison(comparison, fits, options.out, command=command_line())
+        write_images(pointwise_differences(comparison), options.out / "comparison.png")
+    print(comparison_table(comparison).round(2).to_string())
+    for sentence in sentences(comparison):
+        print(sentence)
+    print(f"numbers and figure: {options.out}")
+    return exit_code(comparison.reliable)
+
+
+def _compare_by_test(options: argparse.Namespace) -> int:
+    if options.no_refit:
+        raise InputError(
+            "--no-refit: goes with --leave-out points, because a test is left out by fitting again."
+        )
+    directories: list[Path] = options.directories
+    joints = {
+        name: JointFit.load(directory)
+        for name, directory in zip(_names_of(directories), directories, strict=True)
+    }
+    command = command_line()
+    with writing(options.out):
+        # Ahead of the fits, which take long.
+        options.out.mkdir(parents=True, exist_ok=True)
+    comparison = compare_by_test(joints, command=command)
+    with writing(options.out):
+        save_comparison_by_test(comparison, joints, options.out, command=command)
+        write_images(left_out_tests(comparison), options.out / "comparison.png")
+    print(table_of_tests(comparison).round(2).to_string())
+    print(table_of_fits(comparison).round(2).to_string())
+    for sentence in sentences_by_test(comparison):
+        print(sentence)
+    print(f"numbers and figure: {options.out}")
+    return exit_code(comparison.reliable)
+
+
+def _names_of(directories: Sequence[Path]) -> list[str]:
+    """Name runs by their folders, with as many of the folders above as tell them apart."""
+    parts = [directory.resolve().parts for directory in directories]
+    for depth in range(1, max(map(len, parts)) + 1):
+        names = ["_".join(part[-depth:]) for part in parts]
+        if len(set(names)) == len(names):
+            return names
+    raise InputError(
+        f"compare: found the same run twice among {', '.join(map(str, directories))}, expected "
+        "different ones."
+    )

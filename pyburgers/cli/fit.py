@@ -1,0 +1,99 @@
+"""`pyburgers fit`: one test, or several in a joint fit."""
+
+import argparse
+import logging
+from pathlib import Path
+from typing import Any
+
+from pyburgers.cli.arguments import add_sampler_options, command_line, sampler_options
+from pyburgers.cli.results import print_checks
+from pyburgers.common.errors import InputError
+from pyburgers.fitting.fit import fit
+from pyburgers.fitting.joint_fit import fit_jointly
+from pyburgers.model.flow_law_prior import load_flow_law_of_run
+from pyburgers.model.pooling import parse_pooling
+from pyburgers.model.priors import PriorSet, default_priors, load_priors, with_flow_law
+from pyburgers.model.variants import CHOICES, parse_choices, with_variant
+from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.registry import load_experiment
+from pyburgers.protocols.stan_data import SolverOptions
+from pyburgers.report.joint_section import pooling_table, shown_pooling_table
+from pyburgers.report.tables import parameter_table
+
+logger = logging.getLogger(__name__)
+
+
+def add_options(command: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    command.add_argument("experiments", type=Path, nargs="+", metavar="EXPERIMENT.toml")
+    command.add_argument(
+        "--pool",
+        action="append",
+        default=[],
+        metavar="NAME=HOW",
+        help="of a joint fit, what its experiments have of a parameter (or of all): shared, one "
+        "value; separate, a value for each; partial or partial:SCALE, values around a common "
+        "centre with a spread whose prior has this scale; may be repeated",
+    )
+    command.add_argument("--priors", type=Path, help="prior file (default: the material's)")
+    command.add_argument(
+        "--priors-from",
+        type=Path,
+        metavar="RUN",
+        help="a run of fit-peak-stress whose flow law replaces the priors of n, p, Q_M and beta",
+    )
+    command.add_argument(
+        "--out", type=Path, help="run directory (default: runs/ID, of a joint fit runs/ID+ID)"
+    )
+    command.add_argument(
+        "--variant",
+        action="append",
+        default=[],
+        metavar="PART=LAW",
+        help="another law for a part of the model, such as kelvin=power_law; may be repeated: "
+        + ", ".join(f"{part}={'|'.join(laws)}" for part, laws in CHOICES.items()),
+    )
+    add_sampler_options(command)
+    command.add_argument(
+        "--tolerance", type=float, help="of the ODE solver (default: the protocol's)"
+    )
+    command.add_argument(
+        "--prior-only", action="store_true", help="switch the likelihood off: sample the prior"
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the command; return its exit code."""
+    choices = parse_choices(options.variant)
+    pool = parse_pooling(options.pool)
+    experiments = [load_experiment(path) for path in options.experiments]
+    first = experiments[0]
+    if pool and len(experiments) == 1:
+        raise InputError(f"--pool {options.pool[0]}: found one experiment, expected several.")
+    priors = with_variant(_priors_for(first, options.priors), first, choices)
+    source: Path | None = options.priors_from
+    if source is not None:
+        priors = with_flow_law(priors, load_flow_law_of_run(source), f"--priors-from {source}")
+    for experiment in experiments:
+        for notice in experiment.notices:
+            logger.info(f"note: {notice}")
+    settings: dict[str, Any] = {
+        "out": options.out or Path("runs") / "+".join(experiment.id for experiment in experiments),
+        "options": sampler_options(options),
+        "solver": None if options.tolerance is None else SolverOptions(tolerance=options.tolerance),
+        "use_likelihood": not options.prior_only,
+        "command": command_line(),
+    }
+    if len(experiments) > 1:
+        joint = fit_jointly(experiments, priors, pool=pool, **settings)
+        print(shown_pooling_table(pooling_table(joint)).to_string(index=False))
+        print(f"run directory: {joint.directory.path}")
+        return print_checks(joint.checks())
+    result = fit(first, priors, **settings)
+    print(parameter_table(result.summary(), result.priors).to_string(index=False))
+    print(f"run directory: {result.directory.path}")
+    return print_checks(result.checks())
+
+
+def _priors_for(experiment: Experiment, path: Path | None) -> PriorSet:
+    return default_priors(experiment.material) if path is None else load_priors(path)

@@ -1,0 +1,47 @@
+"""`pyburgers fit-peak-stress`: a flow law from a table of peak stresses."""
+
+import argparse
+from pathlib import Path
+
+from pyburgers.cli.arguments import add_sampler_options, command_line, sampler_options
+from pyburgers.cli.results import print_checks
+from pyburgers.drawing.style import write_images
+from pyburgers.flow_law_tables.figures import flow_law, flow_law_table
+from pyburgers.flow_law_tables.fit import fit_peak_stress
+from pyburgers.flow_law_tables.priors import default_peak_stress_priors, load_peak_stress_priors
+from pyburgers.flow_law_tables.table import load_peak_stress
+
+PEAK_STRESS_OPTIONS = ("chains", "warmup", "draws", "seed")
+"""Settings of the sampler that suit these fits."""
+
+
+def add_options(command: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    command.add_argument("data", type=Path, metavar="DATA.toml")
+    command.add_argument(
+        "--priors", type=Path, help="prior file (default: the material's weak ones)"
+    )
+    command.add_argument("--out", type=Path, help="run directory (default: runs/ID)")
+    add_sampler_options(command, PEAK_STRESS_OPTIONS)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the command; return its exit code."""
+    data = load_peak_stress(options.data)
+    priors = (
+        default_peak_stress_priors(data.material)
+        if options.priors is None
+        else load_peak_stress_priors(options.priors)
+    )
+    result = fit_peak_stress(
+        data,
+        priors,
+        out=options.out or Path("runs") / data.id,
+        options=sampler_options(options, PEAK_STRESS_OPTIONS),
+        command=command_line(),
+    )
+    folder = result.directory.path
+    write_images(flow_law(result), folder / "flow_law.png")
+    print(flow_law_table(result).to_string(index=False))
+    print(f"run directory: {folder}")
+    return print_checks(result.checks())

@@ -1,0 +1,43 @@
+"""`pyburgers report`: one page about runs."""
+
+import argparse
+from pathlib import Path
+
+from pyburgers.cli.arguments import command_line
+from pyburgers.cli.results import load_fit
+from pyburgers.fitting.joint_fit import JointFit
+from pyburgers.report.comparison_sections import comparison_sections
+from pyburgers.report.joint_section import joint_names, joint_section
+from pyburgers.report.page import write_report
+
+
+def add_options(command: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    command.add_argument("directories", type=Path, nargs="+", metavar="RUN")
+    command.add_argument("--out", type=Path, required=True, metavar="DIR")
+    command.add_argument("--title", default="Nonlinear Burgers fits")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the command; return its exit code."""
+    joints, fits = [], []
+    for directory in options.directories:
+        loaded = load_fit(directory)
+        if isinstance(loaded, JointFit):
+            joints.append(loaded)
+        else:
+            fits.append(loaded)
+    sections = [
+        joint_section(name, joint, fits)
+        for name, joint in zip(joint_names(joints), joints, strict=True)
+    ]
+    fits = [*(fit for joint in joints for fit in joint.tests().values()), *fits]
+    page = write_report(
+        fits,
+        options.out,
+        title=options.title,
+        command=command_line(),
+        extras=(*sections, *comparison_sections(fits, joints)),
+    )
+    print(f"The page is {page}")
+    return 0

@@ -8,7 +8,7 @@ from pyburgers.cli.arguments import command_line, writing
 from pyburgers.cli.results import exit_code
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_points import compare
-from pyburgers.comparison.by_tests import compare_by_test
+from pyburgers.comparison.by_tests import check_several_tests, compare_by_test
 from pyburgers.comparison.figures import left_out_tests, pointwise_differences
 from pyburgers.comparison.results import (
     comparison_table,
@@ -76,6 +76,8 @@ def _compare_by_test(options: argparse.Namespace) -> int:
         name: Fit.load(directory)
         for name, directory in zip(_names_of(directories), directories, strict=True)
     }
+    for joint in joints.values():
+        check_several_tests(joint)
     command = command_line()
     with writing(options.out):
         # Ahead of the fits, which take long.

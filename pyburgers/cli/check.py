@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from pyburgers.cli.results import load_fit, print_checks
+from pyburgers.cli.shared import load_fit, print_checks
 
 
 def add_options(command: argparse.ArgumentParser) -> None:

@@ -45,7 +45,7 @@ needs_measured = pytest.mark.skipif(
 )
 
 SMALL_RUN = SamplerOptions(chains=2, warmup=150, draws=100, seed=11)
-LONG_RUN = replace(SMALL_RUN, warmup=300, draws=1200)
+LONG_RUN = replace(SMALL_RUN, warmup=300, draws=800)
 """Long enough to pass all checks, and for a signal to hit the sampling."""
 
 

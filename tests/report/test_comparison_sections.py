@@ -35,10 +35,22 @@ LAW = FlowLawPrior(
 )
 
 
+FEW = (
+    "kelvin_viscosity",
+    "kelvin_modulus",
+    "steady_state_grain_size",
+    "steady_state_fabric_factor",
+    "critical_strain_grain_size",
+    "critical_strain_fabric",
+)
+
+
 def pair(folder: Path, kind: Kind = "synthetic") -> list[Fit]:
     """Fits of the same data whose draws differ, the second with a flow law from elsewhere."""
-    alone = make_fit(folder / "alone", name="A", kind=kind, draws=100)
-    other = make_fit(folder / "both", name="A", kind=kind, draws=100, apart=0.5)
+    alone, other = (
+        make_fit(folder / name, name="A", kind=kind, draws=100, fixed=FEW, apart=apart)
+        for name, apart in (("alone", 0.0), ("both", 0.5))
+    )
     both = replace(other, priors=with_flow_law(alone.priors, LAW, "test"))
     return [alone, both]
 

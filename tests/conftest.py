@@ -21,7 +21,8 @@ from pyburgers.cmdstan.program import compile_programs, load_program, stan_direc
 from pyburgers.comparison.by_tests import leave_one_test_out
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.fitting.joint_fit import JointFit, fit_jointly
-from pyburgers.model.priors import Prior, PriorSet, default_priors, load_priors, save_priors
+from pyburgers.model.prior_families import Prior
+from pyburgers.model.priors import PriorSet, default_priors, load_priors, save_priors
 from pyburgers.protocols.chart import Mode
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
 from pyburgers.protocols.constant_rate.valley import find_valley

@@ -26,7 +26,7 @@ from pyburgers.cmdstan.program import load_program
 from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError, SamplingError
-from pyburgers.common.wording import count_points
+from pyburgers.common.numbers import count_points
 from pyburgers.comparison.same_data import check_same_data, data_hash, tests_of
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.fitting.joint_fit import JointFit

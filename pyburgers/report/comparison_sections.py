@@ -9,6 +9,7 @@ from typing import TypeVar
 
 import pandas as pd
 
+from pyburgers.common.numbers import with_error
 from pyburgers.comparison.by_points import (
     COMPARISON_TEXT,
     compare,
@@ -32,7 +33,6 @@ from pyburgers.comparison.figures import (
 from pyburgers.comparison.same_data import data_hash
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.joint_fit import JointFit
-from pyburgers.model.display import with_error
 from pyburgers.report.flow_law_sections import flow_law_source_section
 from pyburgers.report.joint_section import joint_names
 from pyburgers.report.page import ExtraFigure, ExtraSection, ExtraTable, file_key, page_keys

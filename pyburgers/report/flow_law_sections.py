@@ -9,6 +9,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from pyburgers.common.draws import all_draws
+from pyburgers.common.numbers import with_error
 from pyburgers.drawing.style import BLUE, GREEN, VERMILION, few_ticks, style
 from pyburgers.fitting.fit import Fit
 from pyburgers.flow_law_tables.figures import FLOW_LAW_CAPTION, flow_law, flow_law_table
@@ -22,7 +23,6 @@ from pyburgers.model.display import (
     axis_label,
     shown_quantity,
     unit_text,
-    with_error,
 )
 from pyburgers.model.flow_law_prior import FlowLawPrior
 from pyburgers.model.priors import FLOW_LAW

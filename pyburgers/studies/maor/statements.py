@@ -16,15 +16,9 @@ import xarray as xr
 
 from pyburgers.checks.sampling_checks import RHAT_LIMIT
 from pyburgers.common.errors import InputError
+from pyburgers.common.numbers import number, rounded, with_error
 from pyburgers.fitting.fit import Fit
-from pyburgers.model.display import (
-    STRESS_FACTOR,
-    STRESS_UNIT,
-    number,
-    rounded,
-    shown_quantity,
-    with_error,
-)
+from pyburgers.model.display import STRESS_FACTOR, STRESS_UNIT, shown_quantity
 from pyburgers.model.display import symbol_text as symbol
 from pyburgers.posterior.labelled_draws import convergence_table
 from pyburgers.predictions.attenuation import PAPER_REGIMES, flat_draws

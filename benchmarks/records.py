@@ -21,9 +21,9 @@ from sampling import RESULTS, ROOT, markdown
 from pyburgers.fitting.fit import fit
 from pyburgers.model.priors import default_priors
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
+from pyburgers.protocols.forward import simulate_data
 from pyburgers.report.tables import truth_table
 from pyburgers.sampling.options import SamplerOptions
-from pyburgers.sbc.data_sets import simulate_constant_rate
 
 EXPLANATION = """# Other records
 
@@ -99,7 +99,7 @@ def _simulated(record: Record, seed: int) -> ConstantRateExperiment:
     cut = replace(full, id="PIL40_other", strain=strain, final_strain=float(strain[-1]))
     values = {**full.true_parameters, "stress_noise": record.noise}
     rng = np.random.default_rng(seed)
-    return simulate_constant_rate(cut, values, rng, source="at the truth of PIL40")
+    return simulate_data(cut, values, rng, source="at the truth of PIL40")
 
 
 if __name__ == "__main__":

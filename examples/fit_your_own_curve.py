@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pyburgers
 from pyburgers.drawing.style import image
-from pyburgers.report.constant_rate_figures import stress_strain
+from pyburgers.protocols.constant_rate.figures import stress_strain
 from pyburgers.report.posterior_figures import prior_posterior
 from pyburgers.studies.maor.reproduce import shipped_data_directory
 

@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     from pyburgers.predictions.stress_cycles import Regime
     from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
     from pyburgers.protocols.experiment import Experiment
-    from pyburgers.protocols.files import load_experiment
     from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
     from pyburgers.protocols.forward import load_parameters, simulate
+    from pyburgers.protocols.registry import load_experiment
     from pyburgers.protocols.stan_data import SolverOptions
     from pyburgers.sampling.options import SamplerOptions
 
@@ -53,7 +53,7 @@ _NAMES = {
     "predictions.stress_cycles": ("Regime",),
     "protocols.constant_rate.experiment": ("ConstantRateExperiment",),
     "protocols.experiment": ("Experiment",),
-    "protocols.files": ("load_experiment",),
+    "protocols.registry": ("load_experiment",),
     "protocols.forced_oscillation.experiment": ("OscillationExperiment",),
     "protocols.forward": ("load_parameters", "simulate"),
     "protocols.stan_data": ("SolverOptions",),

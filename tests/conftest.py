@@ -12,13 +12,15 @@ import pytest
 from pyburgers.cmdstan.program import compile_programs, load_program, stan_directory
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.model.priors import Prior, PriorSet, default_priors, load_priors, save_priors
+from pyburgers.protocols.chart import Mode
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
+from pyburgers.protocols.constant_rate.valley import find_valley
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.files import save_experiment
-from pyburgers.protocols.stan_data import SolverOptions, ValleyReference
+from pyburgers.protocols.registry import protocol_of, save_experiment
+from pyburgers.protocols.stan_data import SolverOptions, ValleyReference, program_data
+from pyburgers.sampling.charts import ModeOfTest
 from pyburgers.sampling.mode import find_mode
 from pyburgers.sampling.options import SamplerOptions
-from pyburgers.sampling.valley import find_valley
 
 FloatArray = npt.NDArray[np.float64]
 FunctionValues = Callable[[str, Mapping[str, object]], dict[str, FloatArray]]
@@ -69,7 +71,7 @@ def with_fixed(priors: PriorSet, values: Mapping[str, float]) -> PriorSet:
 
 def resolved_priors(experiment: Experiment) -> PriorSet:
     """Priors of the experiment's material, as a fit of it resolves them."""
-    return default_priors(experiment.material).resolved(float(np.abs(experiment.stress).max()))
+    return default_priors(experiment.material).resolved(float(experiment.largest_stress))
 
 
 def write_problem(folder: Path, *, free: set[str], max_strain: float, stride: int) -> Problem:
@@ -101,8 +103,17 @@ def valley_of(experiment: ConstantRateExperiment, priors: PriorSet) -> ValleyRef
     """
     solver = SolverOptions()
     mode = find_mode(experiment, priors, seed=1, solver=solver)
-    valley = find_valley(experiment, priors, mode, solver=solver)
+    valley = find_valley(at_mode(experiment, priors, mode, solver))
     return replace(valley, noise_exponent=np.linspace(0.9, 0.0, mode.coordinate.size))
+
+
+def at_mode(
+    experiment: Experiment, priors: PriorSet, mode: Mode, solver: SolverOptions
+) -> ModeOfTest:
+    """A test at its mode, as charts are given it."""
+    model = load_program(protocol_of(experiment).program)
+    data = program_data(experiment, priors, solver=solver)
+    return ModeOfTest(model, data, experiment, priors, mode, solver)
 
 
 @pytest.fixture(scope="session")

@@ -7,7 +7,7 @@ from pyburgers.cli.arguments import add_sampler_options, command_line, sampler_o
 from pyburgers.cli.results import exit_code
 from pyburgers.drawing.style import write_images
 from pyburgers.model.priors import load_priors
-from pyburgers.protocols.files import load_experiment
+from pyburgers.protocols.registry import load_experiment
 from pyburgers.sbc.data_sets import calibration_priors
 from pyburgers.sbc.results import (
     count_sentences,

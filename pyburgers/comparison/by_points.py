@@ -31,9 +31,11 @@ from pyburgers.posterior.labelled_draws import (
     relative_efficiency,
     smooth_weights,
 )
-from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
-from pyburgers.protocols.forward import REFERENCE_SOLVER, program_for
-from pyburgers.protocols.stan_data import SolverOptions, experiment_block, solver_block
+from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.forward import REFERENCE_SOLVER
+from pyburgers.protocols.protocol import Quantity
+from pyburgers.protocols.registry import protocol_of
+from pyburgers.protocols.stan_data import SolverOptions, solver_block
 from pyburgers.sampling.options import SamplerOptions
 
 logger = logging.getLogger(__name__)
@@ -98,8 +100,10 @@ class Comparison:
         predicts left-out points best (Yao et al. 2018, Bayesian Analysis 13, 917-1007). Between
         fits that predict alike they are arbitrary.
     position : DataArray, dimension point
-        Where the points lie: strain, or time (s) of an oscillating test. Those of several tests
-        stand one after the other and have their test as coordinate ``test``.
+        Where the points lie on the clock of the tests (SI). Those of several tests stand one after
+        the other and have their test as coordinate ``test``.
+    clock : Quantity
+        Of the tests.
     variants : mapping of str to str
         Variant of the model by name of the fit, as
         `pyburgers.model.variants.ModelVariant.short_text`.
@@ -108,6 +112,7 @@ class Comparison:
     results: Mapping[str, LeaveOneOut]
     weights: FloatArray
     position: xr.DataArray
+    clock: Quantity
     variants: Mapping[str, str]
 
     @property
@@ -147,19 +152,21 @@ def compare(fits: Mapping[str, Fit | JointFit], *, refits: Path | None = None) -
                     f"{name}: points of a joint fit are not left out one by one, because each "
                     "would take a fit of all tests; they stay flagged."
                 )
-            elif isinstance(one.experiment, ConstantRateExperiment):
+            elif (reason := protocol_of(one.experiment).points_together) is None:
                 result = leave_out_exactly(one, result, flagged, refits / name)
             else:
                 logger.info(
-                    f"{name}: points of a record of oscillations cannot be left out one by one, "
-                    "because it is prepared as a whole; they stay flagged."
+                    f"{name}: points cannot be left out one by one, because {reason}; they stay "
+                    "flagged."
                 )
         found[name] = result
     ordered = dict(sorted(found.items(), key=lambda item: -item[1].total))
+    first = tests_of(next(iter(fits.values())))
     return Comparison(
         results=ordered,
         weights=stacking_weights(np.array([result.elpd for result in ordered.values()])),
-        position=_positions(next(iter(fits.values()))),
+        position=_positions(first),
+        clock=protocol_of(first[0].experiment).clock,
         variants={name: one.variant.short_text for name, one in fits.items()},
     )
 
@@ -214,7 +221,7 @@ def leave_out_exactly(
     Parameters
     ----------
     one : Fit
-        A fit of a test at constant rate.
+        A fit of a test whose points can be left out.
     result : LeaveOneOut
         Of all its points.
     points : sequence of int
@@ -225,8 +232,7 @@ def leave_out_exactly(
     Raises
     ------
     InputError
-        If the test is of another protocol: a record of oscillations is prepared as a whole, so a
-        point of it cannot be taken out.
+        If single points of such tests cannot be left out.
     SamplingError
         If a fit fails.
     """
@@ -247,7 +253,7 @@ def log_density_without(one: Fit, point: int, out: Path) -> float:
     Parameters
     ----------
     one : Fit
-        A fit of a test at constant rate.
+        A fit of a test whose points can be left out.
     point : int
         The point, from 0.
     out : Path
@@ -256,21 +262,12 @@ def log_density_without(one: Fit, point: int, out: Path) -> float:
     Raises
     ------
     InputError
-        If the test is of another protocol.
+        If single points of such tests cannot be left out.
     SamplingError
         If the fit fails.
     """
     experiment = one.experiment
-    if not isinstance(experiment, ConstantRateExperiment):
-        raise InputError(
-            f"{experiment.id}: points of a test of the kind {experiment.protocol!r} cannot be left "
-            "out one by one, expected 'constant_rate'; compare without fitting again."
-        )
-    without = replace(
-        experiment,
-        strain=np.delete(experiment.strain, point),
-        stress=np.delete(experiment.stress, point),
-    )
+    without = protocol_of(experiment).without_point(experiment, point)
     solver = one.manifest["solver"]
     again = fit(
         without,
@@ -324,36 +321,30 @@ def has_several_tests(comparison: Comparison) -> bool:
     return "test" in comparison.position.coords
 
 
-def position(posterior: xr.DataTree) -> xr.DataArray:
-    """Where the points lie: strain, or time (s) where the strain goes back and forth."""
-    positions = posterior["constant_data"].to_dataset()
-    strain = positions["strain"]
-    return strain if bool((strain.diff("point") >= 0).all()) else positions["time"]
-
-
-def _positions(one: Fit | JointFit) -> xr.DataArray:
-    """Where the points of all tests lie."""
-    if isinstance(one, Fit):
-        return position(one.posterior)
+def _positions(tests: Sequence[Fit]) -> xr.DataArray:
+    """Where the points of all tests lie; of several tests with their names as coordinate."""
     parts = []
-    for test in tests_of(one):
-        part = position(test.posterior).drop_vars("point")
+    for test in tests:
+        clock = protocol_of(test.experiment).clock.name
+        part = (
+            test.posterior["constant_data"].to_dataset()[clock].drop_vars("point", errors="ignore")
+        )
         name = np.full(part.size, test.experiment.id)
-        parts.append(part.assign_coords(test=("point", name)))
+        parts.append(part.assign_coords(test=("point", name)) if len(tests) > 1 else part)
     return xr.concat(parts, "point")
 
 
-def _log_likelihood_of(again: Fit, experiment: ConstantRateExperiment) -> FloatArray:
+def _log_likelihood_of(again: Fit, experiment: Experiment) -> FloatArray:
     """Log density of each point given all others at another fit's draws, (n_draws, n_points)."""
     run = again.directory
     # Only the test is exchanged: the coordinates of the draws are those of the other fit.
     data = {
         **json.loads(run.stan_data_file.read_text(encoding="utf-8")),
-        **experiment_block(experiment, use_likelihood=True),
+        **protocol_of(experiment).experiment_data(experiment, use_likelihood=True),
         **solver_block(REFERENCE_SOLVER),
     }
     try:
-        quantities = load_program(program_for(experiment)).generate(
+        quantities = load_program(protocol_of(experiment).program).generate(
             data, run.draws_files(), seed=again.manifest["sampler"]["seed"]
         )
     except SamplingError as error:

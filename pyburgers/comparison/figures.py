@@ -17,7 +17,6 @@ from pyburgers.drawing.style import (
     few_ticks,
     style,
 )
-from pyburgers.model.display import STRAIN_FACTOR, STRAIN_UNIT
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -46,8 +45,7 @@ def pointwise_differences(comparison: Comparison) -> Figure:
     """Draw differences of the elpd to the best fit along each test, by point and added up."""
     (best_name, best), *others = comparison.results.items()
     tests = _tests(comparison)
-    is_strain = comparison.position.name == "strain"
-    along = comparison.position.to_numpy() * (STRAIN_FACTOR if is_strain else 1.0)
+    along = comparison.position.to_numpy() * comparison.clock.display_factor
     with style():
         figure = Figure(figsize=(3.4 + 3.4 * len(tests), 5.4), layout="constrained")
         panels = figure.subplots(2, len(tests), sharex="col", sharey="row", squeeze=False)
@@ -66,7 +64,7 @@ def pointwise_differences(comparison: Comparison) -> Figure:
                 axes.axhline(0.0, color=BLACK, linewidth=0.8)
                 axes.yaxis.set_major_locator(few_ticks(5))
             points.set_title(test, loc="left")
-            sums.set_xlabel(f"strain ({STRAIN_UNIT})" if is_strain else "time (s)")
+            sums.set_xlabel(comparison.clock.label)
         panels[0, 0].set_ylabel("difference of a point's\nlog density (–)")
         panels[1, 0].set_ylabel("added up (–)")
         figure.legend(

@@ -30,8 +30,9 @@ from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import SampledFit
 from pyburgers.posterior.labelled_draws import relative_efficiency
-from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
-from pyburgers.protocols.forward import REFERENCE_SOLVER, constant_rate_program
+from pyburgers.protocols.constant_rate.protocol import CONSTANT_RATE
+from pyburgers.protocols.forward import REFERENCE_SOLVER
+from pyburgers.protocols.registry import protocol_of
 from pyburgers.protocols.stan_data import StanData, solver_block, with_later_additions
 
 logger = logging.getLogger(__name__)
@@ -79,7 +80,8 @@ def log_marginal_likelihood(fit: SampledFit) -> LogIntegral:
     Parameters
     ----------
     fit : Fit or JointFit
-        Of tests at constant rate. Where the data took no part it is 0, but for its error.
+        Of tests whose program gives its log density. Where the data took no part it is 0, but for
+        its error.
 
     Returns
     -------
@@ -94,10 +96,10 @@ def log_marginal_likelihood(fit: SampledFit) -> LogIntegral:
     SamplingError
         If the program fails or the draws have no spread.
     """
-    if isinstance(fit, Fit) and not isinstance(fit.experiment, ConstantRateExperiment):
+    if isinstance(fit, Fit) and not protocol_of(fit.experiment).gives_log_density:
         raise InputError(
             f"{fit.directory.path}: is a fit of a test of the protocol {fit.experiment.protocol}, "
-            "expected constant_rate, the only one with a marginal likelihood."
+            "expected one whose program gives its log density, such as constant_rate."
         )
     run = fit.directory
     draws = read_draws(run.draws_files())["coordinate"]
@@ -105,7 +107,7 @@ def log_marginal_likelihood(fit: SampledFit) -> LogIntegral:
     at_reference = (stats["lp"] + stats["solver_log_ratio"]).transpose("chain", "draw").to_numpy()
     data: StanData = json.loads(run.stan_data_file.read_text(encoding="utf-8"))
     data = {**with_later_additions(data), **solver_block(REFERENCE_SOLVER)}
-    program = load_program(constant_rate_program())
+    program = load_program(CONSTANT_RATE.program)
     logger.info(f"Marginal likelihood of {fit.manifest['experiment']}: bridge sampling.")
     return log_integral(
         draws,

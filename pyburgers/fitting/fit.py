@@ -14,7 +14,7 @@ from pyburgers.model.priors import PriorSet, load_priors
 from pyburgers.model.variants import ModelVariant, variant_of
 from pyburgers.posterior.labelled_draws import build_posterior, load_posterior, summary_table
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.files import load_experiment
+from pyburgers.protocols.registry import load_experiment
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run import run_chains

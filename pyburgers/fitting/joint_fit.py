@@ -18,8 +18,8 @@ from pyburgers.model.variants import ModelVariant, variant_of
 from pyburgers.posterior.joint_labelled_draws import TESTS, build_joint_posterior
 from pyburgers.posterior.labelled_draws import draws_table, load_posterior
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
+from pyburgers.protocols.constant_rate.protocol import CONSTANT_RATE
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.forward import constant_rate_program
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.charts import check_coordinates
 from pyburgers.sampling.joint_charts import choose_joint_geometry, draw_joint_start
@@ -181,7 +181,7 @@ def _task(
     return SamplingTask(
         name=problem.name,
         data_kind=problem.data_kind,
-        program=constant_rate_program(),
+        program=CONSTANT_RATE.program,
         data=data,
         options=options,
         write_inputs=lambda run: _write_inputs(run, problem),

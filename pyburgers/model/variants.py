@@ -9,9 +9,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cache
 from types import MappingProxyType
-from typing import Any, Literal, get_args, get_type_hints
+from typing import Any, Literal, Protocol, get_args, get_type_hints
 
 import numpy as np
+import numpy.typing as npt
 from pydantic import Field
 
 from pyburgers.common.errors import InputError
@@ -26,9 +27,6 @@ from pyburgers.model.priors import (
     load_prior,
     shipped_prior_files,
 )
-from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
-from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
 
 REFERENCE_STRESS_SHARE = 0.25
 """Driving stress for which the viscosity of a power-law Kelvin dashpot is given, over the largest
@@ -42,6 +40,42 @@ WITHOUT_EFFECT = 1.0
 
 PIEZOMETER_GRAIN_SIZE = 0.015
 """Grain size (m) at 1 MPa of the piezometer of olivine (Eq. 5 of the paper)."""
+
+
+class Test(Protocol):
+    """What the laws of a test depend on beside its priors."""
+
+    @property
+    def id(self) -> str:
+        """Name."""
+
+    @property
+    def protocol(self) -> str:
+        """Name of its kind."""
+
+    @property
+    def laws(self) -> Mapping[str, Sequence[str]]:
+        """Laws that such tests can be fitted with, by part: any of a part that is not named."""
+
+    @property
+    def temperature(self) -> float:
+        """Kelvin."""
+
+    @property
+    def initial_grain_size(self) -> float:
+        """Metres."""
+
+    @property
+    def position(self) -> npt.NDArray[np.float64]:
+        """Where its points lie, shape (n_points,)."""
+
+    @property
+    def n_points(self) -> int:
+        """Number of points."""
+
+    @property
+    def largest_stress(self) -> float:
+        """Largest |σ| (Pa), where there are points."""
 
 
 @dataclass(frozen=True)
@@ -133,14 +167,14 @@ def parse_choices(options: Sequence[str], where: str = "--variant") -> dict[str,
     return choices
 
 
-def with_variant(priors: PriorSet, experiment: Experiment, choices: Mapping[str, str]) -> PriorSet:
+def with_variant(priors: PriorSet, experiment: Test, choices: Mapping[str, str]) -> PriorSet:
     """Return priors of the model with the chosen laws.
 
     Parameters
     ----------
     priors : PriorSet
         Priors of the material. What is not chosen stays as they have it.
-    experiment : Experiment
+    experiment : Test
         The test with data that is to be fitted.
     choices : mapping of str to str
         Law by part, see `ModelVariant`.
@@ -166,12 +200,13 @@ def with_variant(priors: PriorSet, experiment: Experiment, choices: Mapping[str,
     return changed
 
 
-def variant_of(priors: PriorSet, experiment: Experiment) -> ModelVariant:
+def variant_of(priors: PriorSet, experiment: Test) -> ModelVariant:
     """Tell from the priors which laws a fit of an experiment uses."""
-    oscillating = isinstance(experiment, OscillationExperiment)
     linear_kelvin = is_fixed_at(priors["kelvin_stress_exponent"], 1.0)
     linear_maxwell = is_fixed_at(priors["stress_exponent"], 1.0)
-    constant_fabric = oscillating or is_fixed_at(priors["steady_state_fabric_factor"], 1.0)
+    constant_fabric = not _allows(experiment, "fabric", "evolving") or is_fixed_at(
+        priors["steady_state_fabric_factor"], 1.0
+    )
     independent = is_fixed_at(priors["residual_correlation_strain"], 0.0)
     return ModelVariant(
         kelvin="linear" if linear_kelvin else "power_law",
@@ -182,7 +217,7 @@ def variant_of(priors: PriorSet, experiment: Experiment) -> ModelVariant:
     )
 
 
-def check_variant(priors: PriorSet, experiment: Experiment) -> None:
+def check_variant(priors: PriorSet, experiment: Test) -> None:
     """Refuse priors of a variant that the experiment cannot be fitted with.
 
     Raises
@@ -192,24 +227,29 @@ def check_variant(priors: PriorSet, experiment: Experiment) -> None:
         have the same strain, or if an oscillating test is to have another piezometer.
     """
     given = priors["piezometer_reference_grain_size"]
-    if isinstance(experiment, OscillationExperiment) and not is_fixed_at(given, 0.0):
+    if not _allows(experiment, "grain_size", "evolving") and not is_fixed_at(given, 0.0):
         raise InputError(
             f"{experiment.id}: found a prior of piezometer_reference_grain_size, expected none "
             "because oscillating tests have the piezometer of Eq. 5 of the paper."
         )
     if variant_of(priors, experiment).residuals == "independent":
         return
-    if not isinstance(experiment, ConstantRateExperiment):
+    if not _allows(experiment, "residuals", "autocorrelated"):
         raise InputError(
-            f"{experiment.id}: residuals=autocorrelated is for tests of the protocol "
-            f"constant_rate, found {experiment.protocol}, where strain goes back and forth."
+            f"{experiment.id}: residuals=autocorrelated is for tests of the protocols whose strain "
+            f"only increases, found {experiment.protocol}, where strain goes back and forth."
         )
-    same = np.flatnonzero(np.diff(experiment.strain) == 0)
+    same = np.flatnonzero(np.diff(experiment.position) == 0)
     if same.size > 0:
         raise InputError(
             f"{experiment.id}: residuals=autocorrelated needs points at different strains, found "
-            f"two at {experiment.strain[same[0]]:g}; leave one out or average them."
+            f"two at {experiment.position[same[0]]:g}; leave one out or average them."
         )
+
+
+def _allows(experiment: Test, part: str, law: str) -> bool:
+    """Whether tests of the kind can be fitted with a law."""
+    return law in experiment.laws.get(part, (law,))
 
 
 def _check_names(choices: Mapping[str, str], where: str) -> None:
@@ -223,9 +263,9 @@ def _check_names(choices: Mapping[str, str], where: str) -> None:
 
 
 def _grain_size_law(
-    priors: PriorSet, experiment: Experiment
+    priors: PriorSet, experiment: Test
 ) -> Literal["evolving", "constant", "piezometric"]:
-    if isinstance(experiment, OscillationExperiment):
+    if not _allows(experiment, "grain_size", "evolving"):
         frozen = is_fixed_at(priors["critical_strain_grain_size"], NO_EVOLUTION)
         return "constant" if frozen else "piezometric"
     if not is_fixed_at(priors["piezometer_reference_grain_size"], 0.0):
@@ -245,7 +285,7 @@ def _fixed(name: str, value: float, choice: str) -> Prior:
     return fixed_prior(PARAMETER_BY_NAME[name], value, f"Variant {choice}")
 
 
-def _choose_kelvin(priors: PriorSet, experiment: Experiment, choice: str) -> PriorSet:
+def _choose_kelvin(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
     exponent = "kelvin_stress_exponent"
     linear = is_fixed_at(priors[exponent], 1.0)
     if choice == "linear":
@@ -269,7 +309,7 @@ def _choose_kelvin(priors: PriorSet, experiment: Experiment, choice: str) -> Pri
     )
 
 
-def _choose_maxwell(priors: PriorSet, experiment: Experiment, choice: str) -> PriorSet:
+def _choose_maxwell(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
     """Fix n, or leave it; with n = 1 beta means another A, so its prior moves along.
 
     The flow rate at the largest measured stress keeps the prior that it has with the power law,
@@ -296,9 +336,9 @@ def _choose_maxwell(priors: PriorSet, experiment: Experiment, choice: str) -> Pr
     return _exchanged(priors, _fixed("stress_exponent", 1.0, "maxwell=linear"), moved)
 
 
-def _choose_grain_size(priors: PriorSet, experiment: Experiment, choice: str) -> PriorSet:
+def _choose_grain_size(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
     name, source = "piezometer_reference_grain_size", f"grain_size={choice}"
-    if isinstance(experiment, OscillationExperiment):
+    if not _allows(experiment, "grain_size", "evolving"):
         critical = _fixed("critical_strain_grain_size", NO_EVOLUTION, source)
         return _exchanged(priors, critical) if choice == "constant" else priors
     has_none = is_fixed_at(priors[name], 0.0)
@@ -317,8 +357,8 @@ def _choose_grain_size(priors: PriorSet, experiment: Experiment, choice: str) ->
     )
 
 
-def _choose_fabric(priors: PriorSet, experiment: Experiment, choice: str) -> PriorSet:
-    if choice != "constant" or isinstance(experiment, OscillationExperiment):
+def _choose_fabric(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
+    if choice != "constant" or not _allows(experiment, "fabric", "evolving"):
         return priors
     return _exchanged(
         priors,
@@ -327,7 +367,7 @@ def _choose_fabric(priors: PriorSet, experiment: Experiment, choice: str) -> Pri
     )
 
 
-def _choose_residuals(priors: PriorSet, experiment: Experiment, choice: str) -> PriorSet:
+def _choose_residuals(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
     name = "residual_correlation_strain"
     independent = is_fixed_at(priors[name], 0.0)
     if choice == "independent":
@@ -353,7 +393,7 @@ def _moments(prior: Prior) -> tuple[float, float]:
     return float(law.mean()), float(law.std())
 
 
-def _largest_stress(experiment: Experiment) -> float:
+def _largest_stress(experiment: Test) -> float:
     if experiment.n_points == 0:
         raise InputError(
             f"{experiment.id}: the experiment has no data, expected some because the variant is "

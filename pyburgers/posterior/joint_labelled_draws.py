@@ -16,17 +16,15 @@ from pyburgers.model.parameters import (
 )
 from pyburgers.posterior.labelled_draws import (
     OF_ALL_TESTS,
-    STRAIN_VARIABLES,
     drawn_at_points,
     groups_of_test,
     keep_posterior,
     label_draws,
     point_groups,
-    prediction_grid,
     reference_solution,
     stats_with_solver,
 )
-from pyburgers.protocols.forward import constant_rate_program
+from pyburgers.protocols.constant_rate.protocol import CONSTANT_RATE
 from pyburgers.sampling.joint_stan_data import CENTRE, SPREAD, with_joint_grid
 from pyburgers.sampling.problem import JointProblem
 from pyburgers.sampling.run_directory import RunDirectory
@@ -64,19 +62,19 @@ def build_joint_posterior(run: RunDirectory, problem: JointProblem) -> xr.DataTr
     experiments = problem.experiments
     files = run.draws_files()
     chains = {"chain": list(run.finished_chains())}
-    grids = [prediction_grid(experiment) for experiment in experiments]
+    grids = [CONSTANT_RATE.prediction_grid(experiment) for experiment in experiments]
     data = json.loads(run.stan_data_file.read_text(encoding="utf-8"))
     fit = read_draws(files)
     logger.info("Solving every draw again at the reference tolerance.")
     checked = reference_solution(
-        load_program(constant_rate_program()),
+        load_program(CONSTANT_RATE.program),
         with_joint_grid(data, experiments, grids),
         files,
-        list(STRAIN_VARIABLES),
+        list(CONSTANT_RATE.grid_quantities),
         seed=manifest["sampler"]["seed"],
     ).assign_coords(chains)
     stats = stats_with_solver(fit, checked, chains, use_likelihood=manifest["use_likelihood"])
-    at_points = drawn_at_points(fit, chains)
+    at_points = drawn_at_points(fit, chains, CONSTANT_RATE.response)
     draws = _draws_of_tests(fit, problem, chains)
     groups: dict[str, xr.Dataset] = {
         "posterior": _all_draws(fit, problem, draws, chains),
@@ -93,7 +91,7 @@ def build_joint_posterior(run: RunDirectory, problem: JointProblem) -> xr.DataTr
             draws[experiment.id],
             points.assign_coords(point=np.arange(experiment.n_points)),
             stats,
-            checked.isel({f"{name}_dim_0": on_grid for name in STRAIN_VARIABLES}),
+            checked.isel({f"{name}_dim_0": on_grid for name in CONSTANT_RATE.grid_quantities}),
             experiment,
             priors,
         )

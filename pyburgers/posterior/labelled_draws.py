@@ -24,20 +24,12 @@ from pyburgers.common.atomic_files import write_atomically
 from pyburgers.common.errors import SamplingError
 from pyburgers.model.parameters import PARAMETER_BY_NAME, REFERENCE_QUANTITIES, Parameter
 from pyburgers.model.priors import PriorSet, load_priors
-from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.files import load_experiment
-from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
-from pyburgers.protocols.forward import (
-    REFERENCE_SOLVER,
-    program_for,
-    simulate,
-    strain_grid,
-    time_grid,
-)
+from pyburgers.protocols.forward import REFERENCE_SOLVER, simulate
+from pyburgers.protocols.protocol import Quantity
+from pyburgers.protocols.registry import load_experiment, protocol_of
 from pyburgers.protocols.stan_data import (
     StanData,
-    reference_quantity,
     solver_block,
     with_grid,
     with_later_additions,
@@ -68,24 +60,6 @@ SAMPLE_STATS = {
     "divergent__": "diverging",
     "energy__": "energy",
 }
-STRAIN_VARIABLES = {
-    "grid_stress": ("stress", "Pa"),
-    "grid_stress_replicated": ("stress_replicated", "Pa"),
-    "grid_kelvin_strain": ("kelvin_strain", "1"),
-    "grid_grain_size": ("grain_size", "m"),
-    "grid_fabric_factor": ("fabric_factor", "1"),
-    "grid_grain_size_softening": ("grain_size_softening", "1"),
-    "grid_fabric_softening": ("fabric_softening", "1"),
-}
-TIME_VARIABLES = {
-    "grid_oscillating_stress": ("stress", "Pa"),
-    "grid_stress_replicated": ("stress_replicated", "Pa"),
-    "grid_kelvin_strain": ("kelvin_strain", "1"),
-    "grid_grain_size": ("grain_size", "m"),
-    "grid_dashpot_rate": ("dashpot_rate", "1/s"),
-}
-"""Generated quantities along strain, or time in oscillating tests: name and unit in the draws."""
-
 GIVEN_OTHERS = "log_lik_given_others"
 """Name in the program for constant rate; empty where residuals are independent."""
 
@@ -95,29 +69,8 @@ CORRELATED = "log_likelihood_given_others"
 OF_ALL_TESTS = "log_likelihood_of_all_tests"
 """Group of the log likelihood of the data of all tests, which only tests of a joint fit have."""
 
-PREDICTIONS_PER_CYCLE = 30
-
 LEAST_SMOOTHED_DRAWS = 25
 """Importance weights of fewer draws are left as they are: their tail is less than five draws."""
-
-
-def prediction_grid(experiment: Experiment) -> FloatArray:
-    """Strains, or times (s) of an oscillating test, of the predictive bands, shape (n,).
-
-    Strains are denser at each segment's start.
-    """
-    if isinstance(experiment, OscillationExperiment):
-        return time_grid(experiment, PREDICTIONS_PER_CYCLE)
-    assert isinstance(experiment, ConstantRateExperiment)  # the only other protocol
-    shape = np.union1d(np.geomspace(2e-3, 1.0, 30), np.linspace(0.0, 1.0, 31)[1:])
-    return strain_grid(experiment, shape)
-
-
-def grid_variables(experiment: Experiment) -> tuple[str, dict[str, tuple[str, str]]]:
-    """Return the dimension of the predictions, and what they hold: see `STRAIN_VARIABLES`."""
-    if isinstance(experiment, OscillationExperiment):
-        return "time", TIME_VARIABLES
-    return "strain", STRAIN_VARIABLES
 
 
 def build_posterior(run: RunDirectory) -> xr.DataTree:
@@ -144,30 +97,31 @@ def build_posterior(run: RunDirectory) -> xr.DataTree:
         posterior_mean_solution.
     """
     experiment = load_experiment(run.experiment_file)
+    protocol = protocol_of(experiment)
     priors = load_priors(run.priors_file)
     manifest = run.read_manifest()
     files = run.draws_files()
     data = json.loads(run.stan_data_file.read_text(encoding="utf-8"))
-    data = with_grid(with_later_additions(data), experiment, prediction_grid(experiment))
+    data = with_grid(with_later_additions(data), experiment, protocol.prediction_grid(experiment))
     fit = read_draws(files)
     logger.info("Solving every draw again at the reference tolerance.")
     checked = reference_solution(
-        load_program(program_for(experiment)),
+        load_program(protocol_of(experiment).program),
         data,
         files,
-        list(grid_variables(experiment)[1]),
+        list(protocol.grid_quantities),
         seed=manifest["sampler"]["seed"],
     )
     chains = {"chain": list(run.finished_chains())}
     quantities = (
         *(PARAMETER_BY_NAME[name] for name in priors.priors),
-        reference_quantity(experiment),
+        protocol.reference,
     )
     draws = fit.dataset([quantity.name for quantity in quantities]).assign_coords(chains)
     label_draws(draws, quantities, priors)
     groups = groups_of_test(
         draws,
-        drawn_at_points(fit, chains),
+        drawn_at_points(fit, chains, protocol.response),
         stats_with_solver(fit, checked, chains, use_likelihood=manifest["use_likelihood"]),
         checked.assign_coords(chains),
         experiment,
@@ -178,7 +132,7 @@ def build_posterior(run: RunDirectory) -> xr.DataTree:
     )
 
 
-def drawn_at_points(fit: Draws, chains: Mapping[str, list[int]]) -> xr.Dataset:
+def drawn_at_points(fit: Draws, chains: Mapping[str, list[int]], response: Quantity) -> xr.Dataset:
     """Draws at the points of a program's data, and of its prior density.
 
     Parameters
@@ -187,13 +141,15 @@ def drawn_at_points(fit: Draws, chains: Mapping[str, list[int]]) -> xr.Dataset:
         Chains of a program for curves.
     chains : mapping
         Coordinate of the dimension chain.
+    response : Quantity
+        What was observed.
 
     Returns
     -------
     Dataset, dimensions chain, draw, point
-        stress_replicated, log_lik, `GIVEN_OTHERS` where residuals are correlated, and lprior.
+        replicated responses, log_lik, `GIVEN_OTHERS` where residuals are correlated, and lprior.
     """
-    names = ["stress_replicated", "log_lik"]
+    names = [f"{response.name}_replicated", "log_lik"]
     if GIVEN_OTHERS in fit:
         names.append(GIVEN_OTHERS)
     columns = {name: fit.dataset([name])[name].rename({f"{name}_dim_0": "point"}) for name in names}
@@ -251,20 +207,26 @@ def groups_of_test(
     stats : Dataset
         From `stats_with_solver`.
     checked : Dataset
-        Its solutions on `prediction_grid`, from `reference_solution`.
+        Its solutions on the prediction grid, from `reference_solution`.
     experiment, priors
         The test and its resolved priors.
     """
-    groups = {
+    return {
         "posterior": draws,
         "sample_stats": stats,
         **point_groups(at_points, [experiment]),
         "predictions": _predictions(checked, experiment),
         "posterior_mean_solution": _solution_at_mean(draws, priors, experiment),
-        "constant_data": _positions(experiment),
+        "constant_data": xr.Dataset(
+            {
+                name: ("point", values, {"units": unit})
+                for name, (values, unit) in protocol_of(experiment)
+                .observed_positions(experiment)
+                .items()
+            },
+            {"point": np.arange(experiment.n_points)},
+        ),
     }
-    groups["constant_data"].coords["point"] = np.arange(experiment.n_points)
-    return groups
 
 
 def point_groups(at_points: xr.Dataset, experiments: Sequence[Experiment]) -> dict[str, xr.Dataset]:
@@ -277,17 +239,27 @@ def point_groups(at_points: xr.Dataset, experiments: Sequence[Experiment]) -> di
     experiments : sequence of Experiment
         The tests.
     """
-    observed = np.concatenate([experiment.stress for experiment in experiments])
+    response = protocol_of(experiments[0]).response
+    name = response.name
+    observed = np.concatenate([experiment.response for experiment in experiments])
     points = {"point": np.arange(observed.size)}
     groups = {
-        "log_likelihood": xr.Dataset({"stress": at_points["log_lik"]}),
+        "log_likelihood": xr.Dataset({name: at_points["log_lik"]}),
         "log_prior": xr.Dataset({"lprior": at_points["lprior"]}),
-        "posterior_predictive": xr.Dataset({"stress": at_points["stress_replicated"]}),
-        "observed_data": xr.Dataset({"stress": ("point", observed, {"units": "Pa"})}, points),
+        "posterior_predictive": xr.Dataset({name: at_points[f"{name}_replicated"]}),
+        "observed_data": xr.Dataset(
+            {name: ("point", observed, {"units": response.si_unit})}, points
+        ),
     }
     if GIVEN_OTHERS in at_points:
-        groups[CORRELATED] = xr.Dataset({"stress": at_points[GIVEN_OTHERS]})
+        groups[CORRELATED] = xr.Dataset({name: at_points[GIVEN_OTHERS]})
     return groups
+
+
+def response_in(posterior: xr.DataTree, group: str) -> xr.DataArray:
+    """Return what a group with one variable, the response, holds by point."""
+    (values,) = posterior[group].to_dataset().data_vars.values()
+    return values
 
 
 def pointwise_log_density(posterior: xr.DataTree) -> xr.DataArray:
@@ -304,9 +276,9 @@ def pointwise_log_density(posterior: xr.DataTree) -> xr.DataArray:
     -------
     DataArray, dimensions chain, draw, point
     """
-    densities = posterior[CORRELATED if CORRELATED in posterior.children else "log_likelihood"]
-    (pointwise,) = densities.to_dataset().data_vars.values()
-    return pointwise
+    return response_in(
+        posterior, CORRELATED if CORRELATED in posterior.children else "log_likelihood"
+    )
 
 
 def total_log_likelihood(posterior: xr.DataTree) -> xr.DataArray:
@@ -323,8 +295,7 @@ def total_log_likelihood(posterior: xr.DataTree) -> xr.DataArray:
     """
     if OF_ALL_TESTS in posterior.children:
         return posterior[OF_ALL_TESTS].to_dataset()["total"]
-    (pointwise,) = posterior["log_likelihood"].to_dataset().data_vars.values()
-    return pointwise.sum("point")
+    return response_in(posterior, "log_likelihood").sum("point")
 
 
 def keep_posterior(
@@ -466,47 +437,34 @@ def label_draws(draws: xr.Dataset, quantities: Iterable[Parameter], priors: Prio
         }
 
 
-def _positions(experiment: Experiment) -> xr.Dataset:
-    """Where along the test stress was observed."""
-    if isinstance(experiment, OscillationExperiment):
-        time = experiment.prepared.time
-        strain = experiment.prepared.strain(time)
-    else:
-        assert isinstance(experiment, ConstantRateExperiment)  # the only other protocol
-        strain = experiment.strain
-        time = experiment.time_at(strain)
-    return xr.Dataset(
-        {
-            "strain": ("point", strain, {"units": "1"}),
-            "time": ("point", time, {"units": "s"}),
-        }
-    )
-
-
 def _predictions(checked: xr.Dataset, experiment: Experiment) -> xr.Dataset:
-    """Grid of solutions with strain or time as coordinate."""
-    dimension, names = grid_variables(experiment)
+    """Grid of solutions with the clock as coordinate."""
+    protocol = protocol_of(experiment)
+    clock = protocol.clock.name
     variables = {}
-    for column, (name, unit) in names.items():
-        values = checked[column].rename({f"{column}_dim_0": dimension})
+    for column, (name, unit) in protocol.grid_quantities.items():
+        values = checked[column].rename({f"{column}_dim_0": clock})
         values.attrs = {"units": unit}
         variables[name] = values.astype(np.float32)  # drawn, not computed with
-    return xr.Dataset(variables).assign_coords({dimension: prediction_grid(experiment)})
+    return xr.Dataset(variables).assign_coords({clock: protocol.prediction_grid(experiment)})
 
 
 def _solution_at_mean(draws: xr.Dataset, priors: PriorSet, experiment: Experiment) -> xr.Dataset:
     """Solution at the posterior mean of the parameters, as drawn in the paper's Fig. 3."""
     mean = {name: float(draws[name].mean()) for name in priors.priors}
-    curve = simulate(experiment, mean)
-    dimension, _ = grid_variables(experiment)
-    column = {"strain": "strain", "time": "time_s"}[dimension]
+    protocol, curve = protocol_of(experiment), simulate(experiment, mean)
+    clock, response = protocol.clock, protocol.response
+    columns = {
+        response.name: (response.column, response.si_unit),
+        "grain_size": ("grain_size_m", "m"),
+        "fabric_factor": ("fabric_factor", "1"),
+    }
     return xr.Dataset(
         {
-            "stress": (dimension, curve["stress_Pa"].to_numpy(), {"units": "Pa"}),
-            "grain_size": (dimension, curve["grain_size_m"].to_numpy(), {"units": "m"}),
-            "fabric_factor": (dimension, curve["fabric_factor"].to_numpy(), {"units": "1"}),
+            name: (clock.name, curve[column].to_numpy(), {"units": unit})
+            for name, (column, unit) in columns.items()
         },
-        coords={dimension: curve[column].to_numpy()},
+        coords={clock.name: curve[clock.column].to_numpy()},
     )
 
 

@@ -6,7 +6,8 @@ hold are the fields of the tables below and of the module of its protocol (`cons
 """
 
 import re
-from collections.abc import Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import date, datetime, time
 from pathlib import Path
@@ -47,21 +48,22 @@ class Provenance:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Experiment:
+class Experiment(ABC):
     """What deformation tests of all protocols share, in SI units.
 
     Attributes
     ----------
     protocol : str
-        Kind of test, as in files; a constant of each derived class.
+        Name of the kind of test, as in files; a constant of each derived class.
+    laws : mapping of str to sequence of str
+        Laws that such tests can be fitted with, by part of the model
+        (`pyburgers.model.variants.CHOICES`): any of a part that is not named. A constant as well.
     id, material : str
         Sample and material; the material names the default priors.
     temperature : float
         Kelvin.
     initial_grain_size : float
         Metres, where the data start.
-    stress : array, shape (n_points,)
-        Differential stress (Pa, compression positive) that the model is compared with.
     provenance : Provenance
         Where the data come from.
     metadata : mapping
@@ -73,25 +75,40 @@ class Experiment:
     """
 
     protocol: ClassVar[str]
+    laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType({})
     id: str
     material: str
     temperature: float
     initial_grain_size: float
-    stress: FloatArray
     provenance: Provenance
     metadata: Mapping[str, MetadataValue]
     notices: tuple[str, ...]
     true_parameters: Mapping[str, float] | None
 
     @property
-    def n_points(self) -> int:
-        """Number of data points; zero for an experiment that can only be simulated."""
-        return len(self.stress)
+    @abstractmethod
+    def position(self) -> FloatArray:
+        """Where on the clock of the protocol the response was observed (SI), shape (n_points,)."""
 
     @property
+    @abstractmethod
+    def response(self) -> FloatArray:
+        """What the model is compared with (SI unit of the protocol's response), (n_points,)."""
+
+    @property
+    @abstractmethod
     def largest_stress(self) -> float:
-        """Largest measured |σ| (Pa); only of an experiment with data."""
-        return float(np.max(np.abs(self.stress)))
+        """Largest |σ| (Pa) in the test; only of an experiment with data."""
+
+    @property
+    @abstractmethod
+    def title(self) -> str:
+        """Sample, material, conditions and kind of data for figures, as matplotlib text."""
+
+    @property
+    def n_points(self) -> int:
+        """Number of data points; zero for an experiment that can only be simulated."""
+        return len(self.response)
 
 
 class ProvenanceTable(Table):

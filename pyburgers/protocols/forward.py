@@ -4,12 +4,13 @@ import json
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from pyburgers.cmdstan.program import load_program, stan_directory
+from pyburgers.cmdstan.program import load_program
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.model.parameters import (
     KELVIN_REFERENCES,
@@ -19,33 +20,16 @@ from pyburgers.model.parameters import (
     STANDARD_VALUES,
 )
 from pyburgers.model.priors import MAY_BE_ZERO, PriorSet, fixed_prior
-from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
-from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
-from pyburgers.protocols.stan_data import SolverOptions, program_data, reference_quantity
+from pyburgers.protocols.experiment import Experiment, Provenance
+from pyburgers.protocols.registry import protocol_of
+from pyburgers.protocols.stan_data import SolverOptions, program_data
 
 FloatArray = npt.NDArray[np.float64]
 
+E = TypeVar("E", bound=Experiment)
+
 REFERENCE_SOLVER = SolverOptions(tolerance=1e-10, max_num_steps=1_000_000)
 """Tolerance at which a solution is taken as exact."""
-
-FABRIC_OF_OLIVINE = 1.0
-"""Oscillating tests have no fabric evolution (Eq. 5 of the paper)."""
-
-OUTPUTS_PER_CYCLE = 60
-"""Times in a cycle at which a smooth curve is drawn."""
-
-
-def constant_rate_program() -> Path:
-    """Path of the program for tests at imposed strain rate."""
-    return stan_directory() / "constant_rate.stan"
-
-
-def program_for(experiment: Experiment) -> Path:
-    """Path of the program for an experiment's protocol."""
-    if isinstance(experiment, OscillationExperiment):
-        return stan_directory() / "forced_oscillation.stan"
-    return constant_rate_program()
 
 
 def load_parameters(path: str | Path) -> dict[str, float]:
@@ -141,57 +125,6 @@ def check_kelvin_element(values: Mapping[str, float], where: str) -> None:
             )
 
 
-def output_grid(experiment: Experiment) -> FloatArray:
-    """Strains, or times (s) of an oscillating test, at which a smooth curve is drawn, shape (n,).
-
-    They include the observed ones. Strains are dense where stress first rises.
-    """
-    if isinstance(experiment, OscillationExperiment):
-        return np.union1d(time_grid(experiment, OUTPUTS_PER_CYCLE), experiment.prepared.time)
-    assert isinstance(experiment, ConstantRateExperiment)  # the only other protocol
-    shape = np.union1d(np.geomspace(1e-4, 1.0, 120), np.linspace(0.0, 1.0, 101)[1:])
-    return np.union1d(strain_grid(experiment, shape), experiment.strain)
-
-
-def observed_grid(experiment: Experiment) -> FloatArray:
-    """Strains, or times (s) of an oscillating test, at which stress was observed, (n_points,)."""
-    if isinstance(experiment, OscillationExperiment):
-        return experiment.prepared.time
-    assert isinstance(experiment, ConstantRateExperiment)  # the only other protocol
-    return experiment.strain
-
-
-def time_grid(experiment: OscillationExperiment, per_cycle: int) -> FloatArray:
-    """Evenly spaced times (s) from the start of a record to its last stress reading."""
-    prepared = experiment.prepared
-    start, end = prepared.start, float(prepared.time[-1])
-    return np.linspace(start, end, round(per_cycle * (end - start) / prepared.period) + 1)
-
-
-def strain_grid(experiment: ConstantRateExperiment, shape: FloatArray) -> FloatArray:
-    """Strains spread in the same way over every rate segment.
-
-    Parameters
-    ----------
-    experiment : ConstantRateExperiment
-        Its segments and final strain.
-    shape : array, shape (n_shape,)
-        Positions in a segment, increasing, more than 0 to 1.
-
-    Returns
-    -------
-    array, shape (n_shape * n_segments,)
-        Increasing; the strains of rate steps are among them exactly, since rounding that put
-        one just behind a step would give the solver a segment too short to start in.
-    """
-    starts = np.array([segment.start_strain for segment in experiment.segments])
-    ends = np.append(starts[1:], experiment.final_strain)
-    grid = starts[:, np.newaxis] + (ends - starts)[:, np.newaxis] * shape
-    grid[:, -1] = ends
-    strain: FloatArray = grid.ravel()
-    return strain
-
-
 def given_parameters(material: str, values: Mapping[str, float]) -> PriorSet:
     """Return priors that fix every parameter.
 
@@ -227,12 +160,13 @@ def simulate(
     Parameters
     ----------
     experiment : Experiment
-        Protocol, temperature and initial grain size; stresses are not needed.
+        What is driven, temperature and initial grain size; points are not needed.
     parameters : mapping
         SI values by name (see `check_parameters`).
     at : array, shape (n,), optional
-        Strains (fraction, positive; those of rate steps are added), or times (s, increasing, not
-        before the start of the record) of an oscillating test. Default `output_grid`.
+        Positions on the clock of the protocol: strains (fraction, positive; those of rate steps are
+        added), or times (s, increasing, not before the start of the record) of an oscillating test.
+        Default `pyburgers.protocols.protocol.Protocol.output_grid`.
     solver : SolverOptions
         Tolerance and step limit.
 
@@ -250,27 +184,11 @@ def simulate(
     SamplingError
         If the solver finds no solution.
     """
-    values = check_parameters(parameters)
-    grid = output_grid(experiment) if at is None else np.asarray(at, dtype=np.float64)
+    values, protocol = check_parameters(parameters), protocol_of(experiment)
+    grid = protocol.output_grid(experiment) if at is None else np.asarray(at, dtype=np.float64)
     draw = solve(experiment, values, grid, solver=solver)
-    if isinstance(experiment, OscillationExperiment):
-        time, strain = draw["grid_time"], experiment.prepared.strain(draw["grid_time"])
-        fabric = np.full_like(time, FABRIC_OF_OLIVINE)
-    else:
-        assert isinstance(experiment, ConstantRateExperiment)  # the only other protocol
-        time, strain = experiment.time_at(draw["grid_strain"]), draw["grid_strain"]
-        fabric = draw["grid_fabric_factor"]
-    solution = pd.DataFrame(
-        {
-            "time_s": time,
-            "strain": strain,
-            "stress_Pa": draw["grid_stress"],
-            "kelvin_strain": draw["grid_kelvin_strain"],
-            "grain_size_m": draw["grid_grain_size"],
-            "fabric_factor": fabric,
-        }
-    )
-    reference = reference_quantity(experiment).name
+    solution = pd.DataFrame(protocol.solution(experiment, draw))
+    reference = protocol.reference.name
     solution.attrs[reference] = float(draw[reference])
     return solution
 
@@ -288,9 +206,8 @@ def solve(
     Returns
     -------
     dict
-        ``grid_*`` arrays, shape (n,), as named in the Stan program, the strains or times (s)
-        themselves as ``grid_strain`` or ``grid_time``, and scalars such as ``reference_stress``
-        (SI).
+        ``grid_*`` arrays, shape (n,), as named in the Stan program, the positions themselves as
+        ``grid_CLOCK``, such as ``grid_strain``, and scalars such as ``reference_stress`` (SI).
 
     Raises
     ------
@@ -298,15 +215,53 @@ def solve(
         If the solver finds no solution.
     """
     priors = given_parameters(experiment.material, values)
-    if isinstance(experiment, ConstantRateExperiment):
-        experiment = replace(experiment, strain=np.empty(0), stress=np.empty(0))
-    data = program_data(experiment, priors, solver=solver, grid=at)
-    draw = load_program(program_for(experiment)).evaluate(data)
-    if not np.isfinite(draw["grid_stress"]).all():
+    protocol = protocol_of(experiment)
+    bare = protocol.without_data(experiment)
+    data = program_data(bare, priors, solver=solver, grid=at)
+    draw = load_program(protocol.program).evaluate(data)
+    if not np.isfinite(draw[f"grid_{protocol.response.name}"]).all():
         raise SamplingError(
-            f"{experiment.id}: the solver found no finite stress at these parameters; check their "
-            "units (SI) and the sign of beta."
+            f"{experiment.id}: the solver found no finite {protocol.response.name} at these "
+            "parameters; check their units (SI) and the sign of beta."
         )
-    if isinstance(experiment, OscillationExperiment):
-        return {**draw, "grid_time": np.asarray(at)}
-    return {**draw, "grid_strain": np.array(data["grid_strain"])}
+    return {**draw, f"grid_{protocol.clock.name}": protocol.solved_positions(data, at)}
+
+
+def simulate_data(
+    experiment: E, values: Mapping[str, float], rng: np.random.Generator, *, source: str
+) -> E:
+    """Put the solution at given parameters, with noise, in the place of what was observed.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        What is driven, and positions and relative uncertainties of the points.
+    values : mapping
+        SI values by name.
+    rng : Generator
+        Gives the noise.
+    source : str
+        Where the parameters come from, for the provenance.
+
+    Returns
+    -------
+    Experiment
+        Synthetic, of the same protocol; its true parameters are `values`. A record is prepared as a
+        measured one is.
+
+    Raises
+    ------
+    SamplingError
+        If the solver finds no solution.
+    """
+    protocol = protocol_of(experiment)
+    solution = simulate(experiment, values, at=np.unique(experiment.position))
+    response = np.interp(
+        experiment.position, solution[protocol.clock.column], solution[protocol.response.column]
+    )
+    simulated: E = replace(
+        protocol.with_noise(experiment, response, values, rng),
+        provenance=Provenance("synthetic", f"pyburgers, {source}"),
+        true_parameters=values,
+    )
+    return simulated

@@ -11,6 +11,7 @@ from matplotlib.lines import Line2D
 
 from pyburgers.common.draws import BAND, TAIL, all_draws
 from pyburgers.comparison.same_data import fits_alone
+from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.drawing.panels import draw_curve, legend_above
 from pyburgers.drawing.style import BLUE, VERMILION, few_ticks, style
 from pyburgers.fitting.fit import Fit
@@ -25,8 +26,9 @@ from pyburgers.model.display import (
 )
 from pyburgers.model.parameters import REFERENCE_STRESS_QUANTITY
 from pyburgers.posterior.joint_labelled_draws import own_name
-from pyburgers.report.constant_rate_figures import fitted_curve
-from pyburgers.report.page import ExtraFigure, ExtraSection, ExtraTable, file_key, numbered
+from pyburgers.protocols.registry import protocol_of
+from pyburgers.report.page import file_key, numbered
+from pyburgers.report.tables import checks_page_table
 from pyburgers.sampling.joint_stan_data import CENTRE, SPREAD
 
 
@@ -169,7 +171,7 @@ def joint_names(joints: Sequence[JointFit]) -> list[str]:
     return numbered([joint.problem.name for joint in joints])
 
 
-def joint_section(name: str, joint: JointFit, separate: Sequence[Fit]) -> ExtraSection:
+def joint_section(name: str, joint: JointFit, separate: Sequence[Fit]) -> PageSection:
     """Return the part of a page about a joint fit.
 
     Parameters
@@ -185,7 +187,7 @@ def joint_section(name: str, joint: JointFit, separate: Sequence[Fit]) -> ExtraS
     failed = [check.name for check in checks if not check.passed]
     verdict = "All checks passed." if not failed else f"Checks that FAILED: {', '.join(failed)}."
     pooled = pooled_table(joint)
-    return ExtraSection(
+    return PageSection(
         key=f"joint_{file_key(name)}",
         title=f"Joint fit {name}",
         paragraphs=(
@@ -199,7 +201,7 @@ def joint_section(name: str, joint: JointFit, separate: Sequence[Fit]) -> ExtraS
             *_bought(table),
         ),
         tables=(
-            ExtraTable(
+            PageTable(
                 "pooling",
                 "Mean ± standard deviation, test by test",
                 shown_pooling_table(table),
@@ -208,7 +210,7 @@ def joint_section(name: str, joint: JointFit, separate: Sequence[Fit]) -> ExtraS
             ),
             *(
                 (
-                    ExtraTable(
+                    PageTable(
                         "spreads",
                         "Common centres and spreads",
                         shown_pooled_table(joint),
@@ -219,11 +221,11 @@ def joint_section(name: str, joint: JointFit, separate: Sequence[Fit]) -> ExtraS
                 if len(pooled)
                 else ()
             ),
-            ExtraTable.from_checks("Checks of the joint fit", checks),
+            checks_page_table("Checks of the joint fit", checks),
         ),
         figures=(
-            ExtraFigure("curves", "All tests", CURVES_CAPTION, partial(all_curves, joint)),
-            ExtraFigure(
+            PageFigure("curves", "All tests", CURVES_CAPTION, partial(all_curves, joint)),
+            PageFigure(
                 "intervals",
                 "Parameters test by test",
                 INTERVALS_CAPTION,
@@ -266,7 +268,7 @@ SHIFT = 0.14
 
 def all_curves(joint: JointFit) -> Figure:
     """Draw data, solutions and predictive bands of every test."""
-    curves = [fitted_curve(fit) for fit in joint.tests().values()]
+    curves = [protocol_of(fit.experiment).curve(fit) for fit in joint.tests().values()]
     with style():
         figure = Figure(figsize=(8.0, 3.2 * len(curves) + 0.6), layout="constrained")
         panels = list(figure.subplots(len(curves), 1, squeeze=False)[:, 0])

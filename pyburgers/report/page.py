@@ -6,11 +6,11 @@ import json
 import logging
 import platform
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import jinja2
 import pandas as pd
@@ -28,14 +28,15 @@ from pyburgers.checks.prior_influence import (
 from pyburgers.common.atomic_files import sha256_of_file, write_json, write_text
 from pyburgers.common.errors import InputError
 from pyburgers.common.processes import completed, number_of_processes
-from pyburgers.drawing.style import FigureText, write_images
+from pyburgers.drawing.page_parts import FigureText, PageSection, PageTable
+from pyburgers.drawing.style import write_images
 from pyburgers.fitting.fit import Fit, is_joint
 from pyburgers.model.display import shown_quantity
-from pyburgers.predictions.oscillation_response import response_table
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
+from pyburgers.protocols.protocol import Protocol
+from pyburgers.protocols.registry import protocol_of
 from pyburgers.report import tables
-from pyburgers.report.figures import figures_for
+from pyburgers.report.posterior_figures import figures_for
 
 logger = logging.getLogger(__name__)
 
@@ -45,92 +46,6 @@ REPORT_KIND = "pyburgers report"
 PIXELS_PER_INCH = 100
 
 PACKAGES = ("pyburgers", "arviz", "jinja2", "matplotlib", "numpy", "pandas", "scipy", "xarray")
-
-
-@dataclass(frozen=True)
-class ExtraFigure(FigureText):
-    """A figure that is not about one fit alone.
-
-    Attributes
-    ----------
-    draw : callable
-        Draws it.
-    """
-
-    draw: Callable[[], Figure]
-
-
-@dataclass(frozen=True, eq=False)
-class ExtraTable:
-    """A table of an extra section.
-
-    Attributes
-    ----------
-    name : str
-        Part of the file name.
-    title : str
-        Heading.
-    shown : DataFrame
-        What the page shows, as text.
-    saved : DataFrame
-        What the CSV file holds; numbers at full precision.
-    words : tuple of str
-        Columns of short texts.
-    sentences : tuple of str
-        Columns of whole sentences.
-    bad : mapping of str to sequence of bool
-        Columns, and whether what each row says there is bad news.
-    """
-
-    name: str
-    title: str
-    shown: pd.DataFrame
-    saved: pd.DataFrame
-    words: tuple[str, ...] = ()
-    sentences: tuple[str, ...] = ()
-    bad: Mapping[str, Sequence[bool]] = field(default_factory=dict)
-
-    @classmethod
-    def from_checks(cls, title: str, checks: Sequence[CheckResult]) -> Self:
-        """Return the verdicts of checks as a table."""
-        shown = tables.checks_table(checks)
-        return cls(
-            "checks",
-            title,
-            shown,
-            shown,
-            words=("check", "verdict"),
-            sentences=("sentence",),
-            bad={"verdict": [not one.passed for one in checks]},
-        )
-
-
-@dataclass(frozen=True, eq=False)
-class ExtraSection:
-    """A part of the page that is not about one fit alone.
-
-    Attributes
-    ----------
-    key : str
-        Name of its files and its anchor, unique on the page.
-    title : str
-        Heading.
-    paragraphs : tuple of str
-        Plain text above tables and figures.
-    tables : tuple of ExtraTable
-        Tables.
-    figures : tuple of ExtraFigure
-        Figures.
-    after_fits : bool
-        Whether it stands after the fits rather than between overview and fits.
-    """
-
-    key: str
-    title: str
-    paragraphs: tuple[str, ...]
-    tables: tuple[ExtraTable, ...] = ()
-    figures: tuple[ExtraFigure, ...] = ()
-    after_fits: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,8 +98,8 @@ class Section:
         What each quantity owes to prior and data; empty without likelihood.
     truth : DataFrame or None
         Comparison with the truth (`pyburgers.report.tables.truth_table`), for synthetic data.
-    response : DataFrame or None
-        Observed and replicated amplitude and phase lag, for oscillating tests.
+    more_tables : tuple of PageTable
+        Tables of the protocol.
     illustrations : tuple of Illustration
         Figures.
     """
@@ -198,13 +113,18 @@ class Section:
     sampler: pd.DataFrame
     influences: Mapping[str, Influence]
     truth: pd.DataFrame | None
-    response: pd.DataFrame | None
+    more_tables: tuple[PageTable, ...]
     illustrations: tuple[Illustration, ...]
 
     @property
     def experiment(self) -> Experiment:
         """The experiment of the fit."""
         return self.fit.experiment
+
+    @property
+    def protocol(self) -> Protocol[Any]:
+        """What kind of test it is."""
+        return protocol_of(self.experiment)
 
     @property
     def from_prior(self) -> list[str]:
@@ -227,7 +147,7 @@ def write_report(
     *,
     title: str,
     command: str,
-    extras: Sequence[ExtraSection] = (),
+    extras: Sequence[PageSection] = (),
     jobs: int | None = 1,
 ) -> Path:
     """Write the page ``index.html``, ``figures/``, ``tables/`` and ``manifest.json``.
@@ -245,7 +165,7 @@ def write_report(
         Heading of the page.
     command : str
         What makes the report again.
-    extras : sequence of ExtraSection
+    extras : sequence of PageSection
         Parts of the page beside the fits, in their order.
     jobs : int, optional
         Processes that write figures; None takes one for each core, which pays for many figures.
@@ -296,7 +216,7 @@ def _write_figures(illustrations: Sequence[Illustration], out: Path, jobs: int |
 
 def render_page(
     sections: Sequence[Section],
-    extras: Sequence[tuple[ExtraSection, tuple[Illustration, ...]]],
+    extras: Sequence[tuple[PageSection, tuple[Illustration, ...]]],
     *,
     title: str,
     command: str,
@@ -323,7 +243,6 @@ def render_page(
         thresholds=THRESHOLDS_TEXT,
         influence_table=influence_table,
         truth_table=tables.shown_truth_table,
-        response_table=tables.shown_response_table,
     )
 
 
@@ -386,10 +305,8 @@ def _write_section(key: str, fit: Fit, out: Path) -> Section:
     if fit.manifest["use_likelihood"]:
         influences = prior_influence(fit.posterior, fit.priors)
         files["influence"] = influence_numbers(influences).reset_index()
-    response = None
-    if isinstance(fit.experiment, OscillationExperiment):
-        response = response_table(fit)
-        files["response"] = response.reset_index()
+    more_tables = protocol_of(fit.experiment).tables(fit)
+    files |= {table.name: table.saved for table in more_tables}
     for name, table in files.items():
         write_text(out / "tables" / f"{key}_{name}.csv", table.to_csv(index=False))
     return Section(
@@ -402,7 +319,7 @@ def _write_section(key: str, fit: Fit, out: Path) -> Section:
         sampler=sampler,
         influences=influences,
         truth=truth,
-        response=response,
+        more_tables=more_tables,
         illustrations=tuple(
             Illustration(recipe, recipe.draw(fit), _picture_file(out, key, recipe))
             for recipe in figures_for(fit.experiment)
@@ -410,7 +327,7 @@ def _write_section(key: str, fit: Fit, out: Path) -> Section:
     )
 
 
-def _write_extra(extra: ExtraSection, out: Path) -> tuple[Illustration, ...]:
+def _write_extra(extra: PageSection, out: Path) -> tuple[Illustration, ...]:
     """Write the tables of an extra section and draw its figures."""
     for table in extra.tables:
         name = f"{extra.key}_{table.name}.csv"

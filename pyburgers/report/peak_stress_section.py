@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.flow_law_tables.figures import FLOW_LAW_CAPTION, flow_law, flow_law_table
 from pyburgers.flow_law_tables.fit import PeakStressFit
 from pyburgers.flow_law_tables.inputs import least_squares
@@ -13,14 +14,14 @@ from pyburgers.model.display import (
     shown_quantity,
     with_error,
 )
-from pyburgers.report.page import ExtraFigure, ExtraSection, ExtraTable
+from pyburgers.report.tables import checks_page_table
 
 FloatArray = npt.NDArray[np.float64]
 
 PEAK_STRESS_KEY = "peak_stress"
 
 
-def peak_stress_section(fit: PeakStressFit) -> ExtraSection:
+def peak_stress_section(fit: PeakStressFit) -> PageSection:
     """Return figure, posterior, comparison with least squares, and checks of a fit.
 
     Parameters
@@ -30,7 +31,7 @@ def peak_stress_section(fit: PeakStressFit) -> ExtraSection:
     """
     data = fit.data
     comparison = least_squares_table(fit)
-    return ExtraSection(
+    return PageSection(
         key=PEAK_STRESS_KEY,
         title=f"Flow law of {data.material} from peak stresses",
         paragraphs=(
@@ -51,9 +52,9 @@ def peak_stress_section(fit: PeakStressFit) -> ExtraSection:
                 _shown_least_squares(comparison),
                 comparison.reset_index(),
             ),
-            ExtraTable.from_checks("Checks of this fit", fit.checks()),
+            checks_page_table("Checks of this fit", fit.checks()),
         ),
-        figures=(ExtraFigure("flow_law", "Flow law", FLOW_LAW_CAPTION, partial(flow_law, fit)),),
+        figures=(PageFigure("flow_law", "Flow law", FLOW_LAW_CAPTION, partial(flow_law, fit)),),
         after_fits=True,
     )
 
@@ -97,5 +98,5 @@ def _shown_least_squares(table: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _table(name: str, title: str, shown: pd.DataFrame, saved: pd.DataFrame) -> ExtraTable:
-    return ExtraTable(name, title, shown, saved, words=("symbol", "quantity", "unit", "prior"))
+def _table(name: str, title: str, shown: pd.DataFrame, saved: pd.DataFrame) -> PageTable:
+    return PageTable(name, title, shown, saved, words=("symbol", "quantity", "unit", "prior"))

@@ -17,6 +17,7 @@ from matplotlib.patches import Patch
 from scipy import ndimage, stats
 
 from pyburgers.common.draws import all_draws, evenly_spaced
+from pyburgers.drawing.page_parts import FigureRecipe
 from pyburgers.drawing.style import (
     BLACK,
     BLUE,
@@ -26,17 +27,16 @@ from pyburgers.drawing.style import (
     PURPLE,
     SKY_BLUE,
     VERMILION,
-    FigureRecipe,
     few_ticks,
     style,
 )
-from pyburgers.fitting.fit import Fit
 from pyburgers.model.display import axis_label, number, shown_quantity, unit_text
 from pyburgers.model.parameters import Parameter
 from pyburgers.model.priors import Prior
 from pyburgers.posterior.labelled_draws import free_parameters
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.headings import title
+from pyburgers.protocols.protocol import FittedTest
+from pyburgers.protocols.registry import protocol_of
 from pyburgers.protocols.stan_data import REFERENCE_FLOW_RATE, REFERENCE_STRESS
 
 FloatArray = npt.NDArray[np.float64]
@@ -92,7 +92,7 @@ PRIOR_POSTERIOR_CAPTION = (
 )
 
 
-def prior_posterior(fit: Fit) -> Figure:
+def prior_posterior(fit: FittedTest) -> Figure:
     """Draw prior and posterior densities, chain by chain, a panel for each sampled quantity."""
     names = free_parameters(fit.posterior)
     truths = fit.experiment.true_parameters or {}
@@ -237,7 +237,7 @@ RANK_CAPTION = (
 )
 
 
-def rank(fit: Fit) -> Figure:
+def rank(fit: FittedTest) -> Figure:
     """Draw rank histograms of every sampled quantity, chain by chain (Vehtari et al. 2021)."""
     names = free_parameters(fit.posterior)
     draws = fit.posterior["posterior"]
@@ -280,7 +280,7 @@ PAIRS_CAPTION = (
 )
 
 
-def pairs(fit: Fit) -> Figure:
+def pairs(fit: FittedTest) -> Figure:
     """Draw scatter plots of the most telling quantities, divergent draws on top."""
     sampled = free_parameters(fit.posterior)
     telling = [name for name in PAIRED_QUANTITIES if name in sampled]
@@ -329,7 +329,7 @@ def pairs(fit: Fit) -> Figure:
         ]
         if truths:
             handles.append(Line2D([], [], linestyle="none", label="true value", **TRUE_VALUE))
-        figure.legend(handles=handles, loc="outside upper right", title=title(fit.experiment))
+        figure.legend(handles=handles, loc="outside upper right", title=fit.experiment.title)
     return figure
 
 
@@ -348,7 +348,7 @@ def _dot(colour: str, label: str) -> Line2D:
     return Line2D([], [], linestyle="none", marker="o", markersize=5, color=colour, label=label)
 
 
-def _shown(fit: Fit, name: str) -> tuple[Parameter, xr.DataArray]:
+def _shown(fit: FittedTest, name: str) -> tuple[Parameter, xr.DataArray]:
     """Return what a panel shows of a quantity: symbol and units, and draws (SI; chain, draw)."""
     quantity = shown_quantity(name)
     draws: xr.DataArray = fit.posterior["posterior"].to_dataset()[name].transpose("chain", "draw")
@@ -384,7 +384,7 @@ def _legend_above(
     """Put title and legend above a panel grid, as wide as the grid allows."""
     columns = max(2, 2 * min(4, len(panels)) - 1)
     figure.legend(
-        handles=list(handles), loc="outside upper center", ncols=columns, title=title(experiment)
+        handles=list(handles), loc="outside upper center", ncols=columns, title=experiment.title
     )
 
 
@@ -397,7 +397,7 @@ def _chain_style(index: int) -> dict[str, Any]:
     }
 
 
-def _chain_handles(fit: Fit) -> list[Line2D]:
+def _chain_handles(fit: FittedTest) -> list[Line2D]:
     """Legend entries of the chains."""
     return [
         Line2D([], [], label=f"chain {int(chain)}", **_chain_style(k))
@@ -410,3 +410,15 @@ PRIOR_POSTERIOR = FigureRecipe(
 )
 PAIRS = FigureRecipe("pairs", "Trade-offs between quantities", PAIRS_CAPTION, pairs)
 RANK = FigureRecipe("rank", "Agreement of the chains", RANK_CAPTION, rank)
+
+
+def figures_for(experiment: Experiment) -> tuple[FigureRecipe[FittedTest], ...]:
+    """Return the figures of a fit, in their order on the page.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        What was fitted.
+    """
+    first, *others = protocol_of(experiment).figures
+    return (first, PRIOR_POSTERIOR, *others, PAIRS, RANK)

@@ -12,10 +12,9 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.checks.fit_checks import CheckResult
+from pyburgers.drawing.page_parts import PageTable
 from pyburgers.fitting.fit import Fit, is_joint
 from pyburgers.model.display import (
-    STRESS_FACTOR,
-    STRESS_UNIT,
     number,
     prior_text,
     rounded,
@@ -26,6 +25,7 @@ from pyburgers.model.display import (
 )
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.priors import PriorSet
+from pyburgers.protocols.registry import protocol_of
 
 INTERVALS = (50, 90, 95)
 """Central intervals (%) in which the truth behind synthetic data is looked for."""
@@ -174,36 +174,6 @@ def shown_truth_table(truth: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame([*rows, {"quantity": "all parameters", **counts}]).fillna("")
 
 
-def shown_response_table(response: pd.DataFrame) -> pd.DataFrame:
-    """Return a table of observed and replicated response as text in display units."""
-    shown = {
-        "amplitude": ("amplitude of the stress", STRESS_UNIT, STRESS_FACTOR),
-        "lag": ("phase lag of the strain", "degrees", float(np.degrees(1.0))),
-    }
-    rows = []
-    for name, row in response.iterrows():
-        label, unit, factor = shown[str(name)]
-        error = row["standard_error"] * factor
-        rows.append(
-            {
-                "quantity": label,
-                "unit": unit,
-                "observed": rounded(row["observed"] * factor, error),
-                "standard error": rounded(error, error),
-                **{
-                    heading: rounded(row[key] * factor, error)
-                    for heading, key in (
-                        ("replicated: median", "median"),
-                        ("5 %", "q5"),
-                        ("95 %", "q95"),
-                    )
-                },
-                "in 90 % band": "yes" if row["inside"] else "NO",
-            }
-        )
-    return pd.DataFrame(rows)
-
-
 def checks_table(checks: Sequence[CheckResult]) -> pd.DataFrame:
     """Verdicts: columns check, verdict (passed or FAILED), sentence."""
     return pd.DataFrame(
@@ -215,6 +185,20 @@ def checks_table(checks: Sequence[CheckResult]) -> pd.DataFrame:
             }
             for check in checks
         ]
+    )
+
+
+def checks_page_table(title: str, checks: Sequence[CheckResult]) -> PageTable:
+    """Return `checks_table` as a part of a page."""
+    shown = checks_table(checks)
+    return PageTable(
+        "checks",
+        title,
+        shown,
+        shown,
+        words=("check", "verdict"),
+        sentences=("sentence",),
+        bad={"verdict": [not one.passed for one in checks]},
     )
 
 
@@ -262,13 +246,16 @@ def overview_row(
         Share of the data inside the 90 % predictive band.
     """
     seconds = _wall_seconds(fit).values()
+    noise = PARAMETER_BY_NAME[protocol_of(fit.experiment).noise]
     failed = sum(not check.passed for check in checks)
     passed = f"{len(checks) - failed} of {len(checks)}"
     return {
         "experiment": fit.experiment.id + (", joint fit" if is_joint(fit.manifest) else ""),
         "data": fit.experiment.provenance.kind,
         "stress exponent n": _mean_sd(fit, summary, "stress_exponent", 1.0),
-        f"residual s ({STRESS_UNIT})": _mean_sd(fit, summary, "stress_noise", STRESS_FACTOR),
+        f"residual {noise.symbol} ({noise.display_unit})": _mean_sd(
+            fit, summary, noise.name, noise.display_factor
+        ),
         "data in 90 % band": f"{100.0 * share_inside:.0f} %",
         "checks passed": f"{passed}, {failed} FAILED" if failed else passed,
         "slowest chain": duration_text(max(seconds)),

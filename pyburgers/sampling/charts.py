@@ -2,8 +2,8 @@
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Literal, Protocol, TypeVar
+from dataclasses import dataclass
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -11,43 +11,32 @@ import numpy.typing as npt
 from pyburgers.cmdstan.program import Program
 from pyburgers.common.errors import InputError
 from pyburgers.model.priors import PriorSet
-from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.protocols.chart import Chart, ChartUnsuited, Mode
 from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.forward import solve
+from pyburgers.protocols.registry import protocol_of
 from pyburgers.protocols.stan_data import (
+    PlainCoordinates,
     SolverOptions,
     StanData,
     plain_coordinates,
-    sheared_block,
     solver_block,
-    valley_block,
 )
-from pyburgers.sampling.metric import expected_rise, laplace_metric
-from pyburgers.sampling.mode import Mode, ModeNotFound, climb, find_mode
-from pyburgers.sampling.sheared import ShearedUnsuited, find_sheared
-from pyburgers.sampling.valley import ValleyUnsuited, find_valley, noise_exponents
+from pyburgers.sampling.metric import curvature_at, expected_rise, laplace_metric
+from pyburgers.sampling.mode import ModeNotFound, climb, find_mode
 
 logger = logging.getLogger(__name__)
 
 FloatArray = npt.NDArray[np.float64]
 
-Coordinates = Literal["auto", "plain", "valley", "sheared"]
-
 SUITED = "the priors and the record suit them"
 
 LARGEST_RISE = 2.0
-"""Of the log density from the origin of valley coordinates to the mode near it.
+"""Of the log density from the centre of a chart to the mode near it.
 
-Above it the curvature at the origin says little of the posterior: conditional medians lie on
-another arm than the mode, or the optimiser has stopped short of it, as it does in plain coordinates
-where noise is far below a percent of the stress."""
-
-
-CURVATURE_TOLERANCE = 1e-7
-"""Of the solver for the curvature of oscillating tests, by differences of gradients.
-
-At tolerances as loose as those for sampling, its error can be as large as these differences where
-the dashpot carries most of the loss: at 1e-4 slopes of the flow rate came out 50 times too
-large."""
+Above it the curvature at the centre says little of the posterior: conditional medians of the valley
+lie on another arm than the mode, or the optimiser has stopped short of it, as it does in plain
+coordinates where noise is far below a percent of the stress."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +45,7 @@ class Geometry:
 
     Attributes
     ----------
-    system : {"plain", "valley", "sheared"}
+    system : str
         Name of the coordinates (`docs/coordinates.md`).
     reason : str
         Why they were taken.
@@ -76,7 +65,7 @@ class Geometry:
     covariance: FloatArray | None = None
 
 
-def check_coordinates(experiment: Experiment, wanted: Coordinates) -> None:
+def check_coordinates(experiment: Experiment, wanted: str) -> None:
     """Check that coordinates are for tests of a protocol.
 
     Raises
@@ -84,11 +73,12 @@ def check_coordinates(experiment: Experiment, wanted: Coordinates) -> None:
     InputError
         If they are not.
     """
-    special = "valley" if isinstance(experiment, ConstantRateExperiment) else "sheared"
-    if wanted not in ("auto", "plain", special):
+    charts = protocol_of(experiment).charts
+    if wanted not in ("auto", *charts):
+        choices = ", ".join(("auto", *charts[:-1]))
         raise InputError(
             f"{experiment.id}: {wanted} coordinates are not for tests of the protocol "
-            f"{experiment.protocol}, expected --coordinates auto, plain or {special}."
+            f"{experiment.protocol}, expected --coordinates {choices} or {charts[-1]}."
         )
 
 
@@ -98,7 +88,7 @@ def choose_geometry(
     experiment: Experiment,
     priors: PriorSet,
     *,
-    wanted: Coordinates,
+    wanted: str,
     seed: int,
     solver: SolverOptions,
 ) -> Geometry:
@@ -115,9 +105,9 @@ def choose_geometry(
         A test with data.
     priors : PriorSet
         Resolved priors.
-    wanted : {"auto", "plain", "valley", "sheared"}
-        "auto" takes valley coordinates for tests at constant rate and sheared ones for
-        oscillating tests, where priors and record suit them; checked by `check_coordinates`.
+    wanted : str
+        "auto" takes the chart of the protocol where priors and record suit it; checked by
+        `check_coordinates`.
     seed : int
         Decides where the search for the mode starts.
     solver : SolverOptions
@@ -128,11 +118,12 @@ def choose_geometry(
     InputError
         If the coordinates that were asked for do not suit priors or record.
     """
+    chart = protocol_of(experiment).chart
 
     def special(mode: Mode) -> Geometry:
-        if isinstance(experiment, ConstantRateExperiment):
-            return _valley(model, data, experiment, priors, mode, seed, solver)
-        return _sheared(model, data, experiment, priors, mode)
+        if chart is None:
+            raise ChartUnsuited(f"tests of the protocol {experiment.protocol} have no others")
+        return _at_mode(chart, model, data, experiment, priors, mode, seed, solver)
 
     return geometry_at_mode(
         model,
@@ -160,7 +151,7 @@ def geometry_at_mode(
     data: StanData,
     *,
     name: str,
-    wanted: Coordinates,
+    wanted: str,
     find: Callable[[], AnyMode],
     special: Callable[[AnyMode], Geometry],
 ) -> Geometry:
@@ -174,13 +165,13 @@ def geometry_at_mode(
         Its data in plain coordinates.
     name : str
         Of what is fitted, for error messages.
-    wanted : {"auto", "plain", "valley", "sheared"}
+    wanted : str
         Coordinates that were asked for.
     find : callable
         Finds the mode, or raises `pyburgers.sampling.mode.ModeNotFound`.
     special : callable
-        Sets up valley or sheared coordinates at a mode, or raises
-        `pyburgers.sampling.valley.ValleyUnsuited` or `pyburgers.sampling.sheared.ShearedUnsuited`.
+        Sets up the chart of the protocol at a mode, or raises
+        `pyburgers.protocols.chart.ChartUnsuited`.
 
     Raises
     ------
@@ -196,7 +187,7 @@ def geometry_at_mode(
         if wanted == "plain":
             return _plain(model, data, mode, "asked for")
         return special(mode)
-    except (ModeNotFound, ValleyUnsuited, ShearedUnsuited) as error:
+    except (ModeNotFound, ChartUnsuited) as error:
         if wanted not in ("auto", "plain"):
             raise InputError(
                 f"{name}: {wanted} coordinates do not apply, because {error}; use "
@@ -245,38 +236,54 @@ def laplace_at_mode(
     return centre, laplace_metric(model, data, centre)
 
 
-def _valley(
-    model: Program,
-    data: StanData,
-    experiment: ConstantRateExperiment,
-    priors: PriorSet,
-    mode: Mode,
-    seed: int,
-    solver: SolverOptions,
-) -> Geometry:
-    """Valley coordinates, whose origin is at conditional medians given the mode."""
-    coordinates = plain_coordinates(experiment, priors)
-    centre = np.zeros_like(mode.coordinate)
-    valley = find_valley(experiment, priors, mode, solver=solver)
-    around = {**data, **valley_block(valley)}
-    covariance = laplace_metric(model, around, centre)
-    if expected_rise(model, around, centre, covariance) > LARGEST_RISE:
-        centre, covariance = laplace_at_mode(model, around, centre, seed=seed)
-    exponents = noise_exponents(coordinates, priors, covariance)
-    block = valley_block(replace(valley, noise_exponent=exponents))
-    return Geometry("valley", SUITED, block, centre, covariance)
+@dataclass(frozen=True, eq=False)
+class ModeOfTest:
+    """A test at its posterior mode; methods as `pyburgers.protocols.chart.AtMode` has them."""
+
+    model: Program
+    data: StanData
+    experiment: Any
+    priors: PriorSet
+    mode: Mode
+    solver: SolverOptions
+
+    @property
+    def coordinates(self) -> PlainCoordinates:
+        """What its plain coordinates stand for."""
+        return plain_coordinates(self.experiment, self.priors)
+
+    def solution(self, at: FloatArray) -> dict[str, FloatArray]:
+        """Solution at the mode."""
+        return solve(self.experiment, self.mode.values, at, solver=self.solver)
+
+    def generated(self, **changes: object) -> dict[str, FloatArray]:
+        """Variables of the program at the mode."""
+        position = {"coordinate": self.mode.coordinate.tolist()}
+        return self.model.evaluate({**self.data, **changes}, position)
+
+    def curvature(self, **changes: object) -> FloatArray:
+        """Curvature at the mode."""
+        return curvature_at(self.model, {**self.data, **changes}, self.mode.coordinate)
 
 
-def _sheared(
+def _at_mode(
+    chart: Chart[Any],
     model: Program,
     data: StanData,
     experiment: Experiment,
     priors: PriorSet,
     mode: Mode,
+    seed: int,
+    solver: SolverOptions,
 ) -> Geometry:
-    coordinates = plain_coordinates(experiment, priors)
-    tight = {**data, **solver_block(SolverOptions(CURVATURE_TOLERANCE))}
-    reference, centre = find_sheared(model, tight, priors, coordinates, mode)
-    block = sheared_block(reference)
-    covariance = laplace_metric(model, {**tight, **block}, centre)
-    return Geometry("sheared", SUITED, block, centre, covariance)
+    """Set a chart up at the mode of a test, with its own mode near there as the centre."""
+    if chart.curvature_tolerance is not None:
+        data = {**data, **solver_block(SolverOptions(chart.curvature_tolerance))}
+    test = ModeOfTest(model, data, experiment, priors, mode, solver)
+    reference, centre = chart.reference(test)
+    around = {**data, **chart.block(reference)}
+    covariance = laplace_metric(model, around, centre)
+    if expected_rise(model, around, centre, covariance) > LARGEST_RISE:
+        centre, covariance = laplace_at_mode(model, around, centre, seed=seed)
+    reference = chart.rescaled(reference, test, covariance)
+    return Geometry(chart.name, SUITED, chart.block(reference), centre, covariance)

@@ -7,12 +7,12 @@ from pyburgers.cmdstan.program import Program
 from pyburgers.common.errors import SamplingError
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.forward import observed_grid, simulate
+from pyburgers.protocols.forward import simulate
+from pyburgers.protocols.registry import protocol_of
 from pyburgers.protocols.stan_data import (
     SolverOptions,
     StanData,
     plain_coordinates,
-    reference_quantity,
 )
 
 INITIAL_ATTEMPTS = 100
@@ -42,7 +42,7 @@ def draw_initial_values(
     """
     rng = np.random.default_rng([seed, chain])
     coordinates = plain_coordinates(experiment, priors)
-    grid, reference = observed_grid(experiment), reference_quantity(experiment).name
+    grid, reference = experiment.position, protocol_of(experiment).reference.name
     for _ in range(INITIAL_ATTEMPTS):
         values = priors.sample(rng)
         try:

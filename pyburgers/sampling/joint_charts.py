@@ -9,12 +9,20 @@ import numpy.typing as npt
 from pyburgers.cmdstan.program import Program
 from pyburgers.common.errors import SamplingError
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
-from pyburgers.protocols.forward import observed_grid, simulate
-from pyburgers.protocols.stan_data import REFERENCE_STRESS, SolverOptions, StanData, ValleyReference
+from pyburgers.protocols.chart import ChartUnsuited, Mode
+from pyburgers.protocols.constant_rate.valley import SOLVED, find_valley, noise_exponents
+from pyburgers.protocols.forward import simulate
+from pyburgers.protocols.stan_data import (
+    REFERENCE_STRESS,
+    SolverOptions,
+    StanData,
+    ValleyReference,
+    program_data,
+)
 from pyburgers.sampling.charts import (
     SUITED,
-    Coordinates,
     Geometry,
+    ModeOfTest,
     geometry_at_mode,
     laplace_at_mode,
 )
@@ -25,9 +33,8 @@ from pyburgers.sampling.joint_stan_data import (
     joint_coordinates,
     joint_valley_block,
 )
-from pyburgers.sampling.mode import N_STARTS, Mode, climb, find_mode
+from pyburgers.sampling.mode import N_STARTS, climb, find_mode
 from pyburgers.sampling.problem import JointProblem
-from pyburgers.sampling.valley import SOLVED, ValleyUnsuited, find_valley, noise_exponents
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -61,9 +68,9 @@ def draw_joint_start(problem: JointProblem, *, seed: int, chain: int) -> dict[st
         spreads = np.abs(rng.standard_normal(len(problem.partial)))
         try:
             stresses = [
-                simulate(
-                    experiment, own, at=observed_grid(experiment), solver=SolverOptions()
-                ).attrs[REFERENCE_STRESS]
+                simulate(experiment, own, at=experiment.position, solver=SolverOptions()).attrs[
+                    REFERENCE_STRESS
+                ]
                 for experiment, own in zip(problem.experiments, values, strict=True)
             ]
         except SamplingError:
@@ -193,7 +200,7 @@ def choose_joint_geometry(
     data: StanData,
     problem: JointProblem,
     *,
-    wanted: Coordinates,
+    wanted: str,
     seed: int,
     solver: SolverOptions,
 ) -> Geometry:
@@ -237,10 +244,19 @@ def _valley(
     """
     for name in SOLVED:
         if name in problem.shared:
-            raise ValleyUnsuited(f"{name} is shared")
+            raise ChartUnsuited(f"{name} is shared")
     layout = joint_coordinates(problem)
     references = [
-        find_valley(experiment, priors, own, solver=solver)
+        find_valley(
+            ModeOfTest(
+                model,
+                program_data(experiment, priors, solver=solver),
+                experiment,
+                priors,
+                own,
+                solver,
+            )
+        )
         for experiment, priors, own in zip(
             problem.experiments, problem.priors, mode.tests, strict=True
         )

@@ -1,7 +1,6 @@
 """Posterior mode, found by Stan's optimiser: where the sampler's coordinates and metric are set."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -10,8 +9,9 @@ from pyburgers.cmdstan.program import Program, load_program
 from pyburgers.common.errors import SamplingError
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.priors import PriorSet
+from pyburgers.protocols.chart import Mode
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.forward import program_for
+from pyburgers.protocols.registry import protocol_of
 from pyburgers.protocols.stan_data import SolverOptions, StanData, program_data
 from pyburgers.sampling.initial_values import draw_initial_values
 
@@ -22,22 +22,6 @@ N_STARTS = 4
 
 class ModeNotFound(Exception):  # noqa: N818 - an outcome with a reason, not an error
     """The optimiser failed; the message says how."""
-
-
-@dataclass(frozen=True, eq=False)
-class Mode:
-    """The highest density found, on the real line of the plain coordinates.
-
-    Attributes
-    ----------
-    values : mapping of str to float
-        Every parameter in SI.
-    coordinate : array, shape (n_coordinates,)
-        Plain coordinates.
-    """
-
-    values: Mapping[str, float]
-    coordinate: FloatArray
 
 
 def find_mode(
@@ -62,7 +46,7 @@ def find_mode(
         If the optimiser fails from all starts.
     """
     data = program_data(experiment, priors, solver=solver)
-    model = load_program(program_for(experiment))
+    model = load_program(protocol_of(experiment).program)
     starts = (
         draw_initial_values(experiment, priors, seed=seed, chain=start)
         for start in range(1, N_STARTS + 1)

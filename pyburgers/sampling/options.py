@@ -1,20 +1,17 @@
 """Settings of the sampler and their defaults."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from types import MappingProxyType
-from typing import Self, get_args
+from typing import Self
 
 from pyburgers.common.errors import InputError
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.sampling.charts import Coordinates
+from pyburgers.protocols.registry import PROTOCOLS, protocol_of
 
-TARGET_ACCEPTANCE: Mapping[str, float] = MappingProxyType(
-    {"constant_rate": 0.96, "forced_oscillation": 0.95}
+COORDINATES = (
+    "auto",
+    *dict.fromkeys(chart for protocol in PROTOCOLS.values() for chart in protocol.charts),
 )
-WARMUP: Mapping[str, int] = MappingProxyType({"constant_rate": 300, "forced_oscillation": 250})
-"""Default target acceptance and warm-up by protocol: as little as leaves (almost) no divergences.
-"""
+"""What may be asked for; which go with a test, its protocol says."""
 
 INDECISIVE = frozenset({"chains", "chain_timeout", "parallel_chains"})
 """Options that change no draw of a chain."""
@@ -29,17 +26,16 @@ class SamplerOptions:
     chains, draws : int
         Number of chains, and kept iterations of each.
     warmup : int or None
-        Iterations before them; None takes what suits the protocol, `WARMUP`.
+        Iterations before them; None takes what suits the protocol.
     seed : int
         Seed of initial values and chains.
     adapt_delta : float or None
-        Target acceptance rate; None takes what suits the protocol, `TARGET_ACCEPTANCE`.
+        Target acceptance rate; None takes what suits the protocol.
     max_treedepth : int
         Trajectories have at most 2**max_treedepth - 1 leapfrog steps.
-    coordinates : {"auto", "plain", "valley", "sheared"}
-        Coordinates of the sampler (`docs/coordinates.md`); the posterior is the same. "auto"
-        takes valley coordinates (constant rate) or sheared ones (oscillation) where the priors
-        and the record suit them.
+    coordinates : str
+        Coordinates of the sampler (`docs/coordinates.md`), one of `COORDINATES`; the posterior is
+        the same. "auto" takes those of the protocol where priors and record suit them.
     chain_timeout : float or None
         Seconds after which a chain is stopped and reported as failed.
     parallel_chains : int or None
@@ -52,7 +48,7 @@ class SamplerOptions:
     seed: int = 1
     adapt_delta: float | None = None
     max_treedepth: int = 10
-    coordinates: Coordinates = "auto"
+    coordinates: str = "auto"
     chain_timeout: float | None = None
     parallel_chains: int | None = None
 
@@ -79,10 +75,9 @@ class SamplerOptions:
                 raise InputError(f"{name} is {value}, expected a number from {least} to {most}.")
         if self.adapt_delta is not None and not 0 < self.adapt_delta < 1:
             raise InputError(f"adapt_delta is {self.adapt_delta}, expected between 0 and 1.")
-        if self.coordinates not in get_args(Coordinates):
+        if self.coordinates not in COORDINATES:
             raise InputError(
-                f"coordinates is {self.coordinates!r}, expected one of "
-                f"{', '.join(get_args(Coordinates))}."
+                f"coordinates is {self.coordinates!r}, expected one of {', '.join(COORDINATES)}."
             )
         if self.chain_timeout is not None and self.chain_timeout <= 0:
             raise InputError(f"chain_timeout is {self.chain_timeout} s, expected more than 0.")
@@ -95,9 +90,9 @@ class SamplerOptions:
 
     def suited_to(self, experiment: Experiment) -> Self:
         """Fill in what is left to the experiment's protocol."""
-        protocol = experiment.protocol
+        protocol = protocol_of(experiment)
         return replace(
             self,
-            warmup=self.warmup or WARMUP[protocol],
-            adapt_delta=self.adapt_delta or TARGET_ACCEPTANCE[protocol],
+            warmup=self.warmup or protocol.warmup,
+            adapt_delta=self.adapt_delta or protocol.target_acceptance,
         )

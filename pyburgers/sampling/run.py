@@ -15,8 +15,7 @@ from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.model.priors import PriorSet, save_priors
 from pyburgers.model.variants import check_variant
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.files import save_experiment
-from pyburgers.protocols.forward import program_for
+from pyburgers.protocols.registry import protocol_of, save_experiment
 from pyburgers.protocols.stan_data import SolverOptions, StanData, program_data
 from pyburgers.sampling.chains import ChainFailure, run_side_by_side
 from pyburgers.sampling.charts import Geometry, check_coordinates, choose_geometry
@@ -133,7 +132,7 @@ def run_chains(
     task = SamplingTask(
         name=experiment.id,
         data_kind=experiment.provenance.kind,
-        program=program_for(experiment),
+        program=protocol_of(experiment).program,
         data=data,
         options=options,
         write_inputs=lambda run: _write_inputs(run, experiment, priors),

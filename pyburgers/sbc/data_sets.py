@@ -27,16 +27,13 @@ from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.model.priors import PriorSet, default_priors, load_priors, shipped_prior_files
-from pyburgers.posterior.labelled_draws import convergence_table, free_parameters
-from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
-from pyburgers.protocols.experiment import Experiment, Provenance
-from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
-from pyburgers.protocols.forced_oscillation.preparation import prepare
-from pyburgers.protocols.forward import given_parameters, program_for, simulate
+from pyburgers.posterior.labelled_draws import convergence_table, free_parameters, response_in
+from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.forward import given_parameters, simulate, simulate_data
+from pyburgers.protocols.registry import protocol_of
 from pyburgers.protocols.stan_data import (
     SolverOptions,
     program_data,
-    reference_quantity,
 )
 from pyburgers.sampling.options import SamplerOptions
 
@@ -133,18 +130,14 @@ def check_template(experiment: Experiment) -> None:
     Raises
     ------
     InputError
-        If it has no points, or keeps the background of an oscillation.
+        If it has no points, or its protocol cannot simulate such data.
     """
     if experiment.n_points == 0:
         raise InputError(
             f"{experiment.id}: the experiment has no data, expected a [data] table whose points "
             "the simulated data sets take over."
         )
-    if isinstance(experiment, OscillationExperiment) and experiment.settings.background == "kept":
-        raise InputError(
-            f"{experiment.id}: the background is 'kept', expected 'removed': with it the model "
-            "starts from the observed bias, which simulated data do not have before they are there."
-        )
+    protocol_of(experiment).check_template(experiment)
 
 
 def simulate_from_prior(experiment: Experiment, priors: PriorSet, *, seed: int) -> Simulated:
@@ -174,7 +167,7 @@ def simulate_from_prior(experiment: Experiment, priors: PriorSet, *, seed: int) 
         source = f"a draw from the prior, seed {seed}"
         try:
             simulate(experiment, values, solver=SolverOptions())
-            simulated = _simulate_data(experiment, values, rng, source=source)
+            simulated = simulate_data(experiment, values, rng, source=source)
         except SamplingError:
             continue  # counted by n_unsolvable
         named = replace(simulated, id=f"{experiment.id}_simulated_{seed}")
@@ -183,116 +176,6 @@ def simulate_from_prior(experiment: Experiment, priors: PriorSet, *, seed: int) 
         f"{experiment.id}: none of {PRIOR_ATTEMPTS} draws from the prior has a finite solution; "
         "check the units and the bounds of the priors."
     )
-
-
-def simulate_constant_rate(
-    experiment: ConstantRateExperiment,
-    values: Mapping[str, float],
-    rng: np.random.Generator,
-    *,
-    source: str,
-) -> ConstantRateExperiment:
-    """Put the solution at given parameters, with noise, in the place of an experiment's stresses.
-
-    Parameters
-    ----------
-    experiment : ConstantRateExperiment
-        Protocol and strains.
-    values : mapping
-        SI values by name.
-    rng : Generator
-        Gives the noise.
-    source : str
-        Where the parameters come from, for the provenance.
-
-    Returns
-    -------
-    ConstantRateExperiment
-        Synthetic; its true parameters are `values`.
-
-    Raises
-    ------
-    SamplingError
-        If the solver finds no solution.
-    """
-    solution = simulate(experiment, values, at=np.unique(experiment.strain))
-    stress = np.interp(experiment.strain, solution["strain"], solution["stress_Pa"])
-    return replace(
-        experiment,
-        stress=stress + _draw_residuals(experiment.strain, values, rng),
-        provenance=_provenance(source),
-        true_parameters=values,
-    )
-
-
-def simulate_oscillation(
-    experiment: OscillationExperiment,
-    values: Mapping[str, float],
-    rng: np.random.Generator,
-    *,
-    source: str,
-) -> OscillationExperiment:
-    """Do the same for an oscillating test.
-
-    The simulated record is prepared as a measured one is, with the template's period and degrees.
-
-    Parameters
-    ----------
-    experiment : OscillationExperiment
-        Strains, times and relative uncertainties of the stresses.
-    values, rng, source
-        As for `simulate_constant_rate`.
-
-    Raises
-    ------
-    SamplingError
-        If the solver finds no solution.
-    """
-    template = experiment.prepared
-    stress = simulate(experiment, values, at=template.time)["stress_Pa"].to_numpy()
-    noise = values["stress_noise"] * template.relative_uncertainty
-    record = replace(
-        experiment.record,
-        stress_time=template.time,
-        stress=stress + noise * rng.standard_normal(stress.size),
-        stress_uncertainty=template.uncertainty,
-    )
-    prepared = prepare(record, experiment.settings, experiment.id)
-    return replace(
-        experiment,
-        record=record,
-        prepared=prepared,
-        stress=prepared.stress,
-        provenance=_provenance(source),
-        true_parameters=values,
-    )
-
-
-def _provenance(source: str) -> Provenance:
-    return Provenance("synthetic", f"pyburgers, {source}")
-
-
-def _simulate_data(
-    experiment: Experiment, values: Mapping[str, float], rng: np.random.Generator, *, source: str
-) -> Experiment:
-    if isinstance(experiment, OscillationExperiment):
-        return simulate_oscillation(experiment, values, rng, source=source)
-    assert isinstance(experiment, ConstantRateExperiment)  # the only other protocol
-    return simulate_constant_rate(experiment, values, rng, source=source)
-
-
-def _draw_residuals(
-    strain: FloatArray, values: Mapping[str, float], rng: np.random.Generator
-) -> FloatArray:
-    """Residuals (Pa), shape (n_points,), as `stan/functions/residuals.stan` describes them."""
-    residual: FloatArray = values["stress_noise"] * rng.standard_normal(strain.size)
-    correlation_strain = values.get("residual_correlation_strain", 0.0)
-    if correlation_strain > 0:
-        step = np.diff(strain) / correlation_strain
-        correlation, spread = np.exp(-step), np.sqrt(-np.expm1(-2 * step))
-        for k in range(1, strain.size):
-            residual[k] = correlation[k - 1] * residual[k - 1] + spread[k - 1] * residual[k]
-    return residual
 
 
 def replicate(
@@ -383,7 +266,7 @@ def rank_truth(result: Fit, experiment: Experiment, n_thinned: int) -> dict[str,
     """
     draws = result.posterior["posterior"].to_dataset()
     truth = _at_truth(experiment, SolverOptions(**result.manifest["solver"]))
-    log_likelihood = result.posterior["log_likelihood"].to_dataset()["stress"].sum("point")
+    log_likelihood = response_in(result.posterior, "log_likelihood").sum("point")
     ranked = {
         **{name: draws[name] for name in free_parameters(result.posterior)},
         LOG_LIKELIHOOD: log_likelihood,
@@ -401,8 +284,8 @@ def _at_truth(experiment: Experiment, solver: SolverOptions) -> dict[str, float]
     values = experiment.true_parameters
     assert values is not None  # simulated
     data = program_data(experiment, given_parameters(experiment.material, values), solver=solver)
-    draw = load_program(program_for(experiment)).evaluate(data)
-    reference = reference_quantity(experiment).name
+    draw = load_program(protocol_of(experiment).program).evaluate(data)
+    reference = protocol_of(experiment).reference.name
     return {
         **values,
         reference: float(draw[reference]),

@@ -20,8 +20,7 @@ from pyburgers.common.processes import completed, number_of_processes
 from pyburgers.common.toml_files import read_text
 from pyburgers.model.priors import PriorSet, load_priors, save_priors
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.files import load_experiment, save_experiment
-from pyburgers.protocols.forward import program_for
+from pyburgers.protocols.registry import load_experiment, protocol_of, save_experiment
 from pyburgers.protocols.stan_data import SolverOptions, program_data
 from pyburgers.sampling.charts import check_coordinates
 from pyburgers.sampling.options import INDECISIVE, SamplerOptions
@@ -177,7 +176,7 @@ def calibrate(
     priors = priors.resolved(template.largest_stress)
     if not priors.free:
         raise InputError(f"{priors.title}: all parameters are fixed, expected a free one to rank.")
-    identity = _fingerprint(template, priors, plan, load_program(program_for(template)).key)
+    identity = _fingerprint(template, priors, plan, load_program(protocol_of(template).program).key)
     run = RunDirectory(out)
     with run.claimed(identity, ("inputs", SIMULATIONS)):
         save_experiment(template, run.inputs)

@@ -12,7 +12,7 @@ from conftest import ICE, Problem
 
 from pyburgers.cli.main import main
 from pyburgers.fitting.joint_fit import JointFit
-from pyburgers.protocols.files import save_experiment
+from pyburgers.protocols.registry import save_experiment
 from pyburgers.sampling.run_directory import RunDirectory
 
 TWINS = [str(ICE / f"{name}.toml") for name in ("PIL40", "PIL72")]

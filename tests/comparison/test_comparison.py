@@ -29,6 +29,7 @@ from pyburgers.comparison.results import comparison_table, save_comparison, sent
 from pyburgers.comparison.same_data import data_hash
 from pyburgers.drawing.style import image
 from pyburgers.fitting.fit import Fit, fit
+from pyburgers.protocols.constant_rate.protocol import CONSTANT_RATE
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -119,6 +120,7 @@ def comparison_of(*results: tuple[str, LeaveOneOut]) -> Comparison:
         ordered,
         stacking_weights(np.array([one.elpd for one in ordered.values()])),
         xr.DataArray(np.linspace(0.01, 0.2, size), dims="point", name="strain"),
+        CONSTANT_RATE.clock,
         dict.fromkeys(ordered, "standard"),
     )
 

@@ -22,7 +22,8 @@ from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
-from pyburgers.protocols.forward import REFERENCE_SOLVER, program_for
+from pyburgers.protocols.forward import REFERENCE_SOLVER
+from pyburgers.protocols.registry import protocol_of
 from pyburgers.protocols.stan_data import REFERENCE_STRESS, SolverOptions, solver_block
 
 FREE = ["maxwell_modulus", "activation_enthalpy", "stress_noise"]
@@ -272,7 +273,7 @@ def test_the_solver_check_is_of_the_density_that_was_sampled(
         data_file = tmp_path / "data.json"
         data_file.write_text(json.dumps({**data, **solver_block(solver)}), encoding="utf-8")
         program = Program(
-            compile_program(program_for(small_fit.experiment)),
+            compile_program(protocol_of(small_fit.experiment).program),
             data_file,
             tmp_path,
             lambda columns: np.empty(0),

@@ -18,7 +18,7 @@ from pyburgers.model.pooling import (
 from pyburgers.model.priors import default_priors
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.files import load_experiment
+from pyburgers.protocols.registry import load_experiment
 from pyburgers.sampling.joint_stan_data import joint_coordinates
 from pyburgers.sampling.problem import JointProblem, joint_problem
 
@@ -83,7 +83,7 @@ def test_shared_coordinates_stand_once() -> None:
 
 
 def test_noise_prior_is_that_of_the_test_unless_it_is_shared() -> None:
-    largest = [float(np.max(experiment.stress)) for experiment in twins()]
+    largest = [experiment.largest_stress for experiment in twins()]
     scales = [priors["stress_noise"].scale for priors in problem().priors]
     assert scales == pytest.approx([0.05 * stress for stress in largest])
     shared = [priors["stress_noise"].scale for priors in problem(stress_noise="shared").priors]

@@ -31,10 +31,9 @@ from pyburgers.model.variants import (
 )
 from pyburgers.posterior.labelled_draws import CORRELATED
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
-from pyburgers.protocols.files import load_experiment
-from pyburgers.protocols.forward import check_parameters, simulate
+from pyburgers.protocols.forward import check_parameters, simulate, simulate_data
+from pyburgers.protocols.registry import load_experiment
 from pyburgers.protocols.stan_data import SolverOptions, program_data
-from pyburgers.sbc.data_sets import simulate_constant_rate
 
 OLIVINE = Path(__file__).parents[2] / "data" / "olivine" / "olivine_twin.toml"
 
@@ -288,7 +287,7 @@ def test_simulated_residuals_are_correlated(programs: None, ice: ConstantRateExp
     dense = np.exp(-np.abs(ice.strain[:, None] - ice.strain) / 0.02)
     whitened = []
     for seed in range(40):
-        data = simulate_constant_rate(ice, correlated, np.random.default_rng(seed), source="test")
+        data = simulate_data(ice, correlated, np.random.default_rng(seed), source="test")
         residual = (data.stress - clean) / truth["stress_noise"]
         whitened.append(np.linalg.solve(np.linalg.cholesky(dense), residual))
     assert stats.kstest(np.ravel(whitened), "norm").pvalue > 1e-3
@@ -302,7 +301,7 @@ def correlated_fit(
     experiment, rng = small_problem.experiment, np.random.default_rng(5)
     assert experiment.true_parameters is not None
     truth = dict(experiment.true_parameters) | {"residual_correlation_strain": 0.005}
-    data = simulate_constant_rate(experiment, truth, rng, source="test")
+    data = simulate_data(experiment, truth, rng, source="test")
     priors = with_variant(small_problem.priors, data, {"residuals": "autocorrelated"})
     out = tmp_path_factory.mktemp("correlated") / "run"
     return fit(data, priors, out=out, options=SMALL_RUN)

@@ -11,7 +11,7 @@ from pyburgers.common.draws import central_band
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
 from pyburgers.predictions.imposed_stress import phase_lag
-from pyburgers.predictions.oscillation_response import (
+from pyburgers.protocols.forced_oscillation.response import (
     observed_response,
     oscillation_of,
     predicted_response,

@@ -11,7 +11,7 @@ import pytest
 from pyburgers.common.errors import InputError
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.files import load_experiment, save_experiment
+from pyburgers.protocols.registry import load_experiment, save_experiment
 
 CHECKOUT = Path(__file__).parents[2]
 EXPERIMENT = """\

@@ -7,13 +7,13 @@ import numpy.typing as npt
 import pytest
 
 from pyburgers.common.errors import InputError
+from pyburgers.protocols.forced_oscillation.figures import preparation
 from pyburgers.protocols.forced_oscillation.preparation import (
     Background,
     OscillationRecord,
     OscillationSettings,
     prepare,
 )
-from pyburgers.report.oscillation_figures import preparation
 
 FloatArray = npt.NDArray[np.float64]
 

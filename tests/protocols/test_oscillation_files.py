@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from pyburgers.common.errors import InputError
-from pyburgers.protocols.files import load_experiment, save_experiment
 from pyburgers.protocols.forced_oscillation.experiment import (
     OscillationExperiment,
     load_forced_oscillation,
     with_background,
 )
+from pyburgers.protocols.registry import load_experiment, save_experiment
 
 EXPERIMENT = """\
 id = "sample-1"

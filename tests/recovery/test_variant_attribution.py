@@ -28,8 +28,8 @@ from pyburgers.protocols.constant_rate.experiment import (
     RateSegment,
     load_constant_rate,
 )
+from pyburgers.protocols.forward import simulate_data
 from pyburgers.sampling.options import SamplerOptions
-from pyburgers.sbc.data_sets import simulate_constant_rate
 
 SEEDS = range(1, 11)
 OPTIONS = SamplerOptions(chains=2, warmup=250, draws=250, adapt_delta=0.9)
@@ -111,7 +111,7 @@ def lead(contrast: Contrast, seed: int, folder: Path) -> tuple[float, float]:
     """Elpd of the fit with the law behind the data less that of the rival, and its error."""
     truth = {**TRUTH, **contrast.truth}
     protocol = stepped_test() if contrast.stepped else load_constant_rate(ICE / "PIL40.toml")
-    data = simulate_constant_rate(protocol, truth, np.random.default_rng(seed), source="test")
+    data = simulate_data(protocol, truth, np.random.default_rng(seed), source="test")
     fits = {
         name: fit(
             data,

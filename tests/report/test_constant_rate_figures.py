@@ -15,7 +15,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.drawing.style import image
 from pyburgers.fitting.fit import Fit
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
-from pyburgers.report.constant_rate_figures import softening, stress_strain
+from pyburgers.protocols.constant_rate.figures import softening, stress_strain
 
 FEW = (
     "maxwell_modulus",

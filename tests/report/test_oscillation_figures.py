@@ -12,16 +12,16 @@ from synthetic_olivine_fit import make_olivine_fit
 
 from pyburgers.common.draws import central_band
 from pyburgers.common.errors import InputError
-from pyburgers.drawing.style import FigureRecipe
+from pyburgers.drawing.page_parts import FigureRecipe
 from pyburgers.fitting.fit import Fit
-from pyburgers.predictions.oscillation_response import oscillation_of, replicated_response
-from pyburgers.report.oscillation_figures import (
+from pyburgers.protocols.forced_oscillation.figures import (
     OSCILLATION_FIGURES,
     amplitude_phase,
     microstructure,
     stress_loop,
     stress_time,
 )
+from pyburgers.protocols.forced_oscillation.response import oscillation_of, replicated_response
 
 
 @pytest.fixture(scope="module", params=["removed", "kept"])

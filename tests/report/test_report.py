@@ -16,8 +16,8 @@ from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
 from pyburgers.protocols.experiment import Provenance
 from pyburgers.protocols.forced_oscillation.preparation import Background
-from pyburgers.report.figures import figures_for
 from pyburgers.report.page import write_report
+from pyburgers.report.posterior_figures import figures_for
 
 FEW = (
     "maxwell_modulus",

@@ -6,11 +6,11 @@ from conftest import ICE, resolved_priors
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
-from pyburgers.protocols.forward import constant_rate_program
+from pyburgers.protocols.constant_rate.protocol import CONSTANT_RATE
+from pyburgers.protocols.forward import simulate_data
 from pyburgers.protocols.stan_data import SolverOptions, program_data
 from pyburgers.sampling.charts import choose_geometry
 from pyburgers.sampling.metric import curvature_at, expected_rise
-from pyburgers.sbc.data_sets import simulate_constant_rate
 
 pytestmark = pytest.mark.usefixtures("programs")
 
@@ -19,10 +19,10 @@ def test_the_first_metric_fits_where_noise_is_far_below_a_percent() -> None:
     twin = load_constant_rate(ICE / "PIL40.toml")
     assert twin.true_parameters is not None
     values = {**twin.true_parameters, "stress_noise": 2e4}
-    precise = simulate_constant_rate(twin, values, np.random.default_rng(2), source="a test")
+    precise = simulate_data(twin, values, np.random.default_rng(2), source="a test")
     priors, solver = resolved_priors(precise), SolverOptions()
     data = program_data(precise, priors, solver=solver)
-    model = load_program(constant_rate_program())
+    model = load_program(CONSTANT_RATE.program)
     geometry = choose_geometry(model, data, precise, priors, wanted="valley", seed=1, solver=solver)
     assert geometry.centre is not None
     assert geometry.covariance is not None

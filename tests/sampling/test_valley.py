@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
-from conftest import ICE, resolved_priors, valley_of, with_fixed
+from conftest import ICE, at_mode, resolved_priors, valley_of, with_fixed
 
 from pyburgers.model.priors import PriorSet
+from pyburgers.protocols.chart import ChartUnsuited
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
+from pyburgers.protocols.constant_rate.valley import NOISE_SCALED, find_valley, noise_exponents
 from pyburgers.protocols.stan_data import SolverOptions, plain_coordinates
 from pyburgers.sampling.mode import find_mode
-from pyburgers.sampling.valley import NOISE_SCALED, ValleyUnsuited, find_valley, noise_exponents
 
 pytestmark = pytest.mark.usefixtures("programs")
 
@@ -54,8 +55,8 @@ def test_a_prior_that_fixes_the_fabric_does_not_suit(
     solver = SolverOptions()
     mode = find_mode(experiment, known, seed=1, solver=solver)
     assert mode.values[name] == 0.5
-    with pytest.raises(ValleyUnsuited, match=f"{name} is not free"):
-        find_valley(experiment, known, mode, solver=solver)
+    with pytest.raises(ChartUnsuited, match=f"{name} is not free"):
+        find_valley(at_mode(experiment, known, mode, solver))
 
 
 def test_widths_follow_the_noise_as_far_as_the_data_set_them(

@@ -22,9 +22,10 @@ from pyburgers.protocols.forced_oscillation.preparation import prepare
 from pyburgers.protocols.forward import (
     REFERENCE_SOLVER,
     given_parameters,
-    program_for,
     simulate,
+    simulate_data,
 )
+from pyburgers.protocols.registry import protocol_of
 from pyburgers.protocols.stan_data import program_data
 from pyburgers.sbc.data_sets import (
     LOG_LIKELIHOOD,
@@ -34,7 +35,6 @@ from pyburgers.sbc.data_sets import (
     largest_rhat,
     rank_truth,
     simulate_from_prior,
-    simulate_oscillation,
 )
 
 OLIVINE = ICE.parent / "olivine" / "olivine_twin.toml"
@@ -45,13 +45,13 @@ def test_simulated_data_are_the_solution_at_a_prior_draw_with_noise(programs: No
     priors = resolved_priors(experiment)
     simulated = simulate_from_prior(experiment, priors, seed=4)
     again = simulate_from_prior(experiment, priors, seed=4)
-    np.testing.assert_array_equal(simulated.experiment.stress, again.experiment.stress)
+    np.testing.assert_array_equal(simulated.experiment.response, again.experiment.response)
     assert simulated.experiment.provenance.kind == "synthetic"
     truth = simulated.experiment.true_parameters
     assert truth is not None
     solution = simulate(experiment, truth, at=np.unique(experiment.strain))
     stress = np.interp(experiment.strain, solution["strain"], solution["stress_Pa"])
-    deviation = (simulated.experiment.stress - stress) / truth["stress_noise"]
+    deviation = (simulated.experiment.response - stress) / truth["stress_noise"]
     # A sum of 61 squares of standard normal numbers.
     assert stats.chi2(experiment.n_points).cdf(float(np.sum(deviation**2))) == pytest.approx(
         0.5, abs=0.4999
@@ -63,14 +63,14 @@ def test_a_simulated_record_is_prepared_as_the_measured_one_is(programs: None) -
     experiment = load_forced_oscillation(OLIVINE)
     truth = dict(experiment.true_parameters or {})
     rng = np.random.default_rng(2)
-    simulated = simulate_oscillation(experiment, truth, rng, source="the truth")
+    simulated = simulate_data(experiment, truth, rng, source="the truth")
     assert simulated.settings == experiment.settings
     np.testing.assert_array_equal(simulated.prepared.time, experiment.prepared.time)
     np.testing.assert_array_equal(simulated.stress, simulated.prepared.stress)
     # Two draws of the noise on one solution, both without trend.
     difference = (simulated.stress - experiment.stress) / truth["stress_noise"]
     assert np.sqrt(np.mean(difference**2)) < 4.0
-    quiet = simulate_oscillation(
+    quiet = simulate_data(
         experiment, {**truth, "stress_noise": 1.0}, np.random.default_rng(2), source="the truth"
     )
     deviation = (simulated.stress - quiet.stress) / experiment.prepared.uncertainty
@@ -83,10 +83,10 @@ def test_the_trend_leaves_as_much_noise_as_the_likelihood_expects(programs: None
     # over records with one noisy point.
     experiment = load_forced_oscillation(OLIVINE)
     truth = dict(experiment.true_parameters or {})
-    quiet = simulate_oscillation(
+    quiet = simulate_data(
         experiment, {**truth, "stress_noise": 1.0}, np.random.default_rng(1), source="the truth"
     )
-    model = load_program(program_for(quiet))
+    model = load_program(protocol_of(quiet).program)
 
     def log_likelihood(log_factor: float) -> float:
         values = {**truth, "stress_noise": truth["stress_noise"] * np.exp(log_factor)}

@@ -35,7 +35,7 @@ from pyburgers.model.priors import (
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forced_oscillation.experiment import load_forced_oscillation
-from pyburgers.protocols.forward import program_for
+from pyburgers.protocols.registry import protocol_of
 from pyburgers.protocols.stan_data import SolverOptions, constant_rate_data, program_data
 from pyburgers.sampling.options import SamplerOptions
 
@@ -97,14 +97,14 @@ def experiment_of(material: str) -> Experiment:
 def test_the_density_is_that_of_the_normal_and_of_the_other_priors(system: str) -> None:
     material = "olivine" if system == "olivine" else "ice"
     experiment, law = experiment_of(material), flow_law(material)
-    own = default_priors(material).resolved(float(np.abs(experiment.stress).max()))
+    own = default_priors(material).resolved(experiment.largest_stress)
     priors = with_flow_law(own, law, "test")
     data = program_data(experiment, priors, solver=SolverOptions(), use_likelihood=False)
     if system == "valley":
         ice = load_constant_rate(ICE / "PIL40.toml")
         valley = valley_of(ice, priors)
         data = constant_rate_data(ice, priors, solver=SolverOptions(), valley=valley)
-    model = load_program(program_for(experiment))
+    model = load_program(protocol_of(experiment).program)
     rng = np.random.default_rng(5)
     for _ in range(4):
         position = 0.3 * rng.standard_normal(len(priors.free))

@@ -30,12 +30,8 @@ from pyburgers.protocols.forced_oscillation.preparation import (
     OscillationSettings,
     prepare,
 )
-from pyburgers.protocols.forward import (
-    REFERENCE_SOLVER,
-    program_for,
-    simulate,
-    solve,
-)
+from pyburgers.protocols.forward import REFERENCE_SOLVER, simulate, solve
+from pyburgers.protocols.registry import protocol_of
 from pyburgers.protocols.stan_data import START_MARGIN, ShearedReference, forced_oscillation_data
 
 FloatArray = npt.NDArray[np.float64]
@@ -142,7 +138,6 @@ def sinusoid(background: Background, spin_up_cycles: int) -> OscillationExperime
         record=record,
         settings=settings,
         prepared=prepared,
-        stress=prepared.stress,
         spin_up_cycles=spin_up_cycles,
     )
 
@@ -349,7 +344,7 @@ def test_the_same_seed_gives_the_same_draws(twin: OscillationExperiment, tmp_pat
     )
     draws = [
         sampled(
-            load_program(program_for(twin)),
+            load_program(protocol_of(twin).program),
             data,
             tmp_path / name,
             chains=1,

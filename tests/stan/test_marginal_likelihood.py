@@ -15,7 +15,8 @@ from pyburgers.comparison.marginal_likelihood import log_density_at, log_margina
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.fitting.joint_fit import fit_joint_problem
 from pyburgers.model.pooling import pooling_of
-from pyburgers.protocols.forward import REFERENCE_SOLVER, constant_rate_program
+from pyburgers.protocols.constant_rate.protocol import CONSTANT_RATE
+from pyburgers.protocols.forward import REFERENCE_SOLVER
 from pyburgers.protocols.stan_data import solver_block
 from pyburgers.sampling.problem import joint_problem
 
@@ -30,7 +31,7 @@ def coordinates_of(one: Fit) -> FloatArray:
 
 def density_at(one: Fit, points: FloatArray) -> FloatArray:
     data = json.loads(one.directory.stan_data_file.read_text(encoding="utf-8"))
-    program = load_program(constant_rate_program())
+    program = load_program(CONSTANT_RATE.program)
     return log_density_at(program, {**data, **solver_block(REFERENCE_SOLVER)}, points)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import oracle
 import pytest
-from conftest import ICE, fixed, resolved_priors, with_fixed, with_priors
+from conftest import ICE, at_mode, fixed, resolved_priors, with_fixed, with_priors
 from default_chains import sampled
 from log_density import Program
 from scipy import stats
@@ -20,13 +20,15 @@ from pyburgers.cmdstan.program import compile_program, load_program
 from pyburgers.common.errors import InputError
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.priors import Prior, PriorSet
+from pyburgers.protocols.chart import Mode
 from pyburgers.protocols.forced_oscillation.experiment import (
     OscillationExperiment,
     load_forced_oscillation,
     with_background,
 )
 from pyburgers.protocols.forced_oscillation.preparation import Background, prepare
-from pyburgers.protocols.forward import program_for
+from pyburgers.protocols.forced_oscillation.sheared import SHIFTED_BY, find_sheared
+from pyburgers.protocols.registry import protocol_of
 from pyburgers.protocols.stan_data import (
     PLAIN,
     REFERENCE_FLOW_RATE,
@@ -39,10 +41,8 @@ from pyburgers.protocols.stan_data import (
     solver_block,
 )
 from pyburgers.sampling import charts as geometry
-from pyburgers.sampling.charts import Coordinates, Geometry, choose_geometry
+from pyburgers.sampling.charts import Geometry, choose_geometry
 from pyburgers.sampling.metric import curvature_at
-from pyburgers.sampling.mode import Mode
-from pyburgers.sampling.sheared import SHIFTED_BY, find_sheared
 from pyburgers.sbc.data_sets import calibration_priors, simulate_from_prior
 
 FloatArray = npt.NDArray[np.float64]
@@ -85,7 +85,7 @@ def short_twin(background: Background) -> OscillationExperiment:
     }
     record = replace(full.record, **strain, **stress)
     prepared = prepare(record, full.settings, full.id)
-    return replace(full, record=record, prepared=prepared, stress=prepared.stress)
+    return replace(full, record=record, prepared=prepared)
 
 
 @pytest.fixture(params=["removed", "kept"])
@@ -117,7 +117,7 @@ def truth_in(experiment: OscillationExperiment, priors: PriorSet) -> Mode:
 
 
 def model_of(experiment: OscillationExperiment) -> CompiledProgram:
-    return load_program(program_for(experiment))
+    return load_program(protocol_of(experiment).program)
 
 
 def program_in(
@@ -136,7 +136,7 @@ def program_with(data: StanData, folder: Path) -> Program:
     data_file.write_text(json.dumps(data), encoding="utf-8")
     size = data["n_coordinates"]
     return Program(
-        compile_program(program_for(twin_with("removed"))),
+        compile_program(protocol_of(twin_with("removed")).program),
         data_file,
         folder,
         lambda columns: vector(columns, "coordinate", size),
@@ -303,10 +303,9 @@ def assert_coordinates_work(
     experiment: OscillationExperiment, priors: PriorSet, folder: Path
 ) -> ShearedReference:
     """The set-up from the curvature works, and what it sets up has the right density."""
-    data = forced_oscillation_data(experiment, priors, solver=SolverOptions(tolerance=1e-6))
     mode = truth_in(experiment, priors)
     reference, centre = find_sheared(
-        model_of(experiment), data, priors, plain_coordinates(experiment, priors), mode
+        at_mode(experiment, priors, mode, SolverOptions(tolerance=1e-6))
     )
     assert np.all(np.isfinite(reference.flow_slope))
     plain, sheared = (
@@ -372,7 +371,7 @@ UNSUITED = {
 def geometry_of(
     experiment: OscillationExperiment,
     priors: PriorSet,
-    wanted: Coordinates,
+    wanted: str,
     monkeypatch: pytest.MonkeyPatch,
 ) -> Geometry:
     """Choose coordinates, with the truth in place of a search for the mode."""
@@ -386,7 +385,7 @@ def geometry_from(
     data: StanData,
     experiment: OscillationExperiment,
     priors: PriorSet,
-    wanted: Coordinates = "auto",
+    wanted: str = "auto",
     solver: SolverOptions = SAMPLING,
 ) -> Geometry:
     return choose_geometry(
@@ -416,7 +415,7 @@ def test_a_record_without_loss_does_not_suit(monkeypatch: pytest.MonkeyPatch) ->
     elastic = replace(record, stress=100e6 + 50e6 * np.sin(angle))
     prepared = prepare(elastic, experiment.settings, experiment.id)
     assert prepared.stress_fit.phase()[0] < prepared.strain_fit.phase()[0]
-    backwards = replace(experiment, record=elastic, prepared=prepared, stress=prepared.stress)
+    backwards = replace(experiment, record=elastic, prepared=prepared)
     found = geometry_of(backwards, resolved_priors(backwards), "auto", monkeypatch)
     assert found.system == "plain"
     assert "stress is not ahead of the strain" in found.reason

@@ -6,7 +6,7 @@ import numpy as np
 from conftest import ICE
 
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
-from pyburgers.sbc.data_sets import simulate_constant_rate
+from pyburgers.protocols.forward import simulate_data
 
 NAMES = ("PIL40", "PIL72", "PIL105")
 COMMON = MappingProxyType(
@@ -29,4 +29,4 @@ def with_common_flow_law(name: str) -> ConstantRateExperiment:
     assert twin.true_parameters is not None
     rng = np.random.default_rng([20261120, NAMES.index(name)])
     values = {**twin.true_parameters, **COMMON}
-    return simulate_constant_rate(twin, values, rng, source="a common flow law")
+    return simulate_data(twin, values, rng, source="a common flow law")

@@ -14,10 +14,9 @@ from pyburgers.common.atomic_files import write_json
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.parameters import PARAMETER_BY_NAME, PARAMETERS
 from pyburgers.model.priors import Family, Prior, PriorSet
-from pyburgers.posterior.labelled_draws import prediction_grid
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, RateSegment
+from pyburgers.protocols.constant_rate.protocol import CONSTANT_RATE
 from pyburgers.protocols.experiment import Provenance
-from pyburgers.protocols.forward import output_grid
 from pyburgers.protocols.stan_data import REFERENCE_STRESS
 from pyburgers.sampling.run_directory import RunDirectory
 
@@ -177,7 +176,7 @@ def make_fit(
     experiment = make_experiment(name, kind, segments, rng, **changes)
     priors = make_priors(fixed)
     posterior = _posterior(priors, (chains, draws), rng, apart, stuck_chain)
-    at_points, on_grid = experiment.strain, prediction_grid(experiment)
+    at_points, on_grid = experiment.strain, CONSTANT_RATE.prediction_grid(experiment)
     reference, final = posterior[REFERENCE_STRESS].to_numpy(), _final(posterior)
     noise = posterior["stress_noise"].to_numpy()[..., None]
     model = _curve(at_points, reference, final)
@@ -210,7 +209,7 @@ def make_fit(
         "solver_log_ratio": 1e-4 * rng.normal(size=shape),
     }
     points = {"point": np.arange(at_points.size)}
-    smooth = output_grid(experiment)
+    smooth = CONSTANT_RATE.output_grid(experiment)
     tree = xr.DataTree.from_dict(
         {
             "posterior": posterior,

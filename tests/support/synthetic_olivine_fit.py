@@ -13,13 +13,13 @@ from synthetic_fit import make_fit
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.priors import default_priors
-from pyburgers.posterior.labelled_draws import prediction_grid
-from pyburgers.predictions.oscillation_response import oscillation_of
 from pyburgers.protocols.forced_oscillation.experiment import (
     load_forced_oscillation,
     with_background,
 )
 from pyburgers.protocols.forced_oscillation.preparation import Background
+from pyburgers.protocols.forced_oscillation.protocol import FORCED_OSCILLATION
+from pyburgers.protocols.forced_oscillation.response import oscillation_of
 from pyburgers.protocols.stan_data import REFERENCE_FLOW_RATE, REFERENCE_STRESS
 
 FloatArray = npt.NDArray[np.float64]
@@ -115,7 +115,7 @@ def oscillating(
     def with_noise(stress: FloatArray) -> FloatArray:
         return stress + noise * rng.normal(size=stress.shape)
 
-    time = prediction_grid(experiment)
+    time = FORCED_OSCILLATION.prediction_grid(experiment)
     stress = stress_at(time)
     growth = normal(fit, 2.0, 0.3)[..., None]
     predictions = {

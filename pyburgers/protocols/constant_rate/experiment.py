@@ -50,6 +50,8 @@ class ConstantRateExperiment(Experiment):
         The first starts at zero strain; start strains increase.
     strain : array, shape (n_points,)
         Axial strain (fraction, positive, non-decreasing) of the stresses. Strains may repeat.
+    stress : array, shape (n_points,)
+        Differential stress (Pa, compression positive) that the model is compared with.
     final_strain : float
         Strain at which the protocol ends, not below the last data strain.
     """
@@ -57,7 +59,32 @@ class ConstantRateExperiment(Experiment):
     protocol: ClassVar[str] = "constant_rate"
     segments: tuple[RateSegment, ...]
     strain: FloatArray
+    stress: FloatArray
     final_strain: float
+
+    @property
+    def position(self) -> FloatArray:
+        """Strains of the stresses."""
+        return self.strain
+
+    @property
+    def response(self) -> FloatArray:
+        """Stresses."""
+        return self.stress
+
+    @property
+    def largest_stress(self) -> float:
+        """Largest measured |σ| (Pa); only of an experiment with data."""
+        return float(np.max(np.abs(self.stress)))
+
+    @property
+    def title(self) -> str:
+        """Sample, material, first rate and kind of data."""
+        rate = rate_text(self.segments[0].strain_rate)
+        return (
+            f"{self.id}: {self.material}, {self.temperature:g} K, "
+            f"{'first ' if len(self.segments) > 1 else ''}{rate}, {self.provenance.kind} data"
+        )
 
     def time_at(self, strain: FloatArray) -> FloatArray:
         """Return the times (s since the start) at which strains are reached.
@@ -71,6 +98,36 @@ class ConstantRateExperiment(Experiment):
         segment = np.searchsorted(starts, strain, side="right") - 1
         times: FloatArray = _step_times(starts, rates)[segment]
         return times + (strain - starts[segment]) / rates[segment]
+
+
+def strain_grid(experiment: ConstantRateExperiment, shape: FloatArray) -> FloatArray:
+    """Strains spread in the same way over every rate segment.
+
+    Parameters
+    ----------
+    experiment : ConstantRateExperiment
+        Its segments and final strain.
+    shape : array, shape (n_shape,)
+        Positions in a segment, increasing, more than 0 to 1.
+
+    Returns
+    -------
+    array, shape (n_shape * n_segments,)
+        Increasing; the strains of rate steps are among them exactly, since rounding that put
+        one just behind a step would give the solver a segment too short to start in.
+    """
+    starts = np.array([segment.start_strain for segment in experiment.segments])
+    ends = np.append(starts[1:], experiment.final_strain)
+    grid = starts[:, np.newaxis] + (ends - starts)[:, np.newaxis] * shape
+    grid[:, -1] = ends
+    strain: FloatArray = grid.ravel()
+    return strain
+
+
+def rate_text(rate: float) -> str:
+    """Strain rate (1/s) as matplotlib text."""
+    mantissa, exponent = f"{rate:.2e}".split("e")
+    return rf"${mantissa}\times10^{{{int(exponent)}}}$ s$^{{-1}}$"
 
 
 class _SegmentTable(Table):

@@ -1,7 +1,9 @@
 """Forced oscillation tests: raw record, how it is prepared for the model, their files."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -11,6 +13,7 @@ from pyburgers.common.columns import Column, TextFilesTable, read_columns, write
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, read_toml
 from pyburgers.common.units import UNITS
+from pyburgers.model.display import STRAIN_FACTOR, STRAIN_UNIT
 from pyburgers.protocols.experiment import (
     Experiment,
     ExperimentFile,
@@ -31,8 +34,7 @@ from pyburgers.protocols.forced_oscillation.preparation import (
 class OscillationExperiment(Experiment):
     """One forced oscillation test in SI units.
 
-    `initial_grain_size` is that at the start of the record (`prepared.start`), and `stress` is that
-    of `prepared`.
+    `initial_grain_size` is that at the start of the record (`prepared.start`).
 
     Attributes
     ----------
@@ -48,10 +50,48 @@ class OscillationExperiment(Experiment):
     """
 
     protocol: ClassVar[str] = "forced_oscillation"
+    laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType(
+        {
+            "grain_size": ("piezometric", "constant"),
+            "fabric": ("constant",),
+            "residuals": ("independent",),
+        }
+    )
     record: OscillationRecord
     settings: OscillationSettings
     prepared: PreparedOscillation
     spin_up_cycles: int
+
+    @property
+    def position(self) -> FloatArray:
+        """Times (s) of the stresses."""
+        return self.prepared.time
+
+    @property
+    def stress(self) -> FloatArray:
+        """Stress (Pa) of `prepared`, that the model is compared with, shape (n_points,)."""
+        return self.prepared.stress
+
+    @property
+    def response(self) -> FloatArray:
+        """Stresses."""
+        return self.stress
+
+    @property
+    def largest_stress(self) -> float:
+        """Largest |σ| (Pa) that the model is compared with."""
+        return float(np.max(np.abs(self.stress)))
+
+    @property
+    def title(self) -> str:
+        """Sample, material and kind of data; below them period, amplitude and background."""
+        prepared = self.prepared
+        amplitude, _ = prepared.strain_fit.amplitude()
+        return (
+            f"{self.id}: {self.material}, {self.temperature:g} K, {self.provenance.kind} data\n"
+            f"period {prepared.period:g} s, strain amplitude "
+            f"{amplitude * STRAIN_FACTOR:.2g} {STRAIN_UNIT}, background {prepared.background}"
+        )
 
 
 class _OscillationTable(Table):
@@ -137,7 +177,6 @@ def load_forced_oscillation(path: str | Path) -> OscillationExperiment:
     prepared = prepare(record, wanted, str(path))
     return OscillationExperiment(
         **values,
-        stress=prepared.stress,
         record=record,
         settings=prepared.settings,
         prepared=prepared,
@@ -206,7 +245,7 @@ def with_background(
     """
     settings = replace(experiment.settings, background=background)
     prepared = prepare(experiment.record, settings, experiment.id)
-    return replace(experiment, settings=settings, prepared=prepared, stress=prepared.stress)
+    return replace(experiment, settings=settings, prepared=prepared)
 
 
 def _read_series(path: Path, data: _DataTable, name: str) -> tuple[FloatArray, ...]:

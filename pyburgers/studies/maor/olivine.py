@@ -14,6 +14,7 @@ import pandas as pd
 
 from pyburgers.checks.fit_checks import RHAT_LIMIT
 from pyburgers.common.draws import all_draws, central_band
+from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.display import (
     LENGTH_FACTOR,
@@ -24,12 +25,12 @@ from pyburgers.model.display import (
     unit_text,
     with_error,
 )
-from pyburgers.posterior.labelled_draws import convergence_table, prediction_grid
-from pyburgers.predictions.oscillation_response import oscillation_of, stress_spread
+from pyburgers.posterior.labelled_draws import convergence_table
+from pyburgers.protocols.forced_oscillation import figures as oscillation_figures
+from pyburgers.protocols.forced_oscillation.response import oscillation_of, stress_spread
 from pyburgers.protocols.forward import REFERENCE_SOLVER, solve
+from pyburgers.protocols.registry import protocol_of
 from pyburgers.protocols.stan_data import REFERENCE_FLOW_RATE
-from pyburgers.report import oscillation_figures
-from pyburgers.report.page import ExtraFigure, ExtraSection, ExtraTable
 from pyburgers.studies.maor.statements import (
     DOMINANT,
     FEW,
@@ -179,7 +180,7 @@ def _judge_treatments(
     )
 
 
-def preparation_section(fits: Mapping[str, Fit]) -> ExtraSection:
+def preparation_section(fits: Mapping[str, Fit]) -> PageSection:
     """Return the figures of how the record of a forced oscillation test was prepared.
 
     Parameters
@@ -188,7 +189,7 @@ def preparation_section(fits: Mapping[str, Fit]) -> ExtraSection:
         Fits of forced oscillation tests by treatment of the background.
     """
     experiments = [oscillation_of(fit) for fit in fits.values()]
-    return ExtraSection(
+    return PageSection(
         key=PREPARATION_KEY,
         title="Preparation of the olivine record",
         paragraphs=(
@@ -197,7 +198,7 @@ def preparation_section(fits: Mapping[str, Fit]) -> ExtraSection:
             "with the background kept, bias stress and background strain rate take part.",
         ),
         figures=tuple(
-            ExtraFigure(
+            PageFigure(
                 experiment.id,
                 f"From the record to the model, {experiment.id}",
                 oscillation_figures.PREPARATION_CAPTION,
@@ -226,7 +227,7 @@ class _Compared:
     truth: float | None
 
 
-def background_section(fits: Mapping[str, Fit]) -> ExtraSection:
+def background_section(fits: Mapping[str, Fit]) -> PageSection:
     """Return what the treatment of the background changes in the posterior, and why.
 
     Parameters
@@ -243,7 +244,7 @@ def background_section(fits: Mapping[str, Fit]) -> ExtraSection:
     bias = float(np.mean(prepared.stress_fit.trend(prepared.time))) * STRESS_FACTOR
     amplitude = prepared.stress_fit.amplitude()[0] * STRESS_FACTOR
     compared = _compared(fits)
-    return ExtraSection(
+    return PageSection(
         key=BACKGROUND_KEY,
         title="What removing the background changes",
         paragraphs=(
@@ -264,7 +265,7 @@ def background_section(fits: Mapping[str, Fit]) -> ExtraSection:
             "model with its background has at the true parameters.",
         ),
         tables=(
-            ExtraTable(
+            PageTable(
                 "comparison",
                 "The same record, treated in two ways",
                 _shown_comparison(compared),
@@ -304,7 +305,7 @@ def _compared(fits: Mapping[str, Fit]) -> list[_Compared]:
     true_rate = true_grain = None
     if truths and "kept" in fits:
         experiment = fits["kept"].experiment
-        grid = prediction_grid(experiment)
+        grid = protocol_of(experiment).prediction_grid(experiment)
         solution = solve(experiment, truths, grid, solver=REFERENCE_SOLVER)
         true_rate = float(np.abs(solution["grid_dashpot_rate"]).max())
         true_grain = float(solution["grid_grain_size"][-1])

@@ -18,12 +18,12 @@ from pyburgers.flow_law_tables.inputs import (
 )
 from pyburgers.model.priors import PriorSet, default_priors, with_flow_law
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.files import load_experiment
 from pyburgers.protocols.forced_oscillation.experiment import (
     load_forced_oscillation,
     with_background,
 )
 from pyburgers.protocols.forced_oscillation.preparation import Background
+from pyburgers.protocols.registry import load_experiment
 from pyburgers.report.comparison_sections import comparison_sections
 from pyburgers.report.page import write_report
 from pyburgers.report.peak_stress_section import peak_stress_section
@@ -176,7 +176,7 @@ def _problems(preset: str, handed_on: PeakStressFit) -> dict[str, Problem]:
     """
     experiments = study_experiments()
     problems = {
-        name: Problem(one, default_priors(one.material), _options(preset, one))
+        name: Problem(one, default_priors(one.material), _options(preset, name))
         for name, one in experiments.items()
     }
     combined = replace(experiments[COMBINED_TWIN], id=COMBINED_RUN)
@@ -186,6 +186,6 @@ def _problems(preset: str, handed_on: PeakStressFit) -> dict[str, Problem]:
     return {**problems, COMBINED_RUN: Problem(combined, priors, PRESETS["quick"])}
 
 
-def _options(preset: str, experiment: Experiment) -> SamplerOptions:
+def _options(preset: str, name: str) -> SamplerOptions:
     options = PRESETS[preset]
-    return replace(options, warmup=None) if experiment.protocol != "constant_rate" else options
+    return options if name in ICE_TWINS else replace(options, warmup=None)

@@ -11,14 +11,14 @@ from scipy import stats
 
 from pyburgers.common.draws import TAIL, all_draws
 from pyburgers.common.errors import InputError
+from pyburgers.drawing.page_parts import FigureRecipe
 from pyburgers.drawing.panels import (
     LINES_AND_AREAS,
     FittedCurve,
     curve_with_residuals,
     draw_band_panel,
 )
-from pyburgers.drawing.style import BLACK, BLUE, GREEN, SKY_BLUE, VERMILION, FigureRecipe, style
-from pyburgers.fitting.fit import Fit
+from pyburgers.drawing.style import BLACK, BLUE, GREEN, SKY_BLUE, VERMILION, style
 from pyburgers.model.display import (
     LENGTH_FACTOR,
     LENGTH_UNIT,
@@ -27,8 +27,8 @@ from pyburgers.model.display import (
     STRESS_FACTOR,
     STRESS_UNIT,
 )
-from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
-from pyburgers.protocols.headings import rate_text, title
+from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, rate_text
+from pyburgers.protocols.protocol import FittedTest
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -47,7 +47,7 @@ STRESS_STRAIN_CAPTION = (
 )
 
 
-def stress_strain(fit: Fit) -> Figure:
+def stress_strain(fit: FittedTest) -> Figure:
     """Draw data, retrodictions, predictive band and residuals along strain.
 
     Raises
@@ -58,7 +58,7 @@ def stress_strain(fit: Fit) -> Figure:
     return curve_with_residuals(fitted_curve(fit))
 
 
-def fitted_curve(fit: Fit) -> FittedCurve:
+def fitted_curve(fit: FittedTest) -> FittedCurve:
     """Gather the stress-strain curve as measured and as a fit has it.
 
     Raises
@@ -87,7 +87,7 @@ def fitted_curve(fit: Fit) -> FittedCurve:
         position_label=STRAIN_LABEL,
         label=f"differential stress ({STRESS_UNIT})",
         residual_label=f"residual ({STRESS_UNIT})",
-        heading=title(experiment),
+        heading=experiment.title,
         # The first rate is in the title.
         marks=[
             (segment.start_strain * STRAIN_FACTOR, f"then {rate_text(segment.strain_rate)}")
@@ -108,7 +108,7 @@ SOFTENING_CAPTION = (
 )
 
 
-def softening(fit: Fit) -> Figure:
+def softening(fit: FittedTest) -> Figure:
     """Draw how grain size and fabric soften the material along strain.
 
     Raises
@@ -156,7 +156,7 @@ def softening(fit: Fit) -> Figure:
             axes.set_xlabel(STRAIN_LABEL)
             axes.set_xlim(0.0, experiment.final_strain * STRAIN_FACTOR)
         _draw_share(share, by_grains[:, -1], by_fabric[:, -1])
-        figure.suptitle(f"{title(experiment)}\n{LINES_AND_AREAS}", fontsize=10)
+        figure.suptitle(f"{experiment.title}\n{LINES_AND_AREAS}", fontsize=10)
     return figure
 
 
@@ -185,7 +185,7 @@ def _draw_share(axes: Axes, by_grains: FloatArray, by_fabric: FloatArray) -> Non
     axes.legend(loc="best")
 
 
-def _experiment(fit: Fit) -> ConstantRateExperiment:
+def _experiment(fit: FittedTest) -> ConstantRateExperiment:
     """Return the experiment of a fit, which has to be of the kind that is drawn here."""
     if not isinstance(fit.experiment, ConstantRateExperiment):
         raise InputError(

@@ -11,6 +11,7 @@ from matplotlib.lines import Line2D
 from scipy import stats
 
 from pyburgers.common.draws import TAIL, all_draws, central_band
+from pyburgers.drawing.page_parts import FigureRecipe
 from pyburgers.drawing.panels import (
     LINES_AND_AREAS,
     FittedCurve,
@@ -19,18 +20,7 @@ from pyburgers.drawing.panels import (
     draw_data,
     draw_retrodictions,
 )
-from pyburgers.drawing.style import (
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    SKY_BLUE,
-    VERMILION,
-    FigureRecipe,
-    style,
-)
-from pyburgers.fitting.fit import Fit
+from pyburgers.drawing.style import BLACK, BLUE, GREEN, GREY, ORANGE, SKY_BLUE, VERMILION, style
 from pyburgers.model.display import (
     LENGTH_FACTOR,
     LENGTH_UNIT,
@@ -41,18 +31,18 @@ from pyburgers.model.display import (
     shown_quantity,
     unit_text,
 )
-from pyburgers.predictions.oscillation_response import (
-    observed_response,
-    oscillation_of,
-    predicted_response,
-    replicated_response,
-)
 from pyburgers.protocols.forced_oscillation.harmonics import HarmonicFit
 from pyburgers.protocols.forced_oscillation.preparation import (
     OscillationRecord,
     PreparedOscillation,
 )
-from pyburgers.protocols.headings import title
+from pyburgers.protocols.forced_oscillation.response import (
+    observed_response,
+    oscillation_of,
+    predicted_response,
+    replicated_response,
+)
+from pyburgers.protocols.protocol import FittedTest
 from pyburgers.protocols.stan_data import REFERENCE_FLOW_RATE
 
 FloatArray = npt.NDArray[np.float64]
@@ -253,7 +243,7 @@ STRESS_TIME_CAPTION = (
 )
 
 
-def stress_time(fit: Fit) -> Figure:
+def stress_time(fit: FittedTest) -> Figure:
     """Draw data, retrodictions, predictive band and residuals along time.
 
     Raises
@@ -264,7 +254,7 @@ def stress_time(fit: Fit) -> Figure:
     return curve_with_residuals(fitted_curve(fit))
 
 
-def fitted_curve(fit: Fit) -> FittedCurve:
+def fitted_curve(fit: FittedTest) -> FittedCurve:
     """Gather the stress along time as measured and as a fit has it.
 
     Raises
@@ -295,7 +285,7 @@ def fitted_curve(fit: Fit) -> FittedCurve:
         position_label=TIME_LABEL,
         label=STRESS_LABEL,
         residual_label="residual / noise (–)",
-        heading=title(experiment),
+        heading=experiment.title,
     )
 
 
@@ -309,7 +299,7 @@ STRESS_LOOP_CAPTION = (
 )
 
 
-def stress_loop(fit: Fit) -> Figure:
+def stress_loop(fit: FittedTest) -> Figure:
     """Draw stress against driving strain: data and retrodictions.
 
     Raises
@@ -355,7 +345,7 @@ AMPLITUDE_PHASE_CAPTION = (
 )
 
 
-def amplitude_phase(fit: Fit) -> Figure:
+def amplitude_phase(fit: FittedTest) -> Figure:
     """Draw amplitude and phase lag of the stress: observed, predicted and replicated.
 
     Raises
@@ -405,7 +395,7 @@ def amplitude_phase(fit: Fit) -> Figure:
         )
         axes.set_xlabel(f"amplitude of the stress ({STRESS_UNIT})")
         axes.set_ylabel("phase lag of the strain (degrees)")
-        figure.legend(loc="outside upper center", ncols=2, markerscale=2.0, title=title(experiment))
+        figure.legend(loc="outside upper center", ncols=2, markerscale=2.0, title=experiment.title)
     return figure
 
 
@@ -418,7 +408,7 @@ MICROSTRUCTURE_CAPTION = (
 )
 
 
-def microstructure(fit: Fit) -> Figure:
+def microstructure(fit: FittedTest) -> Figure:
     """Draw grain size and the dashpot's strain rate along time.
 
     Raises
@@ -452,7 +442,7 @@ def microstructure(fit: Fit) -> Figure:
         dashpot.set_xlabel(TIME_LABEL)
         dashpot.margins(x=0.01)
         figure.align_ylabels()
-        figure.suptitle(f"{title(experiment)}\n{LINES_AND_AREAS}", fontsize=10)
+        figure.suptitle(f"{experiment.title}\n{LINES_AND_AREAS}", fontsize=10)
     return figure
 
 

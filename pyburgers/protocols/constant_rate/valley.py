@@ -6,20 +6,21 @@ steps and curves without a peak need no special care then, and the speed of a ru
 is all that depends on it.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.variants import variant_of
-from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
-from pyburgers.protocols.forward import solve, strain_grid
+from pyburgers.protocols.chart import AtMode, Chart, ChartUnsuited
+from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, strain_grid
 from pyburgers.protocols.stan_data import (
     PlainCoordinates,
-    SolverOptions,
+    StanData,
     ValleyReference,
-    plain_coordinates,
+    valley_block,
 )
-from pyburgers.sampling.mode import Mode
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -48,56 +49,68 @@ NOISE_SCALED = ("maxwell_modulus", "kelvin_viscosity")
 SOLVED = ("steady_state_fabric_factor", "critical_strain_grain_size", "critical_strain_fabric")
 
 
-class ValleyUnsuited(Exception):  # noqa: N818 - an outcome with a reason, not an error
-    """The valley coordinates do not apply; the message says why."""
+class ValleyChart(Chart[ConstantRateExperiment]):
+    """The valley coordinates, whose origin is at conditional medians given the mode."""
+
+    name = "valley"
+    solved = SOLVED
+
+    def reference(self, test: AtMode[ConstantRateExperiment]) -> tuple[ValleyReference, FloatArray]:
+        """Set the pins (`find_valley`); the mode lies at the origin."""
+        return find_valley(test), np.zeros_like(test.mode.coordinate)
+
+    def rescaled(
+        self,
+        reference: ValleyReference,
+        test: AtMode[ConstantRateExperiment],
+        covariance: FloatArray,
+    ) -> ValleyReference:
+        """Let widths grow with the noise (`noise_exponents`)."""
+        exponents = noise_exponents(test.coordinates, test.priors, covariance)
+        return replace(reference, noise_exponent=exponents)
+
+    def block(self, reference: ValleyReference) -> StanData:
+        """Return the block `stan/data/valley.stan`."""
+        return valley_block(reference)
 
 
-def find_valley(
-    experiment: ConstantRateExperiment, priors: PriorSet, mode: Mode, *, solver: SolverOptions
-) -> ValleyReference:
+def find_valley(test: AtMode[ConstantRateExperiment]) -> ValleyReference:
     """Set the pins along the solution at the posterior mode.
 
     Parameters
     ----------
-    experiment : ConstantRateExperiment
-        A test with data.
-    priors : PriorSet
-        Resolved priors.
-    mode : Mode
-        Their posterior mode.
-    solver : SolverOptions
-        Tolerance and step limit.
+    test : AtMode
+        A test with data at its mode.
 
     Raises
     ------
-    ValleyUnsuited
+    ChartUnsuited
         If the priors or the record do not fit the coordinates.
     """
-    if variant_of(priors, experiment).grain_size == "piezometric":
-        raise ValleyUnsuited("the grain size follows a piezometer")
-    coordinates = plain_coordinates(experiment, priors)
-    _check_priors(priors, coordinates)
-    values = mode.values
-    observed = solve(experiment, values, np.unique(experiment.strain), solver=solver)
+    experiment, mode, coordinates = test.experiment, test.mode, test.coordinates
+    if variant_of(test.priors, experiment).grain_size == "piezometric":
+        raise ChartUnsuited("the grain size follows a piezometer")
+    _check_priors(test.priors, coordinates)
+    observed = test.solution(np.unique(experiment.strain))
     flowing = np.isin(
         experiment.strain,
         observed["grid_strain"][observed["grid_dashpot_share"] >= FLOWING_SHARE],
     )
     n_flowing = int(flowing.sum())
     if n_flowing < MIN_FLOWING_POINTS:
-        raise ValleyUnsuited(
+        raise ChartUnsuited(
             f"only {n_flowing} points lie where the dashpot flows, {MIN_FLOWING_POINTS} are needed"
         )
     quantiles = (np.arange(N_PINS) + 0.5) / N_PINS
     pin_strain = np.unique(np.quantile(experiment.strain[flowing], quantiles))
-    knots = solve(experiment, values, _knot_strain(experiment, pin_strain), solver=solver)
+    knots = test.solution(_knot_strain(experiment, pin_strain))
     pin_knot = np.searchsorted(knots["grid_strain"], pin_strain)
     segment = np.searchsorted(
         [s.start_strain for s in experiment.segments[1:]], pin_strain, side="left"
     )
     rate = np.array([s.strain_rate for s in experiment.segments])[segment]
     stress = knots["grid_stress"][pin_knot]
-    relative_noise = values["stress_noise"] / stress
+    relative_noise = mode.values["stress_noise"] / stress
     weights = [
         n_flowing / pin_strain.size / np.maximum(relative_noise, least) ** 2
         for least in LEAST_RELATIVE_NOISE
@@ -158,9 +171,9 @@ def _check_priors(priors: PriorSet, coordinates: PlainCoordinates) -> None:
     for name in SOLVED:
         prior = priors[name]
         if prior.is_fixed or not np.isfinite([prior.lower, prior.upper]).all():
-            raise ValleyUnsuited(f"{name} is not free between two finite bounds")
+            raise ChartUnsuited(f"{name} is not free between two finite bounds")
     if coordinates.replaced_parameter is None:
-        raise ValleyUnsuited("neither Q_M nor beta leaves its place to the reference stress")
+        raise ChartUnsuited("neither Q_M nor beta leaves its place to the reference stress")
 
 
 def _knot_strain(experiment: ConstantRateExperiment, pin_strain: FloatArray) -> FloatArray:

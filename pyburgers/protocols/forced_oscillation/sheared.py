@@ -7,8 +7,9 @@ on it, not its result.
 import numpy as np
 import numpy.typing as npt
 
-from pyburgers.cmdstan.program import Program
-from pyburgers.model.priors import Prior, PriorSet
+from pyburgers.model.priors import Prior
+from pyburgers.protocols.chart import AtMode, Chart, ChartUnsuited, Mode
+from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.protocols.stan_data import (
     PLAIN,
     PlainCoordinates,
@@ -16,8 +17,6 @@ from pyburgers.protocols.stan_data import (
     StanData,
     sheared_block,
 )
-from pyburgers.sampling.metric import curvature_at
-from pyburgers.sampling.mode import Mode
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -31,31 +30,31 @@ UNINFORMED_SLOPE = np.array([0.0, 0.0, 1.0])
 """The flow at the grain size half way through the record, whatever n."""
 
 
-class ShearedUnsuited(Exception):  # noqa: N818 - an outcome with a reason, not an error
-    """The sheared coordinates do not apply; the message says why."""
+class ShearedChart(Chart[OscillationExperiment]):
+    """The sheared coordinates."""
+
+    name = "sheared"
+    curvature_tolerance = 1e-7
+    """At tolerances as loose as those for sampling, the error of the solver can be as large as
+    differences of gradients where the dashpot carries most of the load: at 1e-4 slopes of the flow
+    rate came out 50 times too large."""
+
+    def reference(self, test: AtMode[OscillationExperiment]) -> tuple[ShearedReference, FloatArray]:
+        """Set the shifts (`find_sheared`)."""
+        return find_sheared(test)
+
+    def block(self, reference: ShearedReference) -> StanData:
+        """Return the block `stan/data/sheared.stan`."""
+        return sheared_block(reference)
 
 
-def find_sheared(
-    model: Program,
-    data: StanData,
-    priors: PriorSet,
-    coordinates: PlainCoordinates,
-    mode: Mode,
-) -> tuple[ShearedReference, FloatArray]:
+def find_sheared(test: AtMode[OscillationExperiment]) -> tuple[ShearedReference, FloatArray]:
     """Set the shifts so that the flow rate is as independent of n, p and epsilon_c1 as can be.
 
     Parameters
     ----------
-    model : Program
-        The program for oscillating tests.
-    data : dict
-        Its data in plain coordinates.
-    priors : PriorSet
-        Resolved priors.
-    coordinates : PlainCoordinates
-        What the plain coordinates stand for.
-    mode : Mode
-        The posterior mode.
+    test : AtMode
+        A test with data at its mode.
 
     Returns
     -------
@@ -66,39 +65,32 @@ def find_sheared(
 
     Raises
     ------
-    ShearedUnsuited
+    ChartUnsuited
         If the priors or the record do not fit the coordinates.
     """
+    priors, coordinates = test.priors, test.coordinates
     replaced = coordinates.replaced_parameter
     if replaced is None:
-        raise ShearedUnsuited("neither Q_M nor beta leaves its place to the flow rate")
+        raise ChartUnsuited("neither Q_M nor beta leaves its place to the flow rate")
     beta = priors["beta"]
     if replaced == "activation_enthalpy" and not beta.is_fixed:
         for prior in (beta, priors[replaced]):
             if not _is_unbounded_normal(prior):
-                raise ShearedUnsuited(f"the prior of {prior.parameter} is not an unbounded normal")
-    if data["storage_compliance"] <= 0 or data["loss_compliance"] <= 0:
-        raise ShearedUnsuited("the observed stress is not ahead of the strain by 0 to 90 degrees")
+                raise ChartUnsuited(f"the prior of {prior.parameter} is not an unbounded normal")
+    if test.data["storage_compliance"] <= 0 or test.data["loss_compliance"] <= 0:
+        raise ChartUnsuited("the observed stress is not ahead of the strain by 0 to 90 degrees")
     reference = ShearedReference(
-        _flow_slope(model, data, coordinates, mode, coordinates.parameters.index(replaced)),
-        np.array([mode.values[name] for name in SHIFTED_BY]),
+        _flow_slope(test, coordinates.parameters.index(replaced)),
+        np.array([test.mode.values[name] for name in SHIFTED_BY]),
     )
-    block = {**data, **sheared_block(reference), "coordinate_system": PLAIN}
-    centre = model.evaluate(block, _position(mode))["sheared_coordinate"]
-    return reference, np.atleast_1d(centre)
+    block = {**sheared_block(reference), "coordinate_system": PLAIN}
+    return reference, np.atleast_1d(test.generated(**block)["sheared_coordinate"])
 
 
-def _flow_slope(
-    model: Program,
-    data: StanData,
-    coordinates: PlainCoordinates,
-    mode: Mode,
-    flow: int,
-) -> FloatArray:
+def _flow_slope(test: AtMode[OscillationExperiment], flow: int) -> FloatArray:
     """Slopes of `ShearedReference` at the mode; `flow` is the flow rate's place."""
-    likelihood = curvature_at(model, data, mode.coordinate) - curvature_at(
-        model, {**data, "use_likelihood": 0}, mode.coordinate
-    )
+    coordinates, mode = test.coordinates, test.mode
+    likelihood = test.curvature() - test.curvature(use_likelihood=0)
     if likelihood[flow, flow] < LEAST_INFORMATION:
         return UNINFORMED_SLOPE
     slope = -likelihood[flow] / likelihood[flow, flow] * coordinates.scale[flow]
@@ -107,7 +99,7 @@ def _flow_slope(
         for name in SHIFTED_BY
         if name in coordinates.parameters
     }
-    growth = model.evaluate(data, _position(mode))
+    growth = test.generated()
     # Of p ln(d/d_0); zero where the flow law or the piezometer leaves nothing to grow.
     of_growth = mode.values["grain_size_exponent"] * float(growth["typical_growth_slope"])
     by_growth = (
@@ -121,11 +113,6 @@ def _flow_slope(
             by_growth,
         ]
     )
-
-
-def _position(mode: Mode) -> dict[str, object]:
-    """Parameters block at the mode, in plain coordinates."""
-    return {"coordinate": mode.coordinate.tolist()}
 
 
 def _is_unbounded_normal(prior: Prior) -> bool:

@@ -1,22 +1,29 @@
-"""Experiment files of any protocol."""
+"""Every protocol, and experiment files of any of them."""
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Literal
+from types import MappingProxyType
+from typing import Any
 
 from pydantic import ConfigDict, Field
 
+from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, read_toml
-from pyburgers.protocols.constant_rate.experiment import (
-    ConstantRateExperiment,
-    load_constant_rate,
-    save_constant_rate,
-)
+from pyburgers.protocols.constant_rate.protocol import CONSTANT_RATE
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.forced_oscillation.experiment import (
-    OscillationExperiment,
-    load_forced_oscillation,
-    save_forced_oscillation,
+from pyburgers.protocols.forced_oscillation.protocol import FORCED_OSCILLATION
+from pyburgers.protocols.protocol import Protocol
+
+PROTOCOLS: Mapping[str, Protocol[Any]] = MappingProxyType(
+    {
+        protocol.name: protocol
+        for protocol in (
+            CONSTANT_RATE,
+            FORCED_OSCILLATION,
+        )
+    }
 )
+"""By their names in files."""
 
 
 class _ProtocolTable(Table):
@@ -24,7 +31,12 @@ class _ProtocolTable(Table):
 
     model_config = ConfigDict(extra="ignore")
 
-    protocol: Literal["constant_rate", "forced_oscillation"] = Field(description="the kind of test")
+    protocol: str = Field(description="the kind of test")
+
+
+def protocol_of(experiment: Experiment) -> Protocol[Any]:
+    """Return the protocol of a test."""
+    return PROTOCOLS[experiment.protocol]
 
 
 def load_experiment(path: str | Path) -> Experiment:
@@ -48,11 +60,14 @@ def load_experiment(path: str | Path) -> Experiment:
         If a file, key, unit or number is not what it has to be.
     """
     path = Path(path)
-    match read_toml(path, _ProtocolTable).protocol:
-        case "constant_rate":
-            return load_constant_rate(path)
-        case "forced_oscillation":
-            return load_forced_oscillation(path)
+    name = read_toml(path, _ProtocolTable).protocol
+    if name not in PROTOCOLS:
+        expected = " or ".join(map(repr, PROTOCOLS))
+        raise InputError(
+            f"{path}: key 'protocol': found {name!r}, expected {expected} (the kind of test)."
+        )
+    experiment: Experiment = PROTOCOLS[name].load(path)
+    return experiment
 
 
 def save_experiment(experiment: Experiment, directory: Path) -> Path:
@@ -72,9 +87,4 @@ def save_experiment(experiment: Experiment, directory: Path) -> Path:
     Path
         The TOML file, ``experiment.toml``.
     """
-    match experiment:
-        case ConstantRateExperiment():
-            return save_constant_rate(experiment, directory)
-        case OscillationExperiment():
-            return save_forced_oscillation(experiment, directory)
-    raise TypeError(f"no file format for {type(experiment).__name__}")
+    return protocol_of(experiment).save(experiment, directory)

@@ -7,12 +7,15 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 import xarray as xr
+from markupsafe import Markup
 
 from pyburgers.common.draws import all_draws, central_band, evenly_spaced
 from pyburgers.common.errors import InputError
-from pyburgers.fitting.fit import Fit
+from pyburgers.drawing.page_parts import PageTable
+from pyburgers.model.display import STRESS_FACTOR, STRESS_UNIT, rounded
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.protocols.forced_oscillation.harmonics import fit_harmonics
+from pyburgers.protocols.protocol import FittedTest
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -54,7 +57,7 @@ class PredictedResponse:
     lag: FloatArray
 
 
-def oscillation_of(fit: Fit) -> OscillationExperiment:
+def oscillation_of(fit: FittedTest) -> OscillationExperiment:
     """Return the experiment of a fit, which has to be a forced oscillation test.
 
     Raises
@@ -88,12 +91,12 @@ def observed_response(experiment: OscillationExperiment) -> ObservedResponse:
     )
 
 
-def predicted_response(fit: Fit) -> PredictedResponse:
+def predicted_response(fit: FittedTest) -> PredictedResponse:
     """Return amplitude and lag of the model's stress, without noise.
 
     Parameters
     ----------
-    fit : Fit
+    fit : FittedTest
         Of a forced oscillation test; at most `ANALYSED_CURVES` of its draws are taken.
 
     Raises
@@ -106,12 +109,12 @@ def predicted_response(fit: Fit) -> PredictedResponse:
     return _response(experiment, stress["time"].to_numpy(), stress)
 
 
-def replicated_response(fit: Fit) -> PredictedResponse:
+def replicated_response(fit: FittedTest) -> PredictedResponse:
     """Return amplitude and lag of replicated data, as they would be found in a new record.
 
     Parameters
     ----------
-    fit : Fit
+    fit : FittedTest
         Of a forced oscillation test; at most `ANALYSED_CURVES` of its draws are taken.
 
     Raises
@@ -125,12 +128,12 @@ def replicated_response(fit: Fit) -> PredictedResponse:
     return _response(experiment, prepared.time, stress, prepared.uncertainty)
 
 
-def stress_spread(fit: Fit) -> tuple[float, float]:
+def stress_spread(fit: FittedTest) -> tuple[float, float]:
     """Spread of the oscillation in the predicted stress, without noise, over the posterior.
 
     Parameters
     ----------
-    fit : Fit
+    fit : FittedTest
         Of a forced oscillation test.
 
     Returns
@@ -149,12 +152,12 @@ def stress_spread(fit: Fit) -> tuple[float, float]:
     return float(of_amplitude), float(response.lag.std(ddof=1))
 
 
-def response_table(fit: Fit) -> pd.DataFrame:
+def response_table(fit: FittedTest) -> pd.DataFrame:
     """Compare the observed amplitude and lag with what replicated data have.
 
     Parameters
     ----------
-    fit : Fit
+    fit : FittedTest
         Of a forced oscillation test.
 
     Returns
@@ -191,6 +194,61 @@ def response_table(fit: Fit) -> pd.DataFrame:
             "inside": low <= value <= high,
         }
     return pd.DataFrame.from_dict(table, orient="index").rename_axis("quantity")
+
+
+def response_page_table(fit: FittedTest) -> PageTable:
+    """Return `response_table` as what a page shows."""
+    table = response_table(fit)
+    verdict = (
+        "Amplitude and phase lag of the record are inside the central 90 % of those of the "
+        "replicated data."
+        if table["inside"].all()
+        else "<b>The record is outside the central 90 % of the replicated data where the table "
+        "says so: look at the residuals.</b>"
+    )
+    return PageTable(
+        "response",
+        "Amplitude and phase lag of the stress",
+        shown_response_table(table),
+        table.reset_index(),
+        text=Markup(
+            "What a fit of harmonics and a trend finds in the record, and in replicated data: "
+            "solutions for draws from the posterior with noise added at the times of the readings. "
+            + verdict
+        ),
+        words=("quantity", "unit"),
+        bad={"in 90 % band": [not inside for inside in table["inside"]]},
+    )
+
+
+def shown_response_table(response: pd.DataFrame) -> pd.DataFrame:
+    """Return a `response_table` as text in display units."""
+    shown = {
+        "amplitude": ("amplitude of the stress", STRESS_UNIT, STRESS_FACTOR),
+        "lag": ("phase lag of the strain", "degrees", float(np.degrees(1.0))),
+    }
+    rows = []
+    for name, row in response.iterrows():
+        label, unit, factor = shown[str(name)]
+        error = row["standard_error"] * factor
+        rows.append(
+            {
+                "quantity": label,
+                "unit": unit,
+                "observed": rounded(row["observed"] * factor, error),
+                "standard error": rounded(error, error),
+                **{
+                    heading: rounded(row[key] * factor, error)
+                    for heading, key in (
+                        ("replicated: median", "median"),
+                        ("5 %", "q5"),
+                        ("95 %", "q95"),
+                    )
+                },
+                "in 90 % band": "yes" if row["inside"] else "NO",
+            }
+        )
+    return pd.DataFrame(rows)
 
 
 def _response(

@@ -1,0 +1,170 @@
+"""Tests at piecewise constant strain rate as a protocol."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+import numpy.typing as npt
+from markupsafe import Markup
+
+from pyburgers.drawing.panels import FittedCurve
+from pyburgers.model.display import STRAIN_FACTOR, STRAIN_UNIT, STRESS_FACTOR, STRESS_UNIT
+from pyburgers.model.parameters import REFERENCE_STRESS_QUANTITY
+from pyburgers.protocols.constant_rate.experiment import (
+    ConstantRateExperiment,
+    load_constant_rate,
+    save_constant_rate,
+    strain_grid,
+)
+from pyburgers.protocols.constant_rate.figures import CONSTANT_RATE_FIGURES, fitted_curve
+from pyburgers.protocols.constant_rate.valley import ValleyChart
+from pyburgers.protocols.protocol import FittedTest, Protocol, Quantity
+from pyburgers.protocols.stan_data import StanData, experiment_block
+
+FloatArray = npt.NDArray[np.float64]
+
+
+class ConstantRate(Protocol[ConstantRateExperiment]):
+    """Strain is imposed at rates that change in steps; the response is the stress along it."""
+
+    name = "constant_rate"
+    clock = Quantity("strain", "strain", "1", STRAIN_UNIT, STRAIN_FACTOR)
+    response = Quantity("stress", "stress_Pa", "Pa", STRESS_UNIT, STRESS_FACTOR)
+    noise = "stress_noise"
+    reference = REFERENCE_STRESS_QUANTITY
+    grid_quantities = MappingProxyType(
+        {
+            "grid_stress": ("stress", "Pa"),
+            "grid_stress_replicated": ("stress_replicated", "Pa"),
+            "grid_kelvin_strain": ("kelvin_strain", "1"),
+            "grid_grain_size": ("grain_size", "m"),
+            "grid_fabric_factor": ("fabric_factor", "1"),
+            "grid_grain_size_softening": ("grain_size_softening", "1"),
+            "grid_fabric_softening": ("fabric_softening", "1"),
+        }
+    )
+    warmup = 300
+    target_acceptance = 0.96
+    chart = ValleyChart()
+    gives_log_density = True
+    figures = CONSTANT_RATE_FIGURES
+    reference_text = Markup(
+        "The reference stress <i>S</i><sub>0</sub>, at which the undeformed material flows at the "
+        "first imposed rate, follows from the other parameters, and so does its prior."
+    )
+
+    def load(self, path: Path) -> ConstantRateExperiment:
+        """Read a test (`load_constant_rate`)."""
+        return load_constant_rate(path)
+
+    def save(self, experiment: ConstantRateExperiment, directory: Path) -> Path:
+        """Write a test (`save_constant_rate`)."""
+        return save_constant_rate(experiment, directory)
+
+    def without_data(self, experiment: ConstantRateExperiment) -> ConstantRateExperiment:
+        """Return the test without its points."""
+        return replace(experiment, strain=np.empty(0), stress=np.empty(0))
+
+    def experiment_data(
+        self, experiment: ConstantRateExperiment, *, use_likelihood: bool
+    ) -> StanData:
+        """Return imposed rates and points."""
+        return experiment_block(experiment, use_likelihood=use_likelihood)
+
+    def prediction_grid(self, experiment: ConstantRateExperiment) -> FloatArray:
+        """Return strains, denser at each segment's start."""
+        shape = np.union1d(np.geomspace(2e-3, 1.0, 30), np.linspace(0.0, 1.0, 31)[1:])
+        return strain_grid(experiment, shape)
+
+    def output_grid(self, experiment: ConstantRateExperiment) -> FloatArray:
+        """Return strains, dense where stress first rises."""
+        shape = np.union1d(np.geomspace(1e-4, 1.0, 120), np.linspace(0.0, 1.0, 101)[1:])
+        return np.union1d(strain_grid(experiment, shape), experiment.strain)
+
+    def solved_positions(self, data: StanData, at: FloatArray) -> FloatArray:
+        """Return the wanted strains and those of rate steps."""
+        return np.array(data["grid_strain"])
+
+    def solution(
+        self, experiment: ConstantRateExperiment, draw: Mapping[str, FloatArray]
+    ) -> dict[str, FloatArray]:
+        """Return the solution along strain."""
+        return {
+            "time_s": experiment.time_at(draw["grid_strain"]),
+            "strain": draw["grid_strain"],
+            "stress_Pa": draw["grid_stress"],
+            "kelvin_strain": draw["grid_kelvin_strain"],
+            "grain_size_m": draw["grid_grain_size"],
+            "fabric_factor": draw["grid_fabric_factor"],
+        }
+
+    def observed_positions(
+        self, experiment: ConstantRateExperiment
+    ) -> dict[str, tuple[FloatArray, str]]:
+        """Return strains, and times since the start."""
+        strain = experiment.strain
+        return {"strain": (strain, "1"), "time": (experiment.time_at(strain), "s")}
+
+    def with_noise(
+        self,
+        experiment: ConstantRateExperiment,
+        response: FloatArray,
+        values: Mapping[str, float],
+        rng: np.random.Generator,
+    ) -> ConstantRateExperiment:
+        """Put stresses with residuals, which may correlate along strain, in the place of others."""
+        return replace(
+            experiment, stress=response + _draw_residuals(experiment.strain, values, rng)
+        )
+
+    def without_point(
+        self, experiment: ConstantRateExperiment, point: int
+    ) -> ConstantRateExperiment:
+        """Return the curve without a point."""
+        return replace(
+            experiment,
+            strain=np.delete(experiment.strain, point),
+            stress=np.delete(experiment.stress, point),
+        )
+
+    def curve(self, fit: FittedTest) -> FittedCurve:
+        """Return the stress-strain curve."""
+        return fitted_curve(fit)
+
+    def facts(self, experiment: ConstantRateExperiment) -> Sequence[tuple[str, str]]:
+        """Return imposed rates and number of points."""
+        rates = [
+            Markup("{} × 10<sup>{}</sup> s<sup>−1</sup> from {:.3g} % strain").format(
+                *_mantissa_and_exponent(segment.strain_rate), segment.start_strain * STRAIN_FACTOR
+            )
+            for segment in experiment.segments
+        ]
+        end = experiment.final_strain * STRAIN_FACTOR
+        return (
+            ("Strain rate", Markup("; ").join(rates)),
+            ("Points", f"{experiment.n_points}, test ends at {end:.3g} % strain"),
+        )
+
+
+def _mantissa_and_exponent(number: float) -> tuple[str, str]:
+    mantissa, exponent = f"{number:.2e}".split("e")
+    return mantissa, str(int(exponent)).replace("-", "−")
+
+
+def _draw_residuals(
+    strain: FloatArray, values: Mapping[str, float], rng: np.random.Generator
+) -> FloatArray:
+    """Residuals (Pa), shape (n_points,), as `stan/functions/residuals.stan` describes them."""
+    residual: FloatArray = values["stress_noise"] * rng.standard_normal(strain.size)
+    correlation_strain = values.get("residual_correlation_strain", 0.0)
+    if correlation_strain > 0:
+        step = np.diff(strain) / correlation_strain
+        correlation, spread = np.exp(-step), np.sqrt(-np.expm1(-2 * step))
+        for k in range(1, strain.size):
+            residual[k] = correlation[k - 1] * residual[k - 1] + spread[k - 1] * residual[k]
+    return residual
+
+
+CONSTANT_RATE = ConstantRate()

@@ -1,0 +1,189 @@
+"""Tests at an oscillating strain rate as a protocol."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+import numpy.typing as npt
+from markupsafe import Markup
+
+from pyburgers.common.errors import InputError
+from pyburgers.drawing.page_parts import PageTable
+from pyburgers.drawing.panels import FittedCurve
+from pyburgers.model.display import STRAIN_FACTOR, STRESS_FACTOR, STRESS_UNIT
+from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
+from pyburgers.protocols.forced_oscillation.experiment import (
+    OscillationExperiment,
+    load_forced_oscillation,
+    save_forced_oscillation,
+)
+from pyburgers.protocols.forced_oscillation.figures import OSCILLATION_FIGURES, fitted_curve
+from pyburgers.protocols.forced_oscillation.preparation import prepare
+from pyburgers.protocols.forced_oscillation.response import response_page_table
+from pyburgers.protocols.forced_oscillation.sheared import ShearedChart
+from pyburgers.protocols.protocol import FittedTest, Protocol, Quantity
+from pyburgers.protocols.stan_data import StanData, oscillation_block
+
+FloatArray = npt.NDArray[np.float64]
+
+FABRIC_OF_OLIVINE = 1.0
+"""Oscillating tests have no fabric evolution (Eq. 5 of the paper)."""
+
+OUTPUTS_PER_CYCLE, PREDICTIONS_PER_CYCLE = 60, 30
+"""Times in a cycle of a smooth curve, and of the predictive bands."""
+
+
+class ForcedOscillation(Protocol[OscillationExperiment]):
+    """Strain oscillates; the response is the stress along time."""
+
+    name = "forced_oscillation"
+    clock = Quantity("time", "time_s", "s", "s", 1.0)
+    response = Quantity("stress", "stress_Pa", "Pa", STRESS_UNIT, STRESS_FACTOR)
+    noise = "stress_noise"
+    reference = REFERENCE_FLOW_RATE_QUANTITY
+    grid_quantities = MappingProxyType(
+        {
+            "grid_oscillating_stress": ("stress", "Pa"),
+            "grid_stress_replicated": ("stress_replicated", "Pa"),
+            "grid_kelvin_strain": ("kelvin_strain", "1"),
+            "grid_grain_size": ("grain_size", "m"),
+            "grid_dashpot_rate": ("dashpot_rate", "1/s"),
+        }
+    )
+    warmup = 250
+    target_acceptance = 0.95
+    chart = ShearedChart()
+    points_together = "a record of oscillations is prepared as a whole"
+    figures = OSCILLATION_FIGURES
+    reference_text = Markup(
+        "The reference flow rate <i>ε̇</i><sub>0</sub>, at which the dashpot flows at the grain "
+        "size of the start and at the bias or the amplitude of the stress, whichever is larger (at "
+        "the amplitude where the background is removed), follows from the other parameters, and so "
+        "does its prior."
+    )
+
+    def load(self, path: Path) -> OscillationExperiment:
+        """Read a test (`load_forced_oscillation`)."""
+        return load_forced_oscillation(path)
+
+    def save(self, experiment: OscillationExperiment, directory: Path) -> Path:
+        """Write a test (`save_forced_oscillation`)."""
+        return save_forced_oscillation(experiment, directory)
+
+    def without_data(self, experiment: OscillationExperiment) -> OscillationExperiment:
+        """Return the test as it is: what drives it and what it starts from come from its record."""
+        return experiment
+
+    def experiment_data(
+        self, experiment: OscillationExperiment, *, use_likelihood: bool
+    ) -> StanData:
+        """Return what drives the test, and its points."""
+        return oscillation_block(experiment, use_likelihood=use_likelihood)
+
+    def prediction_grid(self, experiment: OscillationExperiment) -> FloatArray:
+        """Return evenly spaced times."""
+        return _time_grid(experiment, PREDICTIONS_PER_CYCLE)
+
+    def output_grid(self, experiment: OscillationExperiment) -> FloatArray:
+        """Return evenly spaced times and those of the readings."""
+        return np.union1d(_time_grid(experiment, OUTPUTS_PER_CYCLE), experiment.prepared.time)
+
+    def solution(
+        self, experiment: OscillationExperiment, draw: Mapping[str, FloatArray]
+    ) -> dict[str, FloatArray]:
+        """Return the solution; the strain is without its trend where that is removed."""
+        time = draw["grid_time"]
+        return {
+            "time_s": time,
+            "strain": experiment.prepared.strain(time),
+            "stress_Pa": draw["grid_stress"],
+            "kelvin_strain": draw["grid_kelvin_strain"],
+            "grain_size_m": draw["grid_grain_size"],
+            "fabric_factor": np.full_like(time, FABRIC_OF_OLIVINE),
+        }
+
+    def observed_positions(
+        self, experiment: OscillationExperiment
+    ) -> dict[str, tuple[FloatArray, str]]:
+        """Return driving strains and times."""
+        time = experiment.prepared.time
+        return {"strain": (experiment.prepared.strain(time), "1"), "time": (time, "s")}
+
+    def with_noise(
+        self,
+        experiment: OscillationExperiment,
+        response: FloatArray,
+        values: Mapping[str, float],
+        rng: np.random.Generator,
+    ) -> OscillationExperiment:
+        """Put stresses with noise in the place of others, and prepare them as measured ones.
+
+        Period and degrees are those of the test.
+        """
+        template = experiment.prepared
+        noise = values["stress_noise"] * template.relative_uncertainty
+        record = replace(
+            experiment.record,
+            stress_time=template.time,
+            stress=response + noise * rng.standard_normal(response.size),
+            stress_uncertainty=template.uncertainty,
+        )
+        prepared = prepare(record, experiment.settings, experiment.id)
+        return replace(experiment, record=record, prepared=prepared)
+
+    def check_template(self, experiment: OscillationExperiment) -> None:
+        """Refuse a record that keeps its background."""
+        if experiment.settings.background == "kept":
+            raise InputError(
+                f"{experiment.id}: the background is 'kept', expected 'removed': with it the model "
+                "starts from the observed bias, which simulated data do not have before they are "
+                "there."
+            )
+
+    def curve(self, fit: FittedTest) -> FittedCurve:
+        """Return the stress along time."""
+        return fitted_curve(fit)
+
+    def facts(self, experiment: OscillationExperiment) -> Sequence[tuple[str, str]]:
+        """Return period, amplitude, treatment of the background, cycles and number of points."""
+        prepared = experiment.prepared
+        degrees = prepared.strain_fit.degree, prepared.stress_fit.degree
+        background = (
+            f"kept: the rate of the strain's trend (polynomial of degree {degrees[0]}) drives the "
+            "model too, and the stress keeps its bias and drift"
+            if prepared.background == "kept"
+            else f"removed: polynomial trends of strain (degree {degrees[0]}) and stress (degree "
+            f"{degrees[1]}), constants included, are subtracted"
+        )
+        cycles = (prepared.time[-1] - prepared.start) / prepared.period
+        amplitude, _ = prepared.strain_fit.amplitude()
+        return (
+            ("Period", f"{prepared.period:g} s"),
+            ("Strain amplitude", f"{amplitude * STRAIN_FACTOR:.3g} %"),
+            ("Background", background),
+            (
+                "Cycles",
+                f"{cycles:.1f} on record, {experiment.spin_up_cycles} of spin-up ahead of it",
+            ),
+            (
+                "Points",
+                f"{experiment.n_points} stresses; {experiment.record.strain.size} strains give the "
+                "driving strain rate",
+            ),
+        )
+
+    def tables(self, fit: FittedTest) -> tuple[PageTable, ...]:
+        """Return amplitude and phase lag of the stress, of the record and replicated."""
+        return (response_page_table(fit),)
+
+
+def _time_grid(experiment: OscillationExperiment, per_cycle: int) -> FloatArray:
+    """Evenly spaced times (s) from the start of a record to its last stress reading."""
+    prepared = experiment.prepared
+    start, end = prepared.start, float(prepared.time[-1])
+    return np.linspace(start, end, round(per_cycle * (end - start) / prepared.period) + 1)
+
+
+FORCED_OSCILLATION = ForcedOscillation()

@@ -1,0 +1,230 @@
+"""What the package asks of a kind of test; everything else about it stays in its own folder.
+
+To add a protocol: a folder with an object of a class derived from `Protocol`, and its line in
+`pyburgers.protocols.registry`.
+"""
+
+import typing
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar, Generic, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+from markupsafe import Markup
+
+from pyburgers.cmdstan.program import stan_directory
+from pyburgers.common.errors import InputError
+from pyburgers.drawing.page_parts import FigureRecipe, PageTable
+from pyburgers.drawing.panels import FittedCurve
+from pyburgers.model.parameters import Parameter
+from pyburgers.model.priors import PriorSet
+from pyburgers.protocols.chart import Chart
+from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.stan_data import SolverOptions, StanData
+
+FloatArray = npt.NDArray[np.float64]
+
+E = TypeVar("E", bound=Experiment)
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A quantity along which, or of which, tests of a protocol are.
+
+    Attributes
+    ----------
+    name : str
+        Name of its dimension or variable in draws.
+    column : str
+        Its column in tables of solutions and points.
+    si_unit, display_unit : str
+        Of stored values, and of figures and tables.
+    display_factor : float
+        From the one to the other.
+    """
+
+    name: str
+    column: str
+    si_unit: str
+    display_unit: str
+    display_factor: float
+
+    @property
+    def label(self) -> str:
+        """Name and display unit."""
+        return f"{self.name} ({self.display_unit})"
+
+
+class FittedTest(typing.Protocol):
+    """What figures and tables of a protocol are given: a test with its posterior."""
+
+    @property
+    def experiment(self) -> Experiment:
+        """The test."""
+
+    @property
+    def priors(self) -> PriorSet:
+        """Its resolved priors."""
+
+    @property
+    def posterior(self) -> xr.DataTree:
+        """Its labelled draws (`pyburgers.posterior.labelled_draws`)."""
+
+
+class Protocol(ABC, Generic[E]):
+    """A kind of test: how it is read, solved, sampled, simulated and shown.
+
+    Attributes
+    ----------
+    name : str
+        As in experiment files, and of the Stan program.
+    clock : Quantity
+        Along which the test is driven and solutions are given.
+    response : Quantity
+        What is observed; the program names it in ``NAME_replicated`` and ``grid_NAME``.
+    noise : str
+        Parameter that is the standard deviation of its readings.
+    reference : Parameter
+        Point of the flow law whose logarithm is sampled in place of Q_M or beta.
+    grid_quantities : mapping of str to (str, str)
+        Variables of the program along the clock: name and SI unit in labelled draws.
+    warmup, target_acceptance : int, float
+        Defaults of the sampler: as little as leaves (almost) no divergences.
+    solver : SolverOptions
+        Default of the solver while sampling.
+    chart : Chart or None
+        Coordinates other than the plain ones.
+    gives_log_density : bool
+        Whether the program generates the log density, which marginal likelihoods need.
+    points_together : str or None
+        Why single points cannot be left out; None where they can.
+    figures : tuple of FigureRecipe
+        What a page shows of a fit beside the figures of its posterior, the curve first.
+    reference_text : Markup
+        What the page says about `reference`.
+    """
+
+    name: ClassVar[str]
+    clock: ClassVar[Quantity]
+    response: ClassVar[Quantity]
+    noise: ClassVar[str]
+    reference: ClassVar[Parameter]
+    grid_quantities: ClassVar[Mapping[str, tuple[str, str]]]
+    warmup: ClassVar[int]
+    target_acceptance: ClassVar[float]
+    solver: ClassVar[SolverOptions] = SolverOptions()
+    chart: ClassVar[Chart[Any] | None] = None
+    gives_log_density: ClassVar[bool] = False
+    points_together: ClassVar[str | None] = None
+    figures: ClassVar[tuple[FigureRecipe[FittedTest], ...]]
+    reference_text: ClassVar[Markup]
+
+    @property
+    def program(self) -> Path:
+        """Path of its Stan program."""
+        return stan_directory() / f"{self.name}.stan"
+
+    @property
+    def charts(self) -> tuple[str, ...]:
+        """Names of the coordinates that its tests can be sampled in."""
+        return ("plain",) if self.chart is None else ("plain", self.chart.name)
+
+    @abstractmethod
+    def load(self, path: Path) -> E:
+        """Read and check an experiment file and the data files that it names."""
+
+    @abstractmethod
+    def save(self, experiment: E, directory: Path) -> Path:
+        """Write a self-contained copy in SI units that `load` reads back; return the TOML file."""
+
+    @abstractmethod
+    def without_data(self, experiment: E) -> E:
+        """Return the test as one that can only be simulated, as far as the program allows it."""
+
+    @abstractmethod
+    def experiment_data(self, experiment: E, *, use_likelihood: bool) -> StanData:
+        """Return the data of the program that are about the test alone."""
+
+    @abstractmethod
+    def prediction_grid(self, experiment: E) -> FloatArray:
+        """Positions of the predictive bands on the clock (SI), shape (n,)."""
+
+    @abstractmethod
+    def output_grid(self, experiment: E) -> FloatArray:
+        """Positions of a smooth curve, the observed ones among them (SI), shape (n,)."""
+
+    def solved_positions(self, data: StanData, at: FloatArray) -> FloatArray:
+        """Return where the program gives its solution (SI) when it is asked for positions."""
+        return np.asarray(at)
+
+    @abstractmethod
+    def solution(self, experiment: E, draw: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+        """Return the columns of a solution from the variables of the program and ``grid_CLOCK``.
+
+        They are time_s, strain, stress_Pa, kelvin_strain, grain_size_m and fabric_factor, those of
+        clock and response among them.
+        """
+
+    @abstractmethod
+    def observed_positions(self, experiment: E) -> dict[str, tuple[FloatArray, str]]:
+        """Return where the points lie along the test, by quantity, with its SI unit."""
+
+    @abstractmethod
+    def with_noise(
+        self,
+        experiment: E,
+        response: FloatArray,
+        values: Mapping[str, float],
+        rng: np.random.Generator,
+    ) -> E:
+        """Return the test with responses of the model (SI), and noise, in place of its own.
+
+        Parameters
+        ----------
+        experiment : Experiment
+            What is driven, and positions of the points.
+        response : array, shape (n_points,)
+            Without noise.
+        values : mapping of str to float
+            Parameters, those of the noise among them.
+        rng : Generator
+            Gives the noise.
+        """
+
+    def check_template(self, experiment: E) -> None:
+        """Check that data of a test can be simulated as the program assumes them.
+
+        Raises
+        ------
+        InputError
+            If they cannot.
+        """
+
+    def without_point(self, experiment: E, point: int) -> E:
+        """Return the test without one of its points, counted from 0.
+
+        Raises
+        ------
+        InputError
+            If a point cannot be left out.
+        """
+        raise InputError(
+            f"{experiment.id}: points cannot be left out one by one, expected a comparison without "
+            f"fitting again, because {self.points_together}."
+        )
+
+    @abstractmethod
+    def curve(self, fit: FittedTest) -> FittedCurve:
+        """Return the response of a test along its clock, measured and as a fit has it."""
+
+    @abstractmethod
+    def facts(self, experiment: E) -> Sequence[tuple[str, str]]:
+        """Return what a page says about a test: names and values."""
+
+    def tables(self, fit: FittedTest) -> tuple[PageTable, ...]:
+        """Return what a page has in tables beside those of every fit."""
+        return ()

@@ -6,6 +6,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from pyburgers.common.draws import all_draws
+from pyburgers.common.numbers import number, rounded
 from pyburgers.drawing.panels import draw_band
 from pyburgers.drawing.style import BLUE, GREEN, ORANGE, PURPLE, VERMILION, style
 from pyburgers.flow_law_tables.fit import PeakStressFit
@@ -16,14 +17,12 @@ from pyburgers.model.display import (
     LENGTH_UNIT,
     STRESS_FACTOR,
     STRESS_UNIT,
-    number,
     prior_text,
-    rounded,
     symbol_text,
     unit_text,
 )
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
-from pyburgers.model.priors import Prior
+from pyburgers.model.prior_families import Prior
 
 GROUP_COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE)
 GROUP_MARKERS = ("o", "s", "^", "D", "v")

@@ -21,15 +21,8 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, read_toml, write_toml
 from pyburgers.model.flow_law_prior import Conditions
 from pyburgers.model.parameters import PARAMETER_BY_NAME, Parameter
-from pyburgers.model.priors import (
-    Prior,
-    PriorSet,
-    PriorTable,
-    check_beta,
-    load_prior,
-    save_priors,
-    shipped_prior_file,
-)
+from pyburgers.model.prior_families import PriorTable, check_beta, load_prior
+from pyburgers.model.priors import PriorFile, PriorSet, save_priors, shipped_prior_file
 from pyburgers.protocols.experiment import (
     Provenance,
     ProvenanceTable,
@@ -271,11 +264,8 @@ FLOW_LAW_PARAMETERS: tuple[Parameter, ...] = (
 """Parameters of the fit, in the order of `stan/peak_stress.stan`."""
 
 
-class _RateScatterTable(Table):
+class _RateScatterTable(PriorTable):
     family: Literal["half_normal"] = Field(description="the family of the prior")
-    scale: float = Field(gt=0, description="the spread of the prior")
-    unit: Literal["1"] = Field(description="the unit of the numbers")
-    source: str = Field(min_length=1, description="where the prior comes from")
 
 
 class _ParameterTables(Table):
@@ -286,10 +276,7 @@ class _ParameterTables(Table):
     rate_scatter: _RateScatterTable = Field(description="a half-normal prior")
 
 
-class _PeakStressPriorFile(Table):
-    material: str = Field(min_length=1, description="the material, such as ice")
-    title: str = Field(min_length=1, description="a title for tables and figures")
-    notes: str | None = None
+class _PeakStressPriorFile(PriorFile):
     parameters: _ParameterTables = Field(description="one table for each parameter")
 
 
@@ -309,31 +296,11 @@ def load_peak_stress_priors(path: str | Path) -> PriorSet:
     """
     path = Path(path)
     file = read_toml(path, _PeakStressPriorFile)
-    tables = file.parameters
     priors = {
-        p.name: load_prior(path, p.name, getattr(tables, p.name))
-        for p in FLOW_LAW_PARAMETERS
-        if p != RATE_SCATTER
+        p.name: load_prior(path, p, getattr(file.parameters, p.name)) for p in FLOW_LAW_PARAMETERS
     }
     check_beta(f"{path}: [parameters.beta]", priors["beta"])
-    scatter = tables.rate_scatter
-    priors[RATE_SCATTER.name] = Prior(
-        RATE_SCATTER.name,
-        scatter.family,
-        0.0,
-        scatter.scale,
-        0.0,
-        np.inf,
-        scatter.unit,
-        scatter.source,
-    )
-    return PriorSet(
-        material=file.material,
-        title=file.title,
-        priors=MappingProxyType(priors),
-        name=path.stem,
-        notes=file.notes,
-    )
+    return file.prior_set(path, priors)
 
 
 def save_peak_stress_priors(priors: PriorSet, path: Path) -> None:

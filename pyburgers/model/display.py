@@ -2,9 +2,10 @@
 
 import math
 
+from pyburgers.common.numbers import number
 from pyburgers.common.units import UNITS
 from pyburgers.model.parameters import PARAMETER_BY_NAME, REFERENCE_QUANTITIES, Parameter
-from pyburgers.model.priors import Prior
+from pyburgers.model.prior_families import Prior
 
 STRESS_UNIT, STRESS_FACTOR = "MPa", 1.0 / UNITS["stress"]["MPa"]
 STRAIN_UNIT, STRAIN_FACTOR = "%", 1.0 / UNITS["strain"]["percent"]
@@ -47,33 +48,6 @@ def symbol_text(quantity: Parameter) -> str:
     for command, letter in _GREEK.items():
         text = text.replace(command, letter)
     return text
-
-
-def rounded(value: float, sd: float) -> str:
-    """Return a number with as many decimals as two significant digits of `sd` need.
-
-    Parameters
-    ----------
-    value : float
-        What to print.
-    sd : float
-        Standard deviation in the same unit; without a positive one, four significant digits are
-        printed.
-    """
-    if not (math.isfinite(sd) and sd > 0):
-        return f"{value:.4g}"
-    decimals = max(0, 1 - math.floor(math.log10(sd)))
-    return f"{value:.{decimals}f}"
-
-
-def with_error(value: float, error: float) -> str:
-    """Return a number ± its standard deviation or error, both as `rounded` has them."""
-    return f"{rounded(value, error)} ± {rounded(error, error)}"
-
-
-def number(value: float) -> str:
-    """Return a number as a person wrote it, without the noise of unit conversion."""
-    return f"{value:.6g}"
 
 
 def prior_text(prior: Prior) -> str:

@@ -9,13 +9,15 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
+from pydantic import Field
 
 from pyburgers.common.atomic_files import write_json
 from pyburgers.common.errors import InputError
+from pyburgers.common.toml_files import Table
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -180,20 +182,22 @@ class FlowLawPrior:
 
     def save(self, path: Path) -> None:
         """Write a JSON file; `load` reads back equal contents."""
-        write_json(
-            path,
-            {
-                "material": self.material,
-                "source": self.source,
-                "quantities": list(self.quantities),
-                "mean": self.mean.tolist(),
-                "covariance": self.covariance.tolist(),
-                "conditions": asdict(self.conditions),
-            },
-        )
+        conditions = asdict(self.conditions)
+        others = {key: value for key, value in self.table().items() if key not in conditions}
+        write_json(path, {"material": self.material, **others, "conditions": conditions})
+
+    def table(self) -> dict[str, Any]:
+        """Return what a `FlowLawTable` reads."""
+        return {
+            "source": self.source,
+            "quantities": list(self.quantities),
+            "mean": self.mean.tolist(),
+            "covariance": self.covariance.tolist(),
+            **asdict(self.conditions),
+        }
 
     @classmethod
-    def load(cls, path: str | Path) -> Self:
+    def load(cls, path: str | Path) -> "FlowLawPrior":
         """Read what `save` wrote.
 
         Raises
@@ -203,21 +207,38 @@ class FlowLawPrior:
         """
         try:
             content = json.loads(Path(path).read_text(encoding="utf-8"))
-            prior = cls(
-                quantities=tuple(content["quantities"]),
-                mean=np.array(content["mean"], dtype=np.float64),
-                covariance=np.array(content["covariance"], dtype=np.float64),
-                conditions=Conditions(**content["conditions"]),
-                material=str(content["material"]),
-                source=str(content["source"]),
-            )
+            material = str(content.pop("material"))
+            table = FlowLawTable.model_validate({**content.pop("conditions"), **content})
+            return table.flow_law_prior(material, str(path))
         except OSError as error:
             raise InputError(f"{path}: cannot be read ({error.strerror}).") from error
-        except (ValueError, KeyError, TypeError) as error:
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise InputError(
                 f"{path}: is not a flow law prior, expected what pyburgers fit-peak-stress writes."
             ) from error
-        return prior.checked(str(path))
+
+
+class FlowLawTable(Table):
+    """A `FlowLawPrior` in a file."""
+
+    source: str = Field(min_length=1, description="where the flow law comes from")
+    quantities: list[str] = Field(description="n, p, ln(flow rate s) and beta by their names")
+    mean: list[float] = Field(description="the mean of each quantity, SI")
+    covariance: list[list[float]] = Field(description="the covariance of the quantities, SI")
+    temperature: float = Field(description="of the flow rate, in kelvin")
+    stress: float = Field(description="of the flow rate, in Pa")
+    grain_size: float = Field(description="of the flow rate, in m")
+
+    def flow_law_prior(self, material: str, where: str) -> FlowLawPrior:
+        """Return the flow law of a material, checked; `where` is the file in messages."""
+        return FlowLawPrior(
+            quantities=tuple(self.quantities),
+            mean=np.array(self.mean),
+            covariance=np.array(self.covariance),
+            conditions=Conditions(self.temperature, self.stress, self.grain_size),
+            material=material,
+            source=self.source,
+        ).checked(where)
 
 
 def _is_covariance(matrix: FloatArray) -> bool:

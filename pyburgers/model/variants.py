@@ -18,15 +18,8 @@ from pydantic import Field
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, nearest, read_toml
 from pyburgers.model.parameters import KELVIN_REFERENCES, PARAMETER_BY_NAME, PROGRAM_PARAMETERS
-from pyburgers.model.priors import (
-    Prior,
-    PriorSet,
-    PriorTable,
-    fixed_prior,
-    is_fixed_at,
-    load_prior,
-    shipped_prior_files,
-)
+from pyburgers.model.prior_families import Prior, PriorTable, fixed_prior, is_fixed_at, load_prior
+from pyburgers.model.priors import PriorSet, shipped_prior_files
 
 REFERENCE_STRESS_SHARE = 0.25
 """Driving stress for which the viscosity of a power-law Kelvin dashpot is given, over the largest
@@ -411,4 +404,6 @@ def _free_priors() -> Mapping[str, Prior]:
     """Priors of parameters that a variant frees, as shipped."""
     path = shipped_prior_files("variants")["free_parameters"]
     tables: dict[str, Any] = read_toml(path, _FreeParametersFile).parameters
-    return MappingProxyType({name: load_prior(path, name, table) for name, table in tables.items()})
+    return MappingProxyType(
+        {name: load_prior(path, PARAMETER_BY_NAME[name], table) for name, table in tables.items()}
+    )

@@ -31,9 +31,10 @@ import xarray as xr
 
 from pyburgers.common.atomic_files import write_atomically
 from pyburgers.common.errors import InputError
+from pyburgers.common.numbers import number
 from pyburgers.common.units import UNITS
 from pyburgers.fitting.fit import Fit
-from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT, STRESS_UNIT, number
+from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT, STRESS_UNIT
 from pyburgers.model.parameters import KELVIN_REFERENCES, STANDARD_VALUES
 from pyburgers.predictions.stress_cycles import (
     DRAW_DIMENSIONS,

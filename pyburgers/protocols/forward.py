@@ -19,7 +19,8 @@ from pyburgers.model.parameters import (
     PROGRAM_PARAMETERS,
     STANDARD_VALUES,
 )
-from pyburgers.model.priors import MAY_BE_ZERO, PriorSet, fixed_prior
+from pyburgers.model.prior_families import MAY_BE_ZERO, fixed_prior
+from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.experiment import Experiment, Provenance
 from pyburgers.protocols.registry import protocol_of
 from pyburgers.protocols.stan_data import SolverOptions, program_data

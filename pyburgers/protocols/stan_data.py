@@ -22,7 +22,8 @@ from pyburgers.model.parameters import (
     REFERENCE_STRESS_QUANTITY,
     Parameter,
 )
-from pyburgers.model.priors import FLOW_LAW, Prior, PriorSet
+from pyburgers.model.prior_families import Prior
+from pyburgers.model.priors import FLOW_LAW, PriorSet
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment

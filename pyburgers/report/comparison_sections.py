@@ -13,6 +13,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from pyburgers.common.draws import all_draws
+from pyburgers.common.numbers import with_error
 from pyburgers.comparison.by_points import compare
 from pyburgers.comparison.by_tests import ComparisonByTest, compare_kept_by_test
 from pyburgers.comparison.figures import (
@@ -43,7 +44,6 @@ from pyburgers.model.display import (
     axis_label,
     shown_quantity,
     unit_text,
-    with_error,
 )
 from pyburgers.model.flow_law_prior import FlowLawPrior
 from pyburgers.model.priors import FLOW_LAW

@@ -10,20 +10,14 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from pyburgers.common.draws import BAND, TAIL, all_draws
+from pyburgers.common.numbers import number, with_error
 from pyburgers.comparison.same_data import fits_alone
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.drawing.panels import draw_curve, legend_above
 from pyburgers.drawing.style import BLUE, VERMILION, few_ticks, style
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.joint_fit import JointFit
-from pyburgers.model.display import (
-    axis_label,
-    number,
-    shown_quantity,
-    symbol_text,
-    unit_text,
-    with_error,
-)
+from pyburgers.model.display import axis_label, shown_quantity, symbol_text, unit_text
 from pyburgers.model.parameters import REFERENCE_STRESS_QUANTITY
 from pyburgers.posterior.joint_labelled_draws import own_name
 from pyburgers.protocols.registry import protocol_of

@@ -17,6 +17,7 @@ from matplotlib.patches import Patch
 from scipy import ndimage, stats
 
 from pyburgers.common.draws import all_draws, evenly_spaced
+from pyburgers.common.numbers import number
 from pyburgers.drawing.page_parts import FigureRecipe
 from pyburgers.drawing.style import (
     BLACK,
@@ -30,9 +31,9 @@ from pyburgers.drawing.style import (
     few_ticks,
     style,
 )
-from pyburgers.model.display import axis_label, number, shown_quantity, unit_text
+from pyburgers.model.display import axis_label, shown_quantity, unit_text
 from pyburgers.model.parameters import Parameter
-from pyburgers.model.priors import Prior
+from pyburgers.model.prior_families import Prior
 from pyburgers.posterior.labelled_draws import free_parameters
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.protocol import FittedTest

@@ -12,17 +12,10 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.checks.fit_checks import CheckResult
+from pyburgers.common.numbers import number, rounded, with_error
 from pyburgers.drawing.page_parts import PageTable
 from pyburgers.fitting.fit import Fit, is_joint
-from pyburgers.model.display import (
-    number,
-    prior_text,
-    rounded,
-    shown_quantity,
-    symbol_text,
-    unit_text,
-    with_error,
-)
+from pyburgers.model.display import prior_text, shown_quantity, symbol_text, unit_text
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.registry import protocol_of

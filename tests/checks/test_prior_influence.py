@@ -25,7 +25,8 @@ from pyburgers.checks.prior_influence import (
 )
 from pyburgers.fitting.fit import fit
 from pyburgers.model.parameters import PARAMETER_BY_NAME
-from pyburgers.model.priors import Prior, PriorSet
+from pyburgers.model.prior_families import Prior
+from pyburgers.model.priors import PriorSet
 
 FloatArray = npt.NDArray[np.float64]
 N_DRAWS = 20_000

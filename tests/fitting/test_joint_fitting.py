@@ -6,31 +6,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import SMALL_RUN, Problem, pair_of
+from conftest import POOL, SMALL_RUN, Problem, copy_of, pair_of
 from figure_texts import legend_texts
 
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.same_data import fits_alone
-from pyburgers.fitting.fit import Fit, fit
+from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.joint_fit import JointFit, fit_jointly
 from pyburgers.posterior.labelled_draws import total_log_likelihood
 from pyburgers.report.joint_section import intervals, joint_section, pooling_table, sd_ratios
 from pyburgers.report.page import write_report
-
-POOL = {"stress_noise": "separate"}
-
-
-@pytest.fixture(scope="module")
-def joint(
-    programs: None, small_problem: Problem, tmp_path_factory: pytest.TempPathFactory
-) -> JointFit:
-    return fit_jointly(
-        pair_of(small_problem),
-        small_problem.priors,
-        pool=POOL,
-        out=tmp_path_factory.mktemp("joint") / "run",
-        options=SMALL_RUN,
-    )
 
 
 def test_manifest_names_tests_pooling_and_inputs(joint: JointFit) -> None:
@@ -80,14 +65,14 @@ def test_only_missing_chains_are_run(
 
 
 def test_other_pooling_in_the_same_folder_is_refused(
-    joint: JointFit, small_problem: Problem
+    joint: JointFit, small_problem: Problem, tmp_path: Path
 ) -> None:
     with pytest.raises(InputError, match="holds a run of other inputs"):
         fit_jointly(
             pair_of(small_problem),
             small_problem.priors,
             pool={"maxwell_modulus": "separate"},
-            out=joint.directory.path,
+            out=copy_of(joint, tmp_path / "run").directory.path,
             options=SMALL_RUN,
         )
 
@@ -106,12 +91,9 @@ def test_kinds_of_runs_are_told_apart(joint: JointFit, small_fit: Fit) -> None:
 
 
 def test_page_shows_joint_and_separate_fits(
-    joint: JointFit, small_fit: Fit, small_problem: Problem, tmp_path: Path
+    joint: JointFit, small_fit: Fit, other_fit: Fit, sketched: None, tmp_path: Path
 ) -> None:
-    alone = fit(
-        pair_of(small_problem)[1], small_problem.priors, out=tmp_path / "o", options=SMALL_RUN
-    )
-    separate = [small_fit, alone]
+    separate = [small_fit, other_fit]
     ratios = sd_ratios(pooling_table(joint, separate))
     # Two equal tests know a modulus better than one by the square root of two.
     assert ratios["maxwell_modulus"] == pytest.approx(1 / np.sqrt(2), rel=0.2)

@@ -10,7 +10,8 @@ from scipy import stats
 
 from pyburgers.common.errors import InputError
 from pyburgers.model.parameters import PARAMETERS
-from pyburgers.model.priors import Prior, default_priors, load_priors, save_priors
+from pyburgers.model.prior_families import Prior
+from pyburgers.model.priors import default_priors, load_priors, save_priors
 
 CHECKOUT = Path(__file__).parents[2]
 GAS_CONSTANT = 8.314462618

@@ -10,7 +10,8 @@ from conftest import ICE, with_fixed
 
 from pyburgers.common.errors import InputError
 from pyburgers.model.parameters import PARAMETERS, PROGRAM_PARAMETERS
-from pyburgers.model.priors import Family, Prior, PriorSet, default_priors
+from pyburgers.model.prior_families import Family, Prior
+from pyburgers.model.priors import PriorSet, default_priors
 from pyburgers.protocols.constant_rate.experiment import (
     ConstantRateExperiment,
     RateSegment,

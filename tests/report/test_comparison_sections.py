@@ -40,10 +40,22 @@ LAW = FlowLawPrior(
 )
 
 
+FEW = (
+    "kelvin_viscosity",
+    "kelvin_modulus",
+    "steady_state_grain_size",
+    "steady_state_fabric_factor",
+    "critical_strain_grain_size",
+    "critical_strain_fabric",
+)
+
+
 def pair(folder: Path, kind: Kind = "synthetic") -> list[Fit]:
     """Fits of the same data whose draws differ, the second with a flow law from elsewhere."""
-    alone = make_fit(folder / "alone", name="A", kind=kind, draws=100)
-    other = make_fit(folder / "both", name="A", kind=kind, draws=100, apart=0.5)
+    alone, other = (
+        make_fit(folder / name, name="A", kind=kind, draws=100, fixed=FEW, apart=apart)
+        for name, apart in (("alone", 0.0), ("both", 0.5))
+    )
     both = replace(other, priors=with_flow_law(alone.priors, LAW, "test"))
     return [alone, both]
 
@@ -155,6 +167,7 @@ def test_all_parts_are_on_the_page_and_in_files(
     fits: list[Fit],
     sections: tuple[PageSection, ...],
     peak_stress: PeakStressFit,
+    sketched: None,
     tmp_path: Path,
 ) -> None:
     extras = (peak_stress_section(peak_stress), *sections)
@@ -173,7 +186,7 @@ def test_all_parts_are_on_the_page_and_in_files(
 
 
 def test_the_report_of_two_runs_of_one_experiment_compares_them(
-    small_fit: Fit, long_fit: Fit, tmp_path: Path
+    small_fit: Fit, long_fit: Fit, sketched: None, tmp_path: Path
 ) -> None:
     runs = [str(one.directory.path) for one in (small_fit, long_fit)]
     assert main(["report", *runs, "--out", str(tmp_path / "page")]) == 0

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from synthetic_fit import TRUTH, make_fit, make_prior, uniform
 
+from pyburgers.common.numbers import number, rounded
 from pyburgers.fitting.fit import Fit
-from pyburgers.model.display import number, prior_text, rounded, shown_quantity, symbol_text
+from pyburgers.model.display import prior_text, shown_quantity, symbol_text
 from pyburgers.model.parameters import PARAMETERS
-from pyburgers.model.priors import Prior
+from pyburgers.model.prior_families import Prior
 from pyburgers.report import tables
 
 

@@ -27,7 +27,8 @@ from pyburgers.flow_law_tables.inputs import (
 )
 from pyburgers.flow_law_tables.stan_data import peak_stress_coordinates, peak_stress_data
 from pyburgers.model.flow_law_prior import FLOW_LAW_PRIOR_FILE, FlowLawPrior
-from pyburgers.model.priors import Prior, PriorSet
+from pyburgers.model.prior_families import Prior
+from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.experiment import Provenance
 from pyburgers.sampling.options import SamplerOptions
 

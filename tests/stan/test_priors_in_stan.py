@@ -16,7 +16,8 @@ from scipy import stats
 
 from pyburgers.cmdstan.program import load_program, stan_directory
 from pyburgers.model.parameters import PARAMETERS
-from pyburgers.model.priors import Prior, PriorSet, default_priors
+from pyburgers.model.prior_families import Prior
+from pyburgers.model.priors import PriorSet, default_priors
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
 from pyburgers.protocols.stan_data import (
     REFERENCE_STRESS,

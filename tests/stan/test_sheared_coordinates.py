@@ -19,7 +19,8 @@ from pyburgers.cmdstan.program import Program as CompiledProgram
 from pyburgers.cmdstan.program import compile_program, load_program
 from pyburgers.common.errors import InputError
 from pyburgers.model.parameters import PARAMETERS
-from pyburgers.model.priors import Prior, PriorSet
+from pyburgers.model.prior_families import Prior
+from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.chart import Mode
 from pyburgers.protocols.forced_oscillation.experiment import (
     OscillationExperiment,

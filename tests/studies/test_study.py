@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from conftest import sketch_pictures
 from synthetic_fit import make_fit
 from synthetic_olivine_fit import make_olivine_fit
 from test_report import Page
@@ -61,7 +62,9 @@ def sections(ice: dict[str, Fit], olivine: dict[str, Fit]) -> tuple[PageSection,
 def folder(sections: tuple[PageSection, ...], tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("page")
     fit = quickly_drawn_fit(tmp_path_factory.mktemp("run"), "PIL40")
-    write_report([fit], out, title="Study", command="x", extras=sections)
+    with pytest.MonkeyPatch.context() as patch:
+        sketch_pictures(patch)
+        write_report([fit], out, title="Study", command="x", extras=sections)
     return out
 
 

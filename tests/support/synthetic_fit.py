@@ -13,7 +13,8 @@ import xarray as xr
 from pyburgers.common.atomic_files import write_json
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.parameters import PARAMETER_BY_NAME, PARAMETERS
-from pyburgers.model.priors import Family, Prior, PriorSet
+from pyburgers.model.prior_families import Family, Prior
+from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, RateSegment
 from pyburgers.protocols.constant_rate.protocol import CONSTANT_RATE
 from pyburgers.protocols.experiment import Provenance

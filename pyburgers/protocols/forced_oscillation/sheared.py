@@ -7,7 +7,7 @@ on it, not its result.
 import numpy as np
 import numpy.typing as npt
 
-from pyburgers.model.priors import Prior
+from pyburgers.model.prior_families import Prior
 from pyburgers.protocols.chart import AtMode, Chart, ChartUnsuited, Mode
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.protocols.stan_data import (

@@ -14,6 +14,7 @@ import pandas as pd
 
 from pyburgers.checks.fit_checks import RHAT_LIMIT
 from pyburgers.common.draws import all_draws, central_band
+from pyburgers.common.numbers import with_error
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.display import (
@@ -23,7 +24,6 @@ from pyburgers.model.display import (
     STRESS_UNIT,
     shown_quantity,
     unit_text,
-    with_error,
 )
 from pyburgers.posterior.labelled_draws import convergence_table
 from pyburgers.protocols.forced_oscillation import figures as oscillation_figures

@@ -15,14 +15,9 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.common.errors import InputError
+from pyburgers.common.numbers import number, rounded
 from pyburgers.fitting.fit import Fit
-from pyburgers.model.display import (
-    STRESS_FACTOR,
-    STRESS_UNIT,
-    number,
-    rounded,
-    shown_quantity,
-)
+from pyburgers.model.display import STRESS_FACTOR, STRESS_UNIT, shown_quantity
 from pyburgers.model.display import symbol_text as symbol
 from pyburgers.predictions.attenuation import (
     falling_stretch,

@@ -1,0 +1,331 @@
+"""Prior of one parameter: its family, what its table in a prior file holds, what it may be.
+
+Values are SI after reading. Priors are data of the Stan programs: changing one, or fixing a
+parameter, needs no change of Stan code.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Literal, Self
+
+import numpy as np
+from pydantic import Field
+from scipy import stats
+
+from pyburgers.common.errors import InputError
+from pyburgers.common.toml_files import Table
+from pyburgers.common.units import factor_to_si
+from pyburgers.model.parameters import CONSTANTS, Parameter
+
+if TYPE_CHECKING:
+    from scipy.stats._distn_infrastructure import rv_continuous_frozen
+
+Family = Literal["uniform", "normal", "half_normal", "lognormal", "fixed"]
+
+MAX_STRESS = "max_stress"
+"""Unit of a stress that is a share of the largest measured stress, known only with the data."""
+
+REQUIRED_KEYS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "uniform": ("lower", "upper"),
+        "normal": ("location", "scale"),
+        "half_normal": ("scale",),
+        "lognormal": ("location", "scale"),
+        "fixed": ("value",),
+    }
+)
+OPTIONAL_KEYS: Mapping[str, tuple[str, ...]] = MappingProxyType({"normal": ("lower", "upper")})
+"""Number keys of each family; no other is allowed."""
+
+MAY_BE_ZERO = frozenset(
+    {
+        "grain_size_exponent",
+        "kelvin_activation_enthalpy",
+        "residual_correlation_strain",
+        "piezometer_reference_grain_size",
+    }
+)
+"""Parameters that may be fixed at zero."""
+
+UNSIGNED = frozenset({"beta", "activation_enthalpy"})
+"""Parameters whose priors may reach below zero."""
+
+BOUNDED_AWAY_FROM_ZERO = frozenset(
+    {"steady_state_fabric_factor", "critical_strain_grain_size", "critical_strain_fabric"}
+)
+"""Parameters that divide: at zero the model breaks down, so priors may not pile up there.
+
+The lower bound of zero that the paper prints for the critical strain of olivine is one of these.
+"""
+
+
+LIMITS: Mapping[str, tuple[Literal["lower", "upper"], float, str]] = MappingProxyType(
+    {
+        "kelvin_stress_exponent": (
+            "lower",
+            1.0,
+            "at least 1, a linear dashpot, because below it creep starts infinitely fast",
+        ),
+        "steady_state_fabric_factor": (
+            "upper",
+            1.0,
+            "at most 1, the value of an isotropic fabric",
+        ),
+    }
+)
+"""Bounds of parameters that have some beside their sign, and why."""
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Prior of one parameter in SI units.
+
+    Attributes
+    ----------
+    parameter : str
+        A name of `pyburgers.model.parameters.PROGRAM_PARAMETERS`.
+    family : {"uniform", "normal", "half_normal", "lognormal", "fixed"}
+        Normal priors may be truncated to [lower, upper].
+    location : float
+        Normal: mean before truncation. Half-normal: 0. Lognormal: median. Uniform: midpoint.
+        Fixed: the value.
+    scale : float
+        Normal and half-normal: standard deviation of the normal before truncation. Lognormal:
+        standard deviation of the logarithm. Uniform: half the range. Fixed: 0.
+    lower, upper : float
+        Support; infinite where there is no bound.
+    unit : str
+        Unit in the file that was read: a record, `location` and the others are SI.
+    source : str
+        Where the prior comes from.
+    relative_to_max_stress : bool
+        Whether the numbers are shares of the largest measured stress, see `PriorSet.resolved`.
+    """
+
+    parameter: str
+    family: Family
+    location: float
+    scale: float
+    lower: float
+    upper: float
+    unit: str = field(compare=False)
+    source: str
+    relative_to_max_stress: bool = False
+
+    @property
+    def is_fixed(self) -> bool:
+        """Whether the parameter has one value and is not inferred."""
+        return self.family == "fixed"
+
+    def distribution(self) -> "rv_continuous_frozen[Any, Any]":
+        """Return the prior as a frozen distribution of `scipy.stats`, SI units.
+
+        Raises
+        ------
+        ValueError
+            If the parameter is fixed, or the numbers are still shares of the largest stress.
+        """
+        if self.relative_to_max_stress:
+            raise ValueError(f"the prior of {self.parameter} needs PriorSet.resolved first")
+        if self.family == "uniform":
+            return stats.uniform(loc=self.lower, scale=self.upper - self.lower)
+        if self.family == "lognormal":
+            return stats.lognorm(s=self.scale, scale=self.location)
+        if self.family == "fixed":
+            raise ValueError(f"{self.parameter} is fixed and has no distribution")
+        lower, upper = ((end - self.location) / self.scale for end in (self.lower, self.upper))
+        return stats.truncnorm(lower, upper, loc=self.location, scale=self.scale)
+
+    def sample(self, rng: np.random.Generator) -> float:
+        """Draw one value (SI); a fixed parameter gives its value."""
+        if self.is_fixed:
+            return self.location
+        return float(self.distribution().rvs(random_state=rng))
+
+    @classmethod
+    def of_family(
+        cls, parameter: str, family: Family, numbers: Mapping[str, float], **others: Any
+    ) -> Self:
+        """Return a prior from the numbers of its family; `others` are the remaining fields."""
+        positive = family in ("half_normal", "lognormal")
+        lower = numbers.get("lower", 0.0 if positive else -math.inf)
+        upper = numbers.get("upper", math.inf)
+        if family == "uniform":
+            location, scale = 0.5 * (lower + upper), 0.5 * (upper - lower)
+        elif family == "fixed":
+            location, scale = numbers["value"], 0.0
+        else:
+            location, scale = numbers.get("location", 0.0), numbers["scale"]
+        return cls(parameter, family, location, scale, lower, upper, **others)
+
+    def numbers(self) -> dict[str, float]:
+        """Return the numbers under the keys of the family, as `of_family` takes them."""
+        keys = (*REQUIRED_KEYS[self.family], *OPTIONAL_KEYS.get(self.family, ()))
+        values = {key: self.location if key == "value" else getattr(self, key) for key in keys}
+        return {key: value for key, value in values.items() if math.isfinite(value)}
+
+    def resolved(self, max_stress: float) -> "Prior":
+        """Return the prior in Pa, where it is a share of the largest stress (Pa)."""
+        if not self.relative_to_max_stress:
+            return self
+        numbers = _scaled(self.numbers(), max_stress, self.family)
+        return Prior.of_family(self.parameter, self.family, numbers, unit="Pa", source=self.source)
+
+
+class PriorTable(Table):
+    """The table of one parameter in a prior file."""
+
+    family: Family = Field(description="the family of the prior")
+    unit: str = Field(description="the unit of the numbers")
+    source: str = Field(min_length=1, description="where the prior comes from")
+    location: float | None = Field(None, description="the mean, or median of a lognormal prior")
+    scale: float | None = Field(None, gt=0, description="the spread of the prior")
+    lower: float | None = Field(None, description="the lower bound")
+    upper: float | None = Field(None, description="the upper bound")
+    value: float | None = Field(None, description="the value of a fixed parameter")
+
+    def numbers(self) -> dict[str, float]:
+        """Return the number keys that are present."""
+        return self.model_dump(exclude={"family", "unit", "source"}, exclude_none=True)
+
+
+def load_prior(path: Path, parameter: Parameter, table: PriorTable) -> Prior:
+    """Check the table of a parameter and convert it to SI.
+
+    Raises
+    ------
+    InputError
+        If a key, a unit or a number is not what it has to be; `path` is the file in the message.
+    """
+    where = f"{path}: [parameters.{parameter.name}]"
+    numbers = table.numbers()
+    _check_keys(where, table.family, numbers)
+    relative = parameter.name == "stress_noise" and table.unit == MAX_STRESS
+    factor = (
+        1.0 if relative else factor_to_si(table.unit, parameter.quantity, f"{where}: key 'unit'")
+    )
+    prior = Prior.of_family(
+        parameter.name,
+        table.family,
+        _scaled(numbers, factor, table.family),
+        unit=table.unit,
+        source=table.source,
+        relative_to_max_stress=relative,
+    )
+    _check_prior(where, prior)
+    return prior
+
+
+def fixed_prior(parameter: Parameter, value: float, source: str) -> Prior:
+    """Return the prior of a parameter that has one value (SI), and where that comes from."""
+    return Prior.of_family(
+        parameter.name, "fixed", {"value": value}, unit=parameter.si_unit, source=source
+    )
+
+
+def is_fixed_at(prior: Prior, value: float) -> bool:
+    """Whether a parameter has a given value (SI) and no other."""
+    return prior.is_fixed and prior.location == value
+
+
+def _check_keys(where: str, family: Family, numbers: Mapping[str, float]) -> None:
+    """Check that a family has the numbers that it needs and no others."""
+    required = REQUIRED_KEYS[family]
+    allowed = (*required, *OPTIONAL_KEYS.get(family, ()))
+    for key in required:
+        if key not in numbers:
+            raise InputError(f"{where}: key {key!r} is missing, the family {family!r} needs it.")
+    for key in numbers:
+        if key not in allowed:
+            raise InputError(
+                f"{where}: key {key!r} does not go with the family {family!r}, "
+                f"expected {' and '.join(allowed)}."
+            )
+
+
+def _scaled(numbers: Mapping[str, float], factor: float, family: Family) -> dict[str, float]:
+    """Multiply all numbers except the dimensionless scale of a lognormal prior."""
+    return {
+        key: value if (family, key) == ("lognormal", "scale") else value * factor
+        for key, value in numbers.items()
+    }
+
+
+def _check_prior(where: str, prior: Prior) -> None:
+    """Check that a prior is a distribution over values that the model allows."""
+    if prior.lower >= prior.upper:
+        raise InputError(
+            f"{where}: key 'lower' is not below key 'upper', found {prior.lower:g} and "
+            f"{prior.upper:g} in SI units."
+        )
+    if prior.family == "lognormal" and prior.location <= 0:
+        raise InputError(
+            f"{where}: key 'location': found {prior.location:g}, expected a positive median."
+        )
+    if prior.parameter not in UNSIGNED:
+        _check_sign(where, prior)
+    if prior.parameter in CONSTANTS and not prior.is_fixed:
+        raise InputError(
+            f"{where}: key 'family': found {prior.family!r}, expected 'fixed' because the number "
+            "is a constant of the model."
+        )
+    bound, limit, meaning = LIMITS.get(prior.parameter, ("lower", -math.inf, ""))
+    found = prior.location if prior.is_fixed else getattr(prior, bound)
+    if (found < limit) if bound == "lower" else (found > limit):
+        raise InputError(
+            f"{where}: key {'value' if prior.is_fixed else bound!r}: found {found:g}, expected "
+            f"{meaning}."
+        )
+
+
+def check_beta(where: str, prior: Prior) -> None:
+    """Refuse the sign of beta that Table 1 of the paper prints for ice.
+
+    Parameters
+    ----------
+    where : str
+        File and table, for the message.
+    prior : Prior
+        Of beta, for a power-law dashpot: A of a linear one, in 1/(Pa s), may well exceed 1.
+
+    Raises
+    ------
+    InputError
+        If beta is not negative.
+    """
+    if prior.location < 0:
+        return
+    key = {"uniform": "upper", "half_normal": "family", "fixed": "value"}.get(
+        prior.family, "location"
+    )
+    raise InputError(
+        f"{where}: key {key!r} puts beta at {prior.location:g} mol/J, expected a negative value: "
+        "Table 1 of the paper prints +7.29e-4 mol/J for ice, which in SI units gives strain rates "
+        "of about 1e35 1/s at laboratory stress, so the sign is a misprint; use -7.29e-4."
+    )
+
+
+def _check_sign(where: str, prior: Prior) -> None:
+    """Refuse mass below zero, and mass near zero for parameters that divide."""
+    if prior.is_fixed:
+        if prior.location < 0 or (prior.location == 0 and prior.parameter not in MAY_BE_ZERO):
+            raise InputError(
+                f"{where}: key 'value': found {prior.location:g}, expected a positive number."
+            )
+        return
+    key = "family" if prior.family == "half_normal" else "lower"
+    found = "no lower bound" if math.isinf(prior.lower) else f"a lower bound of {prior.lower:g}"
+    if prior.lower < 0:
+        raise InputError(
+            f"{where}: key {key!r}: found {found}, expected at least 0 because the parameter "
+            "cannot be negative."
+        )
+    strict = prior.parameter in BOUNDED_AWAY_FROM_ZERO and prior.family != "lognormal"
+    if strict and prior.lower == 0:
+        raise InputError(
+            f"{where}: key {key!r}: found {found}, expected a positive one (such as 1e-3) because "
+            "the model breaks down at zero."
+        )

@@ -15,7 +15,6 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
-from pyburgers.fitting.fit import Fit
 from pyburgers.predictions import attenuation_figures
 from pyburgers.predictions.attenuation import (
     attenuation_spectrum,
@@ -25,6 +24,7 @@ from pyburgers.predictions.attenuation import (
 )
 from pyburgers.predictions.imposed_stress import simulated_phase_lag
 from pyburgers.predictions.stress_cycles import PAPER_REGIMES, PARAMETER_NAMES, amplitude_regimes
+from pyburgers.protocols.protocol import FittedTest
 from pyburgers.studies.maor.olivine import (
     background_section,
     olivine_statements,
@@ -56,15 +56,15 @@ FloatArray = npt.NDArray[np.float64]
 
 
 def study_sections(
-    ice_fits: Mapping[str, Fit], olivine_fits: Mapping[str, Fit]
+    ice_fits: Mapping[str, FittedTest], olivine_fits: Mapping[str, FittedTest]
 ) -> tuple[PageSection, ...]:
     """Predict attenuation, judge the paper's statements, and gather what the page shows of it.
 
     Parameters
     ----------
-    ice_fits : mapping of str to Fit
+    ice_fits : mapping of str to FittedTest
         Fits of constant rate tests by sample, at least one; the first is looked at most closely.
-    olivine_fits : mapping of str to Fit
+    olivine_fits : mapping of str to FittedTest
         Fits of one forced oscillation test by treatment of the background; may be empty.
 
     Returns
@@ -96,9 +96,9 @@ def study_sections(
 
 
 def paper_statements(
-    ice_fits: Mapping[str, Fit],
+    ice_fits: Mapping[str, FittedTest],
     spectra: Mapping[str, xr.Dataset],
-    olivine_fits: Mapping[str, Fit],
+    olivine_fits: Mapping[str, FittedTest],
 ) -> tuple[Statement, ...]:
     """Judge the paper's statements that the given fits and spectra say something about.
 
@@ -106,7 +106,7 @@ def paper_statements(
 
     Parameters
     ----------
-    ice_fits, olivine_fits : mapping of str to Fit
+    ice_fits, olivine_fits : mapping of str to FittedTest
         As for `study_sections`; each may be empty.
     spectra : mapping of str to Dataset
         Spectra of the fits of ice, in the paper's regimes.
@@ -159,13 +159,13 @@ def statements_section(statements: tuple[Statement, ...], *, is_synthetic: bool)
 
 
 def counterparts_section(
-    ice_fits: Mapping[str, Fit], olivine_fits: Mapping[str, Fit]
+    ice_fits: Mapping[str, FittedTest], olivine_fits: Mapping[str, FittedTest]
 ) -> PageSection:
     """Return the list of the paper's figures and tables with where their counterparts are.
 
     Parameters
     ----------
-    ice_fits, olivine_fits : mapping of str to Fit
+    ice_fits, olivine_fits : mapping of str to FittedTest
         As for `study_sections`.
     """
     ice = ", ".join(fit.experiment.id for fit in ice_fits.values())
@@ -209,12 +209,14 @@ def counterparts_section(
     )
 
 
-def attenuation_section(fits: Mapping[str, Fit], spectra: Mapping[str, xr.Dataset]) -> PageSection:
+def attenuation_section(
+    fits: Mapping[str, FittedTest], spectra: Mapping[str, xr.Dataset]
+) -> PageSection:
     """Return figures and tables of attenuation; single draws and amplitudes of the first fit.
 
     Parameters
     ----------
-    fits : mapping of str to Fit
+    fits : mapping of str to FittedTest
         At least one.
     spectra : mapping of str to Dataset
         Spectra of the same fits (`pyburgers.predictions.attenuation.predict_attenuation`).
@@ -286,12 +288,12 @@ def attenuation_section(fits: Mapping[str, Fit], spectra: Mapping[str, xr.Datase
     )
 
 
-def time_domain_table(fit: Fit) -> pd.DataFrame:
+def time_domain_table(fit: FittedTest) -> pd.DataFrame:
     """Compare the closed form of attenuation with phase lags of simulated records.
 
     Parameters
     ----------
-    fit : Fit
+    fit : FittedTest
         The median of each parameter is taken, with the initial microstructure.
 
     Returns

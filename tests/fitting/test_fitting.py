@@ -299,7 +299,7 @@ def test_a_tolerance_too_loose_is_tightened_and_the_chains_run_again(
     arguments = (small_problem.experiment, small_problem.priors)
     with monkeypatch.context() as strict:
         # No tolerance is good enough: the run is repeated as often as is allowed.
-        strict.setattr("pyburgers.checks.sampling_checks.PARETO_K_LIMIT", -np.inf)
+        strict.setattr("pyburgers.checks.fit_checks.PARETO_K_LIMIT", -np.inf)
         result = fit(*arguments, out=tmp_path / "run", options=SMALL_RUN)
         assert not {check.name: check.passed for check in result.checks()}["solver"]
     refits = result.manifest["refits"]

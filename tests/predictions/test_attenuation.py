@@ -19,17 +19,19 @@ from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
 from pyburgers.predictions.attenuation import (
     DEFAULT_FREQUENCIES,
-    PAPER_REGIMES,
-    PARAMETER_NAMES,
-    Regime,
-    amplitude_regimes,
     attenuation_spectrum,
     has_debye_peak,
     overview_table,
     predict_attenuation,
     quantile_table,
-    regimes_named,
     save_spectrum,
+)
+from pyburgers.predictions.stress_cycles import (
+    PAPER_REGIMES,
+    PARAMETER_NAMES,
+    Regime,
+    amplitude_regimes,
+    regimes_named,
 )
 
 FloatArray = npt.NDArray[np.float64]

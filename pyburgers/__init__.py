@@ -15,11 +15,16 @@ if TYPE_CHECKING:
     from pyburgers.fitting.fit import Fit, fit
     from pyburgers.fitting.joint_fit import JointFit, fit_jointly
     from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress, flow_law_prior
-    from pyburgers.flow_law_tables.priors import default_peak_stress_priors, load_peak_stress_priors
-    from pyburgers.flow_law_tables.table import PeakStressData, load_peak_stress
+    from pyburgers.flow_law_tables.inputs import (
+        PeakStressData,
+        default_peak_stress_priors,
+        load_peak_stress,
+        load_peak_stress_priors,
+    )
     from pyburgers.model.priors import PriorSet, default_priors, load_priors, with_flow_law
     from pyburgers.model.variants import ModelVariant, variant_of, with_variant
-    from pyburgers.predictions.attenuation import Regime, attenuation_spectrum, predict_attenuation
+    from pyburgers.predictions.attenuation import attenuation_spectrum, predict_attenuation
+    from pyburgers.predictions.stress_cycles import Regime
     from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
     from pyburgers.protocols.experiment import Experiment
     from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
@@ -36,11 +41,16 @@ _NAMES = {
     "fitting.fit": ("Fit", "fit"),
     "fitting.joint_fit": ("JointFit", "fit_jointly"),
     "flow_law_tables.fit": ("PeakStressFit", "fit_peak_stress", "flow_law_prior"),
-    "flow_law_tables.priors": ("default_peak_stress_priors", "load_peak_stress_priors"),
-    "flow_law_tables.table": ("PeakStressData", "load_peak_stress"),
+    "flow_law_tables.inputs": (
+        "PeakStressData",
+        "default_peak_stress_priors",
+        "load_peak_stress",
+        "load_peak_stress_priors",
+    ),
     "model.priors": ("PriorSet", "default_priors", "load_priors", "with_flow_law"),
     "model.variants": ("ModelVariant", "variant_of", "with_variant"),
-    "predictions.attenuation": ("Regime", "attenuation_spectrum", "predict_attenuation"),
+    "predictions.attenuation": ("attenuation_spectrum", "predict_attenuation"),
+    "predictions.stress_cycles": ("Regime",),
     "protocols.constant_rate.experiment": ("ConstantRateExperiment",),
     "protocols.experiment": ("Experiment",),
     "protocols.registry": ("load_experiment",),

@@ -2,12 +2,13 @@
 
 Prior or likelihood is raised to a power slightly above and below 1 by weighting the draws; how far
 the marginal distribution of a parameter moves is its sensitivity (Kallioinen, Paananen, Bürkner
-and Vehtari 2024, Statistics and Computing 34, 57).
+and Vehtari 2024, Statistics and Computing 34, 57). ArviZ has it too, but under another name and
+signature in each of its major versions, and not for the priors of single parameters.
 """
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Literal
+from enum import StrEnum
 
 import numpy as np
 import numpy.typing as npt
@@ -37,13 +38,16 @@ AS_WIDE = 0.75
 JOINT_PRIOR = "flow_law"
 """Stands for the joint prior of the flow law among the priors of single parameters."""
 
-Origin = Literal[
-    "this number is your prior",
-    "the data decide",
-    "prior and data agree",
-    "prior and data disagree",
-    "prior and data both decide",
-]
+
+class Origin(StrEnum):
+    """What decides a number, by the thresholds of `THRESHOLDS_TEXT`."""
+
+    PRIOR = "this number is your prior"
+    DATA = "the data decide"
+    AGREEMENT = "prior and data agree"
+    DISAGREEMENT = "prior and data disagree"
+    BOTH = "prior and data both decide"
+
 
 THRESHOLDS_TEXT = (
     "Sensitivity: cumulative Jensen-Shannon distance by which the posterior of a quantity moves, "
@@ -86,20 +90,20 @@ class Influence:
 
     @property
     def origin(self) -> Origin:
-        """Plain words, by the thresholds of `THRESHOLDS_TEXT`."""
+        """What decides it."""
         prior_matters = self.prior_sensitivity >= SENSITIVE
         data_matter = self.likelihood_sensitivity >= SENSITIVE
         if prior_matters and not data_matter:
-            return "this number is your prior"
+            return Origin.PRIOR
         if data_matter and not prior_matters:
-            return "the data decide"
+            return Origin.DATA
         if not data_matter:
             as_wide = self.width is not None and self.width >= AS_WIDE
-            return "this number is your prior" if as_wide else "prior and data agree"
+            return Origin.PRIOR if as_wide else Origin.AGREEMENT
         opposed = self.prior_pull * self.likelihood_pull < 0
         if opposed and min(abs(self.prior_pull), abs(self.likelihood_pull)) >= PULL:
-            return "prior and data disagree"
-        return "prior and data both decide"
+            return Origin.DISAGREEMENT
+        return Origin.BOTH
 
 
 def prior_influence(posterior: xr.DataTree, priors: PriorSet) -> dict[str, Influence]:

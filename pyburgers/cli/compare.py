@@ -6,15 +6,18 @@ from pathlib import Path
 
 from pyburgers.cli.shared import command_line, exit_code, load_fit, writing
 from pyburgers.common.errors import InputError
-from pyburgers.comparison.by_points import compare, comparison_table, save_comparison, sentences
-from pyburgers.comparison.by_tests import (
-    compare_by_test,
+from pyburgers.comparison.by_points import compare
+from pyburgers.comparison.by_tests import compare_by_test
+from pyburgers.comparison.figures import left_out_tests, pointwise_differences
+from pyburgers.comparison.results import (
+    comparison_table,
+    save_comparison,
     save_comparison_by_test,
+    sentences,
     sentences_by_test,
     table_of_fits,
     table_of_tests,
 )
-from pyburgers.comparison.figures import left_out_tests, pointwise_differences
 from pyburgers.drawing.style import write_images
 from pyburgers.fitting.joint_fit import JointFit
 

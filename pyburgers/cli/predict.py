@@ -12,15 +12,13 @@ from pyburgers.drawing.style import write_images
 from pyburgers.fitting.fit import Fit
 from pyburgers.predictions.attenuation import (
     DEFAULT_FREQUENCIES,
-    PAPER_REGIMES,
-    Regime,
     overview_table,
     predict_attenuation,
     quantile_table,
-    regimes_named,
     save_spectrum,
 )
 from pyburgers.predictions.attenuation_figures import attenuation
+from pyburgers.predictions.stress_cycles import PAPER_REGIMES, Regime, regimes_named
 
 
 def add_options(command: argparse.ArgumentParser) -> None:

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
 
-from pyburgers.checks.sampling_checks import CheckResult
+from pyburgers.checks.fit_checks import CheckResult
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit, is_joint
 from pyburgers.fitting.joint_fit import JointFit

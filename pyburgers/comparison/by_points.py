@@ -7,27 +7,22 @@ point whose weights have too heavy a tail (Pareto k above 0.7) is flagged, and c
 earnest: the fit is repeated without it.
 """
 
-import itertools
 import json
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
 import xarray as xr
 from scipy.special import logsumexp
 
-from pyburgers.checks.sampling_checks import PARETO_K_LIMIT
+from pyburgers.checks.fit_checks import PARETO_K_LIMIT
 from pyburgers.cmdstan.program import load_program
-from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError, SamplingError
-from pyburgers.common.numbers import count_points
-from pyburgers.comparison.same_data import check_same_data, data_hash, tests_of
+from pyburgers.comparison.same_data import check_same_data, tests_of
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.fitting.joint_fit import JointFit
 from pyburgers.posterior.labelled_draws import (
@@ -48,20 +43,6 @@ logger = logging.getLogger(__name__)
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
-NO_DIFFERENCE = 4.0
-"""Difference of elpd below which fits predict alike (Sivula et al. 2020, arXiv:2008.10296)."""
-
-CLEAR = 2.0
-"""Standard errors from which a larger difference counts as one."""
-
-COMPARISON_TEXT = (
-    "Measure: expected log predictive density of each point given all others (elpd), by importance "
-    "sampling from the fit of all points; higher is better. Fits whose elpd differs by less than "
-    f"{NO_DIFFERENCE:g} predict alike; a larger difference counts from {CLEAR:g} of its standard "
-    f"errors on. Points with a Pareto k above {PARETO_K_LIMIT} are not reliable; pyburgers compare "
-    "leaves them out by fitting again. Weights are those of the best mixture of the fits, and "
-    "arbitrary between fits that predict alike."
-)
 
 STACKING_TOLERANCE = 1e-8
 MAX_STACKING_STEPS = 100_000
@@ -193,6 +174,9 @@ def compare(fits: Mapping[str, Fit | JointFit], *, refits: Path | None = None) -
 def leave_one_out(posterior: xr.DataTree) -> LeaveOneOut:
     """Return the elpd of every point by Pareto smoothed importance sampling.
 
+    ArviZ's function has one relative efficiency for all points, of the parameters, and takes draws
+    in another container in each of its major versions.
+
     Parameters
     ----------
     posterior : DataTree
@@ -300,6 +284,8 @@ def log_density_without(one: Fit, point: int, out: Path) -> float:
 def stacking_weights(elpd: FloatArray) -> FloatArray:
     """Weights of a mixture of predictions that maximise its leave-one-out density.
 
+    ArviZ weighs only results of its own leave-one-out.
+
     Parameters
     ----------
     elpd : array, shape (n_fits, n_points)
@@ -324,136 +310,15 @@ def stacking_weights(elpd: FloatArray) -> FloatArray:
     return weights
 
 
-def comparison_table(comparison: Comparison) -> pd.DataFrame:
-    """Numbers of a comparison, a row for each fit, the best first.
-
-    Returns
-    -------
-    DataFrame
-        Index name; columns variant (what differs from the standard model), elpd, se (its standard
-        error), difference (to the best), difference_se, weight, n_effective, high_k (points with a
-        Pareto k above 0.7), left_out (of these, left out in earnest).
-    """
-    best = next(iter(comparison.results.values()))
-    rows = {}
-    for (name, result), weight in zip(comparison.results.items(), comparison.weights, strict=True):
-        difference, difference_se = elpd_difference(result, best)
-        rows[name] = {
-            "variant": comparison.variants[name],
-            "elpd": result.total,
-            "se": standard_error(result.elpd),
-            "difference": difference,
-            "difference_se": difference_se,
-            "weight": float(weight),
-            "n_effective": result.n_effective,
-            "high_k": int(np.sum(result.pareto_k > PARETO_K_LIMIT)),
-            "left_out": int(result.exact.sum()),
-        }
-    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("fit")
-
-
 def elpd_difference(one: LeaveOneOut, other: LeaveOneOut) -> tuple[float, float]:
     """Elpd of one fit less that of another, and its standard error over the points."""
     pointwise = one.elpd - other.elpd
     return float(pointwise.sum()), standard_error(pointwise)
 
 
-def pointwise_table(comparison: Comparison) -> pd.DataFrame:
-    """Return every point's numbers, a row for each point.
-
-    Returns
-    -------
-    DataFrame
-        Index point (from 1); columns test (of joint fits only), strain or time_s, and for each fit
-        ``NAME elpd``, ``NAME pareto_k`` and ``NAME left_out``.
-    """
-    columns: dict[str, npt.NDArray[Any]] = {
-        **({"test": comparison.position["test"].to_numpy()} if of_several(comparison) else {}),
-        comparison.clock.column: comparison.position.to_numpy(),
-    }
-    for name, result in comparison.results.items():
-        columns |= {
-            f"{name} elpd": result.elpd,
-            f"{name} pareto_k": result.pareto_k,
-            f"{name} left_out": result.exact,
-        }
-    table = pd.DataFrame(columns)
-    table.index = pd.RangeIndex(1, len(table) + 1, name="point")
-    return table
-
-
-def of_several(comparison: Comparison) -> bool:
+def has_several_tests(comparison: Comparison) -> bool:
     """Tell whether the points are those of several tests."""
     return "test" in comparison.position.coords
-
-
-def save_comparison(
-    comparison: Comparison, fits: Mapping[str, Fit | JointFit], folder: Path, *, command: str
-) -> None:
-    """Write ``comparison.csv``, ``pointwise.csv`` and ``comparison.json``.
-
-    Parameters
-    ----------
-    comparison : Comparison
-        What to write.
-    fits : mapping of str to Fit or JointFit
-        The fits that were compared.
-    folder : Path
-        An existing folder.
-    command : str
-        What regenerates the comparison.
-    """
-    write_text(folder / "comparison.csv", comparison_table(comparison).to_csv())
-    write_text(folder / "pointwise.csv", pointwise_table(comparison).to_csv())
-    write_json(
-        folder / "comparison.json",
-        {
-            **origins(fits, command=command),
-            "reliable": comparison.reliable,
-            "sentences": list(sentences(comparison)),
-        },
-    )
-
-
-def origins(fits: Mapping[str, Fit | JointFit], *, command: str) -> dict[str, Any]:
-    """Return what the record of a comparison says about where its numbers come from.
-
-    Parameters
-    ----------
-    fits : mapping of str to Fit or JointFit
-        The fits that were compared.
-    command : str
-        What regenerates the comparison.
-    """
-    return {
-        "command": command,
-        "fits": {
-            name: {
-                "directory": one.directory.path.name,
-                "fingerprint": one.manifest["fingerprint"],
-                "variant": one.variant.record(),
-                **({"pooling": one.problem.pooling.record()} if isinstance(one, JointFit) else {}),
-            }
-            for name, one in fits.items()
-        },
-        "data": data_hash(next(iter(fits.values()))),
-    }
-
-
-def sentences(comparison: Comparison) -> tuple[str, ...]:
-    """One sentence for each pair of fits, then one for points that cannot be trusted."""
-    pairs = [
-        pair_sentence(better, worse, *elpd_difference(results[better], results[worse]))
-        for results in [comparison.results]
-        for better, worse in itertools.combinations(results, 2)
-    ]
-    doubts = [
-        f"{name}: its elpd may be far off, because of {_numbered(result.unreliable)} with a Pareto "
-        f"k above {PARETO_K_LIMIT}, not left out by fitting again."
-        for name, result in comparison.results.items()
-        if result.unreliable.any()
-    ]
-    return (*pairs, *doubts)
 
 
 def _positions(tests: Sequence[Fit]) -> xr.DataArray:
@@ -494,34 +359,3 @@ def _log_likelihood_of(again: Fit, experiment: Experiment) -> FloatArray:
 def standard_error(pointwise: FloatArray) -> float:
     """Return the standard error of a sum over points, or tests."""
     return float(np.sqrt(pointwise.size) * np.std(pointwise, ddof=1))
-
-
-def pair_sentence(
-    better: str, worse: str, difference: float, error: float, *, what: str = "these data"
-) -> str:
-    """Say which of two fits predicts better.
-
-    Parameters
-    ----------
-    better, worse : str
-        Their names.
-    difference, error : float
-        Of their elpd, and its standard error.
-    what : str
-        What they predict.
-    """
-    numbers = f"difference of elpd {difference:.1f}, standard error {error:.1f}"
-    if difference < NO_DIFFERENCE:
-        return f"{better} and {worse} predict {what} alike ({numbers})."
-    if difference < CLEAR * error:
-        return (
-            f"{better} predicts {what} better than {worse}, but the difference is within "
-            f"{CLEAR:g} standard errors and decides nothing ({numbers})."
-        )
-    return f"{better} predicts {what} clearly better than {worse} ({numbers})."
-
-
-def _numbered(flags: BoolArray) -> str:
-    """Say how many points, and which, numbered from 1."""
-    numbers = ", ".join(str(k + 1) for k in np.flatnonzero(flags))
-    return f"{count_points(int(flags.sum()))} (number {numbers})"

@@ -5,20 +5,17 @@ ratio of marginal likelihoods: that of all tests over that of all but this one. 
 repeated without each test for the latter.
 """
 
-import itertools
 import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
 
-from pyburgers.common.atomic_files import write_json, write_text
+from pyburgers.checks.fit_checks import CheckKind
 from pyburgers.common.errors import InputError
-from pyburgers.comparison.by_points import origins, pair_sentence, stacking_weights, standard_error
+from pyburgers.comparison.by_points import stacking_weights, standard_error
 from pyburgers.comparison.marginal_likelihood import LogIntegral, log_marginal_likelihood
 from pyburgers.comparison.same_data import check_same_data
 from pyburgers.fitting.joint_fit import JointFit, fit_joint_problem
@@ -38,16 +35,6 @@ LARGEST_ERROR = 1.0
 LEFT_OUT_FOLDER = "leave_out"
 """Folder in a run of the fits without single tests, by their names."""
 
-BY_TEST_TEXT = (
-    "Measure: log density of each whole test given the others, stresses in Pa; higher is better. "
-    "The fits were repeated without each test, and the density is a ratio of marginal likelihoods, "
-    "by bridge sampling. A test's own parameters are averaged under their priors, which costs as "
-    "much as the test narrows them."
-)
-
-OF_THE_MODEL = "coverage"
-"""The check that is about the model; all others are about the draws."""
-
 
 @dataclass(frozen=True, eq=False)
 class LeaveOneTestOut:
@@ -59,7 +46,7 @@ class LeaveOneTestOut:
         Names, sorted.
     n_points : array of int, shape (n_tests,)
         Readings of each.
-    of_all : LogIntegral
+    all_tests : LogIntegral
         Log marginal likelihood of the joint fit, of stresses in Pa.
     without : tuple of LogIntegral
         Those of the fits without each test.
@@ -69,19 +56,19 @@ class LeaveOneTestOut:
 
     tests: tuple[str, ...]
     n_points: IntArray
-    of_all: LogIntegral
+    all_tests: LogIntegral
     without: tuple[LogIntegral, ...]
     doubts: tuple[str, ...]
 
     @property
     def elpd(self) -> FloatArray:
         """Log density of each test given the others (stresses in Pa), shape (n_tests,)."""
-        return self.of_all.value - np.array([one.value for one in self.without])
+        return self.all_tests.value - np.array([one.value for one in self.without])
 
     @property
     def error(self) -> FloatArray:
         """Monte Carlo standard error of `elpd`, shape (n_tests,)."""
-        return np.hypot(self.of_all.error, self._errors_without)
+        return np.hypot(self.all_tests.error, self._errors_without)
 
     @property
     def total(self) -> float:
@@ -91,8 +78,8 @@ class LeaveOneTestOut:
     @property
     def total_error(self) -> float:
         """Monte Carlo standard error of `total`, in which the joint fit counts for every test."""
-        of_all = len(self.tests) * self.of_all.error
-        return float(np.hypot(of_all, np.linalg.norm(self._errors_without)))
+        all_tests = len(self.tests) * self.all_tests.error
+        return float(np.hypot(all_tests, np.linalg.norm(self._errors_without)))
 
     @property
     def reliable(self) -> bool:
@@ -230,29 +217,29 @@ def leave_one_test_out(
     return _left_out(joint, again)
 
 
-def _left_out(joint: JointFit, fit_of_others: Callable[[str], JointFit]) -> LeaveOneTestOut:
+def _left_out(joint: JointFit, fit_others: Callable[[str], JointFit]) -> LeaveOneTestOut:
     """Relate the marginal likelihood of all tests to that of all but each.
 
     Parameters
     ----------
     joint : JointFit
         Of at least two tests.
-    fit_of_others : callable
+    fit_others : callable
         Receives the name of a test, returns the fit without it.
     """
     experiments = {experiment.id: experiment for experiment in joint.problem.experiments}
     tests = tuple(sorted(experiments))
-    of_all = log_marginal_likelihood(joint)
+    all_tests = log_marginal_likelihood(joint)
     doubts = _doubts(joint)
     without = []
     for test in tests:
-        others = fit_of_others(test)
+        others = fit_others(test)
         without.append(log_marginal_likelihood(others))
         doubts += _doubts(others)
     return LeaveOneTestOut(
         tests=tests,
         n_points=np.array([experiments[test].n_points for test in tests]),
-        of_all=of_all,
+        all_tests=all_tests,
         without=tuple(without),
         doubts=doubts,
     )
@@ -291,12 +278,15 @@ def fit_without(joint: JointFit, test: str, out: Path, *, command: str) -> Joint
 
 def _doubts(joint: JointFit) -> tuple[str, ...]:
     """Say which checks of its draws a fit failed."""
-    failed = [check.name for check in joint.checks() if not check.passed]
-    of_draws = [name for name in failed if name != OF_THE_MODEL]
-    if not of_draws:
+    failed = [
+        result.name
+        for result in joint.checks()
+        if not result.passed and result.check.kind is CheckKind.SAMPLING
+    ]
+    if not failed:
         return ()
     return (
-        f"The fit of {joint.problem.name} failed its check of {' and '.join(of_draws)}: its "
+        f"The fit of {joint.problem.name} failed its check of {' and '.join(failed)}: its "
         "marginal likelihood may be off by more than the error says.",
     )
 
@@ -319,121 +309,3 @@ def difference_by_test(one: LeaveOneTestOut, other: LeaveOneTestOut) -> tuple[fl
     # A fit less itself has no error.
     monte_carlo = 0.0 if one is other else float(np.hypot(one.total_error, other.total_error))
     return float(by_test.sum()), standard_error(by_test), monte_carlo
-
-
-def table_of_fits(comparison: ComparisonByTest) -> pd.DataFrame:
-    """Numbers of a comparison, a row for each fit, the best first.
-
-    Returns
-    -------
-    DataFrame
-        Index fit; columns variant (what differs from the standard model), elpd (sum over the tests
-        left out), monte_carlo_error (its own), per_point, difference (to the best), difference_se
-        (over the tests), difference_monte_carlo_error, weight.
-    """
-    best = next(iter(comparison.results.values()))
-    rows = {}
-    for (name, result), weight in zip(comparison.results.items(), comparison.weights, strict=True):
-        difference, over_tests, monte_carlo = difference_by_test(result, best)
-        rows[name] = {
-            "variant": comparison.variants[name],
-            "elpd": result.total,
-            "monte_carlo_error": result.total_error,
-            "per_point": result.total / int(result.n_points.sum()),
-            "difference": difference,
-            "difference_se": over_tests,
-            "difference_monte_carlo_error": monte_carlo,
-            "weight": float(weight),
-        }
-    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("fit")
-
-
-def table_of_tests(comparison: ComparisonByTest) -> pd.DataFrame:
-    """Log density of every left-out test under every fit.
-
-    Returns
-    -------
-    DataFrame
-        Index test; columns points, and for each fit ``NAME elpd``, ``NAME monte_carlo_error`` and
-        ``NAME per_point``.
-    """
-    first = next(iter(comparison.results.values()))
-    columns: dict[str, npt.NDArray[Any]] = {"points": first.n_points}
-    for name, result in comparison.results.items():
-        columns |= {
-            f"{name} elpd": result.elpd,
-            f"{name} monte_carlo_error": result.error,
-            f"{name} per_point": result.elpd / result.n_points,
-        }
-    return pd.DataFrame(columns, index=pd.Index(first.tests, name="test"))
-
-
-def sentences_by_test(comparison: ComparisonByTest) -> tuple[str, ...]:
-    """One sentence for each pair of fits, or for a single one, then those of what is doubtful."""
-    results = list(comparison.results.items())
-    if len(results) == 1:
-        ((name, only),) = results
-        said = [
-            f"{name}: the tests have, each given the others, a log density of {only.total:.1f} "
-            f"together, Monte Carlo error {only.total_error:.1f}; it means something only beside "
-            "that of another fit of the same tests."
-        ]
-    else:
-        said = []
-        for (better, one), (worse, other) in itertools.combinations(results, 2):
-            difference, over_tests, monte_carlo = difference_by_test(one, other)
-            error = float(np.hypot(over_tests, monte_carlo))
-            said.append(pair_sentence(better, worse, difference, error, what="left-out tests"))
-        if len(results[0][1].tests) == 2:
-            said.append(
-                "Of two tests the standard error says little: what the one tells about the other "
-                "is as much as the other tells about it."
-            )
-    for name, result in results:
-        said += [f"{name}: {doubt}" for doubt in result.doubts]
-        said += [
-            f"{name}: the log density of {test} has a Monte Carlo error of {error:.1f}, more than "
-            f"{LARGEST_ERROR:g}; run the fit and those without single tests for longer."
-            for test, error in zip(result.tests, result.error, strict=True)
-            if error > LARGEST_ERROR
-        ]
-    return tuple(said)
-
-
-def save_comparison_by_test(
-    comparison: ComparisonByTest, joints: Mapping[str, JointFit], folder: Path, *, command: str
-) -> None:
-    """Write ``comparison.csv``, ``left_out_tests.csv`` and ``comparison.json``.
-
-    Parameters
-    ----------
-    comparison : ComparisonByTest
-        What to write.
-    joints : mapping of str to JointFit
-        The fits that were compared.
-    folder : Path
-        An existing folder.
-    command : str
-        What regenerates the comparison.
-    """
-    write_text(folder / "comparison.csv", table_of_fits(comparison).to_csv())
-    write_text(folder / "left_out_tests.csv", table_of_tests(comparison).to_csv())
-    write_json(
-        folder / "comparison.json",
-        {
-            **origins(joints, command=command),
-            "marginal_likelihoods": {
-                name: {
-                    "all": _record(result.of_all),
-                    "without": dict(zip(result.tests, map(_record, result.without), strict=True)),
-                }
-                for name, result in comparison.results.items()
-            },
-            "reliable": comparison.reliable,
-            "sentences": list(sentences_by_test(comparison)),
-        },
-    )
-
-
-def _record(integral: LogIntegral) -> dict[str, float]:
-    return {"log": integral.value, "error": integral.error}

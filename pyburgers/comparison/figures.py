@@ -5,7 +5,7 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pyburgers.comparison.by_points import Comparison, LeaveOneOut, of_several
+from pyburgers.comparison.by_points import Comparison, LeaveOneOut, has_several_tests
 from pyburgers.comparison.by_tests import ComparisonByTest
 from pyburgers.drawing.style import (
     BLACK,
@@ -77,7 +77,7 @@ def pointwise_differences(comparison: Comparison) -> Figure:
 
 def _tests(comparison: Comparison) -> dict[str, BoolArray]:
     """Return the points of each test, by its name where there are several."""
-    if not of_several(comparison):
+    if not has_several_tests(comparison):
         return {"": np.ones(comparison.position.size, dtype=bool)}
     of_point = comparison.position["test"].to_numpy()
     return {str(name): of_point == name for name in dict.fromkeys(of_point)}

@@ -65,7 +65,7 @@ class LogIntegral:
     error: float
 
     @classmethod
-    def mean_of(cls, one: Self, other: Self) -> Self:
+    def mean(cls, one: Self, other: Self) -> Self:
         """Mean of two independent estimates.
 
         Its error is the larger of what their own errors say and what their distance says.
@@ -207,7 +207,7 @@ def log_integral(
         )
         for number, (fitted, used) in enumerate((halves, halves[::-1]))
     ]
-    return LogIntegral.mean_of(*estimates)
+    return LogIntegral.mean(*estimates)
 
 
 def _from_half(
@@ -262,21 +262,21 @@ def bridge(at_draws: FloatArray, at_proposals: FloatArray) -> LogIntegral:
     offset = np.log(share) - np.log1p(-share)
     finite = np.concatenate([part[np.isfinite(part)] for part in (at_draws, at_proposals)])
 
-    def of_draws(value: float) -> FloatArray:
+    def proposal_shares(value: float) -> FloatArray:
         """Proposal density over that of the mixture of both, up to a factor."""
         return np.asarray(expit(value - offset - at_draws), dtype=np.float64)
 
-    def of_proposals(value: float) -> FloatArray:
+    def density_shares(value: float) -> FloatArray:
         """Density over that of the mixture of both, up to a factor."""
         return np.asarray(expit(at_proposals + offset - value), dtype=np.float64)
 
     # The fixed point of Meng and Wong; the left-hand side rises with the value, the other falls.
     value = brentq(
-        lambda v: share * of_draws(v).mean() - (1 - share) * of_proposals(v).mean(),
+        lambda v: share * proposal_shares(v).mean() - (1 - share) * density_shares(v).mean(),
         finite.min() + offset - MARGIN,
         finite.max() + offset + MARGIN,
     )
-    here, there = of_draws(value), of_proposals(value)
+    here, there = proposal_shares(value), density_shares(value)
     variance = (
         _relative_variance(here) / (here.size * _efficiency(here))
         + _relative_variance(there) / there.size

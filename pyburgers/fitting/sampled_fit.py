@@ -9,7 +9,13 @@ from typing import Any, TypeVar
 import pandas as pd
 import xarray as xr
 
-from pyburgers.checks.sampling_checks import CheckResult, check_fit, check_solver, checks_record
+from pyburgers.checks.fit_checks import (
+    CheckedDraws,
+    CheckResult,
+    check_solver,
+    checks_record,
+    run_checks,
+)
 from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.sampling.chains import ChainFailure, missing_chains
 from pyburgers.sampling.run import tighten_solver
@@ -44,10 +50,14 @@ class SampledFit(ABC):
         """Table of the sampled quantities in SI units."""
 
     def checks(self) -> tuple[CheckResult, ...]:
-        """Return the checks with their verdicts (`pyburgers.checks.sampling_checks.check_fit`)."""
-        return check_fit(
-            self.posterior, self.missing_chains(), self.manifest["sampler"]["max_treedepth"]
-        )
+        """Return the checks with their verdicts (`pyburgers.checks.fit_checks.CHECKS`)."""
+        return run_checks(self.checked_draws)
+
+    @property
+    def checked_draws(self) -> CheckedDraws:
+        """What the checks look at."""
+        limit = self.manifest["sampler"]["max_treedepth"]
+        return CheckedDraws(self.posterior, self.missing_chains(), limit)
 
     def missing_chains(self) -> tuple[ChainFailure, ...]:
         """Return the chains that were asked for and are not there, and why."""
@@ -71,7 +81,7 @@ def sample_until_solved(sample: Callable[[], AnyFit], run: RunDirectory) -> AnyF
     """
     while True:
         result = sample()
-        verdict = check_solver(result.posterior)
+        verdict = check_solver(result.checked_draws)
         n_refits = len(result.manifest["refits"])
         if verdict.passed or n_refits == MAX_REFITS or result.missing_chains():
             return result

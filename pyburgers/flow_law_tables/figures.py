@@ -10,7 +10,7 @@ from pyburgers.common.numbers import number, rounded
 from pyburgers.drawing.panels import draw_band
 from pyburgers.drawing.style import BLUE, GREEN, ORANGE, PURPLE, VERMILION, style
 from pyburgers.flow_law_tables.fit import PeakStressFit
-from pyburgers.flow_law_tables.priors import FLOW_LAW_PARAMETERS, RATE_SCATTER
+from pyburgers.flow_law_tables.inputs import FLOW_LAW_PARAMETERS, RATE_SCATTER
 from pyburgers.flow_law_tables.stan_data import GROUP_TEMPERATURES, groups
 from pyburgers.model.display import (
     LENGTH_FACTOR,

@@ -13,24 +13,19 @@ import numpy.typing as npt
 import pandas as pd
 import xarray as xr
 
-from pyburgers.checks.sampling_checks import (
-    CheckResult,
-    check_chains,
-    check_divergences,
-    check_effective_sample_size,
-    check_energy,
-    check_rhat,
-    check_treedepth,
-)
+from pyburgers.checks.fit_checks import CHAIN_CHECKS, CheckResult, run_checks
 from pyburgers.cmdstan.draws import Draws, read_draws
 from pyburgers.cmdstan.program import load_program, stan_directory
 from pyburgers.common.atomic_files import write_json
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.sampled_fit import SampledFit, write_tables
-from pyburgers.flow_law_tables.priors import (
+from pyburgers.flow_law_tables.inputs import (
     FLOW_LAW_PARAMETERS,
+    PeakStressData,
+    load_peak_stress,
     load_peak_stress_priors,
+    save_peak_stress,
     save_peak_stress_priors,
 )
 from pyburgers.flow_law_tables.stan_data import (
@@ -39,7 +34,6 @@ from pyburgers.flow_law_tables.stan_data import (
     peak_stress_coordinates,
     peak_stress_data,
 )
-from pyburgers.flow_law_tables.table import PeakStressData, load_peak_stress, save_peak_stress
 from pyburgers.model.flow_law_prior import FLOW_LAW_PRIOR_FILE, PRIOR_QUANTITIES, FlowLawPrior
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.model.priors import PriorSet
@@ -75,7 +69,7 @@ class PeakStressFit(SampledFit):
     data : PeakStressData
         What was fitted.
     priors : PriorSet
-        Priors of `pyburgers.flow_law_tables.priors.FLOW_LAW_PARAMETERS` in SI.
+        Priors of `pyburgers.flow_law_tables.inputs.FLOW_LAW_PARAMETERS` in SI.
     """
 
     data: PeakStressData
@@ -87,15 +81,7 @@ class PeakStressFit(SampledFit):
 
     def checks(self) -> tuple[CheckResult, ...]:
         """Return the checks with their verdicts; there is no solver and no band to check."""
-        posterior = self.posterior
-        return (
-            check_chains(posterior, self.missing_chains()),
-            check_rhat(posterior),
-            check_effective_sample_size(posterior),
-            check_divergences(posterior),
-            check_treedepth(posterior, self.manifest["sampler"]["max_treedepth"]),
-            check_energy(posterior),
-        )
+        return run_checks(self.checked_draws, CHAIN_CHECKS)
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -138,7 +124,7 @@ def fit_peak_stress(
     data : PeakStressData
         The table.
     priors : PriorSet
-        Priors of `pyburgers.flow_law_tables.priors.FLOW_LAW_PARAMETERS`.
+        Priors of `pyburgers.flow_law_tables.inputs.FLOW_LAW_PARAMETERS`.
     out : path
         Run directory. An earlier run with the same inputs there is continued.
     options : SamplerOptions, optional

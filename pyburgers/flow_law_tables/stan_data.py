@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from pyburgers.flow_law_tables.priors import FLOW_LAW_PARAMETERS
-from pyburgers.flow_law_tables.table import PeakStressData
+from pyburgers.flow_law_tables.inputs import FLOW_LAW_PARAMETERS, PeakStressData
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.stan_data import (
@@ -91,7 +90,7 @@ def peak_stress_data(
     data : PeakStressData
         The table.
     priors : PriorSet
-        Priors of `pyburgers.flow_law_tables.priors.FLOW_LAW_PARAMETERS` in SI.
+        Priors of `pyburgers.flow_law_tables.inputs.FLOW_LAW_PARAMETERS` in SI.
     use_likelihood : bool
         False gives the prior.
     """

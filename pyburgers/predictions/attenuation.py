@@ -21,7 +21,6 @@ the Stan function ``dashpot_strain_rate`` and the spectrum with simulations in t
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -34,9 +33,17 @@ from pyburgers.common.atomic_files import write_atomically
 from pyburgers.common.errors import InputError
 from pyburgers.common.numbers import number
 from pyburgers.common.units import UNITS
-from pyburgers.fitting.fit import Fit
-from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT, STRESS_FACTOR, STRESS_UNIT
+from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT, STRESS_UNIT
 from pyburgers.model.parameters import KELVIN_REFERENCES, STANDARD_VALUES
+from pyburgers.predictions.stress_cycles import (
+    DRAW_DIMENSIONS,
+    PAPER_REGIMES,
+    PARAMETER_NAMES,
+    Regime,
+    checked_frequencies,
+    checked_inputs,
+)
+from pyburgers.protocols.protocol import FittedTest
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -45,16 +52,6 @@ Microstructure = Literal["initial", "steady_state"]
 GAS_CONSTANT = 8.314462618
 """J/(mol K), CODATA 2018, as in ``stan/functions/flow_law.stan``."""
 
-PARAMETER_NAMES = (
-    "maxwell_modulus",
-    "kelvin_modulus",
-    "kelvin_viscosity",
-    "stress_exponent",
-    "grain_size_exponent",
-    "activation_enthalpy",
-    "beta",
-)
-"""Parameters that a spectrum needs."""
 
 QUANTILES = (5, 25, 50, 75, 95)
 """Percentages of `quantile_table`."""
@@ -69,98 +66,6 @@ _NODES = 64
 _NODES_SIGN_CHANGE = 1024
 """Nodes in half a period of stress. B is good to 1e-10 for stress exponents from 2.5; where stress
 changes sign, g has a kink in a higher derivative and the sum converges less fast."""
-
-_DRAW_DIMENSIONS = {0: (), 1: ("draw",), 2: ("chain", "draw")}
-
-
-@dataclass(frozen=True)
-class Regime:
-    """An imposed stress: a median and the amplitude of the sinusoid on top.
-
-    Attributes
-    ----------
-    median_stress : float
-        sigma_m, Pa, not negative.
-    amplitude : float
-        sigma_0, Pa, positive; where it exceeds the median, stress changes sign.
-
-    Raises
-    ------
-    InputError
-        If one of the two is out of range or not finite.
-    """
-
-    median_stress: float
-    amplitude: float
-
-    def __post_init__(self) -> None:
-        """Check both stresses."""
-        if not (np.isfinite(self.median_stress) and self.median_stress >= 0):
-            raise InputError(
-                f"median_stress: found {self.median_stress:g} Pa, expected zero or a positive "
-                "stress."
-            )
-        if not (np.isfinite(self.amplitude) and self.amplitude > 0):
-            raise InputError(f"amplitude: found {self.amplitude:g} Pa, expected a positive stress.")
-
-    @property
-    def label(self) -> str:
-        """Median and amplitude for legends, such as ``1 ± 0.17 MPa``."""
-        median, amplitude = (
-            number(stress * STRESS_FACTOR) for stress in (self.median_stress, self.amplitude)
-        )
-        return f"{median} ± {amplitude} {STRESS_UNIT}"
-
-
-PAPER_REGIMES = (
-    Regime(1e6, 0.17e6),
-    Regime(1.5e6, 0.5e6),
-    Regime(2e6, 0.9e6),
-    Regime(4e6, 1.5e6),
-)
-"""The regimes of the paper's Fig. 6."""
-
-_REGIME_BY_NAME = {number(r.median_stress * STRESS_FACTOR): r for r in PAPER_REGIMES}
-
-
-def regimes_named(names: Sequence[str]) -> tuple[Regime, ...]:
-    """Return some of the paper's regimes by their median stress in MPa.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Each one of ``"1"``, ``"1.5"``, ``"2"``, ``"4"``.
-
-    Raises
-    ------
-    InputError
-        If a name is none of these.
-    """
-    for name in names:
-        if name not in _REGIME_BY_NAME:
-            raise InputError(
-                f"regimes: unknown regime {name!r}, expected the median stress in {STRESS_UNIT} "
-                f"of one of the paper's, {', '.join(_REGIME_BY_NAME)}."
-            )
-    return tuple(_REGIME_BY_NAME[name] for name in names)
-
-
-def amplitude_regimes(median_stress: float, amplitudes: Sequence[float]) -> tuple[Regime, ...]:
-    """Return regimes that share a median stress, to see what the amplitude does.
-
-    Parameters
-    ----------
-    median_stress : float
-        Pa.
-    amplitudes : sequence of float
-        Pa.
-
-    Raises
-    ------
-    InputError
-        If a stress is out of range (see `Regime`).
-    """
-    return tuple(Regime(median_stress, amplitude) for amplitude in amplitudes)
 
 
 def attenuation_spectrum(
@@ -219,9 +124,9 @@ def attenuation_spectrum(
     loss = (omega * viscosity / kelvin_stiffness)[..., np.newaxis, :] + fluidity[
         ..., np.newaxis
     ] / omega
-    of_draw = _DRAW_DIMENSIONS[size.ndim]
-    of_regime = (*of_draw, "regime")
-    dimensions = (*of_regime, "frequency")
+    draw_dimensions = DRAW_DIMENSIONS[size.ndim]
+    regime_dimensions = (*draw_dimensions, "regime")
+    dimensions = (*regime_dimensions, "frequency")
     return xr.Dataset(
         {
             "tan_delta": (dimensions, loss / storage, {"units": "1"}),
@@ -231,9 +136,9 @@ def attenuation_spectrum(
                 {"units": "1/Pa"},
             ),
             "loss_compliance": (dimensions, loss, {"units": "1/Pa"}),
-            "debye_peak": (of_regime, _has_peak(draws, fluidity)),
-            "grain_size": (of_draw, size, {"units": "m"}),
-            "fabric_factor": (of_draw, fabric, {"units": "1"}),
+            "debye_peak": (regime_dimensions, _has_peak(draws, fluidity)),
+            "grain_size": (draw_dimensions, size, {"units": "m"}),
+            "fabric_factor": (draw_dimensions, fabric, {"units": "1"}),
         },
         coords={
             "frequency": ("frequency", frequency, {"units": "Hz"}),
@@ -290,7 +195,7 @@ def has_debye_peak(
 
 
 def predict_attenuation(
-    fit: Fit,
+    fit: FittedTest,
     frequencies: Sequence[float] | FloatArray = DEFAULT_FREQUENCIES,
     regimes: Sequence[Regime] = PAPER_REGIMES,
     *,
@@ -303,7 +208,7 @@ def predict_attenuation(
 
     Parameters
     ----------
-    fit : Fit
+    fit : FittedTest
         A finished fit.
     frequencies, regimes
         As for `attenuation_spectrum`.
@@ -406,8 +311,7 @@ def overview_table(spectrum: xr.Dataset) -> pd.DataFrame:
     n_shown = min(OVERVIEW_FREQUENCIES, frequency.size)
     shown = np.linspace(0, frequency.size - 1, n_shown).round().astype(int)
     low, median, high = np.quantile(flat_draws(spectrum["tan_delta"]), (0.05, 0.5, 0.95), axis=0)
-    peak = spectrum["debye_peak"].transpose(..., "regime").to_numpy()
-    share = peak.reshape(-1, peak.shape[-1]).mean(axis=0)
+    share = regime_peaks(spectrum).mean(axis=0)
     return pd.DataFrame(
         [
             {
@@ -450,6 +354,39 @@ def flat_draws(values: xr.DataArray) -> FloatArray:
     return flat
 
 
+def increasing_frequency(spectrum: xr.Dataset) -> FloatArray:
+    """Attenuation along increasing frequency, shape (n_draws, n_regimes, n_frequencies)."""
+    return flat_draws(spectrum.sortby("frequency")["tan_delta"])
+
+
+def regime_peaks(spectrum: xr.Dataset) -> BoolArray:
+    """Whether the peak stands out (`has_debye_peak`), shape (n_draws, n_regimes)."""
+    peak = spectrum["debye_peak"].transpose(..., "regime").to_numpy()
+    flat: BoolArray = peak.reshape(-1, peak.shape[-1])
+    return flat
+
+
+def lowest_slope(spectrum: xr.Dataset) -> FloatArray:
+    """Logarithmic slope between the two lowest frequencies, shape (n_draws, n_regimes)."""
+    first, second = np.sort(spectrum["frequency"].to_numpy())[:2]
+    tan_delta = increasing_frequency(spectrum)
+    slope: FloatArray = np.log(tan_delta[..., 1] / tan_delta[..., 0]) / np.log(second / first)
+    return slope
+
+
+def falling_stretch(spectrum: xr.Dataset) -> tuple[FloatArray, FloatArray]:
+    """Return the ends (Hz) of where the first regime falls towards low frequency.
+
+    NaN where a draw has no such stretch among the frequencies, shape (n_draws,) each.
+    """
+    frequency = np.sort(spectrum["frequency"].to_numpy())
+    falls = np.diff(increasing_frequency(spectrum)[:, 0], axis=-1) > 0
+    some = falls.any(axis=1)
+    low = np.where(some, frequency[:-1][falls.argmax(axis=1)], np.nan)
+    high = np.where(some, frequency[1:][::-1][falls[:, ::-1].argmax(axis=1)], np.nan)
+    return low, high
+
+
 def _microstructure_text(
     microstructure: str, grain_size: float | None, fabric_factor: float | None
 ) -> str:
@@ -460,80 +397,6 @@ def _microstructure_text(
     if fabric_factor is not None:
         text += f", fabric factor {number(fabric_factor)}"
     return text
-
-
-def checked_inputs(
-    parameters: Mapping[str, npt.ArrayLike],
-    temperature: float,
-    grain_size: npt.ArrayLike,
-    fabric_factor: npt.ArrayLike,
-) -> tuple[dict[str, FloatArray], FloatArray, FloatArray]:
-    """Return draws, grain size and fabric factor as arrays of one shape.
-
-    Parameters
-    ----------
-    parameters, temperature, grain_size, fabric_factor
-        As for `attenuation_spectrum`.
-
-    Raises
-    ------
-    InputError
-        If a parameter is missing, shapes differ or a condition is not positive.
-    """
-    missing = [name for name in PARAMETER_NAMES if name not in parameters]
-    if missing:
-        raise InputError(f"parameters: {missing[0]!r} is missing, expected its draws.")
-    draws = {name: np.asarray(parameters[name], dtype=np.float64) for name in PARAMETER_NAMES}
-    shape = draws[PARAMETER_NAMES[0]].shape
-    if len(shape) not in _DRAW_DIMENSIONS:
-        raise InputError(
-            f"parameters: found draws of shape {shape}, expected (chain, draw), (draw,) or ()."
-        )
-    for name, values in draws.items():
-        if values.shape != shape:
-            raise InputError(
-                f"parameters: {name!r} has the shape {values.shape}, expected {shape} as "
-                f"{PARAMETER_NAMES[0]!r} has."
-            )
-    _check_positive("temperature", "K", np.asarray(temperature, dtype=np.float64))
-    frozen = []
-    for name, unit, given in (
-        ("grain_size", "m", grain_size),
-        ("fabric_factor", "(1 = isotropic)", fabric_factor),
-    ):
-        values = np.asarray(given, dtype=np.float64)
-        if values.shape not in ((), shape):
-            raise InputError(
-                f"{name}: found the shape {values.shape}, expected one number or {shape}, that "
-                "of the draws."
-            )
-        _check_positive(name, unit, values)
-        frozen.append(np.broadcast_to(values, shape))
-    return draws, frozen[0], frozen[1]
-
-
-def _check_positive(name: str, unit: str, values: FloatArray) -> None:
-    wrong = values[~(np.isfinite(values) & (values > 0))]
-    if wrong.size:
-        raise InputError(f"{name}: found {wrong.flat[0]:g}, expected a positive number {unit}.")
-
-
-def checked_frequencies(frequencies: Sequence[float] | FloatArray) -> FloatArray:
-    """Return frequencies (Hz) as an array.
-
-    Raises
-    ------
-    InputError
-        If there is none, or one is not positive and finite.
-    """
-    frequency = np.asarray(frequencies, dtype=np.float64)
-    if frequency.ndim != 1 or frequency.size == 0:
-        raise InputError(
-            f"frequencies: found an array of shape {frequency.shape}, expected a list of "
-            "frequencies in Hz."
-        )
-    _check_positive("frequencies", "of Hz", frequency)
-    return frequency
 
 
 def _dashpot_fluidity(

@@ -133,7 +133,8 @@ def amplitude_dependence(spectrum: xr.Dataset, title: str) -> Figure:
     Parameters
     ----------
     spectrum : Dataset
-        Regimes that share a median stress (`pyburgers.predictions.attenuation.amplitude_regimes`).
+        Regimes that share a median stress
+        (`pyburgers.predictions.stress_cycles.amplitude_regimes`).
     title : str
         Heading.
     """

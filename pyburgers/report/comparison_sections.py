@@ -7,42 +7,75 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from typing import TypeVar
 
+import numpy as np
+import numpy.typing as npt
 import pandas as pd
+from matplotlib.figure import Figure
 
+from pyburgers.common.draws import all_draws
 from pyburgers.common.numbers import with_error
-from pyburgers.comparison.by_points import (
-    COMPARISON_TEXT,
-    compare,
-    comparison_table,
-    sentences,
-)
-from pyburgers.comparison.by_tests import (
-    BY_TEST_TEXT,
-    ComparisonByTest,
-    compare_kept_by_test,
-    sentences_by_test,
-    table_of_fits,
-    table_of_tests,
-)
+from pyburgers.comparison.by_points import compare
+from pyburgers.comparison.by_tests import ComparisonByTest, compare_kept_by_test
 from pyburgers.comparison.figures import (
     COMPARISON_CAPTION,
     LEFT_OUT_CAPTION,
     left_out_tests,
     pointwise_differences,
 )
+from pyburgers.comparison.results import (
+    BY_TEST_TEXT,
+    COMPARISON_TEXT,
+    comparison_table,
+    sentences,
+    sentences_by_test,
+    table_of_fits,
+    table_of_tests,
+)
 from pyburgers.comparison.same_data import data_hash
+from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
+from pyburgers.drawing.style import BLUE, GREEN, VERMILION, few_ticks, style
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.joint_fit import JointFit
-from pyburgers.report.flow_law_sections import flow_law_source_section
+from pyburgers.model.display import (
+    LENGTH_FACTOR,
+    LENGTH_UNIT,
+    STRESS_FACTOR,
+    STRESS_UNIT,
+    axis_label,
+    shown_quantity,
+    unit_text,
+)
+from pyburgers.model.flow_law_prior import FlowLawPrior
+from pyburgers.model.priors import FLOW_LAW
 from pyburgers.report.joint_section import joint_names
-from pyburgers.report.page import ExtraFigure, ExtraSection, ExtraTable, file_key, page_keys
+from pyburgers.report.page import file_key, page_keys
+
+FloatArray = npt.NDArray[np.float64]
 
 AnyFit = TypeVar("AnyFit", Fit, JointFit)
+
+LOG_RATE = "log_flow_rate"
+"""Row of the table of a flow law beside its parameters."""
+
+DISAGREEMENT = 3.0
+"""Joint standard deviations from which two sources of a flow law are said to disagree."""
+
+SOURCE_COLOURS = (GREEN, BLUE, VERMILION)
+SHOWN_SHARE = 0.995
+"""Share of the draws of every source, by its ends, that a panel reaches to."""
+
+BINS = 40
+
+COMBINED_CAPTION = (
+    "Distribution of each part of the flow law as the other source alone, the curve alone and both "
+    "together have it. The last panel is the logarithm of the flow rate at the mean conditions of "
+    "the other source, which it knows best."
+)
 
 
 def comparison_sections(
     fits: Sequence[Fit], joints: Sequence[JointFit] = ()
-) -> tuple[ExtraSection, ...]:
+) -> tuple[PageSection, ...]:
     """Return the parts of a page about fits of the same data, joint fits first.
 
     Parameters
@@ -54,7 +87,7 @@ def comparison_sections(
 
     Returns
     -------
-    tuple of ExtraSection
+    tuple of PageSection
         A comparison by points for each data set with several fits; one by tests where `pyburgers
         compare --leave-out tests` has left them out of joint fits; and one of flow laws where a
         fit takes its own from another source and another does not.
@@ -81,7 +114,7 @@ def _same_data(named: Iterable[tuple[str, AnyFit]]) -> list[dict[str, AnyFit]]:
     return list(groups.values())
 
 
-def by_points_section(fits: Mapping[str, Fit] | Mapping[str, JointFit]) -> ExtraSection:
+def by_points_section(fits: Mapping[str, Fit] | Mapping[str, JointFit]) -> PageSection:
     """Return the leave-one-out comparison of fits of the same data.
 
     Parameters
@@ -92,12 +125,12 @@ def by_points_section(fits: Mapping[str, Fit] | Mapping[str, JointFit]) -> Extra
     comparison = compare(fits)
     table = comparison_table(comparison)
     first = next(iter(fits))
-    return ExtraSection(
+    return PageSection(
         key=f"comparison_{file_key(first)}",
         title=f"Which fit of {first} predicts best",
         paragraphs=(COMPARISON_TEXT, *sentences(comparison)),
         tables=(
-            ExtraTable(
+            PageTable(
                 "table",
                 "Expected log predictive density, the best first",
                 _shown(
@@ -116,7 +149,7 @@ def by_points_section(fits: Mapping[str, Fit] | Mapping[str, JointFit]) -> Extra
             ),
         ),
         figures=(
-            ExtraFigure(
+            PageFigure(
                 "pointwise",
                 "Where one fit predicts better than another",
                 COMPARISON_CAPTION,
@@ -127,7 +160,7 @@ def by_points_section(fits: Mapping[str, Fit] | Mapping[str, JointFit]) -> Extra
     )
 
 
-def by_tests_section(first: str, comparison: ComparisonByTest) -> ExtraSection:
+def by_tests_section(first: str, comparison: ComparisonByTest) -> PageSection:
     """Return how well joint fits predict whole tests that they have not seen.
 
     Parameters
@@ -152,19 +185,19 @@ def by_tests_section(first: str, comparison: ComparisonByTest) -> ExtraSection:
     shown_tests = _shown(tests, {"readings": ("points", "{}")})
     for name in comparison.results:
         shown_tests[name] = _with_errors(tests[f"{name} elpd"], tests[f"{name} monte_carlo_error"])
-    return ExtraSection(
+    return PageSection(
         key=f"left_out_{file_key(first)}",
         title=f"Whole tests left out: {first}",
         paragraphs=(BY_TEST_TEXT, *sentences_by_test(comparison)),
         tables=(
-            ExtraTable(
+            PageTable(
                 "fits",
                 "All tests, the best fit first",
                 shown_fits,
                 fits.reset_index(),
                 words=("fit", "variant"),
             ),
-            ExtraTable(
+            PageTable(
                 "tests",
                 "Log density of each test given the others, ± Monte Carlo error",
                 shown_tests,
@@ -173,7 +206,7 @@ def by_tests_section(first: str, comparison: ComparisonByTest) -> ExtraSection:
             ),
         ),
         figures=(
-            ExtraFigure(
+            PageFigure(
                 "tests",
                 "Which test a fit predicts better",
                 LEFT_OUT_CAPTION,
@@ -192,3 +225,185 @@ def _shown(table: pd.DataFrame, columns: Mapping[str, tuple[str, str]]) -> pd.Da
 
 def _with_errors(values: pd.Series, errors: pd.Series) -> list[str]:
     return [with_error(*pair) for pair in zip(values, errors, strict=True)]
+
+
+def flow_law_source_section(fits: Mapping[str, Fit]) -> tuple[PageSection, ...]:
+    """Return what a flow law from another source adds to a curve, where a fit has one.
+
+    Parameters
+    ----------
+    fits : mapping of str to Fit
+        Fits of the same data by their names on the page.
+
+    Returns
+    -------
+    tuple of PageSection
+        One about the first fit with a joint prior of the flow law and the first without, none
+        where one of the two is missing.
+    """
+    laws = {name: fit.priors.flow_law for name, fit in fits.items()}
+    alone = next((name for name, law in laws.items() if law is None), None)
+    both, law = next(((name, law) for name, law in laws.items() if law is not None), (None, None))
+    if alone is None or both is None or law is None:
+        return ()
+    draws = _flow_law_draws(law, fits[alone], fits[both])
+    table = flow_law_sources_table(draws)
+    experiment, at = fits[alone].experiment, law.conditions
+    rate = (
+        f"the flow rate at {at.temperature:.1f} K, {at.stress * STRESS_FACTOR:.2f} {STRESS_UNIT} "
+        f"and {at.grain_size * LENGTH_FACTOR:.0f} {LENGTH_UNIT}"
+    )
+    synthetic = (
+        f"{experiment.id} is synthetic: that it is combined with other data shows the method and "
+        "says nothing about nature.",
+    )
+    section = PageSection(
+        key=f"flow_law_{both}",
+        title=f"Flow law of {alone}, with another source and without",
+        paragraphs=(
+            f"The other source is {law.source}. {alone} is the fit of the curve alone with the "
+            f"material's own priors; {both} has the other source as a joint prior of n, p, "
+            f"{rate}, and beta in their place.",
+            "Mean ± standard deviation. Where both together are wider than the curve alone, the "
+            "curve's number was that of its own prior, which the other source replaces.",
+            _agreement(draws["other source alone"][LOG_RATE], draws["curve alone"][LOG_RATE]),
+            *(synthetic if experiment.provenance.kind == "synthetic" else ()),
+        ),
+        tables=(
+            PageTable(
+                "sources",
+                "What each source knows",
+                _shown_sources(table),
+                table.reset_index(),
+                words=("quantity", "unit"),
+            ),
+        ),
+        figures=(
+            PageFigure(
+                "sources",
+                "Flow law by source",
+                COMBINED_CAPTION,
+                partial(combined_flow_law, draws),
+            ),
+        ),
+        after_fits=True,
+    )
+    return (section,)
+
+
+def _flow_law_draws(law: FlowLawPrior, alone: Fit, both: Fit) -> dict[str, dict[str, FloatArray]]:
+    """Return draws (SI) of the flow law by source and quantity."""
+    found = {}
+    for name, fit in (("curve alone", alone), ("both", both)):
+        dataset = fit.posterior["posterior"].to_dataset()
+        found[name] = {quantity: all_draws(dataset[quantity]) for quantity in FLOW_LAW}
+    rng = np.random.default_rng(1)
+    n_draws = found["both"][FLOW_LAW[0]].size
+    drawn = [law.sample(rng) for _ in range(n_draws)]
+    other = {name: np.array([draw[name] for draw in drawn]) for name in FLOW_LAW}
+    by_source = {"other source alone": other, **found}
+    return {
+        name: {**values, LOG_RATE: law.log_flow_rate(values)} for name, values in by_source.items()
+    }
+
+
+def _agreement(other: FloatArray, alone: FloatArray) -> str:
+    """Say how far draws of two sources are from each other."""
+    distance = abs(np.mean(alone) - np.mean(other)) / np.hypot(np.std(alone), np.std(other))
+    if distance < DISAGREEMENT:
+        return (
+            f"The two sources agree on the flow rate: they are {distance:.1f} of their joint "
+            "standard deviations apart."
+        )
+    return (
+        f"The two sources disagree on the flow rate: they are {distance:.1f} of their joint "
+        "standard deviations apart, so that both together bend other parameters of the curve."
+    )
+
+
+def flow_law_sources_table(draws: Mapping[str, Mapping[str, FloatArray]]) -> pd.DataFrame:
+    """Mean and standard deviation (SI) of each quantity by source.
+
+    Parameters
+    ----------
+    draws : mapping
+        By source and quantity.
+
+    Returns
+    -------
+    DataFrame
+        Index quantity; columns ``SOURCE mean`` and ``SOURCE sd``.
+    """
+    quantities = next(iter(draws.values()))
+    rows = {
+        quantity: {
+            f"{source} {name}": float(number)
+            for source, values in draws.items()
+            for name, number in (
+                ("mean", np.mean(values[quantity])),
+                ("sd", np.std(values[quantity], ddof=1)),
+            )
+        }
+        for quantity in quantities
+    }
+    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("quantity")
+
+
+def _shown_sources(table: pd.DataFrame) -> pd.DataFrame:
+    """Return `flow_law_sources_table` as text in display units."""
+    columns = [str(column) for column in table]
+    sources = [column.removesuffix(" mean") for column in columns if column.endswith(" mean")]
+    rows = []
+    for name, row in table.iterrows():
+        label, unit, factor = "ln(flow rate)", "–", 1.0
+        if name != LOG_RATE:
+            quantity = shown_quantity(str(name))
+            label, unit, factor = quantity.label, unit_text(quantity), quantity.display_factor
+        shown = {}
+        for source in sources:
+            mean, sd = (row[f"{source} {key}"] * factor for key in ("mean", "sd"))
+            shown[source] = with_error(mean, sd)
+        share = row["both sd"] / row["curve alone sd"]
+        rows.append(
+            {"quantity": label, "unit": unit, **shown, "sd both / curve alone": f"{share:.2f}"}
+        )
+    return pd.DataFrame(rows)
+
+
+def combined_flow_law(draws: Mapping[str, Mapping[str, FloatArray]]) -> Figure:
+    """Draw the distributions of n, p, Q_M and the flow rate by source.
+
+    Parameters
+    ----------
+    draws : mapping
+        SI values by source and quantity; the last quantity is ln(flow rate s).
+    """
+    *parameters, log_rate = (name for name in next(iter(draws.values())) if name != "beta")
+    with style():
+        figure = Figure(figsize=(9.0, 2.8), layout="constrained")
+        panels = figure.subplots(1, len(parameters) + 1)
+        for axes, name in zip(panels, [*parameters, log_rate], strict=True):
+            factor = 1.0 if name == log_rate else shown_quantity(name).display_factor
+            shown = {source: values[name] * factor for source, values in draws.items()}
+            low = min(float(np.quantile(v, 1 - SHOWN_SHARE)) for v in shown.values())
+            high = max(float(np.quantile(v, SHOWN_SHARE)) for v in shown.values())
+            for (source, values), colour in zip(shown.items(), SOURCE_COLOURS, strict=True):
+                axes.hist(
+                    values,
+                    bins=BINS,
+                    range=(low, high),
+                    density=True,
+                    histtype="step",
+                    linewidth=1.4,
+                    color=colour,
+                    label=source,
+                )
+            axes.set_xlabel(
+                "ln(flow rate · s)" if name == log_rate else axis_label(shown_quantity(name))
+            )
+            axes.set_yticks([])
+            axes.spines["left"].set_visible(False)
+            axes.xaxis.set_major_locator(few_ticks(4))
+        handles, labels = panels[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper left", ncols=3)
+    return figure

@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 from pyburgers.common.draws import BAND, TAIL, all_draws
 from pyburgers.common.numbers import number, with_error
 from pyburgers.comparison.same_data import fits_alone
+from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.drawing.panels import draw_curve, legend_above
 from pyburgers.drawing.style import BLUE, VERMILION, few_ticks, style
 from pyburgers.fitting.fit import Fit
@@ -20,8 +21,8 @@ from pyburgers.model.display import axis_label, shown_quantity, symbol_text, uni
 from pyburgers.model.parameters import REFERENCE_STRESS_QUANTITY
 from pyburgers.posterior.joint_labelled_draws import own_name
 from pyburgers.protocols.registry import protocol_of
-from pyburgers.report.page import ExtraFigure, ExtraSection, ExtraTable, file_key, numbered
-from pyburgers.report.tables import checks_table
+from pyburgers.report.page import file_key, numbered
+from pyburgers.report.tables import checks_page_table
 from pyburgers.sampling.joint_stan_data import CENTRE, SPREAD
 
 
@@ -164,7 +165,7 @@ def joint_names(joints: Sequence[JointFit]) -> list[str]:
     return numbered([joint.problem.name for joint in joints])
 
 
-def joint_section(name: str, joint: JointFit, separate: Sequence[Fit]) -> ExtraSection:
+def joint_section(name: str, joint: JointFit, separate: Sequence[Fit]) -> PageSection:
     """Return the part of a page about a joint fit.
 
     Parameters
@@ -180,7 +181,7 @@ def joint_section(name: str, joint: JointFit, separate: Sequence[Fit]) -> ExtraS
     failed = [check.name for check in checks if not check.passed]
     verdict = "All checks passed." if not failed else f"Checks that FAILED: {', '.join(failed)}."
     pooled = pooled_table(joint)
-    return ExtraSection(
+    return PageSection(
         key=f"joint_{file_key(name)}",
         title=f"Joint fit {name}",
         paragraphs=(
@@ -194,7 +195,7 @@ def joint_section(name: str, joint: JointFit, separate: Sequence[Fit]) -> ExtraS
             *_bought(table),
         ),
         tables=(
-            ExtraTable(
+            PageTable(
                 "pooling",
                 "Mean ± standard deviation, test by test",
                 shown_pooling_table(table),
@@ -203,7 +204,7 @@ def joint_section(name: str, joint: JointFit, separate: Sequence[Fit]) -> ExtraS
             ),
             *(
                 (
-                    ExtraTable(
+                    PageTable(
                         "spreads",
                         "Common centres and spreads",
                         shown_pooled_table(joint),
@@ -214,18 +215,11 @@ def joint_section(name: str, joint: JointFit, separate: Sequence[Fit]) -> ExtraS
                 if len(pooled)
                 else ()
             ),
-            ExtraTable(
-                "checks",
-                "Checks of the joint fit",
-                checks_table(checks),
-                checks_table(checks),
-                words=("check", "verdict"),
-                sentences=("sentence",),
-            ),
+            checks_page_table("Checks of the joint fit", checks),
         ),
         figures=(
-            ExtraFigure("curves", "All tests", CURVES_CAPTION, partial(all_curves, joint)),
-            ExtraFigure(
+            PageFigure("curves", "All tests", CURVES_CAPTION, partial(all_curves, joint)),
+            PageFigure(
                 "intervals",
                 "Parameters test by test",
                 INTERVALS_CAPTION,

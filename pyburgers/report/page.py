@@ -6,7 +6,7 @@ import json
 import logging
 import platform
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,20 +16,24 @@ import jinja2
 import pandas as pd
 from matplotlib.figure import Figure
 
+from pyburgers.checks.fit_checks import CheckResult, coverage
 from pyburgers.checks.prior_influence import (
     THRESHOLDS_TEXT,
+    Influence,
+    Origin,
     influence_numbers,
     influence_table,
     prior_influence,
 )
-from pyburgers.checks.sampling_checks import CheckResult, coverage
 from pyburgers.common.atomic_files import sha256_of_file, write_json, write_text
 from pyburgers.common.errors import InputError
 from pyburgers.common.processes import completed, number_of_processes
-from pyburgers.drawing.style import FigureText, write_images
+from pyburgers.drawing.page_parts import FigureText, PageSection, PageTable
+from pyburgers.drawing.style import write_images
 from pyburgers.fitting.fit import Fit, is_joint
+from pyburgers.model.display import shown_quantity
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.protocol import PageTable, Protocol
+from pyburgers.protocols.protocol import Protocol
 from pyburgers.protocols.registry import protocol_of
 from pyburgers.report import tables
 from pyburgers.report.posterior_figures import figures_for
@@ -42,75 +46,6 @@ REPORT_KIND = "pyburgers report"
 PIXELS_PER_INCH = 100
 
 PACKAGES = ("pyburgers", "arviz", "jinja2", "matplotlib", "numpy", "pandas", "scipy", "xarray")
-
-
-@dataclass(frozen=True)
-class ExtraFigure(FigureText):
-    """A figure that is not about one fit alone.
-
-    Attributes
-    ----------
-    draw : callable
-        Draws it.
-    """
-
-    draw: Callable[[], Figure]
-
-
-@dataclass(frozen=True, eq=False)
-class ExtraTable:
-    """A table of an extra section.
-
-    Attributes
-    ----------
-    name : str
-        Part of the file name.
-    title : str
-        Heading.
-    shown : DataFrame
-        What the page shows, as text.
-    saved : DataFrame
-        What the CSV file holds; numbers at full precision.
-    words : tuple of str
-        Columns of short texts.
-    sentences : tuple of str
-        Columns of whole sentences.
-    """
-
-    name: str
-    title: str
-    shown: pd.DataFrame
-    saved: pd.DataFrame
-    words: tuple[str, ...] = ()
-    sentences: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class ExtraSection:
-    """A part of the page that is not about one fit alone.
-
-    Attributes
-    ----------
-    key : str
-        Name of its files and its anchor, unique on the page.
-    title : str
-        Heading.
-    paragraphs : tuple of str
-        Plain text above tables and figures.
-    tables : tuple of ExtraTable
-        Tables.
-    figures : tuple of ExtraFigure
-        Figures.
-    after_fits : bool
-        Whether it stands after the fits rather than between overview and fits.
-    """
-
-    key: str
-    title: str
-    paragraphs: tuple[str, ...]
-    tables: tuple[ExtraTable, ...] = ()
-    figures: tuple[ExtraFigure, ...] = ()
-    after_fits: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,10 +94,10 @@ class Section:
         Row of the table over experiments.
     parameters, priors, sampler : DataFrame
         Tables as text.
-    influence : DataFrame or None
-        What the results owe to prior and data, as text; None without likelihood.
+    influences : mapping of str to Influence
+        What each quantity owes to prior and data; empty without likelihood.
     truth : DataFrame or None
-        Comparison with the truth as text, for synthetic data.
+        Comparison with the truth (`pyburgers.report.tables.truth_table`), for synthetic data.
     more_tables : tuple of PageTable
         Tables of the protocol.
     illustrations : tuple of Illustration
@@ -176,7 +111,7 @@ class Section:
     parameters: pd.DataFrame
     priors: pd.DataFrame
     sampler: pd.DataFrame
-    influence: pd.DataFrame | None
+    influences: Mapping[str, Influence]
     truth: pd.DataFrame | None
     more_tables: tuple[PageTable, ...]
     illustrations: tuple[Illustration, ...]
@@ -194,10 +129,11 @@ class Section:
     @property
     def from_prior(self) -> list[str]:
         """Quantities whose number is that of the prior."""
-        if self.influence is None:
-            return []
-        flagged = self.influence["where it comes from"] == "this number is your prior"
-        return self.influence["quantity"][flagged].tolist()
+        return [
+            shown_quantity(name).label
+            for name, influence in self.influences.items()
+            if influence.origin is Origin.PRIOR
+        ]
 
     @property
     def failed(self) -> list[CheckResult]:
@@ -211,7 +147,7 @@ def write_report(
     *,
     title: str,
     command: str,
-    extras: Sequence[ExtraSection] = (),
+    extras: Sequence[PageSection] = (),
     jobs: int | None = 1,
 ) -> Path:
     """Write the page ``index.html``, ``figures/``, ``tables/`` and ``manifest.json``.
@@ -229,7 +165,7 @@ def write_report(
         Heading of the page.
     command : str
         What makes the report again.
-    extras : sequence of ExtraSection
+    extras : sequence of PageSection
         Parts of the page beside the fits, in their order.
     jobs : int, optional
         Processes that write figures; None takes one for each core, which pays for many figures.
@@ -280,7 +216,7 @@ def _write_figures(illustrations: Sequence[Illustration], out: Path, jobs: int |
 
 def render_page(
     sections: Sequence[Section],
-    extras: Sequence[tuple[ExtraSection, tuple[Illustration, ...]]],
+    extras: Sequence[tuple[PageSection, tuple[Illustration, ...]]],
     *,
     title: str,
     command: str,
@@ -305,6 +241,8 @@ def render_page(
         version=importlib.metadata.version("pyburgers"),
         number_table=_number_table,
         thresholds=THRESHOLDS_TEXT,
+        influence_table=influence_table,
+        truth_table=tables.shown_truth_table,
     )
 
 
@@ -363,10 +301,9 @@ def _write_section(key: str, fit: Fit, out: Path) -> Section:
     }
     if truth is not None:
         files["truth"] = truth.reset_index()
-    influence = None
+    influences: dict[str, Influence] = {}
     if fit.manifest["use_likelihood"]:
         influences = prior_influence(fit.posterior, fit.priors)
-        influence = influence_table(influences)
         files["influence"] = influence_numbers(influences).reset_index()
     more_tables = protocol_of(fit.experiment).tables(fit)
     files |= {table.name: table.saved for table in more_tables}
@@ -380,8 +317,8 @@ def _write_section(key: str, fit: Fit, out: Path) -> Section:
         parameters=tables.parameter_table(summary, fit.priors),
         priors=files["priors"],
         sampler=sampler,
-        influence=influence,
-        truth=None if truth is None else tables.shown_truth_table(truth),
+        influences=influences,
+        truth=truth,
         more_tables=more_tables,
         illustrations=tuple(
             Illustration(recipe, recipe.draw(fit), _picture_file(out, key, recipe))
@@ -390,7 +327,7 @@ def _write_section(key: str, fit: Fit, out: Path) -> Section:
     )
 
 
-def _write_extra(extra: ExtraSection, out: Path) -> tuple[Illustration, ...]:
+def _write_extra(extra: PageSection, out: Path) -> tuple[Illustration, ...]:
     """Write the tables of an extra section and draw its figures."""
     for table in extra.tables:
         name = f"{extra.key}_{table.name}.csv"

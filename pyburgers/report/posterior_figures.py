@@ -18,6 +18,7 @@ from scipy import ndimage, stats
 
 from pyburgers.common.draws import all_draws, evenly_spaced
 from pyburgers.common.numbers import number
+from pyburgers.drawing.page_parts import FigureRecipe
 from pyburgers.drawing.style import (
     BLACK,
     BLUE,
@@ -27,7 +28,6 @@ from pyburgers.drawing.style import (
     PURPLE,
     SKY_BLUE,
     VERMILION,
-    FigureRecipe,
     few_ticks,
     style,
 )
@@ -197,7 +197,8 @@ def density(
     """Kernel density estimate that loses no mass at hard bounds.
 
     A fine histogram is smoothed with a Gaussian kernel and reflected at the ends, which are the
-    bounds where draws come near them. Draws that are all equal give a narrow spike.
+    bounds where draws come near them. Draws that are all equal give a narrow spike. (ArviZ's would
+    need limits and bandwidth given all the same, and has none for such draws.)
 
     Parameters
     ----------
@@ -255,8 +256,8 @@ def rank(fit: FittedTest) -> Figure:
             axes.axhspan(
                 expected.ppf(0.025), expected.ppf(0.975), color=GREY, alpha=0.5, linewidth=0
             )
-            for k, of_chain in enumerate(ranks):
-                counts, _ = np.histogram(of_chain, bins=edges)
+            for k, chain_ranks in enumerate(ranks):
+                counts, _ = np.histogram(chain_ranks, bins=edges)
                 axes.stairs(counts, 100 * edges, baseline=None, linewidth=1.1, **_chain_style(k))
             axes.set_title(f"{quantity.label}, ${quantity.symbol}$", loc="left", fontsize=9.5)
             axes.set_ylim(bottom=0.0)

@@ -11,8 +11,9 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from pyburgers.checks.sampling_checks import CheckResult
+from pyburgers.checks.fit_checks import CheckResult
 from pyburgers.common.numbers import number, rounded, with_error
+from pyburgers.drawing.page_parts import PageTable
 from pyburgers.fitting.fit import Fit, is_joint
 from pyburgers.model.display import prior_text, shown_quantity, symbol_text, unit_text
 from pyburgers.model.parameters import PARAMETER_BY_NAME
@@ -177,6 +178,20 @@ def checks_table(checks: Sequence[CheckResult]) -> pd.DataFrame:
             }
             for check in checks
         ]
+    )
+
+
+def checks_page_table(title: str, checks: Sequence[CheckResult]) -> PageTable:
+    """Return `checks_table` as a part of a page."""
+    shown = checks_table(checks)
+    return PageTable(
+        "checks",
+        title,
+        shown,
+        shown,
+        words=("check", "verdict"),
+        sentences=("sentence",),
+        bad={"verdict": [not one.passed for one in checks]},
     )
 
 

@@ -14,6 +14,14 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from pyburgers.checks.fit_checks import (
+    check_chains,
+    check_divergences,
+    check_energy,
+    check_solver,
+    check_treedepth,
+    run_checks,
+)
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError, SamplingError
@@ -42,8 +50,8 @@ RHAT_LIMIT = 1.05
 """Largest R-hat of a fit of a calibration: its chains are short, so that 1.01 is passed by chance.
 """
 
-CHECKS = ("chains", "divergences", "treedepth", "energy", "solver")
-"""Checks of a fit (`pyburgers.checks.sampling_checks`) that short chains can pass."""
+CHECKS = (check_chains, check_divergences, check_treedepth, check_energy, check_solver)
+"""Checks of a fit that short chains can pass."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,7 +217,7 @@ def replicate(
         n_draws=n_thinned,
         n_unsolvable=simulated.n_unsolvable,
         failed_checks=(
-            *(check.name for check in result.checks() if check.name in CHECKS and not check.passed),
+            *(one.name for one in run_checks(result.checked_draws, CHECKS) if not one.passed),
             *(["R-hat"] if not rhat <= RHAT_LIMIT else []),
             *(["independent draws"] if not least_ess >= n_thinned else []),
         ),

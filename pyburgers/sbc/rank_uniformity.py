@@ -103,7 +103,7 @@ def judge_ranks(ranks: Mapping[str, Sequence[int]], bands: RankBands) -> dict[st
     bands : RankBands
         For these data sets.
     """
-    return {name: _judge(np.asarray(of_one), bands) for name, of_one in ranks.items()}
+    return {name: _judge(np.asarray(values), bands) for name, values in ranks.items()}
 
 
 def _judge(ranks: IntArray, bands: RankBands) -> RankVerdict:

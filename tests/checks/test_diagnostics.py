@@ -6,18 +6,20 @@ import pytest
 import xarray as xr
 from scipy.stats import norm
 
-from pyburgers.checks.sampling_checks import (
+from pyburgers.checks.fit_checks import (
+    CheckedDraws,
+    CheckKind,
     CheckResult,
     check_chains,
     check_coverage,
     check_divergences,
     check_effective_sample_size,
     check_energy,
-    check_fit,
     check_rhat,
     check_solver,
     check_treedepth,
     coverage,
+    run_checks,
 )
 from pyburgers.sampling.chains import ChainFailure
 
@@ -79,15 +81,18 @@ def assert_fails(check: CheckResult, *remedies: str) -> None:
 
 
 def test_good_draws_pass_every_check() -> None:
-    checks = check_fit(good(), (), MAX_TREEDEPTH)
+    checks = run_checks(CheckedDraws(good()))
     assert [check.name for check in checks if not check.passed] == []
     assert len({check.name for check in checks}) == 8
+    assert [check.name for check in checks if check.check.kind is CheckKind.DESCRIPTION] == [
+        "coverage"
+    ]
     assert all(check.sentence.endswith(".") and len(check.table) > 0 for check in checks)
 
 
 def test_a_missing_chain_fails_with_its_reason() -> None:
     failure = ChainFailure(5, "Chain 5 was killed by the system (SIGKILL).")
-    check = check_chains(good(), (failure,))
+    check = check_chains(CheckedDraws(good(), (failure,)))
     assert_fails(check, "1 of 5 chains", failure.reason)
     assert check.table["chain"].tolist() == [1, 2, 3, 4, 5]
 
@@ -95,28 +100,28 @@ def test_a_missing_chain_fails_with_its_reason() -> None:
 def test_a_chain_elsewhere_fails_rhat() -> None:
     tree = good()
     values(tree, "posterior", "stress_exponent")[2] += 0.2
-    assert_fails(check_rhat(tree), "stress_exponent", "--draws")
+    assert_fails(check_rhat(CheckedDraws(tree)), "stress_exponent", "--draws")
 
 
 def test_a_chain_of_another_width_fails_rhat() -> None:
     tree = good()
     chain = values(tree, "posterior", "stress_exponent")[1]
     chain[:] = 3.5 + 4 * (chain - 3.5)
-    assert_fails(check_rhat(tree), "stress_exponent")
+    assert_fails(check_rhat(CheckedDraws(tree)), "stress_exponent")
 
 
 def test_one_chain_cannot_be_compared() -> None:
-    assert_fails(check_rhat(good(chains=1)), "--chains")
+    assert_fails(check_rhat(CheckedDraws(good(chains=1))), "--chains")
 
 
 def test_a_parameter_that_never_moved_is_not_called_converged() -> None:
     tree = good()
     values(tree, "posterior", "stress_exponent")[:] = 3.5
-    assert_fails(check_rhat(tree), "stress_exponent")
+    assert_fails(check_rhat(CheckedDraws(tree)), "stress_exponent")
 
 
 def test_few_draws_fail_the_effective_sample_size() -> None:
-    assert_fails(check_effective_sample_size(good(draws=60)), "--draws")
+    assert_fails(check_effective_sample_size(CheckedDraws(good(draws=60))), "--draws")
 
 
 def test_slowly_mixing_draws_fail_the_effective_sample_size() -> None:
@@ -126,13 +131,13 @@ def test_slowly_mixing_draws_fail_the_effective_sample_size() -> None:
     for k in range(1, DRAWS):
         steps[:, k] += 0.97 * steps[:, k - 1]
     noise[:] = 1e5 + 1e3 * steps
-    assert_fails(check_effective_sample_size(tree), "stress_noise", "--draws")
+    assert_fails(check_effective_sample_size(CheckedDraws(tree)), "stress_noise", "--draws")
 
 
 def test_a_divergence_fails() -> None:
     tree = good()
     values(tree, "sample_stats", "diverging")[3, 17] = True
-    check = check_divergences(tree)
+    check = check_divergences(CheckedDraws(tree))
     assert_fails(check, f"1 of {CHAINS * DRAWS}", "--adapt-delta")
     assert check.table["divergences"].tolist() == [0, 0, 0, 1]
 
@@ -140,7 +145,7 @@ def test_a_divergence_fails() -> None:
 def test_a_saturated_treedepth_fails() -> None:
     tree = good()
     values(tree, "sample_stats", "tree_depth")[0, :3] = MAX_TREEDEPTH
-    check = check_treedepth(tree, MAX_TREEDEPTH)
+    check = check_treedepth(CheckedDraws(tree, max_treedepth=MAX_TREEDEPTH))
     assert_fails(check, "3 of", "--max-treedepth")
     assert check.table["saturated"].tolist() == [3, 0, 0, 0]
 
@@ -149,7 +154,7 @@ def test_energy_that_wanders_fails() -> None:
     tree = good()
     energy = values(tree, "sample_stats", "energy")
     energy[1] = np.cumsum(energy[1])
-    check = check_energy(tree)
+    check = check_energy(CheckedDraws(tree))
     assert_fails(check, "E-BFMI", "warm-up")
     assert (check.table["ebfmi"] < 0.3).tolist() == [False, True, False, False]
 
@@ -158,13 +163,13 @@ def test_heavy_tailed_ratios_fail_the_solver_check() -> None:
     tree = good()
     ratios = values(tree, "sample_stats", "solver_log_ratio")
     ratios[:] = np.random.default_rng(2).standard_exponential(ratios.shape) * 1.5
-    assert_fails(check_solver(tree), "Pareto k", "--tolerance")
+    assert_fails(check_solver(CheckedDraws(tree)), "Pareto k", "--tolerance")
 
 
 def test_a_draw_without_solution_fails_the_solver_check() -> None:
     tree = good()
     values(tree, "sample_stats", "solver_log_ratio")[0, 0] = np.nan
-    check = check_solver(tree)
+    check = check_solver(CheckedDraws(tree))
     assert_fails(check, f"1 of {CHAINS * DRAWS} draws have no solution", "--tolerance")
     assert check.table["unsolved_draws"].item() == 1
 
@@ -172,7 +177,7 @@ def test_a_draw_without_solution_fails_the_solver_check() -> None:
 def test_equal_ratios_pass_the_solver_check() -> None:
     tree = good()
     values(tree, "sample_stats", "solver_log_ratio")[:] = 0.0
-    check = check_solver(tree)
+    check = check_solver(CheckedDraws(tree))
     assert check.passed
     assert "inf" not in check.sentence
 
@@ -184,7 +189,7 @@ def test_coverage_counts_the_data_in_the_band(outside: int, passes: bool) -> Non
     observed[:] = 5e6
     observed[:outside] += 1e6
     assert coverage(tree) == pytest.approx(1 - outside / POINTS)
-    check = check_coverage(tree)
+    check = check_coverage(CheckedDraws(tree))
     assert check.passed == passes
     if not passes:
         assert_fails(check, "50%", "residuals")

@@ -10,7 +10,8 @@ import xarray as xr
 
 from pyburgers.cli.main import main
 from pyburgers.fitting.fit import Fit
-from pyburgers.predictions.attenuation import Regime, predict_attenuation
+from pyburgers.predictions.attenuation import predict_attenuation
+from pyburgers.predictions.stress_cycles import Regime
 
 Arguments = tuple[str, ...]
 

@@ -106,9 +106,9 @@ def test_points_without_density_count_as_such() -> None:
 
 
 def test_distant_halves_widen_the_error() -> None:
-    both = LogIntegral.mean_of(LogIntegral(0.0, 0.1), LogIntegral(1.0, 0.1))
+    both = LogIntegral.mean(LogIntegral(0.0, 0.1), LogIntegral(1.0, 0.1))
     assert (both.value, both.error) == (0.5, 0.5)
-    alike = LogIntegral.mean_of(LogIntegral(0.5, 0.1), LogIntegral(0.5, 0.1))
+    alike = LogIntegral.mean(LogIntegral(0.5, 0.1), LogIntegral(0.5, 0.1))
     assert alike.error == pytest.approx(0.1 / np.sqrt(2))
 
 

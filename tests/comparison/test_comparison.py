@@ -19,15 +19,13 @@ from pyburgers.comparison.by_points import (
     Comparison,
     LeaveOneOut,
     compare,
-    comparison_table,
     elpd_difference,
     leave_one_out,
     leave_out_exactly,
-    save_comparison,
-    sentences,
     stacking_weights,
 )
 from pyburgers.comparison.figures import pointwise_differences
+from pyburgers.comparison.results import comparison_table, save_comparison, sentences
 from pyburgers.comparison.same_data import data_hash
 from pyburgers.drawing.style import image
 from pyburgers.fitting.fit import Fit, fit

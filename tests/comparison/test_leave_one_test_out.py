@@ -14,19 +14,22 @@ from conftest import ICE, SMALL_RUN, Problem, copy_of, pair_of
 
 from pyburgers.cli.main import main
 from pyburgers.common.errors import InputError
-from pyburgers.comparison.by_points import compare, pointwise_table
+from pyburgers.comparison.by_points import compare
 from pyburgers.comparison.by_tests import (
     ComparisonByTest,
     LeaveOneTestOut,
     compare_by_test,
     leave_one_test_out,
+)
+from pyburgers.comparison.figures import left_out_tests, pointwise_differences
+from pyburgers.comparison.marginal_likelihood import LogIntegral, log_marginal_likelihood
+from pyburgers.comparison.results import (
+    pointwise_table,
     save_comparison_by_test,
     sentences_by_test,
     table_of_fits,
     table_of_tests,
 )
-from pyburgers.comparison.figures import left_out_tests, pointwise_differences
-from pyburgers.comparison.marginal_likelihood import LogIntegral, log_marginal_likelihood
 from pyburgers.drawing.style import image
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.joint_fit import JointFit, fit_jointly

@@ -9,14 +9,16 @@ import pytest
 from conftest import ICE
 
 from pyburgers.common.errors import InputError
-from pyburgers.flow_law_tables.priors import (
+from pyburgers.flow_law_tables.inputs import (
     FLOW_LAW_PARAMETERS,
+    PeakStressData,
     default_peak_stress_priors,
+    load_peak_stress,
     load_peak_stress_priors,
+    save_peak_stress,
     save_peak_stress_priors,
 )
 from pyburgers.flow_law_tables.stan_data import groups
-from pyburgers.flow_law_tables.table import PeakStressData, load_peak_stress, save_peak_stress
 
 TABLE = """\
 id = "table-1"

@@ -13,16 +13,12 @@ import xarray as xr
 from conftest import ICE, SMALL_RUN, Problem, with_fixed
 from scipy import stats
 
-from pyburgers.checks.sampling_checks import check_coverage
+from pyburgers.checks.fit_checks import CheckedDraws, check_coverage
 from pyburgers.cli import main as cli
 from pyburgers.common.atomic_files import write_json
 from pyburgers.common.errors import InputError
-from pyburgers.comparison.by_points import (
-    compare,
-    comparison_table,
-    leave_one_out,
-    leave_out_exactly,
-)
+from pyburgers.comparison.by_points import compare, leave_one_out, leave_out_exactly
+from pyburgers.comparison.results import comparison_table
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.model.parameters import PARAMETERS, PROGRAM_PARAMETERS
 from pyburgers.model.priors import PriorSet, default_priors, load_priors, save_priors
@@ -399,7 +395,7 @@ def test_leaving_a_point_out_in_earnest_agrees_with_the_conditional_density(
 
 def test_coverage_of_correlated_residuals_expects_runs_outside(correlated_fit: Fit) -> None:
     """Residuals that leave the band together make a low coverage less of a surprise."""
-    check = check_coverage(correlated_fit.posterior)
+    check = check_coverage(CheckedDraws(correlated_fit.posterior))
     n_points = correlated_fit.experiment.n_points
     binomial = stats.binom.ppf(0.01, n_points, 0.9) / n_points
     assert check.table["least_wanted"].item() < binomial

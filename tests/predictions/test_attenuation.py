@@ -19,17 +19,19 @@ from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
 from pyburgers.predictions.attenuation import (
     DEFAULT_FREQUENCIES,
-    PAPER_REGIMES,
-    PARAMETER_NAMES,
-    Regime,
-    amplitude_regimes,
     attenuation_spectrum,
     has_debye_peak,
     overview_table,
     predict_attenuation,
     quantile_table,
-    regimes_named,
     save_spectrum,
+)
+from pyburgers.predictions.stress_cycles import (
+    PAPER_REGIMES,
+    PARAMETER_NAMES,
+    Regime,
+    amplitude_regimes,
+    regimes_named,
 )
 
 FloatArray = npt.NDArray[np.float64]
@@ -242,9 +244,9 @@ def test_the_criterion_of_the_peak_counts_the_turns_of_the_curve() -> None:
 def test_a_whole_posterior_takes_little_time_and_memory() -> None:
     draws = random_draws((4, 1000))
     assert len(DEFAULT_FREQUENCIES) == 60
-    start = time.perf_counter()
+    start = time.process_time()
     spectrum_of(draws, frequencies=DEFAULT_FREQUENCIES)
-    assert time.perf_counter() - start < 2.0
+    assert time.process_time() - start < 2.0
     tracemalloc.start()
     spectrum_of(draws, frequencies=DEFAULT_FREQUENCIES)
     _, peak = tracemalloc.get_traced_memory()

@@ -12,7 +12,7 @@ from matplotlib.text import Text
 from synthetic_fit import make_fit
 
 from pyburgers.drawing.style import image
-from pyburgers.predictions.attenuation import amplitude_regimes, predict_attenuation
+from pyburgers.predictions.attenuation import predict_attenuation
 from pyburgers.predictions.attenuation_figures import (
     AMPLITUDE_CAPTION,
     ATTENUATION_CAPTION,
@@ -21,6 +21,7 @@ from pyburgers.predictions.attenuation_figures import (
     attenuation,
     attenuation_draws,
 )
+from pyburgers.predictions.stress_cycles import amplitude_regimes
 
 Draw = Callable[[xr.Dataset, str], Figure]
 

@@ -10,7 +10,7 @@ from synthetic_olivine_fit import make_olivine_fit, oscillating
 from pyburgers.common.draws import central_band
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
-from pyburgers.predictions.phase_lag import phase_lag
+from pyburgers.predictions.imposed_stress import phase_lag
 from pyburgers.protocols.forced_oscillation.response import (
     observed_response,
     oscillation_of,

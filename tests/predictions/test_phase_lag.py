@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from pyburgers.common.errors import InputError
-from pyburgers.predictions.phase_lag import PhaseLag, phase_lag
+from pyburgers.predictions.imposed_stress import PhaseLag, phase_lag
 
 FloatArray = npt.NDArray[np.float64]
 

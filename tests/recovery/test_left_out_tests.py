@@ -6,13 +6,9 @@ import numpy as np
 import pytest
 from common_flow_law import with_common_flow_law
 
-from pyburgers.comparison.by_tests import (
-    compare_by_test,
-    difference_by_test,
-    leave_one_test_out,
-    sentences_by_test,
-)
+from pyburgers.comparison.by_tests import compare_by_test, difference_by_test, leave_one_test_out
 from pyburgers.comparison.marginal_likelihood import log_marginal_likelihood
+from pyburgers.comparison.results import sentences_by_test
 from pyburgers.fitting.fit import fit
 from pyburgers.fitting.joint_fit import JointFit, fit_jointly
 from pyburgers.model.priors import default_priors

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from conftest import ICE, TESTS, needs_measured
 
-from pyburgers.checks.sampling_checks import coverage
+from pyburgers.checks.fit_checks import coverage
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.model.priors import default_priors
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate

@@ -18,14 +18,8 @@ import numpy as np
 import pytest
 from conftest import ICE
 
-from pyburgers.comparison.by_points import (
-    CLEAR,
-    NO_DIFFERENCE,
-    compare,
-    comparison_table,
-    elpd_difference,
-    sentences,
-)
+from pyburgers.comparison.by_points import compare, elpd_difference
+from pyburgers.comparison.results import CLEAR, NO_DIFFERENCE, comparison_table, sentences
 from pyburgers.fitting.fit import fit
 from pyburgers.model.priors import default_priors
 from pyburgers.model.variants import with_variant

@@ -11,7 +11,7 @@ import pytest
 
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.priors import default_priors
-from pyburgers.predictions.phase_lag import phase_lag
+from pyburgers.predictions.imposed_stress import phase_lag
 from pyburgers.protocols.forced_oscillation.experiment import (
     OscillationExperiment,
     load_forced_oscillation,

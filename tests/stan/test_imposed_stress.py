@@ -9,12 +9,13 @@ import pytest
 from conftest import FunctionValues
 
 from pyburgers.common.errors import InputError, SamplingError
-from pyburgers.predictions.attenuation import PAPER_REGIMES, Regime, attenuation_spectrum
+from pyburgers.predictions.attenuation import attenuation_spectrum
 from pyburgers.predictions.imposed_stress import (
     settled_times,
     simulate_imposed_stress,
     simulated_phase_lag,
 )
+from pyburgers.predictions.stress_cycles import PAPER_REGIMES, Regime
 
 FloatArray = npt.NDArray[np.float64]
 

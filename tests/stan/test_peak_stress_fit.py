@@ -19,9 +19,13 @@ from pyburgers.drawing.style import image
 from pyburgers.fitting.fit import Fit
 from pyburgers.flow_law_tables.figures import flow_law, flow_law_table
 from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress, flow_law_prior
-from pyburgers.flow_law_tables.priors import FLOW_LAW_PARAMETERS, default_peak_stress_priors
+from pyburgers.flow_law_tables.inputs import (
+    FLOW_LAW_PARAMETERS,
+    PeakStressData,
+    default_peak_stress_priors,
+    load_peak_stress,
+)
 from pyburgers.flow_law_tables.stan_data import peak_stress_coordinates, peak_stress_data
-from pyburgers.flow_law_tables.table import PeakStressData, load_peak_stress
 from pyburgers.model.flow_law_prior import FLOW_LAW_PRIOR_FILE, FlowLawPrior
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet
@@ -77,7 +81,7 @@ def oracle_log_rate(
     return log_rate
 
 
-def draws_of(fit: PeakStressFit, name: str) -> FloatArray:
+def posterior_draws(fit: PeakStressFit, name: str) -> FloatArray:
     return all_draws(fit.posterior["posterior"].to_dataset()[name])
 
 
@@ -125,9 +129,9 @@ def test_wide_conditions_recover_the_whole_law(tmp_path: Path) -> None:
         made_up(60), default_peak_stress_priors("ice"), out=tmp_path / "run", options=OPTIONS
     )
     for name, truth in TRUTH.items():
-        draws = draws_of(fit, name)
+        draws = posterior_draws(fit, name)
         assert abs(draws.mean() - truth) < 3.3 * draws.std()
-    assert draws_of(fit, "activation_enthalpy").std() < 1e3
+    assert posterior_draws(fit, "activation_enthalpy").std() < 1e3
 
 
 def test_uncertain_stresses_are_no_scatter_of_the_rate(tmp_path: Path) -> None:
@@ -143,8 +147,8 @@ def test_uncertain_stresses_are_no_scatter_of_the_rate(tmp_path: Path) -> None:
     )
     # 10 % of stress are n times as much of the rate.
     total = np.hypot(TRUTH["rate_scatter"], 0.1 * TRUTH["stress_exponent"])
-    assert draws_of(ignored, "rate_scatter").mean() == pytest.approx(total, rel=0.2)
-    assert draws_of(known, "rate_scatter").mean() < 0.6 * total
+    assert posterior_draws(ignored, "rate_scatter").mean() == pytest.approx(total, rel=0.2)
+    assert posterior_draws(known, "rate_scatter").mean() < 0.6 * total
 
 
 def test_without_likelihood_the_draws_are_the_prior_s(tmp_path: Path) -> None:
@@ -158,7 +162,7 @@ def test_without_likelihood_the_draws_are_the_prior_s(tmp_path: Path) -> None:
         use_likelihood=False,
     )
     for name, prior in priors.priors.items():
-        independent = draws_of(fit, name)[::5]
+        independent = posterior_draws(fit, name)[::5]
         assert stats.kstest(independent, prior.distribution().cdf).pvalue > 1e-3, name
 
 
@@ -211,7 +215,7 @@ def test_predictions_lie_on_the_law(ice_fit: PeakStressFit) -> None:
     rate = all_draws(predictions["strain_rate"])
     stress = predictions["stress"].to_numpy()
     slope = np.log(rate[..., -1] / rate[..., 0]) / np.log(stress[:, -1] / stress[:, 0])
-    exponent = draws_of(ice_fit, "stress_exponent")
+    exponent = posterior_draws(ice_fit, "stress_exponent")
     np.testing.assert_allclose(slope, np.broadcast_to(exponent[:, None], slope.shape), rtol=1e-5)
 
 

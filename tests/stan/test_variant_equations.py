@@ -12,8 +12,9 @@ from scipy import stats
 from scipy.integrate import solve_ivp
 
 from pyburgers.common.errors import InputError
-from pyburgers.predictions.attenuation import Regime, attenuation_spectrum
+from pyburgers.predictions.attenuation import attenuation_spectrum
 from pyburgers.predictions.imposed_stress import simulate_imposed_stress
+from pyburgers.predictions.stress_cycles import Regime
 from pyburgers.protocols.constant_rate.experiment import (
     ConstantRateExperiment,
     RateSegment,

@@ -13,16 +13,13 @@ from synthetic_olivine_fit import make_olivine_fit, normal, oscillating, redrawn
 
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
-from pyburgers.predictions.attenuation import (
-    amplitude_regimes,
-    attenuation_spectrum,
-    predict_attenuation,
-)
+from pyburgers.predictions.attenuation import attenuation_spectrum, predict_attenuation
+from pyburgers.predictions.stress_cycles import amplitude_regimes
 from pyburgers.protocols.forced_oscillation.response import stress_spread
+from pyburgers.studies.maor.sections import paper_statements
 from pyburgers.studies.maor.statements import (
     Statement,
     Verdict,
-    paper_statements,
     statements_table,
 )
 

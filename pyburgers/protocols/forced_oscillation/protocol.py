@@ -10,6 +10,7 @@ import numpy.typing as npt
 from markupsafe import Markup
 
 from pyburgers.common.errors import InputError
+from pyburgers.drawing.page_parts import PageTable
 from pyburgers.drawing.panels import FittedCurve
 from pyburgers.model.display import STRAIN_FACTOR, STRESS_FACTOR, STRESS_UNIT
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
@@ -22,7 +23,7 @@ from pyburgers.protocols.forced_oscillation.figures import OSCILLATION_FIGURES, 
 from pyburgers.protocols.forced_oscillation.preparation import prepare
 from pyburgers.protocols.forced_oscillation.response import response_page_table
 from pyburgers.protocols.forced_oscillation.sheared import ShearedChart
-from pyburgers.protocols.protocol import FittedTest, PageTable, Protocol, Quantity
+from pyburgers.protocols.protocol import FittedTest, Protocol, Quantity
 from pyburgers.protocols.stan_data import StanData, oscillation_block
 
 FloatArray = npt.NDArray[np.float64]

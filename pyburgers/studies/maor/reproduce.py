@@ -11,8 +11,11 @@ from pyburgers.cmdstan.program import compile_programs, stan_directory
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.side_by_side import Problem, fit_side_by_side
 from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress, flow_law_prior
-from pyburgers.flow_law_tables.priors import default_peak_stress_priors, with_enthalpy_of
-from pyburgers.flow_law_tables.table import load_peak_stress
+from pyburgers.flow_law_tables.inputs import (
+    default_peak_stress_priors,
+    load_peak_stress,
+    with_curve_enthalpy,
+)
 from pyburgers.model.priors import PriorSet, default_priors, with_flow_law
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forced_oscillation.experiment import (
@@ -22,8 +25,8 @@ from pyburgers.protocols.forced_oscillation.experiment import (
 from pyburgers.protocols.forced_oscillation.preparation import Background
 from pyburgers.protocols.registry import load_experiment
 from pyburgers.report.comparison_sections import comparison_sections
-from pyburgers.report.flow_law_sections import peak_stress_section
 from pyburgers.report.page import write_report
+from pyburgers.report.peak_stress_section import peak_stress_section
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.studies.maor.sections import study_sections
 
@@ -151,7 +154,7 @@ def _peak_stress_priors() -> dict[str, PriorSet]:
     weak = default_peak_stress_priors("ice")
     return {
         PEAK_STRESS_TABLE: weak,
-        HANDED_ON_RUN: with_enthalpy_of(weak, default_priors("ice")),
+        HANDED_ON_RUN: with_curve_enthalpy(weak, default_priors("ice")),
     }
 
 

@@ -6,7 +6,6 @@ treatments change.
 
 import logging
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import partial
 from typing import get_args
 
@@ -15,39 +14,29 @@ import numpy.typing as npt
 import pandas as pd
 import xarray as xr
 
-from pyburgers.common.draws import all_draws, central_band
-from pyburgers.fitting.fit import Fit
-from pyburgers.model.display import (
-    LENGTH_FACTOR,
-    LENGTH_UNIT,
-    STRESS_FACTOR,
-    STRESS_UNIT,
-    shown_quantity,
-    unit_text,
-)
+from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.predictions import attenuation_figures
 from pyburgers.predictions.attenuation import (
-    PAPER_REGIMES,
-    PARAMETER_NAMES,
-    amplitude_regimes,
     attenuation_spectrum,
     overview_table,
     predict_attenuation,
     quantile_table,
 )
 from pyburgers.predictions.imposed_stress import simulated_phase_lag
-from pyburgers.protocols.forced_oscillation import figures as oscillation_figures
-from pyburgers.protocols.forced_oscillation.response import oscillation_of
-from pyburgers.protocols.forward import REFERENCE_SOLVER, solve
-from pyburgers.protocols.registry import protocol_of
-from pyburgers.protocols.stan_data import REFERENCE_FLOW_RATE
-from pyburgers.report.page import ExtraFigure, ExtraSection, ExtraTable
+from pyburgers.predictions.stress_cycles import PAPER_REGIMES, PARAMETER_NAMES, amplitude_regimes
+from pyburgers.protocols.protocol import FittedTest
+from pyburgers.studies.maor.olivine import (
+    background_section,
+    olivine_statements,
+    preparation_section,
+)
 from pyburgers.studies.maor.statements import (
     MICROSTRUCTURE_SENTENCE,
     SYNTHETIC_SENTENCE,
     Statement,
     Verdict,
-    paper_statements,
+    attenuation_statements,
+    ice_statements,
     statements_table,
 )
 
@@ -60,36 +49,27 @@ CHECKED_FREQUENCIES = (1e-4, 1e-3, 1e-2)
 """Where the closed form is compared with simulations in time, Hz."""
 
 STATEMENTS_KEY, COUNTERPARTS_KEY = "statements", "counterparts"
-ATTENUATION_KEY, PREPARATION_KEY, BACKGROUND_KEY = "attenuation", "preparation", "background"
+ATTENUATION_KEY = "attenuation"
 
-COMPARED_PARAMETERS = (
-    "kelvin_modulus",
-    "kelvin_viscosity",
-    "maxwell_modulus",
-    "stress_exponent",
-    "grain_size_exponent",
-    "critical_strain_grain_size",
-)
-"""Parameters of olivine that the two treatments of the background are compared by."""
 
 FloatArray = npt.NDArray[np.float64]
 
 
 def study_sections(
-    ice_fits: Mapping[str, Fit], olivine_fits: Mapping[str, Fit]
-) -> tuple[ExtraSection, ...]:
+    ice_fits: Mapping[str, FittedTest], olivine_fits: Mapping[str, FittedTest]
+) -> tuple[PageSection, ...]:
     """Predict attenuation, judge the paper's statements, and gather what the page shows of it.
 
     Parameters
     ----------
-    ice_fits : mapping of str to Fit
+    ice_fits : mapping of str to FittedTest
         Fits of constant rate tests by sample, at least one; the first is looked at most closely.
-    olivine_fits : mapping of str to Fit
+    olivine_fits : mapping of str to FittedTest
         Fits of one forced oscillation test by treatment of the background; may be empty.
 
     Returns
     -------
-    tuple of ExtraSection
+    tuple of PageSection
         In their order on the page.
     """
     logger.info("Predicting attenuation.")
@@ -115,7 +95,35 @@ def study_sections(
     return tuple(sections)
 
 
-def statements_section(statements: tuple[Statement, ...], *, is_synthetic: bool) -> ExtraSection:
+def paper_statements(
+    ice_fits: Mapping[str, FittedTest],
+    spectra: Mapping[str, xr.Dataset],
+    olivine_fits: Mapping[str, FittedTest],
+) -> tuple[Statement, ...]:
+    """Judge the paper's statements that the given fits and spectra say something about.
+
+    The parameters that a statement is about have to be free in the fits.
+
+    Parameters
+    ----------
+    ice_fits, olivine_fits : mapping of str to FittedTest
+        As for `study_sections`; each may be empty.
+    spectra : mapping of str to Dataset
+        Spectra of the fits of ice, in the paper's regimes.
+
+    Raises
+    ------
+    InputError
+        If a spectrum has other regimes than the paper's.
+    """
+    return (
+        *ice_statements(ice_fits),
+        *olivine_statements(olivine_fits),
+        *attenuation_statements(spectra),
+    )
+
+
+def statements_section(statements: tuple[Statement, ...], *, is_synthetic: bool) -> PageSection:
     """Return the table of the paper's statements.
 
     Parameters
@@ -128,7 +136,7 @@ def statements_section(statements: tuple[Statement, ...], *, is_synthetic: bool)
     verdicts = [statement.verdict for statement in statements]
     overall = ", ".join(f"{verdict} {verdicts.count(verdict)}" for verdict in get_args(Verdict))
     table = statements_table(statements)
-    return ExtraSection(
+    return PageSection(
         key=STATEMENTS_KEY,
         title="The paper's statements and our posterior",
         paragraphs=(
@@ -137,26 +145,27 @@ def statements_section(statements: tuple[Statement, ...], *, is_synthetic: bool)
             f"the rule beside it. {MICROSTRUCTURE_SENTENCE}",
         ),
         tables=(
-            ExtraTable(
+            PageTable(
                 "table",
                 "Statement by statement",
                 table,
                 table,
                 words=("paper", "verdict"),
                 sentences=("statement", "our posterior", "rule"),
+                bad={"verdict": [verdict == "does not agree" for verdict in verdicts]},
             ),
         ),
     )
 
 
 def counterparts_section(
-    ice_fits: Mapping[str, Fit], olivine_fits: Mapping[str, Fit]
-) -> ExtraSection:
+    ice_fits: Mapping[str, FittedTest], olivine_fits: Mapping[str, FittedTest]
+) -> PageSection:
     """Return the list of the paper's figures and tables with where their counterparts are.
 
     Parameters
     ----------
-    ice_fits, olivine_fits : mapping of str to Fit
+    ice_fits, olivine_fits : mapping of str to FittedTest
         As for `study_sections`.
     """
     ice = ", ".join(fit.experiment.id for fit in ice_fits.values())
@@ -183,12 +192,12 @@ def counterparts_section(
             )
         )
     table = pd.DataFrame(rows, columns=["paper", "shows", "on this page"])
-    return ExtraSection(
+    return PageSection(
         key=COUNTERPARTS_KEY,
         title="The paper's figures and tables on this page",
         paragraphs=(),
         tables=(
-            ExtraTable(
+            PageTable(
                 "table",
                 "Counterparts",
                 table,
@@ -200,12 +209,14 @@ def counterparts_section(
     )
 
 
-def attenuation_section(fits: Mapping[str, Fit], spectra: Mapping[str, xr.Dataset]) -> ExtraSection:
+def attenuation_section(
+    fits: Mapping[str, FittedTest], spectra: Mapping[str, xr.Dataset]
+) -> PageSection:
     """Return figures and tables of attenuation; single draws and amplitudes of the first fit.
 
     Parameters
     ----------
-    fits : mapping of str to Fit
+    fits : mapping of str to FittedTest
         At least one.
     spectra : mapping of str to Dataset
         Spectra of the same fits (`pyburgers.predictions.attenuation.predict_attenuation`).
@@ -213,7 +224,7 @@ def attenuation_section(fits: Mapping[str, Fit], spectra: Mapping[str, xr.Datase
     first, fit = next(iter(fits.items()))
     by_amplitude = predict_attenuation(fit, regimes=AMPLITUDE_REGIMES)
     check = time_domain_table(fit)
-    return ExtraSection(
+    return PageSection(
         key=ATTENUATION_KEY,
         title="Attenuation",
         paragraphs=(
@@ -225,7 +236,7 @@ def attenuation_section(fits: Mapping[str, Fit], spectra: Mapping[str, xr.Datase
         ),
         tables=(
             *(
-                ExtraTable(
+                PageTable(
                     f"{name}_quantiles",
                     f"tan δ of {name}",
                     overview_table(spectrum),
@@ -234,7 +245,7 @@ def attenuation_section(fits: Mapping[str, Fit], spectra: Mapping[str, xr.Datase
                 )
                 for name, spectrum in spectra.items()
             ),
-            ExtraTable(
+            PageTable(
                 "time_domain",
                 f"Closed form against simulation in time, {first} at the median of its parameters",
                 _shown_check(check),
@@ -244,7 +255,7 @@ def attenuation_section(fits: Mapping[str, Fit], spectra: Mapping[str, xr.Datase
         ),
         figures=(
             *(
-                ExtraFigure(
+                PageFigure(
                     f"{name}_spectrum",
                     f"Attenuation of {name}",
                     attenuation_figures.ATTENUATION_CAPTION,
@@ -252,7 +263,7 @@ def attenuation_section(fits: Mapping[str, Fit], spectra: Mapping[str, xr.Datase
                 )
                 for name, spectrum in spectra.items()
             ),
-            ExtraFigure(
+            PageFigure(
                 f"{first}_draws",
                 f"Attenuation of {first}, draw by draw",
                 attenuation_figures.DRAWS_CAPTION,
@@ -262,7 +273,7 @@ def attenuation_section(fits: Mapping[str, Fit], spectra: Mapping[str, xr.Datase
                     spectra[first].attrs["title"],
                 ),
             ),
-            ExtraFigure(
+            PageFigure(
                 f"{first}_amplitude",
                 f"Attenuation of {first} and the amplitude of the cycles",
                 attenuation_figures.AMPLITUDE_CAPTION,
@@ -277,12 +288,12 @@ def attenuation_section(fits: Mapping[str, Fit], spectra: Mapping[str, xr.Datase
     )
 
 
-def time_domain_table(fit: Fit) -> pd.DataFrame:
+def time_domain_table(fit: FittedTest) -> pd.DataFrame:
     """Compare the closed form of attenuation with phase lags of simulated records.
 
     Parameters
     ----------
-    fit : Fit
+    fit : FittedTest
         The median of each parameter is taken, with the initial microstructure.
 
     Returns
@@ -303,8 +314,8 @@ def time_domain_table(fit: Fit) -> pd.DataFrame:
         median, CHECKED_FREQUENCIES, PAPER_REGIMES, temperature=temperature, grain_size=grain_size
     )
     rows = []
-    for regime, of_regime in zip(PAPER_REGIMES, closed["tan_delta"].to_numpy(), strict=True):
-        for frequency, expected in zip(CHECKED_FREQUENCIES, of_regime, strict=True):
+    for regime, by_frequency in zip(PAPER_REGIMES, closed["tan_delta"].to_numpy(), strict=True):
+        for frequency, expected in zip(CHECKED_FREQUENCIES, by_frequency, strict=True):
             lag = simulated_phase_lag(
                 median, regime, frequency, temperature=temperature, grain_size=grain_size
             )
@@ -331,167 +342,3 @@ def _shown_check(check: pd.DataFrame) -> pd.DataFrame:
             "relative difference": check["relative_difference"].map("{:+.0e}".format),
         }
     )
-
-
-def preparation_section(fits: Mapping[str, Fit]) -> ExtraSection:
-    """Return the figures of how the record of a forced oscillation test was prepared.
-
-    Parameters
-    ----------
-    fits : mapping of str to Fit
-        Fits of forced oscillation tests by treatment of the background.
-    """
-    experiments = [oscillation_of(fit) for fit in fits.values()]
-    return ExtraSection(
-        key=PREPARATION_KEY,
-        title="Preparation of the olivine record",
-        paragraphs=(
-            "The record of strain and stress is treated in two ways. With the background removed, "
-            "as in the paper, only the oscillating parts drive the model and are compared with it; "
-            "with the background kept, bias stress and background strain rate take part.",
-        ),
-        figures=tuple(
-            ExtraFigure(
-                experiment.id,
-                f"From the record to the model, {experiment.id}",
-                oscillation_figures.PREPARATION_CAPTION,
-                partial(
-                    oscillation_figures.preparation,
-                    experiment.prepared,
-                    experiment.record,
-                    f"{experiment.id}: {experiment.provenance.kind} data",
-                ),
-            )
-            for experiment in experiments
-        ),
-        after_fits=True,
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class _Compared:
-    """A quantity, its draws (SI) by treatment, and its true value where that is known."""
-
-    label: str
-    si_unit: str
-    unit: str
-    factor: float
-    draws: Mapping[str, FloatArray]
-    truth: float | None
-
-
-def background_section(fits: Mapping[str, Fit]) -> ExtraSection:
-    """Return what the treatment of the background changes in the posterior, and why.
-
-    Parameters
-    ----------
-    fits : mapping of str to Fit
-        Fits of one forced oscillation test by treatment of the background.
-
-    Raises
-    ------
-    SamplingError
-        If the solver finds no solution at the true parameters.
-    """
-    prepared = oscillation_of(next(iter(fits.values()))).prepared
-    bias = float(np.mean(prepared.stress_fit.trend(prepared.time))) * STRESS_FACTOR
-    amplitude = prepared.stress_fit.amplitude()[0] * STRESS_FACTOR
-    compared = _compared(fits)
-    return ExtraSection(
-        key=BACKGROUND_KEY,
-        title="What removing the background changes",
-        paragraphs=(
-            f"The stress of this record oscillates by {amplitude:.0f} {STRESS_UNIT} about a bias "
-            f"of {bias:.0f} {STRESS_UNIT}. With the background kept, the model does the same. With "
-            "the background removed, model and data oscillate about zero, which is another state "
-            "of the material, for two reasons.",
-            "First, stress passes through zero twice in each cycle. There the piezometer asks for "
-            "huge grains, and grain size follows it for as long as strain goes on: grains grow "
-            "where under the bias they hardly change, and coarse grains flow more slowly.",
-            "Second, the dashpot is a power law. Under a bias it flows all the time, and a small "
-            "oscillation changes its rate in proportion, n times the mean rate over the bias; "
-            "about zero it flows at the peaks of stress alone, at the n-th power of the "
-            "amplitude. What it contributes to the strain of a cycle differs, so the Kelvin "
-            "element has to make up for another part of the observed amplitude and phase lag.",
-            "The table gives the median and, in brackets, 5 and 95 % of the draws. True values are "
-            "those behind the synthetic record; for the rate and the grain size they are what the "
-            "model with its background has at the true parameters.",
-        ),
-        tables=(
-            ExtraTable(
-                "comparison",
-                "The same record, treated in two ways",
-                _shown_comparison(compared),
-                _saved_comparison(compared),
-                words=("quantity", "unit"),
-            ),
-        ),
-        after_fits=True,
-    )
-
-
-def _compared(fits: Mapping[str, Fit]) -> list[_Compared]:
-    """Gather what the table of `background_section` compares."""
-    truths = next(iter(fits.values())).experiment.true_parameters or {}
-    rows = []
-    for name in COMPARED_PARAMETERS:
-        quantity = shown_quantity(name)
-        draws = {
-            key: all_draws(fit.posterior["posterior"].to_dataset()[name])
-            for key, fit in fits.items()
-        }
-        rows.append(
-            _Compared(
-                quantity.label,
-                quantity.si_unit,
-                unit_text(quantity),
-                quantity.display_factor,
-                draws,
-                truths.get(name),
-            )
-        )
-    rates, grains = {}, {}
-    for key, fit in fits.items():
-        predictions = fit.posterior["predictions"].to_dataset()
-        rates[key] = np.abs(all_draws(predictions["dashpot_rate"])).max(axis=1)
-        grains[key] = all_draws(predictions["grain_size"])[:, -1]
-    true_rate = true_grain = None
-    if truths and "kept" in fits:
-        experiment = fits["kept"].experiment
-        grid = protocol_of(experiment).prediction_grid(experiment)
-        solution = solve(experiment, truths, grid, solver=REFERENCE_SOLVER)
-        true_rate = float(np.abs(solution["grid_dashpot_rate"]).max())
-        true_grain = float(solution["grid_grain_size"][-1])
-    rate = shown_quantity(REFERENCE_FLOW_RATE)
-    label = "largest rate of the dashpot"
-    rows.append(
-        _Compared(label, rate.si_unit, unit_text(rate), rate.display_factor, rates, true_rate)
-    )
-    label = "grain size at the end"
-    rows.append(_Compared(label, "m", LENGTH_UNIT, LENGTH_FACTOR, grains, true_grain))
-    return rows
-
-
-def _shown_comparison(compared: list[_Compared]) -> pd.DataFrame:
-    """Return the comparison as text in display units."""
-    rows = []
-    for row in compared:
-        shown = {}
-        for key, draws in row.draws.items():
-            low, median, high = (end * row.factor for end in central_band(draws))
-            shown[f"background {key}"] = f"{median:.3g} [{low:.3g}, {high:.3g}]"
-        truth = "" if row.truth is None else f"{row.truth * row.factor:.3g}"
-        rows.append({"quantity": row.label, "unit": row.unit, **shown, "true value": truth})
-    return pd.DataFrame(rows)
-
-
-def _saved_comparison(compared: list[_Compared]) -> pd.DataFrame:
-    """Return the comparison as numbers in SI units."""
-    rows = []
-    for row in compared:
-        numbers: dict[str, float] = {}
-        for key, draws in row.draws.items():
-            low, median, high = central_band(draws)
-            numbers |= {f"{key}_median": median, f"{key}_q5": low, f"{key}_q95": high}
-        rows.append({"quantity": row.label, "unit": row.si_unit, **numbers, "truth": row.truth})
-    return pd.DataFrame(rows)

@@ -14,15 +14,18 @@ import numpy.typing as npt
 import pandas as pd
 import xarray as xr
 
-from pyburgers.checks.sampling_checks import RHAT_LIMIT
 from pyburgers.common.errors import InputError
-from pyburgers.common.numbers import number, rounded, with_error
-from pyburgers.fitting.fit import Fit
+from pyburgers.common.numbers import number, rounded
 from pyburgers.model.display import STRESS_FACTOR, STRESS_UNIT, shown_quantity
 from pyburgers.model.display import symbol_text as symbol
-from pyburgers.posterior.labelled_draws import convergence_table
-from pyburgers.predictions.attenuation import PAPER_REGIMES, flat_draws
-from pyburgers.protocols.forced_oscillation.response import stress_spread
+from pyburgers.predictions.attenuation import (
+    falling_stretch,
+    increasing_frequency,
+    lowest_slope,
+    regime_peaks,
+)
+from pyburgers.predictions.stress_cycles import PAPER_REGIMES
+from pyburgers.protocols.protocol import FittedTest
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -37,8 +40,6 @@ NARROW = 0.5
 MOST, FEW = 2 / 3, 1 / 3
 """Shares of parameters, and of a prior's standard deviation, for the rules that count them."""
 
-UNINFORMED = 0.8
-"""Share of the prior's standard deviation above which the data have hardly spoken."""
 
 DOMINANT = 2.0
 """Ratio from which one of two numbers is called much larger than the other."""
@@ -73,7 +74,6 @@ _PROBABILITY_RULE = (
     f"agrees above a posterior probability of {LIKELY:g} in every sample, does not agree below "
     f"{UNLIKELY:g} in every sample, else undecided"
 )
-_ALL_TREATMENTS = "under both treatments of the background alike, else undecided"
 
 
 @dataclass(frozen=True)
@@ -104,30 +104,26 @@ class Statement:
     rule: str
 
 
-def paper_statements(
-    ice_fits: Mapping[str, Fit],
-    spectra: Mapping[str, xr.Dataset],
-    olivine_fits: Mapping[str, Fit],
-) -> tuple[Statement, ...]:
-    """Judge the paper's statements by our posteriors.
-
-    The parameters that a statement is about have to be free in the fits.
+def ice_statements(fits: Mapping[str, FittedTest]) -> tuple[Statement, ...]:
+    """Judge the paper's statements about ice by posteriors of its parameters.
 
     Parameters
     ----------
-    ice_fits : mapping of str to Fit
+    fits : mapping of str to FittedTest
         Fits of constant rate tests by sample; statements about PIL40 need the key ``"PIL40"``.
+    """
+    values = [_value_of_pil40(fits["PIL40"], name) for name in PIL40_VALUES if "PIL40" in fits]
+    return (*values, _narrow_posteriors(fits)) if fits else ()
+
+
+def attenuation_statements(spectra: Mapping[str, xr.Dataset]) -> tuple[Statement, ...]:
+    """Judge the paper's statements about attenuation.
+
+    Parameters
+    ----------
     spectra : mapping of str to Dataset
         Spectra of `pyburgers.predictions.attenuation.predict_attenuation` by sample, in the
         paper's regimes.
-    olivine_fits : mapping of str to Fit
-        Fits of forced oscillation tests, by treatment of the background: ``"removed"``,
-        ``"kept"``.
-
-    Returns
-    -------
-    tuple of Statement
-        Those that the given fits and spectra say something about.
 
     Raises
     ------
@@ -136,25 +132,8 @@ def paper_statements(
     """
     for name, spectrum in spectra.items():
         _check_regimes(name, spectrum)
-    statements: list[Statement] = []
-    if "PIL40" in ice_fits:
-        statements += [_value_of_pil40(ice_fits["PIL40"], name) for name in PIL40_VALUES]
-    if ice_fits:
-        statements.append(_narrow_posteriors(ice_fits))
-    if olivine_fits:
-        statements += [
-            _constrained_kelvin_modulus(olivine_fits),
-            _unconstrained_critical_strain(olivine_fits),
-            _spread_in_amplitude(olivine_fits),
-        ]
-    if spectra:
-        statements += [
-            _peak_and_background(spectra),
-            _rise_with_stress(spectra),
-            _one_falling_stretch(spectra),
-            _larger_step(spectra),
-        ]
-    return tuple(statements)
+    judges = (_peak_and_background, _rise_with_stress, _one_falling_stretch, _larger_step)
+    return tuple(judge(spectra) for judge in judges) if spectra else ()
 
 
 def statements_table(statements: Iterable[Statement]) -> pd.DataFrame:
@@ -174,10 +153,10 @@ def statements_table(statements: Iterable[Statement]) -> pd.DataFrame:
     )
 
 
-def _value_of_pil40(fit: Fit, name: str) -> Statement:
+def _value_of_pil40(fit: FittedTest, name: str) -> Statement:
     """Whether the paper's value of a parameter lies in the posterior, and the data had a say."""
     value = PIL40_VALUES[name]
-    draws, share = _draws(fit, name), _share_of_prior(fit, name)
+    draws, share = posterior_draws(fit, name), prior_share(fit, name)
     low, high = np.quantile(draws, [0.05, 0.95])
     quantity = shown_quantity(name)
     verdict: Verdict = "undecided"
@@ -201,18 +180,18 @@ def _value_of_pil40(fit: Fit, name: str) -> Statement:
     )
 
 
-def _narrow_posteriors(fits: Mapping[str, Fit]) -> Statement:
+def _narrow_posteriors(fits: Mapping[str, FittedTest]) -> Statement:
     """Count the parameters whose posterior is much narrower than the prior."""
-    shares = {key: _shares_of_prior(fit) for key, fit in fits.items()}
-    every = np.array([share for of_fit in shares.values() for share in of_fit.values()])
+    shares = {key: _prior_shares(fit) for key, fit in fits.items()}
+    every = np.array([share for ratios in shares.values() for share in ratios.values()])
     narrow = int((every < NARROW).sum())
     by_fit = "; ".join(
         f"{key}: "
         + ", ".join(
             f"{symbol(shown_quantity(name))} {share:.2f}"
-            for name, share in sorted(of_fit.items(), key=lambda item: item[1])
+            for name, share in sorted(ratios.items(), key=lambda item: item[1])
         )
-        for key, of_fit in shares.items()
+        for key, ratios in shares.items()
     )
     return Statement(
         key="narrow_posteriors",
@@ -220,87 +199,9 @@ def _narrow_posteriors(fits: Mapping[str, Fit]) -> Statement:
         text="For ice the posteriors are narrow although the priors are wide.",
         evidence=f"{narrow} of {every.size} posteriors have a standard deviation below "
         f"{NARROW:g} of the prior's (ratios for {by_fit}).",
-        verdict=_between(narrow / every.size, wrong_below=FEW, right_above=MOST),
+        verdict=between(narrow / every.size, wrong_below=FEW, right_above=MOST),
         rule="Parameters of all samples, the noise aside: agrees if more than two thirds are "
         "narrow, does not agree if less than a third are, else undecided.",
-    )
-
-
-def _constrained_kelvin_modulus(fits: Mapping[str, Fit]) -> Statement:
-    """Whether the data narrow the Kelvin modulus of olivine."""
-    name = "kelvin_modulus"
-    quantity = shown_quantity(name)
-    factor = quantity.display_factor
-    evidence, verdicts = [], []
-    for key, fit in fits.items():
-        draws, share = _draws(fit, name) * factor, _share_of_prior(fit, name)
-        sd = float(draws.std(ddof=1))
-        evidence.append(
-            f"with the background {key} {with_error(float(draws.mean()), sd)} "
-            f"{quantity.display_unit}, {share:.2f} of the prior's standard deviation"
-        )
-        verdicts.append(_between(-share, wrong_below=-MOST, right_above=-FEW))
-    return Statement(
-        key="kelvin_modulus_of_olivine",
-        source="Olivine, Table 2",
-        text="The Kelvin modulus E_K of olivine is constrained by the data.",
-        evidence=_sentence(evidence),
-        verdict=_common(verdicts),
-        rule="Agrees if the standard deviation is below a third of the prior's, does not agree "
-        f"above two thirds, {_ALL_TREATMENTS}.",
-    )
-
-
-def _unconstrained_critical_strain(fits: Mapping[str, Fit]) -> Statement:
-    """Whether the critical strain of olivine is left to its prior, and whether chains agree."""
-    name = "critical_strain_grain_size"
-    evidence, verdicts = [], []
-    for key, fit in fits.items():
-        share = _share_of_prior(fit, name)
-        rhat = float(convergence_table(fit.posterior)["rhat"][name])
-        agreement = "the chains agree" if rhat <= RHAT_LIMIT else "the chains do not agree"
-        if not np.isfinite(rhat):
-            agreement = "it is not known whether chains agree"
-        evidence.append(
-            f"with the background {key} the standard deviation is {share:.2f} of the prior's and "
-            f"{agreement} (R-hat {rhat:.3f})"
-        )
-        verdicts.append(_between(share, wrong_below=NARROW, right_above=UNINFORMED))
-    return Statement(
-        key="critical_strain_of_olivine",
-        source="Olivine, Table 2",
-        text="The critical strain ε_c1 of olivine does not converge: the data do not fix it.",
-        evidence=_sentence(evidence),
-        verdict=_common(verdicts),
-        rule=f"Agrees if the standard deviation is above {UNINFORMED:g} of the prior's, does not "
-        f"agree below {NARROW:g}, {_ALL_TREATMENTS}; chains that agree say that a parameter was "
-        "sampled well, not that the data fix it.",
-    )
-
-
-def _spread_in_amplitude(fits: Mapping[str, Fit]) -> Statement:
-    """Whether predicted stress curves of olivine differ in amplitude more than in phase."""
-    evidence, verdicts = [], []
-    for key, fit in fits.items():
-        of_amplitude, of_phase = stress_spread(fit)
-        evidence.append(
-            f"with the background {key} the amplitude varies by {100 * of_amplitude:.2g} % and "
-            f"the phase by {of_phase:.2g} rad (standard deviations), a ratio of "
-            f"{of_amplitude / of_phase:.2g}"
-        )
-        verdicts.append(
-            _between(of_amplitude / of_phase, wrong_below=1 / DOMINANT, right_above=DOMINANT)
-        )
-    return Statement(
-        key="spread_in_amplitude",
-        source="Olivine",
-        text="The predicted stress of olivine varies over the posterior in amplitude rather than "
-        "in phase.",
-        evidence=_sentence(evidence),
-        verdict=_common(verdicts),
-        rule="A shift of the phase by x rad changes an oscillation as much as a relative change x "
-        f"of its amplitude: agrees if amplitude varies more than {DOMINANT:g} times as much as "
-        f"phase, does not agree if less than 1/{DOMINANT:g} times, {_ALL_TREATMENTS}.",
     )
 
 
@@ -308,13 +209,13 @@ def _peak_and_background(spectra: Mapping[str, xr.Dataset]) -> Statement:
     """Whether a curve has both a Debye peak and, at low frequency, the dashpot's background."""
 
     def both(spectrum: xr.Dataset) -> BoolArray:
-        in_regime = _debye_peak(spectrum) & (_lowest_slope(spectrum) < BACKGROUND_SLOPE)
+        in_regime = regime_peaks(spectrum) & (lowest_slope(spectrum) < BACKGROUND_SLOPE)
         return np.asarray(in_regime.any(axis=1))
 
     def slopes(spectrum: xr.Dataset) -> str:
-        return ", ".join(f"{slope:.2f}" for slope in np.median(_lowest_slope(spectrum), axis=0))
+        return ", ".join(f"{slope:.2f}" for slope in np.median(lowest_slope(spectrum), axis=0))
 
-    return _of_spectra(
+    return _judge_spectra(
         spectra,
         key="peak_and_background",
         text="Attenuation is a Debye peak on top of a background that rises towards low frequency "
@@ -332,15 +233,15 @@ def _rise_with_stress(spectra: Mapping[str, xr.Dataset]) -> Statement:
     """Whether attenuation grows from each regime to the next at every frequency."""
 
     def growth(spectrum: xr.Dataset) -> FloatArray:
-        tan_delta = _tan_delta(spectrum)
+        tan_delta = increasing_frequency(spectrum)
         factors: FloatArray = tan_delta[:, 1:] / tan_delta[:, :-1]
         return factors
 
     def smallest(spectrum: xr.Dataset) -> str:
-        medians = np.median(_tan_delta(spectrum), axis=0)
+        medians = np.median(increasing_frequency(spectrum), axis=0)
         return f"{(medians[1:] / medians[:-1]).min():.3f}"
 
-    return _of_spectra(
+    return _judge_spectra(
         spectra,
         key="rise_with_stress",
         text="Attenuation rises with stress.",
@@ -357,20 +258,20 @@ def _one_falling_stretch(spectra: Mapping[str, xr.Dataset]) -> Statement:
     """Whether only the lowest regime has a peak, with its falling stretch where the paper's is."""
 
     def only_lowest(spectrum: xr.Dataset) -> BoolArray:
-        peak = _debye_peak(spectrum)
-        low, high = _falling_stretch(spectrum)
+        peak = regime_peaks(spectrum)
+        low, high = falling_stretch(spectrum)
         near = (low <= FALLING_FREQUENCY * DOMINANT) & (high >= FALLING_FREQUENCY / DOMINANT)
         return np.asarray(peak[:, 0] & ~peak[:, 1:].any(axis=1) & near)
 
     def stretches(spectrum: xr.Dataset) -> str:
-        shares = _debye_peak(spectrum).mean(axis=0)
+        shares = regime_peaks(spectrum).mean(axis=0)
         text = f"{', '.join(f'{100 * share:.0f}' for share in shares)} %"
-        low, high = (end[np.isfinite(end)] for end in _falling_stretch(spectrum))
+        low, high = (end[np.isfinite(end)] for end in falling_stretch(spectrum))
         if low.size == 0:
             return text
         return f"{text}; {np.median(low):.1e} to {np.median(high):.1e} Hz"
 
-    return _of_spectra(
+    return _judge_spectra(
         spectra,
         key="one_falling_stretch",
         text="Towards low frequency attenuation rises throughout, except at 1 MPa, where it falls "
@@ -388,7 +289,7 @@ def _larger_step(spectra: Mapping[str, xr.Dataset]) -> Statement:
     """Whether attenuation grows much more from 2 to 4 MPa than from 1 to 2 MPa."""
 
     def steps(spectrum: xr.Dataset) -> tuple[FloatArray, FloatArray]:
-        one, two, four = (_tan_delta(spectrum)[:, k] for k in (0, 2, 3))
+        one, two, four = (increasing_frequency(spectrum)[:, k] for k in (0, 2, 3))
         return two - one, four - two
 
     def larger(spectrum: xr.Dataset) -> BoolArray:
@@ -401,7 +302,7 @@ def _larger_step(spectra: Mapping[str, xr.Dataset]) -> Statement:
         low, median, high = np.quantile(upper / lower, [0.05, 0.5, 0.95])
         return f"{median:.1f} [{low:.1f}, {high:.1f}]"
 
-    return _of_spectra(
+    return _judge_spectra(
         spectra,
         key="larger_step",
         text="The step from 2 to 4 MPa is much larger than that from 1 to 2 MPa.",
@@ -413,7 +314,7 @@ def _larger_step(spectra: Mapping[str, xr.Dataset]) -> Statement:
     )
 
 
-def _of_spectra(
+def _judge_spectra(
     spectra: Mapping[str, xr.Dataset],
     *,
     key: str,
@@ -433,47 +334,47 @@ def _of_spectra(
         key=key,
         source="Fig. 6",
         text=text,
-        evidence=_sentence([f"{lead}: {by_sample}"]),
-        verdict=_common(
-            [_between(p, wrong_below=UNLIKELY, right_above=LIKELY) for p in probabilities.values()]
+        evidence=joined([f"{lead}: {by_sample}"]),
+        verdict=common_verdict(
+            [between(p, wrong_below=UNLIKELY, right_above=LIKELY) for p in probabilities.values()]
         ),
         rule=f"{rule}; {_PROBABILITY_RULE}.",
     )
 
 
-def _between(value: float, *, wrong_below: float, right_above: float) -> Verdict:
+def between(value: float, *, wrong_below: float, right_above: float) -> Verdict:
     """Verdict by a number with an undecided range between two limits."""
     if value > right_above:
         return "agrees"
     return "does not agree" if value < wrong_below else "undecided"
 
 
-def _common(verdicts: Iterable[Verdict]) -> Verdict:
+def common_verdict(verdicts: Iterable[Verdict]) -> Verdict:
     """Verdict that all share."""
     different = set(verdicts)
     return different.pop() if len(different) == 1 else "undecided"
 
 
-def _sentence(parts: Iterable[str]) -> str:
+def joined(parts: Iterable[str]) -> str:
     """Join parts into one sentence."""
     text = "; ".join(parts)
     return f"{text[0].upper()}{text[1:]}."
 
 
-def _draws(fit: Fit, name: str) -> FloatArray:
+def posterior_draws(fit: FittedTest, name: str) -> FloatArray:
     """All draws of a parameter (SI), shape (n_draws,)."""
     draws: FloatArray = fit.posterior["posterior"].to_dataset()[name].to_numpy().ravel()
     return draws
 
 
-def _share_of_prior(fit: Fit, name: str) -> float:
+def prior_share(fit: FittedTest, name: str) -> float:
     """Posterior over prior standard deviation."""
-    return float(_draws(fit, name).std(ddof=1) / fit.priors[name].distribution().std())
+    return float(posterior_draws(fit, name).std(ddof=1) / fit.priors[name].distribution().std())
 
 
-def _shares_of_prior(fit: Fit) -> dict[str, float]:
+def _prior_shares(fit: FittedTest) -> dict[str, float]:
     """Posterior over prior standard deviation of the material's free parameters."""
-    return {name: _share_of_prior(fit, name) for name in fit.priors.free if name != "stress_noise"}
+    return {name: prior_share(fit, name) for name in fit.priors.free if name != "stress_noise"}
 
 
 def _check_regimes(name: str, spectrum: xr.Dataset) -> None:
@@ -487,36 +388,3 @@ def _check_regimes(name: str, spectrum: xr.Dataset) -> None:
             f"spectra: {name!r} has the regimes {', '.join(map(str, spectrum['regime'].values))}, "
             f"expected the paper's, {', '.join(regime.label for regime in PAPER_REGIMES)}."
         )
-
-
-def _tan_delta(spectrum: xr.Dataset) -> FloatArray:
-    """Attenuation along increasing frequency, shape (n_draws, n_regimes, n_frequencies)."""
-    return flat_draws(spectrum.sortby("frequency")["tan_delta"])
-
-
-def _debye_peak(spectrum: xr.Dataset) -> BoolArray:
-    """Whether the peak stands out, shape (n_draws, n_regimes)."""
-    peak = spectrum["debye_peak"].transpose(..., "regime").to_numpy()
-    flat: BoolArray = peak.reshape(-1, peak.shape[-1])
-    return flat
-
-
-def _lowest_slope(spectrum: xr.Dataset) -> FloatArray:
-    """Logarithmic slope between the two lowest frequencies, shape (n_draws, n_regimes)."""
-    first, second = np.sort(spectrum["frequency"].to_numpy())[:2]
-    tan_delta = _tan_delta(spectrum)
-    slope: FloatArray = np.log(tan_delta[..., 1] / tan_delta[..., 0]) / np.log(second / first)
-    return slope
-
-
-def _falling_stretch(spectrum: xr.Dataset) -> tuple[FloatArray, FloatArray]:
-    """Return the ends (Hz) of where the lowest regime falls towards low frequency.
-
-    NaN where a draw has no such stretch among the frequencies, shape (n_draws,) each.
-    """
-    frequency = np.sort(spectrum["frequency"].to_numpy())
-    falls = np.diff(_tan_delta(spectrum)[:, 0], axis=-1) > 0
-    some = falls.any(axis=1)
-    low = np.where(some, frequency[:-1][falls.argmax(axis=1)], np.nan)
-    high = np.where(some, frequency[1:][::-1][falls[:, ::-1].argmax(axis=1)], np.nan)
-    return low, high

@@ -1,0 +1,343 @@
+"""The checks of a fit: what a check is, and each one as an object, in the order they are told.
+
+A new one is a function with a name and a kind here, and an entry in `CHECKS`.
+"""
+
+import json
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from scipy import stats
+
+from pyburgers.common.draws import BAND, TAIL
+from pyburgers.posterior.labelled_draws import CORRELATED, convergence_table, pareto_k
+from pyburgers.sampling.chains import ChainFailure
+
+
+class CheckKind(Enum):
+    """What a check asks."""
+
+    SAMPLING = "can the draws be trusted"
+    DESCRIPTION = "does the model describe the data"
+
+
+@dataclass(frozen=True, eq=False)
+class CheckedDraws:
+    """What checks look at.
+
+    Attributes
+    ----------
+    posterior : DataTree
+        Labelled draws (`pyburgers.posterior.labelled_draws.build_posterior`).
+    failures : tuple of ChainFailure
+        Chains that did not finish.
+    max_treedepth : int
+        The sampler's limit.
+    """
+
+    posterior: xr.DataTree
+    failures: tuple[ChainFailure, ...] = ()
+    max_treedepth: int = 10
+
+
+class Finding(NamedTuple):
+    """What a check found: verdict, the numbers behind it, what they mean, and what to do.
+
+    The meaning is a sentence for a non-specialist, without full stop where a remedy follows.
+    """
+
+    passed: bool
+    table: pd.DataFrame
+    meaning: str
+    remedy: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Check:
+    """A check; called with draws it gives its result.
+
+    Attributes
+    ----------
+    name : str
+        Short name for people.
+    kind : CheckKind
+        What it asks.
+    find : callable
+        Looks at draws.
+    """
+
+    name: str
+    kind: CheckKind
+    find: Callable[[CheckedDraws], Finding]
+
+    def __call__(self, draws: CheckedDraws) -> "CheckResult":
+        """Look at draws."""
+        return CheckResult(self, *self.find(draws))
+
+
+@dataclass(frozen=True, eq=False)
+class CheckResult:
+    """What a check found: the check, and the parts of its `Finding`."""
+
+    check: Check
+    passed: bool
+    table: pd.DataFrame
+    meaning: str
+    remedy: str = ""
+
+    @property
+    def name(self) -> str:
+        """Name of the check."""
+        return self.check.name
+
+    @property
+    def sentence(self) -> str:
+        """What it means and, where it failed, the usual remedy."""
+        return f"{self.meaning}; {self.remedy}." if self.remedy else self.meaning
+
+
+def check(name: str, kind: CheckKind) -> Callable[[Callable[[CheckedDraws], Finding]], Check]:
+    """Make a check of the function that looks at the draws."""
+    return lambda find: Check(name, kind, find)
+
+
+def checks_record(results: Iterable[CheckResult]) -> list[dict[str, Any]]:
+    """Return checks with their numbers as what a JSON file holds."""
+    return [
+        {
+            "name": result.name,
+            "passed": result.passed,
+            "sentence": result.sentence,
+            "table": json.loads(result.table.reset_index().to_json(orient="records")),
+        }
+        for result in results
+    ]
+
+
+RHAT_LIMIT = 1.01
+ESS_LIMIT = 400
+EBFMI_LIMIT = 0.3
+PARETO_K_LIMIT = 0.7
+ONE_IN = 0.01
+"""Share of correct models that would fail the check of the coverage."""
+
+
+@check("chains", CheckKind.SAMPLING)
+def check_chains(draws: CheckedDraws) -> Finding:
+    """All chains finished."""
+    finished = [int(chain) for chain in draws.posterior["posterior"]["chain"]]
+    failures = draws.failures
+    table = pd.DataFrame(
+        [{"chain": chain, "outcome": "finished"} for chain in finished]
+        + [{"chain": failure.chain, "outcome": failure.reason} for failure in failures]
+    )
+    if not failures:
+        return Finding(True, table, f"All {len(finished)} chains finished.")
+    missing = f"{len(failures)} of {len(table)} chains did not finish. {failures[0].reason}"
+    return Finding(False, table, missing)
+
+
+@check("R-hat", CheckKind.SAMPLING)
+def check_rhat(draws: CheckedDraws) -> Finding:
+    """Chains agree: R-hat at most 1.01 for every sampled quantity."""
+    table = convergence_table(draws.posterior)[["rhat"]]
+    if draws.posterior["posterior"].sizes["chain"] == 1:
+        meaning = "R-hat compares chains and there is only one"
+        return Finding(False, table, meaning, "run at least two (--chains 4)")
+    # Draws that never moved give a NaN.
+    worst = int(table["rhat"].fillna(np.inf).argmax())
+    name, value = table.index[worst], float(table["rhat"].iloc[worst])
+    if value <= RHAT_LIMIT:
+        agree = f"The chains agree with each other (largest R-hat {value:.3f}, {name})."
+        return Finding(True, table, agree)
+    return Finding(
+        False,
+        table,
+        f"The chains have not yet found the same distribution (R-hat {value:.3f} for {name}, "
+        f"at most {RHAT_LIMIT} wanted), so means and intervals may still move",
+        "run longer (--warmup, --draws) or tighten priors that the data do not inform",
+    )
+
+
+@check("effective sample size", CheckKind.SAMPLING)
+def check_effective_sample_size(draws: CheckedDraws) -> Finding:
+    """Bulk and tail effective sample sizes of at least 400."""
+    table = convergence_table(draws.posterior)[["ess_bulk", "ess_tail"]]
+    least = table.min(axis=1)
+    worst, value = least.idxmin(), float(least.min())
+    if value >= ESS_LIMIT:
+        enough = f"at least {value:.0f} effectively independent draws (least: {worst})"
+        return Finding(True, table, f"Every quantity has {enough}.")
+    return Finding(
+        False,
+        table,
+        f"{worst} has only {value:.0f} effectively independent draws, {ESS_LIMIT} are wanted for "
+        "stable intervals",
+        "raise --draws in proportion",
+    )
+
+
+@check("divergences", CheckKind.SAMPLING)
+def check_divergences(draws: CheckedDraws) -> Finding:
+    """No divergent transitions."""
+    diverging = draws.posterior["sample_stats"]["diverging"]
+    table = diverging.sum("draw").to_dataframe().rename(columns={"diverging": "divergences"})
+    total = int(diverging.sum())
+    if not total:
+        none = "No trajectory diverged: no region of the posterior was too curved to enter."
+        return Finding(True, table, none)
+    return Finding(
+        False,
+        table,
+        f"{total} of {diverging.size} trajectories diverged, so a strongly curved region may be "
+        "missed",
+        "raise --adapt-delta closer to 1 and look where they sit in the pairs figure",
+    )
+
+
+@check("treedepth", CheckKind.SAMPLING)
+def check_treedepth(draws: CheckedDraws) -> Finding:
+    """No trajectory was cut at the treedepth limit."""
+    sampled = draws.posterior["sample_stats"]
+    saturated = sampled["tree_depth"] >= draws.max_treedepth
+    table = pd.DataFrame(
+        {
+            "saturated": saturated.sum("draw").to_series(),
+            "mean_leapfrog_steps": sampled["n_steps"].mean("draw").to_series(),
+        }
+    )
+    total = int(saturated.sum())
+    if not total:
+        return Finding(True, table, "No trajectory was cut short by the treedepth limit.")
+    return Finding(
+        False,
+        table,
+        f"{total} of {saturated.size} trajectories were cut at treedepth {draws.max_treedepth}, "
+        "which makes the sampler slow but not wrong",
+        "raise --max-treedepth or run longer",
+    )
+
+
+@check("energy", CheckKind.SAMPLING)
+def check_energy(draws: CheckedDraws) -> Finding:
+    """E-BFMI of every chain at least 0.3 (Betancourt 2016)."""
+    energy = draws.posterior["sample_stats"]["energy"]
+    fraction = (energy.diff("draw") ** 2).mean("draw") / energy.var("draw")
+    table = fraction.to_dataframe("ebfmi")
+    least = float(fraction.min())
+    if least >= EBFMI_LIMIT:
+        explored = f"The sampler explores all energy levels (smallest E-BFMI {least:.2f})."
+        return Finding(True, table, explored)
+    return Finding(
+        False,
+        table,
+        f"The sampler moves slowly between energy levels (E-BFMI {least:.2f}, at least "
+        f"{EBFMI_LIMIT} wanted), so tails are explored poorly",
+        "lengthen the warm-up",
+    )
+
+
+@check("solver", CheckKind.SAMPLING)
+def check_solver(draws: CheckedDraws) -> Finding:
+    """Tolerance of the solver did not matter: Pareto k below 0.7 (Timonen et al. 2023)."""
+    ratios = draws.posterior["sample_stats"]["solver_log_ratio"]
+    unsolved = int((~np.isfinite(ratios)).sum())
+    k = pareto_k(ratios.to_numpy()) if unsolved == 0 else np.inf
+    table = pd.DataFrame(
+        {
+            "pareto_k": [k],
+            "largest_log_ratio": [float(np.abs(ratios).max())],
+            "unsolved_draws": [unsolved],
+        }
+    )
+    if unsolved:
+        return Finding(
+            False,
+            table,
+            f"{unsolved} of {ratios.size} draws have no solution at the reference tolerance, so "
+            "the solver cannot be trusted there",
+            "repeat the fit with a tighter --tolerance or narrower priors",
+        )
+    if k < PARETO_K_LIMIT:
+        matters = f" that matters (Pareto k {k:.2f})" if np.isfinite(k) else ""
+        same = "Solving every draw again at the reference tolerance changes nothing"
+        return Finding(True, table, f"{same}{matters}.")
+    return Finding(
+        False,
+        table,
+        f"The solver's tolerance is too loose for this posterior (Pareto k {k:.2f}, below "
+        f"{PARETO_K_LIMIT} wanted)",
+        "repeat the fit with a tighter --tolerance",
+    )
+
+
+@check("coverage", CheckKind.DESCRIPTION)
+def check_coverage(draws: CheckedDraws) -> Finding:
+    """Predictive band of 90 % holds about 90 % of the data.
+
+    The verdict asks that the count inside is not below what 99 % of correct models would give:
+    by the binomial distribution where residuals are independent, by the replicated data where they
+    are correlated and leave the band together.
+    """
+    posterior = draws.posterior
+    n_points = posterior["observed_data"].sizes["point"]
+    share = coverage(posterior)
+    if CORRELATED in posterior.children:
+        replicated = _share_inside(posterior, _only(posterior, "posterior_predictive"))
+        least = float(replicated.quantile(ONE_IN))
+    else:
+        least = stats.binom.ppf(ONE_IN, n_points, BAND) / n_points
+    table = pd.DataFrame({"share_inside": [share], "least_wanted": [least], "points": [n_points]})
+    inside = f"{share:.0%} of the data lie inside the 90 % predictive band"
+    if share >= least:
+        return Finding(True, table, f"{inside}.")
+    return Finding(
+        False,
+        table,
+        f"Only {inside} (at least {least:.0%} expected of a correct model): the model or the "
+        "noise does not describe this curve",
+        "look at the residuals before using its parameters",
+    )
+
+
+def coverage(posterior: xr.DataTree) -> float:
+    """Share of the data inside the central 90 % of the replicated data."""
+    return float(_share_inside(posterior, _only(posterior, "observed_data")))
+
+
+def _only(posterior: xr.DataTree, group: str) -> xr.DataArray:
+    """Return the response, which is all that a group holds."""
+    (response,) = posterior[group].to_dataset().data_vars.values()
+    return response
+
+
+def _share_inside(posterior: xr.DataTree, response: xr.DataArray) -> xr.DataArray:
+    """Share of responses, dimension point, inside the central 90 % of the replicated data."""
+    replicated = _only(posterior, "posterior_predictive")
+    low, high = (replicated.quantile(q, ("chain", "draw")) for q in (TAIL, 1.0 - TAIL))
+    inside: xr.DataArray = ((response >= low) & (response <= high)).mean("point")
+    return inside
+
+
+CHAIN_CHECKS = (
+    check_chains,
+    check_rhat,
+    check_effective_sample_size,
+    check_divergences,
+    check_treedepth,
+    check_energy,
+)
+"""What any chains are checked for."""
+
+CHECKS = (*CHAIN_CHECKS, check_solver, check_coverage)
+"""What the fit of a model with a solver is checked for: console, page and exit code follow."""
+
+
+def run_checks(draws: CheckedDraws, checks: Sequence[Check] = CHECKS) -> tuple[CheckResult, ...]:
+    """Run checks, each on all draws."""
+    return tuple(one(draws) for one in checks)

@@ -1,0 +1,107 @@
+"""The plan of the house: imports run down, none in a circle, and files stay short."""
+
+import ast
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+
+PACKAGE = Path(__file__).parents[1] / "pyburgers"
+
+ROOMS = (
+    "cli",
+    "studies",
+    "report",
+    "predictions",
+    "comparison",
+    "sbc",
+    "flow_law_tables",
+    "fitting",
+    "checks",
+    "posterior",
+    "sampling",
+    "protocols",
+    "model",
+    "drawing",
+    "cmdstan",
+    "common",
+)
+"""From top to bottom; a room imports from itself and from those below it."""
+
+LONGEST_FILE, DEEPEST_CHAIN = 450, 15
+
+
+def module_name(file: Path) -> str:
+    parts = file.relative_to(PACKAGE.parent).with_suffix("").parts
+    return ".".join(parts).removesuffix(".__init__")
+
+
+FILES = {module_name(file): file for file in PACKAGE.rglob("*.py")}
+
+
+def imported(name: str) -> set[str]:
+    """Modules of the package that a module imports, wherever in its text."""
+    found = set()
+    for node in ast.walk(ast.parse(FILES[name].read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{name}: relative import"
+            assert node.module is not None
+            members = {f"{node.module}.{alias.name}" for alias in node.names}
+            modules = members & FILES.keys()
+            found |= modules if modules else {node.module}
+    return (found & FILES.keys()) - {name}
+
+
+IMPORTS: Mapping[str, set[str]] = {name: imported(name) for name in FILES}
+
+
+def room(name: str) -> str | None:
+    """Room of a module; the package itself is above all rooms."""
+    return name.split(".")[1] if "." in name else None
+
+
+def test_every_module_is_in_a_room() -> None:
+    assert {room(name) for name in FILES} == {None, *ROOMS}
+
+
+def test_imports_run_down() -> None:
+    up = [
+        f"{name} imports {other}"
+        for name, others in IMPORTS.items()
+        for other in others
+        if room(name) is not None
+        and (room(other) is None or ROOMS.index(room(other)) < ROOMS.index(room(name)))
+    ]
+    assert not up, "\n".join(sorted(up))
+
+
+def test_no_imports_run_in_a_circle() -> None:
+    circles = []
+    for start in IMPORTS:
+        reached, waiting = set[str](), list(IMPORTS[start])
+        while waiting:
+            name = waiting.pop()
+            if name not in reached:
+                reached.add(name)
+                waiting += IMPORTS[name]
+        if start in reached:
+            circles.append(start)
+    assert not circles
+
+
+def test_chains_of_imports_are_short() -> None:
+    @cache
+    def chain(name: str) -> tuple[str, ...]:
+        """Longest chain of imports from a module."""
+        return (name, *max((chain(other) for other in IMPORTS[name]), key=len, default=()))
+
+    longest = max(map(chain, IMPORTS), key=len)
+    assert len(longest) <= DEEPEST_CHAIN, " -> ".join(longest)
+
+
+def test_files_are_short() -> None:
+    lengths = {
+        name: len(file.read_text(encoding="utf-8").splitlines()) for name, file in FILES.items()
+    }
+    assert {name: n for name, n in lengths.items() if n > LONGEST_FILE} == {}

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pyburgers.cli.arguments import command_line, writing
-from pyburgers.cli.results import exit_code, load_fit
+from pyburgers.cli.results import exit_code
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_points import compare
 from pyburgers.comparison.by_tests import compare_by_test
@@ -20,7 +20,7 @@ from pyburgers.comparison.results import (
     table_of_tests,
 )
 from pyburgers.drawing.style import write_images
-from pyburgers.fitting.joint_fit import JointFit
+from pyburgers.fitting.fit import Fit
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -51,7 +51,7 @@ def run(options: argparse.Namespace) -> int:
         return _compare_by_test(options)
     directories: list[Path] = options.directories
     fits = {
-        name: load_fit(directory)
+        name: Fit.load(directory)
         for name, directory in zip(_names_of(directories), directories, strict=True)
     }
     comparison = compare(fits, refits=None if options.no_refit else options.out / "refits")
@@ -73,7 +73,7 @@ def _compare_by_test(options: argparse.Namespace) -> int:
         )
     directories: list[Path] = options.directories
     joints = {
-        name: JointFit.load(directory)
+        name: Fit.load(directory)
         for name, directory in zip(_names_of(directories), directories, strict=True)
     }
     command = command_line()

@@ -1,22 +1,11 @@
-"""What commands read and print alike: runs and verdicts."""
+"""What commands print alike: verdicts."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
 from pyburgers.checks.fit_checks import CheckResult
-from pyburgers.fitting.fit import Fit, is_joint
-from pyburgers.fitting.joint_fit import JointFit
 from pyburgers.report.tables import checks_table
-from pyburgers.sampling.run_directory import RunDirectory
 
 EXIT_CHECK_FAILED = 3
-
-
-def load_fit(directory: Path) -> Fit | JointFit:
-    """Read a run, of one test or of several."""
-    if is_joint(RunDirectory(directory).read_manifest()):
-        return JointFit.load(directory)
-    return Fit.load(directory)
 
 
 def print_checks(checks: Sequence[CheckResult]) -> int:

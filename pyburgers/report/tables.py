@@ -14,7 +14,7 @@ import xarray as xr
 from pyburgers.checks.fit_checks import CheckResult
 from pyburgers.common.numbers import number, rounded, with_error
 from pyburgers.drawing.page_parts import PageTable
-from pyburgers.fitting.fit import Fit, is_joint
+from pyburgers.fitting.fit import Fit
 from pyburgers.flow_law_tables.fit import PeakStressFit
 from pyburgers.flow_law_tables.inputs import FLOW_LAW_PARAMETERS
 from pyburgers.model.display import prior_text, shown_quantity, symbol_text, unit_text
@@ -271,7 +271,7 @@ def overview_row(
     failed = sum(not check.passed for check in checks)
     passed = f"{len(checks) - failed} of {len(checks)}"
     return {
-        "experiment": fit.experiment.id + (", joint fit" if is_joint(fit.manifest) else ""),
+        "experiment": fit.experiment.id + (", joint fit" if fit.is_part else ""),
         "data": fit.experiment.provenance.kind,
         "stress exponent n": _mean_sd(fit, summary, "stress_exponent", 1.0),
         f"residual {noise.symbol} ({noise.display_unit})": _mean_sd(

@@ -12,8 +12,7 @@ if TYPE_CHECKING:
     from pyburgers.comparison.by_points import Comparison, compare
     from pyburgers.comparison.by_tests import ComparisonByTest, compare_by_test
     from pyburgers.comparison.marginal_likelihood import log_marginal_likelihood
-    from pyburgers.fitting.fit import Fit, fit
-    from pyburgers.fitting.joint_fit import JointFit, fit_jointly
+    from pyburgers.fitting.fit import Fit, JointFit, fit, fit_jointly
     from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress, flow_law_prior
     from pyburgers.flow_law_tables.inputs import (
         PeakStressData,
@@ -38,8 +37,7 @@ _NAMES = {
     "comparison.by_points": ("Comparison", "compare"),
     "comparison.by_tests": ("ComparisonByTest", "compare_by_test"),
     "comparison.marginal_likelihood": ("log_marginal_likelihood",),
-    "fitting.fit": ("Fit", "fit"),
-    "fitting.joint_fit": ("JointFit", "fit_jointly"),
+    "fitting.fit": ("Fit", "JointFit", "fit", "fit_jointly"),
     "flow_law_tables.fit": ("PeakStressFit", "fit_peak_stress", "flow_law_prior"),
     "flow_law_tables.inputs": (
         "PeakStressData",

@@ -1,150 +1,116 @@
-// Nonlinear Burgers model of one test at an imposed oscillating strain rate: Maxwell spring and
+// Nonlinear Burgers model of tests at an imposed oscillating strain rate: Maxwell spring and
 // power-law dashpot in series with a Kelvin-Voigt element, grain size following a piezometer
 // (Maor, Hansen, Jerolmack and Goldsby, Eqs. 1, 2 and 5).
 //
-// All values are SI. Priors, fixed parameters, solver tolerances and the likelihood switch are
-// data, as in constant_rate.stan.
+// All values are SI. Priors, fixed parameters, solver tolerance and the likelihood switch are
+// data, and parameters of several tests are shared, partially pooled or separate, as in
+// constant_rate.stan.
 functions {
-#include functions/parameters.stan
-#include functions/flow_law.stan
-#include functions/kelvin_element.stan
-#include functions/microstructure.stan
-#include functions/priors.stan
-#include functions/coordinates.stan
-#include functions/residuals.stan
-#include functions/forced_oscillation_dynamics.stan
-#include functions/sheared_coordinates.stan
+#include physics/parameters.stan
+#include physics/flow_law.stan
+#include physics/kelvin_element.stan
+#include physics/microstructure.stan
+#include protocols/forced_oscillation_dynamics.stan
+#include statistics/priors.stan
+#include statistics/residuals.stan
+#include charts/plain.stan
+#include charts/pooling.stan
+#include charts/sheared.stan
 }
 data {
-#include data/forced_oscillation_experiment.stan
+#include data/tests.stan
+#include data/forced_oscillation.stan
 #include data/priors.stan
 #include data/coordinates.stan
 #include data/sheared.stan
 #include data/solver.stan
-  // Times (in periods) at which generated quantities report the solution, apart from the
-  // observed ones.
-  int<lower=0> n_grid;
-  array[n_grid] real<lower=first_tau> grid_tau;
-  matrix[n_grid, n_trend] grid_trend_shape; // as trend_shape, at these times
+  // Times at which generated quantities report the solution, apart from the observed ones.
+  array[n_tests + 1] int<lower=0> grid_end;
+  array[grid_end[n_tests + 1]] real grid_tau;
+  matrix[grid_end[n_tests + 1], max(n_trend)] grid_trend_shape; // as trend_shape, there
 }
 transformed data {
-  // The Kelvin element is linear where n_K is fixed at 1.
-  int power_law_kelvin = prior_family[13] != 0 || prior_location[13] != 1;
-  vector[n_parameters()] prior_mass;
-  array[n_parameters()] int coordinate_of; // position among the coordinates, 0 where fixed
-  // Observed times and grid in one series, which generated quantities solve at once.
-  array[n_points + n_grid] real every_tau = append_array(tau, grid_tau);
-  array[n_points + n_grid] int order = sort_indices_asc(every_tau);
-  vector[10] record = [stress_scale, start_stress, stress_amplitude, storage_compliance,
-                       loss_compliance, period, 0, typical_path_strain, initial_grain_size,
-                       temperature]'; // see shears()
-  for (i in 1 : n_points) {
+  int n_points = point_end[n_tests + 1];
+  int n_grid = grid_end[n_tests + 1];
+  array[n_tests] vector[n_parameters()] prior_mass
+    = prior_log_masses(prior_family, prior_location, prior_scale, prior_lower, prior_upper);
+  array[n_tests] vector[n_record()] record; // what the shifts want to know of a test
+  for (e in 1 : n_tests) {
+    array[point_end[e + 1] - point_end[e]] int points = part(point_end, e);
     // Mean of the grain size that the observed stresses want, over d_0, less 1.
-    record[7] += (piezometer_grain_size(stress_observed[i]) / initial_grain_size - 1) / n_points;
-  }
-  for (k in 1 : n_parameters()) {
-    prior_mass[k] = prior_log_mass(prior_family[k], prior_location[k], prior_scale[k],
-                                   prior_lower[k], prior_upper[k]);
-  }
-  for (k in 1 : n_parameters()) {
-    coordinate_of[k] = 0;
-  }
-  for (i in 1 : n_coordinates) {
-    coordinate_of[parameter_of_coordinate[i]] = i;
+    real growth_limit = 0;
+    for (i in points) {
+      growth_limit += (piezometer_grain_size(stress_observed[i],
+                         prior_location[e][i_piezometer_reference_grain_size()],
+                         prior_location[e][i_piezometer_exponent()],
+                         prior_location[e][i_piezometer_stress_floor()])
+                       / initial_grain_size[e] - 1)
+                      / size(points);
+    }
+    record[e] = [stress_scale[e], start_stress[e], stress_amplitude[e], storage_compliance[e],
+                 loss_compliance[e], period[e], growth_limit, typical_path_strain[e],
+                 initial_grain_size[e], temperature[e]]';
   }
 }
 parameters {
   vector[n_coordinates] coordinate;
 }
 transformed parameters {
-  real maxwell_modulus;
-  real kelvin_modulus;
-  real kelvin_viscosity;
-  real stress_exponent;
-  real grain_size_exponent;
-  real activation_enthalpy;
-  real beta;
-  real steady_state_grain_size;
-  real steady_state_fabric_factor;
-  real critical_strain_grain_size;
-  real critical_strain_fabric;
-  real stress_noise;
-  real kelvin_stress_exponent;
-  real kelvin_activation_enthalpy;
-  real kelvin_reference_stress = prior_location[15];
-  real kelvin_reference_temperature = prior_location[16];
-  real residual_correlation_strain;
-  real piezometer_reference_grain_size = prior_location[18];
-  real reference_flow_rate; // of the dashpot at the stress stress_scale and d_0, 1/s
-  real kelvin_viscosity_here; // eta_K at the temperature of the test, Pa s
-  real lprior; // log density of the priors on the physical parameters
-  real log_jacobian = 0; // ln |d(physical parameters)/d(coordinates)|
-  vector[n_coordinates] plain_coordinate = coordinate;
-  {
+#include charts/parameters_of_tests.stan
+  vector[n_tests] log_reference; // ln of the flow rate (s) at stress_scale and d_0
+  vector[own_end[n_tests + 1]] plain_coordinate; // of the tests' own parameters
+  for (e in 1 : n_tests) {
+#include charts/given_parameters.stan
+    vector[size(own) + 1] plain = append_row(coordinate[own_position[own]], 0);
     vector[n_parameters() + 1] mapped;
-    vector[n_parameters()] parameter;
     if (coordinate_system == 2) {
-      vector[n_coordinates + 1] sheared = plain_from_sheared(coordinate, coordinate_of,
-        quantity_shift, quantity_scale, quantity_lower, quantity_upper, replaced_parameter,
-        prior_location, prior_scale, flow_slope, flow_reference, record);
-      plain_coordinate = head(sheared, n_coordinates);
-      log_jacobian = sheared[n_coordinates + 1];
+      plain = plain_from_sheared(coordinate[own_position[own]], given, own_place[e],
+                                 quantity[own], replaced_parameter[e], prior_location[e],
+                                 prior_scale[e], flow_slope[e], flow_reference[e], record[e]);
     }
-    mapped = parameters_from_plain(plain_coordinate, parameter_of_coordinate, quantity_shift,
-                                   quantity_scale, quantity_lower, quantity_upper,
-                                   prior_location, replaced_parameter, 0, log(stress_scale),
-                                   initial_grain_size, temperature);
-    parameter = head(mapped, n_parameters());
-    log_jacobian += mapped[n_parameters() + 1];
-    lprior = joint_prior_log_density(parameter, prior_family, prior_location, prior_scale,
-                                     prior_lower, prior_upper, prior_mass)
-             + flow_law_prior_log_density(parameter, flow_law_mean, flow_law_factor,
-                                          flow_law_conditions);
-    maxwell_modulus = parameter[1];
-    kelvin_modulus = parameter[2];
-    kelvin_viscosity = parameter[3];
-    stress_exponent = parameter[4];
-    grain_size_exponent = parameter[5];
-    activation_enthalpy = parameter[6];
-    beta = parameter[7];
-    steady_state_grain_size = parameter[8];
-    steady_state_fabric_factor = parameter[9];
-    critical_strain_grain_size = parameter[10];
-    critical_strain_fabric = parameter[11];
-    stress_noise = parameter[12];
-    kelvin_stress_exponent = parameter[13];
-    kelvin_activation_enthalpy = parameter[14];
-    residual_correlation_strain = parameter[17];
+    plain_coordinate[own] = head(plain, size(own));
+    mapped = parameters_from_plain(plain_coordinate[own], own_parameter[own], quantity[own],
+                                   given, replaced_parameter[e], 0, log(stress_scale[e]),
+                                   initial_grain_size[e], temperature[e]);
+    parameter[e] = head(mapped, n_parameters());
+    log_reference[e] = log_flow_rate(stress_scale[e], initial_grain_size[e], temperature[e],
+                                     parameter[e][i_stress_exponent()],
+                                     parameter[e][i_grain_size_exponent()],
+                                     parameter[e][i_activation_enthalpy()],
+                                     parameter[e][i_beta()]);
+    log_jacobian += pooled[n_parameters() + 1] + plain[size(own) + 1]
+                    + mapped[n_parameters() + 1];
+    log_pooling += pooled[n_parameters() + 2];
   }
-  kelvin_viscosity_here = kelvin_viscosity_at(kelvin_viscosity, kelvin_activation_enthalpy,
-                                              temperature, prior_location[16]);
-  reference_flow_rate = exp(log_flow_rate(stress_scale, initial_grain_size, temperature,
-                                          stress_exponent, grain_size_exponent,
-                                          activation_enthalpy, beta));
+#include statistics/prior_density.stan
 }
 model {
-  target += lprior + log_jacobian;
+  target += lprior + log_jacobian + log_pooling;
   if (use_likelihood) {
-    array[n_points] vector[3] solution = forced_oscillation_solution(tau, start_tau, first_tau,
-      period, strain_sine, strain_cosine, background, background_middle, background_half,
-      initial_grain_size, temperature, start_stress, stress_scale, strain_scale, maxwell_modulus,
-      kelvin_modulus, kelvin_viscosity_here, stress_exponent, grain_size_exponent,
-      activation_enthalpy, beta, critical_strain_grain_size, power_law_kelvin,
-      kelvin_stress_exponent, prior_location[15], relative_tolerance, absolute_tolerance,
-      max_num_steps);
-    vector[n_points] stress_model;
-    for (i in 1 : n_points) {
-      stress_model[i] = solution[i][1];
+    for (e in 1 : n_tests) {
+      array[point_end[e + 1] - point_end[e]] int points = part(point_end, e);
+      array[size(points)] vector[3] solution
+        = forced_oscillation_solution(parameter[e], prior_location[e], tau[points],
+                                      start_tau[e], first_tau[e], period[e], strain_sine[e],
+                                      strain_cosine[e], background[e], background_range[e],
+                                      initial_grain_size[e], temperature[e], start_stress[e],
+                                      stress_scale[e], strain_scale[e], power_law_kelvin,
+                                      tolerance, max_num_steps);
+      vector[size(points)] stress = to_vector(solution[ : , 1]);
+      real noise = parameter[e][i_stress_noise()];
+      stress -= trend_shape[points] * (trend_fit[points]' * stress);
+      target += normal_lpdf(stress_observed[points] | stress, noise * relative_noise[points])
+                + taken_noise_log_density(n_trend[e], noise);
     }
-    stress_model -= trend_shape * (trend_fit * stress_model);
-    target += normal_lpdf(stress_observed | stress_model, stress_noise * relative_noise)
-              + taken_noise_log_density(n_trend, stress_noise);
   }
 }
 generated quantities {
   vector[n_points] stress_model; // Pa, without its trend
   vector[n_points] stress_replicated; // Pa
   vector[n_points] log_lik;
+  // Of the coordinates, as the model block has it; here for runs of this block by itself.
+  real log_density = lprior + log_jacobian + log_pooling;
+  array[n_tests] vector[max(n_trend)] trend; // coefficients
   vector[n_grid] grid_stress; // Pa, its trend included
   vector[n_grid] grid_oscillating_stress; // Pa, without its trend, as stress_model
   vector[n_grid] grid_stress_replicated; // Pa, without its trend
@@ -153,50 +119,63 @@ generated quantities {
   vector[n_grid] grid_dashpot_rate; // strain rate of the dashpot, 1/s
   // What sets the sheared coordinates up: ln(d/d_0) in their approximation, its derivative by
   // epsilon_c1, and where they are.
-  real typical_growth = rough_growth(critical_strain_grain_size, record[7], record[8]);
-  real typical_growth_slope = rough_growth_slope(critical_strain_grain_size, record[7],
-                                                 record[8]);
-  vector[n_coordinates] sheared_coordinate = plain_coordinate;
-  if (replaced_parameter > 0) {
-    sheared_coordinate = sheared_from_plain(plain_coordinate, coordinate_of, quantity_shift,
-                                            quantity_scale, quantity_lower, quantity_upper,
-                                            replaced_parameter, prior_location, prior_scale,
-                                            flow_slope, flow_reference, record);
-  }
-  vector[n_trend] trend; // coefficients
-  {
-    array[n_points + n_grid] vector[3] solution;
-    solution[order] = forced_oscillation_solution(every_tau[order], start_tau, first_tau, period,
-      strain_sine, strain_cosine, background, background_middle, background_half,
-      initial_grain_size, temperature, start_stress, stress_scale, strain_scale, maxwell_modulus,
-      kelvin_modulus, kelvin_viscosity_here, stress_exponent, grain_size_exponent,
-      activation_enthalpy, beta, critical_strain_grain_size, power_law_kelvin,
-      kelvin_stress_exponent, prior_location[15], relative_tolerance, absolute_tolerance,
-      max_num_steps);
-    for (i in 1 : n_points) {
-      stress_model[i] = solution[i][1];
+  vector[n_tests] typical_growth;
+  vector[n_tests] typical_growth_slope;
+  vector[own_end[n_tests + 1]] sheared_coordinate;
+  for (e in 1 : n_tests) {
+    array[point_end[e + 1] - point_end[e]] int points = part(point_end, e);
+    array[grid_end[e + 1] - grid_end[e]] int here = part(grid_end, e);
+    array[own_end[e + 1] - own_end[e]] int own = part(own_end, e);
+    real noise = parameter[e][i_stress_noise()];
+    // Observed times and grid in one series, solved at once.
+    array[size(points) + size(here)] real every_tau = append_array(tau[points], grid_tau[here]);
+    array[size(every_tau)] int order = sort_indices_asc(every_tau);
+    array[size(every_tau)] vector[3] solution;
+    solution[order]
+      = forced_oscillation_solution(parameter[e], prior_location[e], every_tau[order],
+                                    start_tau[e], first_tau[e], period[e], strain_sine[e],
+                                    strain_cosine[e], background[e], background_range[e],
+                                    initial_grain_size[e], temperature[e], start_stress[e],
+                                    stress_scale[e], strain_scale[e], power_law_kelvin,
+                                    tolerance, max_num_steps);
+    stress_model[points] = to_vector(solution[1 : size(points), 1]);
+    trend[e] = trend_fit[points]' * stress_model[points];
+    stress_model[points] -= trend_shape[points] * trend[e];
+    for (i in points) {
+      stress_replicated[i] = normal_rng(stress_model[i], noise * relative_noise[i]);
+      log_lik[i] = normal_lpdf(stress_observed[i] | stress_model[i], noise * relative_noise[i])
+                   + taken_noise_log_density(n_trend[e], noise) / size(points);
     }
-    trend = trend_fit * stress_model;
-    stress_model -= trend_shape * trend;
-    for (i in 1 : n_points) {
-      stress_replicated[i] = normal_rng(stress_model[i], stress_noise * relative_noise[i]);
-      log_lik[i] = normal_lpdf(stress_observed[i] | stress_model[i],
-                               stress_noise * relative_noise[i])
-                   + taken_noise_log_density(n_trend, stress_noise) / n_points;
+    if (use_likelihood) {
+      log_density += sum(log_lik[points]);
     }
-    for (i in 1 : n_grid) {
-      vector[3] state = solution[n_points + i];
+    for (j in 1 : size(here)) {
+      vector[3] state = solution[size(points) + j];
+      int i = here[j];
       grid_stress[i] = state[1];
       grid_kelvin_strain[i] = state[2];
       grid_grain_size[i] = state[3];
-      grid_dashpot_rate[i] = dashpot_strain_rate(state[1], state[3], 1, stress_exponent,
-                                                 grain_size_exponent,
-                                                 log_rate_factor(activation_enthalpy, beta,
-                                                                 temperature));
+      grid_dashpot_rate[i] = dashpot_strain_rate(state[1], state[3], 1,
+                               parameter[e][i_stress_exponent()],
+                               parameter[e][i_grain_size_exponent()],
+                               log_rate_factor(parameter[e][i_activation_enthalpy()],
+                                               parameter[e][i_beta()], temperature[e]));
     }
-    grid_oscillating_stress = grid_stress - grid_trend_shape * trend;
-    for (i in 1 : n_grid) {
-      grid_stress_replicated[i] = normal_rng(grid_oscillating_stress[i], stress_noise);
+    grid_oscillating_stress[here] = grid_stress[here] - grid_trend_shape[here] * trend[e];
+    for (i in here) {
+      grid_stress_replicated[i] = normal_rng(grid_oscillating_stress[i], noise);
+    }
+    typical_growth[e] = rough_growth(parameter[e][i_critical_strain_grain_size()],
+                                     record[e][r_growth_limit()],
+                                     record[e][r_path_strain()]);
+    typical_growth_slope[e] = rough_growth_slope(parameter[e][i_critical_strain_grain_size()],
+                                                 record[e][r_growth_limit()],
+                                                 record[e][r_path_strain()]);
+    sheared_coordinate[own] = plain_coordinate[own];
+    if (replaced_parameter[e] > 0) {
+      sheared_coordinate[own] = sheared_from_plain(plain_coordinate[own], parameter[e],
+        own_place[e], quantity[own], replaced_parameter[e], prior_location[e], prior_scale[e],
+        flow_slope[e], flow_reference[e], record[e]);
     }
   }
 }

@@ -2,9 +2,9 @@
 // the median stress, then a sinusoid on top of it. A forward simulation at given parameters
 // (algorithm=fixed_param); there is nothing to sample. All values are SI.
 functions {
-#include functions/flow_law.stan
-#include functions/kelvin_element.stan
-#include functions/imposed_stress_dynamics.stan
+#include physics/flow_law.stan
+#include physics/kelvin_element.stan
+#include protocols/imposed_stress_dynamics.stan
 }
 data {
   real<lower=0> temperature; // K
@@ -47,7 +47,7 @@ generated quantities {
                                 stress_exponent, grain_size_exponent, grain_size, fabric_factor,
                                 log_rate_factor(activation_enthalpy, beta, temperature),
                                 kelvin_stress_exponent, kelvin_reference_stress,
-                                relative_tolerance, absolute_tolerance, max_num_steps);
+                                tolerance, max_num_steps);
     for (i in 1 : n_times) {
       stress[i] = cyclic_stress(time[i], median_stress, i > n_in_hold ? amplitude : 0,
                                 angular_frequency);

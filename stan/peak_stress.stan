@@ -10,10 +10,18 @@
 // in place of Q_M, or of beta where Q_M cannot be replaced: the table fixes it tightly, and it is
 // nearly independent of n and p. The priors are still those of Q_M and beta.
 functions {
-#include functions/parameters.stan
-#include functions/flow_law.stan
-#include functions/priors.stan
-#include functions/coordinates.stan
+#include physics/parameters.stan
+#include physics/flow_law.stan
+#include statistics/priors.stan
+#include charts/plain.stan
+
+  // The parameters of a table: four of the flow law's, and the scatter.
+  int n_of_table() { return 5; }
+  int t_stress_exponent() { return 1; }
+  int t_grain_size_exponent() { return 2; }
+  int t_activation_enthalpy() { return 3; }
+  int t_beta() { return 4; }
+  int t_rate_scatter() { return 5; }
 
   /**
    * ln(strain rate s) of every point, see log_flow_rate().
@@ -41,20 +49,17 @@ data {
   real<lower=0> mean_stress; // Pa, geometric mean
   real<lower=0> mean_grain_size; // m, geometric mean
   int<lower=0, upper=1> use_likelihood; // 0: prior only
-  // Priors of n, p, Q_M, beta and the scatter; families as in functions/priors.stan.
-  array[5] int<lower=0, upper=3> prior_family;
-  vector[5] prior_location;
-  vector[5] prior_scale;
-  vector[5] prior_lower;
-  vector[5] prior_upper;
-  // Coordinates (functions/coordinates.stan): one for each free parameter.
-  int<lower=0, upper=5> n_coordinates;
-  array[n_coordinates] int<lower=1, upper=5> parameter_of_coordinate;
-  vector[n_coordinates] quantity_shift; // SI; ln(rate s) for the flow rate
-  vector[n_coordinates] quantity_scale;
-  vector[n_coordinates] quantity_lower;
-  vector[n_coordinates] quantity_upper;
-  int<lower=0, upper=4> replaced_parameter; // 3: Q_M, 4: beta, 0: none
+  // Priors of n, p, Q_M, beta and the scatter; families as in statistics/priors.stan.
+  array[n_of_table()] int<lower=0, upper=3> prior_family;
+  vector[n_of_table()] prior_location;
+  vector[n_of_table()] prior_scale;
+  vector[n_of_table()] prior_lower;
+  vector[n_of_table()] prior_upper;
+  // Coordinates (charts/plain.stan): one for each free parameter.
+  int<lower=0, upper=n_of_table()> n_coordinates;
+  array[n_coordinates] int<lower=1, upper=n_of_table()> own_parameter;
+  matrix[n_coordinates, 4] quantity; // SI; ln(rate s) for the flow rate
+  int<lower=0, upper=n_of_table()> replaced_parameter; // Q_M, beta, or 0: none
   // Conditions at which generated quantities report the flow rate, apart from the observed ones.
   int<lower=0> n_grid;
   vector<lower=0>[n_grid] grid_temperature; // K
@@ -64,11 +69,9 @@ data {
 transformed data {
   vector[n_points] log_rate_observed = log(strain_rate);
   vector[n_points] stress_variance = square(relative_stress_uncertainty);
-  vector[5] prior_mass;
-  for (k in 1 : 5) {
-    prior_mass[k] = prior_log_mass(prior_family[k], prior_location[k], prior_scale[k],
-                                   prior_lower[k], prior_upper[k]);
-  }
+  vector[n_of_table()] prior_mass
+    = prior_log_masses({prior_family}, {prior_location}, {prior_scale}, {prior_lower},
+                       {prior_upper})[1];
 }
 parameters {
   vector[n_coordinates] coordinate;
@@ -83,32 +86,29 @@ transformed parameters {
   real lprior; // log density of the priors on the physical parameters
   real log_jacobian = 0; // ln |d(physical parameters)/d(coordinates)|
   {
-    vector[5] parameter = prior_location;
+    vector[n_of_table()] parameter = prior_location;
     for (i in 1 : n_coordinates) {
-      parameter[parameter_of_coordinate[i]] = bounded_from_real(coordinate[i], quantity_shift[i],
-                                                                quantity_scale[i],
-                                                                quantity_lower[i],
-                                                                quantity_upper[i]);
-      log_jacobian += log_slope_of_bounded(coordinate[i], quantity_scale[i], quantity_lower[i],
-                                           quantity_upper[i]);
+      parameter[own_parameter[i]] = bounded_from_real(coordinate[i], quantity[i]);
+      log_jacobian += log_slope_of_bounded(coordinate[i], quantity[i]);
     }
-    if (replaced_parameter == 3) {
-      parameter[3] = activation_enthalpy_from_flow(parameter[3], log(mean_stress),
-                                                   mean_grain_size, mean_temperature,
-                                                   parameter[1], parameter[2], parameter[4]);
-      log_jacobian -= log(1 / (gas_constant() * mean_temperature) - parameter[4]);
-    } else if (replaced_parameter == 4) {
-      parameter[4] = beta_from_flow(parameter[4], log(mean_stress), mean_grain_size,
-                                    mean_temperature, parameter[1], parameter[2], parameter[3]);
-      log_jacobian -= log(parameter[3]);
+    stress_exponent = parameter[t_stress_exponent()];
+    grain_size_exponent = parameter[t_grain_size_exponent()];
+    if (replaced_parameter == t_activation_enthalpy()) {
+      parameter[replaced_parameter] = activation_enthalpy_from_flow(
+        parameter[replaced_parameter], log(mean_stress), mean_grain_size, mean_temperature,
+        stress_exponent, grain_size_exponent, parameter[t_beta()]);
+      log_jacobian -= log(1 / (gas_constant() * mean_temperature) - parameter[t_beta()]);
+    } else if (replaced_parameter == t_beta()) {
+      parameter[replaced_parameter] = beta_from_flow(
+        parameter[replaced_parameter], log(mean_stress), mean_grain_size, mean_temperature,
+        stress_exponent, grain_size_exponent, parameter[t_activation_enthalpy()]);
+      log_jacobian -= log(parameter[t_activation_enthalpy()]);
     }
     lprior = joint_prior_log_density(parameter, prior_family, prior_location, prior_scale,
                                      prior_lower, prior_upper, prior_mass);
-    stress_exponent = parameter[1];
-    grain_size_exponent = parameter[2];
-    activation_enthalpy = parameter[3];
-    beta = parameter[4];
-    rate_scatter = parameter[5];
+    activation_enthalpy = parameter[t_activation_enthalpy()];
+    beta = parameter[t_beta()];
+    rate_scatter = parameter[t_rate_scatter()];
   }
   reference_flow_rate = exp(log_flow_rate(mean_stress, mean_grain_size, mean_temperature,
                                           stress_exponent, grain_size_exponent,

@@ -19,19 +19,19 @@ from matplotlib.figure import Figure
 
 from pyburgers.cmdstan.program import compile_programs, load_program, stan_directory
 from pyburgers.comparison.by_tests import leave_one_test_out
-from pyburgers.fitting.fit import Fit, fit
-from pyburgers.fitting.joint_fit import JointFit, fit_jointly
+from pyburgers.fitting.fit import Fit, fit, fit_jointly
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet, default_priors, load_priors, save_priors
-from pyburgers.protocols.chart import Mode
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
+from pyburgers.protocols.constant_rate.stan_data import ValleyReference
 from pyburgers.protocols.constant_rate.valley import find_valley
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.registry import protocol_of, save_experiment
-from pyburgers.protocols.stan_data import SolverOptions, ValleyReference, program_data
+from pyburgers.protocols.registry import save_experiment
+from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.charts import ModeOfTest
 from pyburgers.sampling.mode import find_mode
 from pyburgers.sampling.options import SamplerOptions
+from pyburgers.sampling.problem import problem_of
 
 FloatArray = npt.NDArray[np.float64]
 FunctionValues = Callable[[str, Mapping[str, object]], dict[str, FloatArray]]
@@ -117,18 +117,10 @@ def valley_of(experiment: ConstantRateExperiment, priors: PriorSet) -> ValleyRef
     The noise exponents are made up, so that only that of the noise itself (the last) is 0.
     """
     solver = SolverOptions()
-    mode = find_mode(experiment, priors, seed=1, solver=solver)
-    valley = find_valley(at_mode(experiment, priors, mode, solver))
+    problem = problem_of([experiment], priors)
+    (mode,) = find_mode(problem, seed=1, solver=solver).tests
+    valley = find_valley(ModeOfTest(problem, mode, solver))
     return replace(valley, noise_exponent=np.linspace(0.9, 0.0, mode.coordinate.size))
-
-
-def at_mode(
-    experiment: Experiment, priors: PriorSet, mode: Mode, solver: SolverOptions
-) -> ModeOfTest:
-    """A test at its mode, as charts are given it."""
-    model = load_program(protocol_of(experiment).program)
-    data = program_data(experiment, priors, solver=solver)
-    return ModeOfTest(model, data, experiment, priors, mode, solver)
 
 
 @pytest.fixture(scope="session")
@@ -140,7 +132,10 @@ def programs() -> None:
                 stan_directory() / f"{name}.stan"
                 for name in ("constant_rate", "forced_oscillation", "imposed_stress", "peak_stress")
             ),
-            *sorted((stan_directory() / "reference").glob("*.stan")),
+            *(
+                stan_directory() / "reference" / f"{name}.stan"
+                for name in ("six_state", "six_state_oscillation")
+            ),
             *sorted((TESTS / "stan").glob("*.stan")),
         ]
     )
@@ -186,7 +181,7 @@ def small_problem(tmp_path_factory: pytest.TempPathFactory) -> Problem:
     )
 
 
-AnyFit = TypeVar("AnyFit", Fit, JointFit)
+AnyFit = TypeVar("AnyFit", Fit, Fit)
 
 
 @dataclass(frozen=True)
@@ -246,19 +241,19 @@ def long_fit(shared_runs: SharedRuns, small_problem: Problem) -> Fit:
 
 
 @pytest.fixture(scope="session")
-def joint(shared_runs: SharedRuns, small_problem: Problem) -> JointFit:
+def joint(shared_runs: SharedRuns, small_problem: Problem) -> Fit:
     """Finished fit of `pair_of` the small problem, which share the material but not the noise.
 
     Each test has been left out once. Not to be changed (use `copy_of`).
     """
-    return shared_runs.finished("joint", JointFit, lambda out: fit_pair(small_problem, POOL, out))
+    return shared_runs.finished("joint", Fit, lambda out: fit_pair(small_problem, POOL, out))
 
 
 @pytest.fixture(scope="session")
-def separate_joint(shared_runs: SharedRuns, small_problem: Problem) -> JointFit:
+def separate_joint(shared_runs: SharedRuns, small_problem: Problem) -> Fit:
     """Like `joint`, of tests that share nothing."""
     return shared_runs.finished(
-        "separate_joint", JointFit, lambda out: fit_pair(small_problem, {"all": "separate"}, out)
+        "separate_joint", Fit, lambda out: fit_pair(small_problem, {"all": "separate"}, out)
     )
 
 
@@ -268,7 +263,7 @@ def fit_pair(problem: Problem, pool: Mapping[str, str], out: Path) -> None:
     leave_one_test_out(joint, command="test")
 
 
-def copy_of(joint: JointFit, out: Path, *, without: str = "") -> JointFit:
+def copy_of(joint: Fit, out: Path, *, without: str = "") -> Fit:
     """Copy a joint fit, without the files and folders of one name."""
     shutil.copytree(joint.directory.path, out, ignore=shutil.ignore_patterns(".*", without))
-    return JointFit.load(out)
+    return Fit.load(out)

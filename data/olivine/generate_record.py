@@ -243,6 +243,9 @@ steady_state_fabric_factor = {truth.steady_state_fabric_factor!r}
 critical_strain_grain_size = {truth.critical_strain_grain_size!r}
 critical_strain_fabric = {truth.critical_strain_fabric!r}
 stress_noise = {truth.stress_noise!r}
+piezometer_reference_grain_size = {PIEZOMETER_FACTOR!r}
+piezometer_exponent = {-PIEZOMETER_EXPONENT!r}
+piezometer_stress_floor = {LEAST_PIEZOMETER_STRESS!r}
 '''
 
 

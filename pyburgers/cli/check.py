@@ -3,7 +3,8 @@
 import argparse
 from pathlib import Path
 
-from pyburgers.cli.shared import load_fit, print_checks
+from pyburgers.cli.shared import print_checks
+from pyburgers.fitting.fit import Fit
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -13,4 +14,4 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
-    return print_checks(load_fit(options.directory).checks())
+    return print_checks(Fit.load(options.directory).checks())

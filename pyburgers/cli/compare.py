@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from pyburgers.cli.shared import command_line, exit_code, load_fit, writing
+from pyburgers.cli.shared import command_line, exit_code, writing
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_points import compare
 from pyburgers.comparison.by_tests import compare_by_test
@@ -19,7 +19,7 @@ from pyburgers.comparison.results import (
     table_of_tests,
 )
 from pyburgers.drawing.style import write_images
-from pyburgers.fitting.joint_fit import JointFit
+from pyburgers.fitting.fit import Fit
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -50,7 +50,7 @@ def run(options: argparse.Namespace) -> int:
         return _compare_by_test(options)
     directories: list[Path] = options.directories
     fits = {
-        name: load_fit(directory)
+        name: Fit.load(directory)
         for name, directory in zip(_names_of(directories), directories, strict=True)
     }
     comparison = compare(fits, refits=None if options.no_refit else options.out / "refits")
@@ -72,7 +72,7 @@ def _compare_by_test(options: argparse.Namespace) -> int:
         )
     directories: list[Path] = options.directories
     joints = {
-        name: JointFit.load(directory)
+        name: Fit.load(directory)
         for name, directory in zip(_names_of(directories), directories, strict=True)
     }
     command = command_line()

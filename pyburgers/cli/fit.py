@@ -8,7 +8,6 @@ from typing import Any
 from pyburgers.cli.shared import add_sampler_options, command_line, print_checks, sampler_options
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import fit
-from pyburgers.fitting.joint_fit import fit_jointly
 from pyburgers.model.flow_law_prior import load_flow_law_of_run
 from pyburgers.model.pooling import parse_pooling
 from pyburgers.model.priors import PriorSet, default_priors, load_priors, with_flow_law
@@ -83,13 +82,13 @@ def run(options: argparse.Namespace) -> int:
         "use_likelihood": not options.prior_only,
         "command": command_line(),
     }
-    if len(experiments) > 1:
-        joint = fit_jointly(experiments, priors, pool=pool, **settings)
-        print(shown_pooling_table(pooling_table(joint)).to_string(index=False))
-        print(f"run directory: {joint.directory.path}")
-        return print_checks(joint.checks())
-    result = fit(first, priors, **settings)
-    print(parameter_table(result.summary(), result.priors).to_string(index=False))
+    result = fit(experiments, priors, pool=pool, **settings)
+    table = (
+        shown_pooling_table(pooling_table(result))
+        if result.is_joint
+        else parameter_table(result.summary(), result.priors)
+    )
+    print(table.to_string(index=False))
     print(f"run directory: {result.directory.path}")
     return print_checks(result.checks())
 

@@ -3,8 +3,8 @@
 import argparse
 from pathlib import Path
 
-from pyburgers.cli.shared import command_line, load_fit
-from pyburgers.fitting.joint_fit import JointFit
+from pyburgers.cli.shared import command_line
+from pyburgers.fitting.fit import Fit
 from pyburgers.report.comparison_sections import comparison_sections
 from pyburgers.report.joint_section import joint_names, joint_section
 from pyburgers.report.page import write_report
@@ -19,13 +19,9 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
-    joints, fits = [], []
-    for directory in options.directories:
-        loaded = load_fit(directory)
-        if isinstance(loaded, JointFit):
-            joints.append(loaded)
-        else:
-            fits.append(loaded)
+    loaded = [Fit.load(directory) for directory in options.directories]
+    joints = [fit for fit in loaded if fit.is_joint]
+    fits = [fit for fit in loaded if not fit.is_joint]
     sections = [
         joint_section(name, joint, fits)
         for name, joint in zip(joint_names(joints), joints, strict=True)

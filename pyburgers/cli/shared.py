@@ -10,11 +10,8 @@ from pathlib import Path
 
 from pyburgers.checks.fit_checks import CheckResult
 from pyburgers.common.errors import InputError
-from pyburgers.fitting.fit import Fit, is_joint
-from pyburgers.fitting.joint_fit import JointFit
 from pyburgers.report.tables import checks_table
 from pyburgers.sampling.options import SamplerOptions
-from pyburgers.sampling.run_directory import RunDirectory
 
 EXIT_CHECK_FAILED = 3
 SAMPLER_OPTIONS = tuple(field.name for field in fields(SamplerOptions))
@@ -59,13 +56,6 @@ def writing(out: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise InputError(f"--out {out}: cannot be written ({error.strerror}).") from error
-
-
-def load_fit(directory: Path) -> Fit | JointFit:
-    """Read a run, of one test or of several."""
-    if is_joint(RunDirectory(directory).read_manifest()):
-        return JointFit.load(directory)
-    return Fit.load(directory)
 
 
 def print_checks(checks: Sequence[CheckResult]) -> int:

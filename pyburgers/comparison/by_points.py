@@ -24,15 +24,16 @@ from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.comparison.same_data import check_same_data, tests_of
 from pyburgers.fitting.fit import Fit, fit
-from pyburgers.fitting.joint_fit import JointFit
+from pyburgers.posterior.build import GIVEN_OTHERS
 from pyburgers.posterior.labelled_draws import (
-    GIVEN_OTHERS,
     pointwise_log_density,
     relative_efficiency,
     smooth_weights,
 )
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forward import REFERENCE_SOLVER
+from pyburgers.protocols.layout import OneTest
+from pyburgers.protocols.program_data import tests_block
 from pyburgers.protocols.protocol import Quantity
 from pyburgers.protocols.registry import protocol_of
 from pyburgers.protocols.stan_data import SolverOptions, solver_block
@@ -121,12 +122,12 @@ class Comparison:
         return not any(result.unreliable.any() for result in self.results.values())
 
 
-def compare(fits: Mapping[str, Fit | JointFit], *, refits: Path | None = None) -> Comparison:
+def compare(fits: Mapping[str, Fit], *, refits: Path | None = None) -> Comparison:
     """Compare fits of the same data by leave-one-out cross-validation.
 
     Parameters
     ----------
-    fits : mapping of str to Fit or JointFit
+    fits : mapping of str to Fit
         At least two, by name; all of one test, or all joint ones of the same tests.
     refits : Path, optional
         Folder for fits without single points, in ``NAME/point_K``: points with a Pareto k above
@@ -147,7 +148,7 @@ def compare(fits: Mapping[str, Fit | JointFit], *, refits: Path | None = None) -
         result = _all_tests([leave_one_out(test.posterior) for test in tests_of(one)])
         flagged = np.flatnonzero(result.unreliable).tolist()
         if flagged and refits is not None:
-            if isinstance(one, JointFit):
+            if one.is_joint:
                 logger.info(
                     f"{name}: points of a joint fit are not left out one by one, because each "
                     "would take a fit of all tests; they stay flagged."
@@ -340,7 +341,7 @@ def _log_likelihood_of(again: Fit, experiment: Experiment) -> FloatArray:
     # Only the test is exchanged: the coordinates of the draws are those of the other fit.
     data = {
         **json.loads(run.stan_data_file.read_text(encoding="utf-8")),
-        **protocol_of(experiment).experiment_data(experiment, use_likelihood=True),
+        **tests_block(OneTest(experiment, again.priors), use_likelihood=True),
         **solver_block(REFERENCE_SOLVER),
     }
     try:

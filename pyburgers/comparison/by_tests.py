@@ -18,10 +18,9 @@ from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_points import stacking_weights, standard_error
 from pyburgers.comparison.marginal_likelihood import LogIntegral, log_marginal_likelihood
 from pyburgers.comparison.same_data import check_same_data
-from pyburgers.fitting.joint_fit import JointFit, fit_joint_problem
+from pyburgers.fitting.fit import Fit, fit_problem
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.options import SamplerOptions
-from pyburgers.sampling.problem import problem_without
 from pyburgers.sampling.run_directory import RunDirectory
 
 logger = logging.getLogger(__name__)
@@ -118,13 +117,13 @@ class ComparisonByTest:
 
 
 def compare_by_test(
-    joints: Mapping[str, JointFit], *, command: str = "pyburgers.compare_by_test(...)"
+    joints: Mapping[str, Fit], *, command: str = "pyburgers.compare_by_test(...)"
 ) -> ComparisonByTest:
     """Compare joint fits of the same tests by how well they predict each from the others.
 
     Parameters
     ----------
-    joints : mapping of str to JointFit
+    joints : mapping of str to Fit
         At least one, by name.
     command : str
         What regenerates the fits without single tests, for their manifests.
@@ -141,7 +140,7 @@ def compare_by_test(
     return _ordered(found, joints)
 
 
-def compare_kept_by_test(joints: Mapping[str, JointFit]) -> ComparisonByTest | None:
+def compare_kept_by_test(joints: Mapping[str, Fit]) -> ComparisonByTest | None:
     """Compare those joint fits by test for which an earlier comparison left every test out.
 
     Parameters
@@ -164,9 +163,7 @@ def compare_kept_by_test(joints: Mapping[str, JointFit]) -> ComparisonByTest | N
     return _ordered(found, joints) if found else None
 
 
-def _ordered(
-    found: Mapping[str, LeaveOneTestOut], joints: Mapping[str, JointFit]
-) -> ComparisonByTest:
+def _ordered(found: Mapping[str, LeaveOneTestOut], joints: Mapping[str, Fit]) -> ComparisonByTest:
     """Put results in order, the best first, and weigh them."""
     ordered = dict(sorted(found.items(), key=lambda item: -item[1].total))
     return ComparisonByTest(
@@ -176,7 +173,7 @@ def _ordered(
     )
 
 
-def _kept_without(joint: JointFit) -> Mapping[str, JointFit] | None:
+def _kept_without(joint: Fit) -> Mapping[str, Fit] | None:
     """Return the finished fits without each test, None where one is missing."""
     folders = {
         test: joint.directory.path / LEFT_OUT_FOLDER / test
@@ -186,11 +183,11 @@ def _kept_without(joint: JointFit) -> Mapping[str, JointFit] | None:
         run = RunDirectory(folder)
         if not run.manifest_file.is_file() or run.read_manifest()["status"] != "complete":
             return None
-    return {test: JointFit.load(folder) for test, folder in folders.items()}
+    return {test: Fit.load(folder) for test, folder in folders.items()}
 
 
 def leave_one_test_out(
-    joint: JointFit, *, command: str = "pyburgers.comparison.by_tests.leave_one_test_out(...)"
+    joint: Fit, *, command: str = "pyburgers.comparison.by_tests.leave_one_test_out(...)"
 ) -> LeaveOneTestOut:
     """Leave each test of a joint fit out in turn, fitting again without it.
 
@@ -198,7 +195,7 @@ def leave_one_test_out(
 
     Parameters
     ----------
-    joint : JointFit
+    joint : Fit
         Of at least two tests, with their data.
     command
         As for `compare_by_test`, which says what is raised.
@@ -209,7 +206,7 @@ def leave_one_test_out(
             "two tests to leave one out."
         )
 
-    def again(test: str) -> JointFit:
+    def again(test: str) -> Fit:
         logger.info(f"{joint.directory.path.name}: fitting again without {test}.")
         out = joint.directory.path / LEFT_OUT_FOLDER / test
         return fit_without(joint, test, out, command=command)
@@ -217,12 +214,12 @@ def leave_one_test_out(
     return _left_out(joint, again)
 
 
-def _left_out(joint: JointFit, fit_others: Callable[[str], JointFit]) -> LeaveOneTestOut:
+def _left_out(joint: Fit, fit_others: Callable[[str], Fit]) -> LeaveOneTestOut:
     """Relate the marginal likelihood of all tests to that of all but each.
 
     Parameters
     ----------
-    joint : JointFit
+    joint : Fit
         Of at least two tests.
     fit_others : callable
         Receives the name of a test, returns the fit without it.
@@ -245,12 +242,12 @@ def _left_out(joint: JointFit, fit_others: Callable[[str], JointFit]) -> LeaveOn
     )
 
 
-def fit_without(joint: JointFit, test: str, out: Path, *, command: str) -> JointFit:
+def fit_without(joint: Fit, test: str, out: Path, *, command: str) -> Fit:
     """Repeat a joint fit without one of its tests, with the same prior densities of what is left.
 
     Parameters
     ----------
-    joint : JointFit
+    joint : Fit
         A joint fit.
     test : str
         Name of the test.
@@ -267,8 +264,8 @@ def fit_without(joint: JointFit, test: str, out: Path, *, command: str) -> Joint
         If no chain finished.
     """
     solver = joint.manifest["solver"]
-    return fit_joint_problem(
-        problem_without(joint.problem, test),
+    return fit_problem(
+        joint.problem.without(test),
         out=out,
         options=SamplerOptions(**joint.manifest["sampler"]),
         solver=SolverOptions(solver["tolerance"], solver["max_num_steps"]),
@@ -276,7 +273,7 @@ def fit_without(joint: JointFit, test: str, out: Path, *, command: str) -> Joint
     )
 
 
-def _doubts(joint: JointFit) -> tuple[str, ...]:
+def _doubts(joint: Fit) -> tuple[str, ...]:
     """Say which checks of its draws a fit failed."""
     failed = [
         result.name

@@ -28,12 +28,9 @@ from pyburgers.cmdstan.draws import read_draws
 from pyburgers.cmdstan.program import ALL_DIGITS, Program, Unsolved, load_program
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.fitting.fit import Fit
-from pyburgers.fitting.sampled_fit import SampledFit
 from pyburgers.posterior.labelled_draws import relative_efficiency
-from pyburgers.protocols.constant_rate.protocol import CONSTANT_RATE
 from pyburgers.protocols.forward import REFERENCE_SOLVER
-from pyburgers.protocols.registry import protocol_of
-from pyburgers.protocols.stan_data import StanData, solver_block, with_later_additions
+from pyburgers.protocols.stan_data import StanData, solver_block
 
 logger = logging.getLogger(__name__)
 
@@ -74,13 +71,13 @@ class LogIntegral:
         return cls(0.5 * (one.value + other.value), max(stated, 0.5 * abs(one.value - other.value)))
 
 
-def log_marginal_likelihood(fit: SampledFit) -> LogIntegral:
+def log_marginal_likelihood(fit: Fit) -> LogIntegral:
     """Log density of all data of a run under its priors, of stresses in Pa.
 
     Parameters
     ----------
-    fit : Fit or JointFit
-        Of tests whose program gives its log density. Where the data took no part it is 0, but for
+    fit : Fit
+        Of one or several tests. Where the data took no part it is 0, but for
         its error.
 
     Returns
@@ -92,22 +89,17 @@ def log_marginal_likelihood(fit: SampledFit) -> LogIntegral:
     Raises
     ------
     InputError
-        If the test is of another protocol, or there are too few draws.
+        If there are too few draws.
     SamplingError
         If the program fails or the draws have no spread.
     """
-    if isinstance(fit, Fit) and not protocol_of(fit.experiment).gives_log_density:
-        raise InputError(
-            f"{fit.directory.path}: is a fit of a test of the protocol {fit.experiment.protocol}, "
-            "expected one whose program gives its log density, such as constant_rate."
-        )
     run = fit.directory
     draws = read_draws(run.draws_files())["coordinate"]
     stats = fit.posterior["sample_stats"].to_dataset()
     at_reference = (stats["lp"] + stats["solver_log_ratio"]).transpose("chain", "draw").to_numpy()
     data: StanData = json.loads(run.stan_data_file.read_text(encoding="utf-8"))
-    data = {**with_later_additions(data), **solver_block(REFERENCE_SOLVER)}
-    program = load_program(CONSTANT_RATE.program)
+    data = {**data, **solver_block(REFERENCE_SOLVER)}
+    program = load_program(fit.problem.protocol.program)
     logger.info(f"Marginal likelihood of {fit.manifest['experiment']}: bridge sampling.")
     return log_integral(
         draws,

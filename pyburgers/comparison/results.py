@@ -23,7 +23,6 @@ from pyburgers.comparison.by_tests import LARGEST_ERROR, ComparisonByTest, diffe
 from pyburgers.comparison.marginal_likelihood import LogIntegral
 from pyburgers.comparison.same_data import data_hash
 from pyburgers.fitting.fit import Fit
-from pyburgers.fitting.joint_fit import JointFit
 
 NO_DIFFERENCE = 4.0
 """Difference of elpd below which fits predict alike (Sivula et al. 2020, arXiv:2008.10296)."""
@@ -101,7 +100,7 @@ def pointwise_table(comparison: Comparison) -> pd.DataFrame:
 
 
 def save_comparison(
-    comparison: Comparison, fits: Mapping[str, Fit | JointFit], folder: Path, *, command: str
+    comparison: Comparison, fits: Mapping[str, Fit], folder: Path, *, command: str
 ) -> None:
     """Write ``comparison.csv``, ``pointwise.csv`` and ``comparison.json``.
 
@@ -109,7 +108,7 @@ def save_comparison(
     ----------
     comparison : Comparison
         What to write.
-    fits : mapping of str to Fit or JointFit
+    fits : mapping of str to Fit
         The fits that were compared.
     folder : Path
         An existing folder.
@@ -249,7 +248,7 @@ def sentences_by_test(comparison: ComparisonByTest) -> tuple[str, ...]:
 
 
 def save_comparison_by_test(
-    comparison: ComparisonByTest, joints: Mapping[str, JointFit], folder: Path, *, command: str
+    comparison: ComparisonByTest, joints: Mapping[str, Fit], folder: Path, *, command: str
 ) -> None:
     """Write ``comparison.csv``, ``left_out_tests.csv`` and ``comparison.json``.
 
@@ -257,7 +256,7 @@ def save_comparison_by_test(
     ----------
     comparison : ComparisonByTest
         What to write.
-    joints : mapping of str to JointFit
+    joints : mapping of str to Fit
         The fits that were compared.
     folder : Path
         An existing folder.
@@ -289,12 +288,12 @@ def _numbered(flags: BoolArray) -> str:
     return f"{count_points(int(flags.sum()))} (number {numbers})"
 
 
-def origins(fits: Mapping[str, Fit | JointFit], *, command: str) -> dict[str, Any]:
+def origins(fits: Mapping[str, Fit], *, command: str) -> dict[str, Any]:
     """Return what the record of a comparison says about where its numbers come from.
 
     Parameters
     ----------
-    fits : mapping of str to Fit or JointFit
+    fits : mapping of str to Fit
         The fits that were compared.
     command : str
         What regenerates the comparison.
@@ -306,7 +305,7 @@ def origins(fits: Mapping[str, Fit | JointFit], *, command: str) -> dict[str, An
                 "directory": one.directory.path.name,
                 "fingerprint": one.manifest["fingerprint"],
                 "variant": one.variant.record(),
-                **({"pooling": one.problem.pooling.record()} if isinstance(one, JointFit) else {}),
+                **({"pooling": one.problem.pooling.record()} if one.is_joint else {}),
             }
             for name, one in fits.items()
         },

@@ -5,19 +5,16 @@ from collections.abc import Mapping, Sequence
 from pyburgers.common.atomic_files import sha256_of_json
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
-from pyburgers.fitting.joint_fit import JointFit
 
 
-def tests_of(one: Fit | JointFit) -> tuple[Fit, ...]:
+def tests_of(one: Fit) -> tuple[Fit, ...]:
     """Return a fit as fits of its tests, in the order of their names."""
-    if isinstance(one, Fit):
-        return (one,)
     return tuple(test for _, test in sorted(one.tests().items()))
 
 
-def data_hash(one: Fit | JointFit) -> str:
+def data_hash(one: Fit) -> str:
     """Hash of observed values and of where they were observed, in all tests."""
-    if isinstance(one, JointFit):
+    if one.is_joint:
         return sha256_of_json({name: data_hash(test) for name, test in one.tests().items()})
     return sha256_of_json(
         {
@@ -30,12 +27,12 @@ def data_hash(one: Fit | JointFit) -> str:
     )
 
 
-def check_same_data(fits: Mapping[str, Fit | JointFit]) -> None:
+def check_same_data(fits: Mapping[str, Fit]) -> None:
     """Check that fits can be compared.
 
     Parameters
     ----------
-    fits : mapping of str to Fit or JointFit
+    fits : mapping of str to Fit
         At least one, by name.
 
     Raises
@@ -56,12 +53,12 @@ def check_same_data(fits: Mapping[str, Fit | JointFit]) -> None:
             )
 
 
-def fits_alone(joint: JointFit, separate: Sequence[Fit]) -> dict[str, Fit | None]:
+def fits_alone(joint: Fit, separate: Sequence[Fit]) -> dict[str, Fit | None]:
     """Return the first fit of the same data, or None, for every test of a joint fit.
 
     Parameters
     ----------
-    joint : JointFit
+    joint : Fit
         The joint fit.
     separate : sequence of Fit
         Fits of single tests.
@@ -79,7 +76,7 @@ def fits_alone(joint: JointFit, separate: Sequence[Fit]) -> dict[str, Fit | None
     return found
 
 
-def _data_text(one: Fit | JointFit) -> str:
+def _data_text(one: Fit) -> str:
     """Say what a fit is of."""
     tests = tests_of(one)
     names = "+".join(test.experiment.id for test in tests)

@@ -1,51 +1,116 @@
-"""Fit an experiment: run, gather, check, and keep it all in a run directory."""
+"""Fit one or several tests: run, gather, check, and keep it all in a run directory."""
 
 import shutil
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 import pandas as pd
+import xarray as xr
 
 from pyburgers.common.errors import InputError
+from pyburgers.common.toml_files import nearest
 from pyburgers.fitting.sampled_fit import SampledFit, sample_until_solved, write_tables
+from pyburgers.model.pooling import SEPARATE, pooling_from, pooling_of
 from pyburgers.model.priors import PriorSet, load_priors
 from pyburgers.model.variants import ModelVariant, variant_of
-from pyburgers.posterior.labelled_draws import build_posterior, load_posterior, summary_table
+from pyburgers.posterior.build import build_posterior
+from pyburgers.posterior.labelled_draws import TESTS, draws_table, load_posterior, summary_table
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.registry import load_experiment
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.options import SamplerOptions
+from pyburgers.sampling.problem import Problem, problem_of
 from pyburgers.sampling.run import run_chains
 from pyburgers.sampling.run_directory import RunDirectory
 
 
 @dataclass(frozen=True, eq=False)
 class Fit(SampledFit):
-    """A finished fit of one test.
+    """A finished fit of one test, or of several together; `fit["ID"]` is what it says of one.
 
     Attributes
     ----------
     directory, posterior, manifest
-        As of every `SampledFit`; groups of the draws:
-        `pyburgers.posterior.labelled_draws.build_posterior`.
-    experiment : Experiment
-        What was fitted.
-    priors : PriorSet
-        Priors in SI, the noise scale resolved.
+        As of every `SampledFit`; groups of the draws: `pyburgers.posterior.build.build_posterior`.
+    problem : Problem
+        Tests, priors, pooling.
     """
 
-    experiment: Experiment
-    priors: PriorSet
+    problem: Problem
+
+    @property
+    def experiment(self) -> Experiment:
+        """What was fitted.
+
+        Raises
+        ------
+        InputError
+            If it is a joint fit.
+        """
+        return self.problem.experiments[self._only_test()]
+
+    @property
+    def priors(self) -> PriorSet:
+        """Priors of the test in SI, the noise scale resolved.
+
+        Raises
+        ------
+        InputError
+            If it is a joint fit.
+        """
+        return self.problem.priors[self._only_test()]
 
     @property
     def variant(self) -> ModelVariant:
-        """Laws of the model's parts, told from the priors."""
-        return variant_of(self.priors, self.experiment)
+        """Laws of the model's parts, told from the priors, the same for all tests."""
+        return variant_of(self.problem.priors[0], self.problem.experiments[0])
+
+    @property
+    def is_joint(self) -> bool:
+        """Whether it is of tests that hang together."""
+        return not self.problem.is_single
+
+    @property
+    def is_part(self) -> bool:
+        """Whether it is what a joint fit says of one test."""
+        return len(self.manifest["experiments"]) > len(self.problem.experiments)
+
+    def __getitem__(self, test: str) -> "Fit":
+        """Return what the fit says about a test, as a fit of that test.
+
+        Its tables, figures and predictions are those of fits of one test; draws of a shared
+        parameter are the same in all tests.
+
+        Raises
+        ------
+        InputError
+            If there is no such test.
+        """
+        tests = self.tests()
+        if test not in tests:
+            raise InputError(f"{self.problem.name}: has no test {test!r}, {nearest(test, tests)}")
+        return tests[test]
+
+    def tests(self) -> "dict[str, Fit]":
+        """Return what the fit says about each test (see `__getitem__`)."""
+        if not self.is_joint:
+            return {self.problem.name: self}
+        found = {}
+        for alone in self.problem.alone():
+            posterior = self.posterior[f"{TESTS}/{alone.name}"]
+            assert isinstance(posterior, xr.DataTree)  # a group, as build_posterior has it
+            found[alone.name] = replace(self, posterior=posterior, problem=alone)
+        return found
 
     def summary(self) -> pd.DataFrame:
-        """Posterior table in SI units (`pyburgers.posterior.labelled_draws.summary_table`)."""
+        """Posterior table in SI units, of one test with the priors beside it.
+
+        See `pyburgers.posterior.labelled_draws.draws_table` and `summary_table`.
+        """
+        if self.is_joint:
+            return draws_table(self.posterior)
         return summary_table(self.posterior, self.priors)
 
     def save(self, path: str | Path) -> None:
@@ -68,48 +133,64 @@ class Fit(SampledFit):
         Raises
         ------
         InputError
-            If it is not a run of one test or has no finished chain.
+            If it is not a run of one or several tests or has no finished chain.
         """
         run = RunDirectory(Path(path))
         manifest = run.read_manifest()
-        if is_joint(manifest):
-            raise InputError(f"{path}: is a joint fit, expected a fit of one test.")
+        if "experiments" not in manifest:
+            raise InputError(f"{path}: is not a fit of tests, expected a run of pyburgers fit.")
         run.require_a_chain()
+        problem = problem_of(
+            [load_experiment(run.test_file(name)) for name in manifest["experiments"]],
+            load_priors(run.priors_file),
+            pooling_from(manifest["pooling"]),
+        )
         posterior = load_posterior(run)
         if posterior is None:
-            posterior = build_posterior(run)
-        return cls(
-            directory=run,
-            experiment=load_experiment(run.experiment_file),
-            priors=load_priors(run.priors_file),
-            posterior=posterior,
-            # A killed process did not note the chains that it had finished.
-            manifest={**manifest, "chains": run.chain_records()},
-        )
+            posterior = build_posterior(run, problem)
+        # A killed process did not note the chains that it had finished.
+        return cls(run, posterior, {**manifest, "chains": run.chain_records()}, problem)
+
+    def _only_test(self) -> int:
+        if len(self.problem.experiments) > 1:
+            name = self.problem.experiments[0].id
+            raise InputError(
+                f"{self.directory.path}: is a joint fit of {self.problem.name}, expected a fit of "
+                f"one test, or one of its tests such as fit[{name!r}]."
+            )
+        return 0
+
+
+JointFit = Fit
+"""A fit of several tests."""
 
 
 def fit(
-    experiment: Experiment,
+    experiments: Experiment | Sequence[Experiment],
     priors: PriorSet,
     *,
     out: str | Path,
+    pool: Mapping[str, str] | None = None,
     options: SamplerOptions | None = None,
     solver: SolverOptions | None = None,
     use_likelihood: bool = True,
     command: str = "pyburgers.fit(...)",
 ) -> Fit:
-    """Fit the nonlinear Burgers model to an experiment.
+    """Fit the nonlinear Burgers model to a test, or to several of one material and protocol.
 
     Parameters
     ----------
-    experiment : Experiment
-        A test with data (`pyburgers.load_experiment`).
+    experiments : Experiment or sequence of Experiment
+        Tests with data (`pyburgers.load_experiment`).
     priors : PriorSet
-        Priors of every parameter (`pyburgers.load_priors`); they decide which variant of the model
-        is fitted (`pyburgers.with_variant`).
+        Priors of every parameter (`pyburgers.load_priors`), for all tests; they decide which
+        variant of the model is fitted (`pyburgers.with_variant`).
     out : path
         Run directory. An earlier run with the same inputs there is continued: only missing
         chains are run.
+    pool : mapping of str to str, optional
+        How parameters of several tests are pooled where it is not the default
+        (`pyburgers.model.pooling.pooling_of`).
     options : SamplerOptions, optional
         Chains, iterations, seed.
     solver : SolverOptions, optional
@@ -133,15 +214,76 @@ def fit(
     SamplingError
         If no chain finished.
     """
+    tests = [experiments] if isinstance(experiments, Experiment) else list(experiments)
+    pooling = pooling_of(pool) if len(tests) > 1 else SEPARATE
+    return fit_problem(
+        problem_of(tests, priors, pooling),
+        out=out,
+        options=options,
+        solver=solver,
+        use_likelihood=use_likelihood,
+        command=command,
+    )
+
+
+def fit_jointly(
+    experiments: Sequence[Experiment],
+    priors: PriorSet,
+    *,
+    out: str | Path,
+    pool: Mapping[str, str] | None = None,
+    options: SamplerOptions | None = None,
+    solver: SolverOptions | None = None,
+    use_likelihood: bool = True,
+    command: str = "pyburgers.fit_jointly(...)",
+) -> Fit:
+    """Do as `fit` does, of at least two tests.
+
+    Parameters
+    ----------
+    experiments, priors, out, pool, options, solver, use_likelihood, command
+        As for `fit`, which says what is returned and raised.
+    """
+    if len(experiments) < 2:
+        raise InputError(f"joint fit: found {len(experiments)} test, expected at least two.")
+    return fit(
+        experiments,
+        priors,
+        out=out,
+        pool=pool,
+        options=options,
+        solver=solver,
+        use_likelihood=use_likelihood,
+        command=command,
+    )
+
+
+def fit_problem(
+    problem: Problem,
+    *,
+    out: str | Path,
+    options: SamplerOptions | None = None,
+    solver: SolverOptions | None = None,
+    use_likelihood: bool = True,
+    command: str,
+) -> Fit:
+    """Fit what a problem holds.
+
+    Parameters
+    ----------
+    problem : Problem
+        Tests, priors, pooling.
+    out, options, solver, use_likelihood, command
+        As for `fit`, which says what is returned and raised.
+    """
     run = RunDirectory(Path(out))
 
     def sample() -> Fit:
         run_chains(
-            experiment,
-            priors,
+            problem,
             run.path,
             options=options or SamplerOptions(),
-            solver=solver or SolverOptions(),
+            solver=solver or problem.protocol.solver,
             use_likelihood=use_likelihood,
             command=command,
         )
@@ -150,8 +292,3 @@ def fit(
     result = sample_until_solved(sample, run)
     write_tables(result)
     return replace(result, manifest=run.read_manifest())
-
-
-def is_joint(manifest: Mapping[str, Any]) -> bool:
-    """Tell from a manifest whether a run is a joint fit."""
-    return "pooling" in manifest

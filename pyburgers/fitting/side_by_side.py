@@ -19,7 +19,7 @@ logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class Task:
     """What one fit is of.
 
     Attributes
@@ -38,7 +38,7 @@ class Problem:
 
 
 def fit_side_by_side(
-    problems: Mapping[str, Problem], folder: Path, *, jobs: int | None = None, command: str
+    tasks: Mapping[str, Task], folder: Path, *, jobs: int | None = None, command: str
 ) -> dict[str, Fit]:
     """Fit several experiments, each in a process of its own; continue where a call stopped.
 
@@ -47,7 +47,7 @@ def fit_side_by_side(
 
     Parameters
     ----------
-    problems : mapping of str to Problem
+    tasks : mapping of str to Task
         By name, begun in this order: those that take longest should come first.
     folder : Path
         Of the run directories, ``folder/NAME``.
@@ -59,7 +59,7 @@ def fit_side_by_side(
     Returns
     -------
     dict of str to Fit
-        In the order of `problems`.
+        In the order of `tasks`.
 
     Raises
     ------
@@ -68,23 +68,23 @@ def fit_side_by_side(
     SamplingError
         If no chain of a fit finished, or the system killed a process.
     """
-    processes = number_of_processes(jobs, len(problems))
+    processes = number_of_processes(jobs, len(tasks))
     chains_each = max(1, cores() // processes)
     with tempfile.TemporaryDirectory(prefix="pyburgers-") as scratch:
         calls = {}
-        for name, problem in problems.items():
-            # What a problem holds cannot travel between processes, its files can.
+        for name, task in tasks.items():
+            # What a task holds cannot travel between processes, its files can.
             inputs = Path(scratch) / name
             inputs.mkdir()
             priors_file = inputs / "priors.toml"
-            save_priors(problem.priors, priors_file)
-            options = replace(problem.options, parallel_chains=chains_each)
-            experiment_file = save_experiment(problem.experiment, inputs)
+            save_priors(task.priors, priors_file)
+            options = replace(task.options, parallel_chains=chains_each)
+            experiment_file = save_experiment(task.experiment, inputs)
             calls[name] = (name, experiment_file, priors_file, folder / name, options, command)
         done = completed(_fit_files, calls, processes=processes, folder=folder)
         for n_done, (name, _) in enumerate(done, start=1):
-            logger.info(f"Fit {name} is done, {n_done} of {len(problems)}.")
-    return {name: Fit.load(folder / name) for name in problems}
+            logger.info(f"Fit {name} is done, {n_done} of {len(tasks)}.")
+    return {name: Fit.load(folder / name) for name in tasks}
 
 
 def _fit_files(

@@ -11,7 +11,6 @@ from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.stan_data import (
     PlainCoordinates,
     StanData,
-    coordinate_block,
     coordinates_through,
     prior_block,
 )
@@ -95,6 +94,7 @@ def peak_stress_data(
         False gives the prior.
     """
     coordinates = peak_stress_coordinates(data, priors)
+    place = {p.name: k for k, p in enumerate(FLOW_LAW_PARAMETERS, start=1)}
     mean = data.mean_conditions
     lines = groups(data)
     return {
@@ -109,7 +109,10 @@ def peak_stress_data(
         "mean_grain_size": mean.grain_size,
         "use_likelihood": int(use_likelihood),
         **prior_block(priors, FLOW_LAW_PARAMETERS),
-        **coordinate_block(coordinates, FLOW_LAW_PARAMETERS),
+        "n_coordinates": len(coordinates.quantities),
+        "own_parameter": [place[name] for name in coordinates.parameters],
+        "quantity": coordinates.quantity.tolist(),
+        "replaced_parameter": place.get(coordinates.replaced_parameter or "", 0),
         "n_grid": len(lines) * GRID_STRESSES,
         "grid_temperature": np.repeat([g.temperature for g in lines], GRID_STRESSES).tolist(),
         "grid_stress": np.concatenate([g.stress for g in lines]).tolist(),

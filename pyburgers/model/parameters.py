@@ -1,7 +1,7 @@
 """The parameters of the nonlinear Burgers model: names, symbols, units, order.
 
 The order of `PROGRAM_PARAMETERS` is the order of the parameter vector in the Stan programs
-(`stan/functions/parameters.stan`).
+(`stan/physics/parameters.stan`).
 """
 
 from collections.abc import Mapping
@@ -140,6 +140,24 @@ VARIANT_PARAMETERS: tuple[Parameter, ...] = (
         "mm",
         standard=0.0,
     ),
+    Parameter(
+        "piezometer_exponent",
+        r"m",
+        "stress exponent of the piezometer",
+        "dimensionless",
+        "1",
+        "1",
+        standard=1.0,
+    ),
+    Parameter(
+        "piezometer_stress_floor",
+        r"\sigma_f",
+        "least stress of the piezometer",
+        "stress",
+        "Pa",
+        "MPa",
+        standard=1e6,
+    ),
 )
 """Parameters of variants (`docs/variants.md`), which a prior file may name."""
 
@@ -151,9 +169,14 @@ STANDARD_VALUES: Mapping[str, float] = MappingProxyType(
 PROGRAM_PARAMETERS: tuple[Parameter, ...] = (*PARAMETERS, *VARIANT_PARAMETERS)
 """The parameter vector of the Stan programs for curves."""
 
-CONSTANTS = frozenset(
-    {"kelvin_reference_stress", "kelvin_reference_temperature", "piezometer_reference_grain_size"}
+PIEZOMETER = (
+    "piezometer_reference_grain_size",
+    "piezometer_exponent",
+    "piezometer_stress_floor",
 )
+"""What the piezometer of a material is given by; without a grain size it has none."""
+
+CONSTANTS = frozenset({"kelvin_reference_stress", "kelvin_reference_temperature", *PIEZOMETER})
 """Parameters that are never inferred."""
 
 KELVIN_REFERENCES: Mapping[str, str] = MappingProxyType(
@@ -163,6 +186,14 @@ KELVIN_REFERENCES: Mapping[str, str] = MappingProxyType(
     }
 )
 """Where the Kelvin viscosity varies by the first, the second says for what it is given."""
+
+GIVEN_TOGETHER: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        **{name: (reference,) for name, reference in KELVIN_REFERENCES.items()},
+        PIEZOMETER[0]: PIEZOMETER[1:],
+    }
+)
+"""Where the first is not left without effect, the others have to be given too."""
 
 PARAMETER_BY_NAME: Mapping[str, Parameter] = MappingProxyType(
     {p.name: p for p in PROGRAM_PARAMETERS}

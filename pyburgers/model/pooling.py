@@ -1,6 +1,6 @@
 """Joint fits: which parameters tests share, which scatter around a common centre, which are apart.
 
-Names and defaults only; the densities are in `stan/functions/pooling.stan`.
+Names and defaults only; the densities are in `stan/charts/pooling.stan`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -74,6 +74,10 @@ class Pooling:
     def record(self) -> dict[str, Any]:
         """Return what a manifest holds."""
         return {"kinds": dict(self.kinds), "spread_scales": dict(self.spread_scales)}
+
+
+SEPARATE = Pooling(MappingProxyType(dict.fromkeys(DEFAULT_KINDS, "separate")), MappingProxyType({}))
+"""Tests that know nothing of each other, or one by itself."""
 
 
 def pooling_of(options: Mapping[str, str] | None = None) -> Pooling:

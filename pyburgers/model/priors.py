@@ -13,7 +13,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, nearest, read_toml, write_toml
 from pyburgers.model.flow_law_prior import FlowLawPrior, FlowLawTable
 from pyburgers.model.parameters import (
-    KELVIN_REFERENCES,
+    GIVEN_TOGETHER,
     PARAMETER_BY_NAME,
     PARAMETERS,
     PROGRAM_PARAMETERS,
@@ -198,7 +198,7 @@ def load_priors(path: str | Path) -> PriorSet:
         for p in PROGRAM_PARAMETERS
         if p.name in file.parameters
     }
-    _check_kelvin_references(path, priors)
+    _check_given_together(path, priors)
     if not is_fixed_at(priors["stress_exponent"], 1.0):
         check_beta(f"{path}: [parameters.beta]", priors["beta"])
     flow_law = None
@@ -298,13 +298,14 @@ def _standard(name: str) -> Prior:
     return fixed_prior(PARAMETER_BY_NAME[name], value, "standard value, without effect")
 
 
-def _check_kelvin_references(path: Path, priors: Mapping[str, Prior]) -> None:
-    """Ask what the Kelvin viscosity is given for, where it varies."""
-    for name, reference in KELVIN_REFERENCES.items():
+def _check_given_together(path: Path, priors: Mapping[str, Prior]) -> None:
+    """Ask for what a parameter of a variant has no meaning without."""
+    for name, others in GIVEN_TOGETHER.items():
         standard = STANDARD_VALUES[name]
-        varies = name in priors and not is_fixed_at(priors[name], standard)
-        if varies and reference not in priors:
-            raise InputError(
-                f"{path}: table [parameters.{reference}] is missing, expected a fixed value "
-                f"because {name} is not fixed at {standard:g}."
-            )
+        in_use = name in priors and not is_fixed_at(priors[name], standard)
+        for other in others:
+            if in_use and other not in priors:
+                raise InputError(
+                    f"{path}: table [parameters.{other}] is missing, expected a fixed value "
+                    f"because {name} is not fixed at {standard:g}."
+                )

@@ -17,7 +17,12 @@ from pydantic import Field
 
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, nearest, read_toml
-from pyburgers.model.parameters import KELVIN_REFERENCES, PARAMETER_BY_NAME, PROGRAM_PARAMETERS
+from pyburgers.model.parameters import (
+    KELVIN_REFERENCES,
+    PARAMETER_BY_NAME,
+    PIEZOMETER,
+    PROGRAM_PARAMETERS,
+)
 from pyburgers.model.prior_families import Prior, PriorTable, fixed_prior, is_fixed_at, load_prior
 from pyburgers.model.priors import PriorSet, shipped_prior_files
 
@@ -30,9 +35,6 @@ NO_EVOLUTION = 1e9
 
 WITHOUT_EFFECT = 1.0
 """Critical strain where the microstructure is in its steady state from the start."""
-
-PIEZOMETER_GRAIN_SIZE = 0.015
-"""Grain size (m) at 1 MPa of the piezometer of olivine (Eq. 5 of the paper)."""
 
 
 class Test(Protocol):
@@ -83,7 +85,7 @@ class ModelVariant:
         Dashpot of the Maxwell element.
     grain_size : {"evolving", "constant", "piezometric"}
         Evolving towards a steady-state size, constant, or evolving towards the size that the
-        piezometer of olivine wants, as it always does in oscillating tests.
+        piezometer of the material wants, as it does in oscillating tests.
     fabric : {"evolving", "constant"}
         Crystal fabric; oscillating tests have a constant one.
     residuals : {"independent", "autocorrelated"}
@@ -217,14 +219,10 @@ def check_variant(priors: PriorSet, experiment: Test) -> None:
     ------
     InputError
         If residuals are to correlate along strain in an oscillating test, or where two points
-        have the same strain, or if an oscillating test is to have another piezometer.
+        have the same strain, or if the grain size is to follow a piezometer that the material does
+        not have.
     """
-    given = priors["piezometer_reference_grain_size"]
-    if not _allows(experiment, "grain_size", "evolving") and not is_fixed_at(given, 0.0):
-        raise InputError(
-            f"{experiment.id}: found a prior of piezometer_reference_grain_size, expected none "
-            "because oscillating tests have the piezometer of Eq. 5 of the paper."
-        )
+    check_piezometer(priors, experiment)
     if variant_of(priors, experiment).residuals == "independent":
         return
     if not _allows(experiment, "residuals", "autocorrelated"):
@@ -237,6 +235,23 @@ def check_variant(priors: PriorSet, experiment: Test) -> None:
         raise InputError(
             f"{experiment.id}: residuals=autocorrelated needs points at different strains, found "
             f"two at {experiment.position[same[0]]:g}; leave one out or average them."
+        )
+
+
+def check_piezometer(priors: PriorSet, experiment: Test) -> None:
+    """Ask for a piezometer where the grain size follows one.
+
+    Raises
+    ------
+    InputError
+        If the priors have none.
+    """
+    if variant_of(priors, experiment).grain_size == "piezometric" and not _has_piezometer(priors):
+        raise InputError(
+            f"{experiment.id}: the grain size of tests of the protocol {experiment.protocol} "
+            f"follows a piezometer, found none in the priors {priors.title!r}, expected "
+            f"{', '.join(PIEZOMETER[:-1])} and {PIEZOMETER[-1]} in them, or the variant "
+            "grain_size=constant."
         )
 
 
@@ -258,13 +273,20 @@ def _check_names(choices: Mapping[str, str], where: str) -> None:
 def _grain_size_law(
     priors: PriorSet, experiment: Test
 ) -> Literal["evolving", "constant", "piezometric"]:
+    """Tell the law of the grain size.
+
+    Where it may evolve towards a size of its own, it does unless that is the size at the start.
+    """
     if not _allows(experiment, "grain_size", "evolving"):
         frozen = is_fixed_at(priors["critical_strain_grain_size"], NO_EVOLUTION)
         return "constant" if frozen else "piezometric"
-    if not is_fixed_at(priors["piezometer_reference_grain_size"], 0.0):
-        return "piezometric"
-    size = experiment.initial_grain_size
-    return "constant" if is_fixed_at(priors["steady_state_grain_size"], size) else "evolving"
+    if not is_fixed_at(priors["steady_state_grain_size"], experiment.initial_grain_size):
+        return "evolving"
+    return "piezometric" if _has_piezometer(priors) else "constant"
+
+
+def _has_piezometer(priors: PriorSet) -> bool:
+    return not is_fixed_at(priors["piezometer_reference_grain_size"], 0.0)
 
 
 def _exchanged(priors: PriorSet, *changed: Prior) -> PriorSet:
@@ -330,23 +352,27 @@ def _choose_maxwell(priors: PriorSet, experiment: Test, choice: str) -> PriorSet
 
 
 def _choose_grain_size(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
-    name, source = "piezometer_reference_grain_size", f"grain_size={choice}"
+    source = f"grain_size={choice}"
     if not _allows(experiment, "grain_size", "evolving"):
         critical = _fixed("critical_strain_grain_size", NO_EVOLUTION, source)
         return _exchanged(priors, critical) if choice == "constant" else priors
-    has_none = is_fixed_at(priors[name], 0.0)
     if choice == "evolving":
-        return priors if has_none else _exchanged(priors, _fixed(name, 0.0, source))
+        return priors
     start = _fixed("steady_state_grain_size", experiment.initial_grain_size, source)
     if choice == "piezometric":
-        # The steady-state size has no effect then.
-        law = _fixed(name, PIEZOMETER_GRAIN_SIZE, source) if has_none else priors[name]
-        return _exchanged(priors, start, law)
+        if not _has_piezometer(priors):
+            raise InputError(
+                f"{experiment.id}: {source} needs a piezometer, found none in the priors "
+                f"{priors.title!r}, expected {', '.join(PIEZOMETER[:-1])} and {PIEZOMETER[-1]} in "
+                "them."
+            )
+        return _exchanged(priors, start)  # which has no effect then
+    none = _fixed("piezometer_reference_grain_size", 0.0, source)
     return _exchanged(
         priors,
         start,
         _fixed("critical_strain_grain_size", WITHOUT_EFFECT, source),
-        *(() if has_none else (_fixed(name, 0.0, source),)),
+        *((none,) if _has_piezometer(priors) else ()),
     )
 
 

@@ -23,7 +23,7 @@ from pyburgers.protocols.forced_oscillation.harmonics import (
     choose_degree,
     fit_harmonics,
 )
-from pyburgers.protocols.forward import check_kelvin_element
+from pyburgers.protocols.forward import check_given_together
 from pyburgers.protocols.stan_data import SolverOptions, solver_block
 
 FloatArray = npt.NDArray[np.float64]
@@ -193,12 +193,13 @@ def simulate_imposed_stress(
         raise InputError(
             f"parameters: found draws of shape {size.shape}, expected a number for each parameter."
         )
-    check_kelvin_element(parameters, "parameters")
+    kelvin = {name: parameters[name] for name in KELVIN_PARAMETERS if name in parameters}
+    check_given_together(kelvin, "parameters")
     checked_frequencies([frequency])
     times = _with_start_of_cycles(time, hold_time)
     data = {
         **{name: float(value) for name, value in values.items()},
-        **{name: parameters.get(name, STANDARD_VALUES[name]) for name in KELVIN_PARAMETERS},
+        **{name: kelvin.get(name, STANDARD_VALUES[name]) for name in KELVIN_PARAMETERS},
         **solver_block(solver),
         "temperature": temperature,
         "grain_size": float(size),

@@ -4,7 +4,7 @@ A chart is set up at the posterior mode. Only the speed of a run depends on it, 
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.layout import Layout
 from pyburgers.protocols.stan_data import PlainCoordinates, StanData
 
 FloatArray = npt.NDArray[np.float64]
@@ -83,9 +84,12 @@ class Chart(ABC, Generic[E]):
         As in the option ``--coordinates`` (`docs/coordinates.md`).
     curvature_tolerance : float or None
         Tolerance of the solver for curvatures; None takes that of the run.
+    solved : tuple of str
+        Parameters that every test must have of its own.
     """
 
     name: ClassVar[str]
+    solved: ClassVar[tuple[str, ...]] = ()
     curvature_tolerance: ClassVar[float | None] = None
 
     @abstractmethod
@@ -110,5 +114,8 @@ class Chart(ABC, Generic[E]):
         return reference
 
     @abstractmethod
-    def block(self, reference: Any) -> StanData:
-        """Return the data of the chart."""
+    def block(self, references: Sequence[Any], layout: Layout) -> StanData:
+        """Return the data of the chart, given what tests are set up with; none: plain coordinates.
+
+        `pyburgers.protocols.program_data.chart_block` adds what all charts have in common.
+        """

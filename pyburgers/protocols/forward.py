@@ -13,7 +13,7 @@ import pandas as pd
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.model.parameters import (
-    KELVIN_REFERENCES,
+    GIVEN_TOGETHER,
     PARAMETER_BY_NAME,
     PARAMETERS,
     PROGRAM_PARAMETERS,
@@ -21,9 +21,12 @@ from pyburgers.model.parameters import (
 )
 from pyburgers.model.prior_families import MAY_BE_ZERO, fixed_prior
 from pyburgers.model.priors import PriorSet
+from pyburgers.model.variants import check_piezometer
 from pyburgers.protocols.experiment import Experiment, Provenance
+from pyburgers.protocols.layout import OneTest
+from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.registry import protocol_of
-from pyburgers.protocols.stan_data import SolverOptions, program_data
+from pyburgers.protocols.stan_data import SolverOptions
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -89,7 +92,7 @@ def check_parameters(values: Mapping[str, object], where: str = "parameters") ->
         unit = PARAMETER_BY_NAME[name].si_unit
         if name not in {"beta", "stress_noise", *MAY_BE_ZERO} and value <= 0:
             raise InputError(f"{where}: {name} is {value!r} {unit}, expected a positive number.")
-    check_kelvin_element(checked, where)
+    check_given_together(checked, where)
     if checked["steady_state_fabric_factor"] > 1:
         found = checked["steady_state_fabric_factor"]
         raise InputError(
@@ -98,8 +101,8 @@ def check_parameters(values: Mapping[str, object], where: str = "parameters") ->
     return checked
 
 
-def check_kelvin_element(values: Mapping[str, float], where: str) -> None:
-    """Check what is given of a Kelvin element that is not linear.
+def check_given_together(values: Mapping[str, float], where: str) -> None:
+    """Check what is given of a Kelvin element that is not linear, and of a piezometer.
 
     Parameters
     ----------
@@ -111,19 +114,21 @@ def check_kelvin_element(values: Mapping[str, float], where: str) -> None:
     Raises
     ------
     InputError
-        If the stress exponent is below 1, the activation enthalpy negative, or the driving stress
-        or temperature that the viscosity is given for is missing.
+        If the stress exponent of the Kelvin element is below 1, its activation enthalpy negative,
+        or something is missing that either, or the grain size of a piezometer, has no meaning
+        without.
     """
-    for name, reference in KELVIN_REFERENCES.items():
+    for name, others in GIVEN_TOGETHER.items():
         standard = STANDARD_VALUES[name]
         value = values.get(name, standard)
         if value < standard:
             raise InputError(f"{where}: {name} is {value!r}, expected at least {standard:g}.")
-        if value > standard and reference not in values:
-            raise InputError(
-                f"{where}: parameter {reference!r} is missing, expected it because {name} is "
-                f"{value:g}."
-            )
+        for other in others:
+            if value > standard and other not in values:
+                raise InputError(
+                    f"{where}: parameter {other!r} is missing, expected it because {name} is "
+                    f"{value:g}."
+                )
 
 
 def given_parameters(material: str, values: Mapping[str, float]) -> PriorSet:
@@ -181,16 +186,16 @@ def simulate(
     Raises
     ------
     InputError
-        If a parameter is wrong.
+        If a parameter is wrong, or a piezometer is missing that the grain size follows.
     SamplingError
         If the solver finds no solution.
     """
     values, protocol = check_parameters(parameters), protocol_of(experiment)
+    check_piezometer(given_parameters(experiment.material, values), experiment)
     grid = protocol.output_grid(experiment) if at is None else np.asarray(at, dtype=np.float64)
     draw = solve(experiment, values, grid, solver=solver)
     solution = pd.DataFrame(protocol.solution(experiment, draw))
-    reference = protocol.reference.name
-    solution.attrs[reference] = float(draw[reference])
+    solution.attrs[protocol.reference.name] = float(np.exp(draw["log_reference"][0]))
     return solution
 
 
@@ -208,7 +213,8 @@ def solve(
     -------
     dict
         ``grid_*`` arrays, shape (n,), as named in the Stan program, the positions themselves as
-        ``grid_CLOCK``, such as ``grid_strain``, and scalars such as ``reference_stress`` (SI).
+        ``grid_CLOCK``, such as ``grid_strain``, and ``log_reference``, shape (1,), ln of the
+        reference stress (Pa) or flow rate (1/s).
 
     Raises
     ------
@@ -218,7 +224,7 @@ def solve(
     priors = given_parameters(experiment.material, values)
     protocol = protocol_of(experiment)
     bare = protocol.without_data(experiment)
-    data = program_data(bare, priors, solver=solver, grid=at)
+    data = program_data(OneTest(bare, priors), solver=solver, grids=[at])
     draw = load_program(protocol.program).evaluate(data)
     if not np.isfinite(draw[f"grid_{protocol.response.name}"]).all():
         raise SamplingError(

@@ -98,8 +98,6 @@ class Protocol(ABC, Generic[E]):
         Default of the solver while sampling.
     chart : Chart or None
         Coordinates other than the plain ones.
-    gives_log_density : bool
-        Whether the program generates the log density, which marginal likelihoods need.
     points_together : str or None
         Why single points cannot be left out; None where they can.
     figures : tuple of FigureRecipe
@@ -118,7 +116,6 @@ class Protocol(ABC, Generic[E]):
     target_acceptance: ClassVar[float]
     solver: ClassVar[SolverOptions] = SolverOptions()
     chart: ClassVar[Chart[Any] | None] = None
-    gives_log_density: ClassVar[bool] = False
     points_together: ClassVar[str | None] = None
     figures: ClassVar[tuple[FigureRecipe[FittedTest], ...]]
     reference_text: ClassVar[Markup]
@@ -146,8 +143,16 @@ class Protocol(ABC, Generic[E]):
         """Return the test as one that can only be simulated, as far as the program allows it."""
 
     @abstractmethod
-    def experiment_data(self, experiment: E, *, use_likelihood: bool) -> StanData:
-        """Return the data of the program that are about the test alone."""
+    def reference_origin(self, experiment: E) -> tuple[float, float]:
+        """Return origin and size of ln(`reference`/SI unit) of a test."""
+
+    @abstractmethod
+    def tests_block(self, experiments: Sequence[E], priors: Sequence[PriorSet]) -> StanData:
+        """Return the data of the program that are about tests of this protocol alone."""
+
+    @abstractmethod
+    def grid_block(self, experiments: Sequence[E], grids: Sequence[FloatArray]) -> StanData:
+        """Return the positions on the clock (SI) at which the program reports solutions."""
 
     @abstractmethod
     def prediction_grid(self, experiment: E) -> FloatArray:

@@ -35,7 +35,6 @@ from pyburgers.comparison.same_data import data_hash
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.drawing.style import BLUE, GREEN, VERMILION, few_ticks, style
 from pyburgers.fitting.fit import Fit
-from pyburgers.fitting.joint_fit import JointFit
 from pyburgers.model.display import (
     LENGTH_FACTOR,
     LENGTH_UNIT,
@@ -52,7 +51,7 @@ from pyburgers.report.page import file_key, page_keys
 
 FloatArray = npt.NDArray[np.float64]
 
-AnyFit = TypeVar("AnyFit", Fit, JointFit)
+AnyFit = TypeVar("AnyFit", Fit, Fit)
 
 LOG_RATE = "log_flow_rate"
 """Row of the table of a flow law beside its parameters."""
@@ -73,16 +72,14 @@ COMBINED_CAPTION = (
 )
 
 
-def comparison_sections(
-    fits: Sequence[Fit], joints: Sequence[JointFit] = ()
-) -> tuple[PageSection, ...]:
+def comparison_sections(fits: Sequence[Fit], joints: Sequence[Fit] = ()) -> tuple[PageSection, ...]:
     """Return the parts of a page about fits of the same data, joint fits first.
 
     Parameters
     ----------
     fits : sequence of Fit
         All fits of single tests on the page.
-    joints : sequence of JointFit
+    joints : sequence of Fit
         All joint fits of the page.
 
     Returns
@@ -114,12 +111,12 @@ def _same_data(named: Iterable[tuple[str, AnyFit]]) -> list[dict[str, AnyFit]]:
     return list(groups.values())
 
 
-def by_points_section(fits: Mapping[str, Fit] | Mapping[str, JointFit]) -> PageSection:
+def by_points_section(fits: Mapping[str, Fit]) -> PageSection:
     """Return the leave-one-out comparison of fits of the same data.
 
     Parameters
     ----------
-    fits : mapping of str to Fit or JointFit
+    fits : mapping of str to Fit
         At least two, by their names on the page.
     """
     comparison = compare(fits)

@@ -16,22 +16,20 @@ from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.drawing.panels import draw_curve, legend_above
 from pyburgers.drawing.style import BLUE, VERMILION, few_ticks, style
 from pyburgers.fitting.fit import Fit
-from pyburgers.fitting.joint_fit import JointFit
 from pyburgers.model.display import axis_label, shown_quantity, symbol_text, unit_text
-from pyburgers.model.parameters import REFERENCE_STRESS_QUANTITY
-from pyburgers.posterior.joint_labelled_draws import own_name
+from pyburgers.posterior.labelled_draws import own_name
+from pyburgers.protocols.layout import CENTRE, SPREAD
 from pyburgers.protocols.registry import protocol_of
 from pyburgers.report.page import file_key, numbered
 from pyburgers.report.tables import checks_page_table
-from pyburgers.sampling.joint_stan_data import CENTRE, SPREAD
 
 
-def pooling_table(joint: JointFit, separate: Sequence[Fit] = ()) -> pd.DataFrame:
+def pooling_table(joint: Fit, separate: Sequence[Fit] = ()) -> pd.DataFrame:
     """Mean and standard deviation (SI) of each parameter in each test.
 
     Parameters
     ----------
-    joint : JointFit
+    joint : Fit
         The joint fit.
     separate : sequence of Fit
         Fits of single tests; those of the same data as a test of the joint fit are set beside it,
@@ -45,9 +43,9 @@ def pooling_table(joint: JointFit, separate: Sequence[Fit] = ()) -> pd.DataFrame
         separate_sd and sd_ratio, joint over separate.
     """
     tests, alone = joint.tests(), fits_alone(joint, separate)
-    kinds = {**joint.problem.pooling.kinds, REFERENCE_STRESS_QUANTITY.name: "derived"}
+    kinds = {**joint.problem.pooling.kinds, joint.problem.protocol.reference.name: "derived"}
     rows = []
-    for quantity in (*joint.problem.free, REFERENCE_STRESS_QUANTITY.name):
+    for quantity in (*joint.problem.free, joint.problem.protocol.reference.name):
         for name, fit in tests.items():
             mean, sd = _moments(fit, quantity)
             other, alone_mean, alone_sd = alone[name], np.nan, np.nan
@@ -130,13 +128,13 @@ def shown_pooling_table(table: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows).fillna("")
 
 
-def pooled_table(joint: JointFit) -> pd.DataFrame:
-    """Centres and spreads of the partially pooled parameters (`JointFit.summary`)."""
+def pooled_table(joint: Fit) -> pd.DataFrame:
+    """Centres and spreads of the partially pooled parameters (`Fit.summary`)."""
     owned = [own_name(name, owner) for name in joint.problem.partial for owner in (CENTRE, SPREAD)]
     return joint.summary().loc[owned]
 
 
-def shown_pooled_table(joint: JointFit) -> pd.DataFrame:
+def shown_pooled_table(joint: Fit) -> pd.DataFrame:
     """Return `pooled_table` as text in display units, a row for each parameter."""
     summary = joint.summary()
 
@@ -160,19 +158,19 @@ def shown_pooled_table(joint: JointFit) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def joint_names(joints: Sequence[JointFit]) -> list[str]:
+def joint_names(joints: Sequence[Fit]) -> list[str]:
     """Name each joint fit of a page after its tests; further ones of the same by number."""
     return numbered([joint.problem.name for joint in joints])
 
 
-def joint_section(name: str, joint: JointFit, separate: Sequence[Fit]) -> PageSection:
+def joint_section(name: str, joint: Fit, separate: Sequence[Fit]) -> PageSection:
     """Return the part of a page about a joint fit.
 
     Parameters
     ----------
     name : str
         Its name on the page.
-    joint : JointFit
+    joint : Fit
         The joint fit.
     separate : sequence of Fit
         Fits of single tests, to be set beside it where they are of the same data.
@@ -260,7 +258,7 @@ SHIFT = 0.14
 """Distance of the two fits of a test from its line; tests are 1 apart."""
 
 
-def all_curves(joint: JointFit) -> Figure:
+def all_curves(joint: Fit) -> Figure:
     """Draw data, solutions and predictive bands of every test."""
     curves = [protocol_of(fit.experiment).curve(fit) for fit in joint.tests().values()]
     with style():
@@ -273,19 +271,19 @@ def all_curves(joint: JointFit) -> Figure:
     return figure
 
 
-def intervals(joint: JointFit, separate: Sequence[Fit]) -> Figure:
+def intervals(joint: Fit, separate: Sequence[Fit]) -> Figure:
     """Draw intervals of every parameter in every test, joint and alone.
 
     Parameters
     ----------
-    joint : JointFit
+    joint : Fit
         The joint fit.
     separate : sequence of Fit
         Fits of single tests; those of the same data as a test are drawn beside it.
     """
     tests = joint.tests()
     alone = fits_alone(joint, separate)
-    quantities = (*joint.problem.free, REFERENCE_STRESS_QUANTITY.name)
+    quantities = (*joint.problem.free, joint.problem.protocol.reference.name)
     n_rows = -(-len(quantities) // COLUMNS)
     with style():
         figure = Figure(

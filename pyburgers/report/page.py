@@ -30,7 +30,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.processes import completed, number_of_processes
 from pyburgers.drawing.page_parts import FigureText, PageSection, PageTable
 from pyburgers.drawing.style import write_images
-from pyburgers.fitting.fit import Fit, is_joint
+from pyburgers.fitting.fit import Fit
 from pyburgers.model.display import shown_quantity
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.protocol import Protocol
@@ -268,9 +268,7 @@ def _claim(out: Path) -> None:
 
 def page_keys(fits: Sequence[Fit]) -> list[str]:
     """Name each fit after its experiment, or as its part of a joint fit; further ones by number."""
-    return numbered(
-        [fit.experiment.id + ("_joint" if is_joint(fit.manifest) else "") for fit in fits]
-    )
+    return numbered([fit.experiment.id + ("_joint" if fit.is_part else "") for fit in fits])
 
 
 def numbered(names: Sequence[str]) -> list[str]:

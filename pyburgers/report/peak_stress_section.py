@@ -8,11 +8,11 @@ import pandas as pd
 
 from pyburgers.common.numbers import with_error
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
-from pyburgers.flow_law_tables.figures import FLOW_LAW_CAPTION, flow_law, flow_law_table
+from pyburgers.flow_law_tables.figures import FLOW_LAW_CAPTION, flow_law
 from pyburgers.flow_law_tables.fit import PeakStressFit
 from pyburgers.flow_law_tables.inputs import least_squares
 from pyburgers.model.display import shown_quantity
-from pyburgers.report.tables import checks_page_table
+from pyburgers.report.tables import checks_page_table, flow_law_table
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -1,29 +1,24 @@
 """What the sampler moves in: coordinates, where their origin lies, and the first metric."""
 
 import logging
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeVar
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from pyburgers.cmdstan.program import Program
+from pyburgers.cmdstan.program import Program, load_program
 from pyburgers.common.errors import InputError
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.chart import Chart, ChartUnsuited, Mode
-from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forward import solve
-from pyburgers.protocols.registry import protocol_of
-from pyburgers.protocols.stan_data import (
-    PlainCoordinates,
-    SolverOptions,
-    StanData,
-    plain_coordinates,
-    solver_block,
-)
+from pyburgers.protocols.layout import layout_of
+from pyburgers.protocols.program_data import chart_block, program_data
+from pyburgers.protocols.stan_data import PlainCoordinates, SolverOptions, StanData, solver_block
 from pyburgers.sampling.metric import curvature_at, expected_rise, laplace_metric
-from pyburgers.sampling.mode import ModeNotFound, climb, find_mode
+from pyburgers.sampling.mode import ModeNotFound, ProblemMode, climb, find_mode
+from pyburgers.sampling.problem import Problem
 
 logger = logging.getLogger(__name__)
 
@@ -38,15 +33,18 @@ Above it the curvature at the centre says little of the posterior: conditional m
 lie on another arm than the mode, or the optimiser has stopped short of it, as it does in plain
 coordinates where noise is far below a percent of the stress."""
 
+LEAST_SPREAD = 1e-3
+"""Over its prior's scale: below it a spread at the mode would make the reference degenerate."""
+
 
 @dataclass(frozen=True, eq=False)
-class Geometry:
+class ChosenChart:
     """Coordinates of a run.
 
     Attributes
     ----------
-    system : str
-        Name of the coordinates (`docs/coordinates.md`).
+    name : str
+        "plain", or that of the protocol's chart (`docs/coordinates.md`).
     reason : str
         Why they were taken.
     block : dict
@@ -58,14 +56,14 @@ class Geometry:
         Laplace approximation there, the sampler's first metric.
     """
 
-    system: str
+    name: str
     reason: str
     block: StanData
     centre: FloatArray | None = None
     covariance: FloatArray | None = None
 
 
-def check_coordinates(experiment: Experiment, wanted: str) -> None:
+def check_coordinates(problem: Problem, wanted: str) -> None:
     """Check that coordinates are for tests of a protocol.
 
     Raises
@@ -73,40 +71,28 @@ def check_coordinates(experiment: Experiment, wanted: str) -> None:
     InputError
         If they are not.
     """
-    charts = protocol_of(experiment).charts
-    if wanted not in ("auto", *charts):
-        choices = ", ".join(("auto", *charts[:-1]))
+    *charts, last = ("auto", *problem.protocol.charts)
+    if wanted not in (*charts, last):
         raise InputError(
-            f"{experiment.id}: {wanted} coordinates are not for tests of the protocol "
-            f"{experiment.protocol}, expected --coordinates {choices} or {charts[-1]}."
+            f"{problem.name}: {wanted} coordinates are not for tests of the protocol "
+            f"{problem.protocol.name}, expected --coordinates {', '.join(charts)} or {last}."
         )
 
 
-def choose_geometry(
-    model: Program,
-    data: StanData,
-    experiment: Experiment,
-    priors: PriorSet,
-    *,
-    wanted: str,
-    seed: int,
-    solver: SolverOptions,
-) -> Geometry:
-    """Find the posterior mode and set up the coordinates that suit, or fall back to plain ones.
+def choose_chart(
+    problem: Problem, data: StanData, *, wanted: str, seed: int, solver: SolverOptions
+) -> ChosenChart:
+    """Find the posterior mode and set up the chart that suits, or fall back to plain coordinates.
 
     Parameters
     ----------
-    model : Program
-        The program for the experiment.
+    problem : Problem
+        Tests, priors, pooling.
     data : dict
         Its data in plain coordinates. Where they switch the likelihood off, coordinates stay
         plain and chains start from the prior: what data fix is a poor guide to it.
-    experiment : Experiment
-        A test with data.
-    priors : PriorSet
-        Resolved priors.
     wanted : str
-        "auto" takes the chart of the protocol where priors and record suit it; checked by
+        "auto" takes the chart of the protocol where priors and records suit it; checked by
         `check_coordinates`.
     seed : int
         Decides where the search for the mode starts.
@@ -116,91 +102,126 @@ def choose_geometry(
     Raises
     ------
     InputError
-        If the coordinates that were asked for do not suit priors or record.
-    """
-    chart = protocol_of(experiment).chart
-
-    def special(mode: Mode) -> Geometry:
-        if chart is None:
-            raise ChartUnsuited(f"tests of the protocol {experiment.protocol} have no others")
-        return _at_mode(chart, model, data, experiment, priors, mode, seed, solver)
-
-    return geometry_at_mode(
-        model,
-        data,
-        name=experiment.id,
-        wanted=wanted,
-        find=lambda: find_mode(experiment, priors, seed=seed, solver=solver),
-        special=special,
-    )
-
-
-class HasCoordinate(Protocol):
-    """A posterior mode, of one test or of several."""
-
-    @property
-    def coordinate(self) -> FloatArray:
-        """Plain coordinates, shape (n_coordinates,)."""
-
-
-AnyMode = TypeVar("AnyMode", bound=HasCoordinate)
-
-
-def geometry_at_mode(
-    model: Program,
-    data: StanData,
-    *,
-    name: str,
-    wanted: str,
-    find: Callable[[], AnyMode],
-    special: Callable[[AnyMode], Geometry],
-) -> Geometry:
-    """Find the mode and set up special coordinates there, or fall back to plain ones.
-
-    Parameters
-    ----------
-    model : Program
-        The program.
-    data : dict
-        Its data in plain coordinates.
-    name : str
-        Of what is fitted, for error messages.
-    wanted : str
-        Coordinates that were asked for.
-    find : callable
-        Finds the mode, or raises `pyburgers.sampling.mode.ModeNotFound`.
-    special : callable
-        Sets up the chart of the protocol at a mode, or raises
-        `pyburgers.protocols.chart.ChartUnsuited`.
-
-    Raises
-    ------
-    InputError
-        If the coordinates that were asked for do not suit priors or record.
+        If the coordinates that were asked for do not suit priors or records.
     """
     if not data["use_likelihood"]:
-        return Geometry("plain", "the likelihood is off", {})
+        return ChosenChart("plain", "the likelihood is off", {})
     logger.info("Finding the posterior mode, which sets the sampler's coordinates and metric.")
-    mode = None
+    model, chart, mode = load_program(problem.protocol.program), problem.protocol.chart, None
     try:
-        mode = find()
-        if wanted == "plain":
-            return _plain(model, data, mode, "asked for")
-        return special(mode)
+        mode = find_mode(problem, seed=seed, solver=solver)
+        if chart is not None and wanted != "plain":
+            return _at_mode(chart, problem, model, data, mode, seed=seed, solver=solver)
+        reason = "the protocol has no others"
     except (ModeNotFound, ChartUnsuited) as error:
         if wanted not in ("auto", "plain"):
             raise InputError(
-                f"{name}: {wanted} coordinates do not apply, because {error}; use "
+                f"{problem.name}: {wanted} coordinates do not apply, because {error}; use "
                 "--coordinates auto or plain."
             ) from error
-        return _plain(model, data, mode, "asked for" if wanted == "plain" else str(error))
-
-
-def _plain(model: Program, data: StanData, mode: HasCoordinate | None, reason: str) -> Geometry:
+        reason = str(error)
+    reason = "asked for" if wanted == "plain" else reason
     if mode is None:
-        return Geometry("plain", reason, {})
+        return ChosenChart("plain", reason, {})
     covariance = laplace_metric(model, data, mode.coordinate)
-    return Geometry("plain", reason, {}, mode.coordinate, covariance)
+    return ChosenChart("plain", reason, {}, mode.coordinate, covariance)
+
+
+@dataclass(frozen=True, eq=False)
+class ModeOfTest:
+    """A test by itself at its posterior mode; members as `pyburgers.protocols.chart.AtMode`."""
+
+    problem: Problem
+    mode: Mode
+    solver: SolverOptions
+
+    @property
+    def experiment(self) -> Any:
+        """The test."""
+        return self.problem.experiments[0]
+
+    @property
+    def priors(self) -> PriorSet:
+        """Its priors."""
+        return self.problem.priors[0]
+
+    @property
+    def coordinates(self) -> PlainCoordinates:
+        """What its plain coordinates stand for."""
+        return self.problem.coordinates[0]
+
+    @cached_property
+    def data(self) -> StanData:
+        """Data of the program."""
+        return program_data(self.problem, solver=self.solver)
+
+    @property
+    def _model(self) -> Program:
+        return load_program(self.problem.protocol.program)
+
+    def solution(self, at: FloatArray) -> dict[str, FloatArray]:
+        """Solution at the mode."""
+        return solve(self.experiment, self.mode.values, at, solver=self.solver)
+
+    def generated(self, **changes: object) -> dict[str, FloatArray]:
+        """Variables of the program at the mode."""
+        position = {"coordinate": self.mode.coordinate.tolist()}
+        return self._model.evaluate({**self.data, **changes}, position)
+
+    def curvature(self, **changes: object) -> FloatArray:
+        """Curvature at the mode."""
+        return curvature_at(self._model, {**self.data, **changes}, self.mode.coordinate)
+
+
+def _at_mode(
+    chart: Chart[Any],
+    problem: Problem,
+    model: Program,
+    data: StanData,
+    mode: ProblemMode,
+    *,
+    seed: int,
+    solver: SolverOptions,
+) -> ChosenChart:
+    """Set a chart up at the mode of every test, with its own mode near there as the centre.
+
+    Pooling and data share the centring of partially pooled parameters, so that there the centre is
+    not the mode, and its curvature can be far from that of the posterior.
+    """
+    for name in chart.solved:
+        if name in problem.free and problem.pooling.kinds[name] != "separate":
+            raise ChartUnsuited(f"{name} is {_POOLED[problem.pooling.kinds[name]]}")
+    if chart.curvature_tolerance is not None:
+        solver = SolverOptions(chart.curvature_tolerance)
+        data = {**data, **solver_block(solver)}
+    layout = layout_of(problem)
+    tests = [
+        ModeOfTest(one, own, solver) for one, own in zip(problem.alone(), mode.tests, strict=True)
+    ]
+    references: list[Any] = []
+    centre = np.zeros(layout.size)
+    # The first test comes last, so that shared coordinates are its own.
+    for test, places in reversed(list(zip(tests, layout.position, strict=True))):
+        reference, centre[places] = chart.reference(test)
+        references.insert(0, reference)
+    centre[layout.position[:, layout.pooled]] = 0.0
+    pooled = np.array([own.coordinate[layout.pooled] for own in mode.tests])
+    log_spread = np.maximum(mode.coordinate[layout.spread], np.log(LEAST_SPREAD))
+    pooling = np.array([mode.coordinate[layout.centre], log_spread])
+    block = chart_block(problem, references, pooled=pooled, pooling=pooling)
+    around = {**data, **block}
+    covariance = laplace_metric(model, around, centre)
+    if problem.partial or expected_rise(model, around, centre, covariance) > LARGEST_RISE:
+        centre, covariance = laplace_at_mode(model, around, centre, seed=seed)
+    references = [
+        chart.rescaled(reference, test, covariance[np.ix_(places, places)])
+        for reference, test, places in zip(references, tests, layout.position, strict=True)
+    ]
+    block = chart_block(problem, references, pooled=pooled, pooling=pooling)
+    return ChosenChart(chart.name, SUITED, block, centre, covariance)
+
+
+_POOLED = {"shared": "shared", "partial": "partially pooled"}
 
 
 def laplace_at_mode(
@@ -234,56 +255,3 @@ def laplace_at_mode(
     found = climb(model, data, [{"coordinate": start.tolist()}], seed=seed)
     centre = np.asarray(found["coordinate"], dtype=np.float64)
     return centre, laplace_metric(model, data, centre)
-
-
-@dataclass(frozen=True, eq=False)
-class ModeOfTest:
-    """A test at its posterior mode; methods as `pyburgers.protocols.chart.AtMode` has them."""
-
-    model: Program
-    data: StanData
-    experiment: Any
-    priors: PriorSet
-    mode: Mode
-    solver: SolverOptions
-
-    @property
-    def coordinates(self) -> PlainCoordinates:
-        """What its plain coordinates stand for."""
-        return plain_coordinates(self.experiment, self.priors)
-
-    def solution(self, at: FloatArray) -> dict[str, FloatArray]:
-        """Solution at the mode."""
-        return solve(self.experiment, self.mode.values, at, solver=self.solver)
-
-    def generated(self, **changes: object) -> dict[str, FloatArray]:
-        """Variables of the program at the mode."""
-        position = {"coordinate": self.mode.coordinate.tolist()}
-        return self.model.evaluate({**self.data, **changes}, position)
-
-    def curvature(self, **changes: object) -> FloatArray:
-        """Curvature at the mode."""
-        return curvature_at(self.model, {**self.data, **changes}, self.mode.coordinate)
-
-
-def _at_mode(
-    chart: Chart[Any],
-    model: Program,
-    data: StanData,
-    experiment: Experiment,
-    priors: PriorSet,
-    mode: Mode,
-    seed: int,
-    solver: SolverOptions,
-) -> Geometry:
-    """Set a chart up at the mode of a test, with its own mode near there as the centre."""
-    if chart.curvature_tolerance is not None:
-        data = {**data, **solver_block(SolverOptions(chart.curvature_tolerance))}
-    test = ModeOfTest(model, data, experiment, priors, mode, solver)
-    reference, centre = chart.reference(test)
-    around = {**data, **chart.block(reference)}
-    covariance = laplace_metric(model, around, centre)
-    if expected_rise(model, around, centre, covariance) > LARGEST_RISE:
-        centre, covariance = laplace_at_mode(model, around, centre, seed=seed)
-    reference = chart.rescaled(reference, test, covariance)
-    return Geometry(chart.name, SUITED, chart.block(reference), centre, covariance)

@@ -1,32 +1,32 @@
 """Initial values of chains: from the prior, or around the posterior mode."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
 from pyburgers.cmdstan.program import Program
 from pyburgers.common.errors import SamplingError
-from pyburgers.model.priors import PriorSet
-from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forward import simulate
-from pyburgers.protocols.registry import protocol_of
-from pyburgers.protocols.stan_data import (
-    SolverOptions,
-    StanData,
-    plain_coordinates,
-)
+from pyburgers.protocols.layout import layout_of
+from pyburgers.protocols.stan_data import SolverOptions, StanData
+from pyburgers.sampling.problem import Problem
+
+FloatArray = npt.NDArray[np.float64]
 
 INITIAL_ATTEMPTS = 100
 
 
-def draw_initial_values(
-    experiment: Experiment, priors: PriorSet, *, seed: int, chain: int
-) -> dict[str, list[float]]:
-    """Draw a start from the prior, again where the solver finds no solution.
+def draw_initial_values(problem: Problem, *, seed: int, chain: int) -> dict[str, list[float]]:
+    """Draw a start in plain coordinates from the priors, again where a test has no solution.
+
+    Partially pooled parameters are drawn apart for each test; centre and spread are put around
+    them.
 
     Parameters
     ----------
-    experiment, priors
-        The problem; priors resolved.
+    problem : Problem
+        Tests, priors, pooling.
     seed, chain : int
         The start depends on these two alone.
 
@@ -38,30 +38,58 @@ def draw_initial_values(
     Raises
     ------
     SamplingError
-        If none of `INITIAL_ATTEMPTS` prior draws has a finite solution.
+        If none of `INITIAL_ATTEMPTS` prior draws has a finite solution in every test.
     """
     rng = np.random.default_rng([seed, chain])
-    coordinates = plain_coordinates(experiment, priors)
-    grid, reference = experiment.position, protocol_of(experiment).reference.name
+    reference = problem.protocol.reference.name
     for _ in range(INITIAL_ATTEMPTS):
-        values = priors.sample(rng)
+        drawn = [priors.sample(rng) for priors in problem.priors]
+        shared = {name: drawn[0][name] for name in problem.shared}
+        values = [{**own, **shared} for own in drawn]
+        spreads = np.abs(rng.standard_normal(len(problem.partial)))
         try:
-            solution = simulate(experiment, values, at=grid, solver=SolverOptions())
+            references = [
+                simulate(experiment, own, at=experiment.position, solver=SolverOptions()).attrs[
+                    reference
+                ]
+                for experiment, own in zip(problem.experiments, values, strict=True)
+            ]
         except SamplingError:
-            continue  # this prior draw has no finite solution; the next one may
-        start = coordinates.at({**values, reference: solution.attrs[reference]})
-        return {"coordinate": start.tolist()}
+            continue  # a test has no finite solution here; the next draw may have one
+        plain = [
+            coordinates.at({**own, reference: found})
+            for coordinates, own, found in zip(problem.coordinates, values, references, strict=True)
+        ]
+        return {"coordinate": position_of(problem, plain, spreads).tolist()}
     raise SamplingError(
-        f"{experiment.id}: none of {INITIAL_ATTEMPTS} draws from the prior has a finite solution; "
+        f"{problem.name}: none of {INITIAL_ATTEMPTS} draws from the prior has a finite solution; "
         "check the units and the bounds of the priors."
     )
+
+
+def position_of(problem: Problem, plain: Sequence[FloatArray], spreads: FloatArray) -> FloatArray:
+    """Return coordinates from plain ones of each test and spreads over their scales."""
+    layout = layout_of(problem)
+    position = np.empty(layout.size)
+    # The first test comes last, so that shared coordinates are its own.
+    for own, places in zip(reversed(plain), reversed(layout.position), strict=True):
+        position[places] = own
+    for h, name in enumerate(layout.partial):
+        i = layout.names.index(name)
+        numbers = np.array([own[i] for own in plain])
+        centre = numbers.mean()
+        position[layout.centre[h]] = centre
+        position[layout.spread[h]] = np.log(spreads[h])
+        spread = spreads[h] * problem.pooling.spread_scales[name]
+        position[layout.position[:, i]] = (numbers - centre) / spread
+    return position
 
 
 def draw_start_around(
     model: Program,
     data: StanData,
-    centre: npt.NDArray[np.float64],
-    covariance: npt.NDArray[np.float64],
+    centre: FloatArray,
+    covariance: FloatArray,
     *,
     seed: int,
     chain: int,

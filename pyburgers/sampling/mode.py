@@ -1,19 +1,20 @@
 """Posterior mode, found by Stan's optimiser: where the sampler's coordinates and metric are set."""
 
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 import numpy.typing as npt
 
 from pyburgers.cmdstan.program import Program, load_program
 from pyburgers.common.errors import SamplingError
-from pyburgers.model.parameters import PROGRAM_PARAMETERS
-from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.chart import Mode
-from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.registry import protocol_of
-from pyburgers.protocols.stan_data import SolverOptions, StanData, program_data
-from pyburgers.sampling.initial_values import draw_initial_values
+from pyburgers.protocols.layout import layout_of
+from pyburgers.protocols.program_data import program_data, values_of_test
+from pyburgers.protocols.stan_data import SolverOptions, StanData
+from pyburgers.sampling.initial_values import draw_initial_values, position_of
+from pyburgers.sampling.problem import Problem
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -24,17 +25,32 @@ class ModeNotFound(Exception):  # noqa: N818 - an outcome with a reason, not an 
     """The optimiser failed; the message says how."""
 
 
-def find_mode(
-    experiment: Experiment, priors: PriorSet, *, seed: int, solver: SolverOptions
-) -> Mode:
+@dataclass(frozen=True, eq=False)
+class ProblemMode:
+    """The highest density found of a problem.
+
+    Attributes
+    ----------
+    tests : tuple of Mode
+        Values of each test, and its plain coordinates by itself.
+    coordinate : array, shape (n_coordinates,)
+        Plain coordinates of all tests together.
+    """
+
+    tests: tuple[Mode, ...]
+    coordinate: FloatArray
+
+
+def find_mode(problem: Problem, *, seed: int, solver: SolverOptions) -> ProblemMode:
     """Climb from `N_STARTS` draws of the prior and keep the best.
+
+    Where tests hang together, also from the modes of single tests: draws of the prior alone can all
+    end where a test is not fitted at all.
 
     Parameters
     ----------
-    experiment : Experiment
-        A test with data.
-    priors : PriorSet
-        Resolved priors.
+    problem : Problem
+        Tests, priors, pooling.
     seed : int
         Decides the prior draws.
     solver : SolverOptions
@@ -43,19 +59,44 @@ def find_mode(
     Raises
     ------
     ModeNotFound
-        If the optimiser fails from all starts.
+        If the optimiser fails from all starts, or for a single test.
     """
-    data = program_data(experiment, priors, solver=solver)
-    model = load_program(protocol_of(experiment).program)
-    starts = (
-        draw_initial_values(experiment, priors, seed=seed, chain=start)
-        for start in range(1, N_STARTS + 1)
+    starts: Iterable[Mapping[str, object]] = (
+        draw_initial_values(problem, seed=seed, chain=start) for start in range(1, N_STARTS + 1)
     )
-    variables = climb(model, data, starts, seed=seed)
-    return Mode(
-        {p.name: float(variables[p.name]) for p in PROGRAM_PARAMETERS},
-        np.atleast_1d(np.asarray(variables["coordinate"], dtype=np.float64)),
+    if not problem.is_single:
+        single = [find_mode(one, seed=seed, solver=solver).coordinate for one in problem.alone()]
+        together = position_of(problem, single, np.ones(len(problem.partial)))
+        starts = chain([{"coordinate": together.tolist()}], starts)
+    model = load_program(problem.protocol.program)
+    variables = climb(model, program_data(problem, solver=solver), starts, seed=seed)
+    coordinate = np.atleast_1d(variables["coordinate"])
+    plain = _plain_of_tests(problem, coordinate, variables["log_reference"])
+    values = variables["parameter"]
+    return ProblemMode(
+        tuple(Mode(values_of_test(values, e), own) for e, own in enumerate(plain)), coordinate
     )
+
+
+def _plain_of_tests(
+    problem: Problem, coordinate: FloatArray, log_reference: FloatArray
+) -> list[FloatArray]:
+    """Plain coordinates of each test by itself, the inverse of `position_of`."""
+    layout, reference = layout_of(problem), problem.protocol.reference.name
+    found: list[FloatArray] = []
+    tests = zip(problem.coordinates, layout.position, log_reference, strict=True)
+    for coordinates, places, logarithm in tests:
+        own = coordinate[places].copy()
+        for h, name in enumerate(layout.partial):
+            i = layout.names.index(name)
+            spread = problem.pooling.spread_scales[name] * np.exp(coordinate[layout.spread[h]])
+            own[i] = coordinate[layout.centre[h]] + spread * own[i]
+        # The first test's own already, where the parameter in whose place it stands is shared.
+        if found and reference in coordinates.quantities:
+            i = coordinates.quantities.index(reference)
+            own[i] = coordinates.of_quantity(i, logarithm)
+        found.append(own)
+    return found
 
 
 def climb(

@@ -1,11 +1,11 @@
 """Settings of the sampler and their defaults."""
 
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Any, Self
 
 from pyburgers.common.errors import InputError
-from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.registry import PROTOCOLS, protocol_of
+from pyburgers.protocols.protocol import Protocol
+from pyburgers.protocols.registry import PROTOCOLS
 
 COORDINATES = (
     "auto",
@@ -88,9 +88,8 @@ class SamplerOptions:
         assert self.warmup is not None  # only settled options are sampled with
         return self.warmup
 
-    def suited_to(self, experiment: Experiment) -> Self:
-        """Fill in what is left to the experiment's protocol."""
-        protocol = protocol_of(experiment)
+    def suited_to(self, protocol: Protocol[Any]) -> Self:
+        """Fill in what is left to the protocol."""
         return replace(
             self,
             warmup=self.warmup or protocol.warmup,

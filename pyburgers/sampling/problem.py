@@ -1,36 +1,39 @@
-"""What a joint fit is about: tests of one material, their priors, and how they are pooled."""
+"""What is fitted: tests of one material and protocol, their priors, and how they are pooled."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
+from typing import Any
 
 from pyburgers.common.errors import InputError
-from pyburgers.model.pooling import Pooling
+from pyburgers.model.pooling import SEPARATE, Pooling
 from pyburgers.model.priors import FLOW_LAW, PriorSet
 from pyburgers.model.variants import check_variant
-from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.stan_data import PlainCoordinates, plain_coordinates
+from pyburgers.protocols.program_data import plain_coordinates
+from pyburgers.protocols.protocol import Protocol
+from pyburgers.protocols.registry import protocol_of
+from pyburgers.protocols.stan_data import PlainCoordinates
 
 
 @dataclass(frozen=True)
-class JointProblem:
-    """Tests to be fitted together; made by `joint_problem`, which checks it.
+class Problem:
+    """One or several tests to be fitted; made by `problem_of`, which checks it.
 
     Attributes
     ----------
-    experiments : tuple of ConstantRateExperiment
-        At least one, with data, of different names. One alone is what is left where the other of
-        two is left out; a partially pooled parameter still has centre and spread.
+    experiments : tuple of Experiment
+        At least one, with data, of different names.
     given_priors : PriorSet
         For all tests, not resolved.
     priors : tuple of PriorSet
         Of each test, resolved; they differ only where a prior is a share of the largest stress.
     pooling : Pooling
-        How the tests hang together.
+        How the tests hang together; a partially pooled parameter has centre and spread even where
+        one test alone is left.
     """
 
-    experiments: tuple[ConstantRateExperiment, ...]
+    experiments: tuple[Experiment, ...]
     given_priors: PriorSet
     priors: tuple[PriorSet, ...]
     pooling: Pooling
@@ -44,6 +47,11 @@ class JointProblem:
     def data_kind(self) -> str:
         """Kinds of the tests' provenance, joined."""
         return "+".join(sorted({experiment.provenance.kind for experiment in self.experiments}))
+
+    @property
+    def protocol(self) -> Protocol[Any]:
+        """Of all tests."""
+        return protocol_of(self.experiments[0])
 
     @property
     def free(self) -> tuple[str, ...]:
@@ -61,6 +69,11 @@ class JointProblem:
         return self.pooling.of_kind("shared", self.free)
 
     @property
+    def is_single(self) -> bool:
+        """Whether it is one test whose parameters are nobody else's."""
+        return len(self.experiments) == 1 and not self.partial
+
+    @property
     def coordinates(self) -> tuple[PlainCoordinates, ...]:
         """Plain coordinates of each test by itself; all stand for the same parameters."""
         return tuple(
@@ -68,10 +81,32 @@ class JointProblem:
             for experiment, priors in zip(self.experiments, self.priors, strict=True)
         )
 
+    def alone(self) -> "tuple[Problem, ...]":
+        """Return each test by itself, with its resolved priors."""
+        return tuple(
+            Problem((experiment,), priors, (priors,), SEPARATE)
+            for experiment, priors in zip(self.experiments, self.priors, strict=True)
+        )
 
-def joint_problem(
-    experiments: Sequence[Experiment], priors: PriorSet, pooling: Pooling
-) -> JointProblem:
+    def without(self, test: str) -> "Problem":
+        """Take a test out, and keep the prior densities of what is left.
+
+        Where the prior of a shared parameter is a share of the largest stress, it stays that of
+        all tests.
+
+        Parameters
+        ----------
+        test : str
+            Name of one of at least two tests.
+        """
+        priors = _with_shared(self.given_priors, self.priors[0], self.shared)
+        kept = [experiment for experiment in self.experiments if experiment.id != test]
+        return problem_of(kept, priors, self.pooling)
+
+
+def problem_of(
+    experiments: Sequence[Experiment], priors: PriorSet, pooling: Pooling = SEPARATE
+) -> Problem:
     """Check tests, priors and pooling, and resolve the priors for each test.
 
     A prior that is a share of the largest stress takes that of the test, or of all tests where
@@ -83,68 +118,49 @@ def joint_problem(
         Tests with data.
     priors : PriorSet
         Priors of every parameter, for all tests.
-    pooling : Pooling
-        How the tests hang together.
+    pooling : Pooling, optional
+        How the tests hang together; default not at all.
 
     Raises
     ------
     InputError
-        If tests are of different materials or another protocol than constant_rate, have no data
-        or the same name, or a pooling does not go with the priors.
+        If tests are of different materials or protocols, have no data or the same name, or a
+        pooling does not go with the priors.
     """
-    suited = tuple(_suited(experiment, experiments[0], priors) for experiment in experiments)
-    names = [experiment.id for experiment in suited]
+    names = [experiment.id for experiment in experiments]
     for name in names:
         if names.count(name) > 1:
             raise InputError(
                 f"{name}: stands {names.count(name)} times among the tests of a joint fit, "
                 "expected different ones."
             )
-    largest = [experiment.largest_stress for experiment in suited]
+    for experiment in experiments:
+        _check_test(experiment, experiments[0], priors)
+    largest = [experiment.largest_stress for experiment in experiments]
     common = priors.resolved(max(largest))
     resolved = tuple(
         _with_shared(priors.resolved(stress), common, pooling.of_kind("shared", priors.free))
         for stress in largest
     )
-    problem = JointProblem(suited, priors, resolved, pooling)
+    problem = Problem(tuple(experiments), priors, resolved, pooling)
     _check_pooling(problem)
     return problem
 
 
-def _suited(experiment: Experiment, first: Experiment, priors: PriorSet) -> ConstantRateExperiment:
-    """Return a test if it can take part in a joint fit."""
-    if not isinstance(experiment, ConstantRateExperiment):
-        raise InputError(
-            f"{experiment.id}: is a test of the protocol {experiment.protocol}, expected "
-            "constant_rate, the only one of joint fits."
-        )
+def _check_test(experiment: Experiment, first: Experiment, priors: PriorSet) -> None:
+    """Check that a test can be fitted, together with a first one."""
     if experiment.n_points == 0:
         raise InputError(f"{experiment.id}: the experiment has no data, expected a [data] table.")
-    if experiment.material != first.material:
-        raise InputError(
-            f"{experiment.id}: is of the material {experiment.material}, expected "
-            f"{first.material} like {first.id}, because a joint fit is of one material."
-        )
+    for what, found, expected in (
+        ("protocol", experiment.protocol, first.protocol),
+        ("material", experiment.material, first.material),
+    ):
+        if found != expected:
+            raise InputError(
+                f"{experiment.id}: is of the {what} {found}, expected {expected} like {first.id}, "
+                f"because a joint fit is of one {what}."
+            )
     check_variant(priors, experiment)
-    return experiment
-
-
-def problem_without(problem: JointProblem, test: str) -> JointProblem:
-    """Take a test out, and keep the prior densities of what is left.
-
-    Where the prior of a shared parameter is a share of the largest stress, it stays that of all
-    tests.
-
-    Parameters
-    ----------
-    problem : JointProblem
-        Of at least two tests.
-    test : str
-        Name of the test.
-    """
-    priors = _with_shared(problem.given_priors, problem.priors[0], problem.shared)
-    kept = [experiment for experiment in problem.experiments if experiment.id != test]
-    return joint_problem(kept, priors, problem.pooling)
 
 
 def _with_shared(own: PriorSet, common: PriorSet, shared: Sequence[str]) -> PriorSet:
@@ -153,14 +169,14 @@ def _with_shared(own: PriorSet, common: PriorSet, shared: Sequence[str]) -> Prio
     return replace(own, priors=MappingProxyType({**own.priors, **exchanged}))
 
 
-def _check_pooling(problem: JointProblem) -> None:
+def _check_pooling(problem: Problem) -> None:
     """Refuse pooling that has no meaning with the priors."""
     priors = problem.priors[0]
     replaced = problem.coordinates[0].replaced_parameter
     if replaced in problem.partial:
         raise InputError(
-            f"--pool {replaced}=partial: the reference stress is sampled in its place, expected "
-            "shared or separate."
+            f"--pool {replaced}=partial: the {problem.protocol.reference.label} is sampled in its "
+            "place, expected shared or separate."
         )
     if priors.flow_law is None:
         return

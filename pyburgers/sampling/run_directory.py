@@ -47,17 +47,16 @@ class RunDirectory:
 
     @property
     def inputs(self) -> Path:
-        """Self-contained copies of the experiment and the priors."""
+        """Self-contained copies of tests and priors."""
         return self.path / "inputs"
 
-    @property
-    def experiment_file(self) -> Path:
-        """Copy of the experiment."""
-        return self.inputs / "experiment.toml"
+    def test_file(self, name: str) -> Path:
+        """Copy of a test."""
+        return self.inputs / "tests" / name / "experiment.toml"
 
     @property
     def priors_file(self) -> Path:
-        """Copy of the priors, noise scale resolved, or as given where a run is of several tests."""
+        """Copy of the priors, as given."""
         return self.inputs / "priors.toml"
 
     @property

@@ -10,27 +10,21 @@ from typing import Any
 
 from pyburgers.cmdstan.toolchain import find_cmdstan, toolchain
 from pyburgers.common.atomic_files import sha256_of_file
-from pyburgers.model.priors import PriorSet
 from pyburgers.model.variants import variant_of
-from pyburgers.protocols.experiment import Experiment
 from pyburgers.sampling.options import SamplerOptions
+from pyburgers.sampling.problem import Problem
 from pyburgers.sampling.run_directory import RunDirectory
 
 PACKAGES = ("pyburgers", "cmdstanpy", "arviz", "numpy", "scipy", "pandas", "xarray")
 
 
-def priors_record(priors: PriorSet, experiment: Experiment) -> dict[str, Any]:
-    """Note what the priors say besides densities: variant of the model, another source.
-
-    Parameters
-    ----------
-    priors : PriorSet
-        Of the run.
-    experiment : Experiment
-        Its test, or one of several.
-    """
+def problem_record(problem: Problem) -> dict[str, Any]:
+    """Note what is fitted: tests, pooling, variant of the model, another source of the flow law."""
+    priors = problem.given_priors
     return {
-        "variant": variant_of(priors, experiment).record(),
+        "experiments": [experiment.id for experiment in problem.experiments],
+        "pooling": problem.pooling.record(),
+        "variant": variant_of(problem.priors[0], problem.experiments[0]).record(),
         "priors_from": None if priors.flow_law is None else priors.flow_law.source,
     }
 

@@ -30,10 +30,11 @@ from pyburgers.model.priors import PriorSet, default_priors, load_priors, shippe
 from pyburgers.posterior.labelled_draws import convergence_table, free_parameters, response_in
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forward import given_parameters, simulate, simulate_data
+from pyburgers.protocols.layout import OneTest
+from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.registry import protocol_of
 from pyburgers.protocols.stan_data import (
     SolverOptions,
-    program_data,
 )
 from pyburgers.sampling.options import SamplerOptions
 
@@ -283,11 +284,12 @@ def _at_truth(experiment: Experiment, solver: SolverOptions) -> dict[str, float]
     """Return true parameters, reference quantity and log likelihood of simulated data."""
     values = experiment.true_parameters
     assert values is not None  # simulated
-    data = program_data(experiment, given_parameters(experiment.material, values), solver=solver)
+    given = given_parameters(experiment.material, values)
+    data = program_data(OneTest(experiment, given), solver=solver)
     draw = load_program(protocol_of(experiment).program).evaluate(data)
     reference = protocol_of(experiment).reference.name
     return {
         **values,
-        reference: float(draw[reference]),
+        reference: float(np.exp(draw["log_reference"][0])),
         LOG_LIKELIHOOD: float(draw["log_lik"].sum()),
     }

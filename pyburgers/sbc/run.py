@@ -20,10 +20,12 @@ from pyburgers.common.processes import completed, number_of_processes
 from pyburgers.common.toml_files import read_text
 from pyburgers.model.priors import PriorSet, load_priors, save_priors
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.registry import load_experiment, protocol_of, save_experiment
-from pyburgers.protocols.stan_data import SolverOptions, program_data
+from pyburgers.protocols.program_data import program_data
+from pyburgers.protocols.registry import load_experiment, save_experiment
+from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.charts import check_coordinates
 from pyburgers.sampling.options import INDECISIVE, SamplerOptions
+from pyburgers.sampling.problem import Problem, problem_of
 from pyburgers.sampling.run_directory import RunDirectory
 from pyburgers.sampling.run_record import files_in, origin_record
 from pyburgers.sbc.data_sets import Replication, check_template, replicate
@@ -170,13 +172,15 @@ def calibrate(
         If the priors have no solvable draws, or a process was killed.
     """
     check_template(template)
-    check_coordinates(template, plan.sampler.coordinates)
+    problem = problem_of([template], priors)
+    check_coordinates(problem, plan.sampler.coordinates)
     jobs = number_of_processes(jobs, plan.simulations)
-    plan = replace(plan, sampler=replace(plan.sampler.suited_to(template), parallel_chains=1))
-    priors = priors.resolved(template.largest_stress)
+    sampler = plan.sampler.suited_to(problem.protocol)
+    plan = replace(plan, sampler=replace(sampler, parallel_chains=1))
+    (priors,) = problem.priors
     if not priors.free:
         raise InputError(f"{priors.title}: all parameters are fixed, expected a free one to rank.")
-    identity = _fingerprint(template, priors, plan, load_program(protocol_of(template).program).key)
+    identity = _fingerprint(problem, plan, load_program(problem.protocol.program).key)
     run = RunDirectory(out)
     with run.claimed(identity, ("inputs", SIMULATIONS)):
         save_experiment(template, run.inputs)
@@ -198,9 +202,7 @@ def simulation_file(run: RunDirectory, seed: int) -> Path:
     return run.path / SIMULATIONS / f"simulation_{seed:06d}.json"
 
 
-def _fingerprint(
-    template: Experiment, priors: PriorSet, plan: CalibrationPlan, program_key: str
-) -> str:
+def _fingerprint(problem: Problem, plan: CalibrationPlan, program_key: str) -> str:
     """Hash of everything that decides the outcome of a data set, save which one it is."""
     sampler = {
         key: value
@@ -210,7 +212,7 @@ def _fingerprint(
     return sha256_of_json(
         {
             "kind": CALIBRATION_KIND,
-            "data": program_data(template, priors, solver=SolverOptions()),
+            "data": program_data(problem, solver=SolverOptions()),
             "seed": plan.seed,
             "n_ranked": plan.n_ranked,
             "sampler": sampler,
@@ -263,7 +265,7 @@ def _replicate_into(path: Path, seed: int, plan: CalibrationPlan) -> str:
     run = RunDirectory(path)
     scratch = run.new_scratch()
     replication = replicate(
-        load_experiment(run.experiment_file),
+        load_experiment(run.inputs / "experiment.toml"),
         load_priors(run.priors_file),
         scratch,
         seed=seed,

@@ -1,27 +1,29 @@
 // The paper's form of the model as printed: six states in SI, time as the independent variable,
 // ode_bdf with its default tolerances, parameters declared in SI within their priors' bounds.
 // The judge of constant_rate.stan in tests and the baseline of the benchmarks; not for fits.
-// It reads the same data as constant_rate.stan. With rate steps its solution is right, but CVODES
-// often cannot start the sensitivities of the later segments at the default absolute tolerance.
+// It reads the data of constant_rate.stan for one test. With rate steps its solution is right, but
+// CVODES often cannot start the sensitivities of the later segments at the default absolute
+// tolerance.
 functions {
-#include functions/parameters.stan
-#include functions/flow_law.stan
-#include functions/microstructure.stan
-#include functions/priors.stan
-#include functions/six_state_dynamics.stan
+#include physics/parameters.stan
+#include physics/flow_law.stan
+#include physics/microstructure.stan
+#include statistics/priors.stan
+#include reference/six_state_dynamics.stan
 }
 data {
-#include data/constant_rate_experiment.stan
+#include data/tests.stan
+#include data/constant_rate.stan
 #include data/priors.stan
 }
 transformed data {
-  vector[n_parameters()] prior_mass;
+  array[n_tests] vector[n_parameters()] prior_mass
+    = prior_log_masses(prior_family, prior_location, prior_scale, prior_lower, prior_upper);
+  int n_segments = segment_end[2];
+  int n_strains = strain_end[2];
+  int n_points = point_end[2];
   array[n_segments] real segment_time; // start of each segment, s
   array[n_strains] real time; // s
-  for (k in 1 : n_parameters()) {
-    prior_mass[k] = prior_log_mass(prior_family[k], prior_location[k], prior_scale[k],
-                                   prior_lower[k], prior_upper[k]);
-  }
   segment_time[1] = 0;
   for (k in 2 : n_segments) {
     segment_time[k] = segment_time[k - 1]
@@ -41,36 +43,59 @@ transformed data {
   }
 }
 parameters {
-  real<lower=prior_lower[1], upper=prior_upper[1]> maxwell_modulus;
-  real<lower=prior_lower[2], upper=prior_upper[2]> kelvin_modulus;
-  real<lower=prior_lower[3], upper=prior_upper[3]> kelvin_viscosity;
-  real<lower=prior_lower[4], upper=prior_upper[4]> stress_exponent;
-  real<lower=prior_lower[5], upper=prior_upper[5]> grain_size_exponent;
-  real<lower=prior_lower[6], upper=prior_upper[6]> activation_enthalpy;
-  real<lower=prior_lower[7], upper=prior_upper[7]> beta;
-  real<lower=prior_lower[8], upper=prior_upper[8]> steady_state_grain_size;
-  real<lower=prior_lower[9], upper=prior_upper[9]> steady_state_fabric_factor;
-  real<lower=prior_lower[10], upper=prior_upper[10]> critical_strain_grain_size;
-  real<lower=prior_lower[11], upper=prior_upper[11]> critical_strain_fabric;
-  real<lower=prior_lower[12], upper=prior_upper[12]> stress_noise;
+  real<lower=prior_lower[1][i_maxwell_modulus()],
+       upper=prior_upper[1][i_maxwell_modulus()]> maxwell_modulus;
+  real<lower=prior_lower[1][i_kelvin_modulus()],
+       upper=prior_upper[1][i_kelvin_modulus()]> kelvin_modulus;
+  real<lower=prior_lower[1][i_kelvin_viscosity()],
+       upper=prior_upper[1][i_kelvin_viscosity()]> kelvin_viscosity;
+  real<lower=prior_lower[1][i_stress_exponent()],
+       upper=prior_upper[1][i_stress_exponent()]> stress_exponent;
+  real<lower=prior_lower[1][i_grain_size_exponent()],
+       upper=prior_upper[1][i_grain_size_exponent()]> grain_size_exponent;
+  real<lower=prior_lower[1][i_activation_enthalpy()],
+       upper=prior_upper[1][i_activation_enthalpy()]> activation_enthalpy;
+  real<lower=prior_lower[1][i_beta()],
+       upper=prior_upper[1][i_beta()]> beta;
+  real<lower=prior_lower[1][i_steady_state_grain_size()],
+       upper=prior_upper[1][i_steady_state_grain_size()]> steady_state_grain_size;
+  real<lower=prior_lower[1][i_steady_state_fabric_factor()],
+       upper=prior_upper[1][i_steady_state_fabric_factor()]> steady_state_fabric_factor;
+  real<lower=prior_lower[1][i_critical_strain_grain_size()],
+       upper=prior_upper[1][i_critical_strain_grain_size()]> critical_strain_grain_size;
+  real<lower=prior_lower[1][i_critical_strain_fabric()],
+       upper=prior_upper[1][i_critical_strain_fabric()]> critical_strain_fabric;
+  real<lower=prior_lower[1][i_stress_noise()],
+       upper=prior_upper[1][i_stress_noise()]> stress_noise;
 }
 transformed parameters {
-  real lprior = joint_prior_log_density([maxwell_modulus, kelvin_modulus, kelvin_viscosity,
-                                         stress_exponent, grain_size_exponent,
-                                         activation_enthalpy, beta, steady_state_grain_size,
-                                         steady_state_fabric_factor,
-                                         critical_strain_grain_size, critical_strain_fabric,
-                                         stress_noise]', prior_family, prior_location,
-                                        prior_scale, prior_lower, prior_upper, prior_mass)
-                + flow_law_prior_log_density([maxwell_modulus, kelvin_modulus, kelvin_viscosity,
-                                              stress_exponent, grain_size_exponent,
-                                              activation_enthalpy, beta]', flow_law_mean,
-                                             flow_law_factor, flow_law_conditions);
+  vector[n_parameters()] parameter = prior_location[1];
+  real lprior;
+  parameter[i_maxwell_modulus()] = maxwell_modulus;
+  parameter[i_kelvin_modulus()] = kelvin_modulus;
+  parameter[i_kelvin_viscosity()] = kelvin_viscosity;
+  parameter[i_stress_exponent()] = stress_exponent;
+  parameter[i_grain_size_exponent()] = grain_size_exponent;
+  parameter[i_activation_enthalpy()] = activation_enthalpy;
+  parameter[i_beta()] = beta;
+  parameter[i_steady_state_grain_size()] = steady_state_grain_size;
+  parameter[i_steady_state_fabric_factor()] = steady_state_fabric_factor;
+  parameter[i_critical_strain_grain_size()] = critical_strain_grain_size;
+  parameter[i_critical_strain_fabric()] = critical_strain_fabric;
+  parameter[i_stress_noise()] = stress_noise;
+  lprior = joint_prior_log_density(parameter, prior_family[1], prior_location[1],
+                                   prior_scale[1], prior_lower[1], prior_upper[1],
+                                   prior_mass[1]);
+  if (has_flow_law_prior[1]) {
+    lprior += flow_law_prior_log_density(stress_exponent, grain_size_exponent,
+                                         activation_enthalpy, beta, flow_law_mean,
+                                         flow_law_factor, flow_law_conditions);
+  }
 }
 model {
   target += lprior;
   if (use_likelihood) {
-    vector[6] state = [0, 0, 0, 0, initial_grain_size, 1]';
+    vector[6] state = [0, 0, 0, 0, initial_grain_size[1], 1]';
     vector[n_strains] stress;
     vector[n_points] stress_model;
     int first = 1;
@@ -78,7 +103,7 @@ model {
       int last = first + n_strains_in_segment[k] - 1;
       if (last >= first) {
         array[n_strains_in_segment[k]] vector[6] solution = ode_bdf(six_state_rhs, state,
-          segment_time[k], time[first : last], segment_rate[k], temperature, maxwell_modulus,
+          segment_time[k], time[first : last], segment_rate[k], temperature[1], maxwell_modulus,
           kelvin_modulus, kelvin_viscosity, stress_exponent, grain_size_exponent,
           activation_enthalpy, beta, steady_state_grain_size, steady_state_fabric_factor,
           critical_strain_grain_size, critical_strain_fabric);

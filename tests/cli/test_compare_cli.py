@@ -11,7 +11,6 @@ from conftest import ICE, copy_of
 
 from pyburgers.cli.main import main
 from pyburgers.fitting.fit import Fit
-from pyburgers.fitting.joint_fit import JointFit
 from pyburgers.model.flow_law_prior import FlowLawPrior
 
 TABLE = str(ICE / "peak_stress_qi_goldsby_2021.toml")
@@ -82,7 +81,7 @@ def test_a_folder_that_is_no_run_and_a_file_for_a_folder_are_refused(
 
 
 @pytest.fixture
-def joints(joint: JointFit, separate_joint: JointFit, tmp_path: Path) -> dict[str, str]:
+def joints(joint: Fit, separate_joint: Fit, tmp_path: Path) -> dict[str, str]:
     """Run directories of two tests with two ways of pooling."""
     runs = {"shared": joint, "separate": separate_joint}
     return {name: str(copy_of(run, tmp_path / name).directory.path) for name, run in runs.items()}

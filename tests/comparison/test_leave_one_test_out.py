@@ -31,31 +31,30 @@ from pyburgers.comparison.results import (
     table_of_tests,
 )
 from pyburgers.drawing.style import image
-from pyburgers.fitting.fit import Fit
-from pyburgers.fitting.joint_fit import JointFit, fit_jointly
+from pyburgers.fitting.fit import Fit, fit_jointly
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import default_priors
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
 from pyburgers.report.comparison_sections import comparison_sections
-from pyburgers.sampling.problem import joint_problem, problem_without
+from pyburgers.sampling.problem import problem_of
 
 FloatArray = npt.NDArray[np.float64]
 
 
 @pytest.fixture
-def shared(joint: JointFit, tmp_path: Path) -> JointFit:
+def shared(joint: Fit, tmp_path: Path) -> Fit:
     """Fit of two tests of one material, with those without each; a test may change it."""
     return copy_of(joint, tmp_path / "shared")
 
 
 @pytest.fixture
-def separate(separate_joint: JointFit, tmp_path: Path) -> JointFit:
+def separate(separate_joint: Fit, tmp_path: Path) -> Fit:
     """The same of tests that share nothing."""
     return copy_of(separate_joint, tmp_path / "separate")
 
 
 def test_tests_that_share_nothing_are_predicted_from_their_priors(
-    separate: JointFit, small_fit: Fit, other_fit: Fit
+    separate: Fit, small_fit: Fit, other_fit: Fit
 ) -> None:
     """Each has the marginal likelihood of a fit of it alone."""
     found = leave_one_test_out(separate, command="test")
@@ -69,7 +68,7 @@ def test_tests_that_share_nothing_are_predicted_from_their_priors(
 
 
 def test_a_test_like_the_others_is_predicted_better_where_the_material_is_shared(
-    shared: JointFit, separate: JointFit
+    shared: Fit, separate: Fit
 ) -> None:
     comparison = compare_by_test({"apart": separate, "together": shared}, command="test")
     assert list(comparison.results) == ["together", "apart"]
@@ -80,11 +79,11 @@ def test_a_test_like_the_others_is_predicted_better_where_the_material_is_shared
 
 
 def test_fits_without_a_test_are_kept_and_say_how_they_came_about(
-    shared: JointFit, caplog: pytest.LogCaptureFixture
+    shared: Fit, caplog: pytest.LogCaptureFixture
 ) -> None:
     shutil.rmtree(shared.directory.path / "leave_out" / "other")
     first = leave_one_test_out(shared, command="pyburgers compare X")
-    run = JointFit.load(shared.directory.path / "leave_out" / "other")
+    run = Fit.load(shared.directory.path / "leave_out" / "other")
     assert [experiment.id for experiment in run.problem.experiments] == ["PIL40"]
     assert run.manifest["command"] == "pyburgers compare X (other left out)"
     assert run.problem.pooling == shared.problem.pooling
@@ -100,19 +99,19 @@ def test_priors_stay_those_of_all_tests() -> None:
     assert strong.stress.max() > 1.2 * weak.stress.max()
     priors = default_priors("ice")
     for kind in ("shared", "separate"):
-        problem = joint_problem([strong, weak], priors, pooling_of({"stress_noise": kind}))
-        left = problem_without(problem, strong.id)
+        problem = problem_of([strong, weak], priors, pooling_of({"stress_noise": kind}))
+        left = problem.without(strong.id)
         assert left.experiments == (weak,)
         assert left.priors[0].priors == problem.priors[1].priors
         # What a run keeps gives the same priors again.
-        again = joint_problem([weak], left.given_priors, problem.pooling)
+        again = problem_of([weak], left.given_priors, problem.pooling)
         assert again.priors[0].priors == problem.priors[1].priors
 
 
 def test_partially_pooled_noise_has_one_prior_on_the_real_line_in_all_tests() -> None:
     """So the centre's prior does not depend on which test comes first."""
     tests = [load_constant_rate(ICE / f"{name}.toml") for name in ("PIL40", "PIL105")]
-    problem = joint_problem(tests, default_priors("ice"), pooling_of({"stress_noise": "partial"}))
+    problem = problem_of(tests, default_priors("ice"), pooling_of({"stress_noise": "partial"}))
     place = problem.free.index("stress_noise")
     ratio = [
         own.scale[place] / priors["stress_noise"].scale
@@ -184,7 +183,7 @@ def test_figures_are_drawn_of_one_fit_and_of_several() -> None:
         assert image(drawn, "png").startswith(b"\x89PNG")
 
 
-def test_what_is_saved_holds_every_marginal_likelihood(shared: JointFit, tmp_path: Path) -> None:
+def test_what_is_saved_holds_every_marginal_likelihood(shared: Fit, tmp_path: Path) -> None:
     comparison = compare_by_test({"one": shared}, command="test")
     save_comparison_by_test(comparison, {"one": shared}, tmp_path, command="pyburgers compare one")
     tests = pd.read_csv(tmp_path / "left_out_tests.csv", index_col="test")
@@ -197,9 +196,7 @@ def test_what_is_saved_holds_every_marginal_likelihood(shared: JointFit, tmp_pat
     assert record["fits"]["one"]["pooling"] == shared.problem.pooling.record()
 
 
-def test_points_of_joint_fits_are_those_of_all_their_tests(
-    shared: JointFit, separate: JointFit
-) -> None:
+def test_points_of_joint_fits_are_those_of_all_their_tests(shared: Fit, separate: Fit) -> None:
     comparison = compare({"together": shared, "apart": separate})
     sizes = [experiment.n_points for experiment in shared.problem.experiments]
     points = pointwise_table(comparison)
@@ -230,7 +227,7 @@ def test_the_order_of_the_tests_does_not_matter(small_problem: Problem, tmp_path
 
 
 def test_a_page_sets_joint_fits_of_the_same_tests_side_by_side(
-    joint: JointFit, separate_joint: JointFit, tmp_path: Path
+    joint: Fit, separate_joint: Fit, tmp_path: Path
 ) -> None:
     """By points; by tests as soon as they were left out, without fitting anything."""
     joints = [
@@ -253,7 +250,7 @@ def test_a_page_sets_joint_fits_of_the_same_tests_side_by_side(
 
 
 def test_joint_fits_of_the_same_tests_have_sections_of_their_own(
-    joint: JointFit, separate_joint: JointFit, sketched: None, tmp_path: Path
+    joint: Fit, separate_joint: Fit, sketched: None, tmp_path: Path
 ) -> None:
     runs = [str(one.directory.path) for one in (joint, separate_joint)]
     assert main(["report", *runs, "--out", str(tmp_path / "page")]) == 0
@@ -266,13 +263,13 @@ def test_joint_fits_of_the_same_tests_have_sections_of_their_own(
 
 
 def test_other_data_other_kinds_and_a_sampled_prior_are_refused(
-    shared: JointFit, small_fit: Fit
+    shared: Fit, small_fit: Fit
 ) -> None:
     with pytest.raises(InputError, match=r"joint: is a fit of other data than one .*\+other .*\.$"):
         compare({"one": small_fit, "joint": shared})
     prior = replace(shared, manifest={**shared.manifest, "use_likelihood": False})
     with pytest.raises(InputError, match=r"^prior: was sampled without likelihood"):
         compare_by_test({"prior": prior}, command="test")
-    alone = JointFit.load(shared.directory.path / "leave_out" / "other")
+    alone = Fit.load(shared.directory.path / "leave_out" / "other")
     with pytest.raises(InputError, match=r"is a fit of PIL40 alone, expected at least two tests"):
         leave_one_test_out(alone, command="test")

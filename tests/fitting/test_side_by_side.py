@@ -6,33 +6,32 @@ from pathlib import Path
 
 import pytest
 import xarray as xr
-from conftest import SMALL_RUN
-from conftest import Problem as InputFiles
+from conftest import SMALL_RUN, Problem
 
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit, fit
-from pyburgers.fitting.side_by_side import Problem, fit_side_by_side
+from pyburgers.fitting.side_by_side import Task, fit_side_by_side
 
 
 @pytest.fixture
-def problems(small_problem: InputFiles) -> dict[str, Problem]:
+def tasks(small_problem: Problem) -> dict[str, Task]:
     experiment, priors = small_problem.experiment, small_problem.priors
     return {
-        name: Problem(replace(experiment, id=name), priors, replace(SMALL_RUN, seed=seed))
+        name: Task(replace(experiment, id=name), priors, replace(SMALL_RUN, seed=seed))
         for name, seed in (("first", SMALL_RUN.seed), ("second", SMALL_RUN.seed + 1))
     }
 
 
 def test_draws_and_runs_are_those_of_a_single_fit(
     programs: None,
-    problems: dict[str, Problem],
+    tasks: dict[str, Task],
     small_fit: Fit,
     tmp_path: Path,
     capfd: pytest.CaptureFixture[str],
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     caplog.set_level(logging.INFO, "pyburgers.fitting.side_by_side")
-    found = fit_side_by_side(problems, tmp_path, jobs=2, command="make it")
+    found = fit_side_by_side(tasks, tmp_path, jobs=2, command="make it")
     assert list(found) == ["first", "second"]
     assert sorted(sentence.split()[1] for sentence in caplog.messages) == ["first", "second"]
     error = capfd.readouterr().err
@@ -46,16 +45,16 @@ def test_draws_and_runs_are_those_of_a_single_fit(
     assert not draws[1].equals(draws[2])
     # The same inputs in this process continue the run, which lacks nothing.
     before = found["first"].manifest["chains"]
-    first = problems["first"]
+    first = tasks["first"]
     again = fit(first.experiment, first.priors, out=tmp_path / "first", options=first.options)
     assert again.manifest["chains"] == before
 
 
 def test_a_refused_fit_is_told_and_leaves_the_others_alone(
-    programs: None, problems: dict[str, Problem], tmp_path: Path
+    programs: None, tasks: dict[str, Task], tmp_path: Path
 ) -> None:
     (tmp_path / "second").mkdir()
     (tmp_path / "second" / "notes.txt").write_text("mine", encoding="utf-8")
     with pytest.raises(InputError, match=r"second: has files \(notes.txt\) but no manifest.json"):
-        fit_side_by_side(problems, tmp_path, jobs=2, command="x")
+        fit_side_by_side(tasks, tmp_path, jobs=2, command="x")
     assert Fit.load(tmp_path / "first").manifest["status"] == "complete"

@@ -18,9 +18,9 @@ from pyburgers.model.pooling import (
 from pyburgers.model.priors import default_priors
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
 from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.layout import layout_of
 from pyburgers.protocols.registry import load_experiment
-from pyburgers.sampling.joint_stan_data import joint_coordinates
-from pyburgers.sampling.problem import JointProblem, joint_problem
+from pyburgers.sampling.problem import Problem, problem_of
 
 NAMES = ("PIL40", "PIL72", "PIL105")
 
@@ -29,8 +29,8 @@ def twins() -> list[Experiment]:
     return [load_constant_rate(ICE / f"{name}.toml") for name in NAMES]
 
 
-def problem(**pool: str) -> JointProblem:
-    return joint_problem(twins(), default_priors("ice"), pooling_of(pool))
+def problem(**pool: str) -> Problem:
+    return problem_of(twins(), default_priors("ice"), pooling_of(pool))
 
 
 def test_every_parameter_has_a_default() -> None:
@@ -72,14 +72,14 @@ def test_an_option_stands_once() -> None:
 
 def test_shared_coordinates_stand_once() -> None:
     joint = problem()
-    layout = joint_coordinates(joint)
+    layout = layout_of(joint)
     # 7 shared, 5 of each test, a centre and a spread.
     assert layout.size == 7 + 3 * 5 + 2
     i = layout.names.index("stress_exponent")
     assert len(set(layout.position[:, i])) == 1
     own = layout.position[:, layout.names.index("stress_noise")]
     assert len(set(own)) == 3
-    assert joint_coordinates(problem(all="separate")).size == 36
+    assert layout_of(problem(all="separate")).size == 36
 
 
 def test_noise_prior_is_that_of_the_test_unless_it_is_shared() -> None:
@@ -94,19 +94,19 @@ def test_unsuited_tests_are_refused() -> None:
     first, second, _ = twins()
     priors, pooling = default_priors("ice"), pooling_of()
     with pytest.raises(InputError, match="stands 2 times"):
-        joint_problem([first, first], priors, pooling)
+        problem_of([first, first], priors, pooling)
     with pytest.raises(InputError, match="of one material"):
-        joint_problem([first, replace(second, material="olivine")], priors, pooling)
+        problem_of([first, replace(second, material="olivine")], priors, pooling)
     empty = replace(load_constant_rate(ICE / "PIL72.toml"), strain=np.empty(0), stress=np.empty(0))
     with pytest.raises(InputError, match="has no data"):
-        joint_problem([first, empty], priors, pooling)
+        problem_of([first, empty], priors, pooling)
     oscillating = load_experiment(ICE.parent / "olivine" / "olivine_twin.toml")
     with pytest.raises(InputError, match="expected constant_rate"):
-        joint_problem([first, oscillating], priors, pooling)
+        problem_of([first, oscillating], priors, pooling)
 
 
 def test_what_the_reference_stress_replaces_cannot_be_partially_pooled() -> None:
     with pytest.raises(InputError, match="activation_enthalpy=partial"):
         problem(activation_enthalpy="partial")
     priors = with_fixed(default_priors("ice"), {"activation_enthalpy": 65e3, "beta": -7.29e-4})
-    joint_problem(twins(), priors, pooling_of({"activation_enthalpy": "partial"}))
+    problem_of(twins(), priors, pooling_of({"activation_enthalpy": "partial"}))

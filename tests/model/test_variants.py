@@ -12,6 +12,7 @@ import pytest
 import xarray as xr
 from conftest import ICE, SMALL_RUN, Problem, with_fixed
 from scipy import stats
+from stan_data import one_test_data
 
 from pyburgers.checks.fit_checks import CheckedDraws, check_coverage
 from pyburgers.cli import main as cli
@@ -20,7 +21,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_points import compare, leave_one_out, leave_out_exactly
 from pyburgers.comparison.results import comparison_table
 from pyburgers.fitting.fit import Fit, fit
-from pyburgers.model.parameters import PARAMETERS, PROGRAM_PARAMETERS
+from pyburgers.model.parameters import PARAMETERS, PIEZOMETER, PROGRAM_PARAMETERS
 from pyburgers.model.priors import PriorSet, default_priors, load_priors, save_priors
 from pyburgers.model.variants import (
     CHOICES,
@@ -34,11 +35,18 @@ from pyburgers.posterior.labelled_draws import CORRELATED
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
 from pyburgers.protocols.forward import check_parameters, simulate, simulate_data
 from pyburgers.protocols.registry import load_experiment
-from pyburgers.protocols.stan_data import SolverOptions, program_data
+from pyburgers.protocols.stan_data import SolverOptions
 
 FloatArray = npt.NDArray[np.float64]
 
 OLIVINE = Path(__file__).parents[2] / "data" / "olivine" / "olivine_twin.toml"
+
+PIEZOMETER_OF_ICE = {
+    "piezometer_reference_grain_size": 2e-3,
+    "piezometer_exponent": 1.33,
+    "piezometer_stress_floor": 1e6,
+}
+"""Made up."""
 
 EVERY_CHOICE = {
     "kelvin": "power_law",
@@ -65,10 +73,11 @@ def test_no_choice_changes_nothing(ice: ConstantRateExperiment, priors: PriorSet
     standard = ModelVariant().record()
     assert with_variant(priors, ice, standard) == priors
     assert ModelVariant().short_text == "standard"
-    data = program_data(ice, priors.resolved(1e7), solver=SolverOptions())
-    assert data["prior_family"][len(PARAMETERS) :] == [0] * 6
-    assert data["prior_location"][len(PARAMETERS) :] == [1.0, 0.0, 1e6, 273.15, 0.0, 0.0]
-    assert max(data["parameter_of_coordinate"]) == len(PARAMETERS)
+    data = one_test_data(ice, priors.resolved(1e7), solver=SolverOptions())
+    (family,), (location,) = data["prior_family"], data["prior_location"]
+    assert family[len(PARAMETERS) :] == [0] * 8
+    assert location[len(PARAMETERS) :] == [1.0, 0.0, 1e6, 273.15, 0.0, 0.0, 1.0, 1e6]
+    assert max(data["own_parameter"]) == len(PARAMETERS)
 
 
 @pytest.mark.parametrize(("part", "law"), EVERY_CHOICE.items())
@@ -117,18 +126,50 @@ def test_constant_microstructure_is_that_of_the_start(
     }
 
 
-def test_grain_size_may_follow_a_piezometer(ice: ConstantRateExperiment, priors: PriorSet) -> None:
-    changed = with_variant(priors, ice, {"grain_size": "piezometric"})
+def test_grain_size_may_follow_the_piezometer_of_the_material(
+    ice: ConstantRateExperiment, priors: PriorSet
+) -> None:
+    with pytest.raises(InputError, match="needs a piezometer, found none in the priors 'Ice"):
+        with_variant(priors, ice, {"grain_size": "piezometric"})
+    own = with_fixed(priors, PIEZOMETER_OF_ICE)
+    assert variant_of(own, ice).grain_size == "evolving"
+    changed = with_variant(own, ice, {"grain_size": "piezometric"})
     assert variant_of(changed, ice).short_text == "grain_size=piezometric"
-    assert changed["piezometer_reference_grain_size"].location == 0.015
+    assert {name: changed[name].location for name in PIEZOMETER} == PIEZOMETER_OF_ICE
     assert set(priors.free) - set(changed.free) == {"steady_state_grain_size"}
     constant = with_variant(changed, ice, {"grain_size": "constant"})
     assert variant_of(constant, ice).grain_size == "constant"
+
+
+def test_a_piezometer_that_is_not_followed_is_not_in_the_data(
+    ice: ConstantRateExperiment, priors: PriorSet
+) -> None:
+    own = with_fixed(priors, PIEZOMETER_OF_ICE)
+    place = [p.name for p in PROGRAM_PARAMETERS].index(PIEZOMETER[0])
+    for law, size in (("evolving", 0.0), ("piezometric", 2e-3), ("constant", 0.0)):
+        chosen = with_variant(own, ice, {"grain_size": law}).resolved(1e7)
+        data = one_test_data(ice, chosen, solver=SolverOptions())
+        assert data["prior_location"][0][place] == size
+
+
+def test_materials_of_olivine_rock_have_its_piezometer(ice: ConstantRateExperiment) -> None:
+    for material in ("olivine", "dunite"):
+        own = default_priors(material)
+        assert [own[name].location for name in PIEZOMETER] == [0.015, 1.33, 1e6]
+        assert variant_of(own, ice).grain_size == "evolving"
+
+
+def test_an_oscillation_of_a_material_without_piezometer_is_refused() -> None:
     twin = load_experiment(OLIVINE)
-    with pytest.raises(
-        InputError, match="found a prior of piezometer_reference_grain_size, expected none"
-    ):
-        check_variant(changed, twin)
+    none = with_fixed(default_priors("olivine"), {PIEZOMETER[0]: 0.0})
+    sentence = "olivine_twin: .*follows a piezometer, found none.*expected piezometer_reference"
+    with pytest.raises(InputError, match=sentence):
+        check_variant(none, twin)
+    check_variant(with_variant(none, twin, {"grain_size": "constant"}), twin)
+    assert twin.true_parameters is not None
+    values = {k: v for k, v in twin.true_parameters.items() if k not in PIEZOMETER}
+    with pytest.raises(InputError, match="follows a piezometer, found none"):
+        simulate(twin, values)
 
 
 def test_a_linear_maxwell_dashpot_keeps_the_prior_of_its_rate_at_the_largest_stress(
@@ -231,6 +272,8 @@ VARIANT_TABLES = {
     "kelvin_reference_temperature": '"fixed"\nvalue = 260.0\nunit = "K"',
     "residual_correlation_strain": '"lognormal"\nlocation = 1.0\nscale = 1.0\nunit = "percent"',
     "piezometer_reference_grain_size": '"fixed"\nvalue = 2.0\nunit = "mm"',
+    "piezometer_exponent": '"fixed"\nvalue = 1.33\nunit = "1"',
+    "piezometer_stress_floor": '"fixed"\nvalue = 1.0\nunit = "MPa"',
 }
 
 
@@ -255,6 +298,7 @@ def test_prior_files_may_name_the_parameters_of_variants(tmp_path: Path) -> None
     [
         ({"kelvin_reference_stress": None}, r"\[parameters.kelvin_reference_stress\] is missing"),
         ({"kelvin_reference_temperature": None}, "because kelvin_activation_enthalpy is not fixed"),
+        ({"piezometer_exponent": None}, r"\[parameters.piezometer_exponent\] is missing"),
         (
             {"kelvin_reference_stress": '"uniform"\nlower = 1.0\nupper = 2.0\nunit = "MPa"'},
             "found 'uniform', expected 'fixed'",

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from synthetic_fit import Kind, make_fit
+from synthetic_fit import Kind, make_fit, with_problem
 from test_report import Page
 
 from pyburgers.cli.main import main
@@ -56,7 +56,7 @@ def pair(folder: Path, kind: Kind = "synthetic") -> list[Fit]:
         make_fit(folder / name, name="A", kind=kind, draws=100, fixed=FEW, apart=apart)
         for name, apart in (("alone", 0.0), ("both", 0.5))
     )
-    both = replace(other, priors=with_flow_law(alone.priors, LAW, "test"))
+    both = with_problem(other, other.experiment, with_flow_law(alone.priors, LAW, "test"))
     return [alone, both]
 
 
@@ -116,7 +116,7 @@ def test_sources_that_disagree_are_said_to(fits: list[Fit]) -> None:
         mean = LAW.mean.copy()
         mean[2] = of_curve.mean() + shift * of_curve.std()
         law = replace(LAW, mean=mean)
-        both = replace(fits[1], priors=with_flow_law(fits[0].priors, law, "test"))
+        both = with_problem(fits[1], fits[1].experiment, with_flow_law(fits[0].priors, law, "test"))
         text = " ".join(comparison_sections([fits[0], both])[1].paragraphs)
         assert f"The two sources {expected}" in text
 

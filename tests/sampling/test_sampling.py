@@ -21,9 +21,11 @@ from conftest import LONG_RUN, SMALL_RUN, Problem
 from pyburgers.common.atomic_files import UNFINISHED, write_json
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.fitting.fit import Fit, fit
-from pyburgers.protocols.stan_data import SolverOptions, constant_rate_data
+from pyburgers.protocols.program_data import program_data
+from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.initial_values import draw_initial_values
 from pyburgers.sampling.options import SamplerOptions
+from pyburgers.sampling.problem import problem_of
 from pyburgers.sampling.run import fingerprint
 from pyburgers.sampling.run_directory import RunDirectory
 
@@ -169,11 +171,11 @@ def test_options_out_of_range_are_refused(name: str, make: Callable[[], SamplerO
 
 
 def test_fingerprint_changes_with_what_decides_the_draws(small_problem: Problem) -> None:
-    experiment, priors = small_problem.experiment, small_problem.priors.resolved(8e6)
-    data = constant_rate_data(experiment, priors, solver=SolverOptions())
+    problem = problem_of([small_problem.experiment], small_problem.priors)
+    data = program_data(problem, solver=SolverOptions())
     first = fingerprint(data, SMALL_RUN, "program")
     assert first == fingerprint(data, replace(SMALL_RUN, chains=9, chain_timeout=5.0), "program")
-    tighter = constant_rate_data(experiment, priors, solver=SolverOptions(tolerance=1e-8))
+    tighter = program_data(problem, solver=SolverOptions(tolerance=1e-8))
     others = [
         fingerprint(tighter, SMALL_RUN, "program"),
         fingerprint(data, replace(SMALL_RUN, seed=12), "program"),
@@ -186,15 +188,15 @@ def test_fingerprint_changes_with_what_decides_the_draws(small_problem: Problem)
 def test_starts_are_prior_draws_that_depend_on_seed_and_chain(
     programs: None, small_problem: Problem
 ) -> None:
-    experiment, priors = small_problem.experiment, small_problem.priors.resolved(8e6)
+    problem = problem_of([small_problem.experiment], small_problem.priors)
     starts = {
-        (seed, chain): draw_initial_values(experiment, priors, seed=seed, chain=chain)
+        (seed, chain): draw_initial_values(problem, seed=seed, chain=chain)
         for seed, chain in [(1, 1), (1, 2), (2, 1)]
     }
-    assert starts[1, 1] == draw_initial_values(experiment, priors, seed=1, chain=1)
+    assert starts[1, 1] == draw_initial_values(problem, seed=1, chain=1)
     assert len({tuple(start["coordinate"]) for start in starts.values()}) == 3
     assert all(np.isfinite(start["coordinate"]).all() for start in starts.values())
-    assert {len(start["coordinate"]) for start in starts.values()} == {len(priors.free)}
+    assert {len(start["coordinate"]) for start in starts.values()} == {len(problem.free)}
 
 
 def test_an_experiment_without_data_cannot_be_fitted(

@@ -2,14 +2,17 @@
 
 import numpy as np
 import pytest
-from conftest import ICE, at_mode, resolved_priors, valley_of, with_fixed
+from conftest import ICE, resolved_priors, valley_of, with_fixed
 
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.chart import ChartUnsuited
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
 from pyburgers.protocols.constant_rate.valley import NOISE_SCALED, find_valley, noise_exponents
-from pyburgers.protocols.stan_data import SolverOptions, plain_coordinates
+from pyburgers.protocols.program_data import plain_coordinates
+from pyburgers.protocols.stan_data import SolverOptions
+from pyburgers.sampling.charts import ModeOfTest
 from pyburgers.sampling.mode import find_mode
+from pyburgers.sampling.problem import problem_of
 
 pytestmark = pytest.mark.usefixtures("programs")
 
@@ -31,7 +34,9 @@ def test_pins_lie_on_the_curve_where_the_dashpot_flows(
     strain, weight = valley.pin[:, 0], valley.pin[:, 4]
     assert np.all(np.diff(strain) > 0)
     assert strain[0] > 0.005  # beyond the elastic rise
-    stress = valley.knot_stress[valley.pin_knot - 1]
+    is_pin = valley.knot[:, 2] == 1
+    stress = valley.knot[is_pin, 1]
+    np.testing.assert_allclose(np.cumsum(valley.knot[:, 0])[is_pin], experiment.time_at(strain))
     observed = np.interp(strain, experiment.strain, experiment.stress)
     assert np.all(np.abs(stress - observed) < 4e5)  # four times the noise
     # All pins together weigh as much as the points where the dashpot flows.
@@ -52,11 +57,11 @@ def test_a_prior_that_fixes_the_fabric_does_not_suit(
 ) -> None:
     name = "steady_state_fabric_factor"
     known = with_fixed(priors, {name: 0.5})
-    solver = SolverOptions()
-    mode = find_mode(experiment, known, seed=1, solver=solver)
+    problem, solver = problem_of([experiment], known), SolverOptions()
+    (mode,) = find_mode(problem, seed=1, solver=solver).tests
     assert mode.values[name] == 0.5
     with pytest.raises(ChartUnsuited, match=f"{name} is not free"):
-        find_valley(at_mode(experiment, known, mode, solver))
+        find_valley(ModeOfTest(problem, mode, solver))
 
 
 def test_widths_follow_the_noise_as_far_as_the_data_set_them(

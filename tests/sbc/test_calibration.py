@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from conftest import ICE, resolved_priors
 from scipy import stats
+from stan_data import one_test_data
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.errors import InputError, SamplingError
@@ -26,7 +27,6 @@ from pyburgers.protocols.forward import (
     simulate_data,
 )
 from pyburgers.protocols.registry import protocol_of
-from pyburgers.protocols.stan_data import program_data
 from pyburgers.sbc.data_sets import (
     LOG_LIKELIHOOD,
     RHAT_LIMIT,
@@ -90,7 +90,7 @@ def test_the_trend_leaves_as_much_noise_as_the_likelihood_expects(programs: None
 
     def log_likelihood(log_factor: float) -> float:
         values = {**truth, "stress_noise": truth["stress_noise"] * np.exp(log_factor)}
-        data = program_data(quiet, given_parameters("olivine", values), solver=REFERENCE_SOLVER)
+        data = one_test_data(quiet, given_parameters("olivine", values), solver=REFERENCE_SOLVER)
         return float(model.evaluate(data)["log_lik"].sum())
 
     step = 0.1

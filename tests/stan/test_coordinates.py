@@ -8,11 +8,13 @@ import pytest
 from conftest import ICE, TESTS, needs_measured, resolved_priors, valley_of
 from log_density import Program, constant_rate_program
 from scipy import stats
+from stan_data import one_test_data, parameter_in
 
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
-from pyburgers.protocols.stan_data import SolverOptions, ValleyReference, constant_rate_data
+from pyburgers.protocols.constant_rate.stan_data import ValleyReference
+from pyburgers.protocols.stan_data import SolverOptions
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
@@ -34,7 +36,7 @@ def program_for(
     valley: ValleyReference | None,
     folder: Path,
 ) -> Program:
-    data = constant_rate_data(experiment, priors, solver=SOLVER, valley=valley)
+    data = one_test_data(experiment, priors, solver=SOLVER, reference=valley)
     return constant_rate_program(data, folder)
 
 
@@ -48,7 +50,7 @@ def program(request: pytest.FixtureRequest, tmp_path: Path) -> Program:
 
 def parameters_at(program: Program, coordinate: FloatArray) -> FloatArray:
     columns = program.columns_at({"coordinate": coordinate.tolist()})
-    return np.array([columns[parameter.name] for parameter in PARAMETERS])
+    return np.array([parameter_in(columns, parameter.name) for parameter in PARAMETERS])
 
 
 def derivative(program: Program, coordinate: FloatArray, k: int) -> FloatArray:
@@ -90,11 +92,11 @@ def test_density_is_prior_likelihood_and_jacobian(
     for _ in range(3):
         columns = program.columns_at({"coordinate": rng.standard_normal(SIZE).tolist()})
         prior = sum(
-            prior.distribution().logpdf(columns[name]) for name, prior in priors.priors.items()
+            priors[name].distribution().logpdf(parameter_in(columns, name)) for name in priors.free
         )
         points = range(1, experiment.n_points + 1)
         stress = np.array([columns[f"stress_model.{point}"] for point in points])
-        noise = columns["stress_noise"]
+        noise = parameter_in(columns, "stress_noise")
         likelihood = np.sum(stats.norm.logpdf(experiment.stress, stress, noise))
         assert columns["lprior"] == pytest.approx(prior, rel=1e-8)
         assert columns["lp__"] == pytest.approx(

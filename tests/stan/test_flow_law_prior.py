@@ -1,6 +1,7 @@
 """A flow law as a joint prior: its density, its draws, its files, and what a curve gains."""
 
 import re
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ import pytest
 from conftest import ICE, valley_of, with_fixed, write_problem
 from oracle import GAS_CONSTANT
 from scipy import stats
+from stan_data import one_test_data
 
 from pyburgers.checks.prior_influence import JOINT_PRIOR, prior_influence
 from pyburgers.cli.main import main
@@ -35,8 +37,9 @@ from pyburgers.model.priors import (
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forced_oscillation.experiment import load_forced_oscillation
+from pyburgers.protocols.program_data import values_of_test
 from pyburgers.protocols.registry import protocol_of
-from pyburgers.protocols.stan_data import SolverOptions, constant_rate_data, program_data
+from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.options import SamplerOptions
 
 pytestmark = pytest.mark.usefixtures("programs")
@@ -65,7 +68,7 @@ def flow_law(material: str = "ice") -> FlowLawPrior:
     )
 
 
-def quantities(law: FlowLawPrior, values: dict[str, FloatArray]) -> FloatArray:
+def quantities(law: FlowLawPrior, values: Mapping[str, npt.ArrayLike]) -> FloatArray:
     """Return n, p, ln(flow rate s) and beta of draws, shape (4, ...), written out again."""
     n, p, enthalpy, beta = (np.asarray(values[name]) for name in FLOW_LAW)
     at = law.conditions
@@ -77,7 +80,7 @@ def quantities(law: FlowLawPrior, values: dict[str, FloatArray]) -> FloatArray:
     return np.array([n, p, log_rate, beta])
 
 
-def log_density(law: FlowLawPrior, values: dict[str, FloatArray]) -> float:
+def log_density(law: FlowLawPrior, values: Mapping[str, float]) -> float:
     """Density of n, p, Q_M and beta by scipy."""
     # In standard deviations, since scipy takes the variance of beta, 1e-12, for none.
     deviation = np.sqrt(np.diag(law.covariance))
@@ -99,22 +102,23 @@ def test_the_density_is_that_of_the_normal_and_of_the_other_priors(system: str) 
     experiment, law = experiment_of(material), flow_law(material)
     own = default_priors(material).resolved(experiment.largest_stress)
     priors = with_flow_law(own, law, "test")
-    data = program_data(experiment, priors, solver=SolverOptions(), use_likelihood=False)
+    data = one_test_data(experiment, priors, solver=SolverOptions(), use_likelihood=False)
     if system == "valley":
         ice = load_constant_rate(ICE / "PIL40.toml")
         valley = valley_of(ice, priors)
-        data = constant_rate_data(ice, priors, solver=SolverOptions(), valley=valley)
+        data = one_test_data(ice, priors, solver=SolverOptions(), reference=valley)
     model = load_program(protocol_of(experiment).program)
     rng = np.random.default_rng(5)
     for _ in range(4):
         position = 0.3 * rng.standard_normal(len(priors.free))
         found = model.evaluate(data, {"coordinate": position.tolist()})
+        values = values_of_test(found["parameter"], 0)
         others = sum(
-            float(own[name].distribution().logpdf(found[name]))
+            float(own[name].distribution().logpdf(values[name]))
             for name in own.free
             if name not in FLOW_LAW
         )
-        assert found["lprior"] == pytest.approx(others + log_density(law, found), rel=1e-9)
+        assert found["lprior"] == pytest.approx(others + log_density(law, values), rel=1e-9)
 
 
 def test_without_likelihood_draws_are_those_of_the_normal(tmp_path: Path) -> None:

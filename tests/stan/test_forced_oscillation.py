@@ -15,6 +15,8 @@ from conftest import ICE, FunctionValues, resolved_priors
 from default_chains import sampled
 from numpy.polynomial import Polynomial
 from scipy.integrate import quad, simpson
+from stan_data import one_test_data
+from stan_values import CHARTS
 
 from pyburgers.cli.main import main
 from pyburgers.cmdstan.program import load_program
@@ -30,9 +32,9 @@ from pyburgers.protocols.forced_oscillation.preparation import (
     OscillationSettings,
     prepare,
 )
+from pyburgers.protocols.forced_oscillation.stan_data import START_MARGIN, ShearedReference
 from pyburgers.protocols.forward import REFERENCE_SOLVER, simulate, solve
 from pyburgers.protocols.registry import protocol_of
-from pyburgers.protocols.stan_data import START_MARGIN, ShearedReference, forced_oscillation_data
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
@@ -283,26 +285,13 @@ def test_a_loose_solver_is_far_below_the_noise(twin: OscillationExperiment) -> N
     assert np.abs(exact["stress_model"] - loose["stress_model"]).max() < 0.05 * NOISE
 
 
-VALUES = {
-    "stress_exponent": 3.0,
-    "rate_at_scale": 3e-7,
-    "stress_scale": 48e6,
-    "bias": 98e6,
-    "amplitude": 48e6,
-    "period": PERIOD,
-    "maxwell_modulus": 203e9,
-    "dashpot": 1e-12,
-    "compliance": [3.8e-11, 1.7e-11],
-}
-
-
 @pytest.mark.parametrize("bias", [0.0, 20e6, 98e6])
 @pytest.mark.parametrize("exponent", [1.0, 2.5, 3.0, 3.9])
 def test_dashpot_compliance_is_that_of_its_mean_response(
     exponent: float, bias: float, function_values: FunctionValues
 ) -> None:
-    data = VALUES | {"stress_exponent": exponent, "bias": bias}
-    found = function_values("oscillation_values", data)["dashpot_loss"]
+    data = {**CHARTS, "stress_exponent": exponent, "bias": bias}
+    found = function_values("chart_values", data)["dashpot_loss"]
     amplitude, scale = 48e6, 48e6
 
     def response(angle: float) -> float:
@@ -319,7 +308,7 @@ def test_dashpot_compliance_is_that_of_its_mean_response(
 
 
 def test_kelvin_element_has_the_compliance_that_is_left(function_values: FunctionValues) -> None:
-    kelvin = function_values("oscillation_values", VALUES)["kelvin"]
+    kelvin = function_values("chart_values", CHARTS)["kelvin"]
     compliance = 1 / (kelvin[0] + 2j * np.pi / PERIOD * kelvin[1])
     assert compliance.real == pytest.approx(3.8e-11 - 1 / 203e9, rel=1e-3)
     assert -compliance.imag == pytest.approx(1.7e-11 - 1e-12, rel=1e-3)
@@ -327,7 +316,7 @@ def test_kelvin_element_has_the_compliance_that_is_left(function_values: Functio
 
 def test_kelvin_element_fades_where_nothing_is_left(function_values: FunctionValues) -> None:
     viscosity = [
-        function_values("oscillation_values", VALUES | {"dashpot": dashpot})["kelvin"][1]
+        function_values("chart_values", {**CHARTS, "dashpot": dashpot})["kelvin"][1]
         for dashpot in (1e-12, 1.7e-11, 3e-11, 6e-11)
     ]
     assert np.all(np.diff(viscosity) < 0)
@@ -336,11 +325,11 @@ def test_kelvin_element_fades_where_nothing_is_left(function_values: FunctionVal
 
 def test_the_same_seed_gives_the_same_draws(twin: OscillationExperiment, tmp_path: Path) -> None:
     priors = resolved_priors(twin)
-    data = forced_oscillation_data(
+    data = one_test_data(
         twin,
         priors,
         solver=replace(REFERENCE_SOLVER, tolerance=1e-4),
-        sheared=ShearedReference(np.array([-0.5, 2.0, 1.0]), np.array([3.5, 0.7, 0.2])),
+        reference=ShearedReference(np.array([-0.5, 2.0, 1.0]), np.array([3.5, 0.7, 0.2])),
     )
     draws = [
         sampled(

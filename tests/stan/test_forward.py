@@ -10,6 +10,7 @@ import oracle
 import pytest
 from conftest import ICE, FunctionValues
 from scipy.integrate import simpson
+from stan_values import PHYSICS
 
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.model.parameters import PARAMETERS
@@ -251,6 +252,7 @@ FLOW = {
 
 def function_data(stress: Sequence[float], path_strain: Sequence[float]) -> dict[str, object]:
     return {
+        **PHYSICS,
         **FLOW,
         "n_stresses": len(stress),
         "stress": list(stress),
@@ -261,7 +263,7 @@ def function_data(stress: Sequence[float], path_strain: Sequence[float]) -> dict
 
 def test_flow_law_is_odd_in_stress_and_zero_at_rest(function_values: FunctionValues) -> None:
     stress = np.array([1e3, 1e6, 8e6])
-    values = function_values("function_values", function_data([*stress, *-stress, 0.0], []))
+    values = function_values("physics_values", function_data([*stress, *-stress, 0.0], []))
     rate = values["dashpot_rate"]
     expected = oracle.dashpot_rate(FLOW, 260.0, stress, np.full(3, 180e-6), np.full(3, 0.7))
     np.testing.assert_allclose(rate[:3], expected, rtol=1e-12)
@@ -270,7 +272,7 @@ def test_flow_law_is_odd_in_stress_and_zero_at_rest(function_values: FunctionVal
 
 
 def test_reference_stress_and_enthalpy_are_inverse(function_values: FunctionValues) -> None:
-    values = function_values("function_values", function_data([], []))
+    values = function_values("physics_values", function_data([], []))
     assert values["activation_enthalpy_back"] == pytest.approx(62.08e3, rel=1e-12)
     assert values["beta_back"] == pytest.approx(-7.29e-4, rel=1e-12)
     assert values["rate_at_reference_stress"] == pytest.approx(1.69e-4, rel=1e-10)
@@ -280,7 +282,7 @@ def test_reference_stress_and_enthalpy_are_inverse(function_values: FunctionValu
 
 def test_piezometer_is_even_and_floored(function_values: FunctionValues) -> None:
     stress = np.array([0.0, 1e3, 1e6, 30e6, 200e6])
-    values = function_values("function_values", function_data([*stress, *-stress], []))
+    values = function_values("physics_values", function_data([*stress, *-stress], []))
     size = values["preferred_grain_size"]
     np.testing.assert_allclose(size[:5], [oracle.piezometer(s) for s in stress], rtol=1e-12)
     np.testing.assert_array_equal(size[5:], size[:5])
@@ -295,7 +297,7 @@ def test_closed_form_of_the_microstructure_solves_its_equation(
     step = 1e-5
     middle = np.array([0.01, 0.05, 0.2])
     path = np.concatenate([[0.0], middle, middle - step, middle + step])
-    values = function_values("function_values", function_data([], path.tolist()))
+    values = function_values("physics_values", function_data([], path.tolist()))
     grain_size = values["grain_size_at"]
     assert grain_size[0] == pytest.approx(230e-6, rel=1e-14)
     slope = (grain_size[7:] - grain_size[4:7]) / (2 * step)  # per unit strain

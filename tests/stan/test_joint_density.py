@@ -8,14 +8,15 @@ import pytest
 from conftest import ICE, resolved_priors, valley_of
 from log_density import Program, constant_rate_program
 from scipy import stats
+from stan_data import one_test_data, parameter_in
 
-from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import default_priors
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
-from pyburgers.protocols.stan_data import SolverOptions, constant_rate_data
-from pyburgers.sampling.joint_stan_data import JointValley, joint_coordinates, joint_data
-from pyburgers.sampling.problem import JointProblem, joint_problem
+from pyburgers.protocols.layout import layout_of
+from pyburgers.protocols.program_data import chart_block, program_data
+from pyburgers.protocols.stan_data import SolverOptions
+from pyburgers.sampling.problem import Problem, problem_of
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
@@ -30,19 +31,30 @@ MICROSTRUCTURE = {
     "critical_strain_grain_size": "partial",
     "critical_strain_fabric": "partial",
 }
-"""More than by default, so that parameters that the valley solves for are pooled too."""
+"""More than by default."""
+
+PARTIAL = {
+    "plain": MICROSTRUCTURE,
+    # The valley does not know of a pooling of the parameters that it solves for.
+    "valley": {
+        "steady_state_grain_size": "partial",
+        "kelvin_modulus": "partial",
+        "kelvin_viscosity": "partial",
+    },
+}
 
 
-def problem(**pool: str) -> JointProblem:
-    return joint_problem(EXPERIMENTS, default_priors("ice"), pooling_of(pool))
+def problem(**pool: str) -> Problem:
+    return problem_of(EXPERIMENTS, default_priors("ice"), pooling_of(pool))
 
 
-def joint_program(joint: JointProblem, system: str, folder: Path) -> Program:
-    valley = None
+def joint_program(joint: Problem, system: str, folder: Path) -> Program:
+    data = program_data(joint, solver=SOLVER)
     if system == "valley":
-        references = tuple(valley_of(e, resolved_priors(e)) for e in EXPERIMENTS)
-        valley = JointValley(references, np.linspace(-0.5, 0.5, 2 * len(joint.partial)))
-    data = joint_data(joint, solver=SOLVER, valley=valley)
+        references = [valley_of(e, resolved_priors(e)) for e in EXPERIMENTS]
+        pooled = [own.coordinate[layout_of(joint).pooled] for own in references]
+        pooling = np.linspace(-0.5, 0.5, 2 * len(joint.partial)).reshape(2, -1)
+        data |= chart_block(joint, references, pooled=np.array(pooled), pooling=pooling)
     return constant_rate_program(data, folder)
 
 
@@ -55,7 +67,7 @@ def test_separate_density_is_the_sum_of_single_ones(system: str, tmp_path: Path)
     for experiment, own in zip(EXPERIMENTS, np.split(coordinate, 2), strict=True):
         priors = resolved_priors(experiment)
         valley = valley_of(experiment, priors) if system == "valley" else None
-        data = constant_rate_data(experiment, priors, solver=SOLVER, valley=valley)
+        data = one_test_data(experiment, priors, solver=SOLVER, reference=valley)
         single = constant_rate_program(data, tmp_path)
         total += single.columns_at({"coordinate": own.tolist()})["lp__"]
     assert density == pytest.approx(total, rel=1e-9)
@@ -64,8 +76,8 @@ def test_separate_density_is_the_sum_of_single_ones(system: str, tmp_path: Path)
 @pytest.mark.parametrize("system", ["plain", "valley"])
 def test_pooled_density_is_that_made_by_hand(system: str, tmp_path: Path) -> None:
     """Shared parameters count once; partially pooled ones are normal on the real line."""
-    joint = problem(**MICROSTRUCTURE)
-    layout = joint_coordinates(joint)
+    joint = problem(**PARTIAL[system])
+    layout = layout_of(joint)
     program = joint_program(joint, system, tmp_path)
     coordinate = 0.3 * np.random.default_rng(4).standard_normal(layout.size)
     columns = program.columns_at({"coordinate": coordinate.tolist()})
@@ -75,44 +87,39 @@ def test_pooled_density_is_that_made_by_hand(system: str, tmp_path: Path) -> Non
             [columns[f"stress_model.{i}"] for i in range(first, first + experiment.n_points)]
         )
         first += experiment.n_points
-        noise = columns[f"parameter.{e}.{place('stress_noise')}"]
+        noise = parameter_in(columns, "stress_noise", e)
         total += float(np.sum(stats.norm.logpdf(experiment.stress, stress, noise)))
-        names = ["stress_noise"] + (list(joint.shared) if e == 1 else [])
+        separate = joint.pooling.of_kind("separate", joint.free)
+        names = [*separate, *(joint.shared if e == 1 else ())]
         total += sum(
-            priors[name].distribution().logpdf(columns[f"parameter.{e}.{place(name)}"])
-            for name in names
+            priors[name].distribution().logpdf(parameter_in(columns, name, e)) for name in names
         )
         for h, name in enumerate(joint.partial, start=1):
             low, high = priors[name].lower, priors[name].upper
             logit = [
                 np.log((value - low) / (high - value))
                 for value in (
-                    columns[f"parameter.{e}.{place(name)}"],
+                    parameter_in(columns, name, e),
                     columns[f"pooled_centre.{h}"],
                 )
             ]
             spread = columns[f"pooled_spread.{h}"]
-            value = columns[f"parameter.{e}.{place(name)}"]
+            value = parameter_in(columns, name, e)
             slope = (value - low) * (high - value) / (high - low)
             total += stats.norm.logpdf(logit[0], logit[1], spread) - np.log(slope)
             if e == 1:
                 total += priors[name].distribution().logpdf(columns[f"pooled_centre.{h}"])
                 total += stats.halfnorm.logpdf(spread, scale=joint.pooling.spread_scales[name])
-    exponent = place("stress_exponent")
-    assert columns[f"parameter.1.{exponent}"] == columns[f"parameter.2.{exponent}"]
+    exponents = [parameter_in(columns, "stress_exponent", e) for e in (1, 2)]
+    assert exponents[0] == exponents[1]
     assert columns["lp__"] == pytest.approx(total + columns["log_jacobian"], rel=1e-8)
-
-
-def place(name: str) -> int:
-    """Number of a parameter in the program, from 1."""
-    return [parameter.name for parameter in PROGRAM_PARAMETERS].index(name) + 1
 
 
 @pytest.mark.parametrize("system", ["plain", "valley"])
 def test_jacobian_is_that_of_the_map(system: str, tmp_path: Path) -> None:
     """Of shared and own parameters, centres and spreads by the coordinates."""
-    joint = problem(**MICROSTRUCTURE)
-    layout = joint_coordinates(joint)
+    joint = problem(**PARTIAL[system])
+    layout = layout_of(joint)
     program = joint_program(joint, system, tmp_path)
     start = 0.3 * np.random.default_rng(5).standard_normal(layout.size)
 
@@ -120,9 +127,9 @@ def test_jacobian_is_that_of_the_map(system: str, tmp_path: Path) -> None:
         columns = program.columns_at({"coordinate": coordinate.tolist()})
         values = []
         for e in range(1, len(joint.priors) + 1):
-            own = [*joint.partial, "stress_noise"]
+            own = [*joint.partial, *joint.pooling.of_kind("separate", joint.free)]
             names = [*joint.shared, *own] if e == 1 else own
-            values += [columns[f"parameter.{e}.{place(name)}"] for name in names]
+            values += [parameter_in(columns, name, e) for name in names]
         for h in range(1, len(joint.partial) + 1):
             values += [columns[f"pooled_centre.{h}"], columns[f"pooled_spread.{h}"]]
         return np.array(values), columns["log_jacobian"]
@@ -143,8 +150,8 @@ def test_jacobian_is_that_of_the_map(system: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("system", ["plain", "valley"])
 def test_gradient_is_the_slope_of_the_density(system: str, tmp_path: Path) -> None:
-    joint = problem(**MICROSTRUCTURE)
-    size = joint_coordinates(joint).size
+    joint = problem(**PARTIAL[system])
+    size = layout_of(joint).size
     program = joint_program(joint, system, tmp_path)
     coordinate = 0.2 * np.random.default_rng(6).standard_normal(size)
     gradient = program.at({"coordinate": coordinate.tolist()}).gradient

@@ -14,6 +14,7 @@ from log_density import Program
 from oracle import GAS_CONSTANT
 from scipy import stats
 from scipy.special import logit
+from stan_data import one_test_data, parameter_in
 
 from pyburgers.cmdstan.program import compile_program, stan_directory
 from pyburgers.model.parameters import PARAMETERS
@@ -23,13 +24,8 @@ from pyburgers.protocols.constant_rate.experiment import (
     RateSegment,
     load_constant_rate,
 )
-from pyburgers.protocols.stan_data import (
-    REFERENCE_STRESS,
-    PlainCoordinates,
-    SolverOptions,
-    constant_rate_data,
-    plain_coordinates,
-)
+from pyburgers.protocols.program_data import plain_coordinates
+from pyburgers.protocols.stan_data import REFERENCE_STRESS, PlainCoordinates, SolverOptions
 
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
@@ -52,7 +48,7 @@ class Pair:
 def make_pair(tmp_path: Path) -> MakePair:
     def make(experiment: ConstantRateExperiment) -> Pair:
         priors = resolved_priors(experiment)
-        data = constant_rate_data(
+        data = one_test_data(
             experiment, priors, solver=SolverOptions(tolerance=1e-10, max_num_steps=1_000_000)
         )
         data_file = tmp_path / "data.json"
@@ -165,7 +161,9 @@ def assert_programs_agree(pair: Pair, points: Sequence[Mapping[str, float]]) -> 
         paper = pair.six_state.at(values)
 
         np.testing.assert_allclose(
-            [reduced.columns[p.name] for p in PARAMETERS], list(values.values()), rtol=1e-9
+            [parameter_in(reduced.columns, p.name) for p in PARAMETERS],
+            list(values.values()),
+            rtol=1e-9,
         )
         _, log_determinant = six_state_position(pair, coordinate.astype(np.complex128))
         assert reduced.log_density == pytest.approx(

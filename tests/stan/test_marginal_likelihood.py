@@ -12,13 +12,12 @@ from conftest import SMALL_RUN, Problem
 from pyburgers.cmdstan.draws import read_draws
 from pyburgers.cmdstan.program import load_program
 from pyburgers.comparison.marginal_likelihood import log_density_at, log_marginal_likelihood
-from pyburgers.fitting.fit import Fit, fit
-from pyburgers.fitting.joint_fit import fit_joint_problem
+from pyburgers.fitting.fit import Fit, fit, fit_problem
 from pyburgers.model.pooling import pooling_of
 from pyburgers.protocols.constant_rate.protocol import CONSTANT_RATE
 from pyburgers.protocols.forward import REFERENCE_SOLVER
 from pyburgers.protocols.stan_data import solver_block
-from pyburgers.sampling.problem import joint_problem
+from pyburgers.sampling.problem import problem_of
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
@@ -87,10 +86,10 @@ def test_without_data_it_is_one_for_pooled_parameters_too(
     small_problem: Problem, tmp_path: Path
 ) -> None:
     """Centre and spread, and parameters given them, have normalised densities."""
-    problem = joint_problem(
+    problem = problem_of(
         [small_problem.experiment], small_problem.priors, pooling_of({"maxwell_modulus": "partial"})
     )
-    prior = fit_joint_problem(
+    prior = fit_problem(
         problem,
         out=tmp_path / "prior",
         options=replace(SMALL_RUN, draws=1000),

@@ -10,10 +10,11 @@ import numpy as np
 import numpy.typing as npt
 import oracle
 import pytest
-from conftest import ICE, at_mode, fixed, resolved_priors, with_fixed, with_priors
+from conftest import ICE, fixed, resolved_priors, with_fixed, with_priors
 from default_chains import sampled
 from log_density import Program
 from scipy import stats
+from stan_data import one_test_data, parameter_in, parameters_in
 
 from pyburgers.cmdstan.program import Program as CompiledProgram
 from pyburgers.cmdstan.program import compile_program, load_program
@@ -29,21 +30,22 @@ from pyburgers.protocols.forced_oscillation.experiment import (
 )
 from pyburgers.protocols.forced_oscillation.preparation import Background, prepare
 from pyburgers.protocols.forced_oscillation.sheared import SHIFTED_BY, find_sheared
+from pyburgers.protocols.forced_oscillation.stan_data import ShearedReference
+from pyburgers.protocols.layout import OneTest
+from pyburgers.protocols.program_data import PLACE, chart_block, plain_coordinates
 from pyburgers.protocols.registry import protocol_of
 from pyburgers.protocols.stan_data import (
     PLAIN,
     REFERENCE_FLOW_RATE,
-    ShearedReference,
     SolverOptions,
     StanData,
-    forced_oscillation_data,
-    plain_coordinates,
-    sheared_block,
     solver_block,
 )
-from pyburgers.sampling import charts as geometry
-from pyburgers.sampling.charts import Geometry, choose_geometry
+from pyburgers.sampling import charts
+from pyburgers.sampling.charts import ChosenChart, ModeOfTest, choose_chart
 from pyburgers.sampling.metric import curvature_at
+from pyburgers.sampling.mode import ProblemMode
+from pyburgers.sampling.problem import problem_of
 from pyburgers.sbc.data_sets import calibration_priors, simulate_from_prior
 
 FloatArray = npt.NDArray[np.float64]
@@ -108,7 +110,7 @@ def truth_in(experiment: OscillationExperiment, priors: PriorSet) -> Mode:
         else experiment.true_parameters[p.name]
         for p in PARAMETERS
     }
-    scale = forced_oscillation_data(experiment, priors, solver=TIGHT)["stress_scale"]
+    scale = one_test_data(experiment, priors, solver=TIGHT)["stress_scale"][0]
     grain_size = np.array(experiment.initial_grain_size)
     rate = oracle.dashpot_rate(
         values, experiment.temperature, np.array(scale), grain_size, np.ones(())
@@ -127,7 +129,7 @@ def program_in(
     sheared: ShearedReference | None,
     folder: Path,
 ) -> Program:
-    data = forced_oscillation_data(experiment, priors, solver=TIGHT, sheared=sheared)
+    data = one_test_data(experiment, priors, solver=TIGHT, reference=sheared)
     return program_with(data, folder / ("plain" if sheared is None else "sheared"))
 
 
@@ -153,8 +155,9 @@ def sheared_truth(
     experiment: OscillationExperiment, priors: PriorSet, reference: ShearedReference = REFERENCE
 ) -> FloatArray:
     """Sheared coordinates of the true parameters."""
-    data = forced_oscillation_data(experiment, priors, solver=TIGHT)
-    data |= {**sheared_block(reference), "coordinate_system": PLAIN}
+    data = one_test_data(experiment, priors, solver=TIGHT)
+    block = chart_block(OneTest(experiment, priors), [reference])
+    data |= {**block, "coordinate_system": PLAIN}
     position = {"coordinate": truth_in(experiment, priors).coordinate.tolist()}
     return model_of(experiment).evaluate(data, position)["sheared_coordinate"]
 
@@ -179,13 +182,15 @@ def test_density_is_prior_likelihood_and_jacobian(
     spread = twin.prepared.uncertainty
     for point in scattered(centre, seed=5, number=4):
         columns = program.columns_at({"coordinate": point.tolist()})
-        prior = sum(priors[name].distribution().logpdf(columns[name]) for name in FREE)
+        prior = sum(
+            priors[name].distribution().logpdf(parameter_in(columns, name)) for name in FREE
+        )
         stress = vector(columns, "stress_model", twin.n_points)
-        noise = columns["stress_noise"] * spread / np.sqrt(np.mean(spread**2))
+        noise = parameter_in(columns, "stress_noise") * spread / np.sqrt(np.mean(spread**2))
         likelihood = stats.norm.logpdf(twin.stress, stress, noise)
         if twin.prepared.background == "removed":
             n_taken = twin.prepared.stress_fit.degree + 1
-            taken = n_taken * stats.norm.logpdf(0.0, scale=columns["stress_noise"])
+            taken = n_taken * stats.norm.logpdf(0.0, scale=parameter_in(columns, "stress_noise"))
             likelihood = likelihood - taken / twin.n_points
         np.testing.assert_allclose(
             vector(columns, "log_lik", twin.n_points), likelihood, rtol=1e-8, atol=1e-8
@@ -207,7 +212,7 @@ def test_plain_and_sheared_densities_differ_by_the_jacobian(
         position = vector(there, "plain_coordinate", point.size)
         here = plain.columns_at({"coordinate": position.tolist()})
         for name in FREE:
-            assert there[name] == pytest.approx(here[name], rel=1e-9)
+            assert parameter_in(there, name) == pytest.approx(parameter_in(here, name), rel=1e-9)
         assert there["lp__"] - there["log_jacobian"] == pytest.approx(
             here["lp__"] - here["log_jacobian"], rel=1e-6
         )
@@ -251,7 +256,7 @@ def plain_log_jacobian(experiment: OscillationExperiment, values: Mapping[str, f
 def test_log_jacobian_is_that_of_the_map(short: OscillationExperiment, tmp_path: Path) -> None:
     """Closed form of the plain map, numerical determinant of the shears."""
     priors = resolved_priors(short)
-    data = forced_oscillation_data(short, priors, solver=SolverOptions(1e-3), sheared=REFERENCE)
+    data = one_test_data(short, priors, solver=SolverOptions(1e-3), reference=REFERENCE)
     program = program_with(two_points(data), tmp_path / "sheared")
     for point in scattered(sheared_truth(short, priors), seed=7, number=2):
         columns = program.columns_at({"coordinate": point.tolist()})
@@ -260,7 +265,7 @@ def test_log_jacobian_is_that_of_the_map(short: OscillationExperiment, tmp_path:
         )
         sign, logarithm = np.linalg.slogdet(matrix)
         assert sign > 0
-        expected = logarithm + plain_log_jacobian(short, columns)
+        expected = logarithm + plain_log_jacobian(short, parameters_in(columns))
         assert columns["log_jacobian"] == pytest.approx(expected, abs=1e-6)
 
 
@@ -291,12 +296,12 @@ def two_points(data: StanData) -> StanData:
     """Data of a record that is cut after its second reading: a quick solution."""
     return {
         **data,
-        "start_tau": data["first_tau"] - 0.1,
-        "n_points": 2,
+        "start_tau": [data["first_tau"][0] - 0.1],
+        "point_end": [0, 2],
         **{name: data[name][:2] for name in ("tau", "stress_observed", "relative_noise")},
-        "n_trend": 0,
+        "n_trend": [0],
         "trend_shape": [[], []],
-        "trend_fit": [],
+        "trend_fit": [[], []],
     }
 
 
@@ -306,7 +311,7 @@ def assert_coordinates_work(
     """The set-up from the curvature works, and what it sets up has the right density."""
     mode = truth_in(experiment, priors)
     reference, centre = find_sheared(
-        at_mode(experiment, priors, mode, SolverOptions(tolerance=1e-6))
+        ModeOfTest(problem_of([experiment], priors), mode, SolverOptions(tolerance=1e-6))
     )
     assert np.all(np.isfinite(reference.flow_slope))
     plain, sheared = (
@@ -315,7 +320,7 @@ def assert_coordinates_work(
     here = plain.columns_at({"coordinate": mode.coordinate.tolist()})
     there = sheared.columns_at({"coordinate": centre.tolist()})
     for name in FREE:
-        assert there[name] == pytest.approx(mode.values[name], rel=1e-8), name
+        assert parameter_in(there, name) == pytest.approx(mode.values[name], rel=1e-8), name
     assert there["lp__"] - there["log_jacobian"] == pytest.approx(
         here["lp__"] - here["log_jacobian"], rel=1e-6
     )
@@ -369,29 +374,30 @@ UNSUITED = {
 }
 
 
-def geometry_of(
+def chart_at_truth(
     experiment: OscillationExperiment,
     priors: PriorSet,
     wanted: str,
     monkeypatch: pytest.MonkeyPatch,
-) -> Geometry:
+) -> ChosenChart:
     """Choose coordinates, with the truth in place of a search for the mode."""
-    monkeypatch.setattr(geometry, "find_mode", lambda *_, **__: truth_in(experiment, priors))
+    truth = truth_in(experiment, priors)
+    found = ProblemMode((truth,), truth.coordinate)
+    monkeypatch.setattr(charts, "find_mode", lambda *_, **__: found)
     solver = SolverOptions(tolerance=1e-6)
-    data = forced_oscillation_data(experiment, priors, solver=solver)
-    return geometry_from(data, experiment, priors, wanted, solver)
+    data = one_test_data(experiment, priors, solver=solver)
+    return chart_from(data, experiment, priors, wanted, solver)
 
 
-def geometry_from(
+def chart_from(
     data: StanData,
     experiment: OscillationExperiment,
     priors: PriorSet,
     wanted: str = "auto",
     solver: SolverOptions = SAMPLING,
-) -> Geometry:
-    return choose_geometry(
-        model_of(experiment), data, experiment, priors, wanted=wanted, seed=1, solver=solver
-    )
+) -> ChosenChart:
+    problem = problem_of([experiment], priors)
+    return choose_chart(problem, data, wanted=wanted, seed=1, solver=solver)
 
 
 @pytest.mark.parametrize("case", UNSUITED)
@@ -401,11 +407,11 @@ def test_priors_that_do_not_suit_fall_back_to_plain_ones(
     changed, word = UNSUITED[case]
     experiment = short_twin("kept")
     priors = with_priors(resolved_priors(experiment), changed)
-    found = geometry_of(experiment, priors, "auto", monkeypatch)
-    assert found.system == "plain"
+    found = chart_at_truth(experiment, priors, "auto", monkeypatch)
+    assert found.name == "plain"
     assert word in found.reason
     with pytest.raises(InputError, match=f"sheared coordinates do not apply.*{word}"):
-        geometry_of(experiment, priors, "sheared", monkeypatch)
+        chart_at_truth(experiment, priors, "sheared", monkeypatch)
 
 
 def test_a_record_without_loss_does_not_suit(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -417,8 +423,8 @@ def test_a_record_without_loss_does_not_suit(monkeypatch: pytest.MonkeyPatch) ->
     prepared = prepare(elastic, experiment.settings, experiment.id)
     assert prepared.stress_fit.phase()[0] < prepared.strain_fit.phase()[0]
     backwards = replace(experiment, record=elastic, prepared=prepared)
-    found = geometry_of(backwards, resolved_priors(backwards), "auto", monkeypatch)
-    assert found.system == "plain"
+    found = chart_at_truth(backwards, resolved_priors(backwards), "auto", monkeypatch)
+    assert found.name == "plain"
     assert "stress is not ahead of the strain" in found.reason
 
 
@@ -450,8 +456,8 @@ def test_a_record_whose_loss_is_all_the_dashpots_is_smooth_in_its_coordinates(
     assert truth is not None
     relaxation = truth["kelvin_viscosity"] / truth["kelvin_modulus"]
     assert relaxation < 0.01 * experiment.prepared.period
-    data = forced_oscillation_data(experiment, priors, solver=SAMPLING)
-    found = geometry_from(data, experiment, priors)
+    data = one_test_data(experiment, priors, solver=SAMPLING)
+    found = chart_from(data, experiment, priors)
     assert found.centre is not None
     assert found.covariance is not None
     widths: FloatArray = np.asarray(np.linalg.cholesky(found.covariance), dtype=np.float64)
@@ -479,20 +485,20 @@ def test_a_record_whose_loss_is_all_the_dashpots_is_smooth_in_its_coordinates(
 
 def test_the_twin_is_sampled_in_sheared_coordinates(monkeypatch: pytest.MonkeyPatch) -> None:
     experiment = short_twin("removed")
-    found = geometry_of(experiment, resolved_priors(experiment), "auto", monkeypatch)
-    assert (found.system, found.block["coordinate_system"]) == ("sheared", 2)
+    found = chart_at_truth(experiment, resolved_priors(experiment), "auto", monkeypatch)
+    assert (found.name, found.block["coordinate_system"]) == ("sheared", 2)
     assert found.covariance is not None
     assert np.linalg.eigvalsh(found.covariance).min() > 0
-    plain = geometry_of(experiment, resolved_priors(experiment), "plain", monkeypatch)
-    assert (plain.system, plain.block) == ("plain", {})
+    plain = chart_at_truth(experiment, resolved_priors(experiment), "plain", monkeypatch)
+    assert (plain.name, plain.block) == ("plain", {})
 
 
 def test_without_likelihood_coordinates_stay_plain() -> None:
     experiment = short_twin("kept")
     priors = resolved_priors(experiment)
-    data = forced_oscillation_data(experiment, priors, solver=SAMPLING, use_likelihood=False)
-    found = geometry_from(data, experiment, priors)
-    assert (found.system, found.block, found.centre) == ("plain", {}, None)
+    data = one_test_data(experiment, priors, solver=SAMPLING, use_likelihood=False)
+    found = chart_from(data, experiment, priors)
+    assert (found.name, found.block, found.centre) == ("plain", {}, None)
 
 
 def priors_about_the_truth(experiment: OscillationExperiment) -> PriorSet:
@@ -527,12 +533,12 @@ def test_without_likelihood_draws_have_the_priors_marginals(
 ) -> None:
     experiment = short_twin("kept")
     priors = priors_of(experiment)
-    data = forced_oscillation_data(
+    data = one_test_data(
         experiment,
         priors,
         solver=SolverOptions(tolerance=1e-3),
         use_likelihood=False,
-        sheared=sheared,
+        reference=sheared,
     )
     sample = sampled(
         model_of(experiment),
@@ -545,10 +551,11 @@ def test_without_likelihood_draws_have_the_priors_marginals(
         thin=3,  # successive draws are antithetic
         algorithm=("metric=dense_e", "adapt", "delta=0.9"),
     )
-    values = sample.dataset(FREE)
+    parameters = sample.dataset(["parameter"])["parameter"].isel(parameter_dim_0=0)
     family_wise_level = 1e-3
     for name in FREE:
-        size = az.ess(values[[name]])[name].item()
+        values = parameters.isel(parameter_dim_1=PLACE[name] - 1).to_dataset(name=name)
+        size = az.ess(values)[name].item()
         assert size > 1000, name
         step = int(np.ceil(values[name].size / size))
         independent = values[name].to_numpy().ravel()[::step]

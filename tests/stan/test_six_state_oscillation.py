@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from conftest import ICE, resolved_priors
 from log_density import Program
+from stan_data import one_test_data
 
 from pyburgers.cmdstan.program import compile_program, stan_directory
 from pyburgers.model.priors import PriorSet
@@ -16,7 +17,7 @@ from pyburgers.protocols.forced_oscillation.experiment import (
 )
 from pyburgers.protocols.forced_oscillation.preparation import Background
 from pyburgers.protocols.forward import REFERENCE_SOLVER, solve
-from pyburgers.protocols.stan_data import forced_oscillation_data, plain_coordinates
+from pyburgers.protocols.program_data import plain_coordinates
 
 pytestmark = pytest.mark.usefixtures("programs")
 
@@ -53,14 +54,14 @@ def test_both_forms_have_the_same_likelihood(
     assert experiment.true_parameters is not None
     values = {name: v * factors.get(name, 1.0) for name, v in experiment.true_parameters.items()}
     priors = resolved_priors(experiment)
-    data = forced_oscillation_data(experiment, priors, solver=REFERENCE_SOLVER)
+    data = one_test_data(experiment, priors, solver=REFERENCE_SOLVER)
     data_file = tmp_path / "data.json"
     data_file.write_text(json.dumps(data), encoding="utf-8")
-    flow_rate = solve(experiment, values, experiment.prepared.time[:1], solver=REFERENCE_SOLVER)[
-        "reference_flow_rate"
+    (log_rate,) = solve(experiment, values, experiment.prepared.time[:1], solver=REFERENCE_SOLVER)[
+        "log_reference"
     ]
     coordinate = plain_coordinates(experiment, priors).at(
-        {**values, "reference_flow_rate": float(flow_rate)}
+        {**values, "reference_flow_rate": float(np.exp(log_rate))}
     )
 
     def columns(program: str, position: dict[str, object]) -> dict[str, float]:
@@ -77,5 +78,5 @@ def test_both_forms_have_the_same_likelihood(
     likelihood = reduced["lp__"] - reduced["lprior"] - reduced["log_jacobian"]
     of_paper = paper["lp__"] - paper["lprior"] - log_jacobian_of_bounds(priors, values)
     # The paper's form knows nothing of the noise that went with the trend.
-    taken = data["n_trend"] * (np.log(values["stress_noise"]) + 0.5 * np.log(2.0 * np.pi))
+    taken = data["n_trend"][0] * (np.log(values["stress_noise"]) + 0.5 * np.log(2.0 * np.pi))
     assert of_paper + taken == pytest.approx(likelihood, rel=1e-6)

@@ -8,6 +8,7 @@ import numpy.typing as npt
 import pytest
 from conftest import FunctionValues
 from scipy.special import expit, logit
+from stan_values import CHARTS
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
@@ -23,29 +24,20 @@ DENSITIES = {
 
 def valley_data(**given: Any) -> Mapping[str, Any]:
     data: dict[str, Any] = {
-        "log_density": np.zeros(PLACES.size),
+        **CHARTS,
         "log_odds": LOG_ODDS,
-        "place": 0.5,
-        "deviation": 0.1,
         "remainder": np.zeros(LOG_ODDS.size),
-        "strain": [0.02, 0.1, 0.2],
-        "lower_bound": [0.01, 0.01, 0.1],
-        "upper_bound": [0.1, 0.5, 0.9],
-        "u": [0.3, -0.4],
-        "amplitude": 0.6,
-        "exponent_ratio": 0.15,
-        "grain_size_ratio": 0.3,
         **given,
     }
     data = {name: np.asarray(value).tolist() for name, value in data.items()}
-    return {**data, "n": len(data["log_odds"]), "n_pins": len(data["strain"])}
+    return {**data, "n": len(data["log_odds"])}
 
 
 @pytest.mark.parametrize("name", DENSITIES)
 def test_quantile_functions_are_those_of_the_density(
     name: str, function_values: FunctionValues
 ) -> None:
-    values = function_values("valley_values", valley_data(log_density=DENSITIES[name]))
+    values = function_values("chart_values", valley_data(log_density=DENSITIES[name]))
     fine = np.linspace(PLACES[0], PLACES[-1], 20001)
     density = np.exp(np.interp(fine, PLACES, DENSITIES[name]))
     # Beyond the outermost places lies as much as in a unit of places there.
@@ -59,7 +51,7 @@ def test_quantile_functions_are_those_of_the_density(
 
 @pytest.mark.parametrize("name", DENSITIES)
 def test_slopes_of_quantile_functions(name: str, function_values: FunctionValues) -> None:
-    values = function_values("valley_values", valley_data(log_density=DENSITIES[name]))
+    values = function_values("chart_values", valley_data(log_density=DENSITIES[name]))
     slope = np.exp(values["quantile_log_slope"])
     assert np.all(np.diff(values["quantile_place"]) > 0)
     difference = np.gradient(values["quantile_place"], LOG_ODDS)
@@ -73,7 +65,7 @@ def test_bounded_parameters_stay_near_what_the_data_ask_for(
     deviation = 0.02
     remainder = np.linspace(-3, 3, LOG_ODDS.size)
     values = function_values(
-        "valley_values", valley_data(place=place, deviation=deviation, remainder=remainder)
+        "chart_values", valley_data(place=place, deviation=deviation, remainder=remainder)
     )
     u = values["bounded"]
     within = expit(u)
@@ -87,8 +79,8 @@ def test_bounded_parameters_stay_near_what_the_data_ask_for(
 
 def test_softening_at_the_pins_and_its_slopes(function_values: FunctionValues) -> None:
     data = valley_data()
-    lower, upper = np.array(data["lower_bound"]), np.array(data["upper_bound"])
-    strain, ratio = np.array(data["strain"]), data["grain_size_ratio"]
+    lower, upper = np.array(data["bounds"]).T
+    strain, ratio = np.array(data["strain"]), np.exp(data["log_grain_size_ratio"])
 
     def softening(at: FloatArray) -> tuple[FloatArray, FloatArray]:
         grain_strain, fabric_strain = (lower + (upper - lower) * expit([*at[:2], 0.0]))[:2]
@@ -96,8 +88,8 @@ def test_softening_at_the_pins_and_its_slopes(function_values: FunctionValues) -
         fabric = 1 - at[2] * (1 - np.exp(-strain / fabric_strain))
         return data["exponent_ratio"] * np.log(size), np.log(fabric)
 
-    at = np.array([*data["u"], data["amplitude"]])
-    values = function_values("valley_values", data)
+    at = np.array([*data["u"], data["fabric_amplitude"]])
+    values = function_values("chart_values", data)
     grain, fabric = softening(at)
     np.testing.assert_allclose(values["grain"][:, 0], grain, rtol=1e-10)
     np.testing.assert_allclose(values["fabric"][:, 0], fabric, rtol=1e-10)

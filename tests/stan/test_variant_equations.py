@@ -10,6 +10,7 @@ import pytest
 from conftest import ICE, FunctionValues
 from scipy import stats
 from scipy.integrate import solve_ivp
+from stan_values import PHYSICS
 
 from pyburgers.common.errors import InputError
 from pyburgers.predictions.attenuation import attenuation_spectrum
@@ -34,6 +35,13 @@ POWER_LAW = {
     "kelvin_activation_enthalpy": 60e3,
     "kelvin_reference_stress": 2e6,
     "kelvin_reference_temperature": 260.0,
+}
+PIEZOMETER = {
+    "piezometer_reference_grain_size": 2e-3,
+    "piezometer_exponent": 1.33,
+    "piezometer_stress_floor": 1e6,
+    # That of the start: nothing else moves the grain size.
+    "steady_state_grain_size": 230e-6,
 }
 
 
@@ -101,8 +109,7 @@ def test_power_law_tends_to_the_linear_element() -> None:
 def test_piezometric_grain_size_agrees_with_scipy(
     segments: tuple[tuple[float, float], ...], exponent: float
 ) -> None:
-    piezometer = {"piezometer_reference_grain_size": 2e-3, "kelvin_stress_exponent": exponent}
-    parameters = truth() | POWER_LAW | piezometer
+    parameters = truth() | POWER_LAW | PIEZOMETER | {"kelvin_stress_exponent": exponent}
     strain = np.union1d(STRAIN, [start for start, _ in segments[1:]])
     solution = simulate(protocol_at(260.0, segments), parameters, at=strain)
     independent = oracle.six_states(parameters, 260.0, 230e-6, segments, strain)
@@ -113,7 +120,7 @@ def test_piezometric_grain_size_agrees_with_scipy(
 
 def test_piezometric_grain_size_settles_at_that_of_the_stress() -> None:
     test = replace(protocol_at(260.0, ((0.0, 1e-4),)), final_strain=3.0)
-    parameters = truth() | {"piezometer_reference_grain_size": 2e-3}
+    parameters = truth() | PIEZOMETER
     end = simulate(test, parameters, at=np.array([3.0])).iloc[-1]
     wanted = oracle.piezometer(end["stress_Pa"]) * 2e-3 / 0.015
     assert end["grain_size_m"] == pytest.approx(wanted, rel=1e-6)
@@ -203,20 +210,15 @@ def values_of_functions(
     replications: int = 0,
 ) -> dict[str, FloatArray]:
     return function_values(
-        "variant_values",
+        "physics_values",
         {
+            **PHYSICS,
             "n": strain.size,
             "strain": strain.tolist(),
             "residual": residual.tolist(),
-            "stress_noise": 3e4,
             "correlation_strain": correlation_strain,
             "n_replications": replications,
-            "viscosity": 2e10,
-            "kelvin_stress_exponent": 3.0,
-            "kelvin_activation_enthalpy": 60e3,
             "temperature": 250.0,
-            "reference_stress": 2e6,
-            "reference_temperature": 260.0,
             "n_driving": 4,
             "driving_stress": [-3e6, 0.0, 1.0, 5e6],
         },

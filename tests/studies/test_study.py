@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from conftest import sketch_pictures
-from synthetic_fit import make_fit
+from synthetic_fit import make_fit, with_problem
 from synthetic_olivine_fit import make_olivine_fit
 from test_report import Page
 from test_report import small_fit as quickly_drawn_fit
@@ -17,7 +17,7 @@ from test_report import small_fit as quickly_drawn_fit
 from pyburgers.common.draws import all_draws
 from pyburgers.drawing.page_parts import PageSection
 from pyburgers.fitting.fit import Fit
-from pyburgers.fitting.side_by_side import Problem
+from pyburgers.fitting.side_by_side import Task
 from pyburgers.predictions.attenuation import predict_attenuation, quantile_table
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.protocols.forced_oscillation.response import oscillation_of
@@ -183,7 +183,7 @@ def test_without_a_kept_background_or_truth_there_is_no_true_state(
         olivine["removed"].experiment,
         replace(olivine["removed"].experiment, true_parameters=None),
     ):
-        fits = {"removed": replace(olivine["removed"], experiment=experiment)}
+        fits = {"removed": with_problem(olivine["removed"], experiment, olivine["removed"].priors)}
         (table,) = background_section(fits).tables
         assert table.shown["true value"].tolist()[-2:] == ["", ""]
 
@@ -209,10 +209,10 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
 ) -> None:
     shown: dict[str, Any] = {}
 
-    def quickly(problems: Mapping[str, Problem], folder: Path, **_: object) -> dict[str, Fit]:
+    def quickly(problems: Mapping[str, Task], folder: Path, **_: object) -> dict[str, Fit]:
         return {name: made(problem, folder / name) for name, problem in problems.items()}
 
-    def made(problem: Problem, out: Path) -> Fit:
+    def made(problem: Task, out: Path) -> Fit:
         experiment, priors = problem.experiment, problem.priors
         assert priors.material == experiment.material
         assert out == tmp_path / "runs" / "quick" / experiment.id
@@ -221,7 +221,7 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
             assert experiment.id == f"olivine_{treatment}"
             return make_olivine_fit(out, treatment)
         fit = make_fit(out, name=experiment.id, draws=100, command=experiment.id)
-        return replace(fit, priors=priors.resolved(8e6))
+        return with_problem(fit, fit.experiment, priors.resolved(8e6))
 
     def written(fits: Sequence[Fit], out: Path, **arguments: object) -> Path:
         shown.update(fits=fits, **arguments)

@@ -109,7 +109,7 @@ def constant_rate_program(data: StanData, folder: Path) -> Program:
     """Program for constant rate, of a single or a joint fit, in the coordinates of its data."""
     data_file = folder / "data.json"
     data_file.write_text(json.dumps(data), encoding="utf-8")
-    size = data["n_coordinates"] + data["n_further_coordinates"]
+    size = data["n_coordinates"]
     return Program(
         compile_program(stan_directory() / "constant_rate.stan"),
         data_file,

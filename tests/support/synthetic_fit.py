@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal
@@ -17,8 +18,9 @@ from pyburgers.model.prior_families import Family, Prior
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, RateSegment
 from pyburgers.protocols.constant_rate.protocol import CONSTANT_RATE
-from pyburgers.protocols.experiment import Provenance
+from pyburgers.protocols.experiment import Experiment, Provenance
 from pyburgers.protocols.stan_data import REFERENCE_STRESS
+from pyburgers.sampling.problem import problem_of
 from pyburgers.sampling.run_directory import RunDirectory
 
 FloatArray = npt.NDArray[np.float64]
@@ -244,7 +246,12 @@ def make_fit(
     path.mkdir(parents=True, exist_ok=True)
     run = RunDirectory(path)
     write_json(run.manifest_file, manifest)
-    return Fit(run, tree, manifest, experiment, priors)
+    return Fit(run, tree, manifest, problem_of([experiment], priors))
+
+
+def with_problem(fit: Fit, experiment: Experiment, priors: PriorSet) -> Fit:
+    """Exchange what a fit is of."""
+    return replace(fit, problem=problem_of([experiment], priors))
 
 
 def _posterior(
@@ -309,6 +316,7 @@ def _manifest(
     return {
         "fingerprint": "f" * 64,
         "experiment": experiment.id,
+        "experiments": [experiment.id],
         "data_kind": experiment.provenance.kind,
         "command": command,
         "started": "2025-01-01T00:00:00+00:00",

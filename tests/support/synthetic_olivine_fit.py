@@ -21,6 +21,7 @@ from pyburgers.protocols.forced_oscillation.preparation import Background
 from pyburgers.protocols.forced_oscillation.protocol import FORCED_OSCILLATION
 from pyburgers.protocols.forced_oscillation.response import oscillation_of
 from pyburgers.protocols.stan_data import REFERENCE_FLOW_RATE, REFERENCE_STRESS
+from pyburgers.sampling.problem import problem_of
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -63,8 +64,7 @@ def make_olivine_fit(
     observed = xr.Dataset({"stress": ("point", experiment.stress)})
     tree = xr.DataTree.from_dict({**groups, "posterior": posterior, "observed_data": observed})
     changes: dict[str, Any] = {
-        "experiment": replace(experiment, id=f"olivine_{background}"),
-        "priors": priors,
+        "problem": problem_of([replace(experiment, id=f"olivine_{background}")], priors),
         "posterior": tree,
     }
     return oscillating(replace(made, **changes), amplitude_sd=0.01, phase_sd=0.01)

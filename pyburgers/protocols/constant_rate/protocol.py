@@ -12,6 +12,7 @@ from markupsafe import Markup
 from pyburgers.drawing.panels import FittedCurve
 from pyburgers.model.display import STRAIN_FACTOR, STRAIN_UNIT, STRESS_FACTOR, STRESS_UNIT
 from pyburgers.model.parameters import REFERENCE_STRESS_QUANTITY
+from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.constant_rate.experiment import (
     ConstantRateExperiment,
     load_constant_rate,
@@ -19,9 +20,14 @@ from pyburgers.protocols.constant_rate.experiment import (
     strain_grid,
 )
 from pyburgers.protocols.constant_rate.figures import CONSTANT_RATE_FIGURES, fitted_curve
+from pyburgers.protocols.constant_rate.stan_data import (
+    grid_block,
+    reference_origin,
+    tests_block,
+)
 from pyburgers.protocols.constant_rate.valley import ValleyChart
 from pyburgers.protocols.protocol import FittedTest, Protocol, Quantity
-from pyburgers.protocols.stan_data import StanData, experiment_block
+from pyburgers.protocols.stan_data import StanData
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -48,7 +54,6 @@ class ConstantRate(Protocol[ConstantRateExperiment]):
     warmup = 300
     target_acceptance = 0.96
     chart = ValleyChart()
-    gives_log_density = True
     figures = CONSTANT_RATE_FIGURES
     reference_text = Markup(
         "The reference stress <i>S</i><sub>0</sub>, at which the undeformed material flows at the "
@@ -67,11 +72,21 @@ class ConstantRate(Protocol[ConstantRateExperiment]):
         """Return the test without its points."""
         return replace(experiment, strain=np.empty(0), stress=np.empty(0))
 
-    def experiment_data(
-        self, experiment: ConstantRateExperiment, *, use_likelihood: bool
+    def reference_origin(self, experiment: ConstantRateExperiment) -> tuple[float, float]:
+        """Return the largest observed stress, and a size."""
+        return reference_origin(experiment)
+
+    def tests_block(
+        self, experiments: Sequence[ConstantRateExperiment], priors: Sequence[PriorSet]
     ) -> StanData:
-        """Return imposed rates and points."""
-        return experiment_block(experiment, use_likelihood=use_likelihood)
+        """Return what drives the tests, and where their points lie."""
+        return tests_block(experiments, priors)
+
+    def grid_block(
+        self, experiments: Sequence[ConstantRateExperiment], grids: Sequence[FloatArray]
+    ) -> StanData:
+        """Return strains, those of rate steps among them."""
+        return grid_block(experiments, grids)
 
     def prediction_grid(self, experiment: ConstantRateExperiment) -> FloatArray:
         """Return strains, denser at each segment's start."""

@@ -1,4 +1,4 @@
-"""Reference point and pins of the valley coordinates (`stan/functions/valley_coordinates.stan`).
+"""Reference point and pins of the valley coordinates (`stan/charts/valley/`).
 
 Everything comes from the posterior mode: it is the reference point, its solution the smooth curve
 that the pins lie on, and its residual sets their weight. Digitising jitter, short records, rate
@@ -6,21 +6,20 @@ steps and curves without a peak need no special care then, and the speed of a ru
 is all that depends on it.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
+from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.variants import variant_of
 from pyburgers.protocols.chart import AtMode, Chart, ChartUnsuited
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, strain_grid
-from pyburgers.protocols.stan_data import (
-    PlainCoordinates,
-    StanData,
-    ValleyReference,
-    valley_block,
-)
+from pyburgers.protocols.constant_rate.stan_data import ValleyReference, valley_block
+from pyburgers.protocols.layout import Layout
+from pyburgers.protocols.stan_data import PlainCoordinates, StanData
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -69,9 +68,9 @@ class ValleyChart(Chart[ConstantRateExperiment]):
         exponents = noise_exponents(test.coordinates, test.priors, covariance)
         return replace(reference, noise_exponent=exponents)
 
-    def block(self, reference: ValleyReference) -> StanData:
+    def block(self, references: Sequence[ValleyReference], layout: Layout) -> StanData:
         """Return the block `stan/data/valley.stan`."""
-        return valley_block(reference)
+        return valley_block(references, layout)
 
 
 def find_valley(test: AtMode[ConstantRateExperiment]) -> ValleyReference:
@@ -116,12 +115,12 @@ def find_valley(test: AtMode[ConstantRateExperiment]) -> ValleyReference:
         for least in LEAST_RELATIVE_NOISE
     ]
     time = experiment.time_at(knots["grid_strain"])
+    is_pin = np.isin(np.arange(time.size), pin_knot)
     return ValleyReference(
+        values=np.array([mode.values[p.name] for p in PROGRAM_PARAMETERS]),
         coordinate=mode.coordinate,
         linear_from=_linear_from(mode.coordinate, coordinates),
-        knot_time_step=np.diff(time, prepend=0.0),
-        knot_stress=knots["grid_stress"],
-        pin_knot=pin_knot + 1,
+        knot=np.column_stack([np.diff(time, prepend=0.0), knots["grid_stress"], is_pin]),
         pin=np.column_stack(
             [
                 pin_strain,

@@ -14,6 +14,7 @@ from pyburgers.drawing.page_parts import PageTable
 from pyburgers.drawing.panels import FittedCurve
 from pyburgers.model.display import STRAIN_FACTOR, STRESS_FACTOR, STRESS_UNIT
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
+from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.forced_oscillation.experiment import (
     OscillationExperiment,
     load_forced_oscillation,
@@ -23,8 +24,13 @@ from pyburgers.protocols.forced_oscillation.figures import OSCILLATION_FIGURES, 
 from pyburgers.protocols.forced_oscillation.preparation import prepare
 from pyburgers.protocols.forced_oscillation.response import response_page_table
 from pyburgers.protocols.forced_oscillation.sheared import ShearedChart
+from pyburgers.protocols.forced_oscillation.stan_data import (
+    grid_block,
+    reference_origin,
+    tests_block,
+)
 from pyburgers.protocols.protocol import FittedTest, Protocol, Quantity
-from pyburgers.protocols.stan_data import StanData, oscillation_block
+from pyburgers.protocols.stan_data import StanData
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -76,11 +82,21 @@ class ForcedOscillation(Protocol[OscillationExperiment]):
         """Return the test as it is: what drives it and what it starts from come from its record."""
         return experiment
 
-    def experiment_data(
-        self, experiment: OscillationExperiment, *, use_likelihood: bool
+    def reference_origin(self, experiment: OscillationExperiment) -> tuple[float, float]:
+        """Return a typical flow rate, and a size."""
+        return reference_origin(experiment)
+
+    def tests_block(
+        self, experiments: Sequence[OscillationExperiment], priors: Sequence[PriorSet]
     ) -> StanData:
-        """Return what drives the test, and its points."""
-        return oscillation_block(experiment, use_likelihood=use_likelihood)
+        """Return what drives the tests, and where their points lie."""
+        return tests_block(experiments, priors)
+
+    def grid_block(
+        self, experiments: Sequence[OscillationExperiment], grids: Sequence[FloatArray]
+    ) -> StanData:
+        """Return times."""
+        return grid_block(experiments, grids)
 
     def prediction_grid(self, experiment: OscillationExperiment) -> FloatArray:
         """Return evenly spaced times."""

@@ -1,8 +1,10 @@
-"""Set-up of the sheared coordinates (`stan/functions/sheared_coordinates.stan`).
+"""Set-up of the sheared coordinates (`stan/charts/sheared.stan`).
 
 Everything comes from the posterior mode and the curvature there; only the speed of a run depends
 on it, not its result.
 """
+
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -10,13 +12,9 @@ import numpy.typing as npt
 from pyburgers.model.prior_families import Prior
 from pyburgers.protocols.chart import AtMode, Chart, ChartUnsuited, Mode
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
-from pyburgers.protocols.stan_data import (
-    PLAIN,
-    PlainCoordinates,
-    ShearedReference,
-    StanData,
-    sheared_block,
-)
+from pyburgers.protocols.forced_oscillation.stan_data import ShearedReference, sheared_block
+from pyburgers.protocols.layout import Layout
+from pyburgers.protocols.stan_data import PlainCoordinates, StanData
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -43,9 +41,9 @@ class ShearedChart(Chart[OscillationExperiment]):
         """Set the shifts (`find_sheared`)."""
         return find_sheared(test)
 
-    def block(self, reference: ShearedReference) -> StanData:
+    def block(self, references: Sequence[ShearedReference], layout: Layout) -> StanData:
         """Return the block `stan/data/sheared.stan`."""
-        return sheared_block(reference)
+        return sheared_block(references, layout)
 
 
 def find_sheared(test: AtMode[OscillationExperiment]) -> tuple[ShearedReference, FloatArray]:
@@ -77,13 +75,16 @@ def find_sheared(test: AtMode[OscillationExperiment]) -> tuple[ShearedReference,
         for prior in (beta, priors[replaced]):
             if not _is_unbounded_normal(prior):
                 raise ChartUnsuited(f"the prior of {prior.parameter} is not an unbounded normal")
-    if test.data["storage_compliance"] <= 0 or test.data["loss_compliance"] <= 0:
+    if test.data["storage_compliance"][0] <= 0 or test.data["loss_compliance"][0] <= 0:
         raise ChartUnsuited("the observed stress is not ahead of the strain by 0 to 90 degrees")
     reference = ShearedReference(
         _flow_slope(test, coordinates.parameters.index(replaced)),
         np.array([test.mode.values[name] for name in SHIFTED_BY]),
     )
-    block = {**sheared_block(reference), "coordinate_system": PLAIN}
+    block = {
+        "flow_slope": [reference.flow_slope.tolist()],
+        "flow_reference": [reference.flow_reference.tolist()],
+    }
     return reference, np.atleast_1d(test.generated(**block)["sheared_coordinate"])
 
 
@@ -101,7 +102,7 @@ def _flow_slope(test: AtMode[OscillationExperiment], flow: int) -> FloatArray:
     }
     growth = test.generated()
     # Of p ln(d/d_0); zero where the flow law or the piezometer leaves nothing to grow.
-    of_growth = mode.values["grain_size_exponent"] * float(growth["typical_growth_slope"])
+    of_growth = mode.values["grain_size_exponent"] * float(growth["typical_growth_slope"][0])
     by_growth = (
         by_parameter.get("critical_strain_grain_size", 0.0) / of_growth if of_growth != 0 else 0.0
     )
@@ -109,7 +110,7 @@ def _flow_slope(test: AtMode[OscillationExperiment], flow: int) -> FloatArray:
     return np.array(
         [
             by_parameter.get("stress_exponent", 0.0),
-            by_exponent - by_growth * float(growth["typical_growth"]),
+            by_exponent - by_growth * float(growth["typical_growth"][0]),
             by_growth,
         ]
     )

@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 from pyburgers.cmdstan.program import compile_programs, stan_directory
 from pyburgers.fitting.fit import Fit
-from pyburgers.fitting.side_by_side import Problem, fit_side_by_side
+from pyburgers.fitting.side_by_side import Task, fit_side_by_side
 from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress, flow_law_prior
 from pyburgers.flow_law_tables.inputs import (
     default_peak_stress_priors,
@@ -164,7 +164,7 @@ def _fit_peak_stress(out: Path, priors: PriorSet, *, command: str) -> PeakStress
     return fit_peak_stress(load_peak_stress(table), priors, out=out, command=command)
 
 
-def _problems(preset: str, handed_on: PeakStressFit) -> dict[str, Problem]:
+def _problems(preset: str, handed_on: PeakStressFit) -> dict[str, Task]:
     """Fits of the study, by the names of their runs, in the order of the page.
 
     Parameters
@@ -176,14 +176,14 @@ def _problems(preset: str, handed_on: PeakStressFit) -> dict[str, Problem]:
     """
     experiments = study_experiments()
     problems = {
-        name: Problem(one, default_priors(one.material), _options(preset, name))
+        name: Task(one, default_priors(one.material), _options(preset, name))
         for name, one in experiments.items()
     }
     combined = replace(experiments[COMBINED_TWIN], id=COMBINED_RUN)
     priors = with_flow_law(
         default_priors(combined.material), flow_law_prior(handed_on), HANDED_ON_RUN
     )
-    return {**problems, COMBINED_RUN: Problem(combined, priors, PRESETS["quick"])}
+    return {**problems, COMBINED_RUN: Task(combined, priors, PRESETS["quick"])}
 
 
 def _options(preset: str, name: str) -> SamplerOptions:

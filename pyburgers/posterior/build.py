@@ -1,0 +1,385 @@
+"""Chain files of a run -> labelled draws: of each test, and of all tests together."""
+
+import json
+import logging
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from pyburgers.cmdstan.draws import Draws, read_draws
+from pyburgers.cmdstan.program import Program, load_program
+from pyburgers.common.errors import SamplingError
+from pyburgers.model.parameters import PARAMETER_BY_NAME
+from pyburgers.model.priors import PriorSet
+from pyburgers.posterior.labelled_draws import (
+    CORRELATED,
+    OF_ALL_TESTS,
+    TESTS,
+    keep_posterior,
+    label_draws,
+    own_name,
+    sample_stats,
+)
+from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.forward import REFERENCE_SOLVER, simulate
+from pyburgers.protocols.layout import CENTRE, SPREAD
+from pyburgers.protocols.program_data import PLACE, with_grids
+from pyburgers.protocols.protocol import Quantity
+from pyburgers.protocols.registry import protocol_of
+from pyburgers.protocols.stan_data import StanData, solver_block
+from pyburgers.sampling.problem import Problem
+from pyburgers.sampling.run_directory import RunDirectory
+
+logger = logging.getLogger(__name__)
+
+GIVEN_OTHERS = "log_lik_given_others"
+"""Name in programs; empty where residuals are independent."""
+
+
+def build_posterior(run: RunDirectory, problem: Problem) -> xr.DataTree:
+    """Gather the finished chains of a run into labelled draws and save them.
+
+    Every kept draw is evaluated again at the reference tolerance of the solver, which gives the
+    predictive bands and the log ratios for the solver check (Timonen et al. 2023, Stat 12,
+    e614).
+
+    Parameters
+    ----------
+    run : RunDirectory
+        A run with at least one finished chain.
+    problem : Problem
+        What was fitted.
+
+    Returns
+    -------
+    DataTree
+        Of a single test, groups posterior, sample_stats, log_likelihood (of each point given those
+        before it), log_likelihood_given_others (where residuals are correlated; elsewhere the
+        same), log_prior, posterior_predictive (at the observed points), predictions (on a grid of
+        the protocol's clock), posterior_mean_solution, observed_data, constant_data; dimensions
+        chain, draw, point, and the clock. Stresses of an oscillating test are without trend where
+        its background is removed, save that of posterior_mean_solution. Of several tests these in
+        tests/ID for each, with `OF_ALL_TESTS`; and at the top those of points of all tests, one
+        after the other, and of draws: shared parameters by their names, others as NAME[TEST],
+        NAME[centre] and NAME[spread].
+    """
+    manifest = run.read_manifest()
+    protocol, experiments = problem.protocol, problem.experiments
+    files = run.draws_files()
+    chains = {"chain": list(run.finished_chains())}
+    grids = [protocol.prediction_grid(experiment) for experiment in experiments]
+    data = json.loads(run.stan_data_file.read_text(encoding="utf-8"))
+    fit = read_draws(files)
+    logger.info("Solving every draw again at the reference tolerance.")
+    data = with_grids(data, experiments, grids)
+    checked = reference_solution(
+        load_program(protocol.program),
+        data,
+        files,
+        list(protocol.grid_quantities),
+        seed=manifest["sampler"]["seed"],
+    ).assign_coords(chains)
+    stats = stats_with_solver(fit, checked, chains, use_likelihood=manifest["use_likelihood"])
+    at_points = drawn_at_points(fit, chains, protocol.response)
+    draws = _draws_of_tests(fit, problem, chains)
+    ends, grid_ends = data["point_end"], data["grid_end"]
+    tests = {}
+    for e, (experiment, priors) in enumerate(zip(experiments, problem.priors, strict=True)):
+        points = at_points.isel(point=slice(ends[e], ends[e + 1]))
+        on_grid = slice(grid_ends[e], grid_ends[e + 1])
+        tests[experiment.id] = groups_of_test(
+            draws[experiment.id],
+            points.assign_coords(point=np.arange(experiment.n_points)),
+            stats,
+            checked.isel({f"{name}_dim_0": on_grid for name in protocol.grid_quantities}),
+            experiment,
+            priors,
+        )
+    if problem.is_single:
+        (groups,) = tests.values()
+    else:
+        total = xr.Dataset({"total": at_points["log_lik"].sum("point", skipna=False)})
+        groups = {
+            "posterior": _all_draws(fit, problem, draws, chains),
+            "sample_stats": stats,
+            **point_groups(at_points, experiments),
+            **{
+                f"{TESTS}/{test}/{name}": group
+                for test, own in tests.items()
+                for name, group in {**own, OF_ALL_TESTS: total}.items()
+            },
+        }
+    return keep_posterior(run, groups, experiment=problem.name, data_kind=problem.data_kind)
+
+
+def _draws_of_tests(
+    fit: Draws, problem: Problem, chains: Mapping[str, list[int]]
+) -> dict[str, xr.Dataset]:
+    """Labelled draws of the parameters of each test."""
+    columns = fit.dataset(["parameter", "log_reference"]).assign_coords(chains)
+    reference = problem.protocol.reference
+    found = {}
+    for e, (experiment, priors) in enumerate(zip(problem.experiments, problem.priors, strict=True)):
+        own = columns["parameter"].isel(parameter_dim_0=e, drop=True)
+        values = {
+            name: own.isel(parameter_dim_1=PLACE[name] - 1, drop=True) for name in priors.priors
+        }
+        logarithm = columns["log_reference"].isel(log_reference_dim_0=e, drop=True)
+        draws = xr.Dataset({**values, reference.name: np.exp(logarithm)})
+        parameters = (PARAMETER_BY_NAME[name] for name in priors.priors)
+        label_draws(draws, (*parameters, reference), priors)
+        found[experiment.id] = draws
+    return found
+
+
+def _all_draws(
+    fit: Draws,
+    problem: Problem,
+    draws: Mapping[str, xr.Dataset],
+    chains: Mapping[str, list[int]],
+) -> xr.Dataset:
+    """Draws of every sampled quantity, each once."""
+    first = draws[problem.experiments[0].id]
+    variables = {name: first[name] for name in problem.shared}
+    own = [name for name in problem.free if name not in problem.shared]
+    for test, of_test in draws.items():
+        variables |= {
+            own_name(name, test): of_test[name] for name in (*own, problem.protocol.reference.name)
+        }
+    if problem.partial:
+        pooled = fit.dataset(["pooled_centre", "pooled_spread"]).assign_coords(chains)
+        for h, name in enumerate(problem.partial):
+            for owner, unit in ((CENTRE, first[name].attrs["units"]), (SPREAD, "1")):
+                column = f"pooled_{owner}"
+                values = pooled[column].isel({f"{column}_dim_0": h}, drop=True)
+                values.attrs = {**first[name].attrs, "units": unit}
+                variables[own_name(name, owner)] = values
+    return xr.Dataset(variables)
+
+
+def drawn_at_points(fit: Draws, chains: Mapping[str, list[int]], response: Quantity) -> xr.Dataset:
+    """Draws at the points of a program's data, and of its prior density.
+
+    Parameters
+    ----------
+    fit : Draws
+        Chains of a program for curves.
+    chains : mapping
+        Coordinate of the dimension chain.
+    response : Quantity
+        What was observed.
+
+    Returns
+    -------
+    Dataset, dimensions chain, draw, point
+        replicated responses, log_lik, `GIVEN_OTHERS` where residuals are correlated, and lprior.
+    """
+    names = [f"{response.name}_replicated", "log_lik"]
+    if GIVEN_OTHERS in fit:
+        names.append(GIVEN_OTHERS)
+    columns = {name: fit.dataset([name])[name].rename({f"{name}_dim_0": "point"}) for name in names}
+    lprior = fit.dataset(["lprior"])["lprior"]
+    drawn = xr.Dataset({**columns, "lprior": lprior}).assign_coords(chains)
+    return drawn.assign_coords(point=np.arange(drawn.sizes["point"]))
+
+
+def stats_with_solver(
+    fit: Draws,
+    checked: xr.Dataset,
+    chains: Mapping[str, list[int]],
+    *,
+    use_likelihood: bool,
+) -> xr.Dataset:
+    """Sampler's columns, and the log ratio of reference to sampled likelihood of every draw.
+
+    Parameters
+    ----------
+    fit : Draws
+        Chains of a program for curves.
+    checked : Dataset
+        From `reference_solution`.
+    chains : mapping
+        Coordinate of the dimension chain.
+    use_likelihood : bool
+        Whether the data took part.
+    """
+    reference = checked["log_lik"].sum("log_lik_dim_0", skipna=False).assign_coords(chains)
+    stats = sample_stats(fit).assign_coords(chains)
+    stats["solver_log_ratio"] = (
+        reference - _sampled_log_likelihood(fit).assign_coords(chains)
+        if use_likelihood
+        else xr.zeros_like(reference)  # the solver has no part in the prior
+    )
+    return stats
+
+
+def groups_of_test(
+    draws: xr.Dataset,
+    at_points: xr.Dataset,
+    stats: xr.Dataset,
+    checked: xr.Dataset,
+    experiment: Experiment,
+    priors: PriorSet,
+) -> dict[str, xr.Dataset]:
+    """Return the groups of one test.
+
+    Parameters
+    ----------
+    draws : Dataset
+        Labelled draws of its parameters.
+    at_points : Dataset
+        From `drawn_at_points`.
+    stats : Dataset
+        From `stats_with_solver`.
+    checked : Dataset
+        Its solutions on the prediction grid, from `reference_solution`.
+    experiment, priors
+        The test and its resolved priors.
+    """
+    return {
+        "posterior": draws,
+        "sample_stats": stats,
+        **point_groups(at_points, [experiment]),
+        "predictions": _predictions(checked, experiment),
+        "posterior_mean_solution": _solution_at_mean(draws, priors, experiment),
+        "constant_data": xr.Dataset(
+            {
+                name: ("point", values, {"units": unit})
+                for name, (values, unit) in protocol_of(experiment)
+                .observed_positions(experiment)
+                .items()
+            },
+            {"point": np.arange(experiment.n_points)},
+        ),
+    }
+
+
+def point_groups(at_points: xr.Dataset, experiments: Sequence[Experiment]) -> dict[str, xr.Dataset]:
+    """Return the groups of what belongs to points, those of several tests one after the other.
+
+    Parameters
+    ----------
+    at_points : Dataset
+        From `drawn_at_points`, all points of the tests.
+    experiments : sequence of Experiment
+        The tests.
+    """
+    response = protocol_of(experiments[0]).response
+    name = response.name
+    observed = np.concatenate([experiment.response for experiment in experiments])
+    points = {"point": np.arange(observed.size)}
+    groups = {
+        "log_likelihood": xr.Dataset({name: at_points["log_lik"]}),
+        "log_prior": xr.Dataset({"lprior": at_points["lprior"]}),
+        "posterior_predictive": xr.Dataset({name: at_points[f"{name}_replicated"]}),
+        "observed_data": xr.Dataset(
+            {name: ("point", observed, {"units": response.si_unit})}, points
+        ),
+    }
+    if GIVEN_OTHERS in at_points:
+        groups[CORRELATED] = xr.Dataset({name: at_points[GIVEN_OTHERS]})
+    return groups
+
+
+def reference_solution(
+    model: Program,
+    data: StanData,
+    files: Sequence[Path],
+    variables: Sequence[str],
+    *,
+    seed: int,
+) -> xr.Dataset:
+    """Log likelihood and grid of solutions of every draw at the reference tolerance.
+
+    A draw that has no solution there has NaN.
+
+    Parameters
+    ----------
+    model : Program
+        The program.
+    data : dict
+        Its data, with the grid.
+    files : sequence of Path
+        Its chains.
+    variables : sequence of str
+        Generated quantities on the grid.
+    seed : int
+        Of replicated data.
+    """
+    data = {**data, **solver_block(REFERENCE_SOLVER)}
+    try:
+        return model.generate(data, files, seed=seed).dataset(["log_lik", *variables])
+    except SamplingError:
+        # One draw without solution is enough for that, and CmdStan does not say which.
+        logger.info("Some draws have no solution at the reference tolerance: solving one by one.")
+        return _one_by_one(model, data, read_draws(files), variables)
+
+
+def _one_by_one(
+    model: Program,
+    data: StanData,
+    fit: Draws,
+    variables: Sequence[str],
+) -> xr.Dataset:
+    """As `generate_quantities`, slower, with NaN where a draw has no solution."""
+    coordinates = fit["coordinate"]
+    shape = coordinates.shape[:2]
+    sizes = dict.fromkeys(variables, data["grid_end"][-1]) | {"log_lik": data["point_end"][-1]}
+    values = {name: np.full((*shape, size), np.nan) for name, size in sizes.items()}
+    for number, index in enumerate(np.ndindex(*shape)):
+        position = {"coordinate": coordinates[index].tolist()}
+        try:
+            solved = model.evaluate(data, position, seed=number)
+        except SamplingError:
+            continue  # stays NaN, which the solver check reports
+        for name, array in values.items():
+            array[index] = solved[name]
+    return xr.Dataset(
+        {name: (("chain", "draw", f"{name}_dim_0"), array) for name, array in values.items()}
+    )
+
+
+def _sampled_log_likelihood(fit: Draws) -> xr.DataArray:
+    """Log likelihood that the chains have sampled, as their log density holds it.
+
+    Not the sum of ``log_lik``: while sampling the solver also keeps its sensitivities to the
+    tolerance, generated quantities have none, so the two solutions take different steps.
+    """
+    log_density = sample_stats(fit)["lp"]
+    terms = fit.dataset(["lprior", "log_jacobian", "log_pooling"])
+    other = terms.to_array().sum("variable", skipna=False)
+    # By values: the labels of draws and chains differ between the two.
+    return log_density - other.to_numpy()
+
+
+def _predictions(checked: xr.Dataset, experiment: Experiment) -> xr.Dataset:
+    """Grid of solutions with the clock as coordinate."""
+    protocol = protocol_of(experiment)
+    clock = protocol.clock.name
+    variables = {}
+    for column, (name, unit) in protocol.grid_quantities.items():
+        values = checked[column].rename({f"{column}_dim_0": clock})
+        values.attrs = {"units": unit}
+        variables[name] = values.astype(np.float32)  # drawn, not computed with
+    return xr.Dataset(variables).assign_coords({clock: protocol.prediction_grid(experiment)})
+
+
+def _solution_at_mean(draws: xr.Dataset, priors: PriorSet, experiment: Experiment) -> xr.Dataset:
+    """Solution at the posterior mean of the parameters, as drawn in the paper's Fig. 3."""
+    mean = {name: float(draws[name].mean()) for name in priors.priors}
+    protocol, curve = protocol_of(experiment), simulate(experiment, mean)
+    clock, response = protocol.clock, protocol.response
+    columns = {
+        response.name: (response.column, response.si_unit),
+        "grain_size": ("grain_size_m", "m"),
+        "fabric_factor": ("fabric_factor", "1"),
+    }
+    return xr.Dataset(
+        {
+            name: (clock.name, curve[column].to_numpy(), {"units": unit})
+            for name, (column, unit) in columns.items()
+        },
+        coords={clock.name: curve[clock.column].to_numpy()},
+    )

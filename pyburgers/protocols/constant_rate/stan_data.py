@@ -1,0 +1,165 @@
+"""Data of `stan/constant_rate.stan` about its tests, and about their valley coordinates."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import chain
+
+import numpy as np
+import numpy.typing as npt
+
+from pyburgers.model.prior_families import is_fixed_at
+from pyburgers.model.priors import PriorSet
+from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.protocols.layout import Layout
+from pyburgers.protocols.stan_data import StanData, ends
+
+FloatArray = npt.NDArray[np.float64]
+
+REFERENCE_STRESS_SCALE = 0.1
+"""Scale of ln S_0: data fix it to about 0.01, the prior to about 1."""
+
+LABORATORY_STRESS = 1e7
+"""Origin of the reference stress (Pa) where nothing was observed."""
+
+STEP_ROUNDING = 1e-12
+"""Relative distance from a rate step below which a strain counts as the step."""
+
+
+def reference_origin(experiment: ConstantRateExperiment) -> tuple[float, float]:
+    """Origin and size of ln S_0: the largest observed stress."""
+    stress = experiment.largest_stress if experiment.n_points > 0 else LABORATORY_STRESS
+    return float(np.log(stress)), REFERENCE_STRESS_SCALE
+
+
+def solver_strains(
+    experiment: ConstantRateExperiment, strain: FloatArray
+) -> tuple[FloatArray, list[int], npt.NDArray[np.int64]]:
+    """Solver outputs for the wanted strains: increasing, rate steps included.
+
+    A rate step is an output of the segment that ends there (the solver restarts from it). A strain
+    that rounding puts beside a step counts as the step: the solver cannot start into so short a
+    segment.
+
+    Returns
+    -------
+    outputs : array, shape (n_outputs,)
+        Strains without repetition.
+    counts : list of int
+        Number of outputs in each segment.
+    positions : array of int, shape (n,)
+        Place of each wanted strain among the outputs, from 0.
+    """
+    steps = np.array([segment.start_strain for segment in experiment.segments[1:]])
+    snapped = strain.copy()
+    for step in steps:
+        snapped[np.isclose(strain, step, rtol=STEP_ROUNDING, atol=0.0)] = step
+    outputs = np.unique(np.concatenate([snapped, steps]))
+    counts = np.bincount(_segments(experiment, outputs), minlength=len(experiment.segments))
+    return outputs, counts.tolist(), np.searchsorted(outputs, snapped)
+
+
+def _segments(experiment: ConstantRateExperiment, strain: FloatArray) -> npt.NDArray[np.int64]:
+    """Segment that strains lie in, from 0; the strain of a rate step lies in the one before."""
+    steps = [segment.start_strain for segment in experiment.segments[1:]]
+    return np.searchsorted(steps, strain, side="left")
+
+
+def tests_block(
+    experiments: Sequence[ConstantRateExperiment], priors: Sequence[PriorSet]
+) -> StanData:
+    """Return the block `stan/data/constant_rate.stan`."""
+    outputs = [solver_strains(e, e.strain) for e in experiments]
+    segments = [segment for e in experiments for segment in e.segments]
+    return {
+        "segment_end": ends(len(e.segments) for e in experiments),
+        "segment_start": [segment.start_strain for segment in segments],
+        "segment_rate": [segment.strain_rate for segment in segments],
+        "strain_end": ends(strain.size for strain, _, _ in outputs),
+        "strain": np.concatenate([strain for strain, _, _ in outputs]).tolist(),
+        "n_strains_in_segment": list(chain.from_iterable(counts for _, counts, _ in outputs)),
+        "strain_of_point": np.concatenate([places + 1 for _, _, places in outputs]).tolist(),
+        "point_strain": np.concatenate([strain[places] for strain, _, places in outputs]).tolist(),
+        "stress_observed": np.concatenate([e.stress for e in experiments]).tolist(),
+        "correlated_residuals": int(
+            not all(is_fixed_at(own["residual_correlation_strain"], 0.0) for own in priors)
+        ),
+    }
+
+
+def grid_block(
+    experiments: Sequence[ConstantRateExperiment], grids: Sequence[FloatArray]
+) -> StanData:
+    """Return the strains at which the solutions are reported apart from the observed ones.
+
+    Rate steps are added to a grid, so that what comes back may be longer; an empty one stays so.
+    """
+    strains, counts, rates = [], [], []
+    for experiment, grid in zip(experiments, grids, strict=True):
+        strain, count, _ = solver_strains(experiment, grid)
+        if grid.size == 0:
+            strain, count = grid, [0] * len(experiment.segments)
+        rate = np.array([segment.strain_rate for segment in experiment.segments])
+        strains.append(strain)
+        counts.append(count)
+        rates.append(rate[_segments(experiment, strain)])
+    return {
+        "grid_end": ends(strain.size for strain in strains),
+        "grid_strain": np.concatenate(strains).tolist(),
+        "grid_rate": np.concatenate(rates).tolist(),
+        "n_grid_in_segment": list(chain.from_iterable(counts)),
+    }
+
+
+@dataclass(frozen=True, eq=False)
+class ValleyReference:
+    """Reference point and pins of the valley coordinates of a test (`stan/charts/valley/`).
+
+    Attributes
+    ----------
+    values : array, shape (n_parameters,)
+        Every parameter at the reference point, the posterior mode.
+    coordinate : array, shape (n_coordinates,)
+        Its plain coordinates.
+    linear_from : array, shape (n_coordinates,)
+        Where a coordinate turns from logarithmic to linear, below 0 in the inverse; 0 keeps the
+        plain one.
+    knot : array, shape (n_knots, 3)
+        The solution at the reference point: time since the knot before (s), stress (Pa), and 1
+        where the next pin lies.
+    pin : array, shape (n_pins, 6)
+        Strain, stress slope (Pa), strain rate (1/s), ln of the first rate over this rate, and
+        inverse variance of ln stress for epsilon_c1 and for the rest.
+    noise_exponent : array, shape (n_coordinates,)
+        Power of the stress noise with which the width of each coordinate grows.
+    """
+
+    values: FloatArray
+    coordinate: FloatArray
+    linear_from: FloatArray
+    knot: FloatArray
+    pin: FloatArray
+    noise_exponent: FloatArray
+
+
+def valley_block(references: Sequence[ValleyReference], layout: Layout) -> StanData:
+    """Return the block `stan/data/valley.stan`; no references keep the plain coordinates."""
+    # The width of a shared parameter follows the noise of no test.
+    follows = [name not in layout.shared for name in layout.names]
+    guides = [
+        np.column_stack(
+            [own.coordinate, own.linear_from, np.where(follows, own.noise_exponent, 0)]
+        )[layout.own(test)]
+        for test, own in enumerate(references)
+    ]
+    n_tests = layout.position.shape[0]
+    empty = [np.empty((0, 6))] * (n_tests - len(references))
+    knots = [*(own.knot for own in references), *(none[:, :3] for none in empty)]
+    pins = [*(own.pin for own in references), *empty]
+    return {
+        "knot_end": ends(len(knot) for knot in knots),
+        "knot": np.concatenate(knots).tolist(),
+        "pin_end": ends(len(pin) for pin in pins),
+        "pin": np.concatenate(pins).tolist(),
+        "guide": np.concatenate([np.empty((0, 3)), *guides]).tolist(),
+        "reference_parameter": [own.values.tolist() for own in references],
+    }

@@ -1,0 +1,172 @@
+"""Data of `stan/forced_oscillation.stan` about its tests, and about their sheared coordinates."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.integrate import trapezoid
+
+from pyburgers.model.priors import PriorSet
+from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
+from pyburgers.protocols.forced_oscillation.harmonics import trend_projection
+from pyburgers.protocols.layout import Layout
+from pyburgers.protocols.stan_data import StanData, ends
+
+FloatArray = npt.NDArray[np.float64]
+
+TYPICAL_FLOW_RATE = 0.1
+"""Origin of the sampled flow rate over the root mean square of the driving strain rate."""
+
+START_MARGIN = 1e-3
+"""Periods by which a record starts ahead of its first reading, so that the solver can start."""
+
+PATH_TIMES = 4001
+"""Times at which the strain rate is read off for the path strain of a record."""
+
+NO_SHIFT = [0.0, 0.0, 0.0]
+"""Slopes of the flow rate that leave it where it is."""
+
+ANYWHERE = [3.0, 0.0, 1.0]
+"""Where the flow rate is not shifted in plain coordinates, which make no use of it."""
+
+
+def reference_origin(experiment: OscillationExperiment) -> tuple[float, float]:
+    """Origin and size of ln(flow rate s)."""
+    prepared = experiment.prepared
+    rate = float(np.sqrt(np.mean(prepared.strain_rate(prepared.time) ** 2)))
+    return float(np.log(TYPICAL_FLOW_RATE * rate)), 1.0
+
+
+def tests_block(
+    experiments: Sequence[OscillationExperiment], priors: Sequence[PriorSet]
+) -> StanData:
+    """Return the block `stan/data/forced_oscillation.stan`, and the records of `sheared.stan`."""
+    records = [_record(experiment) for experiment in experiments]
+    n_harmonics = max(record["strain_sine"].size for record in records)
+    n_background = max(record["background"].size for record in records)
+    n_trend = max(record["trend_shape"].shape[1] for record in records)
+    return {
+        **{
+            name: [record[name] for record in records]
+            for name in records[0]
+            if np.isscalar(records[0][name])
+        },
+        "n_harmonics": n_harmonics,
+        "strain_sine": _padded([record["strain_sine"] for record in records], n_harmonics),
+        "strain_cosine": _padded([record["strain_cosine"] for record in records], n_harmonics),
+        "n_background": n_background,
+        "background": _padded([record["background"] for record in records], n_background),
+        "background_range": [record["background_range"] for record in records],
+        "stress_observed": np.concatenate([e.stress for e in experiments]).tolist(),
+        "tau": np.concatenate([record["tau"] for record in records]).tolist(),
+        "relative_noise": np.concatenate([record["relative_noise"] for record in records]).tolist(),
+        "n_trend": [record["trend_shape"].shape[1] for record in records],
+        **{
+            name: _padded([row for record in records for row in record[name]], n_trend)
+            for name in ("trend_shape", "trend_fit")
+        },
+    }
+
+
+def _padded(rows: Sequence[FloatArray], size: int) -> list[list[float]]:
+    """Rows with zeros behind them."""
+    return [[*row.tolist(), *[0.0] * (size - row.size)] for row in rows]
+
+
+def _record(experiment: OscillationExperiment) -> dict[str, Any]:
+    """Entries of the blocks for one test; arrays differ in size between tests."""
+    prepared = experiment.prepared
+    period = prepared.period
+    kept = prepared.background == "kept"
+    first_tau = prepared.start / period - START_MARGIN
+    sine, cosine = prepared.strain_sine[0], prepared.strain_cosine[0]
+    # The oscillation passes upwards through zero where tau + phase is a whole number.
+    phase = float(np.arctan2(cosine, sine)) / (2 * np.pi)
+    trend_shape, trend_fit = trend_projection(
+        prepared.time,
+        period=period,
+        degree=prepared.stress_fit.degree,
+        uncertainty=prepared.uncertainty,
+    )
+    n_trend = 0 if kept else trend_fit.shape[0]
+    bias = float(prepared.stress_fit.trend(np.array([prepared.start]))[0])
+    amplitude = float(prepared.stress_fit.amplitude()[0])
+    lag = prepared.stress_fit.phase()[0] - prepared.strain_fit.phase()[0]
+    compliance = float(np.hypot(sine, cosine)) / amplitude
+    return {
+        "period": period,
+        "strain_sine": prepared.strain_sine,
+        "strain_cosine": prepared.strain_cosine,
+        "background": prepared.background_rate * period if kept else np.empty(0),
+        "background_range": [prepared.t_middle / period, prepared.t_half / period],
+        "start_tau": float(np.floor(first_tau + phase)) - phase - experiment.spin_up_cycles,
+        "start_stress": bias if kept else 0.0,
+        "first_tau": first_tau,
+        "stress_scale": max(amplitude, abs(bias)) if kept else amplitude,
+        "strain_scale": float(np.hypot(sine, cosine)),
+        "stress_amplitude": amplitude,
+        "storage_compliance": compliance * float(np.cos(lag)),
+        "loss_compliance": compliance * float(np.sin(lag)),
+        "typical_path_strain": 0.5 * _path_strain(experiment),
+        "tau": prepared.time / period,
+        "relative_noise": prepared.relative_uncertainty,
+        "trend_shape": trend_shape[:, :n_trend],
+        "trend_fit": trend_fit[:n_trend].T,
+    }
+
+
+def _path_strain(experiment: OscillationExperiment) -> float:
+    """Integral of the absolute strain rate over the record."""
+    prepared = experiment.prepared
+    time = np.linspace(prepared.start, prepared.time[-1], PATH_TIMES)
+    return float(trapezoid(np.abs(prepared.strain_rate(time)), time))
+
+
+def grid_block(
+    experiments: Sequence[OscillationExperiment], grids: Sequence[FloatArray]
+) -> StanData:
+    """Return the times at which the solutions are reported apart from the observed ones."""
+    shapes = []
+    for experiment, grid in zip(experiments, grids, strict=True):
+        prepared = experiment.prepared
+        shape = prepared.stress_fit.trend_shape(grid)
+        shapes.append(shape[:, : shape.shape[1] if prepared.background == "removed" else 0])
+    n_trend = max(shape.shape[1] for shape in shapes)
+    return {
+        "grid_end": ends(grid.size for grid in grids),
+        "grid_tau": np.concatenate(
+            [grid / e.prepared.period for e, grid in zip(experiments, grids, strict=True)]
+        ).tolist(),
+        "grid_trend_shape": _padded([row for shape in shapes for row in shape], n_trend),
+    }
+
+
+@dataclass(frozen=True, eq=False)
+class ShearedReference:
+    """What sets the sheared coordinates of a test up, as in `stan/data/sheared.stan`.
+
+    Attributes
+    ----------
+    flow_slope : array, shape (3,)
+        Derivatives of the ln(flow rate s) that fits best by n, p and p ln(d/d_0).
+    flow_reference : array, shape (3,)
+        n, p and epsilon_c1 where the flow rate is not shifted.
+    """
+
+    flow_slope: FloatArray
+    flow_reference: FloatArray
+
+
+def sheared_block(references: Sequence[ShearedReference], layout: Layout) -> StanData:
+    """Return shifts of the block `stan/data/sheared.stan`; no references: plain coordinates."""
+    if not references:
+        return {
+            "flow_slope": [NO_SHIFT] * layout.n_tests,
+            "flow_reference": [ANYWHERE] * layout.n_tests,
+        }
+    return {
+        "flow_slope": [own.flow_slope.tolist() for own in references],
+        "flow_reference": [own.flow_reference.tolist() for own in references],
+    }

@@ -1,0 +1,218 @@
+"""Tests, priors and solver options -> the data dictionary of the Stan program of their protocol.
+
+One function for one to many tests. What depends on the protocol comes from its object; index
+tables of parameters and coordinates (`stan/data/coordinates.stan`) are made here.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import chain
+
+import numpy as np
+import numpy.typing as npt
+
+from pyburgers.model.parameters import PARAMETER_BY_NAME, PIEZOMETER, PROGRAM_PARAMETERS
+from pyburgers.model.prior_families import fixed_prior, is_fixed_at
+from pyburgers.model.priors import FLOW_LAW, PriorSet
+from pyburgers.model.variants import variant_of
+from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.layout import FittedTests, Layout, layout_of
+from pyburgers.protocols.registry import protocol_of
+from pyburgers.protocols.stan_data import (
+    CHART,
+    PLAIN,
+    PlainCoordinates,
+    SolverOptions,
+    StanData,
+    coordinates_through,
+    ends,
+    flow_law_block,
+    prior_block,
+    solver_block,
+)
+
+FloatArray = npt.NDArray[np.float64]
+
+PLACE: Mapping[str, int] = {p.name: k for k, p in enumerate(PROGRAM_PARAMETERS, start=1)}
+"""Place of each parameter in the programs, as in `stan/physics/parameters.stan`."""
+
+CHART_DATA_PRECISION = 1.0
+"""Of a partially pooled number in a chart, as a guess of what data say; speed only."""
+
+
+def plain_coordinates(experiment: Experiment, priors: PriorSet) -> PlainCoordinates:
+    """Choose origin and size of every free parameter and what the reference quantity replaces."""
+    protocol = protocol_of(experiment)
+    return coordinates_through(priors, protocol.reference, *protocol.reference_origin(experiment))
+
+
+def program_data(
+    tests: FittedTests,
+    *,
+    solver: SolverOptions,
+    grids: Sequence[FloatArray] | None = None,
+    use_likelihood: bool = True,
+) -> StanData:
+    """Return all data, in plain coordinates, of the program for tests of one protocol.
+
+    Parameters
+    ----------
+    tests : FittedTests
+        The tests, their priors in SI, resolved, and how they are pooled.
+    solver : SolverOptions
+        Tolerance and step limit.
+    grids : sequence of array, optional
+        Positions of each test (SI; strains, or times of an oscillating test) at which to report
+        the solution; default none.
+    use_likelihood : bool
+        False gives the prior.
+    """
+    layout = layout_of(tests)
+    return {
+        **tests_block(tests, use_likelihood=use_likelihood),
+        **with_grids({}, tests.experiments, grids),
+        **_prior_block(tests, layout),
+        **flow_law_block(tests.priors[0].flow_law),
+        **_coordinate_block(tests, layout),
+        **chart_block(tests),
+        **solver_block(solver),
+    }
+
+
+def tests_block(tests: FittedTests, *, use_likelihood: bool) -> StanData:
+    """Return the data of a program that are about the tests."""
+    experiments = tests.experiments
+    return {
+        "n_tests": len(experiments),
+        "temperature": [e.temperature for e in experiments],
+        "initial_grain_size": [e.initial_grain_size for e in experiments],
+        "point_end": ends(e.n_points for e in experiments),
+        "use_likelihood": int(use_likelihood),
+        "power_law_kelvin": int(
+            not all(is_fixed_at(own["kelvin_stress_exponent"], 1.0) for own in tests.priors)
+        ),
+        **protocol_of(experiments[0]).tests_block(experiments, tests.priors),
+    }
+
+
+def with_grids(
+    data: StanData, experiments: Sequence[Experiment], grids: Sequence[FloatArray] | None
+) -> StanData:
+    """Return data of a program with other positions of its solutions (see `program_data`)."""
+    if grids is None:
+        grids = [np.empty(0)] * len(experiments)
+    return {**data, **protocol_of(experiments[0]).grid_block(experiments, grids)}
+
+
+def chart_block(
+    tests: FittedTests,
+    references: Sequence[object] = (),
+    *,
+    pooled: FloatArray | None = None,
+    pooling: FloatArray | None = None,
+) -> StanData:
+    """Return the data of the protocol's chart; no references keep the plain coordinates.
+
+    Parameters
+    ----------
+    tests : FittedTests
+        The tests.
+    references : sequence
+        What `pyburgers.protocols.chart.Chart.reference` gave for each.
+    pooled : array, shape (n_tests, n_partial), optional
+        Real numbers behind the partially pooled parameters at the references; default 0.
+    pooling : array, shape (2, n_partial), optional
+        Their centres, and ln(spread/scale); default 0.
+    """
+    layout = layout_of(tests)
+    n_partial = len(layout.partial)
+    chart = protocol_of(tests.experiments[0]).chart
+    pooled = np.zeros((layout.n_tests, n_partial)) if pooled is None else pooled
+    pooling = np.zeros((2, n_partial)) if pooling is None else pooling
+    return {
+        **({} if chart is None else chart.block(references, layout)),
+        "coordinate_system": CHART if references else PLAIN,
+        "pooled_reference": pooled.tolist(),
+        "centre_reference": pooling[0].tolist(),
+        "log_spread_reference": pooling[1].tolist(),
+        "pooled_data_precision": CHART_DATA_PRECISION if references else 0.0,
+    }
+
+
+def values_of_test(parameter: FloatArray, test: int) -> dict[str, float]:
+    """Return the parameters of a test, counted from 0, by name.
+
+    Parameters
+    ----------
+    parameter : array, shape (n_tests, n_parameters)
+        The variable of this name of a program.
+    test : int
+        Number of the test.
+    """
+    return {p.name: float(v) for p, v in zip(PROGRAM_PARAMETERS, parameter[test], strict=True)}
+
+
+def _prior_block(tests: FittedTests, layout: Layout) -> StanData:
+    """Return the part of the block `stan/data/priors.stan` that differs between tests."""
+    rows = [
+        prior_block(_as_solved(priors, experiment), PROGRAM_PARAMETERS)
+        for priors, experiment in zip(tests.priors, tests.experiments, strict=True)
+    ]
+    own = np.zeros((layout.n_tests, len(PROGRAM_PARAMETERS)), dtype=bool)
+    for test, row in enumerate(own):
+        row[[PLACE[layout.names[i]] - 1 for i in layout.own(test)]] = True
+    block = {key: [row[key] for row in rows] for key in rows[0]}
+    in_flow_law = [PLACE[name] - 1 for name in FLOW_LAW]
+    joint = tests.priors[0].flow_law is not None
+    return {
+        **block,
+        "prior_family": np.where(own, block["prior_family"], 0).tolist(),
+        "has_flow_law_prior": [int(joint and row[in_flow_law].any()) for row in own],
+    }
+
+
+def _as_solved(priors: PriorSet, experiment: Experiment) -> PriorSet:
+    """Priors with the piezometer left out where the grain size does not follow it."""
+    if variant_of(priors, experiment).grain_size == "piezometric":
+        return priors
+    none = fixed_prior(PARAMETER_BY_NAME[PIEZOMETER[0]], 0.0, "not in use")
+    return replace(priors, priors={**priors.priors, none.parameter: none})
+
+
+def _coordinate_block(tests: FittedTests, layout: Layout) -> StanData:
+    """Return the block `stan/data/coordinates.stan` but for what a chart says."""
+    plain = [
+        plain_coordinates(experiment, priors)
+        for experiment, priors in zip(tests.experiments, tests.priors, strict=True)
+    ]
+    own = [layout.own(test) for test in range(layout.n_tests)]
+    parameters = [[PLACE[layout.names[i]] for i in places] for places in own]
+    place = np.zeros((layout.n_tests, len(PROGRAM_PARAMETERS)), dtype=np.int64)
+    for row, found in zip(place, parameters, strict=True):
+        row[np.array(found, dtype=np.int64) - 1] = np.arange(1, len(found) + 1)
+    replaced = PLACE.get(plain[0].replaced_parameter or "", 0)
+    families = prior_block(tests.priors[0], PROGRAM_PARAMETERS)["prior_family"]
+    return {
+        "n_coordinates": layout.size,
+        # Shared by one test with nobody.
+        "n_shared": len(layout.shared) if layout.n_tests > 1 else 0,
+        "shared_parameter": [PLACE[name] for name in layout.shared if layout.n_tests > 1],
+        "own_end": ends(len(places) for places in own),
+        "own_parameter": list(chain.from_iterable(parameters)),
+        "own_position": [
+            int(layout.position[test, i]) + 1 for test, places in enumerate(own) for i in places
+        ],
+        "quantity": np.concatenate(
+            [numbers.quantity[places] for numbers, places in zip(plain, own, strict=True)]
+        ).tolist(),
+        "own_place": place.tolist(),
+        "replaced_parameter": [replaced if replaced in found else 0 for found in parameters],
+        "n_pooled": len(layout.partial),
+        "pooled_parameter": [PLACE[name] for name in layout.partial],
+        "pooled_family": [families[PLACE[name] - 1] for name in layout.partial],
+        "pooled_position": (layout.position[:, layout.pooled] + 1).tolist(),
+        "pooled_quantity": [numbers.quantity[layout.pooled].tolist() for numbers in plain],
+        "centre_position": (layout.centre + 1).tolist(),
+        "spread_position": (layout.spread + 1).tolist(),
+        "spread_scale": [tests.pooling.spread_scales[name] for name in layout.partial],
+    }

@@ -1,0 +1,191 @@
+/**
+ * Solutions of (*) in charts/valley/valley.stan at the pins by weighted least squares.
+ *
+ * What the other parameters ask for is a vector `asked`: p/n, ln(d_ss/d_0), then the left-hand side
+ * of (*) at the pins, less ln S_0 where that is given. The same at the reference point is the end
+ * of `reference`, which starts with u_1, u_2, 1 - F_ss, ln S_0 and ln s; steps go along the path
+ * from there. Columns of pins, knots and bounds are those of charts/valley/pins.stan; weights count
+ * by a `precision`, that of the noise here over the one at the reference point.
+ */
+
+/** Gauss-Newton steps along the path from the reference point. */
+int n_valley_steps() { return 8; }
+
+/** Share of the pins' weight with which u_1, u_2 and the amplitude are solved for.
+ *
+ * For some grain-size softenings the least-squares problem has two solutions. At less than full
+ * weight the solution moves between them instead of jumping.
+ */
+real softened_share() { return 0.25; }
+
+/** Precision of each real number behind a bounded parameter, and of the amplitude of softening by
+ * fabric, that keeps the least-squares problems regular where the curve does not fix them. */
+real bounded_parameter_precision() { return 0.5; }
+
+real amplitude_precision() { return 4.0; }
+
+/** Precision of ln S_0 where the curve does not fix it. */
+real reference_stress_precision() { return 1.0; }
+
+/** Elements of `reference` beside the strength at the pins. */
+int n_reference() { return 7; }
+
+/** What is asked for at a part of the way from the reference point. */
+vector asked_along_path(real part_of_way, vector asked, data vector reference) {
+  return tail(reference, rows(asked))
+         + part_of_way * (asked - tail(reference, rows(asked)));
+}
+
+/**
+ * Strength that is left to the fabric, and to ln S_0 where it is not given.
+ *
+ * @param u real number behind epsilon_c1
+ * @return columns: the rest, derivative of the softening by grain size by u
+ */
+matrix rest_of_strength(real u, vector asked, data vector strain, data matrix bounds) {
+  matrix[rows(strain), 2] rest = grain_softening(u, asked[1], asked[2], strain, bounds);
+  rest[ : , 1] = tail(asked, rows(strain)) - rest[ : , 1];
+  return rest;
+}
+
+/** Values less their weighted mean: what is left of them where ln S_0 takes up the mean; all of
+ * them where ln S_0 is given. */
+vector centred(vector values, data vector weight, data int stress_given) {
+  if (stress_given) {
+    return values;
+  }
+  return values - dot_product(weight, values) / sum(weight);
+}
+
+/**
+ * A step of a real number behind a bounded parameter, brought below a length of 1.
+ *
+ * Full steps overshoot where the curve softens within a few percent of strain, and what they end at
+ * is then as good as random in the other coordinates.
+ */
+real limited_step(real step) {
+  return step / hypot(1, step);
+}
+
+/**
+ * Middle of the places along u_1: the solution with a softening by fabric that is linear in
+ * strain, as it is where epsilon_c2 is large.
+ *
+ * @param linear softening by fabric at an amplitude of 1, centred()
+ * @param stress_given 1: ln S_0 is given
+ * @return u_1 and its standard deviation
+ */
+vector middle_grain_strain(vector asked, data vector reference, data vector linear,
+                           data vector strain, data vector weight, real precision,
+                           data int stress_given, data matrix bounds) {
+  real u = reference[1];
+  real amplitude = 0;
+  real c11;
+  real c12;
+  real c22;
+  for (k in 1 : n_valley_steps() + 1) {
+    // The last pass is for the standard deviation, at full weight.
+    int is_last = k > n_valley_steps();
+    real f = is_last ? 1 : k * 1.0 / n_valley_steps();
+    real trust = is_last ? precision : softened_share() * precision;
+    matrix[rows(strain), 2] rest = rest_of_strength(u, asked_along_path(f, asked, reference),
+                                                    strain, bounds);
+    vector[rows(strain)] by_u = trust * weight .* centred(rest[ : , 2], weight, stress_given);
+    c11 = trust * dot_product(weight .* linear, linear) + amplitude_precision();
+    c12 = dot_product(by_u, linear);
+    c22 = dot_product(by_u, rest[ : , 2]) + bounded_parameter_precision();
+    if (!is_last) {
+      vector[rows(strain)] left = rest[ : , 1] - amplitude * linear;
+      real g1 = trust * dot_product(weight .* linear, left) - amplitude_precision() * amplitude;
+      real g2 = dot_product(by_u, left) + 1 - 2 * inv_logit(u);
+      real determinant = c11 * c22 - square(c12);
+      amplitude += (c22 * g1 - c12 * g2) / determinant;
+      u += limited_step((c11 * g2 - c12 * g1) / determinant);
+    }
+  }
+  return [u, 1 / sqrt(c22 - square(c12) / c11)]';
+}
+
+/**
+ * One Gauss-Newton step for epsilon_c2 and the amplitude of fabric softening, ln S_0 eliminated.
+ *
+ * The amplitude is not kept within the bounds of F_ss: where the rest leaves no softening to the
+ * fabric, the bounds would ask for an epsilon_c2 that hides it, at either end of its range, and
+ * the solution would jump from one to the other.
+ *
+ * @param solved real number behind epsilon_c2, amplitude
+ * @param rest see rest_of_strength()
+ * @return solution after the step, the Gauss-Newton matrix (1, 1), (1, 2), (2, 2), and the misfit
+ *   before the step
+ */
+vector fabric_step(vector solved, vector rest, data vector strain, data vector weight,
+                   real precision, data int stress_given, data matrix bounds) {
+  matrix[rows(strain), 3] softening = fabric_softening(solved[1], solved[2], strain, bounds);
+  vector[rows(strain)] left = centred(rest - softening[ : , 1], weight, stress_given);
+  vector[rows(strain)] weighted = precision * weight .* left;
+  vector[rows(strain)] by_u = precision * weight
+                              .* centred(softening[ : , 2], weight, stress_given);
+  vector[rows(strain)] by_amplitude = precision * weight
+                                      .* centred(softening[ : , 3], weight, stress_given);
+  real c11 = dot_product(by_u, softening[ : , 2]) + bounded_parameter_precision();
+  real c12 = dot_product(by_u, softening[ : , 3]);
+  real c22 = dot_product(by_amplitude, softening[ : , 3]) + amplitude_precision();
+  real g1 = dot_product(weighted, softening[ : , 2]) + 1 - 2 * inv_logit(solved[1]);
+  real g2 = dot_product(weighted, softening[ : , 3]) + amplitude_precision() * (0.5 - solved[2]);
+  real determinant = c11 * c22 - square(c12);
+  real u = solved[1] + limited_step((c22 * g1 - c12 * g2) / determinant);
+  real amplitude = solved[2] + (c11 * g2 - c12 * g1) / determinant;
+  return [u, limited_amplitude(amplitude, u, strain, bounds), c11, c12, c22,
+          dot_product(weighted, left)]';
+}
+
+/**
+ * F_ss that solves (*), together with ln S_0, at given u_1 and u_2, whatever its bounds.
+ *
+ * Newton steps start from the amplitude that gives the same softening up to the last pin as a
+ * solution nearby.
+ *
+ * @param total_softening -ln F at the last pin in the solution nearby
+ * @param rest see rest_of_strength()
+ * @return F_ss, its precision, the misfit left, and -ln F at the last pin
+ */
+vector solve_fabric_factor(real total_softening, real u_2, vector rest, int n_steps,
+                           data vector strain, data vector weight, real precision,
+                           data int stress_given, data matrix bounds) {
+  real growth = fabric_growth(u_2, strain, bounds);
+  real amplitude = -expm1(-total_softening) / growth;
+  real factor_precision;
+  real misfit;
+  for (k in 1 : n_steps) {
+    matrix[rows(strain), 3] softening;
+    vector[rows(strain)] left;
+    vector[rows(strain)] by_amplitude;
+    real step;
+    if (k > 1) {
+      amplitude = limited_amplitude(amplitude, u_2, strain, bounds);
+    }
+    softening = fabric_softening(u_2, amplitude, strain, bounds);
+    left = centred(rest - softening[ : , 1], weight, stress_given);
+    by_amplitude = precision * weight .* centred(softening[ : , 3], weight, stress_given);
+    factor_precision = dot_product(by_amplitude, softening[ : , 3]) + amplitude_precision();
+    step = dot_product(by_amplitude, left) / factor_precision;
+    misfit = precision * dot_product(weight .* left, left) - factor_precision * square(step);
+    amplitude += step;
+  }
+  return [1 - amplitude, factor_precision, misfit,
+          -log1m(limited_amplitude(amplitude, u_2, strain, bounds) * growth)]';
+}
+
+/**
+ * ln S_0 that solves (*) at given microstructure, which is linear in it, and its precision.
+ *
+ * @param strength left-hand side of (*) less ln F + (p/n) ln(d/d_0), at the pins
+ * @param reference_log_stress ln S_0 at the reference point
+ */
+vector solve_reference_stress(vector strength, data vector weight, real precision,
+                              data real reference_log_stress) {
+  real total = precision * sum(weight) + reference_stress_precision();
+  return [(precision * dot_product(weight, strength)
+           + reference_stress_precision() * reference_log_stress) / total,
+          total]';
+}

@@ -1,0 +1,105 @@
+/**
+ * What the curve fixes: the strength of the dashpot at the pins, and its softening.
+ *
+ * Data are matrices. A row of `pin` has the columns
+ *   1 strain, 2 slope d stress/d strain (Pa), 3 strain rate (1/s),
+ *   4 ln(rate of the first segment/rate), 5 and 6 weights (inverse variance of ln stress): that for
+ *   u_1, whose conditional density is known at solutions that a few steps have reached and is
+ *   jagged if it is narrow, and that for u_2, F_ss and ln S_0.
+ * A row of `knot`, a knot of the reference curve, has the columns
+ *   1 time since the knot before (s), 2 stress (Pa), 3 whether the next pin lies there.
+ * The rows of `bounds` are those of epsilon_c1, epsilon_c2 and F_ss, with the columns
+ *   1 lower, 2 upper.
+ */
+
+/**
+ * ln of the strength that the reference curve implies at the pins: the left-hand side of (*) in
+ * charts/valley/valley.stan.
+ *
+ * The Kelvin rate is the exact response of the Kelvin element to the piecewise linear reference
+ * curve; with q = E_K kelvin_strain it obeys dq/dt = (stress - q) E_K/eta_K.
+ */
+vector log_strength_at_pins(data matrix knot, data matrix pin, real maxwell_modulus,
+                            real kelvin_modulus, real kelvin_viscosity, real stress_exponent) {
+  vector[rows(knot)] x = col(knot, 1) * (kelvin_modulus / kelvin_viscosity);
+  vector[rows(knot)] decay = exp(-x);
+  vector[rows(pin)] log_strength;
+  real q = 0;
+  int m = 0;
+  for (k in 1 : rows(knot)) {
+    real mean_decay = (1 - decay[k]) / x[k]; // over the time since the knot before
+    q = q * decay[k] + knot[k, 2] * (1 - mean_decay);
+    if (k > 1) {
+      q += knot[k - 1, 2] * (mean_decay - decay[k]);
+    }
+    if (knot[k, 3] > 0) {
+      real kelvin_share;
+      real dashpot_share;
+      m += 1;
+      kelvin_share = (knot[k, 2] - q) / (kelvin_viscosity * pin[m, 3]);
+      dashpot_share = 1 - kelvin_share - pin[m, 2] / maxwell_modulus;
+      // A smooth floor: far from the reference the others may ask for a share below 0.
+      dashpot_share = 0.15 + log1p_exp(20 * (dashpot_share - 0.15)) / 20;
+      log_strength[m] = log(knot[k, 2]) - (log(dashpot_share) - pin[m, 4]) / stress_exponent;
+    }
+  }
+  return log_strength;
+}
+
+/**
+ * Softening by grain size, (p/n) ln(d/d_0), at the pins.
+ *
+ * @param u real number behind epsilon_c1
+ * @param exponent_ratio p/n
+ * @param log_grain_size_ratio ln(d_ss/d_0)
+ * @param strain of the pins
+ * @return columns: the softening, its derivative by u
+ */
+matrix grain_softening(real u, real exponent_ratio, real log_grain_size_ratio,
+                       data vector strain, data matrix bounds) {
+  real s = inv_logit(u);
+  real range = bounds[1, 2] - bounds[1, 1];
+  real critical = bounds[1, 1] + range * s;
+  real grain_size_ratio = exp(log_grain_size_ratio);
+  vector[rows(strain)] decay = exp(-strain / critical);
+  vector[rows(strain)] grain_size = grain_size_ratio + (1 - grain_size_ratio) * decay;
+  matrix[rows(strain), 2] softening;
+  softening[ : , 1] = exponent_ratio * log(grain_size);
+  softening[ : , 2] = range * s * (1 - s) * exponent_ratio * (1 - grain_size_ratio)
+                      / square(critical) * (strain .* decay ./ grain_size);
+  return softening;
+}
+
+/**
+ * Softening by fabric, ln F, at the pins, with F = 1 - amplitude [1 - exp(-strain/epsilon_c2)].
+ *
+ * @param u real number behind epsilon_c2
+ * @param amplitude 1 - F_ss, which may leave the bounds of F_ss
+ * @param strain of the pins
+ * @return columns: the softening, its derivatives by u and by the amplitude
+ */
+matrix fabric_softening(real u, real amplitude, data vector strain, data matrix bounds) {
+  real s = inv_logit(u);
+  real range = bounds[2, 2] - bounds[2, 1];
+  real critical = bounds[2, 1] + range * s;
+  vector[rows(strain)] growth = -expm1(-strain / critical);
+  vector[rows(strain)] fabric = 1 - amplitude * growth;
+  matrix[rows(strain), 3] softening;
+  softening[ : , 1] = log(fabric);
+  softening[ : , 2] = amplitude * range * s * (1 - s) / square(critical)
+                      * (strain .* (1 - growth) ./ fabric);
+  softening[ : , 3] = -growth ./ fabric;
+  return softening;
+}
+
+/** Growth of the fabric up to the last pin, 1 - exp(-strain/epsilon_c2). */
+real fabric_growth(real u, data vector strain, data matrix bounds) {
+  real critical = bounds[2, 1] + (bounds[2, 2] - bounds[2, 1]) * inv_logit(u);
+  return -expm1(-strain[rows(strain)] / critical);
+}
+
+/** An amplitude with which F stays above 0.04 up to the last pin, smoothly. */
+real limited_amplitude(real amplitude, real u, data vector strain, data matrix bounds) {
+  real limit = 0.96 / fabric_growth(u, strain, bounds);
+  return amplitude - log1p_exp(50 * (amplitude - limit)) / 50;
+}

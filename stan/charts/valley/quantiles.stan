@@ -1,0 +1,143 @@
+/**
+ * Quantile functions: of a density that is known at a few places, and of a bounded parameter.
+ */
+
+/** Places on either side of the middle at which a conditional density is evaluated. */
+int n_places() { return 6; }
+
+/** Distance of outer places on the real line; the prior there, a logistic one, has sd 1.8. */
+real outer_spacing() { return 1.5; }
+
+/** Width of the bends of a quantile function, in its argument. */
+real bend_width() { return 0.5; }
+
+/** Share of the prior in conditional densities: how far down they are trusted in their tails. */
+real prior_share() { return 1e-6; }
+
+/** ln density of the real number behind a parameter that is uniform between its bounds. */
+real log_density_of_bounded(real u) {
+  return log_inv_logit(u) + log1m_inv_logit(u);
+}
+
+/**
+ * Offset from the middle at a place: places are a standard deviation apart near the middle and
+ * outer_spacing() further out.
+ *
+ * @return the offset, ln of its derivative by the place
+ */
+vector offset_at(real place, real standard_deviation) {
+  real further = hypot(standard_deviation, outer_spacing()) - standard_deviation;
+  real above = 2 * (place - 2);
+  real below = 2 * (-place - 2);
+  return [standard_deviation * place + further * (log1p_exp(above) - log1p_exp(below)) / 2,
+          log(standard_deviation + further * (inv_logit(above) + inv_logit(below)))]';
+}
+
+/** ln density by place, normalised at the places, with a little of the prior mixed in. */
+vector with_prior(vector log_density, real middle, real standard_deviation) {
+  vector[rows(log_density)] mixed = log_density - log_sum_exp(log_density);
+  for (k in 1 : rows(log_density)) {
+    vector[2] offset = offset_at(k - n_places() - 1, standard_deviation);
+    mixed[k] = log_sum_exp(mixed[k], log(prior_share()) + offset[2]
+                                     + log_density_of_bounded(middle + offset[1]));
+  }
+  return mixed;
+}
+
+/**
+ * Quantile function of a density that is known at the places -n_places(), ..., n_places().
+ *
+ * The density is log-linear between places. The function is linear between them too, in the log
+ * odds, with its bends smoothed by a logistic kernel, which keeps it increasing.
+ *
+ * @param log_odds of the probability
+ * @param log_density ln density at the places
+ * @return the place, ln of its derivative by the log odds
+ */
+vector place_of_quantile(real log_odds, vector log_density) {
+  int n = rows(log_density);
+  vector[n + 1] log_mass; // below the first place, between places, above the last
+  vector[n] bend; // log odds at the places
+  vector[n + 1] slope;
+  real place;
+  real derivative;
+  log_mass[1] = log_density[1];
+  log_mass[n + 1] = log_density[n];
+  for (k in 2 : n) {
+    // The mean of an exponential function between two values; 0.01 keeps it smooth where they
+    // are equal.
+    real half = hypot((log_density[k] - log_density[k - 1]) / 2, 0.01);
+    log_mass[k] = (log_density[k] + log_density[k - 1]) / 2 + half + log1m_exp(-2 * half)
+                  - log(2 * half);
+  }
+  for (k in 1 : n) {
+    bend[k] = log_sum_exp(head(log_mass, k)) - log_sum_exp(tail(log_mass, n + 1 - k));
+  }
+  slope = rep_vector(1 / outer_spacing(), n + 1);
+  for (k in 2 : n) {
+    slope[k] = 1 / (bend[k] - bend[k - 1] + 1e-3); // no steeper than numbers can follow
+  }
+  place = -n_places() + slope[1] * (log_odds - bend[1]);
+  derivative = slope[1];
+  for (k in 1 : n) {
+    real x = (log_odds - bend[k]) / bend_width();
+    place += (slope[k + 1] - slope[k]) * bend_width() * log1p_exp(x);
+    derivative += (slope[k + 1] - slope[k]) * inv_logit(x);
+  }
+  return [place, log(derivative)]';
+}
+
+/** Weights of the places in the interpolation of solutions. */
+vector interpolation_weights(real place) {
+  vector[2 * n_places() + 1] distance;
+  for (k in 1 : rows(distance)) {
+    distance[k] = place - (k - n_places() - 1);
+  }
+  return softmax(-2 * square(distance));
+}
+
+/** Where most of a normal density's mass above 0 lies, as the argument of log1p_exp(). */
+real compressed(real mean) {
+  real root = sqrt(square(mean) + 4);
+  real middle = mean > 0 ? (root + mean) / 2 : 2 / (root - mean);
+  return middle + log1m_exp(-middle);
+}
+
+/**
+ * Argument a of a bounded parameter's place f in its range,
+ *
+ *   f = c [log1p_exp(a) - log1p_exp(a - 1/c)],
+ *
+ * which is linear in a as long as f is further from 0 and 1 than c, and approaches them
+ * exponentially.
+ *
+ * @param place that the data ask for, in or out of the range
+ * @param c its standard deviation
+ */
+real argument_of_place(real place, real c) {
+  return compressed(place / c) - compressed((1 - place) / c) + (1 - place) / c;
+}
+
+/** Distance in standard deviations from what the data ask for to what the bounds allow. */
+real distance_beyond(real place, real c) {
+  real a = argument_of_place(place, c);
+  return place / c - (log1p_exp(a) - log1p_exp(a - 1 / c));
+}
+
+/**
+ * Real number u behind a bounded parameter, from a remainder that is whitened in the parameter.
+ *
+ * Data fix the parameter, not u: where it is fixed to a small part of its range, but close to a
+ * bound, u would have a long tail.
+ *
+ * @param place, c see argument_of_place()
+ * @return u, then ln |du/d(remainder)|
+ */
+vector bounded_from_remainder(real place, real c, real remainder) {
+  real a = argument_of_place(place, c) + remainder;
+  real log_place = log(log1p_exp(a) - log1p_exp(a - 1 / c)); // ln(f/c)
+  real log_rest = log(log1p_exp(1 / c - a) - log1p_exp(-a)); // ln((1 - f)/c)
+  return [log_place - log_rest,
+          log_diff_exp(log_inv_logit(a), log_inv_logit(a - 1 / c)) - log_place - log_rest
+          - log(c)]';
+}

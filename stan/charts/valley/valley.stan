@@ -1,0 +1,335 @@
+/**
+ * Valley coordinates: the softening of the dashpot solved from the observed curve.
+ *
+ * Where the dashpot flows, the series circuit fixes its strength: with v the dashpot's share of
+ * the imposed rate,
+ *
+ *   ln stress - ln(v)/n  =  ln S_0 + ln F(strain) + (p/n) ln[d(strain)/d_0]            (*)
+ *   v = 1 - v_K - (d stress/d strain)/E_M,
+ *
+ * so a well fitted curve fixes the right-hand side to a fraction of a percent all along, but not
+ * its split between grain size (d_ss, epsilon_c1) and fabric (F_ss, epsilon_c2): the posterior is a
+ * thin, L-shaped valley in (epsilon_c1, epsilon_c2), and a T where d_ss is given. The map here
+ * follows it by conditional quantiles. With u_1 and u_2 the real numbers behind the critical
+ * strains, and at given coordinates of all other parameters,
+ *
+ *  - u_1 is the quantile function of its conditional density under (*) at a few strains, the pins,
+ *    and the priors; at places along u_1 the other three are solved for, or integrated over;
+ *  - u_2 is that of its conditional density at this u_1;
+ *  - F_ss is centred and scaled by the solution for (ln S_0, F_ss) at this u_1 and u_2;
+ *  - ln S_0 is centred and scaled by the solution at this microstructure, which is linear.
+ *
+ * In a joint fit ln S_0 can follow from shared parameters; the conditional densities are then those
+ * at this ln S_0.
+ *
+ * A quantile function passes from one arm to another as far as the density does: it does not care
+ * how many arms there are, and has no branches between which it would have to jump.
+ *
+ * The widths of these four, of the Maxwell modulus and of the Kelvin viscosity grow with the
+ * stress noise s as far as the data, not the prior, set them; few points leave s, and with it the
+ * widths, uncertain by a factor, which would be a funnel.
+ *
+ * Solutions are reached by Gauss-Newton steps from a reference point (the posterior mode), and
+ * densities are known at a few places only. Both have to be smooth in the other coordinates, not
+ * exact: whatever they are, the map is triangular and one to one with the Jacobian given here, and
+ * the posterior is exactly that of the plain coordinates. Only the speed depends on the pins.
+ */
+
+/** Misfit, as of chi squared, from which on the density of a misfit has a long tail. */
+real misfit_tail() { return 6; }
+
+/**
+ * ln density of a misfit: normal where it is small, with a tail as of Student's t.
+ *
+ * Where nothing fits, differences between misfits are large and change quickly from one set of
+ * parameters to the next; a quantile function of the normal density would as well.
+ */
+real log_fit(real misfit) {
+  return -0.5 * misfit_tail() * log1p(misfit / misfit_tail());
+}
+
+/**
+ * u_1 at a conditional quantile, and a solution for the fabric there.
+ *
+ * Along u_1 the misfit is that of the solution for (ln S_0, u_2, amplitude), with the amplitude
+ * brought within its bounds, and their volume follows from its Gauss-Newton matrix (Laplace's
+ * method).
+ *
+ * @param log_odds of the quantile
+ * @param middle u_1 in the middle of the places, and their standard deviation
+ * @return u_1, ln of its derivative by the log odds, u_2 and amplitude of the solution
+ */
+vector grain_strain_at_quantile(real log_odds, vector middle, vector asked,
+                                data vector reference, data vector strain, data vector weight,
+                                real precision, data int stress_given, data matrix bounds) {
+  int n = n_places();
+  vector[2] fabric_at_middle = [reference[2], reference[3]]';
+  real range = bounds[3, 2] - bounds[3, 1];
+  matrix[2, 2 * n + 1] fabric;
+  vector[2 * n + 1] log_density;
+  vector[2] place;
+  vector[2] offset;
+  vector[rows(strain)] rest;
+  vector[2] solved;
+  for (k in 1 : n_valley_steps()) {
+    real f = k * 1.0 / n_valley_steps();
+    rest = col(rest_of_strength(reference[1] + f * (middle[1] - reference[1]),
+                                asked_along_path(f, asked, reference), strain, bounds), 1);
+    fabric_at_middle = head(fabric_step(fabric_at_middle, rest, strain, weight,
+                                        softened_share() * precision, stress_given, bounds), 2);
+  }
+  for (sign in {-1, 1}) {
+    solved = fabric_at_middle;
+    for (k in (sign < 0 ? 0 : 1) : n) {
+      int i = n + 1 + sign * k;
+      vector[6] step;
+      real determinant;
+      offset = offset_at(sign * k, middle[2]);
+      rest = col(rest_of_strength(middle[1] + offset[1], asked, strain, bounds), 1);
+      solved = head(fabric_step(solved, rest, strain, weight, softened_share() * precision,
+                                stress_given, bounds), 2);
+      step = fabric_step(solved, rest, strain, weight, precision, stress_given, bounds);
+      determinant = step[3] * step[5] - square(step[4]);
+      fabric[ : , i] = solved;
+      log_density[i] = log_fit(step[6] + square(distance_beyond(
+                                 (1 - solved[2] - bounds[3, 1]) / range,
+                                 sqrt(step[3] / determinant) / range)))
+                       - 0.5 * log(determinant) + log_density_of_bounded(solved[1])
+                       + log_density_of_bounded(middle[1] + offset[1]) + offset[2];
+    }
+  }
+  place = place_of_quantile(log_odds, with_prior(log_density, middle[1], middle[2]));
+  offset = offset_at(place[1], middle[2]);
+  rest = col(rest_of_strength(middle[1] + offset[1], asked, strain, bounds), 1);
+  solved = fabric * interpolation_weights(place[1]);
+  for (k in 1 : 2) {
+    solved = head(fabric_step(solved, rest, strain, weight, softened_share() * precision,
+                              stress_given, bounds), 2);
+  }
+  return [middle[1] + offset[1], offset[2] + place[2], solved[1], solved[2]]';
+}
+
+/**
+ * u_2 at a conditional quantile, and what the data ask of F_ss there.
+ *
+ * Along u_2 the misfit is that of the solution for (ln S_0, F_ss); where F_ss would leave its
+ * bounds, the misfit at the bound counts.
+ *
+ * @param log_odds of the quantile
+ * @param middle u_2 in the middle of the places, and their standard deviation
+ * @param total_softening -ln F at the last pin in the middle
+ * @return u_2, ln of its derivative by the log odds, place of F_ss in its range, and its standard
+ *   deviation
+ */
+vector fabric_strain_at_quantile(real log_odds, vector middle, real total_softening,
+                                 vector rest, data vector strain, data vector weight,
+                                 real precision, data int stress_given, data matrix bounds) {
+  int n = n_places();
+  real range = bounds[3, 2] - bounds[3, 1];
+  vector[2 * n + 1] total;
+  vector[2 * n + 1] log_density;
+  vector[2] place;
+  vector[2] offset;
+  vector[4] factor;
+  for (sign in {-1, 1}) {
+    real total_before = total_softening;
+    for (k in (sign < 0 ? 0 : 1) : n) {
+      int i = n + 1 + sign * k;
+      real c;
+      offset = offset_at(sign * k, middle[2]);
+      factor = solve_fabric_factor(total_before, middle[1] + offset[1], rest, 1, strain, weight,
+                                   precision, stress_given, bounds);
+      c = 1 / (range * sqrt(factor[2]));
+      total_before = factor[4];
+      total[i] = factor[4];
+      log_density[i] = log_fit(factor[3]
+                               + square(distance_beyond((factor[1] - bounds[3, 1]) / range, c)))
+                       + log(c) + log_density_of_bounded(middle[1] + offset[1]) + offset[2];
+    }
+  }
+  place = place_of_quantile(log_odds, with_prior(log_density, middle[1], middle[2]));
+  offset = offset_at(place[1], middle[2]);
+  factor = solve_fabric_factor(dot_product(total, interpolation_weights(place[1])),
+                               middle[1] + offset[1], rest, 2, strain, weight, precision,
+                               stress_given, bounds);
+  return [middle[1] + offset[1], offset[2] + place[2], (factor[1] - bounds[3, 1]) / range,
+          1 / (range * sqrt(factor[2]))]';
+}
+
+/**
+ * (ln S_0, u_F, u_1, u_2) from their coordinates.
+ *
+ * @param coordinate in this order: remainders of ln S_0 and F_ss, log odds of the quantiles of u_1
+ *   and u_2
+ * @param asked, reference, precision see charts/valley/least_squares.stan
+ * @param strain of the pins
+ * @param weight of the pins for u_1
+ * @param fine_weight that for the others
+ * @param stress_given 1: ln S_0 is given, its remainder and the one returned have no effect
+ * @param bounds see charts/valley/pins.stan
+ * @return (ln S_0, u_F, u_1, u_2), then ln |d(these)/d(coordinate)|
+ */
+vector softening_from_coordinates(vector coordinate, vector asked, data vector reference,
+                                  data vector strain, data vector weight,
+                                  data vector fine_weight, real precision,
+                                  data int stress_given, data matrix bounds) {
+  vector[2] middle = middle_grain_strain(asked, reference,
+                                         -centred(strain, weight, stress_given) / max(strain),
+                                         strain, weight, precision, stress_given, bounds);
+  vector[4] grain = grain_strain_at_quantile(coordinate[3], middle, asked, reference, strain,
+                                             weight, precision, stress_given, bounds);
+  vector[rows(strain)] rest = col(rest_of_strength(grain[1], asked, strain, bounds), 1);
+  vector[6] step = fabric_step(grain[3 : 4], rest, strain, fine_weight, precision, stress_given,
+                               bounds);
+  vector[4] fabric = fabric_strain_at_quantile(coordinate[4],
+    [grain[3], 1 / sqrt(step[3] - square(step[4]) / step[5])]',
+    -fabric_softening(grain[3], grain[4], strain, bounds)[rows(strain), 1], rest, strain,
+    fine_weight, precision, stress_given, bounds);
+  vector[2] factor = bounded_from_remainder(fabric[3], fabric[4], coordinate[2]);
+  real log_jacobian = grain[2] + fabric[2] + factor[2];
+  real log_stress = 0;
+  if (!stress_given) {
+    real amplitude = 1 - bounds[3, 1] - (bounds[3, 2] - bounds[3, 1]) * inv_logit(factor[1]);
+    vector[2] stress = solve_reference_stress(
+      rest - col(fabric_softening(fabric[1], amplitude, strain, bounds), 1), fine_weight,
+      precision, reference[4]);
+    log_stress = stress[1] + coordinate[1] / sqrt(stress[2]);
+    log_jacobian -= 0.5 * log(stress[2]);
+  }
+  return [log_stress, factor[1], grain[1], fabric[1], log_jacobian]';
+}
+
+/**
+ * Plain coordinate of a parameter, straightened: linear in the parameter or in its inverse.
+ *
+ * Data can push a parameter against its lower bound (the Kelvin modulus of ice). There the plain
+ * coordinate is logarithmic and runs away; ln(c log1p_exp(x)) is linear in the parameter above c.
+ * Of the Maxwell modulus they fix the inverse, to which elastic strain is proportional.
+ *
+ * @param offset from the reference point, in the straightened coordinate
+ * @param reference plain coordinate of the reference point
+ * @param linear_from c > 0: linear in exp(plain) above c; c < 0: linear in exp(-plain) above -c;
+ *   0: plain
+ * @return plain coordinate, and ln of its derivative by the offset
+ */
+vector plain_from_straightened(real offset, data real reference, data real linear_from) {
+  if (linear_from == 0) {
+    return [reference + offset, 0]';
+  } else {
+    real sign = linear_from > 0 ? 1 : -1;
+    real c = linear_from > 0 ? linear_from : -linear_from;
+    real x = log(expm1(exp(sign * reference) / c)) + sign * offset;
+    return [sign * log(c * log1p_exp(x)), log_inv_logit(x) - log(log1p_exp(x))]';
+  }
+}
+
+/**
+ * What parameters ask for at the pins: `asked` of charts/valley/least_squares.stan.
+ *
+ * @param log_stress ln S_0
+ */
+vector asked_of_pins(vector parameter, data int stress_given, real log_stress,
+                     data real initial_grain_size, data matrix knot, data matrix pin) {
+  vector[rows(pin)] log_strength = log_strength_at_pins(knot, pin,
+                                                        parameter[i_maxwell_modulus()],
+                                                        parameter[i_kelvin_modulus()],
+                                                        parameter[i_kelvin_viscosity()],
+                                                        parameter[i_stress_exponent()]);
+  return append_row([parameter[i_grain_size_exponent()] / parameter[i_stress_exponent()],
+                     log(parameter[i_steady_state_grain_size()] / initial_grain_size)]',
+                    stress_given ? log_strength - log_stress : log_strength);
+}
+
+/**
+ * What charts/valley/least_squares.stan wants to know of the reference point.
+ *
+ * @param parameter at the reference point
+ * @param coordinate plain coordinates there, and the others as for plain_from_valley()
+ */
+vector valley_reference(data vector parameter, data vector coordinate, data array[] int place,
+                        data int replaced_parameter, data vector conditions, data matrix knot,
+                        data matrix pin) {
+  real log_stress = log_reference_stress(conditions[1], conditions[2], conditions[3],
+                                         parameter[i_stress_exponent()],
+                                         parameter[i_grain_size_exponent()],
+                                         parameter[i_activation_enthalpy()],
+                                         parameter[i_beta()]);
+  return append_row([coordinate[place[i_critical_strain_grain_size()]],
+                     coordinate[place[i_critical_strain_fabric()]],
+                     1 - parameter[i_steady_state_fabric_factor()], log_stress,
+                     log(parameter[i_stress_noise()])]',
+                    asked_of_pins(parameter, replaced_parameter == 0, log_stress, conditions[2],
+                                  knot, pin));
+}
+
+/**
+ * Plain coordinates of a test's own parameters at given valley coordinates.
+ *
+ * The coordinates stand in the order of the plain ones; those of ln S_0 and F_ss are remainders in
+ * standard deviations, those of the critical strains the log odds of conditional quantiles. Where
+ * the flow law is complete without them, ln S_0 follows from it and has no coordinate.
+ *
+ * @param given values of the parameters that are not the test's own; other entries have no effect
+ * @param place of each parameter among the test's own ones, 0 where it is none of them
+ * @param quantity a row for each of them (charts/plain.stan)
+ * @param guide a row for each of them: plain coordinate of the reference point, linear_from (see
+ *   plain_from_straightened()), power of the stress noise with which its width grows
+ * @param replaced_parameter place of Q_M or beta; 0: ln S_0 is given
+ * @param conditions strain rate (1/s) of the first segment, d_0 (m), temperature (K)
+ * @param knot, pin see charts/valley/pins.stan
+ * @param reference see valley_reference()
+ * @return plain coordinates, then ln |d(these)/d(coordinate)|
+ */
+vector plain_from_valley(vector coordinate, vector given, data array[] int place,
+                         data matrix quantity, data matrix guide, data int replaced_parameter,
+                         data vector conditions, data matrix knot, data matrix pin,
+                         data vector reference) {
+  array[3] int solved = place[{i_critical_strain_grain_size(), i_critical_strain_fabric(),
+                               i_steady_state_fabric_factor()}];
+  int stress_given = replaced_parameter == 0;
+  int flow = stress_given ? 0 : place[replaced_parameter];
+  vector[num_elements(coordinate)] plain;
+  vector[num_elements(given)] parameter = given;
+  real log_noise_ratio; // ln(s/s of the reference point)
+  real log_stress = 0;
+  real log_jacobian = 0;
+  vector[5] softening;
+  // The noise first: widths of others go with it.
+  if (place[i_stress_noise()] > 0) {
+    int i = place[i_stress_noise()];
+    parameter[i_stress_noise()]
+      = bounded_from_real(plain_from_straightened(coordinate[i], guide[i, 1], guide[i, 2])[1],
+                          quantity[i]);
+  }
+  log_noise_ratio = log(parameter[i_stress_noise()]) - reference[5];
+  for (k in 1 : num_elements(given)) {
+    int i = place[k];
+    if (i > 0 && i != flow && i != solved[1] && i != solved[2] && i != solved[3]) {
+      real log_width = guide[i, 3] * log_noise_ratio;
+      vector[2] straight = plain_from_straightened(coordinate[i] * exp(log_width), guide[i, 1],
+                                                   guide[i, 2]);
+      plain[i] = straight[1];
+      log_jacobian += straight[2] + log_width;
+      parameter[k] = bounded_from_real(plain[i], quantity[i]);
+    }
+  }
+  if (stress_given) {
+    log_stress = log_reference_stress(conditions[1], conditions[2], conditions[3],
+                                      parameter[i_stress_exponent()],
+                                      parameter[i_grain_size_exponent()],
+                                      parameter[i_activation_enthalpy()], parameter[i_beta()]);
+  }
+  softening = softening_from_coordinates(
+    [stress_given ? 0 : coordinate[flow], coordinate[solved[3]], coordinate[solved[1]],
+     coordinate[solved[2]]]',
+    asked_of_pins(parameter, stress_given, log_stress, conditions[2], knot, pin), reference,
+    col(pin, 1), col(pin, 5), col(pin, 6), exp(-2 * log_noise_ratio), stress_given,
+    quantity[solved, i_lower() : i_upper()]);
+  plain[solved] = softening[{3, 4, 2}];
+  log_jacobian += softening[5];
+  if (!stress_given) {
+    plain[flow] = (softening[1] - quantity[flow, i_shift()]) / quantity[flow, i_scale()];
+    log_jacobian -= log(quantity[flow, i_scale()]);
+  }
+  return append_row(plain, log_jacobian);
+}

@@ -1,0 +1,58 @@
+/**
+ * Dashpot of the Kelvin element: linear, or a power law (Masuti and Barbot 2021, Earth Planets
+ * Space 73:208),
+ *
+ *   d(kelvin strain)/dt = A_K sgn(q) |q|^n_K exp(-Q_K/(R T)),  q = stress - E_K kelvin_strain.
+ *
+ * A_K alone is nothing that data or priors fix: it changes by many powers of ten with n_K and Q_K.
+ * The parameter is the effective viscosity q/rate, eta_K, at a reference driving stress q_0 and a
+ * reference temperature T_0:
+ *
+ *   d(kelvin strain)/dt = (q_0/eta_K) sgn(q) |q/q_0|^n_K exp[-(Q_K/R)(1/T - 1/T_0)].
+ *
+ * n_K = 1 and Q_K = 0 is the linear element of the paper, whatever q_0 and T_0. Needs
+ * physics/flow_law.stan for R.
+ */
+
+/**
+ * Effective viscosity at a temperature, at the driving stress q_0.
+ *
+ * @param viscosity eta_K, Pa s, at the reference temperature
+ * @param activation_enthalpy Q_K, J/mol
+ * @return Pa s
+ */
+real kelvin_viscosity_at(real viscosity, real activation_enthalpy, data real temperature,
+                         data real reference_temperature) {
+  return viscosity
+         * exp(activation_enthalpy / gas_constant()
+               * (1 / temperature - 1 / reference_temperature));
+}
+
+/**
+ * ln of the pre-exponential factor A_K, in Pa^-n_K s^-1: the parametrisation of Masuti and Barbot.
+ *
+ * @param viscosity eta_K at q_0 and T_0, Pa s
+ * @param stress_exponent n_K
+ * @param activation_enthalpy Q_K, J/mol
+ */
+real log_kelvin_rate_factor(real viscosity, real stress_exponent, real activation_enthalpy,
+                            data real reference_stress, data real reference_temperature) {
+  return (1 - stress_exponent) * log(reference_stress) - log(viscosity)
+         + activation_enthalpy / (gas_constant() * reference_temperature);
+}
+
+/**
+ * Driving stress at which a linear element of the viscosity eta_K creeps as fast as the power law
+ * does at the driving stress q: q |q/q_0|^(n_K - 1), both in some unit U.
+ *
+ * @param driving_stress q/U
+ * @param stress_exponent n_K
+ * @param log_unit ln(U/q_0)
+ */
+real linear_driving_stress(real driving_stress, real stress_exponent, real log_unit) {
+  real magnitude = driving_stress < 0 ? -driving_stress : driving_stress;
+  if (magnitude == 0) {
+    return 0;
+  }
+  return driving_stress * exp((stress_exponent - 1) * (log(magnitude) + log_unit));
+}

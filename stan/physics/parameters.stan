@@ -1,0 +1,32 @@
+/**
+ * The parameter vector, SI, and where each parameter stands in it: i_NAME().
+ *
+ * Priors, fixed values and `parameter` in the programs have this order. Those of variants have
+ * standard values that leave them without effect (docs/variants.md).
+ */
+int n_parameters() { return 20; }
+
+int i_maxwell_modulus() { return 1; } // E_M, Pa
+int i_kelvin_modulus() { return 2; } // E_K, Pa
+int i_kelvin_viscosity() { return 3; } // eta_K, Pa s
+int i_stress_exponent() { return 4; } // n
+int i_grain_size_exponent() { return 5; } // p
+int i_activation_enthalpy() { return 6; } // Q_M, J/mol
+int i_beta() { return 7; } // ln(A)/Q_M, mol/J
+int i_steady_state_grain_size() { return 8; } // d_ss, m
+int i_steady_state_fabric_factor() { return 9; } // F_ss
+int i_critical_strain_grain_size() { return 10; } // epsilon_c1
+int i_critical_strain_fabric() { return 11; } // epsilon_c2
+int i_stress_noise() { return 12; } // s, Pa
+
+// Of variants
+int i_kelvin_stress_exponent() { return 13; } // n_K
+int i_kelvin_activation_enthalpy() { return 14; } // Q_K, J/mol
+int i_kelvin_reference_stress() { return 15; } // q_0, Pa, always fixed
+int i_kelvin_reference_temperature() { return 16; } // T_0, K, always fixed
+int i_residual_correlation_strain() { return 17; } // epsilon_r
+
+// Of the material's piezometer, always fixed
+int i_piezometer_reference_grain_size() { return 18; } // d_1, m; 0: there is none
+int i_piezometer_exponent() { return 19; } // m
+int i_piezometer_stress_floor() { return 20; } // sigma_f, Pa

@@ -1,0 +1,251 @@
+/**
+ * Stress at imposed, piecewise constant strain rate: the two-state form of the Burgers model.
+ *
+ * Grain size and fabric are known functions of strain (physics/microstructure.stan), so the
+ * six states of the paper reduce exactly to stress and Kelvin strain. Strain is the independent
+ * variable and both states are O(1):
+ *
+ *   y = stress/S_0,  z = E_K kelvin_strain/(eta_K rate),
+ *   dy/d(strain) = (E_M/S_0) (1 - v_K - v_d),  dz/d(strain) = (E_K/(eta_K rate)) v_K,
+ *   v_K = S_0 y/(eta_K rate) - z,  v_d = (rate_0/rate) (y/F)^n (d/d_0)^-p.
+ *
+ * v_K and v_d are the rates of the Kelvin element and of the dashpot over the imposed rate; S_0
+ * is the reference stress (physics/flow_law.stan) at the rate of the first segment, rate_0.
+ * Where the Kelvin element is a power law (physics/kelvin_element.stan), v_K as given is its
+ * driving stress in the unit eta_K rate, and the rate follows from that; the solver gets this form
+ * only then, because every argument costs it sensitivities.
+ *
+ * Where the grain size follows a piezometer, which needs the stress, it is a third state:
+ *
+ *   w = d/d_0,  dw/d(strain) = (d_piezometer(stress)/d_0 - w)/epsilon_c1.
+ */
+
+/**
+ * Rate of the dashpot over the imposed rate, v_d.
+ *
+ * @param scaled_stress y
+ * @param log_grain_size ln(d/d_0)
+ * @param log_fabric ln F
+ * @param log_rate_ratio ln(rate_0/rate)
+ */
+real relative_dashpot_rate(real scaled_stress, real stress_exponent, real grain_size_exponent,
+                           real log_grain_size, real log_fabric, data real log_rate_ratio) {
+  return signed_power(scaled_stress, log_fabric, stress_exponent,
+                      log_rate_ratio - grain_size_exponent * log_grain_size);
+}
+
+/**
+ * Right-hand side with a linear Kelvin element; see the head of this file.
+ *
+ * @param strain total strain
+ * @param state [y, z]
+ * @param stiffness E_M/S_0
+ * @param kelvin_fluidity S_0/(eta_K rate)
+ * @param kelvin_decay E_K/(eta_K rate), per unit strain
+ * @param grain_size_deficit 1 - d_ss/d_0
+ * @param fabric_deficit 1 - F_ss
+ * @param inverse_critical_strain_grain_size 1/epsilon_c1
+ * @param inverse_critical_strain_fabric 1/epsilon_c2
+ * @param log_rate_ratio ln(rate_0/rate)
+ */
+vector constant_rate_rhs(real strain, vector state, real stiffness, real kelvin_fluidity,
+                         real kelvin_decay, real stress_exponent, real grain_size_exponent,
+                         real grain_size_deficit, real fabric_deficit,
+                         real inverse_critical_strain_grain_size,
+                         real inverse_critical_strain_fabric, data real log_rate_ratio) {
+  real kelvin_rate = kelvin_fluidity * state[1] - state[2];
+  real log_grain_size = log_relative_microstructure(strain, grain_size_deficit,
+                                                    inverse_critical_strain_grain_size);
+  real log_fabric = log_relative_microstructure(strain, fabric_deficit,
+                                                inverse_critical_strain_fabric);
+  real dashpot_rate = relative_dashpot_rate(state[1], stress_exponent, grain_size_exponent,
+                                            log_grain_size, log_fabric, log_rate_ratio);
+  return [stiffness * (1 - kelvin_rate - dashpot_rate), kelvin_decay * kelvin_rate]';
+}
+
+/**
+ * Right-hand side with a power-law Kelvin element: as constant_rate_rhs(), and
+ *
+ * @param kelvin_stress_exponent n_K
+ * @param log_kelvin_unit ln(eta_K rate/q_0)
+ */
+vector constant_rate_power_law_kelvin_rhs(real strain, vector state, real stiffness,
+                                          real kelvin_fluidity, real kelvin_decay,
+                                          real stress_exponent, real grain_size_exponent,
+                                          real grain_size_deficit, real fabric_deficit,
+                                          real inverse_critical_strain_grain_size,
+                                          real inverse_critical_strain_fabric,
+                                          data real log_rate_ratio,
+                                          real kelvin_stress_exponent,
+                                          real log_kelvin_unit) {
+  real kelvin_rate = linear_driving_stress(kelvin_fluidity * state[1] - state[2],
+                                           kelvin_stress_exponent, log_kelvin_unit);
+  real log_grain_size = log_relative_microstructure(strain, grain_size_deficit,
+                                                    inverse_critical_strain_grain_size);
+  real log_fabric = log_relative_microstructure(strain, fabric_deficit,
+                                                inverse_critical_strain_fabric);
+  real dashpot_rate = relative_dashpot_rate(state[1], stress_exponent, grain_size_exponent,
+                                            log_grain_size, log_fabric, log_rate_ratio);
+  return [stiffness * (1 - kelvin_rate - dashpot_rate), kelvin_decay * kelvin_rate]';
+}
+
+/**
+ * Right-hand side with a grain size that follows a piezometer and a power-law Kelvin element: as
+ * constant_rate_power_law_kelvin_rhs() without grain_size_deficit, and
+ *
+ * @param state [y, z, w]
+ * @param reference_stress S_0, Pa
+ * @param relative_piezometer d_1/d_0
+ * @param piezometer_exponent, piezometer_stress_floor see piezometer_grain_size()
+ */
+vector constant_rate_piezometric_rhs(real strain, vector state, real stiffness,
+                                     real kelvin_fluidity, real kelvin_decay,
+                                     real stress_exponent, real grain_size_exponent,
+                                     real fabric_deficit,
+                                     real inverse_critical_strain_grain_size,
+                                     real inverse_critical_strain_fabric,
+                                     data real log_rate_ratio, real kelvin_stress_exponent,
+                                     real log_kelvin_unit, real reference_stress,
+                                     data real relative_piezometer,
+                                     data real piezometer_exponent,
+                                     data real piezometer_stress_floor) {
+  real kelvin_rate = linear_driving_stress(kelvin_fluidity * state[1] - state[2],
+                                           kelvin_stress_exponent, log_kelvin_unit);
+  real log_fabric = log_relative_microstructure(strain, fabric_deficit,
+                                                inverse_critical_strain_fabric);
+  real dashpot_rate = relative_dashpot_rate(state[1], stress_exponent, grain_size_exponent,
+                                            log(state[3]), log_fabric, log_rate_ratio);
+  real preferred = piezometer_grain_size(reference_stress * state[1], relative_piezometer,
+                                         piezometer_exponent, piezometer_stress_floor);
+  return [stiffness * (1 - kelvin_rate - dashpot_rate), kelvin_decay * kelvin_rate,
+          (preferred - state[3]) * inverse_critical_strain_grain_size]';
+}
+
+/**
+ * Scaled states at the given strains of one constant-rate segment.
+ *
+ * @param initial_state [y, z], or [y, z, w], at start_strain
+ * @param strain increasing, all greater than start_strain
+ * @param log_rate_ratio ln(rate_0/rate)
+ * @param reference_stress S_0, Pa
+ * @param kelvin_viscosity eta_K at the temperature of the test, Pa s
+ * @param parameter, constant, power_law_kelvin see constant_rate_solution()
+ * @return array over strain of [y, z], or [y, z, w]
+ */
+array[] vector constant_rate_segment(vector initial_state, data real start_strain,
+                                     data array[] real strain, data real strain_rate,
+                                     data real log_rate_ratio, real reference_stress,
+                                     real kelvin_viscosity, vector parameter,
+                                     data vector constant, data real initial_grain_size,
+                                     data int power_law_kelvin, data real tolerance,
+                                     data int max_num_steps) {
+  real stiffness = parameter[i_maxwell_modulus()] / reference_stress;
+  real kelvin_fluidity = reference_stress / (kelvin_viscosity * strain_rate);
+  real kelvin_decay = parameter[i_kelvin_modulus()] / (kelvin_viscosity * strain_rate);
+  real log_kelvin_unit = log(kelvin_viscosity * strain_rate
+                             / constant[i_kelvin_reference_stress()]);
+  real grain_size_deficit = 1 - parameter[i_steady_state_grain_size()] / initial_grain_size;
+  real fabric_deficit = 1 - parameter[i_steady_state_fabric_factor()];
+  if (constant[i_piezometer_reference_grain_size()] > 0) {
+    return ode_bdf_tol(constant_rate_piezometric_rhs, initial_state, start_strain, strain,
+                       tolerance, tolerance, max_num_steps, stiffness, kelvin_fluidity,
+                       kelvin_decay, parameter[i_stress_exponent()],
+                       parameter[i_grain_size_exponent()], fabric_deficit,
+                       1 / parameter[i_critical_strain_grain_size()],
+                       1 / parameter[i_critical_strain_fabric()], log_rate_ratio,
+                       parameter[i_kelvin_stress_exponent()], log_kelvin_unit, reference_stress,
+                       constant[i_piezometer_reference_grain_size()] / initial_grain_size,
+                       constant[i_piezometer_exponent()],
+                       constant[i_piezometer_stress_floor()]);
+  }
+  if (power_law_kelvin) {
+    return ode_bdf_tol(constant_rate_power_law_kelvin_rhs, initial_state, start_strain, strain,
+                       tolerance, tolerance, max_num_steps, stiffness, kelvin_fluidity,
+                       kelvin_decay, parameter[i_stress_exponent()],
+                       parameter[i_grain_size_exponent()], grain_size_deficit, fabric_deficit,
+                       1 / parameter[i_critical_strain_grain_size()],
+                       1 / parameter[i_critical_strain_fabric()], log_rate_ratio,
+                       parameter[i_kelvin_stress_exponent()], log_kelvin_unit);
+  }
+  return ode_bdf_tol(constant_rate_rhs, initial_state, start_strain, strain, tolerance,
+                     tolerance, max_num_steps, stiffness, kelvin_fluidity, kelvin_decay,
+                     parameter[i_stress_exponent()], parameter[i_grain_size_exponent()],
+                     grain_size_deficit, fabric_deficit,
+                     1 / parameter[i_critical_strain_grain_size()],
+                     1 / parameter[i_critical_strain_fabric()], log_rate_ratio);
+}
+
+/**
+ * Stress and Kelvin strain along a test that starts at rest and steps through strain rates.
+ *
+ * The solver is restarted at every step of the rate; stress and Kelvin strain are carried over.
+ *
+ * @param parameter in the order of physics/parameters.stan
+ * @param constant parameters that are never inferred, at their places in the same order; the
+ *   others in it have no effect
+ * @param strain output strains, increasing and positive; the strain of every rate step is one of
+ *   them, as the last output of the segment that ends there
+ * @param n_strains_in_segment number of output strains in each segment
+ * @param segment_start strain at which each segment starts, the first 0
+ * @param segment_rate imposed strain rate of each segment, 1/s
+ * @param initial_grain_size m
+ * @param temperature of the test, K
+ * @param power_law_kelvin 0: the Kelvin element is linear, and n_K and q_0 have no effect
+ * @return array over output strains of [stress (Pa), kelvin strain], and the grain size (m) where
+ *   it follows a piezometer
+ */
+array[] vector constant_rate_solution(vector parameter, data vector constant,
+                                      data array[] real strain,
+                                      data array[] int n_strains_in_segment,
+                                      data array[] real segment_start,
+                                      data array[] real segment_rate,
+                                      data real initial_grain_size, data real temperature,
+                                      data int power_law_kelvin, data real tolerance,
+                                      data int max_num_steps) {
+  int n_states = constant[i_piezometer_reference_grain_size()] > 0 ? 3 : 2;
+  real reference_stress = exp(log_reference_stress(segment_rate[1], initial_grain_size,
+                                                   temperature, parameter[i_stress_exponent()],
+                                                   parameter[i_grain_size_exponent()],
+                                                   parameter[i_activation_enthalpy()],
+                                                   parameter[i_beta()]));
+  real kelvin_viscosity = kelvin_viscosity_at(parameter[i_kelvin_viscosity()],
+                                              parameter[i_kelvin_activation_enthalpy()],
+                                              temperature,
+                                              constant[i_kelvin_reference_temperature()]);
+  array[size(strain)] vector[n_states] solution;
+  vector[n_states] state;
+  int before = 0; // outputs of earlier segments
+  for (k in 1 : size(segment_start)) {
+    int n = n_strains_in_segment[k];
+    if (n > 0) {
+      array[n] vector[n_states] scaled;
+      if (k == 1) {
+        // A literal initial state is constant to the solver: no sensitivities to it.
+        scaled = constant_rate_segment(append_row(rep_vector(0, 2),
+                                                  rep_vector(1, n_states - 2)),
+                                       segment_start[k], strain[1 : n], segment_rate[k], 0,
+                                       reference_stress, kelvin_viscosity, parameter, constant,
+                                       initial_grain_size, power_law_kelvin, tolerance,
+                                       max_num_steps);
+      } else {
+        state[2] *= segment_rate[k - 1] / segment_rate[k];
+        scaled = constant_rate_segment(state, segment_start[k], strain[before + 1 : before + n],
+                                       segment_rate[k], log(segment_rate[1] / segment_rate[k]),
+                                       reference_stress, kelvin_viscosity, parameter, constant,
+                                       initial_grain_size, power_law_kelvin, tolerance,
+                                       max_num_steps);
+      }
+      for (i in 1 : n) {
+        solution[before + i][1] = reference_stress * scaled[i][1];
+        solution[before + i][2] = scaled[i][2] * kelvin_viscosity * segment_rate[k]
+                                  / parameter[i_kelvin_modulus()];
+        if (n_states > 2) {
+          solution[before + i][3] = scaled[i][3] * initial_grain_size;
+        }
+      }
+      state = scaled[n];
+      before += n;
+    }
+  }
+  return solution;
+}

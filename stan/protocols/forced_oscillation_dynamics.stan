@@ -1,0 +1,232 @@
+/**
+ * Stress at an imposed oscillating strain rate: the three-state form of the Burgers model with
+ * the grain size that a piezometer wants (Maor et al., Eq. 5) and no fabric (F = 1).
+ *
+ * Time is counted in periods and all states are O(1):
+ *
+ *   y = stress/S,  z = E_K kelvin_strain/S,  w = d/d_u,  r = (d strain/d tau)/e,
+ *   dy/d tau = (E_M e/S) (r - v_K - v_d),  dz/d tau = (E_K period/eta_K) (y - z),
+ *   dw/d tau = |r| (e/epsilon_c1) (d_piezometer(stress)/d_u - w),
+ *   v_K = (S period/(eta_K e)) (y - z),  v_d = v_d0 sgn(y) |y|^n (d/d_0)^-p.
+ *
+ * With a power-law Kelvin element (physics/kelvin_element.stan) the linear driving stress stands
+ * for y - z in the rates; the solver gets that form only then, because every argument costs it
+ * sensitivities.
+ *
+ * S and e are an observed stress and strain (data) and v_d0 the rate of the dashpot at stress S
+ * and grain size d_0. v_K and v_d are the rates of the Kelvin element and of the dashpot, in the
+ * unit of r. The unit d_u of the grain size is 100 d_0: where the stress passes through zero the
+ * piezometer asks for huge grains for an instant, and the solver would spend most of its steps on
+ * following that more closely than the stress can tell.
+ *
+ * The strain rate is a sum of harmonics and of a background: the strain is
+ * sum_k [sine_k sin(2 pi k tau) + cosine_k cos(2 pi k tau)] + background, tau = 0 at the origin
+ * of the record's clock.
+ */
+
+/** Unit of the grain size over its initial value, d_u/d_0. */
+real grain_size_unit() { return 100; }
+
+/**
+ * d strain/d tau: the oscillation, and a background given as a polynomial of tau.
+ *
+ * @param tau time over period
+ * @param sine, cosine amplitudes of the strain's harmonics
+ * @param background coefficients of the background's d strain/d tau as a polynomial of
+ *   (tau - middle)/half, the constant first
+ * @param background_range middle and half of the record, in periods
+ * @param first_tau start of the record: before it the background keeps the rate it has there
+ */
+real oscillating_rate(real tau, data vector sine, data vector cosine, data vector background,
+                      data vector background_range, data real first_tau) {
+  real rate = 0;
+  real position = ((tau > first_tau ? tau : first_tau) - background_range[1])
+                  / background_range[2];
+  for (k in 1 : num_elements(background)) {
+    rate += background[k] * position ^ (k - 1);
+  }
+  for (k in 1 : num_elements(sine)) {
+    real angle = 2 * pi() * k * tau;
+    rate += 2 * pi() * k * (sine[k] * cos(angle) - cosine[k] * sin(angle));
+  }
+  return rate;
+}
+
+/**
+ * Rates of [y, z, w].
+ *
+ * @param rate r
+ * @param evolves 0 before the record, where the grain size keeps its initial value
+ * @param state [y, z, w]
+ * @param kelvin_excess linear driving stress of the Kelvin element over S
+ * @param stiffness E_M e/S
+ * @param kelvin_fluidity S period/(eta_K e)
+ * @param kelvin_decay E_K period/eta_K
+ * @param log_dashpot_rate ln v_d0
+ * @param inverse_critical_strain 1/epsilon_c1
+ * @param stress_scale, strain_scale S (Pa) and e
+ * @param unit d_u, m
+ * @param piezometer d_1 (m), exponent and stress floor (Pa), see piezometer_grain_size()
+ */
+vector forced_oscillation_rates(real rate, int evolves, vector state, real kelvin_excess,
+                                real stiffness, real kelvin_fluidity, real kelvin_decay,
+                                real stress_exponent, real grain_size_exponent,
+                                real log_dashpot_rate, real inverse_critical_strain,
+                                data real stress_scale, data real strain_scale,
+                                data real unit, data vector piezometer) {
+  real dashpot_rate = signed_power(state[1], 0, stress_exponent,
+                                   log_dashpot_rate
+                                   - grain_size_exponent * log(grain_size_unit() * state[3]));
+  real growth = 0;
+  if (evolves) {
+    real preferred = piezometer_grain_size(stress_scale * state[1], piezometer[1],
+                                           piezometer[2], piezometer[3]) / unit;
+    growth = microstructure_rate(state[3], preferred, 1, strain_scale * rate)
+             * inverse_critical_strain;
+  }
+  return [stiffness * (rate - kelvin_fluidity * kelvin_excess - dashpot_rate),
+          kelvin_decay * kelvin_excess, growth]';
+}
+
+/**
+ * Right-hand side; see the head of this file.
+ *
+ * @param state [y, z, w]
+ * @param sine, cosine, background, background_range, first_tau see oscillating_rate()
+ * @param stiffness and the others see forced_oscillation_rates()
+ */
+vector forced_oscillation_rhs(real tau, vector state, real stiffness, real kelvin_fluidity,
+                              real kelvin_decay, real stress_exponent,
+                              real grain_size_exponent, real log_dashpot_rate,
+                              real inverse_critical_strain, data vector sine,
+                              data vector cosine, data vector background,
+                              data vector background_range, data real first_tau,
+                              data real stress_scale, data real strain_scale,
+                              data real unit, data vector piezometer) {
+  real rate = oscillating_rate(tau, sine, cosine, background, background_range, first_tau)
+              / strain_scale;
+  return forced_oscillation_rates(rate, tau >= first_tau, state, state[1] - state[2], stiffness,
+                                  kelvin_fluidity, kelvin_decay, stress_exponent,
+                                  grain_size_exponent, log_dashpot_rate,
+                                  inverse_critical_strain, stress_scale, strain_scale,
+                                  unit, piezometer);
+}
+
+/**
+ * Right-hand side with a power-law Kelvin element: as forced_oscillation_rhs(), and
+ *
+ * @param kelvin_stress_exponent n_K
+ * @param log_kelvin_unit ln(S/q_0)
+ */
+vector forced_oscillation_power_law_kelvin_rhs(real tau, vector state, real stiffness,
+                                               real kelvin_fluidity, real kelvin_decay,
+                                               real stress_exponent, real grain_size_exponent,
+                                               real log_dashpot_rate,
+                                               real inverse_critical_strain,
+                                               data vector sine, data vector cosine,
+                                               data vector background,
+                                               data vector background_range,
+                                               data real first_tau, data real stress_scale,
+                                               data real strain_scale,
+                                               data real unit, data vector piezometer,
+                                               real kelvin_stress_exponent,
+                                               data real log_kelvin_unit) {
+  real rate = oscillating_rate(tau, sine, cosine, background, background_range, first_tau)
+              / strain_scale;
+  real kelvin_excess = linear_driving_stress(state[1] - state[2], kelvin_stress_exponent,
+                                             log_kelvin_unit);
+  return forced_oscillation_rates(rate, tau >= first_tau, state, kelvin_excess, stiffness,
+                                  kelvin_fluidity, kelvin_decay, stress_exponent,
+                                  grain_size_exponent, log_dashpot_rate,
+                                  inverse_critical_strain, stress_scale, strain_scale,
+                                  unit, piezometer);
+}
+
+/**
+ * Stress, Kelvin strain and grain size at the given times of a record.
+ *
+ * The model starts cycles ahead of the record, where the oscillating strain passes through zero,
+ * at `start_stress` with a Kelvin element that has settled under it. For a solid any other phase
+ * would leave a constant stress behind that only the dashpot relaxes, over many cycles. One call
+ * of the solver covers these cycles and the record: its initial state is data, and sensitivities
+ * to a state reached after the cycles would be three more for the solver to follow.
+ *
+ * @param parameter in the order of physics/parameters.stan
+ * @param constant parameters that are never inferred, at their places in the same order; the
+ *   others in it have no effect
+ * @param tau output times in periods, not decreasing, all after first_tau
+ * @param start_tau, first_tau start of the spin-up and of the record, in periods
+ * @param period s
+ * @param sine, cosine, background, background_range see oscillating_rate()
+ * @param initial_grain_size d_0, m
+ * @param temperature of the test, K
+ * @param start_stress stress at the start of the spin-up: the bias of the record, Pa
+ * @param stress_scale, strain_scale S (Pa) and e
+ * @param power_law_kelvin 0: the Kelvin element is linear, and n_K and q_0 have no effect
+ * @return array over times of [stress (Pa), Kelvin strain, grain size (m)]
+ */
+array[] vector forced_oscillation_solution(vector parameter, data vector constant,
+                                           data array[] real tau, data real start_tau,
+                                           data real first_tau, data real period,
+                                           data vector sine, data vector cosine,
+                                           data vector background,
+                                           data vector background_range,
+                                           data real initial_grain_size,
+                                           data real temperature, data real start_stress,
+                                           data real stress_scale, data real strain_scale,
+                                           data int power_law_kelvin, data real tolerance,
+                                           data int max_num_steps) {
+  real kelvin_modulus = parameter[i_kelvin_modulus()];
+  real kelvin_viscosity = kelvin_viscosity_at(parameter[i_kelvin_viscosity()],
+                                              parameter[i_kelvin_activation_enthalpy()],
+                                              temperature,
+                                              constant[i_kelvin_reference_temperature()]);
+  real stress_exponent = parameter[i_stress_exponent()];
+  real grain_size_exponent = parameter[i_grain_size_exponent()];
+  real inverse_critical_strain = 1 / parameter[i_critical_strain_grain_size()];
+  real stiffness = parameter[i_maxwell_modulus()] * strain_scale / stress_scale;
+  real kelvin_fluidity = stress_scale * period / (kelvin_viscosity * strain_scale);
+  real kelvin_decay = kelvin_modulus * period / kelvin_viscosity;
+  real log_dashpot_rate = log(exp(log_flow_rate(stress_scale, initial_grain_size, temperature,
+                                                stress_exponent, grain_size_exponent,
+                                                parameter[i_activation_enthalpy()],
+                                                parameter[i_beta()]))
+                              * period / strain_scale);
+  array[size(tau)] vector[3] solution;
+  if (size(tau) > 0) {
+    // The state at the start is an expression of data: constant to the solver.
+    if (power_law_kelvin) {
+      solution = ode_bdf_tol(forced_oscillation_power_law_kelvin_rhs,
+                             [start_stress / stress_scale, start_stress / stress_scale,
+                              1 / grain_size_unit()]',
+                             start_tau, tau, tolerance, tolerance, max_num_steps, stiffness,
+                             kelvin_fluidity, kelvin_decay, stress_exponent,
+                             grain_size_exponent, log_dashpot_rate, inverse_critical_strain,
+                             sine, cosine, background, background_range, first_tau,
+                             stress_scale, strain_scale,
+                             grain_size_unit() * initial_grain_size,
+                             constant[{i_piezometer_reference_grain_size(),
+                                       i_piezometer_exponent(), i_piezometer_stress_floor()}],
+                             parameter[i_kelvin_stress_exponent()],
+                             log(stress_scale / constant[i_kelvin_reference_stress()]));
+    } else {
+      solution = ode_bdf_tol(forced_oscillation_rhs,
+                             [start_stress / stress_scale, start_stress / stress_scale,
+                              1 / grain_size_unit()]',
+                             start_tau, tau, tolerance, tolerance, max_num_steps, stiffness,
+                             kelvin_fluidity, kelvin_decay, stress_exponent,
+                             grain_size_exponent, log_dashpot_rate, inverse_critical_strain,
+                             sine, cosine, background, background_range, first_tau,
+                             stress_scale, strain_scale,
+                             grain_size_unit() * initial_grain_size,
+                             constant[{i_piezometer_reference_grain_size(),
+                                       i_piezometer_exponent(), i_piezometer_stress_floor()}]);
+    }
+  }
+  for (i in 1 : size(tau)) {
+    solution[i] = solution[i]
+                  .* [stress_scale, stress_scale / kelvin_modulus,
+                      grain_size_unit() * initial_grain_size]';
+  }
+  return solution;
+}

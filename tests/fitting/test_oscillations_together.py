@@ -1,0 +1,76 @@
+"""Several records of oscillations fitted together."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import SMALL_RUN, with_fixed
+from oscillation_pair import oscillation_pair
+
+from pyburgers.fitting.fit import Fit, fit_jointly
+from pyburgers.model.priors import default_priors
+from pyburgers.posterior.labelled_draws import total_log_likelihood
+from pyburgers.report.joint_section import joint_section
+from pyburgers.report.page import write_report
+from pyburgers.sampling.options import SamplerOptions
+
+FREE = ("kelvin_modulus", "activation_enthalpy", "stress_noise")
+
+
+@pytest.fixture(scope="module")
+def joint(programs: None, tmp_path_factory: pytest.TempPathFactory) -> Fit:
+    experiments = oscillation_pair(until=700.0)
+    truth = experiments[0].true_parameters
+    assert truth is not None
+    priors = default_priors("olivine")
+    known = {name: truth[name] for name in priors.free if name not in FREE}
+    return fit_jointly(
+        experiments,
+        with_fixed(priors, known),
+        out=tmp_path_factory.mktemp("joint") / "run",
+        options=SamplerOptions(chains=2, warmup=100, draws=100, seed=SMALL_RUN.seed),
+    )
+
+
+def test_material_is_shared_and_noise_is_not(joint: Fit) -> None:
+    first, other = (joint[name].posterior["posterior"].to_dataset() for name in joint.tests())
+    for name in ("kelvin_modulus", "activation_enthalpy"):
+        np.testing.assert_array_equal(first[name], other[name])
+    assert not np.array_equal(first["stress_noise"], other["stress_noise"])
+    # At another temperature and stress the undeformed material flows at another rate.
+    assert float(other["reference_flow_rate"].mean() / first["reference_flow_rate"].mean()) != 1
+    assert {"kelvin_modulus", "stress_noise[record_2]", "reference_flow_rate[record_1]"} <= set(
+        joint.summary().index
+    )
+
+
+def test_every_record_has_its_own_solutions_and_the_likelihood_of_both(joint: Fit) -> None:
+    total = joint.posterior["log_likelihood"].to_dataset()["stress"].sum("point")
+    for name, test in joint.tests().items():
+        (experiment,) = test.problem.experiments
+        assert experiment.id == name
+        predicted = test.posterior["posterior_predictive"]["stress"].mean(("chain", "draw"))
+        residual = experiment.response - predicted.to_numpy()
+        noise = float(test.posterior["posterior"]["stress_noise"].mean())
+        assert np.std(residual) < 1.3 * noise
+        np.testing.assert_allclose(total_log_likelihood(test.posterior), total)
+
+
+def test_the_truth_is_found(joint: Fit) -> None:
+    truth = joint.problem.experiments[0].true_parameters
+    assert truth is not None
+    draws = joint.posterior["posterior"]["kelvin_modulus"]
+    assert abs(float(draws.mean()) - truth["kelvin_modulus"]) < 4 * float(draws.std())
+    assert "divergences" not in [check.name for check in joint.checks() if not check.passed]
+
+
+def test_a_page_shows_both_records(joint: Fit, tmp_path: Path) -> None:
+    page = write_report(
+        list(joint.tests().values()),
+        tmp_path / "report",
+        title="joint",
+        command="test",
+        extras=[joint_section(joint.problem.name, joint, [])],
+    ).read_text(encoding="utf-8")
+    assert "Joint fit record_1+record_2" in page
+    assert "record_2_joint" in page

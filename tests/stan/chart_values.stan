@@ -1,0 +1,57 @@
+// Values of the functions of the charts, on their own.
+functions {
+#include physics/parameters.stan
+#include physics/flow_law.stan
+#include physics/kelvin_element.stan
+#include physics/microstructure.stan
+#include charts/plain.stan
+#include charts/sheared.stan
+#include charts/valley/pins.stan
+#include charts/valley/least_squares.stan
+#include charts/valley/quantiles.stan
+#include charts/valley/valley.stan
+}
+data {
+  real stress_exponent;
+  real<lower=0> rate_at_scale;
+  real<lower=0> stress_scale;
+  real bias;
+  real<lower=0> amplitude;
+  real<lower=0> period;
+  real<lower=0> maxwell_modulus;
+  real<lower=0> dashpot;
+  vector[2] compliance;
+  vector[2 * n_places() + 1] log_density; // at the places
+  int<lower=0> n;
+  vector[n] log_odds;
+  real place; // of a bounded parameter in its range
+  real<lower=0> deviation;
+  vector[n] remainder;
+  int<lower=1> n_pins;
+  vector<lower=0>[n_pins] strain;
+  matrix[3, 2] bounds;
+  vector[2] u; // real numbers behind (epsilon_c1, epsilon_c2)
+  real fabric_amplitude; // 1 - F_ss
+  real exponent_ratio;
+  real log_grain_size_ratio;
+}
+generated quantities {
+  real dashpot_loss = dashpot_compliance(rate_at_scale, stress_exponent, stress_scale, bias,
+                                         amplitude, period);
+  vector[2] kelvin = kelvin_left_over(maxwell_modulus, dashpot, compliance, period);
+  vector[n] quantile_place;
+  vector[n] quantile_log_slope;
+  vector[n] bounded;
+  vector[n] bounded_log_slope;
+  matrix[n_pins, 2] grain = grain_softening(u[1], exponent_ratio, log_grain_size_ratio, strain,
+                                            bounds);
+  matrix[n_pins, 3] fabric = fabric_softening(u[2], fabric_amplitude, strain, bounds);
+  for (i in 1 : n) {
+    vector[2] quantile = place_of_quantile(log_odds[i], log_density);
+    vector[2] from_remainder = bounded_from_remainder(place, deviation, remainder[i]);
+    quantile_place[i] = quantile[1];
+    quantile_log_slope[i] = quantile[2];
+    bounded[i] = from_remainder[1];
+    bounded_log_slope[i] = from_remainder[2];
+  }
+}

@@ -1,0 +1,103 @@
+// Values of the constitutive functions and of the densities of residuals, one row of data each.
+functions {
+#include physics/flow_law.stan
+#include physics/kelvin_element.stan
+#include physics/microstructure.stan
+#include statistics/residuals.stan
+}
+data {
+  real<lower=0> temperature;
+  real<lower=0> initial_grain_size;
+  real<lower=0> strain_rate;
+  real stress_exponent;
+  real grain_size_exponent;
+  real activation_enthalpy;
+  real beta;
+  int<lower=0> n_stresses;
+  vector[n_stresses] stress;
+  real<lower=0> grain_size;
+  real<lower=0> fabric_factor;
+  real<lower=0> steady_state;
+  real<lower=0> critical_strain;
+  int<lower=0> n_path_strains;
+  vector<lower=0>[n_path_strains] path_strain;
+  int<lower=1> n;
+  vector[n] strain;
+  vector[n] residual;
+  real<lower=0> stress_noise;
+  real<lower=0> correlation_strain;
+  int<lower=0> n_replications;
+  real<lower=0> viscosity;
+  real<lower=0> kelvin_stress_exponent;
+  real kelvin_activation_enthalpy;
+  real<lower=0> reference_stress;
+  real<lower=0> reference_temperature;
+  int<lower=0> n_driving;
+  vector[n_driving] driving_stress;
+}
+generated quantities {
+  vector[n_stresses] dashpot_rate;
+  vector[n_stresses] preferred_grain_size; // by the piezometer
+  real log_s0 = log_reference_stress(strain_rate, initial_grain_size, temperature,
+                                     stress_exponent, grain_size_exponent, activation_enthalpy,
+                                     beta);
+  real rate_at_reference_stress
+    = dashpot_strain_rate(exp(log_s0), initial_grain_size, 1, stress_exponent,
+                          grain_size_exponent,
+                          log_rate_factor(activation_enthalpy, beta, temperature));
+  real activation_enthalpy_back
+    = activation_enthalpy_from_flow(log(strain_rate), log_s0, initial_grain_size, temperature,
+                                    stress_exponent, grain_size_exponent, beta);
+  real log_rate_at_reference_stress = log_flow_rate(exp(log_s0), initial_grain_size, temperature,
+                                                    stress_exponent, grain_size_exponent,
+                                                    activation_enthalpy, beta);
+  real beta_back = beta_from_flow(log(strain_rate), log_s0, initial_grain_size, temperature,
+                                  stress_exponent, grain_size_exponent, activation_enthalpy);
+  vector[n_path_strains] grain_size_at;
+  vector[n_path_strains] grain_size_rate; // 1/s, at strain_rate
+  vector[n_path_strains] grain_size_rate_reversed; // at -strain_rate
+  vector[n_path_strains] log_relative_grain_size;
+  vector[n_path_strains] grain_size_strength;
+  for (i in 1 : n_stresses) {
+    dashpot_rate[i] = dashpot_strain_rate(stress[i], grain_size, fabric_factor, stress_exponent,
+                                          grain_size_exponent,
+                                          log_rate_factor(activation_enthalpy, beta,
+                                                          temperature));
+    preferred_grain_size[i] = piezometer_grain_size(stress[i], 0.015, 1.33, 1e6);
+  }
+  for (i in 1 : n_path_strains) {
+    grain_size_at[i] = microstructure_at(path_strain[i], initial_grain_size, steady_state,
+                                         critical_strain);
+    grain_size_rate[i] = microstructure_rate(grain_size_at[i], steady_state, critical_strain,
+                                             strain_rate);
+    grain_size_rate_reversed[i] = microstructure_rate(grain_size_at[i], steady_state,
+                                                      critical_strain, -strain_rate);
+    log_relative_grain_size[i] = log_relative_microstructure(path_strain[i],
+                                                             1
+                                                             - steady_state
+                                                               / initial_grain_size,
+                                                             1 / critical_strain);
+    grain_size_strength[i] = strength_factor(path_strain[i], initial_grain_size, steady_state,
+                                             critical_strain,
+                                             grain_size_exponent / stress_exponent);
+  }
+  vector[n] log_density = residual_log_densities(residual, stress_noise, strain,
+                                                 correlation_strain);
+  vector[n] log_density_given_others
+    = residual_log_densities_given_others(residual, stress_noise, strain, correlation_strain);
+  array[n_replications] vector[n] replicated;
+  real log_rate_factor_of_kelvin = log_kelvin_rate_factor(viscosity, kelvin_stress_exponent,
+                                                          kelvin_activation_enthalpy,
+                                                          reference_stress,
+                                                          reference_temperature);
+  vector[n_driving] kelvin_rate;
+  for (i in 1 : n_replications) {
+    replicated[i] = residuals_rng(strain, stress_noise, correlation_strain);
+  }
+  for (i in 1 : n_driving) {
+    kelvin_rate[i] = linear_driving_stress(driving_stress[i], kelvin_stress_exponent,
+                                           -log(reference_stress))
+                     / kelvin_viscosity_at(viscosity, kelvin_activation_enthalpy, temperature,
+                                           reference_temperature);
+  }
+}

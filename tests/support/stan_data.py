@@ -1,0 +1,45 @@
+"""Data of the programs for one test, and parameters in what they write."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from pyburgers.model.parameters import PROGRAM_PARAMETERS
+from pyburgers.model.priors import PriorSet
+from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.layout import OneTest
+from pyburgers.protocols.program_data import PLACE, chart_block, program_data
+from pyburgers.protocols.stan_data import SolverOptions, StanData
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def one_test_data(
+    experiment: Experiment,
+    priors: PriorSet,
+    *,
+    solver: SolverOptions,
+    grid: FloatArray | None = None,
+    use_likelihood: bool = True,
+    reference: object | None = None,
+) -> StanData:
+    """Data of a test by itself, in the chart of its protocol where a reference is given."""
+    tests = OneTest(experiment, priors)
+    data = program_data(
+        tests,
+        solver=solver,
+        grids=None if grid is None else [grid],
+        use_likelihood=use_likelihood,
+    )
+    return data if reference is None else {**data, **chart_block(tests, [reference])}
+
+
+def parameter_in(columns: Mapping[str, float], name: str, test: int = 1) -> float:
+    """A parameter in a row of a program's output, of a test counted from 1."""
+    return columns[f"parameter.{test}.{PLACE[name]}"]
+
+
+def parameters_in(columns: Mapping[str, float], test: int = 1) -> dict[str, float]:
+    """Every parameter in a row of a program's output."""
+    return {p.name: parameter_in(columns, p.name, test) for p in PROGRAM_PARAMETERS}

@@ -1,0 +1,61 @@
+"""Data of the small programs in tests/stan, of which a test changes what it is about."""
+
+from collections.abc import Mapping
+
+PHYSICS: Mapping[str, object] = {
+    "temperature": 260.0,
+    "initial_grain_size": 230e-6,
+    "strain_rate": 1.69e-4,
+    "stress_exponent": 3.779,
+    "grain_size_exponent": 0.55,
+    "activation_enthalpy": 62.08e3,
+    "beta": -7.29e-4,
+    "n_stresses": 0,
+    "stress": [],
+    "grain_size": 180e-6,
+    "fabric_factor": 0.7,
+    "steady_state": 60e-6,
+    "critical_strain": 0.074,
+    "n_path_strains": 0,
+    "path_strain": [],
+    "n": 1,
+    "strain": [0.01],
+    "residual": [0.0],
+    "stress_noise": 3e4,
+    "correlation_strain": 0.02,
+    "n_replications": 0,
+    "viscosity": 2e10,
+    "kelvin_stress_exponent": 3.0,
+    "kelvin_activation_enthalpy": 60e3,
+    "reference_stress": 2e6,
+    "reference_temperature": 260.0,
+    "n_driving": 0,
+    "driving_stress": [],
+}
+"""Of `physics_values`."""
+
+CHARTS: Mapping[str, object] = {
+    "stress_exponent": 3.0,
+    "rate_at_scale": 3e-7,
+    "stress_scale": 48e6,
+    "bias": 98e6,
+    "amplitude": 48e6,
+    "period": 300.0,
+    "maxwell_modulus": 203e9,
+    "dashpot": 1e-12,
+    "compliance": [3.8e-11, 1.7e-11],
+    "log_density": [0.0] * 13,
+    "n": 0,
+    "log_odds": [],
+    "place": 0.5,
+    "deviation": 0.1,
+    "remainder": [],
+    "n_pins": 3,
+    "strain": [0.02, 0.1, 0.2],
+    "bounds": [[0.01, 0.1], [0.01, 0.5], [0.1, 0.9]],
+    "u": [0.3, -0.4],
+    "fabric_amplitude": 0.6,
+    "exponent_ratio": 0.15,
+    "log_grain_size_ratio": -1.2,
+}
+"""Of `chart_values`."""

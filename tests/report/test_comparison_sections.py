@@ -14,6 +14,7 @@ from pyburgers.cli.main import main
 from pyburgers.common.draws import all_draws
 from pyburgers.comparison.by_points import compare
 from pyburgers.comparison.results import comparison_table, sentences
+from pyburgers.drawing.page_parts import PageSection
 from pyburgers.fitting.fit import Fit
 from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress
 from pyburgers.flow_law_tables.inputs import (
@@ -24,7 +25,7 @@ from pyburgers.flow_law_tables.inputs import (
 from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, Conditions, FlowLawPrior
 from pyburgers.model.priors import FLOW_LAW, with_flow_law
 from pyburgers.report.comparison_sections import LOG_RATE, comparison_sections
-from pyburgers.report.page import ExtraSection, write_report
+from pyburgers.report.page import write_report
 from pyburgers.report.peak_stress_section import least_squares_table, peak_stress_section
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.studies.maor.reproduce import PEAK_STRESS_TABLE, shipped_data_directory
@@ -65,7 +66,7 @@ def fits(tmp_path_factory: pytest.TempPathFactory) -> list[Fit]:
 
 
 @pytest.fixture(scope="module")
-def sections(fits: list[Fit]) -> tuple[ExtraSection, ...]:
+def sections(fits: list[Fit]) -> tuple[PageSection, ...]:
     return comparison_sections(fits)
 
 
@@ -77,7 +78,7 @@ def test_one_fit_of_each_data_set_leaves_nothing_to_relate(fits: list[Fit], tmp_
 
 
 def test_fits_of_the_same_data_are_compared(
-    fits: list[Fit], sections: tuple[ExtraSection, ...]
+    fits: list[Fit], sections: tuple[PageSection, ...]
 ) -> None:
     section = sections[0]
     assert section.key == "comparison_A"
@@ -90,7 +91,7 @@ def test_fits_of_the_same_data_are_compared(
 
 
 def test_the_sources_of_a_flow_law_stand_side_by_side(
-    fits: list[Fit], sections: tuple[ExtraSection, ...]
+    fits: list[Fit], sections: tuple[PageSection, ...]
 ) -> None:
     section = sections[1]
     assert section.key == "flow_law_A_run2"
@@ -121,7 +122,7 @@ def test_sources_that_disagree_are_said_to(fits: list[Fit]) -> None:
 
 
 def test_a_synthetic_curve_with_another_source_says_nothing_about_nature(
-    sections: tuple[ExtraSection, ...], tmp_path: Path
+    sections: tuple[PageSection, ...], tmp_path: Path
 ) -> None:
     assert "says nothing about nature" in " ".join(sections[1].paragraphs)
     measured = comparison_sections(pair(tmp_path, "measured"))
@@ -164,7 +165,7 @@ def test_least_squares_leave_out_a_grain_size_that_never_changes(
 
 def test_all_parts_are_on_the_page_and_in_files(
     fits: list[Fit],
-    sections: tuple[ExtraSection, ...],
+    sections: tuple[PageSection, ...],
     peak_stress: PeakStressFit,
     sketched: None,
     tmp_path: Path,

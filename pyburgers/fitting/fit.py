@@ -18,10 +18,10 @@ from pyburgers.model.variants import ModelVariant, variant_of
 from pyburgers.posterior.build import build_posterior
 from pyburgers.posterior.labelled_draws import TESTS, draws_table, load_posterior, summary_table
 from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.problem import Problem, problem_of
 from pyburgers.protocols.registry import load_experiment
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.options import SamplerOptions
-from pyburgers.sampling.problem import Problem, problem_of
 from pyburgers.sampling.run import run_chains
 from pyburgers.sampling.run_directory import RunDirectory
 

@@ -46,9 +46,8 @@ from pyburgers.posterior.labelled_draws import (
 )
 from pyburgers.protocols.stan_data import REFERENCE_FLOW_RATE
 from pyburgers.sampling.options import SamplerOptions
-from pyburgers.sampling.run import complete_chains, fingerprint
+from pyburgers.sampling.run import complete_chains, fingerprint, run_record
 from pyburgers.sampling.run_directory import RunDirectory
-from pyburgers.sampling.run_record import run_record
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -13,12 +13,11 @@ from pyburgers.common.errors import InputError
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.chart import Chart, ChartUnsuited, Mode
 from pyburgers.protocols.forward import solve
-from pyburgers.protocols.layout import layout_of
+from pyburgers.protocols.problem import Problem
 from pyburgers.protocols.program_data import chart_block, program_data
 from pyburgers.protocols.stan_data import PlainCoordinates, SolverOptions, StanData, solver_block
 from pyburgers.sampling.metric import curvature_at, expected_rise, laplace_metric
 from pyburgers.sampling.mode import ModeNotFound, ProblemMode, climb, find_mode
-from pyburgers.sampling.problem import Problem
 
 logger = logging.getLogger(__name__)
 
@@ -194,7 +193,7 @@ def _at_mode(
     if chart.curvature_tolerance is not None:
         solver = SolverOptions(chart.curvature_tolerance)
         data = {**data, **solver_block(solver)}
-    layout = layout_of(problem)
+    layout = problem.layout
     tests = [
         ModeOfTest(one, own, solver) for one, own in zip(problem.alone(), mode.tests, strict=True)
     ]

@@ -8,9 +8,8 @@ import numpy.typing as npt
 from pyburgers.cmdstan.program import Program
 from pyburgers.common.errors import SamplingError
 from pyburgers.protocols.forward import simulate
-from pyburgers.protocols.layout import layout_of
+from pyburgers.protocols.problem import Problem
 from pyburgers.protocols.stan_data import SolverOptions, StanData
-from pyburgers.sampling.problem import Problem
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -69,7 +68,7 @@ def draw_initial_values(problem: Problem, *, seed: int, chain: int) -> dict[str,
 
 def position_of(problem: Problem, plain: Sequence[FloatArray], spreads: FloatArray) -> FloatArray:
     """Return coordinates from plain ones of each test and spreads over their scales."""
-    layout = layout_of(problem)
+    layout = problem.layout
     position = np.empty(layout.size)
     # The first test comes last, so that shared coordinates are its own.
     for own, places in zip(reversed(plain), reversed(layout.position), strict=True):

@@ -10,11 +10,10 @@ import numpy.typing as npt
 from pyburgers.cmdstan.program import Program, load_program
 from pyburgers.common.errors import SamplingError
 from pyburgers.protocols.chart import Mode
-from pyburgers.protocols.layout import layout_of
+from pyburgers.protocols.problem import Problem
 from pyburgers.protocols.program_data import program_data, values_of_test
 from pyburgers.protocols.stan_data import SolverOptions, StanData
 from pyburgers.sampling.initial_values import draw_initial_values, position_of
-from pyburgers.sampling.problem import Problem
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -82,7 +81,7 @@ def _plain_of_tests(
     problem: Problem, coordinate: FloatArray, log_reference: FloatArray
 ) -> list[FloatArray]:
     """Plain coordinates of each test by itself, the inverse of `position_of`."""
-    layout, reference = layout_of(problem), problem.protocol.reference.name
+    layout, reference = problem.layout, problem.protocol.reference.name
     found: list[FloatArray] = []
     tests = zip(problem.coordinates, layout.position, log_reference, strict=True)
     for coordinates, places, logarithm in tests:

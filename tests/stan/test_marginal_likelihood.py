@@ -16,8 +16,8 @@ from pyburgers.fitting.fit import Fit, fit, fit_problem
 from pyburgers.model.pooling import pooling_of
 from pyburgers.protocols.constant_rate.protocol import CONSTANT_RATE
 from pyburgers.protocols.forward import REFERENCE_SOLVER
+from pyburgers.protocols.problem import problem_of
 from pyburgers.protocols.stan_data import solver_block
-from pyburgers.sampling.problem import problem_of
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")

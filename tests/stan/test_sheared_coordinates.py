@@ -30,8 +30,8 @@ from pyburgers.protocols.forced_oscillation.experiment import (
 from pyburgers.protocols.forced_oscillation.preparation import Background, prepare
 from pyburgers.protocols.forced_oscillation.sheared import SHIFTED_BY, find_sheared
 from pyburgers.protocols.forced_oscillation.stan_data import ShearedReference
-from pyburgers.protocols.layout import OneTest
-from pyburgers.protocols.program_data import PLACE, chart_block, plain_coordinates
+from pyburgers.protocols.problem import one_test, plain_coordinates, problem_of
+from pyburgers.protocols.program_data import PLACE, chart_block
 from pyburgers.protocols.registry import protocol_of
 from pyburgers.protocols.stan_data import (
     PLAIN,
@@ -44,7 +44,6 @@ from pyburgers.sampling import charts
 from pyburgers.sampling.charts import ChosenChart, ModeOfTest, choose_chart
 from pyburgers.sampling.metric import curvature_at
 from pyburgers.sampling.mode import ProblemMode
-from pyburgers.sampling.problem import problem_of
 from pyburgers.sbc.data_sets import calibration_priors, simulate_from_prior
 
 FloatArray = npt.NDArray[np.float64]
@@ -142,7 +141,7 @@ def sheared_truth(
 ) -> FloatArray:
     """Sheared coordinates of the true parameters."""
     data = one_test_data(experiment, priors, solver=TIGHT)
-    block = chart_block(OneTest(experiment, priors), [reference])
+    block = chart_block(one_test(experiment, priors), [reference])
     data |= {**block, "coordinate_system": PLAIN}
     position = {"coordinate": truth_in(experiment, priors).coordinate.tolist()}
     return model_of(experiment).evaluate(data, position)["sheared_coordinate"]

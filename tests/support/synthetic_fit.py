@@ -19,8 +19,8 @@ from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, RateSegment
 from pyburgers.protocols.constant_rate.protocol import CONSTANT_RATE
 from pyburgers.protocols.experiment import Experiment, Provenance
+from pyburgers.protocols.problem import problem_of
 from pyburgers.protocols.stan_data import REFERENCE_STRESS
-from pyburgers.sampling.problem import problem_of
 from pyburgers.sampling.run_directory import RunDirectory
 
 FloatArray = npt.NDArray[np.float64]

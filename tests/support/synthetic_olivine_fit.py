@@ -20,8 +20,8 @@ from pyburgers.protocols.forced_oscillation.experiment import (
 from pyburgers.protocols.forced_oscillation.preparation import Background
 from pyburgers.protocols.forced_oscillation.protocol import FORCED_OSCILLATION
 from pyburgers.protocols.forced_oscillation.response import oscillation_of
+from pyburgers.protocols.problem import problem_of
 from pyburgers.protocols.stan_data import REFERENCE_FLOW_RATE, REFERENCE_STRESS
-from pyburgers.sampling.problem import problem_of
 
 FloatArray = npt.NDArray[np.float64]
 

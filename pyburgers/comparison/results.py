@@ -17,11 +17,10 @@ from pyburgers.comparison.by_points import (
     Comparison,
     elpd_difference,
     has_several_tests,
-    standard_error,
 )
 from pyburgers.comparison.by_tests import LARGEST_ERROR, ComparisonByTest, difference_by_test
 from pyburgers.comparison.marginal_likelihood import LogIntegral
-from pyburgers.comparison.same_data import data_hash
+from pyburgers.comparison.same_data import data_hash, standard_error
 from pyburgers.fitting.fit import Fit
 
 NO_DIFFERENCE = 4.0

@@ -9,9 +9,10 @@ from pyburgers.cli.results import exit_code
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_points import compare
 from pyburgers.comparison.by_tests import compare_by_test
-from pyburgers.comparison.figures import left_out_tests, pointwise_differences
 from pyburgers.comparison.results import (
     comparison_table,
+    left_out_tests,
+    pointwise_differences,
     save_comparison,
     save_comparison_by_test,
     sentences,

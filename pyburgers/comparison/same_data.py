@@ -1,6 +1,7 @@
 """Which fits, of one test or of several, are of the same data, and how they are weighed."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -90,6 +91,31 @@ def _data_text(one: Fit) -> str:
     tests = tests_of(one)
     names = "+".join(test.experiment.id for test in tests)
     return f"{names} with {sum(test.experiment.n_points for test in tests)} points"
+
+
+def origins(fits: Mapping[str, Fit], *, command: str) -> dict[str, Any]:
+    """Return what the record of a comparison says about where its numbers come from.
+
+    Parameters
+    ----------
+    fits : mapping of str to Fit
+        The fits that were compared.
+    command : str
+        What regenerates the comparison.
+    """
+    return {
+        "command": command,
+        "fits": {
+            name: {
+                "directory": one.directory.path.name,
+                "fingerprint": one.manifest["fingerprint"],
+                "variant": one.variant.record(),
+                **({"pooling": one.problem.pooling.record()} if one.is_joint else {}),
+            }
+            for name, one in fits.items()
+        },
+        "data": data_hash(next(iter(fits.values()))),
+    }
 
 
 def stacking_weights(elpd: FloatArray) -> FloatArray:

@@ -27,7 +27,7 @@ PRIOR_QUANTITIES = ("stress_exponent", "grain_size_exponent", "log_reference_flo
 FLOW_LAW_PRIOR_FILE = "flow_law_prior.json"
 """Name of a saved flow law in a run directory."""
 
-GAS_CONSTANT = 8.314462618  # J/(mol K), as in stan/functions/flow_law.stan
+GAS_CONSTANT = 8.314462618  # J/(mol K), as in stan/physics/flow_law.stan
 
 MOMENT_DRAWS = 20_000
 """Draws for the marginal moments of Q_M, which is not one of the quantities."""

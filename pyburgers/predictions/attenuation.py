@@ -14,7 +14,7 @@ any power law and any amplitude::
 The dashpot's fluidity B depends on the regime of stresses but not on frequency. Higher harmonics
 of the strain and its steady drift do not enter: tan(delta) is that of the fundamental.
 
-The flow law g stands here although the physics is otherwise in ``stan/functions/`` alone: a whole
+The flow law g stands here although the physics is otherwise in ``stan/physics/`` alone: a whole
 posterior times frequencies times regimes is one array expression this way. Tests compare it with
 the Stan function ``dashpot_strain_rate`` and the spectrum with simulations in time
 (`pyburgers.predictions.imposed_stress`).
@@ -34,6 +34,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.numbers import number
 from pyburgers.common.units import UNITS
 from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT, STRESS_UNIT
+from pyburgers.model.flow_law_prior import GAS_CONSTANT
 from pyburgers.model.parameters import KELVIN_REFERENCES, STANDARD_VALUES
 from pyburgers.predictions.stress_cycles import (
     DRAW_DIMENSIONS,
@@ -48,10 +49,6 @@ from pyburgers.protocols.protocol import FittedTest
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 Microstructure = Literal["initial", "steady_state"]
-
-GAS_CONSTANT = 8.314462618
-"""J/(mol K), CODATA 2018, as in ``stan/functions/flow_law.stan``."""
-
 
 QUANTILES = (5, 25, 50, 75, 95)
 """Percentages of `quantile_table`."""

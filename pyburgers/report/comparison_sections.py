@@ -15,16 +15,14 @@ from pyburgers.common.draws import all_draws
 from pyburgers.common.numbers import with_error
 from pyburgers.comparison.by_points import compare
 from pyburgers.comparison.by_tests import compare_kept_by_test
-from pyburgers.comparison.figures import (
-    COMPARISON_CAPTION,
-    LEFT_OUT_CAPTION,
-    left_out_tests,
-    pointwise_differences,
-)
 from pyburgers.comparison.results import (
     BY_TEST_TEXT,
+    COMPARISON_CAPTION,
     COMPARISON_TEXT,
+    LEFT_OUT_CAPTION,
     comparison_table,
+    left_out_tests,
+    pointwise_differences,
     sentences,
     sentences_by_test,
     table_of_fits,

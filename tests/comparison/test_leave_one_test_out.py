@@ -21,9 +21,10 @@ from pyburgers.comparison.by_tests import (
     compare_by_test,
     leave_one_test_out,
 )
-from pyburgers.comparison.figures import left_out_tests, pointwise_differences
 from pyburgers.comparison.marginal_likelihood import LogIntegral, log_marginal_likelihood
 from pyburgers.comparison.results import (
+    left_out_tests,
+    pointwise_differences,
     pointwise_table,
     save_comparison_by_test,
     sentences_by_test,

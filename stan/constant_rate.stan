@@ -77,12 +77,8 @@ transformed parameters {
                                    log(segment_rate[segment_end[e] + 1]),
                                    initial_grain_size[e], temperature[e]);
     parameter[e] = head(mapped, n_parameters());
-    log_reference[e] = log_reference_stress(segment_rate[segment_end[e] + 1],
-                                            initial_grain_size[e], temperature[e],
-                                            parameter[e][i_stress_exponent()],
-                                            parameter[e][i_grain_size_exponent()],
-                                            parameter[e][i_activation_enthalpy()],
-                                            parameter[e][i_beta()]);
+    log_reference[e] = log_reference_stress_at(parameter[e], segment_rate[segment_end[e] + 1],
+                                               initial_grain_size[e], temperature[e]);
     log_jacobian += pooled[n_parameters() + 1] + plain[size(own) + 1]
                     + mapped[n_parameters() + 1];
     log_pooling += pooled[n_parameters() + 2];

@@ -45,7 +45,7 @@ def main() -> None:
     chosen = np.linspace(0, draws.sizes["sample"] - 1, options.draws).round().astype(int)
     strain_rate = np.geomspace(1e-9, 1e-3, 7)
 
-    # "#include functions/..." in a program is looked up in the package. The first call compiles,
+    # "#include physics/..." in a program is looked up in the package. The first call compiles,
     # later ones find the executable in a cache.
     with messages_to(sys.stderr):
         program = load_program(PROGRAM)

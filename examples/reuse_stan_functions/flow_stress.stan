@@ -4,8 +4,8 @@
 // Once elastic and Kelvin strains have settled, the dashpot carries the whole imposed rate; grain
 // size and fabric are what the strain has made of them.
 functions {
-#include functions/flow_law.stan
-#include functions/microstructure.stan
+#include physics/flow_law.stan
+#include physics/microstructure.stan
 }
 data {
   int<lower=1> n_draws;

@@ -3,8 +3,7 @@
 import argparse
 from pathlib import Path
 
-from pyburgers.cli.arguments import add_sampler_options, command_line, sampler_options
-from pyburgers.cli.results import print_checks
+from pyburgers.cli.shared import add_sampler_options, command_line, print_checks, sampler_options
 from pyburgers.drawing.style import write_images
 from pyburgers.flow_law_tables.fit import fit_peak_stress
 from pyburgers.flow_law_tables.inputs import (

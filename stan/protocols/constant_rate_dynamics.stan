@@ -21,6 +21,19 @@
  */
 
 /**
+ * ln(S_0/Pa) at given parameters: log_reference_stress().
+ *
+ * @param parameter in the order of physics/parameters.stan
+ */
+real log_reference_stress_at(vector parameter, data real strain_rate,
+                             data real initial_grain_size, data real temperature) {
+  return log_reference_stress(strain_rate, initial_grain_size, temperature,
+                              parameter[i_stress_exponent()],
+                              parameter[i_grain_size_exponent()],
+                              parameter[i_activation_enthalpy()], parameter[i_beta()]);
+}
+
+/**
  * Rate of the dashpot over the imposed rate, v_d.
  *
  * @param scaled_stress y
@@ -203,11 +216,8 @@ array[] vector constant_rate_solution(vector parameter, data vector constant,
                                       data int power_law_kelvin, data real tolerance,
                                       data int max_num_steps) {
   int n_states = constant[i_piezometer_reference_grain_size()] > 0 ? 3 : 2;
-  real reference_stress = exp(log_reference_stress(segment_rate[1], initial_grain_size,
-                                                   temperature, parameter[i_stress_exponent()],
-                                                   parameter[i_grain_size_exponent()],
-                                                   parameter[i_activation_enthalpy()],
-                                                   parameter[i_beta()]));
+  real reference_stress = exp(log_reference_stress_at(parameter, segment_rate[1],
+                                                      initial_grain_size, temperature));
   real kelvin_viscosity = kelvin_viscosity_at(parameter[i_kelvin_viscosity()],
                                               parameter[i_kelvin_activation_enthalpy()],
                                               temperature,

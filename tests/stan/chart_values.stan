@@ -4,6 +4,7 @@ functions {
 #include physics/flow_law.stan
 #include physics/kelvin_element.stan
 #include physics/microstructure.stan
+#include protocols/constant_rate_dynamics.stan
 #include charts/plain.stan
 #include charts/sheared.stan
 #include charts/valley/pins.stan

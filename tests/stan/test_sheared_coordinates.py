@@ -1,6 +1,5 @@
 """Sheared coordinates of oscillating tests: same posterior as in plain ones, exact Jacobian."""
 
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -12,12 +11,12 @@ import oracle
 import pytest
 from conftest import ICE, fixed, resolved_priors, with_fixed, with_priors
 from default_chains import sampled
-from log_density import Program
+from log_density import Program, program_with
 from scipy import stats
 from stan_data import one_test_data, parameter_in, parameters_in
 
 from pyburgers.cmdstan.program import Program as CompiledProgram
-from pyburgers.cmdstan.program import compile_program, load_program
+from pyburgers.cmdstan.program import load_program
 from pyburgers.common.errors import InputError
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.prior_families import Prior
@@ -130,21 +129,8 @@ def program_in(
     folder: Path,
 ) -> Program:
     data = one_test_data(experiment, priors, solver=TIGHT, reference=sheared)
-    return program_with(data, folder / ("plain" if sheared is None else "sheared"))
-
-
-def program_with(data: StanData, folder: Path) -> Program:
-    folder.mkdir()
-    data_file = folder / "data.json"
-    data_file.write_text(json.dumps(data), encoding="utf-8")
-    size = data["n_coordinates"]
-    return Program(
-        compile_program(protocol_of(twin_with("removed")).program),
-        data_file,
-        folder,
-        lambda columns: vector(columns, "coordinate", size),
-        np.ones(size),
-    )
+    folder /= "plain" if sheared is None else "sheared"
+    return program_with(protocol_of(experiment).program, data, folder)
 
 
 def vector(columns: Mapping[str, float], name: str, size: int) -> FloatArray:
@@ -257,7 +243,7 @@ def test_log_jacobian_is_that_of_the_map(short: OscillationExperiment, tmp_path:
     """Closed form of the plain map, numerical determinant of the shears."""
     priors = resolved_priors(short)
     data = one_test_data(short, priors, solver=SolverOptions(1e-3), reference=REFERENCE)
-    program = program_with(two_points(data), tmp_path / "sheared")
+    program = program_with(protocol_of(short).program, two_points(data), tmp_path)
     for point in scattered(sheared_truth(short, priors), seed=7, number=2):
         columns = program.columns_at({"coordinate": point.tolist()})
         matrix = np.column_stack(
@@ -472,7 +458,7 @@ def test_a_record_whose_loss_is_all_the_dashpots_is_smooth_in_its_coordinates(
         assert np.linalg.eigvalsh(widths.T @ curvature @ widths).max() < 40
     near = draws[0] + 0.02 * np.random.default_rng(3).standard_normal((8, 9)) @ widths.T
     programs = (
-        program_with(content, tmp_path / name)
+        program_with(protocol_of(experiment).program, content, tmp_path / name)
         for name, content in (("loose", chosen), ("tight", tight))
     )
     loose, exact = (

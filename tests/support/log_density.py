@@ -106,12 +106,18 @@ def _only_row(file: Path) -> dict[str, float]:
 
 
 def constant_rate_program(data: StanData, folder: Path) -> Program:
-    """Program for constant rate, of a single or a joint fit, in the coordinates of its data."""
+    """Program for constant rate, of one or several tests, in the coordinates of its data."""
+    return program_with(stan_directory() / "constant_rate.stan", data, folder)
+
+
+def program_with(source: Path, data: StanData, folder: Path) -> Program:
+    """Program of a protocol with its data."""
+    folder.mkdir(exist_ok=True)
     data_file = folder / "data.json"
     data_file.write_text(json.dumps(data), encoding="utf-8")
     size = data["n_coordinates"]
     return Program(
-        compile_program(stan_directory() / "constant_rate.stan"),
+        compile_program(source),
         data_file,
         folder,
         lambda columns: np.array([columns[f"coordinate.{k + 1}"] for k in range(size)]),

@@ -171,7 +171,7 @@ def _mantissa_and_exponent(number: float) -> tuple[str, str]:
 def _draw_residuals(
     strain: FloatArray, values: Mapping[str, float], rng: np.random.Generator
 ) -> FloatArray:
-    """Residuals (Pa), shape (n_points,), as `stan/functions/residuals.stan` describes them."""
+    """Residuals (Pa), shape (n_points,), as `stan/statistics/residuals.stan` describes them."""
     residual: FloatArray = values["stress_noise"] * rng.standard_normal(strain.size)
     correlation_strain = values.get("residual_correlation_strain", 0.0)
     if correlation_strain > 0:

@@ -23,7 +23,7 @@ real log_density_of_bounded(real u) {
  * Offset from the middle at a place: places are a standard deviation apart near the middle and
  * outer_spacing() further out.
  *
- * @return the offset, ln of its derivative by the place
+ * @return the away, ln of its derivative by the place
  */
 vector offset_at(real place, real standard_deviation) {
   real further = hypot(standard_deviation, outer_spacing()) - standard_deviation;
@@ -37,9 +37,9 @@ vector offset_at(real place, real standard_deviation) {
 vector with_prior(vector log_density, real middle, real standard_deviation) {
   vector[rows(log_density)] mixed = log_density - log_sum_exp(log_density);
   for (k in 1 : rows(log_density)) {
-    vector[2] offset = offset_at(k - n_places() - 1, standard_deviation);
-    mixed[k] = log_sum_exp(mixed[k], log(prior_share()) + offset[2]
-                                     + log_density_of_bounded(middle + offset[1]));
+    vector[2] away = offset_at(k - n_places() - 1, standard_deviation);
+    mixed[k] = log_sum_exp(mixed[k], log(prior_share()) + away[2]
+                                     + log_density_of_bounded(middle + away[1]));
   }
   return mixed;
 }

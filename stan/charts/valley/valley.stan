@@ -68,7 +68,7 @@ vector grain_strain_at_quantile(real log_odds, vector middle, vector asked,
   matrix[2, 2 * n + 1] fabric;
   vector[2 * n + 1] log_density;
   vector[2] place;
-  vector[2] offset;
+  vector[2] away;
   vector[rows(strain)] rest;
   vector[2] solved;
   for (k in 1 : n_valley_steps()) {
@@ -84,8 +84,8 @@ vector grain_strain_at_quantile(real log_odds, vector middle, vector asked,
       int i = n + 1 + sign * k;
       vector[6] step;
       real determinant;
-      offset = offset_at(sign * k, middle[2]);
-      rest = col(rest_of_strength(middle[1] + offset[1], asked, strain, bounds), 1);
+      away = offset_at(sign * k, middle[2]);
+      rest = col(rest_of_strength(middle[1] + away[1], asked, strain, bounds), 1);
       solved = head(fabric_step(solved, rest, strain, weight, softened_share() * precision,
                                 stress_given, bounds), 2);
       step = fabric_step(solved, rest, strain, weight, precision, stress_given, bounds);
@@ -95,18 +95,18 @@ vector grain_strain_at_quantile(real log_odds, vector middle, vector asked,
                                  (1 - solved[2] - bounds[3, 1]) / range,
                                  sqrt(step[3] / determinant) / range)))
                        - 0.5 * log(determinant) + log_density_of_bounded(solved[1])
-                       + log_density_of_bounded(middle[1] + offset[1]) + offset[2];
+                       + log_density_of_bounded(middle[1] + away[1]) + away[2];
     }
   }
   place = place_of_quantile(log_odds, with_prior(log_density, middle[1], middle[2]));
-  offset = offset_at(place[1], middle[2]);
-  rest = col(rest_of_strength(middle[1] + offset[1], asked, strain, bounds), 1);
+  away = offset_at(place[1], middle[2]);
+  rest = col(rest_of_strength(middle[1] + away[1], asked, strain, bounds), 1);
   solved = fabric * interpolation_weights(place[1]);
   for (k in 1 : 2) {
     solved = head(fabric_step(solved, rest, strain, weight, softened_share() * precision,
                               stress_given, bounds), 2);
   }
-  return [middle[1] + offset[1], offset[2] + place[2], solved[1], solved[2]]';
+  return [middle[1] + away[1], away[2] + place[2], solved[1], solved[2]]';
 }
 
 /**
@@ -129,30 +129,30 @@ vector fabric_strain_at_quantile(real log_odds, vector middle, real total_soften
   vector[2 * n + 1] total;
   vector[2 * n + 1] log_density;
   vector[2] place;
-  vector[2] offset;
+  vector[2] away;
   vector[4] factor;
   for (sign in {-1, 1}) {
     real total_before = total_softening;
     for (k in (sign < 0 ? 0 : 1) : n) {
       int i = n + 1 + sign * k;
       real c;
-      offset = offset_at(sign * k, middle[2]);
-      factor = solve_fabric_factor(total_before, middle[1] + offset[1], rest, 1, strain, weight,
+      away = offset_at(sign * k, middle[2]);
+      factor = solve_fabric_factor(total_before, middle[1] + away[1], rest, 1, strain, weight,
                                    precision, stress_given, bounds);
       c = 1 / (range * sqrt(factor[2]));
       total_before = factor[4];
       total[i] = factor[4];
       log_density[i] = log_fit(factor[3]
                                + square(distance_beyond((factor[1] - bounds[3, 1]) / range, c)))
-                       + log(c) + log_density_of_bounded(middle[1] + offset[1]) + offset[2];
+                       + log(c) + log_density_of_bounded(middle[1] + away[1]) + away[2];
     }
   }
   place = place_of_quantile(log_odds, with_prior(log_density, middle[1], middle[2]));
-  offset = offset_at(place[1], middle[2]);
+  away = offset_at(place[1], middle[2]);
   factor = solve_fabric_factor(dot_product(total, interpolation_weights(place[1])),
-                               middle[1] + offset[1], rest, 2, strain, weight, precision,
+                               middle[1] + away[1], rest, 2, strain, weight, precision,
                                stress_given, bounds);
-  return [middle[1] + offset[1], offset[2] + place[2], (factor[1] - bounds[3, 1]) / range,
+  return [middle[1] + away[1], away[2] + place[2], (factor[1] - bounds[3, 1]) / range,
           1 / (range * sqrt(factor[2]))]';
 }
 
@@ -206,19 +206,19 @@ vector softening_from_coordinates(vector coordinate, vector asked, data vector r
  * coordinate is logarithmic and runs away; ln(c log1p_exp(x)) is linear in the parameter above c.
  * Of the Maxwell modulus they fix the inverse, to which elastic strain is proportional.
  *
- * @param offset from the reference point, in the straightened coordinate
+ * @param displacement from the reference point, in the straightened coordinate
  * @param reference plain coordinate of the reference point
  * @param linear_from c > 0: linear in exp(plain) above c; c < 0: linear in exp(-plain) above -c;
  *   0: plain
- * @return plain coordinate, and ln of its derivative by the offset
+ * @return plain coordinate, and ln of its derivative by the displacement
  */
-vector plain_from_straightened(real offset, data real reference, data real linear_from) {
+vector plain_from_straightened(real displacement, data real reference, data real linear_from) {
   if (linear_from == 0) {
-    return [reference + offset, 0]';
+    return [reference + displacement, 0]';
   } else {
     real sign = linear_from > 0 ? 1 : -1;
     real c = linear_from > 0 ? linear_from : -linear_from;
-    real x = log(expm1(exp(sign * reference) / c)) + sign * offset;
+    real x = log(expm1(exp(sign * reference) / c)) + sign * displacement;
     return [sign * log(c * log1p_exp(x)), log_inv_logit(x) - log(log1p_exp(x))]';
   }
 }
@@ -249,11 +249,8 @@ vector asked_of_pins(vector parameter, data int stress_given, real log_stress,
 vector valley_reference(data vector parameter, data vector coordinate, data array[] int place,
                         data int replaced_parameter, data vector conditions, data matrix knot,
                         data matrix pin) {
-  real log_stress = log_reference_stress(conditions[1], conditions[2], conditions[3],
-                                         parameter[i_stress_exponent()],
-                                         parameter[i_grain_size_exponent()],
-                                         parameter[i_activation_enthalpy()],
-                                         parameter[i_beta()]);
+  real log_stress = log_reference_stress_at(parameter, conditions[1], conditions[2],
+                                            conditions[3]);
   return append_row([coordinate[place[i_critical_strain_grain_size()]],
                      coordinate[place[i_critical_strain_fabric()]],
                      1 - parameter[i_steady_state_fabric_factor()], log_stress,
@@ -314,10 +311,8 @@ vector plain_from_valley(vector coordinate, vector given, data array[] int place
     }
   }
   if (stress_given) {
-    log_stress = log_reference_stress(conditions[1], conditions[2], conditions[3],
-                                      parameter[i_stress_exponent()],
-                                      parameter[i_grain_size_exponent()],
-                                      parameter[i_activation_enthalpy()], parameter[i_beta()]);
+    log_stress = log_reference_stress_at(parameter, conditions[1], conditions[2],
+                                         conditions[3]);
   }
   softening = softening_from_coordinates(
     [stress_given ? 0 : coordinate[flow], coordinate[solved[3]], coordinate[solved[1]],

@@ -25,7 +25,7 @@ report: cmdstan
 
 test: cmdstan
 	@echo "==> Running the fast test suite"
-	@$(BIN)/python -m pytest
+	@$(BIN)/python -m pytest -n logical --dist loadfile
 
 lint: $(VENV)/.lint-installed
 	@echo "==> Checking format, style and types"

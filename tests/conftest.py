@@ -1,16 +1,25 @@
-"""Fixtures shared by all tests: compiled programs, values of Stan functions, small problems."""
+"""Fixtures shared by all tests: compiled programs, values of Stan functions, small problems.
 
+Fits that several modules look at are made once, whatever the number of processes that run tests.
+"""
+
+import os
+import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
+from typing import TypeVar
 
+import filelock
 import numpy as np
 import numpy.typing as npt
 import pytest
+from matplotlib.figure import Figure
 
 from pyburgers.cmdstan.program import compile_programs, load_program, stan_directory
-from pyburgers.fitting.fit import Fit, fit
+from pyburgers.comparison.by_tests import leave_one_test_out
+from pyburgers.fitting.fit import Fit, fit, fit_jointly
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet, default_priors, load_priors, save_priors
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
@@ -36,8 +45,12 @@ needs_measured = pytest.mark.skipif(
 )
 
 SMALL_RUN = SamplerOptions(chains=2, warmup=150, draws=100, seed=11)
-LONG_RUN = replace(SMALL_RUN, warmup=300, draws=1200)
+LONG_RUN = replace(SMALL_RUN, warmup=300, draws=800)
 """Long enough to pass all checks, and for a signal to hit the sampling."""
+
+
+POOL = {"stress_noise": "separate"}
+"""How the tests of `joint` differ."""
 
 
 @dataclass(frozen=True)
@@ -138,6 +151,25 @@ def function_values(programs: None) -> FunctionValues:
     return values
 
 
+def sketch_pictures(patch: pytest.MonkeyPatch) -> None:
+    """Draw each figure of a page once and coarsely; layout and rendering are most of its work."""
+
+    def sketch(figure: Figure, kind: str) -> bytes:
+        if kind == "png":
+            return b"\x89PNG"
+        figure.set_layout_engine(None)
+        figure.draw_without_rendering()
+        return b"<svg></svg>"
+
+    patch.setattr("pyburgers.drawing.style.image", sketch)
+
+
+@pytest.fixture
+def sketched(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`sketch_pictures`, for tests of what else a page holds."""
+    sketch_pictures(monkeypatch)
+
+
 @pytest.fixture(scope="session")
 def small_problem(tmp_path_factory: pytest.TempPathFactory) -> Problem:
     """Three parameters and a short curve: a fit takes a second or two."""
@@ -149,27 +181,89 @@ def small_problem(tmp_path_factory: pytest.TempPathFactory) -> Problem:
     )
 
 
+AnyFit = TypeVar("AnyFit", Fit, Fit)
+
+
+@dataclass(frozen=True)
+class SharedRuns:
+    """Run directories that one process of a test run fills and all of them read."""
+
+    folder: Path
+
+    def finished(self, name: str, kind: type[AnyFit], make: Callable[[Path], object]) -> AnyFit:
+        """Load a run; the first process that asks for it makes it while others wait."""
+        run = self.folder / name / "run"
+        with filelock.FileLock(self.folder / f"{name}.lock"):
+            if not run.is_dir():
+                made = self.folder / name / "unfinished"
+                make(made)
+                made.rename(run)
+        return kind.load(run)
+
+
 @pytest.fixture(scope="session")
-def small_fit(
-    programs: None, small_problem: Problem, tmp_path_factory: pytest.TempPathFactory
-) -> Fit:
+def shared_runs(programs: None, tmp_path_factory: pytest.TempPathFactory) -> SharedRuns:
+    folder = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        folder = folder.parent  # that of the whole test run, not of one of its processes
+    return SharedRuns(folder)
+
+
+@pytest.fixture(scope="session")
+def small_fit(shared_runs: SharedRuns, small_problem: Problem) -> Fit:
     """Finished fit of the small problem; not to be changed (copy its folder instead)."""
-    return fit(
-        small_problem.experiment,
-        small_problem.priors,
-        out=tmp_path_factory.mktemp("fit") / "run",
-        options=SMALL_RUN,
-    )
+
+    def make(out: Path) -> Fit:
+        return fit(small_problem.experiment, small_problem.priors, out=out, options=SMALL_RUN)
+
+    return shared_runs.finished("small_fit", Fit, make)
 
 
 @pytest.fixture(scope="session")
-def long_fit(
-    programs: None, small_problem: Problem, tmp_path_factory: pytest.TempPathFactory
-) -> Fit:
+def other_fit(shared_runs: SharedRuns, small_problem: Problem) -> Fit:
+    """Finished fit of the other test of `pair_of` with another seed; not to be changed."""
+
+    def make(out: Path) -> Fit:
+        _, other = pair_of(small_problem)
+        return fit(other, small_problem.priors, out=out, options=replace(SMALL_RUN, seed=5))
+
+    return shared_runs.finished("other_fit", Fit, make)
+
+
+@pytest.fixture(scope="session")
+def long_fit(shared_runs: SharedRuns, small_problem: Problem) -> Fit:
     """Finished fit of the small problem that passes all checks; not to be changed."""
-    return fit(
-        small_problem.experiment,
-        small_problem.priors,
-        out=tmp_path_factory.mktemp("long_fit") / "run",
-        options=LONG_RUN,
+
+    def make(out: Path) -> Fit:
+        return fit(small_problem.experiment, small_problem.priors, out=out, options=LONG_RUN)
+
+    return shared_runs.finished("long_fit", Fit, make)
+
+
+@pytest.fixture(scope="session")
+def joint(shared_runs: SharedRuns, small_problem: Problem) -> Fit:
+    """Finished fit of `pair_of` the small problem, which share the material but not the noise.
+
+    Each test has been left out once. Not to be changed (use `copy_of`).
+    """
+    return shared_runs.finished("joint", Fit, lambda out: fit_pair(small_problem, POOL, out))
+
+
+@pytest.fixture(scope="session")
+def separate_joint(shared_runs: SharedRuns, small_problem: Problem) -> Fit:
+    """Like `joint`, of tests that share nothing."""
+    return shared_runs.finished(
+        "separate_joint", Fit, lambda out: fit_pair(small_problem, {"all": "separate"}, out)
     )
+
+
+def fit_pair(problem: Problem, pool: Mapping[str, str], out: Path) -> None:
+    """Fit the small test and the other one together, then without each."""
+    joint = fit_jointly(pair_of(problem), problem.priors, pool=pool, out=out, options=SMALL_RUN)
+    leave_one_test_out(joint, command="test")
+
+
+def copy_of(joint: Fit, out: Path, *, without: str = "") -> Fit:
+    """Copy a joint fit, without the files and folders of one name."""
+    shutil.copytree(joint.directory.path, out, ignore=shutil.ignore_patterns(".*", without))
+    return Fit.load(out)

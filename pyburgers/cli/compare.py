@@ -4,8 +4,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from pyburgers.cli.arguments import command_line, writing
-from pyburgers.cli.results import exit_code
+from pyburgers.cli.shared import command_line, exit_code, writing
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_points import compare
 from pyburgers.comparison.by_tests import compare_by_test

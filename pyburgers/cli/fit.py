@@ -5,8 +5,7 @@ import logging
 from pathlib import Path
 from typing import Any
 
-from pyburgers.cli.arguments import add_sampler_options, command_line, sampler_options
-from pyburgers.cli.results import print_checks
+from pyburgers.cli.shared import add_sampler_options, command_line, print_checks, sampler_options
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import fit
 from pyburgers.model.flow_law_prior import load_flow_law_of_run

@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from pyburgers.cli.arguments import command_line
+from pyburgers.cli.shared import command_line
 from pyburgers.fitting.fit import Fit
 from pyburgers.report.comparison_sections import comparison_sections
 from pyburgers.report.joint_section import joint_names, joint_section

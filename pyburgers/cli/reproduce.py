@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from pyburgers.cli.arguments import command_line
+from pyburgers.cli.shared import command_line
 from pyburgers.studies.maor.reproduce import PRESETS, reproduce
 
 

@@ -3,8 +3,7 @@
 import argparse
 from pathlib import Path
 
-from pyburgers.cli.arguments import add_sampler_options, command_line, sampler_options
-from pyburgers.cli.results import exit_code
+from pyburgers.cli.shared import add_sampler_options, command_line, exit_code, sampler_options
 from pyburgers.drawing.style import write_images
 from pyburgers.model.priors import load_priors
 from pyburgers.protocols.registry import load_experiment

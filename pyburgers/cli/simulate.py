@@ -4,7 +4,7 @@ import argparse
 import logging
 from pathlib import Path
 
-from pyburgers.cli.arguments import writing
+from pyburgers.cli.shared import writing
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.errors import InputError
 from pyburgers.protocols.forward import load_parameters, simulate

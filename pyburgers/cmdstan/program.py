@@ -36,6 +36,9 @@ FloatArray = npt.NDArray[np.float64]
 ALL_DIGITS = 17
 """Enough to read the same number back."""
 
+DATA, POSITION, OUTPUT, TRACE = "data.json", "position.json", "output.csv", "trace.csv"
+"""Files of one run."""
+
 
 class Unsolved(SamplingError):  # noqa: N818 - an outcome, at some points
     """A program stopped at some of the points that it was given, but not at all."""
@@ -136,15 +139,14 @@ class Program:
         SamplingError
             If the program stops with an error.
         """
-        with _inputs(data, position or {}) as folder:
-            done, output = self._run(
-                folder, ["method=sample", "num_samples=1", "algorithm=fixed_param"], seed=seed
+        with _inputs(data, position) as folder:
+            self._run(
+                folder,
+                ["method=sample", "num_samples=1", "algorithm=fixed_param"],
+                seed=seed,
+                failure="The forward solution failed at these parameters",
             )
-            if done.failed:
-                raise SamplingError(
-                    f"The forward solution failed at these parameters: {done.console_tail()}"
-                )
-            return read_draws([output]).at(0)
+            return read_draws([folder / OUTPUT]).at(0)
 
     def optimise(
         self, data: Mapping[str, object], position: Mapping[str, object], *, seed: int
@@ -174,11 +176,10 @@ class Program:
         """
         with _inputs(data, position) as folder:
             method = ["method=optimize", "algorithm=lbfgs", "iter=5000"]
-            done, output = self._run(folder, method, seed=seed)
             # A line search that fails ends the climb where it is, often at the maximum.
-            if done.failed and "Line search failed" not in done.printed():
-                raise SamplingError(f"The optimiser failed: {done.console_tail()}")
-            draws = read_draws([output])
+            end = "Line search failed"
+            self._run(folder, method, seed=seed, failure="The optimiser failed", tolerated=end)
+            draws = read_draws([folder / OUTPUT])
             return float(draws["lp__"][0, 0]), draws.at(0)
 
     def gradients(
@@ -212,12 +213,9 @@ class Program:
         found = []
         for point in points:
             with _inputs(data, {name: point.tolist()}) as folder:
-                trace = folder / "trace.csv"
-                done, _ = self._run(folder, method, seed=1, diagnostic_file=trace)
-                if done.failed:
-                    raise SamplingError(f"There is no gradient here: {done.console_tail()}")
+                self._run(folder, method, seed=1, failure="There is no gradient here")
                 # Of the potential, which is minus the log density.
-                row = pd.read_csv(trace, comment="#").iloc[0].filter(regex="^g_")
+                row = pd.read_csv(folder / TRACE, comment="#").iloc[0].filter(regex="^g_")
                 found.append(-row.to_numpy(dtype=np.float64))
         return np.array(found)
 
@@ -259,7 +257,7 @@ class Program:
             starting = (
                 self.start(
                     ["method=generate_quantities", f"fitted_params={file}"],
-                    data=folder / "data.json",
+                    data=folder / DATA,
                     output=output,
                     seed=seed,
                     chain=number,
@@ -279,21 +277,21 @@ class Program:
             return read_draws(outputs)
 
     def _run(
-        self, folder: Path, method: Sequence[str], *, seed: int, diagnostic_file: Path | None = None
-    ) -> tuple[Running, Path]:
-        """Run the program to its end on the files of `_inputs`; also return its output."""
-        output = folder / "output.csv"
+        self, folder: Path, method: Sequence[str], *, seed: int, failure: str, tolerated: str = ""
+    ) -> None:
+        """Run the program to its end in a folder of `_inputs`; raise what it came to otherwise."""
         running = self.start(
             method,
-            data=folder / "data.json",
-            init=folder / "position.json",
-            output=output,
+            data=folder / DATA,
+            init=folder / POSITION,
+            output=folder / OUTPUT,
             seed=seed,
             digits=ALL_DIGITS,
-            output_options=[f"diagnostic_file={diagnostic_file}"] if diagnostic_file else [],
+            output_options=[f"diagnostic_file={folder / TRACE}"],
         )
         running.wait()
-        return running, output
+        if running.failed and not (tolerated and tolerated in running.printed()):
+            raise SamplingError(f"{failure}: {running.console_tail()}")
 
 
 @contextmanager
@@ -303,7 +301,6 @@ def _inputs(
     """Write data and position for as long as the block runs; give their folder."""
     with tempfile.TemporaryDirectory(prefix="pyburgers-") as name:
         folder = Path(name)
-        for file, content in (("data.json", data), ("position.json", position)):
-            if content is not None:
-                (folder / file).write_text(json.dumps(content), encoding="utf-8")
+        for file, content in ((DATA, data), (POSITION, position or {})):
+            (folder / file).write_text(json.dumps(content), encoding="utf-8")
         yield folder

@@ -1,17 +1,19 @@
 """Programs and workers beside this process, which end when it does or is interrupted."""
 
 import os
+import signal
 import subprocess
 import threading
 import time
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
 from dataclasses import dataclass, field
 from multiprocessing import active_children, get_context, parent_process
 from multiprocessing.connection import wait
 from pathlib import Path
-from typing import TypeVar
+from typing import IO, TypeVar
 
 import psutil
 
@@ -78,12 +80,17 @@ class Running:
         self.seconds = time.monotonic() - self.started
         if runs and limit is not None and self.seconds >= limit:
             self.out_of_time = True
-            self.stop()
-        return self.process.returncode is not None
+        if runs and not self.out_of_time:
+            self._copy_printed()
+            return False
+        self.stop()
+        return True
 
     def wait(self) -> None:
         """Wait for its end, and end it at an interrupt."""
         try:
+            os.set_blocking(self._pipe.fileno(), True)
+            self._copy_printed()
             self.process.wait()
         finally:
             self.stop()
@@ -92,6 +99,20 @@ class Running:
         """End the program, if it has not ended."""
         self.process.kill()
         self.process.wait()
+        if not self._pipe.closed:
+            self._copy_printed()
+            self._pipe.close()
+
+    @property
+    def _pipe(self) -> IO[bytes]:
+        assert self.process.stdout is not None  # as `start` makes it
+        return self.process.stdout
+
+    def _copy_printed(self) -> None:
+        """Copy what the program has printed since the last call to its file."""
+        if text := self._pipe.read():
+            with self.console.open("ab") as file:
+                file.write(text)
 
     def printed(self) -> str:
         """Return all that it has printed."""
@@ -104,24 +125,32 @@ class Running:
 
 
 def start(command: Sequence[str], console: Path) -> Running:
-    """Start a program that prints into a file and reads nothing.
+    """Start a program that reads nothing and whose console goes to a file.
+
+    It prints into a pipe, so that it ends when it next prints if this process was killed.
 
     Raises
     ------
     SamplingError
         If the system does not start it.
     """
-    with console.open("wb") as file:
-        try:
-            process = subprocess.Popen(
-                command, stdin=subprocess.DEVNULL, stdout=file, stderr=subprocess.STDOUT
-            )
-        except OSError as error:
-            raise SamplingError(
-                f"{command[0]}: could not be started ({error.strerror}); free memory or end other "
-                "programs, then run the same command again: it does only what is missing."
-            ) from error
-    return Running(process, console)
+    console.touch()
+    try:
+        process = subprocess.Popen(
+            command,
+            bufsize=0,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+        )
+    except OSError as error:
+        raise SamplingError(
+            f"{command[0]}: could not be started ({error.strerror}); free memory or end other "
+            "programs, then run the same command again: it does only what is missing."
+        ) from error
+    running = Running(process, console)
+    os.set_blocking(running._pipe.fileno(), False)
+    return running
 
 
 def side_by_side(
@@ -212,37 +241,35 @@ def completed(
 
 
 def _kill_workers() -> None:
-    """Kill this process's workers and the chains that they run."""
+    """Kill this process's workers and the programs that they run."""
+    found = []
+    # All are stopped first: they start no more, and the pool ends the others when one is killed.
     for worker in active_children():
-        chains = _descendants(worker.pid)
-        worker.kill()
-        _kill(chains)
+        with suppress(psutil.NoSuchProcess):
+            process = psutil.Process(worker.pid)
+            process.suspend()
+            found += [process, *process.children(recursive=True)]
+    _kill(found)
 
 
-def _descendants(process: int | None) -> list[psutil.Process]:
-    """Return what a process, by default this one, has started, and what that has."""
-    try:
-        return psutil.Process(process).children(recursive=True)
-    except psutil.NoSuchProcess:
-        return []  # it ended by itself in the meantime
-
-
-def _kill(processes: Sequence[psutil.Process]) -> None:
+def _kill(processes: Iterable[psutil.Process]) -> None:
     for process in processes:
-        try:
+        with suppress(psutil.NoSuchProcess):  # it ended by itself in the meantime
             process.kill()
-        except psutil.NoSuchProcess:
-            continue  # it ended by itself in the meantime
 
 
 def _end_with_parent() -> None:
-    """Have this process and its chains end when the parent does, however it does."""
+    """Have this process and its programs end when the parent does, however it does.
+
+    An interrupt that the terminal sends to all of them is the parent's business.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = parent_process()
     assert parent is not None  # processes of the pool have one
 
     def watch() -> None:
         wait([parent.sentinel])
-        _kill(_descendants(None))
+        _kill(psutil.Process().children(recursive=True))
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()

@@ -84,15 +84,10 @@ def pointwise_table(comparison: Comparison) -> pd.DataFrame:
         Index point (from 1); columns test (of joint fits only), strain or time_s, and for each fit
         ``NAME elpd``, ``NAME pareto_k`` and ``NAME left_out``.
     """
-    where = "strain" if comparison.position.name == "strain" else "time_s"
-    columns: dict[str, npt.NDArray[Any]] = {
-        **(
-            {"test": comparison.position["test"].to_numpy()}
-            if has_several_tests(comparison)
-            else {}
-        ),
-        where: comparison.position.to_numpy(),
-    }
+    columns: dict[str, npt.NDArray[Any]] = {}
+    if has_several_tests(comparison):
+        columns["test"] = comparison.position["test"].to_numpy()
+    columns[comparison.clock.column] = comparison.position.to_numpy()
     for name, result in comparison.results.items():
         columns |= {
             f"{name} elpd": result.elpd,

@@ -2,11 +2,9 @@
 
 import io
 import re
-from collections.abc import Callable
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Generic, Literal, TypeVar
+from typing import Literal
 
 from matplotlib import rc_context
 from matplotlib.figure import Figure
@@ -15,8 +13,6 @@ from matplotlib.ticker import MaxNLocator
 from PIL import Image
 
 from pyburgers.common.atomic_files import write_bytes
-
-Drawn = TypeVar("Drawn")
 
 # The palette of Okabe and Ito (2008), which readers with any colour vision can tell apart.
 BLACK, GREY = "#000000", "#b8b8b8"
@@ -33,38 +29,6 @@ SVG_DOTS_PER_INCH = 50
 
 _TAG, _DECIMALS = re.compile(rb"<[^>]*>"), re.compile(rb"(\.\d\d)\d+")
 """Tags of a vector file, and decimals beyond a hundredth of a point in their coordinates."""
-
-
-@dataclass(frozen=True)
-class FigureText:
-    """What a page says about a figure.
-
-    Attributes
-    ----------
-    name : str
-        Part of file names.
-    title : str
-        Heading.
-    caption : str
-        What is shown and how to read it, one paragraph.
-    """
-
-    name: str
-    title: str
-    caption: str
-
-
-@dataclass(frozen=True)
-class FigureRecipe(FigureText, Generic[Drawn]):
-    """A figure that the pages of all fits of a kind hold.
-
-    Attributes
-    ----------
-    draw : callable
-        Draws it for a fit.
-    """
-
-    draw: Callable[[Drawn], Figure]
 
 
 def style() -> AbstractContextManager[None]:

@@ -1,28 +1,21 @@
-"""Figure and table of a flow law that was fitted to a table of peak stresses."""
+"""Figure of a flow law that was fitted to a table of peak stresses."""
 
 import numpy as np
-import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from pyburgers.common.draws import all_draws
-from pyburgers.common.numbers import number, rounded
+from pyburgers.common.numbers import number
 from pyburgers.drawing.panels import draw_band
 from pyburgers.drawing.style import BLUE, GREEN, ORANGE, PURPLE, VERMILION, style
 from pyburgers.flow_law_tables.fit import PeakStressFit
-from pyburgers.flow_law_tables.inputs import FLOW_LAW_PARAMETERS, RATE_SCATTER
 from pyburgers.flow_law_tables.stan_data import GROUP_TEMPERATURES, groups
 from pyburgers.model.display import (
     LENGTH_FACTOR,
     LENGTH_UNIT,
     STRESS_FACTOR,
     STRESS_UNIT,
-    prior_text,
-    symbol_text,
-    unit_text,
 )
-from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
-from pyburgers.model.prior_families import Prior
 
 GROUP_COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE)
 GROUP_MARKERS = ("o", "s", "^", "D", "v")
@@ -86,56 +79,6 @@ def flow_law(fit: PeakStressFit) -> Figure:
 
 _ROUND_STRESSES = tuple(m * 10.0**e for e in range(-3, 5) for m in (1, 2, 3, 5, 7))
 """Ticks (MPa) that a decade of stresses or less can be read off at."""
-
-
-def flow_law_table(fit: PeakStressFit) -> pd.DataFrame:
-    """Posterior beside prior, a row for each sampled quantity and fixed parameter.
-
-    Returns
-    -------
-    DataFrame
-        Text in display units. Columns symbol, quantity, unit, mean, sd, 5 %, 95 %, prior,
-        sd / prior sd. The reference flow rate is that at the mean conditions of the table and
-        has no prior of its own.
-    """
-    summary = fit.summary()
-    rows = []
-    for quantity in (*FLOW_LAW_PARAMETERS, REFERENCE_FLOW_RATE_QUANTITY):
-        factor, prior = quantity.display_factor, fit.priors.priors.get(quantity.name)
-        shown = {
-            "symbol": symbol_text(quantity),
-            "quantity": quantity.label,
-            "unit": unit_text(quantity),
-        }
-        if prior is not None and prior.is_fixed:
-            rows.append({**shown, "mean": number(prior.location * factor), "prior": "fixed"})
-            continue
-        row = summary.loc[quantity.name].to_dict()
-        sd = float(row["sd"]) * factor
-        rows.append(
-            {
-                **shown,
-                **{
-                    title: rounded(float(row[key]) * factor, sd)
-                    for title, key in (
-                        ("mean", "mean"),
-                        ("sd", "sd"),
-                        ("5 %", "q5"),
-                        ("95 %", "q95"),
-                    )
-                },
-                "prior": "implied" if prior is None else _prior_text(prior),
-                "sd / prior sd": "" if prior is None else f"{row['sd'] / row['prior_sd']:.2f}",
-            }
-        )
-    return pd.DataFrame(rows).fillna("")
-
-
-def _prior_text(prior: Prior) -> str:
-    """As `prior_text`, which knows the parameters of curves only."""
-    if prior.parameter == RATE_SCATTER.name:
-        return f"HN({number(prior.scale)})"
-    return prior_text(prior)
 
 
 def _plain(value: float, _: int) -> str:

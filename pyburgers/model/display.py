@@ -50,13 +50,14 @@ def symbol_text(quantity: Parameter) -> str:
     return text
 
 
-def prior_text(prior: Prior) -> str:
+def prior_text(prior: Prior, quantity: Parameter | None = None) -> str:
     """Return a prior in the notation of statistics and display units, such as ``N(65, 2) kJ/mol``.
 
     U is uniform, N normal with its standard deviation, HN half-normal, LN lognormal with median
-    and standard deviation of the logarithm.
+    and standard deviation of the logarithm. The quantity has to be given where it is no parameter
+    of a curve.
     """
-    quantity = PARAMETER_BY_NAME[prior.parameter]
+    quantity = quantity or PARAMETER_BY_NAME[prior.parameter]
     factor = quantity.display_factor
     location = number(prior.location * factor)
     lower, upper = number(prior.lower * factor), number(prior.upper * factor)

@@ -33,7 +33,6 @@ from pyburgers.common.atomic_files import write_atomically
 from pyburgers.common.errors import InputError
 from pyburgers.common.numbers import number
 from pyburgers.common.units import UNITS
-from pyburgers.fitting.fit import Fit
 from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT, STRESS_UNIT
 from pyburgers.model.parameters import KELVIN_REFERENCES, STANDARD_VALUES
 from pyburgers.predictions.stress_cycles import (
@@ -44,6 +43,7 @@ from pyburgers.predictions.stress_cycles import (
     checked_frequencies,
     checked_inputs,
 )
+from pyburgers.protocols.protocol import FittedTest
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -195,7 +195,7 @@ def has_debye_peak(
 
 
 def predict_attenuation(
-    fit: Fit,
+    fit: FittedTest,
     frequencies: Sequence[float] | FloatArray = DEFAULT_FREQUENCIES,
     regimes: Sequence[Regime] = PAPER_REGIMES,
     *,
@@ -208,7 +208,7 @@ def predict_attenuation(
 
     Parameters
     ----------
-    fit : Fit
+    fit : FittedTest
         A finished fit.
     frequencies, regimes
         As for `attenuation_spectrum`.

@@ -13,14 +13,13 @@ from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
 import xarray as xr
 from markupsafe import Markup
 
 from pyburgers.cmdstan.program import stan_directory
 from pyburgers.common.errors import InputError
+from pyburgers.drawing.page_parts import FigureRecipe, PageTable
 from pyburgers.drawing.panels import FittedCurve
-from pyburgers.drawing.style import FigureRecipe
 from pyburgers.model.parameters import Parameter
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.chart import Chart
@@ -74,32 +73,6 @@ class FittedTest(typing.Protocol):
     @property
     def posterior(self) -> xr.DataTree:
         """Its labelled draws (`pyburgers.posterior.labelled_draws`)."""
-
-
-@dataclass(frozen=True, eq=False)
-class PageTable:
-    """A table on the page of a fit.
-
-    Attributes
-    ----------
-    name : str
-        Part of the file name.
-    title : str
-        Heading.
-    shown, saved : DataFrame
-        What the page shows, as text, and what the CSV file holds.
-    text : Markup
-        What it means, below the table.
-    words : tuple of str
-        Columns of short texts.
-    """
-
-    name: str
-    title: str
-    shown: pd.DataFrame
-    saved: pd.DataFrame
-    text: Markup
-    words: tuple[str, ...] = ()
 
 
 class Protocol(ABC, Generic[E]):

@@ -32,6 +32,7 @@ from pyburgers.comparison.results import (
     table_of_tests,
 )
 from pyburgers.comparison.same_data import data_hash
+from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.drawing.style import BLUE, GREEN, VERMILION, few_ticks, style
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.display import (
@@ -46,7 +47,7 @@ from pyburgers.model.display import (
 from pyburgers.model.flow_law_prior import FlowLawPrior
 from pyburgers.model.priors import FLOW_LAW
 from pyburgers.report.joint_section import joint_names
-from pyburgers.report.page import ExtraFigure, ExtraSection, ExtraTable, file_key, page_keys
+from pyburgers.report.page import file_key, page_keys
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -71,9 +72,7 @@ COMBINED_CAPTION = (
 )
 
 
-def comparison_sections(
-    fits: Sequence[Fit], joints: Sequence[Fit] = ()
-) -> tuple[ExtraSection, ...]:
+def comparison_sections(fits: Sequence[Fit], joints: Sequence[Fit] = ()) -> tuple[PageSection, ...]:
     """Return the parts of a page about fits of the same data, joint fits first.
 
     Parameters
@@ -85,7 +84,7 @@ def comparison_sections(
 
     Returns
     -------
-    tuple of ExtraSection
+    tuple of PageSection
         A comparison by points for each data set with several fits; one by tests where `pyburgers
         compare --leave-out tests` has left them out of joint fits; and one of flow laws where a
         fit takes its own from another source and another does not.
@@ -112,7 +111,7 @@ def _same_data(named: Iterable[tuple[str, AnyFit]]) -> list[dict[str, AnyFit]]:
     return list(groups.values())
 
 
-def by_points_section(fits: Mapping[str, Fit]) -> ExtraSection:
+def by_points_section(fits: Mapping[str, Fit]) -> PageSection:
     """Return the leave-one-out comparison of fits of the same data.
 
     Parameters
@@ -123,12 +122,12 @@ def by_points_section(fits: Mapping[str, Fit]) -> ExtraSection:
     comparison = compare(fits)
     table = comparison_table(comparison)
     first = next(iter(fits))
-    return ExtraSection(
+    return PageSection(
         key=f"comparison_{file_key(first)}",
         title=f"Which fit of {first} predicts best",
         paragraphs=(COMPARISON_TEXT, *sentences(comparison)),
         tables=(
-            ExtraTable(
+            PageTable(
                 "table",
                 "Expected log predictive density, the best first",
                 _shown(
@@ -147,7 +146,7 @@ def by_points_section(fits: Mapping[str, Fit]) -> ExtraSection:
             ),
         ),
         figures=(
-            ExtraFigure(
+            PageFigure(
                 "pointwise",
                 "Where one fit predicts better than another",
                 COMPARISON_CAPTION,
@@ -158,7 +157,7 @@ def by_points_section(fits: Mapping[str, Fit]) -> ExtraSection:
     )
 
 
-def by_tests_section(first: str, comparison: ComparisonByTest) -> ExtraSection:
+def by_tests_section(first: str, comparison: ComparisonByTest) -> PageSection:
     """Return how well joint fits predict whole tests that they have not seen.
 
     Parameters
@@ -183,19 +182,19 @@ def by_tests_section(first: str, comparison: ComparisonByTest) -> ExtraSection:
     shown_tests = _shown(tests, {"readings": ("points", "{}")})
     for name in comparison.results:
         shown_tests[name] = _with_errors(tests[f"{name} elpd"], tests[f"{name} monte_carlo_error"])
-    return ExtraSection(
+    return PageSection(
         key=f"left_out_{file_key(first)}",
         title=f"Whole tests left out: {first}",
         paragraphs=(BY_TEST_TEXT, *sentences_by_test(comparison)),
         tables=(
-            ExtraTable(
+            PageTable(
                 "fits",
                 "All tests, the best fit first",
                 shown_fits,
                 fits.reset_index(),
                 words=("fit", "variant"),
             ),
-            ExtraTable(
+            PageTable(
                 "tests",
                 "Log density of each test given the others, ± Monte Carlo error",
                 shown_tests,
@@ -204,7 +203,7 @@ def by_tests_section(first: str, comparison: ComparisonByTest) -> ExtraSection:
             ),
         ),
         figures=(
-            ExtraFigure(
+            PageFigure(
                 "tests",
                 "Which test a fit predicts better",
                 LEFT_OUT_CAPTION,
@@ -225,7 +224,7 @@ def _with_errors(values: pd.Series, errors: pd.Series) -> list[str]:
     return [with_error(*pair) for pair in zip(values, errors, strict=True)]
 
 
-def flow_law_source_section(fits: Mapping[str, Fit]) -> tuple[ExtraSection, ...]:
+def flow_law_source_section(fits: Mapping[str, Fit]) -> tuple[PageSection, ...]:
     """Return what a flow law from another source adds to a curve, where a fit has one.
 
     Parameters
@@ -235,7 +234,7 @@ def flow_law_source_section(fits: Mapping[str, Fit]) -> tuple[ExtraSection, ...]
 
     Returns
     -------
-    tuple of ExtraSection
+    tuple of PageSection
         One about the first fit with a joint prior of the flow law and the first without, none
         where one of the two is missing.
     """
@@ -255,7 +254,7 @@ def flow_law_source_section(fits: Mapping[str, Fit]) -> tuple[ExtraSection, ...]
         f"{experiment.id} is synthetic: that it is combined with other data shows the method and "
         "says nothing about nature.",
     )
-    section = ExtraSection(
+    section = PageSection(
         key=f"flow_law_{both}",
         title=f"Flow law of {alone}, with another source and without",
         paragraphs=(
@@ -268,7 +267,7 @@ def flow_law_source_section(fits: Mapping[str, Fit]) -> tuple[ExtraSection, ...]
             *(synthetic if experiment.provenance.kind == "synthetic" else ()),
         ),
         tables=(
-            ExtraTable(
+            PageTable(
                 "sources",
                 "What each source knows",
                 _shown_sources(table),
@@ -277,7 +276,7 @@ def flow_law_source_section(fits: Mapping[str, Fit]) -> tuple[ExtraSection, ...]
             ),
         ),
         figures=(
-            ExtraFigure(
+            PageFigure(
                 "sources",
                 "Flow law by source",
                 COMBINED_CAPTION,

@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 from pyburgers.common.draws import BAND, TAIL, all_draws
 from pyburgers.common.numbers import number, with_error
 from pyburgers.comparison.same_data import fits_alone
+from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.drawing.panels import draw_curve, legend_above
 from pyburgers.drawing.style import BLUE, VERMILION, few_ticks, style
 from pyburgers.fitting.fit import Fit
@@ -19,7 +20,8 @@ from pyburgers.model.display import axis_label, shown_quantity, symbol_text, uni
 from pyburgers.posterior.labelled_draws import own_name
 from pyburgers.protocols.layout import CENTRE, SPREAD
 from pyburgers.protocols.registry import protocol_of
-from pyburgers.report.page import ExtraFigure, ExtraSection, ExtraTable, file_key, numbered
+from pyburgers.report.page import file_key, numbered
+from pyburgers.report.tables import checks_page_table
 
 
 def pooling_table(joint: Fit, separate: Sequence[Fit] = ()) -> pd.DataFrame:
@@ -161,7 +163,7 @@ def joint_names(joints: Sequence[Fit]) -> list[str]:
     return numbered([joint.problem.name for joint in joints])
 
 
-def joint_section(name: str, joint: Fit, separate: Sequence[Fit]) -> ExtraSection:
+def joint_section(name: str, joint: Fit, separate: Sequence[Fit]) -> PageSection:
     """Return the part of a page about a joint fit.
 
     Parameters
@@ -177,7 +179,7 @@ def joint_section(name: str, joint: Fit, separate: Sequence[Fit]) -> ExtraSectio
     failed = [check.name for check in checks if not check.passed]
     verdict = "All checks passed." if not failed else f"Checks that FAILED: {', '.join(failed)}."
     pooled = pooled_table(joint)
-    return ExtraSection(
+    return PageSection(
         key=f"joint_{file_key(name)}",
         title=f"Joint fit {name}",
         paragraphs=(
@@ -191,7 +193,7 @@ def joint_section(name: str, joint: Fit, separate: Sequence[Fit]) -> ExtraSectio
             *_bought(table),
         ),
         tables=(
-            ExtraTable(
+            PageTable(
                 "pooling",
                 "Mean ± standard deviation, test by test",
                 shown_pooling_table(table),
@@ -200,7 +202,7 @@ def joint_section(name: str, joint: Fit, separate: Sequence[Fit]) -> ExtraSectio
             ),
             *(
                 (
-                    ExtraTable(
+                    PageTable(
                         "spreads",
                         "Common centres and spreads",
                         shown_pooled_table(joint),
@@ -211,11 +213,11 @@ def joint_section(name: str, joint: Fit, separate: Sequence[Fit]) -> ExtraSectio
                 if len(pooled)
                 else ()
             ),
-            ExtraTable.from_checks("Checks of the joint fit", checks),
+            checks_page_table("Checks of the joint fit", checks),
         ),
         figures=(
-            ExtraFigure("curves", "All tests", CURVES_CAPTION, partial(all_curves, joint)),
-            ExtraFigure(
+            PageFigure("curves", "All tests", CURVES_CAPTION, partial(all_curves, joint)),
+            PageFigure(
                 "intervals",
                 "Parameters test by test",
                 INTERVALS_CAPTION,

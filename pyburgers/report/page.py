@@ -6,11 +6,11 @@ import json
 import logging
 import platform
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import jinja2
 import pandas as pd
@@ -28,11 +28,12 @@ from pyburgers.checks.prior_influence import (
 from pyburgers.common.atomic_files import sha256_of_file, write_json, write_text
 from pyburgers.common.errors import InputError
 from pyburgers.common.processes import completed, number_of_processes
-from pyburgers.drawing.style import FigureText, write_images
+from pyburgers.drawing.page_parts import FigureText, PageSection, PageTable
+from pyburgers.drawing.style import write_images
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.display import shown_quantity
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.protocol import PageTable, Protocol
+from pyburgers.protocols.protocol import Protocol
 from pyburgers.protocols.registry import protocol_of
 from pyburgers.report import tables
 from pyburgers.report.posterior_figures import figures_for
@@ -45,92 +46,6 @@ REPORT_KIND = "pyburgers report"
 PIXELS_PER_INCH = 100
 
 PACKAGES = ("pyburgers", "arviz", "jinja2", "matplotlib", "numpy", "pandas", "scipy", "xarray")
-
-
-@dataclass(frozen=True)
-class ExtraFigure(FigureText):
-    """A figure that is not about one fit alone.
-
-    Attributes
-    ----------
-    draw : callable
-        Draws it.
-    """
-
-    draw: Callable[[], Figure]
-
-
-@dataclass(frozen=True, eq=False)
-class ExtraTable:
-    """A table of an extra section.
-
-    Attributes
-    ----------
-    name : str
-        Part of the file name.
-    title : str
-        Heading.
-    shown : DataFrame
-        What the page shows, as text.
-    saved : DataFrame
-        What the CSV file holds; numbers at full precision.
-    words : tuple of str
-        Columns of short texts.
-    sentences : tuple of str
-        Columns of whole sentences.
-    bad : mapping of str to sequence of bool
-        Columns, and whether what each row says there is bad news.
-    """
-
-    name: str
-    title: str
-    shown: pd.DataFrame
-    saved: pd.DataFrame
-    words: tuple[str, ...] = ()
-    sentences: tuple[str, ...] = ()
-    bad: Mapping[str, Sequence[bool]] = field(default_factory=dict)
-
-    @classmethod
-    def from_checks(cls, title: str, checks: Sequence[CheckResult]) -> Self:
-        """Return the verdicts of checks as a table."""
-        shown = tables.checks_table(checks)
-        return cls(
-            "checks",
-            title,
-            shown,
-            shown,
-            words=("check", "verdict"),
-            sentences=("sentence",),
-            bad={"verdict": [not one.passed for one in checks]},
-        )
-
-
-@dataclass(frozen=True, eq=False)
-class ExtraSection:
-    """A part of the page that is not about one fit alone.
-
-    Attributes
-    ----------
-    key : str
-        Name of its files and its anchor, unique on the page.
-    title : str
-        Heading.
-    paragraphs : tuple of str
-        Plain text above tables and figures.
-    tables : tuple of ExtraTable
-        Tables.
-    figures : tuple of ExtraFigure
-        Figures.
-    after_fits : bool
-        Whether it stands after the fits rather than between overview and fits.
-    """
-
-    key: str
-    title: str
-    paragraphs: tuple[str, ...]
-    tables: tuple[ExtraTable, ...] = ()
-    figures: tuple[ExtraFigure, ...] = ()
-    after_fits: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,7 +147,7 @@ def write_report(
     *,
     title: str,
     command: str,
-    extras: Sequence[ExtraSection] = (),
+    extras: Sequence[PageSection] = (),
     jobs: int | None = 1,
 ) -> Path:
     """Write the page ``index.html``, ``figures/``, ``tables/`` and ``manifest.json``.
@@ -250,7 +165,7 @@ def write_report(
         Heading of the page.
     command : str
         What makes the report again.
-    extras : sequence of ExtraSection
+    extras : sequence of PageSection
         Parts of the page beside the fits, in their order.
     jobs : int, optional
         Processes that write figures; None takes one for each core, which pays for many figures.
@@ -301,7 +216,7 @@ def _write_figures(illustrations: Sequence[Illustration], out: Path, jobs: int |
 
 def render_page(
     sections: Sequence[Section],
-    extras: Sequence[tuple[ExtraSection, tuple[Illustration, ...]]],
+    extras: Sequence[tuple[PageSection, tuple[Illustration, ...]]],
     *,
     title: str,
     command: str,
@@ -410,7 +325,7 @@ def _write_section(key: str, fit: Fit, out: Path) -> Section:
     )
 
 
-def _write_extra(extra: ExtraSection, out: Path) -> tuple[Illustration, ...]:
+def _write_extra(extra: PageSection, out: Path) -> tuple[Illustration, ...]:
     """Write the tables of an extra section and draw its figures."""
     for table in extra.tables:
         name = f"{extra.key}_{table.name}.csv"

@@ -7,18 +7,19 @@ import numpy.typing as npt
 import pandas as pd
 
 from pyburgers.common.numbers import with_error
-from pyburgers.flow_law_tables.figures import FLOW_LAW_CAPTION, flow_law, flow_law_table
+from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
+from pyburgers.flow_law_tables.figures import FLOW_LAW_CAPTION, flow_law
 from pyburgers.flow_law_tables.fit import PeakStressFit
 from pyburgers.flow_law_tables.inputs import least_squares
 from pyburgers.model.display import shown_quantity
-from pyburgers.report.page import ExtraFigure, ExtraSection, ExtraTable
+from pyburgers.report.tables import checks_page_table, flow_law_table
 
 FloatArray = npt.NDArray[np.float64]
 
 PEAK_STRESS_KEY = "peak_stress"
 
 
-def peak_stress_section(fit: PeakStressFit) -> ExtraSection:
+def peak_stress_section(fit: PeakStressFit) -> PageSection:
     """Return figure, posterior, comparison with least squares, and checks of a fit.
 
     Parameters
@@ -28,7 +29,7 @@ def peak_stress_section(fit: PeakStressFit) -> ExtraSection:
     """
     data = fit.data
     comparison = least_squares_table(fit)
-    return ExtraSection(
+    return PageSection(
         key=PEAK_STRESS_KEY,
         title=f"Flow law of {data.material} from peak stresses",
         paragraphs=(
@@ -49,9 +50,9 @@ def peak_stress_section(fit: PeakStressFit) -> ExtraSection:
                 _shown_least_squares(comparison),
                 comparison.reset_index(),
             ),
-            ExtraTable.from_checks("Checks of this fit", fit.checks()),
+            checks_page_table("Checks of this fit", fit.checks()),
         ),
-        figures=(ExtraFigure("flow_law", "Flow law", FLOW_LAW_CAPTION, partial(flow_law, fit)),),
+        figures=(PageFigure("flow_law", "Flow law", FLOW_LAW_CAPTION, partial(flow_law, fit)),),
         after_fits=True,
     )
 
@@ -95,5 +96,5 @@ def _shown_least_squares(table: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _table(name: str, title: str, shown: pd.DataFrame, saved: pd.DataFrame) -> ExtraTable:
-    return ExtraTable(name, title, shown, saved, words=("symbol", "quantity", "unit", "prior"))
+def _table(name: str, title: str, shown: pd.DataFrame, saved: pd.DataFrame) -> PageTable:
+    return PageTable(name, title, shown, saved, words=("symbol", "quantity", "unit", "prior"))

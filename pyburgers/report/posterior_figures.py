@@ -18,6 +18,7 @@ from scipy import ndimage, stats
 
 from pyburgers.common.draws import all_draws, evenly_spaced
 from pyburgers.common.numbers import number
+from pyburgers.drawing.page_parts import FigureRecipe
 from pyburgers.drawing.style import (
     BLACK,
     BLUE,
@@ -27,7 +28,6 @@ from pyburgers.drawing.style import (
     PURPLE,
     SKY_BLUE,
     VERMILION,
-    FigureRecipe,
     few_ticks,
     style,
 )

@@ -4,7 +4,7 @@ Everything here returns text to be printed; the numbers at full precision in SI 
 `Fit.summary` and of `truth_table`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,9 +13,13 @@ import xarray as xr
 
 from pyburgers.checks.fit_checks import CheckResult
 from pyburgers.common.numbers import number, rounded, with_error
+from pyburgers.drawing.page_parts import PageTable
 from pyburgers.fitting.fit import Fit
+from pyburgers.flow_law_tables.fit import PeakStressFit
+from pyburgers.flow_law_tables.inputs import FLOW_LAW_PARAMETERS
 from pyburgers.model.display import prior_text, shown_quantity, symbol_text, unit_text
-from pyburgers.model.parameters import PARAMETER_BY_NAME
+from pyburgers.model.parameters import PARAMETER_BY_NAME, REFERENCE_FLOW_RATE_QUANTITY, Parameter
+from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.registry import protocol_of
 
@@ -40,45 +44,72 @@ def parameter_table(summary: pd.DataFrame, priors: PriorSet) -> pd.DataFrame:
         of the prior's width is left), ESS bulk, ESS tail, R-hat. The reference stress has no
         prior of its own.
     """
-    rows = []
-    for name, row in summary.iterrows():
-        quantity = shown_quantity(str(name))
-        factor = quantity.display_factor
-        sd = float(row["sd"]) * factor
-        has_prior = str(name) in priors.priors
-        rows.append(
-            {
-                "symbol": symbol_text(quantity),
-                "quantity": quantity.label,
-                "unit": unit_text(quantity),
-                **{
-                    title: rounded(float(row[key]) * factor, sd)
-                    for title, key in (
-                        ("mean", "mean"),
-                        ("sd", "sd"),
-                        ("5 %", "q5"),
-                        ("95 %", "q95"),
-                    )
-                },
-                "prior": prior_text(priors[str(name)]) if has_prior else "implied",
-                "sd / prior sd": f"{row['sd'] / row['prior_sd']:.2f}" if has_prior else "",
-                "ESS bulk": f"{row['ess_bulk']:.0f}",
-                "ESS tail": f"{row['ess_tail']:.0f}",
-                "R-hat": f"{row['rhat']:.3f}",
-            }
-        )
-    for parameter in (PARAMETER_BY_NAME[name] for name in priors.priors):
-        if priors[parameter.name].is_fixed:
-            value = number(priors[parameter.name].location * parameter.display_factor)
-            fixed = {
-                "symbol": symbol_text(parameter),
-                "quantity": parameter.label,
-                "unit": unit_text(parameter),
-                "mean": value,
-                "prior": "fixed",
-            }
-            rows.append(fixed)
+    rows = [
+        {
+            **_posterior_row(
+                shown_quantity(str(name)), row.to_dict(), priors.priors.get(str(name))
+            ),
+            "ESS bulk": f"{row['ess_bulk']:.0f}",
+            "ESS tail": f"{row['ess_tail']:.0f}",
+            "R-hat": f"{row['rhat']:.3f}",
+        }
+        for name, row in summary.iterrows()
+    ]
+    for name, prior in priors.priors.items():
+        if prior.is_fixed:
+            rows.append(_fixed_row(PARAMETER_BY_NAME[name], prior))
     return pd.DataFrame(rows).fillna("")
+
+
+def flow_law_table(fit: PeakStressFit) -> pd.DataFrame:
+    """Posterior beside prior of a flow law, a row for each sampled quantity and fixed parameter.
+
+    Returns
+    -------
+    DataFrame
+        Text. Columns of `parameter_table` up to sd / prior sd. The reference flow rate is that at
+        the mean conditions of the table and has no prior of its own.
+    """
+    summary, rows = fit.summary(), []
+    for quantity in (*FLOW_LAW_PARAMETERS, REFERENCE_FLOW_RATE_QUANTITY):
+        prior = fit.priors.priors.get(quantity.name)
+        rows.append(
+            _fixed_row(quantity, prior)
+            if prior is not None and prior.is_fixed
+            else _posterior_row(quantity, summary.loc[quantity.name].to_dict(), prior)
+        )
+    return pd.DataFrame(rows).fillna("")
+
+
+def _posterior_row(
+    quantity: Parameter, row: Mapping[Hashable, Any], prior: Prior | None
+) -> dict[str, str]:
+    """Return what a posterior table in SI units says of a sampled quantity."""
+    sd = float(row["sd"]) * quantity.display_factor
+    numbers = {"mean": "mean", "sd": "sd", "5 %": "q5", "95 %": "q95"}
+    return {
+        **_named(quantity),
+        **{
+            title: rounded(float(row[key]) * quantity.display_factor, sd)
+            for title, key in numbers.items()
+        },
+        "prior": "implied" if prior is None else prior_text(prior, quantity),
+        "sd / prior sd": "" if prior is None else f"{row['sd'] / row['prior_sd']:.2f}",
+    }
+
+
+def _fixed_row(parameter: Parameter, prior: Prior) -> dict[str, str]:
+    value = number(prior.location * parameter.display_factor)
+    return {**_named(parameter), "mean": value, "prior": "fixed"}
+
+
+def _named(quantity: Parameter) -> dict[str, str]:
+    """Return symbol, label and display unit."""
+    return {
+        "symbol": symbol_text(quantity),
+        "quantity": quantity.label,
+        "unit": unit_text(quantity),
+    }
 
 
 def prior_table(priors: PriorSet) -> pd.DataFrame:
@@ -146,9 +177,7 @@ def shown_truth_table(truth: pd.DataFrame) -> pd.DataFrame:
         sd = row["sd"] * factor
         rows.append(
             {
-                "symbol": symbol_text(quantity),
-                "quantity": quantity.label,
-                "unit": unit_text(quantity),
+                **_named(quantity),
                 "truth": rounded(row["truth"] * factor, sd),
                 "mean": rounded(row["mean"] * factor, sd),
                 "sd": rounded(sd, sd),
@@ -177,6 +206,20 @@ def checks_table(checks: Sequence[CheckResult]) -> pd.DataFrame:
             }
             for check in checks
         ]
+    )
+
+
+def checks_page_table(title: str, checks: Sequence[CheckResult]) -> PageTable:
+    """Return `checks_table` as a part of a page."""
+    shown = checks_table(checks)
+    return PageTable(
+        "checks",
+        title,
+        shown,
+        shown,
+        words=("check", "verdict"),
+        sentences=("sentence",),
+        bad={"verdict": [not one.passed for one in checks]},
     )
 
 

@@ -3,15 +3,14 @@
 import json
 import re
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
 import pytest
-from conftest import ICE, SMALL_RUN, Problem
+from conftest import ICE, copy_of
 
 from pyburgers.cli.main import main
-from pyburgers.fitting.fit import Fit, fit_jointly
+from pyburgers.fitting.fit import Fit
 from pyburgers.model.flow_law_prior import FlowLawPrior
 
 TABLE = str(ICE / "peak_stress_qi_goldsby_2021.toml")
@@ -81,22 +80,11 @@ def test_a_folder_that_is_no_run_and_a_file_for_a_folder_are_refused(
     assert_refused(code, capsys, "--out", "cannot be written")
 
 
-@pytest.fixture(scope="module")
-def joints(
-    programs: None, small_problem: Problem, tmp_path_factory: pytest.TempPathFactory
-) -> dict[str, str]:
-    """Run directories of the small test and a copy of it, with two ways of pooling."""
-    folder = tmp_path_factory.mktemp("joints")
-    tests = [small_problem.experiment, replace(small_problem.experiment, id="other")]
-    for kind in ("shared", "separate"):
-        fit_jointly(
-            tests,
-            small_problem.priors,
-            pool={"all": kind},
-            out=folder / kind,
-            options=SMALL_RUN,
-        )
-    return {kind: str(folder / kind) for kind in ("shared", "separate")}
+@pytest.fixture
+def joints(joint: Fit, separate_joint: Fit, tmp_path: Path) -> dict[str, str]:
+    """Run directories of two tests with two ways of pooling."""
+    runs = {"shared": joint, "separate": separate_joint}
+    return {name: str(copy_of(run, tmp_path / name).directory.path) for name, run in runs.items()}
 
 
 def test_joint_runs_are_compared_by_points(
@@ -114,6 +102,7 @@ def test_joint_runs_are_compared_by_points(
 def test_joint_runs_are_compared_by_tests(
     joints: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    shutil.rmtree(Path(joints["shared"]) / "leave_out" / "other")
     out = tmp_path / "out"
     assert main(["compare", *joints.values(), "--leave-out", "tests", "--out", str(out)]) == 3
     printed = capsys.readouterr().out

@@ -11,7 +11,7 @@ import pytest
 from conftest import ICE, Problem
 
 from pyburgers.cli.main import main
-from pyburgers.fitting.fit import JointFit
+from pyburgers.fitting.fit import Fit
 from pyburgers.protocols.registry import save_experiment
 from pyburgers.sampling.run_directory import RunDirectory
 
@@ -28,7 +28,7 @@ def arguments(small_problem: Problem, tmp_path: Path) -> list[str]:
     return [
         *("fit", str(small_problem.experiment_file), str(other)),
         *("--priors", str(small_problem.priors_file), "--out", str(tmp_path / "run")),
-        *("--chains", "2", "--warmup", "150", "--draws", "50", "--seed", "3"),
+        *("--chains", "2", "--warmup", "40", "--draws", "20", "--seed", "3"),
     ]
 
 
@@ -41,7 +41,7 @@ def test_a_joint_fit_prints_its_tests_and_check_repeats_the_verdicts(
     assert re.search(r"activation .*shared.* the same", out)
     verdicts = re.findall(r"^(?:FAILED|passed) .*$", out, re.MULTILINE)
     assert len(verdicts) == 8
-    pooling = JointFit.load(tmp_path / "run").problem.pooling
+    pooling = Fit.load(tmp_path / "run").problem.pooling
     assert pooling.spread_scales["maxwell_modulus"] == 0.2
     assert main(["check", str(tmp_path / "run")]) == 3
     assert capsys.readouterr().out.splitlines() == verdicts

@@ -13,14 +13,16 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from pyburgers.cmdstan import installation as cmdstan_installation
 from pyburgers.cmdstan.compilation import compile_program, program_key, stan_directory
 from pyburgers.cmdstan.installation import install_cmdstan
-from pyburgers.cmdstan.program import load_program
+from pyburgers.cmdstan.program import Program, Unsolved, load_program
 from pyburgers.cmdstan.toolchain import find_cmdstan, toolchain
-from pyburgers.common.errors import ToolchainError
+from pyburgers.common.atomic_files import write_text
+from pyburgers.common.errors import SamplingError, ToolchainError
 
 MATH = "stan/lib/stan_math/"
 TOOLS = ("stanc", "stansummary", "diagnose")
@@ -378,6 +380,43 @@ def test_the_programs_are_found() -> None:
     assert (stan_directory() / "constant_rate.stan").is_file()
 
 
+TINY = """
+parameters {
+  vector[1] x;
+}
+model {
+  x ~ normal(2, 1);
+}
+generated quantities {
+  real square = x[1]^2;
+  if (square > 30) reject("too large");
+}
+"""
+
+
+def assert_every_method_runs(program: Program, folder: Path) -> None:
+    assert program.key == program.executable.parent.name
+    values = program.evaluate({}, {"x": [3.0]})
+    assert (values["x"].tolist(), float(values["square"])) == ([3.0], 9.0)
+    log_density, top = program.optimise({}, {"x": [3.0]}, seed=1)
+    assert log_density == pytest.approx(0.0, abs=1e-10)
+    assert top["x"] == pytest.approx([2.0], abs=1e-5)
+    points = np.array([[3.0], [-1.0]])
+    np.testing.assert_allclose(program.gradients({}, "x", points), 2 - points)
+    with pytest.raises(SamplingError, match=r"The optimiser failed: .*Initialization failed"):
+        program.optimise({}, {"x": [1e200]}, seed=1)
+    files = []
+    for name, rows in {"one": (1.0, 2.0), "other": (3.0, 4.0), "bad": (5.0, 6.0)}.items():
+        files.append(folder / f"{name}.csv")
+        columns = ",".join([*(f"sampler_{k}__" for k in range(7)), "x.1"])
+        write_text(files[-1], "\n".join([columns, *(f"{'0,' * 7}{x}" for x in rows)]) + "\n")
+    generated = program.generate({}, files[:2], seed=1)
+    assert generated["square"].tolist() == [[1.0, 4.0], [9.0, 16.0]]
+    assert generated.dataset(["square"])["square"].sel(chain=2, draw=0) == 9.0
+    with pytest.raises(Unsolved, match="no solution at some of the draws"):
+        program.generate({}, files, seed=1)
+
+
 class TestCompile:
     """With the CmdStan of this machine."""
 
@@ -387,7 +426,7 @@ class TestCompile:
         cache = tmp_path / "a cache"
         monkeypatch.setenv("PYBURGERS_CACHE", str(cache))
         program = tmp_path / "tiny.stan"
-        program.write_text("parameters {\n  real x;\n}\nmodel {\n  x ~ normal(0, 1);\n}\n")
+        program.write_text(TINY)
         script = (
             "import logging, sys; from pathlib import Path\n"
             "from pyburgers.cmdstan.program import compile_program\n"
@@ -406,8 +445,7 @@ class TestCompile:
         caplog.set_level(logging.INFO, "pyburgers")
         found = load_program(program)
         assert caplog.messages == []
-        _, top = found.optimise({}, {"x": 3.0}, seed=1)
-        assert top["x"] == pytest.approx(0.0, abs=1e-6)
+        assert_every_method_runs(found, tmp_path)
 
     def test_wrong_program_shows_what_stanc_says(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

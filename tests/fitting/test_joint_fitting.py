@@ -6,41 +6,26 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import SMALL_RUN, Problem, pair_of
+from conftest import POOL, SMALL_RUN, Problem, copy_of, pair_of
 from figure_texts import legend_texts
 
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.same_data import fits_alone
-from pyburgers.fitting.fit import Fit, JointFit, fit, fit_jointly
+from pyburgers.fitting.fit import Fit, fit_jointly
 from pyburgers.posterior.labelled_draws import total_log_likelihood
 from pyburgers.report.joint_section import intervals, joint_section, pooling_table, sd_ratios
 from pyburgers.report.page import write_report
 
-POOL = {"stress_noise": "separate"}
 
-
-@pytest.fixture(scope="module")
-def joint(
-    programs: None, small_problem: Problem, tmp_path_factory: pytest.TempPathFactory
-) -> JointFit:
-    return fit_jointly(
-        pair_of(small_problem),
-        small_problem.priors,
-        pool=POOL,
-        out=tmp_path_factory.mktemp("joint") / "run",
-        options=SMALL_RUN,
-    )
-
-
-def test_manifest_names_tests_pooling_and_inputs(joint: JointFit) -> None:
+def test_manifest_names_tests_pooling_and_inputs(joint: Fit) -> None:
     manifest = joint.manifest
     assert manifest["experiments"] == ["PIL40", "other"]
     assert manifest["pooling"]["kinds"]["maxwell_modulus"] == "shared"
-    for name in ("tests/PIL40/experiment.csv", "tests/other/experiment.toml", "pooling.json"):
+    for name in ("tests/PIL40/experiment.csv", "tests/other/experiment.toml", "priors.toml"):
         assert f"inputs/{name}" in manifest["hashes"]
 
 
-def test_shared_draws_are_the_same_in_all_tests(joint: JointFit) -> None:
+def test_shared_draws_are_the_same_in_all_tests(joint: Fit) -> None:
     first, other = (fit.posterior["posterior"].to_dataset() for fit in joint.tests().values())
     np.testing.assert_array_equal(first["maxwell_modulus"], other["maxwell_modulus"])
     assert not np.array_equal(first["stress_noise"], other["stress_noise"])
@@ -48,7 +33,7 @@ def test_shared_draws_are_the_same_in_all_tests(joint: JointFit) -> None:
     assert joint.summary().index.is_unique
 
 
-def test_the_influence_of_data_is_that_of_all_tests(joint: JointFit) -> None:
+def test_the_influence_of_data_is_that_of_all_tests(joint: Fit) -> None:
     of_test = joint.tests()["other"].posterior
     total = joint.posterior["log_likelihood"].to_dataset()["stress"].sum("point")
     np.testing.assert_allclose(total_log_likelihood(of_test), total)
@@ -56,14 +41,14 @@ def test_the_influence_of_data_is_that_of_all_tests(joint: JointFit) -> None:
     assert not np.allclose(total_log_likelihood(of_test), own)
 
 
-def test_loading_gives_the_same_fit(joint: JointFit) -> None:
-    again = JointFit.load(joint.directory.path)
+def test_loading_gives_the_same_fit(joint: Fit) -> None:
+    again = Fit.load(joint.directory.path)
     assert again.summary().equals(joint.summary())
     assert again.problem.pooling == joint.problem.pooling
 
 
 def test_only_missing_chains_are_run(
-    joint: JointFit, small_problem: Problem, tmp_path: Path, caplog: pytest.LogCaptureFixture
+    joint: Fit, small_problem: Problem, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     run = tmp_path / "run"
     shutil.copytree(joint.directory.path, run)
@@ -79,14 +64,14 @@ def test_only_missing_chains_are_run(
 
 
 def test_other_pooling_in_the_same_folder_is_refused(
-    joint: JointFit, small_problem: Problem
+    joint: Fit, small_problem: Problem, tmp_path: Path
 ) -> None:
     with pytest.raises(InputError, match="holds a run of other inputs"):
         fit_jointly(
             pair_of(small_problem),
             small_problem.priors,
             pool={"maxwell_modulus": "separate"},
-            out=joint.directory.path,
+            out=copy_of(joint, tmp_path / "run").directory.path,
             options=SMALL_RUN,
         )
 
@@ -97,20 +82,23 @@ def test_a_joint_fit_needs_two_tests(small_problem: Problem, tmp_path: Path) -> 
     assert not (tmp_path / "run").exists()
 
 
-def test_kinds_of_runs_are_told_apart(joint: JointFit, small_fit: Fit) -> None:
-    with pytest.raises(InputError, match="is a joint fit"):
-        Fit.load(joint.directory.path)
-    with pytest.raises(InputError, match="is not a joint fit"):
-        JointFit.load(small_fit.directory.path)
+def test_kinds_of_runs_are_told_apart(joint: Fit, small_fit: Fit) -> None:
+    assert joint.is_joint
+    assert not small_fit.is_joint
+    for name in ("experiment", "priors"):
+        with pytest.raises(InputError, match=r"is a joint fit of PIL40\+other, expected a fit of"):
+            getattr(joint, name)
+    assert joint["other"].experiment.id == "other"
+    assert joint["other"].is_part
+    assert small_fit["PIL40"] is small_fit
+    with pytest.raises(InputError, match="has no test 'PIL72'"):
+        joint["PIL72"]
 
 
 def test_page_shows_joint_and_separate_fits(
-    joint: JointFit, small_fit: Fit, small_problem: Problem, tmp_path: Path
+    joint: Fit, small_fit: Fit, other_fit: Fit, sketched: None, tmp_path: Path
 ) -> None:
-    alone = fit(
-        pair_of(small_problem)[1], small_problem.priors, out=tmp_path / "o", options=SMALL_RUN
-    )
-    separate = [small_fit, alone]
+    separate = [small_fit, other_fit]
     ratios = sd_ratios(pooling_table(joint, separate))
     # Two equal tests know a modulus better than one by the square root of two.
     assert ratios["maxwell_modulus"] == pytest.approx(1 / np.sqrt(2), rel=0.2)
@@ -129,7 +117,7 @@ def test_page_shows_joint_and_separate_fits(
 
 
 def test_intervals_show_fits_of_single_tests_where_there_are_some(
-    joint: JointFit, small_fit: Fit
+    joint: Fit, small_fit: Fit
 ) -> None:
     assert legend_texts(intervals(joint, [])) == ["joint fit"]
     figure = intervals(joint, [small_fit])
@@ -140,5 +128,5 @@ def test_intervals_show_fits_of_single_tests_where_there_are_some(
     assert [len(axes.patches) for axes in panels] == [2, 2, 0, 0]
 
 
-def test_fits_alone_are_those_of_the_same_data(joint: JointFit, small_fit: Fit) -> None:
+def test_fits_alone_are_those_of_the_same_data(joint: Fit, small_fit: Fit) -> None:
     assert fits_alone(joint, [small_fit]) == {"PIL40": small_fit, "other": None}

@@ -9,7 +9,7 @@ import pytest
 from scipy import stats
 
 from pyburgers.common.errors import InputError
-from pyburgers.model.parameters import PARAMETERS
+from pyburgers.model.parameters import PARAMETERS, PIEZOMETER
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import default_priors, load_priors, save_priors
 
@@ -78,7 +78,9 @@ class TestShipped:
     def test_every_parameter_has_a_prior_with_a_source(self, material: str) -> None:
         priors = default_priors(material)
         assert priors.material == material
-        assert list(priors.priors) == [parameter.name for parameter in PARAMETERS]
+        names = [parameter.name for parameter in PARAMETERS]
+        piezometer = () if material == "ice" else PIEZOMETER
+        assert list(priors.priors) == [*names, *piezometer]
         assert all(prior.source for prior in priors.priors.values())
 
     @pytest.mark.parametrize(

@@ -244,9 +244,9 @@ def test_the_criterion_of_the_peak_counts_the_turns_of_the_curve() -> None:
 def test_a_whole_posterior_takes_little_time_and_memory() -> None:
     draws = random_draws((4, 1000))
     assert len(DEFAULT_FREQUENCIES) == 60
-    start = time.perf_counter()
+    start = time.process_time()
     spectrum_of(draws, frequencies=DEFAULT_FREQUENCIES)
-    assert time.perf_counter() - start < 2.0
+    assert time.process_time() - start < 2.0
     tracemalloc.start()
     spectrum_of(draws, frequencies=DEFAULT_FREQUENCIES)
     _, peak = tracemalloc.get_traced_memory()

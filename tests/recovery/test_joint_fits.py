@@ -11,7 +11,7 @@ from common_flow_law import COMMON, NAMES, with_common_flow_law
 from conftest import TESTS, needs_measured
 
 from pyburgers.common.draws import all_draws
-from pyburgers.fitting.fit import Fit, JointFit, fit, fit_jointly
+from pyburgers.fitting.fit import Fit, fit, fit_jointly
 from pyburgers.model.priors import default_priors
 from pyburgers.posterior.labelled_draws import free_parameters
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
@@ -41,7 +41,7 @@ def single_fits(
     }
 
 
-def check(result: JointFit) -> None:
+def check(result: Fit) -> None:
     """Ask for all checks, save that a draw in a thousand may be lost in the bend of each valley."""
     failed = {check.name: check.sentence for check in result.checks() if not check.passed}
     assert set(failed) <= {"divergences"}, failed

@@ -9,7 +9,7 @@ from common_flow_law import with_common_flow_law
 from pyburgers.comparison.by_tests import compare_by_test, difference_by_test, leave_one_test_out
 from pyburgers.comparison.marginal_likelihood import log_marginal_likelihood
 from pyburgers.comparison.results import sentences_by_test
-from pyburgers.fitting.fit import JointFit, fit, fit_jointly
+from pyburgers.fitting.fit import Fit, fit, fit_jointly
 from pyburgers.model.priors import default_priors
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.sampling.options import SamplerOptions
@@ -27,7 +27,7 @@ def experiments() -> list[ConstantRateExperiment]:
 @pytest.fixture(scope="module")
 def joints(
     experiments: list[ConstantRateExperiment], tmp_path_factory: pytest.TempPathFactory
-) -> dict[str, JointFit]:
+) -> dict[str, Fit]:
     folder = tmp_path_factory.mktemp("joint")
     pools = {"default": None, "separate": {"all": "separate"}}
     return {
@@ -39,7 +39,7 @@ def joints(
 
 
 def test_marginal_likelihoods_of_separate_tests_multiply(
-    experiments: list[ConstantRateExperiment], joints: dict[str, JointFit], tmp_path: Path
+    experiments: list[ConstantRateExperiment], joints: dict[str, Fit], tmp_path: Path
 ) -> None:
     """Twice: against fits of single tests, and against the joint fit without the other test."""
     both = leave_one_test_out(joints["separate"], command="test")
@@ -54,7 +54,7 @@ def test_marginal_likelihoods_of_separate_tests_multiply(
 
 
 def test_tests_of_one_material_are_predicted_better_where_it_is_shared(
-    joints: dict[str, JointFit],
+    joints: dict[str, Fit],
 ) -> None:
     comparison = compare_by_test(joints, command="test")
     for sentence in sentences_by_test(comparison):

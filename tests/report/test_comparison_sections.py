@@ -14,6 +14,7 @@ from pyburgers.cli.main import main
 from pyburgers.common.draws import all_draws
 from pyburgers.comparison.by_points import compare
 from pyburgers.comparison.results import comparison_table, sentences
+from pyburgers.drawing.page_parts import PageSection
 from pyburgers.fitting.fit import Fit
 from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress
 from pyburgers.flow_law_tables.inputs import (
@@ -24,7 +25,7 @@ from pyburgers.flow_law_tables.inputs import (
 from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, Conditions, FlowLawPrior
 from pyburgers.model.priors import FLOW_LAW, with_flow_law
 from pyburgers.report.comparison_sections import LOG_RATE, comparison_sections
-from pyburgers.report.page import ExtraSection, write_report
+from pyburgers.report.page import write_report
 from pyburgers.report.peak_stress_section import least_squares_table, peak_stress_section
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.studies.maor.reproduce import PEAK_STRESS_TABLE, shipped_data_directory
@@ -39,10 +40,22 @@ LAW = FlowLawPrior(
 )
 
 
+FEW = (
+    "kelvin_viscosity",
+    "kelvin_modulus",
+    "steady_state_grain_size",
+    "steady_state_fabric_factor",
+    "critical_strain_grain_size",
+    "critical_strain_fabric",
+)
+
+
 def pair(folder: Path, kind: Kind = "synthetic") -> list[Fit]:
     """Fits of the same data whose draws differ, the second with a flow law from elsewhere."""
-    alone = make_fit(folder / "alone", name="A", kind=kind, draws=100)
-    other = make_fit(folder / "both", name="A", kind=kind, draws=100, apart=0.5)
+    alone, other = (
+        make_fit(folder / name, name="A", kind=kind, draws=100, fixed=FEW, apart=apart)
+        for name, apart in (("alone", 0.0), ("both", 0.5))
+    )
     both = with_problem(other, other.experiment, with_flow_law(alone.priors, LAW, "test"))
     return [alone, both]
 
@@ -53,7 +66,7 @@ def fits(tmp_path_factory: pytest.TempPathFactory) -> list[Fit]:
 
 
 @pytest.fixture(scope="module")
-def sections(fits: list[Fit]) -> tuple[ExtraSection, ...]:
+def sections(fits: list[Fit]) -> tuple[PageSection, ...]:
     return comparison_sections(fits)
 
 
@@ -65,7 +78,7 @@ def test_one_fit_of_each_data_set_leaves_nothing_to_relate(fits: list[Fit], tmp_
 
 
 def test_fits_of_the_same_data_are_compared(
-    fits: list[Fit], sections: tuple[ExtraSection, ...]
+    fits: list[Fit], sections: tuple[PageSection, ...]
 ) -> None:
     section = sections[0]
     assert section.key == "comparison_A"
@@ -78,7 +91,7 @@ def test_fits_of_the_same_data_are_compared(
 
 
 def test_the_sources_of_a_flow_law_stand_side_by_side(
-    fits: list[Fit], sections: tuple[ExtraSection, ...]
+    fits: list[Fit], sections: tuple[PageSection, ...]
 ) -> None:
     section = sections[1]
     assert section.key == "flow_law_A_run2"
@@ -109,7 +122,7 @@ def test_sources_that_disagree_are_said_to(fits: list[Fit]) -> None:
 
 
 def test_a_synthetic_curve_with_another_source_says_nothing_about_nature(
-    sections: tuple[ExtraSection, ...], tmp_path: Path
+    sections: tuple[PageSection, ...], tmp_path: Path
 ) -> None:
     assert "says nothing about nature" in " ".join(sections[1].paragraphs)
     measured = comparison_sections(pair(tmp_path, "measured"))
@@ -152,8 +165,9 @@ def test_least_squares_leave_out_a_grain_size_that_never_changes(
 
 def test_all_parts_are_on_the_page_and_in_files(
     fits: list[Fit],
-    sections: tuple[ExtraSection, ...],
+    sections: tuple[PageSection, ...],
     peak_stress: PeakStressFit,
+    sketched: None,
     tmp_path: Path,
 ) -> None:
     extras = (peak_stress_section(peak_stress), *sections)
@@ -172,7 +186,7 @@ def test_all_parts_are_on_the_page_and_in_files(
 
 
 def test_the_report_of_two_runs_of_one_experiment_compares_them(
-    small_fit: Fit, long_fit: Fit, tmp_path: Path
+    small_fit: Fit, long_fit: Fit, sketched: None, tmp_path: Path
 ) -> None:
     runs = [str(one.directory.path) for one in (small_fit, long_fit)]
     assert main(["report", *runs, "--out", str(tmp_path / "page")]) == 0

@@ -12,7 +12,7 @@ from synthetic_olivine_fit import make_olivine_fit
 
 from pyburgers.common.draws import central_band
 from pyburgers.common.errors import InputError
-from pyburgers.drawing.style import FigureRecipe
+from pyburgers.drawing.page_parts import FigureRecipe
 from pyburgers.fitting.fit import Fit
 from pyburgers.protocols.forced_oscillation.figures import (
     OSCILLATION_FIGURES,

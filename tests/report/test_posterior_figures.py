@@ -44,6 +44,11 @@ def densities(fit: Fit) -> Figure:
 
 
 @pytest.fixture(scope="module")
+def trade_offs(fit: Fit) -> Figure:
+    return pairs(fit)
+
+
+@pytest.fixture(scope="module")
 def stuck_densities(stuck: Fit) -> Figure:
     return prior_posterior(stuck)
 
@@ -71,12 +76,12 @@ def test_prior_and_posterior_has_a_panel_for_each_free_quantity(
     assert len(stuck_densities.axes) == 13 - len(FEW)
 
 
-def test_the_true_value_lies_inside_its_panel(fit: Fit, densities: Figure) -> None:
+def test_the_true_value_lies_inside_its_panel(densities: Figure, trade_offs: Figure) -> None:
     panels = {axes.get_xlabel(): axes for axes in densities.axes}
     low, high = panels["$E_K$ (GPa)"].get_xlim()
     assert low < 0.527 < high
     assert "true value" in legend_texts(densities)
-    assert "true value" in legend_texts(pairs(fit))
+    assert "true value" in legend_texts(trade_offs)
 
 
 def test_a_posterior_much_narrower_than_its_prior_gets_limits_of_its_own(
@@ -129,10 +134,9 @@ def test_ranks_count_every_draw_and_show_a_chain_that_sits_higher(tmp_path: Path
     assert counts[0][0] < counts[0][-1]
 
 
-def test_divergent_draws_are_counted_and_drawn_last(fit: Fit, stuck: Fit) -> None:
-    figure = pairs(fit)
-    assert "divergent draw (7)" in legend_texts(figure)
-    assert len(np.asarray(figure.axes[0].collections[-1].get_offsets())) == 7
+def test_divergent_draws_are_counted_and_drawn_last(trade_offs: Figure, stuck: Fit) -> None:
+    assert "divergent draw (7)" in legend_texts(trade_offs)
+    assert len(np.asarray(trade_offs.axes[0].collections[-1].get_offsets())) == 7
     assert "divergent draw (none)" in legend_texts(pairs(stuck))
 
 

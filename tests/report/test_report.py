@@ -8,6 +8,7 @@ from typing import Any
 
 import pandas as pd
 import pytest
+from conftest import sketch_pictures
 from synthetic_fit import make_fit
 from synthetic_olivine_fit import make_olivine_fit, oscillating
 
@@ -113,10 +114,10 @@ def page(folder: Path, fits: list[Fit]) -> Page:
     return write(fits, folder / "page")
 
 
-@pytest.fixture(scope="module")
-def passing_page(folder: Path, fits: list[Fit]) -> Page:
+@pytest.fixture
+def passing_page(fits: list[Fit], sketched: None, tmp_path: Path) -> Page:
     """Page about the measured test alone."""
-    return write([fits[1]], folder / "passing")
+    return write([fits[1]], tmp_path)
 
 
 def test_the_page_is_well_formed_and_its_links_lead_somewhere(page: Page) -> None:
@@ -178,7 +179,7 @@ def test_a_page_without_failures_says_so(fits: list[Fit], passing_page: Page) ->
     assert "FAILED" not in passing_page.text
 
 
-def test_a_fit_without_likelihood_says_so(tmp_path: Path) -> None:
+def test_a_fit_without_likelihood_says_so(sketched: None, tmp_path: Path) -> None:
     fit = small_fit(tmp_path / "run")
     fit.manifest["use_likelihood"] = False
     text = write([fit], tmp_path / "page").text
@@ -187,7 +188,7 @@ def test_a_fit_without_likelihood_says_so(tmp_path: Path) -> None:
 
 
 def test_the_page_says_what_prior_and_data_decide(
-    folder: Path, page: Page, fits: list[Fit], tmp_path: Path
+    folder: Path, page: Page, fits: list[Fit], sketched: None, tmp_path: Path
 ) -> None:
     assert page.text.count("Where the numbers come from: prior or data?") == len(fits)
     assert THRESHOLDS_TEXT in page.text
@@ -255,7 +256,9 @@ def test_the_manifest_pins_the_runs(folder: Path, fits: list[Fit]) -> None:
         assert run["manifest_sha256"] == hashlib.sha256(content).hexdigest()
 
 
-def test_two_runs_of_one_experiment_do_not_overwrite_each_other(tmp_path: Path) -> None:
+def test_two_runs_of_one_experiment_do_not_overwrite_each_other(
+    sketched: None, tmp_path: Path
+) -> None:
     fits = [small_fit(tmp_path / name) for name in ("first", "second")]
     page = write(fits, tmp_path / "page")
     assert {"A", "A_run2"} <= set(page.ids)
@@ -263,7 +266,7 @@ def test_two_runs_of_one_experiment_do_not_overwrite_each_other(tmp_path: Path) 
 
 
 def test_a_report_replaces_an_earlier_one_and_leaves_no_scraps(
-    folder: Path, page: Page, fits: list[Fit], tmp_path: Path
+    folder: Path, page: Page, fits: list[Fit], sketched: None, tmp_path: Path
 ) -> None:
     assert "Two tests" in page.text
     copy = shutil.copytree(folder / "page", tmp_path / "page")
@@ -326,7 +329,9 @@ def oscillations(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
     shifted = oscillating(kept, amplitude_sd=0.01, phase_sd=0.01, phase_shift=0.3)
     curve = small_fit(path / "runs" / "B", "B", kind="measured", draws=60)
-    write([curve, removed, shifted], path / "page")
+    with pytest.MonkeyPatch.context() as patch:
+        sketch_pictures(patch)
+        write([curve, removed, shifted], path / "page")
     return path / "page"
 
 

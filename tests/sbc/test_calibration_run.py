@@ -166,7 +166,7 @@ def test_a_killed_calibration_is_continued_with_more_data_sets_to_the_same_resul
     left = {file.name for file in (out / "simulations").iterdir()}
     assert first.name in left
     assert len(left) < 2 or not (out / "ranks.csv").is_file()
-    assert main(command(small_problem, out)) == 0
+    assert main(command(small_problem, out, "--jobs", "1")) == 0
     assert contents(out) == outcomes
 
 

@@ -124,7 +124,7 @@ def test_the_density_is_that_of_the_normal_and_of_the_other_priors(system: str) 
 def test_without_likelihood_draws_are_those_of_the_normal(tmp_path: Path) -> None:
     experiment, law = load_constant_rate(ICE / "PIL40.toml"), flow_law()
     priors = with_flow_law(default_priors("ice").resolved(8e6), law, "test")
-    options = SamplerOptions(chains=2, warmup=500, draws=2000, seed=4, adapt_delta=0.9)
+    options = SamplerOptions(chains=2, warmup=400, draws=1200, seed=4, adapt_delta=0.9)
     short = replace(
         experiment, strain=experiment.strain[:2], stress=experiment.stress[:2], final_strain=0.01
     )
@@ -132,11 +132,13 @@ def test_without_likelihood_draws_are_those_of_the_normal(tmp_path: Path) -> Non
     draws = result.posterior["posterior"].to_dataset()
     found = quantities(law, {name: all_draws(draws[name]) for name in FLOW_LAW})
     deviation = np.sqrt(np.diag(law.covariance))
-    # 4000 draws, about a quarter of them independent: errors of 0.03, and half as much again.
+    # 2400 draws, about a quarter of them independent: errors of 0.04, and half as much again.
     np.testing.assert_allclose((found.mean(axis=1) - law.mean) / deviation, 0.0, atol=0.15)
     expected = law.covariance / np.outer(deviation, deviation)
     np.testing.assert_allclose(np.cov(found) / np.outer(deviation, deviation), expected, atol=0.15)
-    prior_draws = [priors.sample(np.random.default_rng(k)) for k in range(2000)]
+    others = {name: priors[name].location for name in priors.free if name not in FLOW_LAW}
+    law_alone = with_fixed(priors, others)
+    prior_draws = [law_alone.sample(np.random.default_rng(k)) for k in range(2000)]
     drawn = quantities(law, {k: np.array([v[k] for v in prior_draws]) for k in FLOW_LAW})
     np.testing.assert_allclose((drawn.mean(axis=1) - law.mean) / deviation, 0.0, atol=0.1)
     np.testing.assert_allclose(np.cov(drawn) / np.outer(deviation, deviation), expected, atol=0.1)
@@ -189,7 +191,7 @@ def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 FREE = {*FLOW_LAW, "maxwell_modulus", "stress_noise"}
-RUN = ("--chains", "2", "--warmup", "150", "--draws", "200")
+RUN = ("--chains", "2", "--warmup", "150", "--draws", "100")
 
 
 def test_a_curve_learns_the_flow_law_from_another_source(source: Path, tmp_path: Path) -> None:

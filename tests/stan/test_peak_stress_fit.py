@@ -17,7 +17,7 @@ from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError
 from pyburgers.drawing.style import image
 from pyburgers.fitting.fit import Fit
-from pyburgers.flow_law_tables.figures import flow_law, flow_law_table
+from pyburgers.flow_law_tables.figures import flow_law
 from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress, flow_law_prior
 from pyburgers.flow_law_tables.inputs import (
     FLOW_LAW_PARAMETERS,
@@ -30,6 +30,7 @@ from pyburgers.model.flow_law_prior import FLOW_LAW_PRIOR_FILE, FlowLawPrior
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.experiment import Provenance
+from pyburgers.report.tables import flow_law_table
 from pyburgers.sampling.options import SamplerOptions
 
 FloatArray = npt.NDArray[np.float64]

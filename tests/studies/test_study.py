@@ -8,19 +8,21 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from conftest import sketch_pictures
 from synthetic_fit import make_fit, with_problem
 from synthetic_olivine_fit import make_olivine_fit
 from test_report import Page
 from test_report import small_fit as quickly_drawn_fit
 
 from pyburgers.common.draws import all_draws
+from pyburgers.drawing.page_parts import PageSection
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.side_by_side import Task
 from pyburgers.predictions.attenuation import predict_attenuation, quantile_table
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.protocols.forced_oscillation.response import oscillation_of
 from pyburgers.protocols.forward import simulate
-from pyburgers.report.page import ExtraSection, write_report
+from pyburgers.report.page import write_report
 from pyburgers.studies.maor.olivine import background_section
 from pyburgers.studies.maor.reproduce import (
     COMBINED_RUN,
@@ -52,15 +54,17 @@ def olivine(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Fit]:
 
 
 @pytest.fixture(scope="module")
-def sections(ice: dict[str, Fit], olivine: dict[str, Fit]) -> tuple[ExtraSection, ...]:
+def sections(ice: dict[str, Fit], olivine: dict[str, Fit]) -> tuple[PageSection, ...]:
     return study_sections(ice, olivine)
 
 
 @pytest.fixture(scope="module")
-def folder(sections: tuple[ExtraSection, ...], tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(sections: tuple[PageSection, ...], tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("page")
     fit = quickly_drawn_fit(tmp_path_factory.mktemp("run"), "PIL40")
-    write_report([fit], out, title="Study", command="x", extras=sections)
+    with pytest.MonkeyPatch.context() as patch:
+        sketch_pictures(patch)
+        write_report([fit], out, title="Study", command="x", extras=sections)
     return out
 
 
@@ -70,7 +74,7 @@ def page(folder: Path) -> Page:
 
 
 def test_the_page_holds_every_part_in_its_place(
-    page: Page, sections: tuple[ExtraSection, ...]
+    page: Page, sections: tuple[PageSection, ...]
 ) -> None:
     assert not page.open
     assert len(set(page.ids)) == len(page.ids)
@@ -85,7 +89,7 @@ def test_the_page_holds_every_part_in_its_place(
 
 
 def test_statements_stand_with_verdict_evidence_and_rule(
-    page: Page, sections: tuple[ExtraSection, ...], folder: Path
+    page: Page, sections: tuple[PageSection, ...], folder: Path
 ) -> None:
     (table,) = sections[0].tables
     assert len(table.shown) == 10
@@ -124,7 +128,7 @@ def test_simulations_in_time_agree_with_the_closed_form(ice: dict[str, Fit]) -> 
 
 
 def test_each_treatment_of_the_olivine_record_has_its_preparation(
-    sections: tuple[ExtraSection, ...], folder: Path
+    sections: tuple[PageSection, ...], folder: Path
 ) -> None:
     preparation = {section.key: section for section in sections}["preparation"]
     names = [figure.name for figure in preparation.figures]
@@ -134,7 +138,7 @@ def test_each_treatment_of_the_olivine_record_has_its_preparation(
 
 
 def test_the_page_says_what_removing_the_background_changes(
-    sections: tuple[ExtraSection, ...], olivine: dict[str, Fit]
+    sections: tuple[PageSection, ...], olivine: dict[str, Fit]
 ) -> None:
     background = {section.key: section for section in sections}["background"]
     (table,) = background.tables
@@ -160,7 +164,7 @@ def test_the_page_says_what_removing_the_background_changes(
 
 
 def test_the_true_state_is_that_of_the_model_at_the_true_parameters(
-    sections: tuple[ExtraSection, ...], olivine: dict[str, Fit]
+    sections: tuple[PageSection, ...], olivine: dict[str, Fit]
 ) -> None:
     background = {section.key: section for section in sections}["background"]
     truth = background.tables[0].saved.set_index("quantity")["truth"]

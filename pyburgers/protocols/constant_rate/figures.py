@@ -1,6 +1,7 @@
 """Figures of a fit of a test at imposed strain rate: what is drawn, and how to read it.
 
-Every function takes a fit and returns a figure of its own.
+Every function takes a fit and returns a figure of its own, and refuses the fit of another kind of
+test (`InputError`).
 """
 
 import numpy as np
@@ -11,13 +12,14 @@ from scipy import stats
 
 from pyburgers.common.draws import TAIL, all_draws
 from pyburgers.common.errors import InputError
+from pyburgers.drawing.page_parts import FigureRecipe
 from pyburgers.drawing.panels import (
     LINES_AND_AREAS,
     FittedCurve,
     curve_with_residuals,
     draw_band_panel,
 )
-from pyburgers.drawing.style import BLACK, BLUE, GREEN, SKY_BLUE, VERMILION, FigureRecipe, style
+from pyburgers.drawing.style import BLACK, BLUE, GREEN, SKY_BLUE, VERMILION, style
 from pyburgers.model.display import (
     LENGTH_FACTOR,
     LENGTH_UNIT,
@@ -47,24 +49,12 @@ STRESS_STRAIN_CAPTION = (
 
 
 def stress_strain(fit: FittedTest) -> Figure:
-    """Draw data, retrodictions, predictive band and residuals along strain.
-
-    Raises
-    ------
-    InputError
-        If the fit is of another kind of test.
-    """
+    """Draw data, retrodictions, predictive band and residuals along strain."""
     return curve_with_residuals(fitted_curve(fit))
 
 
 def fitted_curve(fit: FittedTest) -> FittedCurve:
-    """Gather the stress-strain curve as measured and as a fit has it.
-
-    Raises
-    ------
-    InputError
-        If the fit is of another kind of test.
-    """
+    """Gather the stress-strain curve as measured and as a fit has it."""
     experiment = _experiment(fit)
     predictions = fit.posterior["predictions"].to_dataset()
     mean = fit.posterior["posterior_mean_solution"].to_dataset()
@@ -108,13 +98,7 @@ SOFTENING_CAPTION = (
 
 
 def softening(fit: FittedTest) -> Figure:
-    """Draw how grain size and fabric soften the material along strain.
-
-    Raises
-    ------
-    InputError
-        If the fit is of another kind of test.
-    """
+    """Draw how grain size and fabric soften the material along strain."""
     experiment = _experiment(fit)
     predictions = fit.posterior["predictions"].to_dataset()
     strain = predictions["strain"].to_numpy() * STRAIN_FACTOR

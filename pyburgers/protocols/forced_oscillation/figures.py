@@ -1,7 +1,10 @@
 """Figures of forced oscillation tests: how a record is prepared, and what a fit of it says.
 
-Beside each figure stands how to read it.
+Beside each figure stands how to read it. All refuse the fit of another kind of test (`InputError`).
 """
+
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -11,6 +14,7 @@ from matplotlib.lines import Line2D
 from scipy import stats
 
 from pyburgers.common.draws import TAIL, all_draws, central_band
+from pyburgers.drawing.page_parts import FigureRecipe
 from pyburgers.drawing.panels import (
     LINES_AND_AREAS,
     FittedCurve,
@@ -19,17 +23,7 @@ from pyburgers.drawing.panels import (
     draw_data,
     draw_retrodictions,
 )
-from pyburgers.drawing.style import (
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    SKY_BLUE,
-    VERMILION,
-    FigureRecipe,
-    style,
-)
+from pyburgers.drawing.style import BLACK, BLUE, GREEN, GREY, ORANGE, SKY_BLUE, VERMILION, style
 from pyburgers.model.display import (
     LENGTH_FACTOR,
     LENGTH_UNIT,
@@ -86,98 +80,90 @@ def preparation(prepared: PreparedOscillation, record: OscillationRecord, headin
     heading : str
         Title of the figure.
     """
-    time = _curve_times(record.strain_time, prepared.period)
+    strain_time = _curve_times(record.strain_time, prepared.period)
     stress_time = _curve_times(prepared.time, prepared.period)
-    of_strain, of_stress = prepared.strain_fit, prepared.stress_fit
+    strain_fit, stress_fit = prepared.strain_fit, prepared.stress_fit
     kept = prepared.background == "kept"
+    rates = [_Line(strain_time, prepared.strain_rate(strain_time), "driving strain rate", BLUE)]
+    if kept:
+        trend_rate = strain_fit.trend_rate(strain_time)
+        rates.append(_Line(strain_time, trend_rate, "background rate", VERMILION, "--"))
+    trend = stress_fit.trend(stress_time) if kept else 0.0
+    compared = _Line(
+        stress_time,
+        stress_fit.periodic(stress_time) + trend,
+        "fit" if kept else "oscillation",
+        BLUE,
+    )
+    strain_errors = (record.strain_time, record.strain_uncertainty)
+    detrended = record.strain - strain_fit.trend(record.strain_time)
+    oscillation = strain_fit.periodic(strain_time)
     with style():
         figure = Figure(figsize=(8.0, 11.0), layout="constrained")
-        raw_strain, detrended, rate, raw_stress, compared = figure.subplots(5, 1, sharex=True)
-
-        _draw_readings(
-            raw_strain,
-            record.strain_time,
-            record.strain * STRAIN_FACTOR,
-            record.strain_uncertainty * STRAIN_FACTOR,
-            "strain readings",
+        panels = figure.subplots(5, 1, sharex=True)
+        strain_label = (f"axial strain ({STRAIN_UNIT})", STRAIN_FACTOR)
+        stress_label = (STRESS_LABEL, STRESS_FACTOR)
+        _draw_panel(
+            panels[0],
+            "(a) strain readings",
+            strain_label,
+            _fit_lines(strain_time, strain_fit),
+            _Readings(*strain_errors, record.strain, "strain readings"),
         )
-        _draw_fit(raw_strain, time, of_strain, STRAIN_FACTOR)
-        _label(raw_strain, "(a) strain readings", f"axial strain ({STRAIN_UNIT})")
-
-        _draw_readings(
-            detrended,
-            record.strain_time,
-            (record.strain - of_strain.trend(record.strain_time)) * STRAIN_FACTOR,
-            record.strain_uncertainty * STRAIN_FACTOR,
-            "strain without trend",
+        _draw_panel(
+            panels[1],
+            "(b) oscillating part of the strain",
+            strain_label,
+            [_Line(strain_time, oscillation, "oscillation", BLUE)],
+            _Readings(*strain_errors, detrended, "strain without trend"),
         )
-        detrended.plot(
-            time,
-            of_strain.periodic(time) * STRAIN_FACTOR,
-            color=BLUE,
-            linewidth=1.3,
-            label="oscillation",
-        )
-        _label(detrended, "(b) oscillating part of the strain", f"axial strain ({STRAIN_UNIT})")
-
-        rate.plot(
-            time,
-            prepared.strain_rate(time) * RATE_FACTOR,
-            color=BLUE,
-            linewidth=1.3,
-            label="driving strain rate",
-        )
-        if kept:
-            rate.plot(
-                time,
-                of_strain.trend_rate(time) * RATE_FACTOR,
-                color=VERMILION,
-                linestyle="--",
-                linewidth=1.3,
-                label="background rate",
-            )
-        rate.axhline(0.0, color=GREY, linewidth=0.8, zorder=0)
-        _label(
-            rate,
+        _draw_panel(
+            panels[2],
             f"(c) strain rate that drives the model, background {prepared.background}",
-            r"strain rate (10$^{-5}$ s$^{-1}$)",
+            (r"strain rate (10$^{-5}$ s$^{-1}$)", RATE_FACTOR),
+            rates,
         )
-
-        _draw_readings(
-            raw_stress,
-            record.stress_time,
-            record.stress * STRESS_FACTOR,
-            record.stress_uncertainty * STRESS_FACTOR,
-            "stress readings",
+        panels[2].axhline(0.0, color=GREY, linewidth=0.8, zorder=0)
+        _draw_panel(
+            panels[3],
+            "(d) stress readings",
+            stress_label,
+            _fit_lines(stress_time, stress_fit),
+            _Readings(
+                record.stress_time, record.stress_uncertainty, record.stress, "stress readings"
+            ),
         )
-        _draw_fit(raw_stress, stress_time, of_stress, STRESS_FACTOR)
-        _label(raw_stress, "(d) stress readings", STRESS_LABEL)
-
-        _draw_readings(
-            compared,
-            prepared.time,
-            prepared.stress * STRESS_FACTOR,
-            prepared.uncertainty * STRESS_FACTOR,
-            "stress for the model",
-        )
-        trend = of_stress.trend(stress_time) if kept else 0.0
-        compared.plot(
-            stress_time,
-            (of_stress.periodic(stress_time) + trend) * STRESS_FACTOR,
-            color=BLUE,
-            linewidth=1.3,
-            label="fit" if kept else "oscillation",
-        )
-        _label(
-            compared,
+        _draw_panel(
+            panels[4],
             "(e) stress that the model is compared with, bias and drift "
             + ("kept" if kept else "removed"),
-            STRESS_LABEL,
+            stress_label,
+            [compared],
+            _Readings(prepared.time, prepared.uncertainty, prepared.stress, "stress for the model"),
         )
-        compared.set_xlabel(TIME_LABEL)
+        panels[4].set_xlabel(TIME_LABEL)
         figure.align_ylabels()
         figure.suptitle(heading, fontsize=10)
     return figure
+
+
+class _Line(NamedTuple):
+    """A curve along time (s), in SI units."""
+
+    time: FloatArray
+    values: FloatArray
+    label: str
+    colour: str
+    dashes: str = "-"
+
+
+class _Readings(NamedTuple):
+    """Readings at times (s) with their standard deviations, in SI units."""
+
+    time: FloatArray
+    uncertainty: FloatArray
+    values: FloatArray
+    label: str
 
 
 def _curve_times(readings: FloatArray, period: float) -> FloatArray:
@@ -188,48 +174,49 @@ def _curve_times(readings: FloatArray, period: float) -> FloatArray:
     return times
 
 
-def _draw_readings(
-    axes: Axes, time: FloatArray, value: FloatArray, uncertainty: FloatArray, label: str
+def _fit_lines(time: FloatArray, fit: HarmonicFit) -> list[_Line]:
+    """Return a fit and its trend."""
+    trend = fit.trend(time)
+    return [
+        _Line(time, trend + fit.periodic(time), "fit", ORANGE),
+        _Line(time, trend, f"trend of degree {fit.degree}", VERMILION, "--"),
+    ]
+
+
+def _draw_panel(
+    axes: Axes,
+    heading: str,
+    label: tuple[str, float],
+    lines: Sequence[_Line],
+    readings: _Readings | None = None,
 ) -> None:
-    """Draw readings with their standard deviations, all in display units."""
-    axes.errorbar(
-        time,
-        value,
-        yerr=uncertainty,
-        linestyle="none",
-        marker="o",
-        markersize=2.5,
-        color=BLACK,
-        ecolor=SKY_BLUE,
-        elinewidth=0.9,
-        zorder=1,
-        label=label,
-    )
-
-
-def _draw_fit(axes: Axes, time: FloatArray, fit: HarmonicFit, factor: float) -> None:
-    """Draw a fit and its trend."""
-    axes.plot(
-        time,
-        (fit.trend(time) + fit.periodic(time)) * factor,
-        color=ORANGE,
-        linewidth=1.3,
-        label="fit",
-    )
-    axes.plot(
-        time,
-        fit.trend(time) * factor,
-        color=VERMILION,
-        linestyle="--",
-        linewidth=1.3,
-        label=f"trend of degree {fit.degree}",
-    )
-
-
-def _label(axes: Axes, heading: str, label: str) -> None:
-    """Give a panel its title, its axis label and a legend beside it."""
+    """Draw readings and lines with a legend beside them; the label has the factor from SI."""
+    text, factor = label
+    if readings is not None:
+        axes.errorbar(
+            readings.time,
+            readings.values * factor,
+            yerr=readings.uncertainty * factor,
+            linestyle="none",
+            marker="o",
+            markersize=2.5,
+            color=BLACK,
+            ecolor=SKY_BLUE,
+            elinewidth=0.9,
+            zorder=1,
+            label=readings.label,
+        )
+    for line in lines:
+        axes.plot(
+            line.time,
+            line.values * factor,
+            color=line.colour,
+            linestyle=line.dashes,
+            linewidth=1.3,
+            label=line.label,
+        )
     axes.set_title(heading, loc="left")
-    axes.set_ylabel(label)
+    axes.set_ylabel(text)
     handles, labels = axes.get_legend_handles_labels()
     # Readings, which matplotlib puts last, come first.
     order = sorted(range(len(labels)), key=lambda k: isinstance(handles[k], Line2D))
@@ -253,24 +240,12 @@ STRESS_TIME_CAPTION = (
 
 
 def stress_time(fit: FittedTest) -> Figure:
-    """Draw data, retrodictions, predictive band and residuals along time.
-
-    Raises
-    ------
-    InputError
-        If the fit is of another kind of test.
-    """
+    """Draw data, retrodictions, predictive band and residuals along time."""
     return curve_with_residuals(fitted_curve(fit))
 
 
 def fitted_curve(fit: FittedTest) -> FittedCurve:
-    """Gather the stress along time as measured and as a fit has it.
-
-    Raises
-    ------
-    InputError
-        If the fit is of another kind of test.
-    """
+    """Gather the stress along time as measured and as a fit has it."""
     experiment = oscillation_of(fit)
     prepared = experiment.prepared
     predictions = fit.posterior["predictions"].to_dataset()
@@ -309,13 +284,7 @@ STRESS_LOOP_CAPTION = (
 
 
 def stress_loop(fit: FittedTest) -> Figure:
-    """Draw stress against driving strain: data and retrodictions.
-
-    Raises
-    ------
-    InputError
-        If the fit is of another kind of test.
-    """
+    """Draw stress against driving strain: data and retrodictions."""
     curve, prepared = fitted_curve(fit), oscillation_of(fit).prepared
     strain, at_data = (
         prepared.strain(time) * STRAIN_FACTOR for time in (curve.grid, curve.position)
@@ -355,13 +324,7 @@ AMPLITUDE_PHASE_CAPTION = (
 
 
 def amplitude_phase(fit: FittedTest) -> Figure:
-    """Draw amplitude and phase lag of the stress: observed, predicted and replicated.
-
-    Raises
-    ------
-    InputError
-        If the fit is of another kind of test.
-    """
+    """Draw amplitude and phase lag of the stress: observed, predicted and replicated."""
     experiment = oscillation_of(fit)
     observed = observed_response(experiment)
     predicted, replicated = predicted_response(fit), replicated_response(fit)
@@ -418,13 +381,7 @@ MICROSTRUCTURE_CAPTION = (
 
 
 def microstructure(fit: FittedTest) -> Figure:
-    """Draw grain size and the dashpot's strain rate along time.
-
-    Raises
-    ------
-    InputError
-        If the fit is of another kind of test.
-    """
+    """Draw grain size and the dashpot's strain rate along time."""
     experiment = oscillation_of(fit)
     predictions = fit.posterior["predictions"].to_dataset()
     time = predictions["time"].to_numpy()

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from markupsafe import Markup
 
 from pyburgers.common.errors import InputError
+from pyburgers.drawing.page_parts import PageTable
 from pyburgers.drawing.panels import FittedCurve
 from pyburgers.model.display import STRAIN_FACTOR, STRESS_FACTOR, STRESS_UNIT
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
@@ -28,7 +29,7 @@ from pyburgers.protocols.forced_oscillation.stan_data import (
     reference_origin,
     tests_block,
 )
-from pyburgers.protocols.protocol import FittedTest, PageTable, Protocol, Quantity
+from pyburgers.protocols.protocol import FittedTest, Protocol, Quantity
 from pyburgers.protocols.stan_data import StanData
 
 FloatArray = npt.NDArray[np.float64]

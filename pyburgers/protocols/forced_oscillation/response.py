@@ -12,10 +12,11 @@ from markupsafe import Markup
 from pyburgers.common.draws import all_draws, central_band, evenly_spaced
 from pyburgers.common.errors import InputError
 from pyburgers.common.numbers import rounded
+from pyburgers.drawing.page_parts import PageTable
 from pyburgers.model.display import STRESS_FACTOR, STRESS_UNIT
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.protocols.forced_oscillation.harmonics import fit_harmonics
-from pyburgers.protocols.protocol import FittedTest, PageTable
+from pyburgers.protocols.protocol import FittedTest
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -211,12 +212,13 @@ def response_page_table(fit: FittedTest) -> PageTable:
         "Amplitude and phase lag of the stress",
         shown_response_table(table),
         table.reset_index(),
-        Markup(
+        text=Markup(
             "What a fit of harmonics and a trend finds in the record, and in replicated data: "
             "solutions for draws from the posterior with noise added at the times of the readings. "
             + verdict
         ),
         words=("quantity", "unit"),
+        bad={"in 90 % band": [not inside for inside in table["inside"]]},
     )
 
 

@@ -15,7 +15,7 @@ import pandas as pd
 from pyburgers.checks.fit_checks import RHAT_LIMIT
 from pyburgers.common.draws import all_draws, central_band
 from pyburgers.common.numbers import with_error
-from pyburgers.fitting.fit import Fit
+from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.model.display import (
     LENGTH_FACTOR,
     LENGTH_UNIT,
@@ -28,9 +28,9 @@ from pyburgers.posterior.labelled_draws import convergence_table
 from pyburgers.protocols.forced_oscillation import figures as oscillation_figures
 from pyburgers.protocols.forced_oscillation.response import oscillation_of, stress_spread
 from pyburgers.protocols.forward import REFERENCE_SOLVER, solve
+from pyburgers.protocols.protocol import FittedTest
 from pyburgers.protocols.registry import protocol_of
 from pyburgers.protocols.stan_data import REFERENCE_FLOW_RATE
-from pyburgers.report.page import ExtraFigure, ExtraSection, ExtraTable
 from pyburgers.studies.maor.statements import (
     DOMINANT,
     FEW,
@@ -65,12 +65,12 @@ UNINFORMED = 0.8
 _ALL_TREATMENTS = "under both treatments of the background alike, else undecided"
 
 
-def olivine_statements(fits: Mapping[str, Fit]) -> tuple[Statement, ...]:
+def olivine_statements(fits: Mapping[str, FittedTest]) -> tuple[Statement, ...]:
     """Judge the paper's statements about olivine.
 
     Parameters
     ----------
-    fits : mapping of str to Fit
+    fits : mapping of str to FittedTest
         Fits of forced oscillation tests by treatment of the background: ``"removed"``,
         ``"kept"``; may be empty.
     """
@@ -83,12 +83,12 @@ def olivine_statements(fits: Mapping[str, Fit]) -> tuple[Statement, ...]:
     )
 
 
-def _constrained_kelvin_modulus(fits: Mapping[str, Fit]) -> Statement:
+def _constrained_kelvin_modulus(fits: Mapping[str, FittedTest]) -> Statement:
     """Whether the data narrow the Kelvin modulus of olivine."""
     name = "kelvin_modulus"
     quantity = shown_quantity(name)
 
-    def judge(fit: Fit) -> tuple[str, Verdict]:
+    def judge(fit: FittedTest) -> tuple[str, Verdict]:
         draws, share = posterior_draws(fit, name) * quantity.display_factor, prior_share(fit, name)
         shown = with_error(float(draws.mean()), float(draws.std(ddof=1)))
         return (
@@ -107,11 +107,11 @@ def _constrained_kelvin_modulus(fits: Mapping[str, Fit]) -> Statement:
     )
 
 
-def _unconstrained_critical_strain(fits: Mapping[str, Fit]) -> Statement:
+def _unconstrained_critical_strain(fits: Mapping[str, FittedTest]) -> Statement:
     """Whether the critical strain of olivine is left to its prior, and whether chains agree."""
     name = "critical_strain_grain_size"
 
-    def judge(fit: Fit) -> tuple[str, Verdict]:
+    def judge(fit: FittedTest) -> tuple[str, Verdict]:
         share = prior_share(fit, name)
         rhat = float(convergence_table(fit.posterior)["rhat"][name])
         agreement = "the chains agree" if rhat <= RHAT_LIMIT else "the chains do not agree"
@@ -135,10 +135,10 @@ def _unconstrained_critical_strain(fits: Mapping[str, Fit]) -> Statement:
     )
 
 
-def _spread_in_amplitude(fits: Mapping[str, Fit]) -> Statement:
+def _spread_in_amplitude(fits: Mapping[str, FittedTest]) -> Statement:
     """Whether predicted stress curves of olivine differ in amplitude more than in phase."""
 
-    def judge(fit: Fit) -> tuple[str, Verdict]:
+    def judge(fit: FittedTest) -> tuple[str, Verdict]:
         amplitude, phase = stress_spread(fit)
         return (
             f"the amplitude varies by {100 * amplitude:.2g} % and the phase by {phase:.2g} rad "
@@ -160,8 +160,8 @@ def _spread_in_amplitude(fits: Mapping[str, Fit]) -> Statement:
 
 
 def _judge_treatments(
-    fits: Mapping[str, Fit],
-    judge: Callable[[Fit], tuple[str, Verdict]],
+    fits: Mapping[str, FittedTest],
+    judge: Callable[[FittedTest], tuple[str, Verdict]],
     *,
     key: str,
     source: str,
@@ -180,16 +180,16 @@ def _judge_treatments(
     )
 
 
-def preparation_section(fits: Mapping[str, Fit]) -> ExtraSection:
+def preparation_section(fits: Mapping[str, FittedTest]) -> PageSection:
     """Return the figures of how the record of a forced oscillation test was prepared.
 
     Parameters
     ----------
-    fits : mapping of str to Fit
+    fits : mapping of str to FittedTest
         Fits of forced oscillation tests by treatment of the background.
     """
     experiments = [oscillation_of(fit) for fit in fits.values()]
-    return ExtraSection(
+    return PageSection(
         key=PREPARATION_KEY,
         title="Preparation of the olivine record",
         paragraphs=(
@@ -198,7 +198,7 @@ def preparation_section(fits: Mapping[str, Fit]) -> ExtraSection:
             "with the background kept, bias stress and background strain rate take part.",
         ),
         figures=tuple(
-            ExtraFigure(
+            PageFigure(
                 experiment.id,
                 f"From the record to the model, {experiment.id}",
                 oscillation_figures.PREPARATION_CAPTION,
@@ -227,12 +227,12 @@ class _Compared:
     truth: float | None
 
 
-def background_section(fits: Mapping[str, Fit]) -> ExtraSection:
+def background_section(fits: Mapping[str, FittedTest]) -> PageSection:
     """Return what the treatment of the background changes in the posterior, and why.
 
     Parameters
     ----------
-    fits : mapping of str to Fit
+    fits : mapping of str to FittedTest
         Fits of one forced oscillation test by treatment of the background.
 
     Raises
@@ -244,7 +244,7 @@ def background_section(fits: Mapping[str, Fit]) -> ExtraSection:
     bias = float(np.mean(prepared.stress_fit.trend(prepared.time))) * STRESS_FACTOR
     amplitude = prepared.stress_fit.amplitude()[0] * STRESS_FACTOR
     compared = _compared(fits)
-    return ExtraSection(
+    return PageSection(
         key=BACKGROUND_KEY,
         title="What removing the background changes",
         paragraphs=(
@@ -265,7 +265,7 @@ def background_section(fits: Mapping[str, Fit]) -> ExtraSection:
             "model with its background has at the true parameters.",
         ),
         tables=(
-            ExtraTable(
+            PageTable(
                 "comparison",
                 "The same record, treated in two ways",
                 _shown_comparison(compared),
@@ -277,7 +277,7 @@ def background_section(fits: Mapping[str, Fit]) -> ExtraSection:
     )
 
 
-def _compared(fits: Mapping[str, Fit]) -> list[_Compared]:
+def _compared(fits: Mapping[str, FittedTest]) -> list[_Compared]:
     """Gather what the table of `background_section` compares."""
     truths = next(iter(fits.values())).experiment.true_parameters or {}
     rows = []

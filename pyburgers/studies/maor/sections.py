@@ -14,7 +14,7 @@ import numpy.typing as npt
 import pandas as pd
 import xarray as xr
 
-from pyburgers.fitting.fit import Fit
+from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.predictions import attenuation_figures
 from pyburgers.predictions.attenuation import (
     attenuation_spectrum,
@@ -24,7 +24,7 @@ from pyburgers.predictions.attenuation import (
 )
 from pyburgers.predictions.imposed_stress import simulated_phase_lag
 from pyburgers.predictions.stress_cycles import PAPER_REGIMES, PARAMETER_NAMES, amplitude_regimes
-from pyburgers.report.page import ExtraFigure, ExtraSection, ExtraTable
+from pyburgers.protocols.protocol import FittedTest
 from pyburgers.studies.maor.olivine import (
     background_section,
     olivine_statements,
@@ -56,20 +56,20 @@ FloatArray = npt.NDArray[np.float64]
 
 
 def study_sections(
-    ice_fits: Mapping[str, Fit], olivine_fits: Mapping[str, Fit]
-) -> tuple[ExtraSection, ...]:
+    ice_fits: Mapping[str, FittedTest], olivine_fits: Mapping[str, FittedTest]
+) -> tuple[PageSection, ...]:
     """Predict attenuation, judge the paper's statements, and gather what the page shows of it.
 
     Parameters
     ----------
-    ice_fits : mapping of str to Fit
+    ice_fits : mapping of str to FittedTest
         Fits of constant rate tests by sample, at least one; the first is looked at most closely.
-    olivine_fits : mapping of str to Fit
+    olivine_fits : mapping of str to FittedTest
         Fits of one forced oscillation test by treatment of the background; may be empty.
 
     Returns
     -------
-    tuple of ExtraSection
+    tuple of PageSection
         In their order on the page.
     """
     logger.info("Predicting attenuation.")
@@ -96,9 +96,9 @@ def study_sections(
 
 
 def paper_statements(
-    ice_fits: Mapping[str, Fit],
+    ice_fits: Mapping[str, FittedTest],
     spectra: Mapping[str, xr.Dataset],
-    olivine_fits: Mapping[str, Fit],
+    olivine_fits: Mapping[str, FittedTest],
 ) -> tuple[Statement, ...]:
     """Judge the paper's statements that the given fits and spectra say something about.
 
@@ -106,7 +106,7 @@ def paper_statements(
 
     Parameters
     ----------
-    ice_fits, olivine_fits : mapping of str to Fit
+    ice_fits, olivine_fits : mapping of str to FittedTest
         As for `study_sections`; each may be empty.
     spectra : mapping of str to Dataset
         Spectra of the fits of ice, in the paper's regimes.
@@ -123,7 +123,7 @@ def paper_statements(
     )
 
 
-def statements_section(statements: tuple[Statement, ...], *, is_synthetic: bool) -> ExtraSection:
+def statements_section(statements: tuple[Statement, ...], *, is_synthetic: bool) -> PageSection:
     """Return the table of the paper's statements.
 
     Parameters
@@ -136,7 +136,7 @@ def statements_section(statements: tuple[Statement, ...], *, is_synthetic: bool)
     verdicts = [statement.verdict for statement in statements]
     overall = ", ".join(f"{verdict} {verdicts.count(verdict)}" for verdict in get_args(Verdict))
     table = statements_table(statements)
-    return ExtraSection(
+    return PageSection(
         key=STATEMENTS_KEY,
         title="The paper's statements and our posterior",
         paragraphs=(
@@ -145,7 +145,7 @@ def statements_section(statements: tuple[Statement, ...], *, is_synthetic: bool)
             f"the rule beside it. {MICROSTRUCTURE_SENTENCE}",
         ),
         tables=(
-            ExtraTable(
+            PageTable(
                 "table",
                 "Statement by statement",
                 table,
@@ -159,13 +159,13 @@ def statements_section(statements: tuple[Statement, ...], *, is_synthetic: bool)
 
 
 def counterparts_section(
-    ice_fits: Mapping[str, Fit], olivine_fits: Mapping[str, Fit]
-) -> ExtraSection:
+    ice_fits: Mapping[str, FittedTest], olivine_fits: Mapping[str, FittedTest]
+) -> PageSection:
     """Return the list of the paper's figures and tables with where their counterparts are.
 
     Parameters
     ----------
-    ice_fits, olivine_fits : mapping of str to Fit
+    ice_fits, olivine_fits : mapping of str to FittedTest
         As for `study_sections`.
     """
     ice = ", ".join(fit.experiment.id for fit in ice_fits.values())
@@ -192,12 +192,12 @@ def counterparts_section(
             )
         )
     table = pd.DataFrame(rows, columns=["paper", "shows", "on this page"])
-    return ExtraSection(
+    return PageSection(
         key=COUNTERPARTS_KEY,
         title="The paper's figures and tables on this page",
         paragraphs=(),
         tables=(
-            ExtraTable(
+            PageTable(
                 "table",
                 "Counterparts",
                 table,
@@ -209,12 +209,14 @@ def counterparts_section(
     )
 
 
-def attenuation_section(fits: Mapping[str, Fit], spectra: Mapping[str, xr.Dataset]) -> ExtraSection:
+def attenuation_section(
+    fits: Mapping[str, FittedTest], spectra: Mapping[str, xr.Dataset]
+) -> PageSection:
     """Return figures and tables of attenuation; single draws and amplitudes of the first fit.
 
     Parameters
     ----------
-    fits : mapping of str to Fit
+    fits : mapping of str to FittedTest
         At least one.
     spectra : mapping of str to Dataset
         Spectra of the same fits (`pyburgers.predictions.attenuation.predict_attenuation`).
@@ -222,7 +224,7 @@ def attenuation_section(fits: Mapping[str, Fit], spectra: Mapping[str, xr.Datase
     first, fit = next(iter(fits.items()))
     by_amplitude = predict_attenuation(fit, regimes=AMPLITUDE_REGIMES)
     check = time_domain_table(fit)
-    return ExtraSection(
+    return PageSection(
         key=ATTENUATION_KEY,
         title="Attenuation",
         paragraphs=(
@@ -234,7 +236,7 @@ def attenuation_section(fits: Mapping[str, Fit], spectra: Mapping[str, xr.Datase
         ),
         tables=(
             *(
-                ExtraTable(
+                PageTable(
                     f"{name}_quantiles",
                     f"tan δ of {name}",
                     overview_table(spectrum),
@@ -243,7 +245,7 @@ def attenuation_section(fits: Mapping[str, Fit], spectra: Mapping[str, xr.Datase
                 )
                 for name, spectrum in spectra.items()
             ),
-            ExtraTable(
+            PageTable(
                 "time_domain",
                 f"Closed form against simulation in time, {first} at the median of its parameters",
                 _shown_check(check),
@@ -253,7 +255,7 @@ def attenuation_section(fits: Mapping[str, Fit], spectra: Mapping[str, xr.Datase
         ),
         figures=(
             *(
-                ExtraFigure(
+                PageFigure(
                     f"{name}_spectrum",
                     f"Attenuation of {name}",
                     attenuation_figures.ATTENUATION_CAPTION,
@@ -261,7 +263,7 @@ def attenuation_section(fits: Mapping[str, Fit], spectra: Mapping[str, xr.Datase
                 )
                 for name, spectrum in spectra.items()
             ),
-            ExtraFigure(
+            PageFigure(
                 f"{first}_draws",
                 f"Attenuation of {first}, draw by draw",
                 attenuation_figures.DRAWS_CAPTION,
@@ -271,7 +273,7 @@ def attenuation_section(fits: Mapping[str, Fit], spectra: Mapping[str, xr.Datase
                     spectra[first].attrs["title"],
                 ),
             ),
-            ExtraFigure(
+            PageFigure(
                 f"{first}_amplitude",
                 f"Attenuation of {first} and the amplitude of the cycles",
                 attenuation_figures.AMPLITUDE_CAPTION,
@@ -286,12 +288,12 @@ def attenuation_section(fits: Mapping[str, Fit], spectra: Mapping[str, xr.Datase
     )
 
 
-def time_domain_table(fit: Fit) -> pd.DataFrame:
+def time_domain_table(fit: FittedTest) -> pd.DataFrame:
     """Compare the closed form of attenuation with phase lags of simulated records.
 
     Parameters
     ----------
-    fit : Fit
+    fit : FittedTest
         The median of each parameter is taken, with the initial microstructure.
 
     Returns

@@ -16,7 +16,6 @@ import xarray as xr
 
 from pyburgers.common.errors import InputError
 from pyburgers.common.numbers import number, rounded
-from pyburgers.fitting.fit import Fit
 from pyburgers.model.display import STRESS_FACTOR, STRESS_UNIT, shown_quantity
 from pyburgers.model.display import symbol_text as symbol
 from pyburgers.predictions.attenuation import (
@@ -26,6 +25,7 @@ from pyburgers.predictions.attenuation import (
     regime_peaks,
 )
 from pyburgers.predictions.stress_cycles import PAPER_REGIMES
+from pyburgers.protocols.protocol import FittedTest
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -104,12 +104,12 @@ class Statement:
     rule: str
 
 
-def ice_statements(fits: Mapping[str, Fit]) -> tuple[Statement, ...]:
+def ice_statements(fits: Mapping[str, FittedTest]) -> tuple[Statement, ...]:
     """Judge the paper's statements about ice by posteriors of its parameters.
 
     Parameters
     ----------
-    fits : mapping of str to Fit
+    fits : mapping of str to FittedTest
         Fits of constant rate tests by sample; statements about PIL40 need the key ``"PIL40"``.
     """
     values = [_value_of_pil40(fits["PIL40"], name) for name in PIL40_VALUES if "PIL40" in fits]
@@ -153,7 +153,7 @@ def statements_table(statements: Iterable[Statement]) -> pd.DataFrame:
     )
 
 
-def _value_of_pil40(fit: Fit, name: str) -> Statement:
+def _value_of_pil40(fit: FittedTest, name: str) -> Statement:
     """Whether the paper's value of a parameter lies in the posterior, and the data had a say."""
     value = PIL40_VALUES[name]
     draws, share = posterior_draws(fit, name), prior_share(fit, name)
@@ -180,7 +180,7 @@ def _value_of_pil40(fit: Fit, name: str) -> Statement:
     )
 
 
-def _narrow_posteriors(fits: Mapping[str, Fit]) -> Statement:
+def _narrow_posteriors(fits: Mapping[str, FittedTest]) -> Statement:
     """Count the parameters whose posterior is much narrower than the prior."""
     shares = {key: _prior_shares(fit) for key, fit in fits.items()}
     every = np.array([share for ratios in shares.values() for share in ratios.values()])
@@ -361,18 +361,18 @@ def joined(parts: Iterable[str]) -> str:
     return f"{text[0].upper()}{text[1:]}."
 
 
-def posterior_draws(fit: Fit, name: str) -> FloatArray:
+def posterior_draws(fit: FittedTest, name: str) -> FloatArray:
     """All draws of a parameter (SI), shape (n_draws,)."""
     draws: FloatArray = fit.posterior["posterior"].to_dataset()[name].to_numpy().ravel()
     return draws
 
 
-def prior_share(fit: Fit, name: str) -> float:
+def prior_share(fit: FittedTest, name: str) -> float:
     """Posterior over prior standard deviation."""
     return float(posterior_draws(fit, name).std(ddof=1) / fit.priors[name].distribution().std())
 
 
-def _prior_shares(fit: Fit) -> dict[str, float]:
+def _prior_shares(fit: FittedTest) -> dict[str, float]:
     """Posterior over prior standard deviation of the material's free parameters."""
     return {name: prior_share(fit, name) for name in fit.priors.free if name != "stress_noise"}
 

@@ -1,4 +1,4 @@
-"""Arguments that commands share, and what becomes of them."""
+"""What commands share: arguments, the run that one names, verdicts and exit codes."""
 
 import argparse
 import shlex
@@ -8,9 +8,12 @@ from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
 
+from pyburgers.checks.fit_checks import CheckResult
 from pyburgers.common.errors import InputError
+from pyburgers.report.tables import checks_table
 from pyburgers.sampling.options import SamplerOptions
 
+EXIT_CHECK_FAILED = 3
 SAMPLER_OPTIONS = tuple(field.name for field in fields(SamplerOptions))
 DEFAULT_OPTIONS = SamplerOptions()
 
@@ -53,3 +56,15 @@ def writing(out: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise InputError(f"--out {out}: cannot be written ({error.strerror}).") from error
+
+
+def print_checks(checks: Sequence[CheckResult]) -> int:
+    """Print the verdicts on a run; return the exit code."""
+    for row in checks_table(checks).itertuples():
+        print(f"{row.verdict:<6}  {row.check}: {row.sentence}")
+    return exit_code(all(check.passed for check in checks))
+
+
+def exit_code(passed: bool) -> int:
+    """Return the code of a command that did what it should, with its verdict."""
+    return 0 if passed else EXIT_CHECK_FAILED

@@ -1,0 +1,118 @@
+"""Parts of a page: figures, tables and sections, as those who know hand them to it."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Generic, TypeVar
+
+import pandas as pd
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+Fitted = TypeVar("Fitted")
+
+
+@dataclass(frozen=True)
+class FigureText:
+    """What a page says about a figure.
+
+    Attributes
+    ----------
+    name : str
+        Part of file names.
+    title : str
+        Heading.
+    caption : str
+        What is shown and how to read it, one paragraph.
+    """
+
+    name: str
+    title: str
+    caption: str
+
+
+@dataclass(frozen=True)
+class FigureRecipe(FigureText, Generic[Fitted]):
+    """A figure that the pages of all fits of a kind hold.
+
+    Attributes
+    ----------
+    draw : callable
+        Draws it for a fit.
+    """
+
+    draw: Callable[[Fitted], Figure]
+
+
+@dataclass(frozen=True)
+class PageFigure(FigureText):
+    """A figure that is not about one fit alone.
+
+    Attributes
+    ----------
+    draw : callable
+        Draws it.
+    """
+
+    draw: Callable[[], Figure]
+
+
+@dataclass(frozen=True, eq=False)
+class PageTable:
+    """A table.
+
+    Attributes
+    ----------
+    name : str
+        Part of the file name.
+    title : str
+        Heading.
+    shown : DataFrame
+        What the page shows, as text.
+    saved : DataFrame
+        What the CSV file holds; numbers at full precision.
+    words : tuple of str
+        Columns of short texts.
+    sentences : tuple of str
+        Columns of whole sentences.
+    bad : mapping of str to sequence of bool
+        Columns, and whether what each row says there is bad news.
+    text : Markup
+        What it means, below it.
+    """
+
+    name: str
+    title: str
+    shown: pd.DataFrame
+    saved: pd.DataFrame
+    words: tuple[str, ...] = ()
+    sentences: tuple[str, ...] = ()
+    bad: Mapping[str, Sequence[bool]] = field(default_factory=dict)
+    text: Markup = field(default_factory=Markup)
+
+
+@dataclass(frozen=True, eq=False)
+class PageSection:
+    """A part of the page that is not about one fit alone.
+
+    Attributes
+    ----------
+    key : str
+        Name of its files and its anchor, unique on the page.
+    title : str
+        Heading.
+    paragraphs : tuple of str
+        Plain text above tables and figures.
+    tables : tuple of PageTable
+        Tables.
+    figures : tuple of PageFigure
+        Figures.
+    after_fits : bool
+        Whether it stands after the fits rather than between overview and fits.
+    """
+
+    key: str
+    title: str
+    paragraphs: tuple[str, ...]
+    tables: tuple[PageTable, ...] = ()
+    figures: tuple[PageFigure, ...] = ()
+    after_fits: bool = False

@@ -7,10 +7,11 @@ from pathlib import Path
 from pyburgers.cli.shared import command_line, exit_code, writing
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_points import compare
-from pyburgers.comparison.by_tests import compare_by_test
-from pyburgers.comparison.figures import left_out_tests, pointwise_differences
+from pyburgers.comparison.by_tests import check_several_tests, compare_by_test
 from pyburgers.comparison.results import (
     comparison_table,
+    left_out_tests,
+    pointwise_differences,
     save_comparison,
     save_comparison_by_test,
     sentences,
@@ -75,6 +76,8 @@ def _compare_by_test(options: argparse.Namespace) -> int:
         name: Fit.load(directory)
         for name, directory in zip(_names_of(directories), directories, strict=True)
     }
+    for joint in joints.values():
+        check_several_tests(joint)
     command = command_line()
     with writing(options.out):
         # Ahead of the fits, which take long.

@@ -15,9 +15,8 @@ import numpy.typing as npt
 
 from pyburgers.checks.fit_checks import CheckKind
 from pyburgers.common.errors import InputError
-from pyburgers.comparison.by_points import stacking_weights, standard_error
 from pyburgers.comparison.marginal_likelihood import LogIntegral, log_marginal_likelihood
-from pyburgers.comparison.same_data import check_same_data
+from pyburgers.comparison.same_data import check_same_data, stacking_weights, standard_error
 from pyburgers.fitting.fit import Fit, fit_problem
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.options import SamplerOptions
@@ -135,6 +134,8 @@ def compare_by_test(
     SamplingError
         If a fit without a test fails.
     """
+    for joint in joints.values():
+        check_several_tests(joint)
     check_same_data(joints)
     found = {name: leave_one_test_out(joint, command=command) for name, joint in joints.items()}
     return _ordered(found, joints)
@@ -186,6 +187,21 @@ def _kept_without(joint: Fit) -> Mapping[str, Fit] | None:
     return {test: Fit.load(folder) for test, folder in folders.items()}
 
 
+def check_several_tests(joint: Fit) -> None:
+    """Check that a test can be left out of a fit.
+
+    Raises
+    ------
+    InputError
+        If it is of one test.
+    """
+    if len(joint.problem.experiments) < 2:
+        raise InputError(
+            f"{joint.directory.path}: is not a joint fit, it is a fit of {joint.problem.name} "
+            "alone, expected at least two tests to leave one out."
+        )
+
+
 def leave_one_test_out(
     joint: Fit, *, command: str = "pyburgers.comparison.by_tests.leave_one_test_out(...)"
 ) -> LeaveOneTestOut:
@@ -200,11 +216,7 @@ def leave_one_test_out(
     command
         As for `compare_by_test`, which says what is raised.
     """
-    if len(joint.problem.experiments) < 2:
-        raise InputError(
-            f"{joint.directory.path}: is a fit of {joint.problem.name} alone, expected at least "
-            "two tests to leave one out."
-        )
+    check_several_tests(joint)
 
     def again(test: str) -> Fit:
         logger.info(f"{joint.directory.path.name}: fitting again without {test}.")

@@ -9,7 +9,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import TypeVar
 
 import filelock
 import numpy as np
@@ -181,16 +180,13 @@ def small_problem(tmp_path_factory: pytest.TempPathFactory) -> Problem:
     )
 
 
-AnyFit = TypeVar("AnyFit", Fit, Fit)
-
-
 @dataclass(frozen=True)
 class SharedRuns:
     """Run directories that one process of a test run fills and all of them read."""
 
     folder: Path
 
-    def finished(self, name: str, kind: type[AnyFit], make: Callable[[Path], object]) -> AnyFit:
+    def finished(self, name: str, make: Callable[[Path], object]) -> Fit:
         """Load a run; the first process that asks for it makes it while others wait."""
         run = self.folder / name / "run"
         with filelock.FileLock(self.folder / f"{name}.lock"):
@@ -198,7 +194,7 @@ class SharedRuns:
                 made = self.folder / name / "unfinished"
                 make(made)
                 made.rename(run)
-        return kind.load(run)
+        return Fit.load(run)
 
 
 @pytest.fixture(scope="session")
@@ -216,7 +212,7 @@ def small_fit(shared_runs: SharedRuns, small_problem: Problem) -> Fit:
     def make(out: Path) -> Fit:
         return fit(small_problem.experiment, small_problem.priors, out=out, options=SMALL_RUN)
 
-    return shared_runs.finished("small_fit", Fit, make)
+    return shared_runs.finished("small_fit", make)
 
 
 @pytest.fixture(scope="session")
@@ -227,7 +223,7 @@ def other_fit(shared_runs: SharedRuns, small_problem: Problem) -> Fit:
         _, other = pair_of(small_problem)
         return fit(other, small_problem.priors, out=out, options=replace(SMALL_RUN, seed=5))
 
-    return shared_runs.finished("other_fit", Fit, make)
+    return shared_runs.finished("other_fit", make)
 
 
 @pytest.fixture(scope="session")
@@ -237,7 +233,7 @@ def long_fit(shared_runs: SharedRuns, small_problem: Problem) -> Fit:
     def make(out: Path) -> Fit:
         return fit(small_problem.experiment, small_problem.priors, out=out, options=LONG_RUN)
 
-    return shared_runs.finished("long_fit", Fit, make)
+    return shared_runs.finished("long_fit", make)
 
 
 @pytest.fixture(scope="session")
@@ -246,14 +242,14 @@ def joint(shared_runs: SharedRuns, small_problem: Problem) -> Fit:
 
     Each test has been left out once. Not to be changed (use `copy_of`).
     """
-    return shared_runs.finished("joint", Fit, lambda out: fit_pair(small_problem, POOL, out))
+    return shared_runs.finished("joint", lambda out: fit_pair(small_problem, POOL, out))
 
 
 @pytest.fixture(scope="session")
 def separate_joint(shared_runs: SharedRuns, small_problem: Problem) -> Fit:
     """Like `joint`, of tests that share nothing."""
     return shared_runs.finished(
-        "separate_joint", Fit, lambda out: fit_pair(small_problem, {"all": "separate"}, out)
+        "separate_joint", lambda out: fit_pair(small_problem, {"all": "separate"}, out)
     )
 
 

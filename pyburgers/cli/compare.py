@@ -8,9 +8,10 @@ from pyburgers.cli.shared import command_line, exit_code, writing
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_points import compare
 from pyburgers.comparison.by_tests import check_several_tests, compare_by_test
-from pyburgers.comparison.figures import left_out_tests, pointwise_differences
 from pyburgers.comparison.results import (
     comparison_table,
+    left_out_tests,
+    pointwise_differences,
     save_comparison,
     save_comparison_by_test,
     sentences,

@@ -5,13 +5,13 @@ from pathlib import Path
 
 from pyburgers.cli.shared import add_sampler_options, command_line, print_checks, sampler_options
 from pyburgers.drawing.style import write_images
-from pyburgers.flow_law_tables.figures import flow_law
 from pyburgers.flow_law_tables.fit import fit_peak_stress
 from pyburgers.flow_law_tables.inputs import (
     default_peak_stress_priors,
     load_peak_stress,
     load_peak_stress_priors,
 )
+from pyburgers.report.peak_stress_section import flow_law
 from pyburgers.report.tables import flow_law_table
 
 PEAK_STRESS_OPTIONS = ("chains", "warmup", "draws", "seed")

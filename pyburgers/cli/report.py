@@ -6,7 +6,7 @@ from pathlib import Path
 from pyburgers.cli.shared import command_line
 from pyburgers.fitting.fit import Fit
 from pyburgers.report.comparison_sections import comparison_sections
-from pyburgers.report.joint_section import joint_names, joint_section
+from pyburgers.report.joint_section import joint_sections
 from pyburgers.report.page import write_report
 
 
@@ -22,17 +22,14 @@ def run(options: argparse.Namespace) -> int:
     loaded = [Fit.load(directory) for directory in options.directories]
     joints = [fit for fit in loaded if fit.is_joint]
     fits = [fit for fit in loaded if not fit.is_joint]
-    sections = [
-        joint_section(name, joint, fits)
-        for name, joint in zip(joint_names(joints), joints, strict=True)
-    ]
+    sections = joint_sections(joints, fits)
     fits = [*(fit for joint in joints for fit in joint.tests().values()), *fits]
     page = write_report(
         fits,
         options.out,
         title=options.title,
         command=command_line(),
-        extras=(*sections, *comparison_sections(fits, joints)),
+        extras=(*sections, *comparison_sections([*joints, *fits])),
     )
     print(f"The page is {page}")
     return 0

@@ -22,7 +22,12 @@ from pyburgers.checks.fit_checks import PARETO_K_LIMIT
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError, SamplingError
-from pyburgers.comparison.same_data import check_same_data, tests_of
+from pyburgers.comparison.same_data import (
+    check_same_data,
+    stacking_weights,
+    standard_error,
+    tests_of,
+)
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.posterior.build import GIVEN_OTHERS
 from pyburgers.posterior.labelled_draws import (
@@ -43,11 +48,6 @@ logger = logging.getLogger(__name__)
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
-
-
-STACKING_TOLERANCE = 1e-8
-MAX_STACKING_STEPS = 100_000
-"""Stacking weights are settled when a step changes none by more than the tolerance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -282,35 +282,6 @@ def log_density_without(one: Fit, point: int, out: Path) -> float:
     return float(logsumexp(log_lik) - np.log(log_lik.size))
 
 
-def stacking_weights(elpd: FloatArray) -> FloatArray:
-    """Weights of a mixture of predictions that maximise its leave-one-out density.
-
-    ArviZ weighs only results of its own leave-one-out.
-
-    Parameters
-    ----------
-    elpd : array, shape (n_fits, n_points)
-        Log predictive density of each left-out point.
-
-    Returns
-    -------
-    array, shape (n_fits,)
-        Not negative, adding up to 1.
-    """
-    # Any factor common to all fits at a point drops out.
-    density = np.exp(elpd - elpd.max(axis=0))
-    weights: FloatArray = np.full(len(elpd), 1.0 / len(elpd))
-    # Expectation maximisation: the objective is concave and rises with every step.
-    for _ in range(MAX_STACKING_STEPS):
-        share = weights[:, np.newaxis] * density
-        updated = (share / share.sum(axis=0)).mean(axis=1)
-        settled = np.abs(updated - weights).max() < STACKING_TOLERANCE
-        weights = updated
-        if settled:
-            break
-    return weights
-
-
 def elpd_difference(one: LeaveOneOut, other: LeaveOneOut) -> tuple[float, float]:
     """Elpd of one fit less that of another, and its standard error over the points."""
     pointwise = one.elpd - other.elpd
@@ -355,8 +326,3 @@ def _log_likelihood_of(again: Fit, experiment: Experiment) -> FloatArray:
         ) from error
     name = GIVEN_OTHERS if GIVEN_OTHERS in quantities else "log_lik"
     return all_draws(quantities.dataset([name])[name])
-
-
-def standard_error(pointwise: FloatArray) -> float:
-    """Return the standard error of a sum over points, or tests."""
-    return float(np.sqrt(pointwise.size) * np.std(pointwise, ddof=1))

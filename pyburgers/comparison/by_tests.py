@@ -15,9 +15,8 @@ import numpy.typing as npt
 
 from pyburgers.checks.fit_checks import CheckKind
 from pyburgers.common.errors import InputError
-from pyburgers.comparison.by_points import stacking_weights, standard_error
 from pyburgers.comparison.marginal_likelihood import LogIntegral, log_marginal_likelihood
-from pyburgers.comparison.same_data import check_same_data
+from pyburgers.comparison.same_data import check_same_data, stacking_weights, standard_error
 from pyburgers.fitting.fit import Fit, fit_problem
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.options import SamplerOptions

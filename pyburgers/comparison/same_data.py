@@ -1,10 +1,20 @@
-"""Which fits, of one test or of several, are of the same data."""
+"""Which fits, of one test or of several, are of the same data, and how they are weighed."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
 
 from pyburgers.common.atomic_files import sha256_of_json
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
+
+FloatArray = npt.NDArray[np.float64]
+
+STACKING_TOLERANCE = 1e-8
+MAX_STACKING_STEPS = 100_000
+"""Stacking weights are settled when a step changes none by more than the tolerance."""
 
 
 def tests_of(one: Fit) -> tuple[Fit, ...]:
@@ -81,3 +91,62 @@ def _data_text(one: Fit) -> str:
     tests = tests_of(one)
     names = "+".join(test.experiment.id for test in tests)
     return f"{names} with {sum(test.experiment.n_points for test in tests)} points"
+
+
+def origins(fits: Mapping[str, Fit], *, command: str) -> dict[str, Any]:
+    """Return what the record of a comparison says about where its numbers come from.
+
+    Parameters
+    ----------
+    fits : mapping of str to Fit
+        The fits that were compared.
+    command : str
+        What regenerates the comparison.
+    """
+    return {
+        "command": command,
+        "fits": {
+            name: {
+                "directory": one.directory.path.name,
+                "fingerprint": one.manifest["fingerprint"],
+                "variant": one.variant.record(),
+                **({"pooling": one.problem.pooling.record()} if one.is_joint else {}),
+            }
+            for name, one in fits.items()
+        },
+        "data": data_hash(next(iter(fits.values()))),
+    }
+
+
+def stacking_weights(elpd: FloatArray) -> FloatArray:
+    """Weights of a mixture of predictions that maximise its leave-one-out density.
+
+    ArviZ weighs only results of its own leave-one-out.
+
+    Parameters
+    ----------
+    elpd : array, shape (n_fits, n_points)
+        Log predictive density of each left-out point.
+
+    Returns
+    -------
+    array, shape (n_fits,)
+        Not negative, adding up to 1.
+    """
+    # Any factor common to all fits at a point drops out.
+    density = np.exp(elpd - elpd.max(axis=0))
+    weights: FloatArray = np.full(len(elpd), 1.0 / len(elpd))
+    # Expectation maximisation: the objective is concave and rises with every step.
+    for _ in range(MAX_STACKING_STEPS):
+        share = weights[:, np.newaxis] * density
+        updated = (share / share.sum(axis=0)).mean(axis=1)
+        settled = np.abs(updated - weights).max() < STACKING_TOLERANCE
+        weights = updated
+        if settled:
+            break
+    return weights
+
+
+def standard_error(pointwise: FloatArray) -> float:
+    """Return the standard error of a sum over points, or tests."""
+    return float(np.sqrt(pointwise.size) * np.std(pointwise, ddof=1))

@@ -34,6 +34,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.numbers import number
 from pyburgers.common.units import UNITS
 from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT, STRESS_UNIT
+from pyburgers.model.flow_law_prior import GAS_CONSTANT
 from pyburgers.model.parameters import KELVIN_REFERENCES, STANDARD_VALUES
 from pyburgers.predictions.stress_cycles import (
     DRAW_DIMENSIONS,
@@ -48,10 +49,6 @@ from pyburgers.protocols.protocol import FittedTest
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 Microstructure = Literal["initial", "steady_state"]
-
-GAS_CONSTANT = 8.314462618
-"""J/(mol K), CODATA 2018, as in ``stan/physics/flow_law.stan``."""
-
 
 QUANTILES = (5, 25, 50, 75, 95)
 """Percentages of `quantile_table`."""

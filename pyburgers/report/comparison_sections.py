@@ -3,9 +3,8 @@
 By points, by whole tests left out, and with a flow law from another source and without.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -15,17 +14,15 @@ from matplotlib.figure import Figure
 from pyburgers.common.draws import all_draws
 from pyburgers.common.numbers import with_error
 from pyburgers.comparison.by_points import compare
-from pyburgers.comparison.by_tests import ComparisonByTest, compare_kept_by_test
-from pyburgers.comparison.figures import (
-    COMPARISON_CAPTION,
-    LEFT_OUT_CAPTION,
-    left_out_tests,
-    pointwise_differences,
-)
+from pyburgers.comparison.by_tests import compare_kept_by_test
 from pyburgers.comparison.results import (
     BY_TEST_TEXT,
+    COMPARISON_CAPTION,
     COMPARISON_TEXT,
+    LEFT_OUT_CAPTION,
     comparison_table,
+    left_out_tests,
+    pointwise_differences,
     sentences,
     sentences_by_test,
     table_of_fits,
@@ -46,12 +43,9 @@ from pyburgers.model.display import (
 )
 from pyburgers.model.flow_law_prior import FlowLawPrior
 from pyburgers.model.priors import FLOW_LAW
-from pyburgers.report.joint_section import joint_names
 from pyburgers.report.page import file_key, page_keys
 
 FloatArray = npt.NDArray[np.float64]
-
-AnyFit = TypeVar("AnyFit", Fit, Fit)
 
 LOG_RATE = "log_flow_rate"
 """Row of the table of a flow law beside its parameters."""
@@ -72,57 +66,40 @@ COMBINED_CAPTION = (
 )
 
 
-def comparison_sections(fits: Sequence[Fit], joints: Sequence[Fit] = ()) -> tuple[PageSection, ...]:
-    """Return the parts of a page about fits of the same data, joint fits first.
+def comparison_sections(fits: Sequence[Fit]) -> tuple[PageSection, ...]:
+    """Return the parts of a page about fits of the same data, in the order of the fits.
 
     Parameters
     ----------
     fits : sequence of Fit
-        All fits of single tests on the page.
-    joints : sequence of Fit
-        All joint fits of the page.
-
-    Returns
-    -------
-    tuple of PageSection
-        A comparison by points for each data set with several fits; one by tests where `pyburgers
-        compare --leave-out tests` has left them out of joint fits; and one of flow laws where a
-        fit takes its own from another source and another does not.
+        All fits of the page, joint ones and their tests among them.
     """
-    sections = []
-    for joint_group in _same_data(zip(joint_names(joints), joints, strict=True)):
-        if len(joint_group) > 1:
-            sections.append(by_points_section(joint_group))
-        by_test = compare_kept_by_test(joint_group)
-        if by_test is not None:
-            sections.append(by_tests_section(next(iter(joint_group)), by_test))
-    for group in _same_data(zip(page_keys(fits), fits, strict=True)):
-        if len(group) > 1:
-            sections += [by_points_section(group), *flow_law_source_section(group)]
-    return tuple(sections)
-
-
-def _same_data(named: Iterable[tuple[str, AnyFit]]) -> list[dict[str, AnyFit]]:
-    """Gather fits with a likelihood by the data that they are of."""
-    groups: dict[str, dict[str, AnyFit]] = {}
-    for name, fit in named:
+    groups: dict[str, dict[str, Fit]] = {}
+    for name, fit in zip(page_keys(fits), fits, strict=True):
         if fit.manifest["use_likelihood"]:
             groups.setdefault(data_hash(fit), {})[name] = fit
-    return list(groups.values())
+    return tuple(
+        section
+        for group in groups.values()
+        for sections_about in SECTIONS
+        for section in sections_about(group)
+    )
 
 
-def by_points_section(fits: Mapping[str, Fit]) -> PageSection:
-    """Return the leave-one-out comparison of fits of the same data.
+def by_points_section(fits: Mapping[str, Fit]) -> tuple[PageSection, ...]:
+    """Return the leave-one-out comparison of fits of the same data, where there are several.
 
     Parameters
     ----------
     fits : mapping of str to Fit
-        At least two, by their names on the page.
+        By their names on the page.
     """
+    if len(fits) < 2:
+        return ()
     comparison = compare(fits)
     table = comparison_table(comparison)
     first = next(iter(fits))
-    return PageSection(
+    section = PageSection(
         key=f"comparison_{file_key(first)}",
         title=f"Which fit of {first} predicts best",
         paragraphs=(COMPARISON_TEXT, *sentences(comparison)),
@@ -155,18 +132,23 @@ def by_points_section(fits: Mapping[str, Fit]) -> PageSection:
         ),
         after_fits=True,
     )
+    return (section,)
 
 
-def by_tests_section(first: str, comparison: ComparisonByTest) -> PageSection:
+def by_tests_section(joints: Mapping[str, Fit]) -> tuple[PageSection, ...]:
     """Return how well joint fits predict whole tests that they have not seen.
+
+    That is where `pyburgers compare --leave-out tests` has left them out.
 
     Parameters
     ----------
-    first : str
-        Name of the first of them on the page.
-    comparison : ComparisonByTest
-        Their comparison.
+    joints : mapping of str to Fit
+        Fits of the same data by their names on the page.
     """
+    first, one = next(iter(joints.items()))
+    comparison = compare_kept_by_test(joints) if one.is_joint else None
+    if comparison is None:
+        return ()
     fits, tests = table_of_fits(comparison), table_of_tests(comparison)
     shown_fits = _shown(
         fits,
@@ -182,7 +164,7 @@ def by_tests_section(first: str, comparison: ComparisonByTest) -> PageSection:
     shown_tests = _shown(tests, {"readings": ("points", "{}")})
     for name in comparison.results:
         shown_tests[name] = _with_errors(tests[f"{name} elpd"], tests[f"{name} monte_carlo_error"])
-    return PageSection(
+    section = PageSection(
         key=f"left_out_{file_key(first)}",
         title=f"Whole tests left out: {first}",
         paragraphs=(BY_TEST_TEXT, *sentences_by_test(comparison)),
@@ -212,6 +194,7 @@ def by_tests_section(first: str, comparison: ComparisonByTest) -> PageSection:
         ),
         after_fits=True,
     )
+    return (section,)
 
 
 def _shown(table: pd.DataFrame, columns: Mapping[str, tuple[str, str]]) -> pd.DataFrame:
@@ -238,7 +221,7 @@ def flow_law_source_section(fits: Mapping[str, Fit]) -> tuple[PageSection, ...]:
         One about the first fit with a joint prior of the flow law and the first without, none
         where one of the two is missing.
     """
-    laws = {name: fit.priors.flow_law for name, fit in fits.items()}
+    laws = {name: fit.priors.flow_law for name, fit in fits.items() if not fit.is_joint}
     alone = next((name for name, law in laws.items() if law is None), None)
     both, law = next(((name, law) for name, law in laws.items() if law is not None), (None, None))
     if alone is None or both is None or law is None:
@@ -404,3 +387,7 @@ def combined_flow_law(draws: Mapping[str, Mapping[str, FloatArray]]) -> Figure:
         handles, labels = panels[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper left", ncols=3)
     return figure
+
+
+SECTIONS = (by_points_section, by_tests_section, flow_law_source_section)
+"""What a page says about fits of the same data, each where it applies."""

@@ -20,7 +20,7 @@ from pyburgers.model.display import axis_label, shown_quantity, symbol_text, uni
 from pyburgers.posterior.labelled_draws import own_name
 from pyburgers.protocols.layout import CENTRE, SPREAD
 from pyburgers.protocols.registry import protocol_of
-from pyburgers.report.page import file_key, numbered
+from pyburgers.report.page import file_key, page_keys
 from pyburgers.report.tables import checks_page_table
 
 
@@ -158,9 +158,10 @@ def shown_pooled_table(joint: Fit) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def joint_names(joints: Sequence[Fit]) -> list[str]:
-    """Name each joint fit of a page after its tests; further ones of the same by number."""
-    return numbered([joint.problem.name for joint in joints])
+def joint_sections(joints: Sequence[Fit], separate: Sequence[Fit]) -> tuple[PageSection, ...]:
+    """Return the parts of a page about joint fits, each beside the fits of single tests."""
+    named = zip(page_keys(joints), joints, strict=True)
+    return tuple(joint_section(name, joint, separate) for name, joint in named)
 
 
 def joint_section(name: str, joint: Fit, separate: Sequence[Fit]) -> PageSection:

@@ -267,18 +267,17 @@ def _claim(out: Path) -> None:
 
 
 def page_keys(fits: Sequence[Fit]) -> list[str]:
-    """Name each fit after its experiment, or as its part of a joint fit; further ones by number."""
-    return numbered([fit.experiment.id + ("_joint" if fit.is_part else "") for fit in fits])
+    """Name each fit after its tests, and whether it is a part of a joint fit.
 
-
-def numbered(names: Sequence[str]) -> list[str]:
-    """Tell equal names apart: the second A is A_run2."""
+    Further ones have a number: the second A is A_run2.
+    """
     seen: Counter[str] = Counter()
-    told_apart = []
-    for name in names:
+    keys = []
+    for fit in fits:
+        name = fit.problem.name + ("_joint" if fit.is_part else "")
         seen[name] += 1
-        told_apart.append(name if seen[name] == 1 else f"{name}_run{seen[name]}")
-    return told_apart
+        keys.append(name if seen[name] == 1 else f"{name}_run{seen[name]}")
+    return keys
 
 
 def file_key(name: str) -> str:

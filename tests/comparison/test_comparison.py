@@ -22,11 +22,14 @@ from pyburgers.comparison.by_points import (
     elpd_difference,
     leave_one_out,
     leave_out_exactly,
-    stacking_weights,
 )
-from pyburgers.comparison.figures import pointwise_differences
-from pyburgers.comparison.results import comparison_table, save_comparison, sentences
-from pyburgers.comparison.same_data import data_hash
+from pyburgers.comparison.results import (
+    comparison_table,
+    pointwise_differences,
+    save_comparison,
+    sentences,
+)
+from pyburgers.comparison.same_data import data_hash, stacking_weights
 from pyburgers.drawing.style import image
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.protocols.constant_rate.protocol import CONSTANT_RATE

@@ -21,9 +21,10 @@ from pyburgers.comparison.by_tests import (
     compare_by_test,
     leave_one_test_out,
 )
-from pyburgers.comparison.figures import left_out_tests, pointwise_differences
 from pyburgers.comparison.marginal_likelihood import LogIntegral, log_marginal_likelihood
 from pyburgers.comparison.results import (
+    left_out_tests,
+    pointwise_differences,
     pointwise_table,
     save_comparison_by_test,
     sentences_by_test,
@@ -234,18 +235,18 @@ def test_a_page_sets_joint_fits_of_the_same_tests_side_by_side(
         copy_of(joint, tmp_path / "together", without="leave_out"),
         copy_of(separate_joint, tmp_path / "apart", without="leave_out"),
     ]
-    (by_points,) = comparison_sections([], joints)
+    (by_points,) = comparison_sections(joints)
     assert by_points.key == "comparison_PIL40_other"
     run = joints[0].directory.path
     shutil.copytree(joint.directory.path / "leave_out", run / "leave_out")
-    *_, by_tests = comparison_sections([], joints)
+    *_, by_tests = comparison_sections(joints)
     assert by_tests.key == "left_out_PIL40_other"
     exact = leave_one_test_out(joints[0], command="test")
     assert by_tests.tables[1].saved["PIL40+other elpd"].tolist() == exact.elpd.tolist()
     run = joints[1].directory.path
     assert not (run / "leave_out").exists()
     shutil.copytree(separate_joint.directory.path / "leave_out", run / "leave_out")
-    both = comparison_sections([], joints)[1]
+    both = comparison_sections(joints)[1]
     assert set(both.tables[0].saved["fit"]) == {"PIL40+other", "PIL40+other_run2"}
 
 

@@ -9,6 +9,7 @@ import pytest
 from conftest import ICE
 
 from pyburgers.common.errors import InputError
+from pyburgers.flow_law_tables.fit import groups
 from pyburgers.flow_law_tables.inputs import (
     FLOW_LAW_PARAMETERS,
     PeakStressData,
@@ -18,7 +19,6 @@ from pyburgers.flow_law_tables.inputs import (
     save_peak_stress,
     save_peak_stress_priors,
 )
-from pyburgers.flow_law_tables.stan_data import groups
 
 TABLE = """\
 id = "table-1"

@@ -2,15 +2,14 @@
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
 import pytest
+from same_contents import assert_equal
 
 from pyburgers.common.errors import InputError
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
-from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.registry import load_experiment, save_experiment
 
 CHECKOUT = Path(__file__).parents[2]
@@ -71,16 +70,6 @@ def write(tmp_path: Path) -> Write:
         return path
 
     return write
-
-
-def assert_equal(one: Experiment, other: Experiment) -> None:
-    assert type(one) is type(other)
-    for field in fields(one):
-        left, right = getattr(one, field.name), getattr(other, field.name)
-        if isinstance(left, np.ndarray):
-            np.testing.assert_array_equal(left, right)
-        else:
-            assert left == right, field.name
 
 
 def message(path: Path) -> str:

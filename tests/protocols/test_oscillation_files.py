@@ -1,11 +1,11 @@
 """Files of forced oscillation tests: what is read, what is refused, what is written."""
 
 from collections.abc import Callable
-from dataclasses import fields, is_dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
+from same_contents import assert_equal
 
 from pyburgers.common.errors import InputError
 from pyburgers.protocols.forced_oscillation.experiment import (
@@ -86,18 +86,6 @@ def write(tmp_path: Path) -> Write:
         return path
 
     return write
-
-
-def assert_equal(one: object, other: object) -> None:
-    """Compare dataclasses field by field, arrays included."""
-    assert type(one) is type(other)
-    if isinstance(one, np.ndarray):
-        np.testing.assert_array_equal(one, other)
-    elif is_dataclass(one):
-        for field in fields(one):
-            assert_equal(getattr(one, field.name), getattr(other, field.name))
-    else:
-        assert one == other
 
 
 def message(path: Path) -> str:
@@ -270,17 +258,6 @@ class TestSaving:
         folder = tmp_path / "copy"
         folder.mkdir()
         assert_equal(load_experiment(save_experiment(original, folder)), original)
-
-    def test_a_copy_of_a_copy_is_the_same_file(self, write: Write, tmp_path: Path) -> None:
-        texts = []
-        experiment = load_experiment(write(("period_s = 300.0\n", "")))
-        for name in ("one", "two"):
-            (tmp_path / name).mkdir()
-            path = save_experiment(experiment, tmp_path / name)
-            texts.append([file.read_bytes() for file in sorted(path.parent.iterdir())])
-            experiment = load_experiment(path)
-        assert texts[0] == texts[1]
-        assert len(texts[0]) == 3
 
 
 class TestWithBackground:

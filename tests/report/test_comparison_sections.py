@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from page import Page
 from synthetic_fit import Kind, make_fit, with_problem
-from test_report import Page
 
 from pyburgers.cli.main import main
 from pyburgers.common.draws import all_draws

@@ -2,7 +2,6 @@
 
 import json
 import re
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +12,6 @@ import pandas as pd
 import pytest
 from conftest import ICE, FunctionValues, resolved_priors
 from default_chains import sampled
-from numpy.polynomial import Polynomial
 from scipy.integrate import quad, simpson
 from stan_data import one_test_data
 from stan_values import CHARTS
@@ -32,7 +30,7 @@ from pyburgers.protocols.forced_oscillation.preparation import (
     OscillationSettings,
     prepare,
 )
-from pyburgers.protocols.forced_oscillation.stan_data import START_MARGIN, ShearedReference
+from pyburgers.protocols.forced_oscillation.stan_data import ShearedReference
 from pyburgers.protocols.forward import REFERENCE_SOLVER, simulate, solve
 from pyburgers.protocols.registry import protocol_of
 
@@ -45,18 +43,6 @@ PERIOD = 300.0
 NOISE = 4e6  # Pa, of the twin
 COLUMNS = ["time_s", "strain", "stress_Pa", "kelvin_strain", "grain_size_m", "fabric_factor"]
 
-# What differs from the truth of the twin.
-MATERIALS = {
-    "truth": {},
-    "stiff and strong": {
-        "kelvin_modulus": 80e9,
-        "kelvin_viscosity": 5e9,
-        "activation_enthalpy": 490e3,
-    },
-    "fast dashpot": {"stress_exponent": 2.6, "activation_enthalpy": 380e3},
-    "fast grains": {"grain_size_exponent": 1.4, "critical_strain_grain_size": 0.01, "beta": -7e-5},
-}
-
 
 @pytest.fixture(params=["removed", "kept"])
 def twin(request: pytest.FixtureRequest) -> OscillationExperiment:
@@ -67,48 +53,6 @@ def truth() -> dict[str, float]:
     parameters = load_forced_oscillation(TWIN_FILE).true_parameters
     assert parameters is not None
     return dict(parameters)
-
-
-def imposed_strain(experiment: OscillationExperiment) -> oracle.OscillatingStrain:
-    """What drives the model, from the fit of the record."""
-    prepared = experiment.prepared
-    start = prepared.start - START_MARGIN * prepared.period
-    background = [0.0]
-    if prepared.background == "kept":
-        since = np.linspace(0.0, 1000.0, 20)
-        rate = prepared.strain_fit.trend_rate(start + since)
-        degree = max(prepared.strain_fit.degree - 1, 0)
-        background = Polynomial.fit(since, rate, degree).convert().coef.tolist()
-    return oracle.OscillatingStrain(
-        prepared.period,
-        prepared.strain_fit.sine.tolist(),
-        prepared.strain_fit.cosine.tolist(),
-        background,
-        start,
-    )
-
-
-def start_stress(experiment: OscillationExperiment) -> float:
-    prepared = experiment.prepared
-    if prepared.background == "removed":
-        return 0.0
-    return float(prepared.stress_fit.trend(np.array([prepared.start]))[0])
-
-
-def oscillation_of(
-    experiment: OscillationExperiment, parameters: Mapping[str, float], time: FloatArray
-) -> FloatArray:
-    """Independent solution (stress, Kelvin strain, grain size), shape (3, n)."""
-    imposed = imposed_strain(experiment)
-    return oracle.oscillation(
-        parameters,
-        experiment.temperature,
-        experiment.initial_grain_size,
-        imposed,
-        start=imposed.zero_ahead(experiment.spin_up_cycles),
-        start_stress=start_stress(experiment),
-        time=time,
-    )
 
 
 def linear_parameters() -> dict[str, float]:
@@ -173,20 +117,6 @@ def test_linear_limit_is_the_matrix_exponential(background: Background) -> None:
     )
     size = np.abs(expected).max()
     np.testing.assert_allclose(solution["stress_Pa"], expected, atol=1e-6 * size, rtol=0)
-
-
-@pytest.mark.parametrize("material", MATERIALS)
-def test_solution_agrees_with_an_independent_solver(
-    material: str, twin: OscillationExperiment
-) -> None:
-    parameters = truth() | MATERIALS[material]
-    time = np.linspace(0.0, 1800.0, 121)
-    solution = simulate(twin, parameters, at=time)
-    stress, kelvin_strain, grain_size = oscillation_of(twin, parameters, time)
-    for name, expected in (("stress_Pa", stress), ("kelvin_strain", kelvin_strain)):
-        difference = np.abs(solution[name].to_numpy() - expected).max()
-        assert difference < 1e-6 * 0.5 * np.ptp(expected), name
-    np.testing.assert_allclose(solution["grain_size_m"], grain_size, rtol=1e-5)
 
 
 def test_strains_of_the_elements_add_up(twin: OscillationExperiment) -> None:

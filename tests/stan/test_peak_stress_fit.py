@@ -17,19 +17,24 @@ from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError
 from pyburgers.drawing.style import image
 from pyburgers.fitting.fit import Fit
-from pyburgers.flow_law_tables.figures import flow_law
-from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress, flow_law_prior
+from pyburgers.flow_law_tables.fit import (
+    PeakStressFit,
+    fit_peak_stress,
+    flow_law_prior,
+    peak_stress_coordinates,
+    peak_stress_data,
+)
 from pyburgers.flow_law_tables.inputs import (
     FLOW_LAW_PARAMETERS,
     PeakStressData,
     default_peak_stress_priors,
     load_peak_stress,
 )
-from pyburgers.flow_law_tables.stan_data import peak_stress_coordinates, peak_stress_data
 from pyburgers.model.flow_law_prior import FLOW_LAW_PRIOR_FILE, FlowLawPrior
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.experiment import Provenance
+from pyburgers.report.peak_stress_section import flow_law
 from pyburgers.report.tables import flow_law_table
 from pyburgers.sampling.options import SamplerOptions
 

@@ -12,6 +12,7 @@ import pytest
 from conftest import ICE, fixed, resolved_priors, with_fixed, with_priors
 from default_chains import sampled
 from log_density import Program, program_with
+from protocol_examples import short_twin
 from scipy import stats
 from stan_data import one_test_data, parameter_in, parameters_in
 
@@ -70,23 +71,6 @@ SHEARED_SYSTEMS = {"plain": None, "sheared": REFERENCE}
 
 def twin_with(background: Background) -> OscillationExperiment:
     return with_background(load_forced_oscillation(TWIN_FILE), background)
-
-
-def short_twin(background: Background) -> OscillationExperiment:
-    """The first cycles of the twin."""
-    full = twin_with(background)
-    inside = full.record.strain_time < 700, full.record.stress_time < 700
-    strain = {
-        name: getattr(full.record, name)[inside[0]]
-        for name in ("strain_time", "strain", "strain_uncertainty")
-    }
-    stress = {
-        name: getattr(full.record, name)[inside[1]]
-        for name in ("stress_time", "stress", "stress_uncertainty")
-    }
-    record = replace(full.record, **strain, **stress)
-    prepared = prepare(record, full.settings, full.id)
-    return replace(full, record=record, prepared=prepared)
 
 
 @pytest.fixture(params=["removed", "kept"])
@@ -153,36 +137,6 @@ def scattered(centre: FloatArray, seed: int, number: int) -> FloatArray:
     widths = np.geomspace(0.1, 1.5, number)[:, None]
     points: FloatArray = centre + widths * rng.standard_normal((number, centre.size))
     return points
-
-
-@pytest.mark.parametrize("system", SHEARED_SYSTEMS)
-def test_density_is_prior_likelihood_and_jacobian(
-    system: str, twin: OscillationExperiment, tmp_path: Path
-) -> None:
-    priors = resolved_priors(twin)
-    program = program_in(twin, priors, SHEARED_SYSTEMS[system], tmp_path)
-    centre = truth_in(twin, priors).coordinate
-    if system == "sheared":
-        centre = sheared_truth(twin, priors)
-    spread = twin.prepared.uncertainty
-    for point in scattered(centre, seed=5, number=4):
-        columns = program.columns_at({"coordinate": point.tolist()})
-        prior = sum(
-            priors[name].distribution().logpdf(parameter_in(columns, name)) for name in FREE
-        )
-        stress = vector(columns, "stress_model", twin.n_points)
-        noise = parameter_in(columns, "stress_noise") * spread / np.sqrt(np.mean(spread**2))
-        likelihood = stats.norm.logpdf(twin.stress, stress, noise)
-        if twin.prepared.background == "removed":
-            n_taken = twin.prepared.stress_fit.degree + 1
-            taken = n_taken * stats.norm.logpdf(0.0, scale=parameter_in(columns, "stress_noise"))
-            likelihood = likelihood - taken / twin.n_points
-        np.testing.assert_allclose(
-            vector(columns, "log_lik", twin.n_points), likelihood, rtol=1e-8, atol=1e-8
-        )
-        assert columns["lprior"] == pytest.approx(prior, rel=1e-8)
-        expected = prior + np.sum(likelihood) + columns["log_jacobian"]
-        assert columns["lp__"] == pytest.approx(expected, rel=1e-7)
 
 
 def test_plain_and_sheared_densities_differ_by_the_jacobian(
@@ -252,29 +206,6 @@ def test_log_jacobian_is_that_of_the_map(short: OscillationExperiment, tmp_path:
         assert sign > 0
         expected = logarithm + plain_log_jacobian(short, parameters_in(columns))
         assert columns["log_jacobian"] == pytest.approx(expected, abs=1e-6)
-
-
-@pytest.mark.parametrize("system", SHEARED_SYSTEMS)
-def test_gradient_is_the_slope_of_the_density(
-    system: str, short: OscillationExperiment, tmp_path: Path
-) -> None:
-    priors = resolved_priors(short)
-    program = program_in(short, priors, SHEARED_SYSTEMS[system], tmp_path)
-    centre = truth_in(short, priors).coordinate
-    if system == "sheared":
-        centre = sheared_truth(short, priors)
-    (point,) = scattered(centre, seed=8, number=1)
-    gradient = program.at({"coordinate": point.tolist()}).gradient
-    step = 1e-3
-    for k in range(point.size):
-        shift = step * np.eye(point.size)[k]
-        one, two = (
-            program.columns_at({"coordinate": (point + m * shift).tolist()})["lp__"]
-            - program.columns_at({"coordinate": (point - m * shift).tolist()})["lp__"]
-            for m in (1, 2)
-        )
-        slope = (8 * one - two) / (12 * step)
-        assert gradient[k] == pytest.approx(slope, rel=1e-4, abs=1e-4 * np.abs(gradient).max())
 
 
 def two_points(data: StanData) -> StanData:

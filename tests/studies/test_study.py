@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 import pytest
 from conftest import sketch_pictures
+from page import Page
 from synthetic_fit import make_fit, with_problem
 from synthetic_olivine_fit import make_olivine_fit
-from test_report import Page
 from test_report import small_fit as quickly_drawn_fit
 
 from pyburgers.common.draws import all_draws

@@ -1,0 +1,312 @@
+"""What holds for every protocol; `tests/support/protocol_examples.py` has tests of each."""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from conftest import needs_measured, resolved_priors, with_fixed
+from log_density import Program, program_with
+from page import Page
+from protocol_examples import EXAMPLES
+from same_contents import assert_equal
+from stan_data import one_test_data, parameters_in
+
+from pyburgers.common.errors import InputError
+from pyburgers.fitting.fit import Fit, fit
+from pyburgers.model.parameters import PROGRAM_PARAMETERS
+from pyburgers.model.priors import default_priors
+from pyburgers.protocols.chart import Mode
+from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.forward import simulate
+from pyburgers.protocols.registry import PROTOCOLS, load_experiment, protocol_of, save_experiment
+from pyburgers.protocols.stan_data import SolverOptions
+from pyburgers.report.page import write_report
+from pyburgers.report.posterior_figures import figures_for
+from pyburgers.report.tables import truth_table
+from pyburgers.sampling.charts import ModeOfTest
+from pyburgers.sampling.mode import find_mode
+from pyburgers.sampling.options import SamplerOptions
+from pyburgers.sampling.problem import problem_of
+
+FloatArray = npt.NDArray[np.float64]
+RecordProperty = Callable[[str, object], None]
+pytestmark = pytest.mark.usefixtures("programs")
+
+TIGHT = SolverOptions(tolerance=1e-11, max_num_steps=1_000_000)
+COLUMNS = ["time_s", "strain", "stress_Pa", "kelvin_strain", "grain_size_m", "fabric_factor"]
+
+
+def cases(*kinds: str, of: Callable[[str], Sequence[str]] | None = None) -> pytest.MarkDecorator:
+    """Run over the tests of some kinds of every protocol, and over what `of` gives for it."""
+    params = []
+    for protocol, example in EXAMPLES.items():
+        for name in (name for kind in kinds for name in getattr(example, kind)):
+            marks = needs_measured if name in example.measured else ()
+            params += [
+                pytest.param(protocol, name, *more, id="-".join([name, *more]), marks=marks)
+                for more in ([(one,) for one in of(protocol)] if of else [()])
+            ]
+    names = ["protocol", "name", *(["what"] if of else [])]
+    return pytest.mark.parametrize(names, params)
+
+
+def test_every_protocol_is_tested() -> None:
+    assert set(EXAMPLES) == set(PROTOCOLS)
+
+
+@cases("twins", "measured")
+def test_a_copy_reads_back_exactly_and_its_copy_is_the_same_file(
+    protocol: str, name: str, tmp_path: Path
+) -> None:
+    experiment = EXAMPLES[protocol].load(name)
+    assert protocol_of(experiment) is PROTOCOLS[protocol]
+    written = []
+    for folder in (tmp_path / "one", tmp_path / "two"):
+        folder.mkdir()
+        read = load_experiment(save_experiment(experiment, folder))
+        assert_equal(read, experiment)
+        written.append({file.name: file.read_bytes() for file in folder.iterdir()})
+        experiment = read
+    assert written[0] == written[1]
+    assert "experiment.toml" in written[0]
+
+
+BAD_TABLES: Mapping[str, Callable[[list[str]], list[str]]] = {
+    "empty": lambda lines: [],
+    "header alone": lambda lines: lines[:1],
+    "no header": lambda lines: lines[1:],
+    "a word": lambda lines: [*lines[:3], "high," + lines[3].split(",", 1)[1], *lines[4:]],
+    "an empty cell": lambda lines: [*lines[:3], "," + lines[3].split(",", 1)[1], *lines[4:]],
+    "a short row": lambda lines: [*lines[:3], lines[3].split(",")[0], *lines[4:]],
+    "not a number": lambda lines: [*lines[:3], "nan," + lines[3].split(",", 1)[1], *lines[4:]],
+    "infinite": lambda lines: [*lines[:3], lines[3].rsplit(",", 1)[0] + ",inf", *lines[4:]],
+    "backwards": lambda lines: [lines[0], *lines[:0:-1]],
+}
+
+
+@cases("twins", of=lambda protocol: tuple(BAD_TABLES))
+def test_a_bad_table_is_refused_by_name_in_one_sentence(
+    protocol: str, name: str, what: str, tmp_path: Path
+) -> None:
+    path = save_experiment(EXAMPLES[protocol].load(name), tmp_path)
+    tables = sorted(tmp_path.glob("*.csv"))
+    assert tables
+    for table in tables:
+        good = table.read_text(encoding="utf-8")
+        lines = BAD_TABLES[what](good.splitlines())
+        table.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
+        assert_refused(path)
+        table.unlink()
+        assert_refused(path)
+        table.write_text(good, encoding="utf-8")
+    assert load_experiment(path).n_points > 0
+
+
+def assert_refused(path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        load_experiment(path)
+    text = str(caught.value)
+    assert str(path.parent) in text
+    assert "\n" not in text
+    assert text.endswith((".", "?"))
+
+
+@cases("twins", "quick", of=lambda protocol: tuple(EXAMPLES[protocol].materials))
+def test_the_solution_agrees_with_an_independent_solver(
+    protocol: str, name: str, what: str
+) -> None:
+    example = EXAMPLES[protocol]
+    experiment = example.load(name)
+    values = {**truth_of(experiment), **example.materials[what]}
+    clock = PROTOCOLS[protocol].clock.column
+    wanted = PROTOCOLS[protocol].prediction_grid(experiment)
+    solution = simulate(experiment, values, at=wanted)
+    assert list(solution) == COLUMNS
+    at = solution[clock].to_numpy()
+    np.testing.assert_allclose(at[np.isin(at, wanted)], wanted, rtol=1e-12)
+    expected = example.solution(experiment, values, at)
+    assert {PROTOCOLS[protocol].response.column, "kelvin_strain"} <= set(expected)
+    for column, found in expected.items():
+        swings = column in ("stress_Pa", "kelvin_strain")
+        np.testing.assert_allclose(
+            solution[column],
+            found,
+            rtol=0.0 if swings else 1e-5,
+            atol=5e-7 * np.ptp(found) if swings else 0.0,
+            err_msg=column,
+        )
+
+
+def truth_of(experiment: Experiment) -> dict[str, float]:
+    assert experiment.true_parameters is not None
+    return dict(experiment.true_parameters)
+
+
+def at_mode(experiment: Experiment) -> ModeOfTest:
+    """A test at its truth, which does for a mode, or at its mode."""
+    problem = problem_of([experiment], default_priors(experiment.material))
+    solver = SolverOptions(tolerance=1e-6)
+    if experiment.true_parameters is None:
+        (mode,) = find_mode(problem, seed=1, solver=solver).tests
+        return ModeOfTest(problem, mode, solver)
+    priors = problem.priors[0]
+    values = {
+        p.name: priors[p.name].location
+        if priors[p.name].is_fixed
+        else experiment.true_parameters[p.name]
+        for p in PROGRAM_PARAMETERS
+    }
+    reference = problem.protocol.reference.name
+    found = simulate(experiment, values, at=experiment.position).attrs[reference]
+    coordinate = problem.coordinates[0].at({**values, reference: found})
+    return ModeOfTest(problem, Mode(values, coordinate), solver)
+
+
+def program_in(experiment: Experiment, system: str, folder: Path) -> tuple[Program, FloatArray]:
+    """The program of a test in some coordinates, and those of its truth or mode."""
+    protocol, test = protocol_of(experiment), at_mode(experiment)
+    reference, centre = None, test.mode.coordinate
+    if protocol.chart is not None and system == protocol.chart.name:
+        reference, centre = protocol.chart.reference(test)
+        # Whatever the covariance, the posterior is the same.
+        reference = protocol.chart.rescaled(reference, test, 0.04 * np.eye(centre.size))
+    data = one_test_data(experiment, test.priors, solver=TIGHT, reference=reference)
+    return program_with(protocol.program, data, folder), centre
+
+
+def vector(columns: Mapping[str, float], name: str, size: int) -> FloatArray:
+    return np.array([columns[f"{name}.{k + 1}"] for k in range(size)])
+
+
+def charts(protocol: str) -> Sequence[str]:
+    return PROTOCOLS[protocol].charts
+
+
+@cases("twins", "measured", of=charts)
+def test_the_density_is_prior_likelihood_and_jacobian(
+    protocol: str, name: str, what: str, tmp_path: Path
+) -> None:
+    """The density less the Jacobian's logarithm does not depend on the coordinates."""
+    example = EXAMPLES[protocol]
+    experiment = example.load(name)
+    priors = resolved_priors(experiment)
+    program, centre = program_in(experiment, what, tmp_path)
+    rng = np.random.default_rng(5)
+    # From close by to as far away as the prior reaches.
+    for width in np.geomspace(0.1, 1.5, 4):
+        point = centre + width * rng.standard_normal(centre.size)
+        columns = program.columns_at({"coordinate": point.tolist()})
+        values = parameters_in(columns)
+        prior = sum(priors[free].distribution().logpdf(values[free]) for free in priors.free)
+        response = vector(
+            columns, f"{PROTOCOLS[protocol].response.name}_model", experiment.n_points
+        )
+        likelihood = example.log_likelihood(experiment, values, response)
+        np.testing.assert_allclose(
+            vector(columns, "log_lik", experiment.n_points), likelihood, rtol=1e-8, atol=1e-8
+        )
+        assert columns["lprior"] == pytest.approx(prior, rel=1e-8)
+        expected = prior + np.sum(likelihood) + columns["log_jacobian"]
+        assert columns["lp__"] == pytest.approx(expected, rel=1e-7)
+
+
+@cases("quick", of=charts)
+def test_the_gradient_is_the_slope_of_the_density(
+    protocol: str, name: str, what: str, tmp_path: Path
+) -> None:
+    program, centre = program_in(EXAMPLES[protocol].load(name), what, tmp_path)
+    point = centre + 0.1 * np.random.default_rng(8).standard_normal(centre.size)
+    gradient = program.at({"coordinate": point.tolist()}).gradient
+    step = 1e-3
+    for k in range(point.size):
+        shift = step * np.eye(point.size)[k]
+        one, two = (
+            program.columns_at({"coordinate": (point + m * shift).tolist()})["lp__"]
+            - program.columns_at({"coordinate": (point - m * shift).tolist()})["lp__"]
+            for m in (1, 2)
+        )
+        slope = (8 * one - two) / (12 * step)
+        assert gradient[k] == pytest.approx(slope, rel=1e-4, abs=1e-4 * np.abs(gradient).max())
+
+
+@cases("quick")
+def test_a_fit_is_kept_and_shown(protocol: str, name: str, sketched: None, tmp_path: Path) -> None:
+    example = EXAMPLES[protocol]
+    experiment = example.load(name)
+    priors = default_priors(experiment.material)
+    truth = truth_of(experiment)
+    known = {name: truth[name] for name in priors.free if name not in example.few}
+    result = fit(
+        experiment,
+        with_fixed(priors, known),
+        out=tmp_path / "run",
+        options=SamplerOptions(chains=2, warmup=60, draws=30, seed=1),
+    )
+    kept = Fit.load(result.directory.path)
+    assert_equal(kept.experiment, experiment)
+    assert kept.summary().equals(result.summary())
+    assert_draws_are_labelled(kept, example.few)
+    page = Page(
+        write_report([kept], tmp_path / "page", title="T", command="x").read_text(encoding="utf-8")
+    )
+    assert not page.open
+    recipes = figures_for(experiment)
+    assert page.alternatives == [recipe.caption for recipe in recipes]
+    for recipe in recipes:
+        assert (tmp_path / "page" / "figures" / f"{experiment.id}_{recipe.name}.svg").is_file()
+    for fact, _ in PROTOCOLS[protocol].facts(experiment):
+        assert fact in page.text
+    for table in PROTOCOLS[protocol].tables(kept):
+        assert table.title in page.text
+        assert (tmp_path / "page" / "tables" / f"{experiment.id}_{table.name}.csv").is_file()
+
+
+def assert_draws_are_labelled(result: Fit, free: Sequence[str]) -> None:
+    """By the protocol's names, with one column for each point and position."""
+    protocol, experiment = protocol_of(result.experiment), result.experiment
+    posterior = result.posterior["posterior"].to_dataset()
+    assert {p.name for p in PROGRAM_PARAMETERS} | {protocol.reference.name} >= set(posterior)
+    assert protocol.reference.name in posterior
+    for name in free:
+        assert np.ptp(posterior[name].to_numpy()) > 0
+    response = protocol.response.name
+    for group in ("log_likelihood", "posterior_predictive"):
+        assert result.posterior[group][response].sizes["point"] == experiment.n_points
+    predictions = result.posterior["predictions"].to_dataset()
+    assert {name for name, _ in protocol.grid_quantities.values()} <= set(predictions)
+    np.testing.assert_allclose(
+        predictions[protocol.clock.name], protocol.prediction_grid(experiment)
+    )
+
+
+@pytest.mark.slow
+@cases("twins")
+def test_the_truth_of_a_twin_is_recovered(
+    protocol: str, name: str, tmp_path: Path, record_property: RecordProperty
+) -> None:
+    example = EXAMPLES[protocol]
+    experiment = example.load(name)
+    priors = default_priors(experiment.material)
+    result = fit(experiment, priors, out=tmp_path / "run", options=example.options)
+    chart = PROTOCOLS[protocol].chart
+    if chart is not None:
+        assert result.manifest["coordinates"]["system"] == chart.name
+    truth = truth_table(result)
+    assert truth is not None
+    assert len(truth) == len(priors.free)
+    print(truth.drop(columns="unit").to_string())
+    for share in (50, 90):
+        inside = int(truth[f"inside_{share}"].sum())
+        record_property(f"inside_{share}", inside)
+        print(f"{name}: {inside} of {len(truth)} true values inside the central {share} % interval")
+    certain = truth.index if example.certain is None else list(example.certain)
+    assert [name for name in certain if not truth["inside_95"][name]] == []
+    draws = result.posterior["posterior"].to_dataset()
+    low, high = draws[list(truth.index)].to_dataframe().quantile([0.005, 0.995]).to_numpy()
+    assert truth.index[(truth["truth"] < low) | (truth["truth"] > high)].tolist() == []
+    failed = {check.name: check.sentence for check in result.checks() if not check.passed}
+    assert set(failed) <= ({"divergences"} if example.divergences else set()), failed
+    diverging = result.posterior["sample_stats"].to_dataset()["diverging"]
+    assert int(diverging.sum()) <= example.divergences

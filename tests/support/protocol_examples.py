@@ -1,0 +1,223 @@
+"""Tests of every protocol and independent answers about them, for `tests/protocols/contract.py`."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Any, ClassVar, Generic, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+import oracle
+from conftest import ICE, TESTS
+from numpy.polynomial import Polynomial
+from scipy import stats
+
+from pyburgers.protocols.constant_rate.experiment import (
+    ConstantRateExperiment,
+    RateSegment,
+    load_constant_rate,
+)
+from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.forced_oscillation.experiment import (
+    OscillationExperiment,
+    load_forced_oscillation,
+    with_background,
+)
+from pyburgers.protocols.forced_oscillation.preparation import Background, prepare
+from pyburgers.protocols.forced_oscillation.stan_data import START_MARGIN
+from pyburgers.sampling.options import SamplerOptions
+
+FloatArray = npt.NDArray[np.float64]
+
+TWIN_FILE = ICE.parent / "olivine" / "olivine_twin.toml"
+
+E = TypeVar("E", bound=Experiment)
+
+
+class Example(ABC, Generic[E]):
+    """What a protocol itself cannot be asked.
+
+    Attributes
+    ----------
+    twins : tuple of str
+        Synthetic tests with their truth.
+    measured : tuple of str
+        Tests whose columns are not part of the project.
+    quick : tuple of str
+        Synthetic tests that are solved in milliseconds.
+    materials : mapping of str to mapping of str to float
+        What differs from the truth in the materials that are solved.
+    few : tuple of str
+        Parameters of a fit that takes seconds, all others known.
+    options : SamplerOptions
+        Of a fit in earnest.
+    certain : tuple of str or None
+        Parameters whose truth a fit in earnest has inside its central 95 %; None for all.
+    divergences : int
+        Draws of a fit in earnest that may diverge.
+    """
+
+    twins: ClassVar[tuple[str, ...]]
+    measured: ClassVar[tuple[str, ...]] = ()
+    quick: ClassVar[tuple[str, ...]]
+    materials: ClassVar[Mapping[str, Mapping[str, float]]] = MappingProxyType({"truth": {}})
+    few: ClassVar[tuple[str, ...]]
+    options: ClassVar[SamplerOptions]
+    certain: ClassVar[tuple[str, ...] | None] = None
+    divergences: ClassVar[int] = 0
+
+    @abstractmethod
+    def load(self, name: str) -> E:
+        """Return a test of one of the names above."""
+
+    @abstractmethod
+    def solution(
+        self, experiment: E, values: Mapping[str, float], at: FloatArray
+    ) -> dict[str, FloatArray]:
+        """Solve the model with another solver, at positions on the protocol's clock (SI)."""
+
+    @abstractmethod
+    def log_likelihood(
+        self, experiment: E, values: Mapping[str, float], response: FloatArray
+    ) -> FloatArray:
+        """Log density of every point (SI), given the response without noise."""
+
+
+class ConstantRateExample(Example[ConstantRateExperiment]):
+    """Curves of ice, one with steps of the rate, and of dunite."""
+
+    twins = ("PIL40", "PIL72", "PIL105")
+    measured = ("dunite_4506", "dunite_4581")
+    quick = ("PIL72", "rate steps")
+    few = ("maxwell_modulus", "activation_enthalpy", "stress_noise")
+    options = SamplerOptions(seed=20261120)
+    # One in a thousand draws may be lost in the bend of the valley (docs/coordinates.md).
+    divergences = 3
+
+    def load(self, name: str) -> ConstantRateExperiment:
+        if name == "rate steps":
+            segments = ((0.0, 1e-4), (0.03, 2e-5), (0.0501, 3e-4))
+            return replace(
+                self.load("PIL40"), segments=tuple(RateSegment(*segment) for segment in segments)
+            )
+        folder = ICE if name in self.twins else TESTS / "data"
+        return load_constant_rate(folder / f"{name}.toml")
+
+    def solution(
+        self, experiment: ConstantRateExperiment, values: Mapping[str, float], at: FloatArray
+    ) -> dict[str, FloatArray]:
+        segments = [(segment.start_strain, segment.strain_rate) for segment in experiment.segments]
+        state = oracle.six_states(
+            values, experiment.temperature, experiment.initial_grain_size, segments, at
+        )
+        names = ("stress_Pa", "kelvin_strain", "grain_size_m", "fabric_factor")
+        return dict(zip(names, state[[0, 1, 4, 5]], strict=True))
+
+    def log_likelihood(
+        self,
+        experiment: ConstantRateExperiment,
+        values: Mapping[str, float],
+        response: FloatArray,
+    ) -> FloatArray:
+        return np.asarray(stats.norm.logpdf(experiment.stress, response, values["stress_noise"]))
+
+
+def short_twin(background: Background) -> OscillationExperiment:
+    """The first cycles of the olivine twin."""
+    full = with_background(load_forced_oscillation(TWIN_FILE), background)
+    inside = full.record.strain_time < 700, full.record.stress_time < 700
+    strain = {
+        name: getattr(full.record, name)[inside[0]]
+        for name in ("strain_time", "strain", "strain_uncertainty")
+    }
+    stress = {
+        name: getattr(full.record, name)[inside[1]]
+        for name in ("stress_time", "stress", "stress_uncertainty")
+    }
+    record = replace(full.record, **strain, **stress)
+    return replace(full, record=record, prepared=prepare(record, full.settings, full.id))
+
+
+class ForcedOscillationExample(Example[OscillationExperiment]):
+    """The olivine twin, its background removed or kept."""
+
+    twins = ("removed", "kept")
+    quick = ("removed, short", "kept, short")
+    materials = MappingProxyType(
+        {
+            "truth": {},
+            "stiff and strong": {
+                "kelvin_modulus": 80e9,
+                "kelvin_viscosity": 5e9,
+                "activation_enthalpy": 490e3,
+            },
+            "fast dashpot": {"stress_exponent": 2.6, "activation_enthalpy": 380e3},
+            "fast grains": {
+                "grain_size_exponent": 1.4,
+                "critical_strain_grain_size": 0.01,
+                "beta": -7e-5,
+            },
+        }
+    )
+    few = ("kelvin_modulus", "activation_enthalpy", "stress_noise")
+    options = SamplerOptions(chains=4, draws=1000, seed=20261120)
+    certain = ("stress_exponent", "kelvin_modulus", "kelvin_viscosity")
+
+    def load(self, name: str) -> OscillationExperiment:
+        background: Background = "removed" if name.startswith("removed") else "kept"
+        if name in self.quick:
+            return short_twin(background)
+        return with_background(load_forced_oscillation(TWIN_FILE), background)
+
+    def solution(
+        self, experiment: OscillationExperiment, values: Mapping[str, float], at: FloatArray
+    ) -> dict[str, FloatArray]:
+        """Background and series are those of the prepared record."""
+        prepared = experiment.prepared
+        start = prepared.start - START_MARGIN * prepared.period
+        background, start_stress = [0.0], 0.0
+        if prepared.background == "kept":
+            since = np.linspace(0.0, 1000.0, 20)
+            rate = prepared.strain_fit.trend_rate(start + since)
+            degree = max(prepared.strain_fit.degree - 1, 0)
+            background = Polynomial.fit(since, rate, degree).convert().coef.tolist()
+            start_stress = float(prepared.stress_fit.trend(np.array([prepared.start]))[0])
+        imposed = oracle.OscillatingStrain(
+            prepared.period,
+            prepared.strain_fit.sine.tolist(),
+            prepared.strain_fit.cosine.tolist(),
+            background,
+            start,
+        )
+        state = oracle.oscillation(
+            values,
+            experiment.temperature,
+            experiment.initial_grain_size,
+            imposed,
+            start=imposed.zero_ahead(experiment.spin_up_cycles),
+            start_stress=start_stress,
+            time=at,
+        )
+        return dict(zip(("stress_Pa", "kelvin_strain", "grain_size_m"), state, strict=True))
+
+    def log_likelihood(
+        self,
+        experiment: OscillationExperiment,
+        values: Mapping[str, float],
+        response: FloatArray,
+    ) -> FloatArray:
+        """A trend that is removed takes as many readings as it has coefficients."""
+        prepared, noise = experiment.prepared, values["stress_noise"]
+        spread = noise * prepared.uncertainty / np.sqrt(np.mean(prepared.uncertainty**2))
+        found = np.asarray(stats.norm.logpdf(experiment.stress, response, spread))
+        if prepared.background == "removed":
+            taken = (prepared.stress_fit.degree + 1) * stats.norm.logpdf(0.0, scale=noise)
+            found = found - taken / experiment.n_points
+        return found
+
+
+EXAMPLES: Mapping[str, Example[Any]] = {
+    "constant_rate": ConstantRateExample(),
+    "forced_oscillation": ForcedOscillationExample(),
+}

@@ -20,6 +20,7 @@ from pyburgers.model.priors import default_priors
 from pyburgers.protocols.chart import Mode
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forward import simulate
+from pyburgers.protocols.problem import problem_of
 from pyburgers.protocols.registry import PROTOCOLS, load_experiment, protocol_of, save_experiment
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.report.page import write_report
@@ -28,7 +29,6 @@ from pyburgers.report.tables import truth_table
 from pyburgers.sampling.charts import ModeOfTest
 from pyburgers.sampling.mode import find_mode
 from pyburgers.sampling.options import SamplerOptions
-from pyburgers.sampling.problem import problem_of
 
 FloatArray = npt.NDArray[np.float64]
 RecordProperty = Callable[[str, object], None]

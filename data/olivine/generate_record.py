@@ -29,10 +29,6 @@ NAME = "olivine_twin"
 SEED = 3
 SPIN_UP_CYCLES = 40
 
-PIEZOMETER_FACTOR = 0.015  # m, Eq. 5 of the paper
-PIEZOMETER_EXPONENT = -1.33
-LEAST_PIEZOMETER_STRESS = 1e6  # Pa; below it grains would be asked to grow without limit
-
 
 @dataclass(frozen=True)
 class Truth:
@@ -41,9 +37,9 @@ class Truth:
     `bias` is the stress at which the sample is loaded, its Kelvin element relaxed, when cycling
     starts. `background_start` and `background_end` are the background strain rates at the start
     and at the end of the record, between which it changes linearly; before the record it keeps
-    the first. `strain_phase` is that of the imposed sinusoid at time zero. The last three
-    parameters are not in the equations of this test; they are what `data/priors/olivine.toml`
-    fixes.
+    the first. `strain_phase` is that of the imposed sinusoid at time zero. Steady-state
+    grain size, steady-state fabric factor and critical strain of fabric are not in the equations
+    of this test; they are what `data/priors/olivine.toml` fixes.
     """
 
     temperature: float = 1423.0
@@ -71,6 +67,10 @@ class Truth:
     steady_state_grain_size: float = 32.8e-6
     steady_state_fabric_factor: float = 1.0
     critical_strain_fabric: float = 1.0
+    # Eq. 5 of the paper; below the least stress grains would be asked to grow without limit.
+    piezometer_reference_grain_size: float = 0.015
+    piezometer_exponent: float = 1.33
+    piezometer_stress_floor: float = 1e6
 
 
 TRUTH = Truth()
@@ -130,8 +130,10 @@ def states_at(truth: Truth, times: FloatArray) -> FloatArray:
             * grain_size**-truth.grain_size_exponent
             * arrhenius
         )
-        floored = max(abs(stress), LEAST_PIEZOMETER_STRESS)
-        preferred = PIEZOMETER_FACTOR * (floored / 1e6) ** PIEZOMETER_EXPONENT
+        floored = max(abs(stress), truth.piezometer_stress_floor)
+        preferred = (
+            truth.piezometer_reference_grain_size * (floored / 1e6) ** -truth.piezometer_exponent
+        )
         growth = abs(strain_rate) * (preferred - grain_size) / truth.critical_strain_grain_size
         if time < 0:
             growth = 0.0
@@ -243,9 +245,9 @@ steady_state_fabric_factor = {truth.steady_state_fabric_factor!r}
 critical_strain_grain_size = {truth.critical_strain_grain_size!r}
 critical_strain_fabric = {truth.critical_strain_fabric!r}
 stress_noise = {truth.stress_noise!r}
-piezometer_reference_grain_size = {PIEZOMETER_FACTOR!r}
-piezometer_exponent = {-PIEZOMETER_EXPONENT!r}
-piezometer_stress_floor = {LEAST_PIEZOMETER_STRESS!r}
+piezometer_reference_grain_size = {truth.piezometer_reference_grain_size!r}
+piezometer_exponent = {truth.piezometer_exponent!r}
+piezometer_stress_floor = {truth.piezometer_stress_floor!r}
 '''
 
 

@@ -9,7 +9,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from pyburgers.model.parameters import PARAMETERS
+from pyburgers.model.parameters import PARAMETERS, PIEZOMETER
 from pyburgers.model.priors import default_priors
 from pyburgers.predictions.imposed_stress import phase_lag
 from pyburgers.protocols.forced_oscillation.experiment import (
@@ -134,7 +134,8 @@ class TestFiles:
         assert twin.temperature == 1423
         assert twin.initial_grain_size == 10e-6
         assert twin.true_parameters is not None
-        assert list(twin.true_parameters) == [parameter.name for parameter in PARAMETERS]
+        names = [*(parameter.name for parameter in PARAMETERS), *PIEZOMETER]
+        assert list(twin.true_parameters) == names
         for name, value in twin.true_parameters.items():
             assert value == getattr(generator.TRUTH, name)
 

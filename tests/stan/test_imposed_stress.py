@@ -7,6 +7,7 @@ import numpy.typing as npt
 import oracle
 import pytest
 from conftest import FunctionValues
+from stan_values import PHYSICS
 
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.predictions.attenuation import attenuation_spectrum
@@ -94,14 +95,8 @@ def test_the_flow_law_in_the_spectrum_is_that_of_stan(function_values: FunctionV
     regime = PAPER_REGIMES[3]
     angle = 2 * np.pi * np.arange(400) / 400
     stress = regime.median_stress + regime.amplitude * np.sin(angle)
-    unused = {
-        **dict.fromkeys(("initial_grain_size", "strain_rate", "steady_state"), 1e-4),
-        "critical_strain": 0.1,
-        "n_path_strains": 0,
-        "path_strain": [],
-    }
     values = function_values(
-        "function_values", {**flow, **unused, "n_stresses": 400, "stress": stress.tolist()}
+        "physics_values", {**PHYSICS, **flow, "n_stresses": 400, "stress": stress.tolist()}
     )
     expected = 2 / 400 * np.sum(values["dashpot_rate"] * np.sin(angle)) / regime.amplitude
     elements = {"maxwell_modulus": 4e9, "kelvin_modulus": 5e8, "kelvin_viscosity": 0.0}

@@ -26,7 +26,7 @@ from pyburgers.protocols.constant_rate.stan_data import ValleyReference
 from pyburgers.protocols.constant_rate.valley import find_valley
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.problem import problem_of
-from pyburgers.protocols.registry import save_experiment
+from pyburgers.protocols.registry import PROTOCOLS, save_experiment
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.charts import ModeOfTest
 from pyburgers.sampling.mode import find_mode
@@ -127,13 +127,15 @@ def programs() -> None:
     """Compile what the tests need, side by side."""
     compile_programs(
         [
+            *(protocol.program for protocol in PROTOCOLS.values()),
             *(
                 stan_directory() / f"{name}.stan"
-                for name in ("constant_rate", "forced_oscillation", "imposed_stress", "peak_stress")
-            ),
-            *(
-                stan_directory() / "reference" / f"{name}.stan"
-                for name in ("six_state", "six_state_oscillation")
+                for name in (
+                    "imposed_stress",
+                    "peak_stress",
+                    "reference/six_state",
+                    "reference/six_state_oscillation",
+                )
             ),
             *sorted((TESTS / "stan").glob("*.stan")),
         ]

@@ -29,8 +29,8 @@ from pyburgers.protocols.problem import problem_of
 from pyburgers.protocols.registry import save_experiment
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.charts import ModeOfTest
-from pyburgers.sampling.mode import find_mode
 from pyburgers.sampling.options import SamplerOptions
+from pyburgers.sampling.starts import find_mode
 
 FloatArray = npt.NDArray[np.float64]
 FunctionValues = Callable[[str, Mapping[str, object]], dict[str, FloatArray]]

@@ -11,13 +11,13 @@ import numpy.typing as npt
 from pyburgers.cmdstan.program import Program, load_program
 from pyburgers.common.errors import InputError
 from pyburgers.model.priors import PriorSet
-from pyburgers.protocols.chart import Chart, ChartUnsuited, Mode
 from pyburgers.protocols.forward import solve
 from pyburgers.protocols.problem import Problem
 from pyburgers.protocols.program_data import chart_block, program_data
+from pyburgers.protocols.protocol import Chart, ChartUnsuited, Mode
 from pyburgers.protocols.stan_data import PlainCoordinates, SolverOptions, StanData, solver_block
 from pyburgers.sampling.metric import curvature_at, expected_rise, laplace_metric
-from pyburgers.sampling.mode import ModeNotFound, ProblemMode, climb, find_mode
+from pyburgers.sampling.starts import ModeNotFound, ProblemMode, climb, find_mode
 
 logger = logging.getLogger(__name__)
 
@@ -128,7 +128,7 @@ def choose_chart(
 
 @dataclass(frozen=True, eq=False)
 class ModeOfTest:
-    """A test by itself at its posterior mode; members as `pyburgers.protocols.chart.AtMode`."""
+    """A test by itself at its posterior mode; members as `pyburgers.protocols.protocol.AtMode`."""
 
     problem: Problem
     mode: Mode

@@ -17,18 +17,18 @@ from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.priors import default_priors
-from pyburgers.protocols.chart import Mode
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forward import simulate
 from pyburgers.protocols.problem import problem_of
+from pyburgers.protocols.protocol import Mode
 from pyburgers.protocols.registry import PROTOCOLS, load_experiment, protocol_of, save_experiment
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.report.page import write_report
 from pyburgers.report.posterior_figures import figures_for
 from pyburgers.report.tables import truth_table
 from pyburgers.sampling.charts import ModeOfTest
-from pyburgers.sampling.mode import find_mode
 from pyburgers.sampling.options import SamplerOptions
+from pyburgers.sampling.starts import find_mode
 
 FloatArray = npt.NDArray[np.float64]
 RecordProperty = Callable[[str, object], None]

@@ -6,7 +6,7 @@ To add a protocol: a folder with an object of a class derived from `Protocol`, a
 
 import typing
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Generic, TypeVar
@@ -29,7 +29,6 @@ from pyburgers.protocols.stan_data import PlainCoordinates, SolverOptions, StanD
 FloatArray = npt.NDArray[np.float64]
 
 E = TypeVar("E", bound=Experiment)
-E_co = TypeVar("E_co", bound=Experiment, covariant=True)
 
 
 @dataclass(frozen=True)
@@ -80,37 +79,36 @@ class Mode:
     coordinate: FloatArray
 
 
-class AtMode(typing.Protocol[E_co]):
-    """A test at its posterior mode, and what a chart may ask the Stan program there."""
+@dataclass(frozen=True, eq=False)
+class AtMode(Generic[E]):
+    """A test by itself at its posterior mode, and what a chart may ask its Stan program there.
 
-    @property
-    def experiment(self) -> E_co:
-        """The test."""
+    Attributes
+    ----------
+    experiment, priors
+        The test and its resolved priors.
+    coordinates : PlainCoordinates
+        What its plain coordinates stand for.
+    mode : Mode
+        The mode.
+    data : dict
+        Data of the program in plain coordinates.
+    solution : callable
+        Receives positions on the clock (SI), returns the solution there
+        (`pyburgers.protocols.forward.solve`).
+    generated, curvature : callable
+        Receive changed entries of the data; return every variable of the program, and the Hessian
+        of minus the log density by the plain coordinates.
+    """
 
-    @property
-    def priors(self) -> PriorSet:
-        """Its resolved priors."""
-
-    @property
-    def coordinates(self) -> PlainCoordinates:
-        """What its plain coordinates stand for."""
-
-    @property
-    def mode(self) -> Mode:
-        """The mode."""
-
-    @property
-    def data(self) -> StanData:
-        """Data of the program in plain coordinates."""
-
-    def solution(self, at: FloatArray) -> dict[str, FloatArray]:
-        """Solution at positions of the protocol's clock (`pyburgers.protocols.forward.solve`)."""
-
-    def generated(self, **changes: object) -> dict[str, FloatArray]:
-        """Every variable of the program, with changed entries of its data."""
-
-    def curvature(self, **changes: object) -> FloatArray:
-        """Hessian of minus the log density by the plain coordinates, with changed data."""
+    experiment: E
+    priors: PriorSet
+    coordinates: PlainCoordinates
+    mode: Mode
+    data: StanData
+    solution: Callable[[FloatArray], dict[str, FloatArray]]
+    generated: Callable[..., dict[str, FloatArray]]
+    curvature: Callable[..., FloatArray]
 
 
 class Chart(ABC, Generic[E]):

@@ -42,7 +42,7 @@ from pyburgers.protocols.stan_data import (
     solver_block,
 )
 from pyburgers.sampling import charts
-from pyburgers.sampling.charts import ChosenChart, ModeOfTest, choose_chart
+from pyburgers.sampling.charts import ChosenChart, at_mode, choose_chart
 from pyburgers.sampling.metric import curvature_at
 from pyburgers.sampling.starts import ProblemMode
 from pyburgers.sbc.data_sets import calibration_priors, simulate_from_prior
@@ -227,7 +227,7 @@ def assert_coordinates_work(
     """The set-up from the curvature works, and what it sets up has the right density."""
     mode = truth_in(experiment, priors)
     reference, centre = find_sheared(
-        ModeOfTest(problem_of([experiment], priors), mode, SolverOptions(tolerance=1e-6))
+        at_mode(problem_of([experiment], priors), mode, SolverOptions(tolerance=1e-6))
     )
     assert np.all(np.isfinite(reference.flow_slope))
     plain, sheared = (

@@ -19,7 +19,7 @@ from pyburgers.cmdstan.program import load_program, stan_directory
 from pyburgers.common.atomic_files import write_json
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError
-from pyburgers.fitting.sampled_fit import SampledFit, write_tables
+from pyburgers.fitting.fit import SampledFit, write_tables
 from pyburgers.flow_law_tables.inputs import (
     FLOW_LAW_PARAMETERS,
     PeakStressData,

@@ -111,7 +111,7 @@ def chart_block(
     problem : Problem
         Tests, priors, pooling.
     references : sequence
-        What `pyburgers.protocols.chart.Chart.reference` gave for each.
+        What `pyburgers.protocols.protocol.Chart.reference` gave for each.
     pooled : array, shape (n_tests, n_partial), optional
         Real numbers behind the partially pooled parameters at the references; default 0.
     pooling : array, shape (2, n_partial), optional

@@ -29,9 +29,9 @@ from pyburgers.protocols.registry import save_experiment
 from pyburgers.protocols.stan_data import SolverOptions, StanData
 from pyburgers.sampling.chains import ChainFailure, run_side_by_side
 from pyburgers.sampling.charts import ChosenChart, check_coordinates, choose_chart
-from pyburgers.sampling.initial_values import draw_initial_values, draw_start_around
 from pyburgers.sampling.options import INDECISIVE, SamplerOptions
 from pyburgers.sampling.run_directory import RunDirectory
+from pyburgers.sampling.starts import draw_initial_values, draw_start_around
 
 logger = logging.getLogger(__name__)
 

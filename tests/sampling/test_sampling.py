@@ -24,10 +24,10 @@ from pyburgers.fitting.fit import Fit, fit
 from pyburgers.protocols.problem import problem_of
 from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.stan_data import SolverOptions
-from pyburgers.sampling.initial_values import draw_initial_values
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run import fingerprint
 from pyburgers.sampling.run_directory import RunDirectory
+from pyburgers.sampling.starts import draw_initial_values
 
 StartFit = Callable[..., subprocess.Popen[str]]
 

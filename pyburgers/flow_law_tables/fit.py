@@ -14,8 +14,7 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.checks.fit_checks import CHAIN_CHECKS, CheckResult, run_checks
-from pyburgers.cmdstan.draws import Draws, read_draws
-from pyburgers.cmdstan.program import load_program, stan_directory
+from pyburgers.cmdstan.program import Draws, load_program, read_draws, stan_directory
 from pyburgers.common.atomic_files import write_json
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from pyburgers.cmdstan.draws import Draws, read_draws
-from pyburgers.cmdstan.program import Program, load_program
+from pyburgers.cmdstan.program import Draws, Program, load_program, read_draws
 from pyburgers.common.errors import SamplingError
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.priors import PriorSet

@@ -14,8 +14,15 @@ from pyburgers.protocols.problem import Problem
 from pyburgers.protocols.program_data import chart_block, program_data
 from pyburgers.protocols.protocol import AtMode, Chart, ChartUnsuited, Mode
 from pyburgers.protocols.stan_data import SolverOptions, StanData, solver_block
-from pyburgers.sampling.metric import curvature_at, expected_rise, laplace_metric
-from pyburgers.sampling.starts import ModeNotFound, ProblemMode, climb, find_mode
+from pyburgers.sampling.starts import (
+    ModeNotFound,
+    ProblemMode,
+    climb,
+    curvature_at,
+    expected_rise,
+    find_mode,
+    laplace_metric,
+)
 
 logger = logging.getLogger(__name__)
 

@@ -15,8 +15,7 @@ import xarray as xr
 from conftest import SMALL_RUN, Problem
 from log_density import Program
 
-from pyburgers.cmdstan.draws import read_draws
-from pyburgers.cmdstan.program import compile_program
+from pyburgers.cmdstan.program import compile_program, read_draws
 from pyburgers.common.atomic_files import sha256_of_file
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit, fit

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from synthetic_fit import TRUTH, make_fit, make_prior, uniform
 
-from pyburgers.common.numbers import number, rounded
+from pyburgers.common.units import number, rounded
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.display import prior_text, shown_quantity, symbol_text
 from pyburgers.model.parameters import PARAMETERS

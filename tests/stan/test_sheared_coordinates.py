@@ -43,8 +43,7 @@ from pyburgers.protocols.stan_data import (
 )
 from pyburgers.sampling import charts
 from pyburgers.sampling.charts import ChosenChart, at_mode, choose_chart
-from pyburgers.sampling.metric import curvature_at
-from pyburgers.sampling.starts import ProblemMode
+from pyburgers.sampling.starts import ProblemMode, curvature_at
 from pyburgers.sbc.data_sets import calibration_priors, simulate_from_prior
 
 FloatArray = npt.NDArray[np.float64]

@@ -17,7 +17,7 @@ from pyburgers.model.parameters import PARAMETER_BY_NAME, PARAMETERS
 from pyburgers.model.prior_families import Family, Prior
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, RateSegment
-from pyburgers.protocols.constant_rate.protocol import CONSTANT_RATE
+from pyburgers.protocols.constant_rate.protocol import PROTOCOL as CONSTANT_RATE
 from pyburgers.protocols.experiment import Experiment, Provenance
 from pyburgers.protocols.problem import problem_of
 from pyburgers.protocols.stan_data import REFERENCE_STRESS

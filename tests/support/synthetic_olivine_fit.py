@@ -18,7 +18,7 @@ from pyburgers.protocols.forced_oscillation.experiment import (
     with_background,
 )
 from pyburgers.protocols.forced_oscillation.preparation import Background
-from pyburgers.protocols.forced_oscillation.protocol import FORCED_OSCILLATION
+from pyburgers.protocols.forced_oscillation.protocol import PROTOCOL as FORCED_OSCILLATION
 from pyburgers.protocols.forced_oscillation.response import oscillation_of
 from pyburgers.protocols.problem import problem_of
 from pyburgers.protocols.stan_data import REFERENCE_FLOW_RATE, REFERENCE_STRESS

@@ -158,4 +158,4 @@ def _draw_residuals(
     return residual
 
 
-CONSTANT_RATE = ConstantRate()
+PROTOCOL = ConstantRate()

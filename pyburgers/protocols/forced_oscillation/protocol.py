@@ -177,4 +177,4 @@ def _time_grid(experiment: OscillationExperiment, per_cycle: int) -> FloatArray:
     return np.linspace(start, end, round(per_cycle * (end - start) / prepared.period) + 1)
 
 
-FORCED_OSCILLATION = ForcedOscillation()
+PROTOCOL = ForcedOscillation()

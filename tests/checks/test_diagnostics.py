@@ -21,6 +21,7 @@ from pyburgers.checks.fit_checks import (
     coverage,
     run_checks,
 )
+from pyburgers.checks.registry import CHECKS
 from pyburgers.sampling.chains import ChainFailure
 
 FloatArray = npt.NDArray[np.float64]
@@ -81,7 +82,7 @@ def assert_fails(check: CheckResult, *remedies: str) -> None:
 
 
 def test_good_draws_pass_every_check() -> None:
-    checks = run_checks(CheckedDraws(good()))
+    checks = run_checks(CheckedDraws(good()), CHECKS)
     assert [check.name for check in checks if not check.passed] == []
     assert len({check.name for check in checks}) == 8
     assert [check.name for check in checks if check.check.kind is CheckKind.DESCRIPTION] == [

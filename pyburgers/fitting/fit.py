@@ -13,11 +13,13 @@ import xarray as xr
 
 from pyburgers.checks.fit_checks import (
     CheckedDraws,
+    CheckKind,
     CheckResult,
     check_solver,
     checks_record,
     run_checks,
 )
+from pyburgers.checks.registry import CHECKS
 from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import nearest
@@ -64,8 +66,13 @@ class SampledFit(ABC):
         """Table of the sampled quantities in SI units."""
 
     def checks(self) -> tuple[CheckResult, ...]:
-        """Return the checks with their verdicts (`pyburgers.checks.fit_checks.CHECKS`)."""
-        return run_checks(self.checked_draws)
+        """Return the checks with their verdicts (`pyburgers.checks.registry.CHECKS`).
+
+        Draws of the prior alone describe no data, so they are checked for their sampling.
+        """
+        fitted = self.manifest["use_likelihood"]
+        asked = [one for one in CHECKS if fitted or one.kind is CheckKind.SAMPLING]
+        return run_checks(self.checked_draws, asked)
 
     @property
     def checked_draws(self) -> CheckedDraws:

@@ -101,6 +101,11 @@ def test_the_posterior_is_labelled(small_fit: Fit) -> None:
     n_points = experiment.n_points
     assert small_fit.posterior["log_likelihood"].sizes["point"] == n_points
     assert small_fit.posterior["posterior_predictive"].sizes["point"] == n_points
+    residual = group(small_fit, "observed_data") - group(small_fit, "model_response")
+    noise = posterior["stress_noise"]
+    density = -0.5 * (residual / noise) ** 2 - np.log(noise * np.sqrt(2 * np.pi))
+    sampled = group(small_fit, "log_likelihood")
+    xr.testing.assert_allclose(density.transpose(*sampled.dims), sampled, rtol=1e-6)
     predictions = small_fit.posterior["predictions"]
     assert float(predictions["strain"].max()) == pytest.approx(experiment.final_strain)
 

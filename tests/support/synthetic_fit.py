@@ -222,6 +222,7 @@ def make_fit(
             ),
             "log_likelihood": xr.Dataset({"stress": (dims, log_lik)}, coords=points),
             "log_prior": xr.Dataset({"lprior": (("chain", "draw"), np.zeros(shape))}),
+            "model_response": xr.Dataset({"stress": (dims, model)}, coords=points),
             "posterior_predictive": xr.Dataset(
                 {"stress": (dims, model + noise * rng.normal(size=model.shape))}, coords=points
             ),

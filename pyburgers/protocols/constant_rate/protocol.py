@@ -20,6 +20,7 @@ from pyburgers.protocols.constant_rate.figures import CONSTANT_RATE_FIGURES, fit
 from pyburgers.protocols.constant_rate.stan_data import (
     grid_block,
     reference_origin,
+    segment_of,
     tests_block,
 )
 from pyburgers.protocols.constant_rate.valley import ValleyChart
@@ -98,9 +99,13 @@ class ConstantRate(Protocol[ConstantRateExperiment]):
     def observed_positions(
         self, experiment: ConstantRateExperiment
     ) -> dict[str, tuple[FloatArray, str]]:
-        """Return strains, and times since the start."""
+        """Return strains, times since the start, and segments of constant rate from 0."""
         strain = experiment.strain
-        return {"strain": (strain, "1"), "time": (experiment.time_at(strain), "s")}
+        return {
+            "strain": (strain, "1"),
+            "time": (experiment.time_at(strain), "s"),
+            "segment": (segment_of(experiment, strain).astype(np.float64), "1"),
+        }
 
     def with_noise(
         self,

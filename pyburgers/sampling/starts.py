@@ -1,4 +1,4 @@
-"""Where chains start: draws of the prior, the posterior mode, and the metric and draws around it."""
+"""Where chains start: draws of the prior, the posterior mode, and metric and draws around it."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass

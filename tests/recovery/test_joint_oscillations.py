@@ -21,6 +21,7 @@ RecordProperty = Callable[[str, object], None]
 def test_a_common_flow_law_is_recovered(tmp_path: Path, record_property: RecordProperty) -> None:
     experiments, priors = oscillation_pair(until=1300.0), default_priors("olivine")
     joint = fit_jointly(experiments, priors, out=tmp_path / "joint", options=OPTIONS)
+    assert joint.manifest["coordinates"]["system"] == "sheared"
     failed = {check.name: check.sentence for check in joint.checks() if not check.passed}
     assert failed == {}
     draws = joint.posterior["posterior"].to_dataset()
@@ -32,6 +33,7 @@ def test_a_common_flow_law_is_recovered(tmp_path: Path, record_property: RecordP
         print(f"{name}: {below:.3f} of the draws below the true value")
         assert 0.005 < below < 0.995, name
     alone = fit(experiments[0], priors, out=tmp_path / "alone", options=OPTIONS).summary()["sd"]
+    # Of a second record of the same noise and 0.8 of the signal, 0.78 where nothing else matters.
     for name in ("kelvin_modulus", "kelvin_viscosity"):
         ratio = float(draws[name].std()) / float(alone[name])
         record_property(f"sd_ratio_of_{name}", ratio)

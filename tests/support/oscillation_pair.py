@@ -13,7 +13,7 @@ from pyburgers.protocols.forced_oscillation.preparation import prepare
 from pyburgers.protocols.forward import simulate_data
 
 TWIN_FILE = ICE.parent / "olivine" / "olivine_twin.toml"
-SMALLER, WARMER = 0.6, 40.0
+SMALLER, WARMER = 0.8, 40.0
 """Strains of the second record over those of the first, and its temperature less that (K)."""
 
 

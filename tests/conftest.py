@@ -25,12 +25,12 @@ from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment,
 from pyburgers.protocols.constant_rate.stan_data import ValleyReference
 from pyburgers.protocols.constant_rate.valley import find_valley
 from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.problem import problem_of
 from pyburgers.protocols.registry import PROTOCOLS, save_experiment
 from pyburgers.protocols.stan_data import SolverOptions
-from pyburgers.sampling.charts import ModeOfTest
-from pyburgers.sampling.mode import find_mode
+from pyburgers.sampling.charts import at_mode
 from pyburgers.sampling.options import SamplerOptions
-from pyburgers.sampling.problem import problem_of
+from pyburgers.sampling.starts import find_mode
 
 FloatArray = npt.NDArray[np.float64]
 FunctionValues = Callable[[str, Mapping[str, object]], dict[str, FloatArray]]
@@ -118,7 +118,7 @@ def valley_of(experiment: ConstantRateExperiment, priors: PriorSet) -> ValleyRef
     solver = SolverOptions()
     problem = problem_of([experiment], priors)
     (mode,) = find_mode(problem, seed=1, solver=solver).tests
-    valley = find_valley(ModeOfTest(problem, mode, solver))
+    valley = find_valley(at_mode(problem, mode, solver))
     return replace(valley, noise_exponent=np.linspace(0.9, 0.0, mode.coordinate.size))
 
 

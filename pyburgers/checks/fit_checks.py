@@ -1,6 +1,7 @@
-"""The checks of a fit: what a check is, and each one as an object, in the order they are told.
+"""What a check is, and the checks of chains, of the solver and of the coverage.
 
-A new one is a function with a name and a kind here, and an entry in `CHECKS`.
+A new one is a function with a name and a kind in a module of this folder, where
+`pyburgers.checks.registry` finds it.
 """
 
 import json
@@ -334,10 +335,7 @@ CHAIN_CHECKS = (
 )
 """What any chains are checked for."""
 
-CHECKS = (*CHAIN_CHECKS, check_solver, check_coverage)
-"""What the fit of a model with a solver is checked for: console, page and exit code follow."""
 
-
-def run_checks(draws: CheckedDraws, checks: Sequence[Check] = CHECKS) -> tuple[CheckResult, ...]:
+def run_checks(draws: CheckedDraws, checks: Sequence[Check]) -> tuple[CheckResult, ...]:
     """Run checks, each on all draws."""
     return tuple(one(draws) for one in checks)

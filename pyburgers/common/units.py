@@ -1,10 +1,13 @@
-"""Units that input files may use, and their factors to SI.
+"""Units of files and figures with their factors to SI, and numbers as people read them.
 
-Conversion happens where files are read and where figures are drawn, nowhere else.
+Units are converted where files are read and where figures are drawn, nowhere else.
 """
 
+import math
+import operator
 from collections.abc import Mapping
 from types import MappingProxyType
+from typing import SupportsIndex
 
 from pyburgers.common.errors import InputError
 
@@ -49,3 +52,35 @@ def factor_to_si(unit: str, quantity: str, where: str) -> float:
             f"{where}: unit {unit!r} is not a unit of {quantity}; expected one of {expected}."
         )
     return factors[unit]
+
+
+def rounded(value: float, sd: float) -> str:
+    """Return a number with as many decimals as two significant digits of `sd` need.
+
+    Parameters
+    ----------
+    value : float
+        What to print.
+    sd : float
+        Standard deviation in the same unit; without a positive one, four significant digits are
+        printed.
+    """
+    if not (math.isfinite(sd) and sd > 0):
+        return f"{value:.4g}"
+    decimals = max(0, 1 - math.floor(math.log10(sd)))
+    return f"{value:.{decimals}f}"
+
+
+def with_error(value: float, error: float) -> str:
+    """Return a number ± its standard deviation or error, both as `rounded` has them."""
+    return f"{rounded(value, error)} ± {rounded(error, error)}"
+
+
+def number(value: float) -> str:
+    """Return a number as a person wrote it, without the noise of unit conversion."""
+    return f"{value:.6g}"
+
+
+def count_points(number: SupportsIndex) -> str:
+    """Return "1 point", "2 points" and so on."""
+    return "1 point" if operator.index(number) == 1 else f"{number} points"

@@ -37,7 +37,7 @@ from pyburgers.posterior.labelled_draws import (
 )
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forward import REFERENCE_SOLVER
-from pyburgers.protocols.layout import OneTest
+from pyburgers.protocols.problem import one_test
 from pyburgers.protocols.program_data import tests_block
 from pyburgers.protocols.protocol import Quantity
 from pyburgers.protocols.registry import protocol_of
@@ -312,7 +312,7 @@ def _log_likelihood_of(again: Fit, experiment: Experiment) -> FloatArray:
     # Only the test is exchanged: the coordinates of the draws are those of the other fit.
     data = {
         **json.loads(run.stan_data_file.read_text(encoding="utf-8")),
-        **tests_block(OneTest(experiment, again.priors), use_likelihood=True),
+        **tests_block(one_test(experiment, again.priors), use_likelihood=True),
         **solver_block(REFERENCE_SOLVER),
     }
     try:

@@ -24,8 +24,7 @@ from scipy.optimize import brentq
 from scipy.special import expit
 from scipy.stats import multivariate_normal
 
-from pyburgers.cmdstan.draws import read_draws
-from pyburgers.cmdstan.program import ALL_DIGITS, Program, Unsolved, load_program
+from pyburgers.cmdstan.program import ALL_DIGITS, Program, Unsolved, load_program, read_draws
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.fitting.fit import Fit
 from pyburgers.posterior.labelled_draws import relative_efficiency

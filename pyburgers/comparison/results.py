@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from pyburgers.checks.fit_checks import PARETO_K_LIMIT
 from pyburgers.common.atomic_files import write_json, write_text
-from pyburgers.common.numbers import count_points
+from pyburgers.common.units import count_points
 from pyburgers.comparison.by_points import (
     BoolArray,
     Comparison,

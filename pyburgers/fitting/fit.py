@@ -1,29 +1,122 @@
 """Fit one or several tests: run, gather, check, and keep it all in a run directory."""
 
+import logging
 import shutil
-from collections.abc import Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Self
+from typing import Any, Self, TypeVar
 
 import pandas as pd
 import xarray as xr
 
+from pyburgers.checks.fit_checks import (
+    CheckedDraws,
+    CheckKind,
+    CheckResult,
+    check_solver,
+    checks_record,
+    run_checks,
+)
+from pyburgers.checks.registry import CHECKS
+from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import nearest
-from pyburgers.fitting.sampled_fit import SampledFit, sample_until_solved, write_tables
 from pyburgers.model.pooling import SEPARATE, pooling_from, pooling_of
 from pyburgers.model.priors import PriorSet, load_priors
 from pyburgers.model.variants import ModelVariant, variant_of
 from pyburgers.posterior.build import build_posterior
 from pyburgers.posterior.labelled_draws import TESTS, draws_table, load_posterior, summary_table
 from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.problem import Problem, problem_of
 from pyburgers.protocols.registry import load_experiment
 from pyburgers.protocols.stan_data import SolverOptions
+from pyburgers.sampling.chains import ChainFailure, missing_chains
 from pyburgers.sampling.options import SamplerOptions
-from pyburgers.sampling.problem import Problem, problem_of
-from pyburgers.sampling.run import run_chains
+from pyburgers.sampling.run import run_chains, tighten_solver
 from pyburgers.sampling.run_directory import RunDirectory
+
+logger = logging.getLogger(__name__)
+
+MAX_REFITS = 2
+"""Times that a run is repeated at a tighter tolerance of the solver."""
+
+
+@dataclass(frozen=True, eq=False)
+class SampledFit(ABC):
+    """A finished run of chains: a fit of one test, of several, or of a table of peak stresses.
+
+    Attributes
+    ----------
+    directory : RunDirectory
+        Where its files are.
+    posterior : DataTree
+        Labelled draws.
+    manifest : dict
+        Command, seeds, versions, hashes, wall times.
+    """
+
+    directory: RunDirectory
+    posterior: xr.DataTree
+    manifest: dict[str, Any]
+
+    @abstractmethod
+    def summary(self) -> pd.DataFrame:
+        """Table of the sampled quantities in SI units."""
+
+    def checks(self) -> tuple[CheckResult, ...]:
+        """Return the checks with their verdicts (`pyburgers.checks.registry.CHECKS`).
+
+        Draws of the prior alone describe no data, so they are checked for their sampling.
+        """
+        fitted = self.manifest["use_likelihood"]
+        asked = [one for one in CHECKS if fitted or one.kind is CheckKind.SAMPLING]
+        return run_checks(self.checked_draws, asked)
+
+    @property
+    def checked_draws(self) -> CheckedDraws:
+        """What the checks look at."""
+        limit = self.manifest["sampler"]["max_treedepth"]
+        return CheckedDraws(self.posterior, self.missing_chains(), limit)
+
+    def missing_chains(self) -> tuple[ChainFailure, ...]:
+        """Return the chains that were asked for and are not there, and why."""
+        return missing_chains(
+            self.posterior["posterior"]["chain"].to_numpy().tolist(), self.manifest
+        )
+
+
+AnyFit = TypeVar("AnyFit", bound=SampledFit)
+
+
+def sample_until_solved(sample: Callable[[], AnyFit], run: RunDirectory) -> AnyFit:
+    """Sample, and again at a tighter tolerance of the solver where its check fails.
+
+    Parameters
+    ----------
+    sample : callable
+        Runs missing chains and loads the fit.
+    run : RunDirectory
+        Where they are.
+    """
+    while True:
+        result = sample()
+        verdict = check_solver(result.checked_draws)
+        n_refits = len(result.manifest["refits"])
+        if verdict.passed or n_refits == MAX_REFITS or result.missing_chains():
+            return result
+        tight = tighten_solver(run, float(verdict.table["pareto_k"].iloc[0]))
+        logger.info(f"{verdict.sentence} Sampling all chains again at a tolerance of {tight:g}.")
+
+
+def write_tables(result: SampledFit) -> None:
+    """Save the table and the verdicts, and note in the manifest that the run is complete."""
+    run = result.directory
+    write_text(run.summary_file, result.summary().to_csv())
+    write_json(run.checks_file, checks_record(result.checks()))
+    if not result.missing_chains():
+        run.update_manifest({"status": "complete"})
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,7 +289,7 @@ def fit(
     solver : SolverOptions, optional
         Tolerance of the ODE solver while sampling. Where the draws, solved again at the reference
         tolerance, show it too loose (Pareto k), all chains are run again ten times tighter, at
-        most `pyburgers.fitting.sampled_fit.MAX_REFITS` times; the manifest notes it.
+        most `MAX_REFITS` times; the manifest notes it.
     use_likelihood : bool
         False samples the prior predictive distribution with the same program.
     command : str

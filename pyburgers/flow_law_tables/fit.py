@@ -14,12 +14,11 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.checks.fit_checks import CHAIN_CHECKS, CheckResult, run_checks
-from pyburgers.cmdstan.draws import Draws, read_draws
-from pyburgers.cmdstan.program import load_program, stan_directory
+from pyburgers.cmdstan.program import Draws, load_program, read_draws, stan_directory
 from pyburgers.common.atomic_files import write_json
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError
-from pyburgers.fitting.sampled_fit import SampledFit, write_tables
+from pyburgers.fitting.fit import SampledFit, write_tables
 from pyburgers.flow_law_tables.inputs import (
     FLOW_LAW_PARAMETERS,
     PeakStressData,
@@ -46,9 +45,8 @@ from pyburgers.protocols.stan_data import (
     prior_block,
 )
 from pyburgers.sampling.options import SamplerOptions
-from pyburgers.sampling.run import complete_chains, fingerprint
+from pyburgers.sampling.run import complete_chains, fingerprint, run_record
 from pyburgers.sampling.run_directory import RunDirectory
-from pyburgers.sampling.run_record import run_record
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -2,8 +2,7 @@
 
 import math
 
-from pyburgers.common.numbers import number
-from pyburgers.common.units import UNITS
+from pyburgers.common.units import UNITS, number
 from pyburgers.model.parameters import PARAMETER_BY_NAME, REFERENCE_QUANTITIES, Parameter
 from pyburgers.model.prior_families import Prior
 

@@ -80,6 +80,13 @@ class FlowLawPrior:
     material: str
     source: str
 
+    def __eq__(self, other: object) -> bool:
+        """Whether it is the same distribution of the same material, from the same source."""
+        return isinstance(other, FlowLawPrior) and (self.material, self.table()) == (
+            other.material,
+            other.table(),
+        )
+
     def checked(self, where: str) -> Self:
         """Return the prior if it is a distribution of the quantities.
 

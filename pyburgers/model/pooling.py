@@ -10,7 +10,7 @@ from typing import Any, Literal, get_args
 
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import nearest
-from pyburgers.model.parameters import CONSTANTS
+from pyburgers.model.parameters import CONSTANTS, PROGRAM_PARAMETERS
 
 Kind = Literal["shared", "partial", "separate"]
 
@@ -26,20 +26,12 @@ ALL = "all"
 
 DEFAULT_KINDS: Mapping[str, Kind] = MappingProxyType(
     {
-        "maxwell_modulus": "shared",
-        "kelvin_modulus": "shared",
-        "kelvin_viscosity": "shared",
-        "stress_exponent": "shared",
-        "grain_size_exponent": "shared",
-        "activation_enthalpy": "shared",
-        "beta": "shared",
+        **{p.name: "shared" for p in PROGRAM_PARAMETERS if p.name not in CONSTANTS},
         "steady_state_grain_size": "partial",
         "steady_state_fabric_factor": "separate",
         "critical_strain_grain_size": "separate",
         "critical_strain_fabric": "separate",
         "stress_noise": "separate",
-        "kelvin_stress_exponent": "shared",
-        "kelvin_activation_enthalpy": "shared",
         "residual_correlation_strain": "separate",
     }
 )

@@ -18,7 +18,7 @@ from scipy import stats
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table
 from pyburgers.common.units import factor_to_si
-from pyburgers.model.parameters import CONSTANTS, Parameter
+from pyburgers.model.parameters import CONSTANTS, STANDARD_VALUES, Parameter
 
 if TYPE_CHECKING:
     from scipy.stats._distn_infrastructure import rv_continuous_frozen
@@ -41,12 +41,7 @@ OPTIONAL_KEYS: Mapping[str, tuple[str, ...]] = MappingProxyType({"normal": ("low
 """Number keys of each family; no other is allowed."""
 
 MAY_BE_ZERO = frozenset(
-    {
-        "grain_size_exponent",
-        "kelvin_activation_enthalpy",
-        "residual_correlation_strain",
-        "piezometer_reference_grain_size",
-    }
+    {"grain_size_exponent", *(name for name, value in STANDARD_VALUES.items() if value == 0.0)}
 )
 """Parameters that may be fixed at zero."""
 

@@ -333,6 +333,11 @@ def _choose_maxwell(priors: PriorSet, experiment: Test, choice: str) -> PriorSet
     exponent, beta = priors["stress_exponent"], priors["beta"]
     if choice == "power_law" or is_fixed_at(exponent, 1.0):
         return priors
+    if priors.flow_law is not None:
+        raise InputError(
+            f"{experiment.id}: maxwell=linear fixes the stress exponent, found it in the joint "
+            f"prior of the flow law of {priors.title!r}, expected a prior of each parameter."
+        )
     if beta.family not in ("normal", "fixed") or np.isfinite([beta.lower, beta.upper]).any():
         raise InputError(
             f"{experiment.id}: maxwell=linear moves the prior of beta to another stress exponent, "

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from pyburgers.cmdstan.draws import Draws, read_draws
-from pyburgers.cmdstan.program import Program, load_program
+from pyburgers.cmdstan.program import Draws, Program, load_program, read_draws
 from pyburgers.common.errors import SamplingError
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.priors import PriorSet
@@ -25,11 +24,11 @@ from pyburgers.posterior.labelled_draws import (
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forward import REFERENCE_SOLVER, simulate
 from pyburgers.protocols.layout import CENTRE, SPREAD
+from pyburgers.protocols.problem import Problem
 from pyburgers.protocols.program_data import PLACE, with_grids
 from pyburgers.protocols.protocol import Quantity
 from pyburgers.protocols.registry import protocol_of
 from pyburgers.protocols.stan_data import StanData, solver_block
-from pyburgers.sampling.problem import Problem
 from pyburgers.sampling.run_directory import RunDirectory
 
 logger = logging.getLogger(__name__)
@@ -57,13 +56,13 @@ def build_posterior(run: RunDirectory, problem: Problem) -> xr.DataTree:
     DataTree
         Of a single test, groups posterior, sample_stats, log_likelihood (of each point given those
         before it), log_likelihood_given_others (where residuals are correlated; elsewhere the
-        same), log_prior, posterior_predictive (at the observed points), predictions (on a grid of
-        the protocol's clock), posterior_mean_solution, observed_data, constant_data; dimensions
-        chain, draw, point, and the clock. Stresses of an oscillating test are without trend where
-        its background is removed, save that of posterior_mean_solution. Of several tests these in
-        tests/ID for each, with `OF_ALL_TESTS`; and at the top those of points of all tests, one
-        after the other, and of draws: shared parameters by their names, others as NAME[TEST],
-        NAME[centre] and NAME[spread].
+        same), log_prior, model_response and posterior_predictive (at the observed points, without
+        and with noise), predictions (on a grid of the protocol's clock), posterior_mean_solution,
+        observed_data, constant_data; dimensions chain, draw, point, and the clock. Stresses of an
+        oscillating test are without trend where its background is removed, save that of
+        posterior_mean_solution. Of several tests these in tests/ID for each, with `OF_ALL_TESTS`;
+        and at the top those of points of all tests, one after the other, and of draws: shared
+        parameters by their names, others as NAME[TEST], NAME[centre] and NAME[spread].
     """
     manifest = run.read_manifest()
     protocol, experiments = problem.protocol, problem.experiments
@@ -174,9 +173,10 @@ def drawn_at_points(fit: Draws, chains: Mapping[str, list[int]], response: Quant
     Returns
     -------
     Dataset, dimensions chain, draw, point
-        replicated responses, log_lik, `GIVEN_OTHERS` where residuals are correlated, and lprior.
+        responses without noise and replicated, log_lik, `GIVEN_OTHERS` where residuals are
+        correlated, and lprior.
     """
-    names = [f"{response.name}_replicated", "log_lik"]
+    names = [f"{response.name}_model", f"{response.name}_replicated", "log_lik"]
     if GIVEN_OTHERS in fit:
         names.append(GIVEN_OTHERS)
     columns = {name: fit.dataset([name])[name].rename({f"{name}_dim_0": "point"}) for name in names}
@@ -238,10 +238,12 @@ def groups_of_test(
     experiment, priors
         The test and its resolved priors.
     """
+    response = protocol_of(experiment).response.name
     return {
         "posterior": draws,
         "sample_stats": stats,
         **point_groups(at_points, [experiment]),
+        "model_response": xr.Dataset({response: at_points[f"{response}_model"]}),
         "predictions": _predictions(checked, experiment),
         "posterior_mean_solution": _solution_at_mean(draws, priors, experiment),
         "constant_data": xr.Dataset(

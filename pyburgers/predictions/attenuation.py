@@ -31,8 +31,7 @@ import xarray as xr
 
 from pyburgers.common.atomic_files import write_atomically
 from pyburgers.common.errors import InputError
-from pyburgers.common.numbers import number
-from pyburgers.common.units import UNITS
+from pyburgers.common.units import UNITS, number
 from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT, STRESS_UNIT
 from pyburgers.model.flow_law_prior import GAS_CONSTANT
 from pyburgers.model.parameters import KELVIN_REFERENCES, STANDARD_VALUES

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pyburgers.common.errors import InputError
-from pyburgers.common.numbers import number
+from pyburgers.common.units import number
 from pyburgers.model.display import STRESS_FACTOR, STRESS_UNIT
 
 FloatArray = npt.NDArray[np.float64]

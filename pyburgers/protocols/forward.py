@@ -23,7 +23,7 @@ from pyburgers.model.prior_families import MAY_BE_ZERO, fixed_prior
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.variants import check_piezometer
 from pyburgers.protocols.experiment import Experiment, Provenance
-from pyburgers.protocols.layout import OneTest
+from pyburgers.protocols.problem import one_test
 from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.registry import protocol_of
 from pyburgers.protocols.stan_data import SolverOptions
@@ -224,7 +224,7 @@ def solve(
     priors = given_parameters(experiment.material, values)
     protocol = protocol_of(experiment)
     bare = protocol.without_data(experiment)
-    data = program_data(OneTest(bare, priors), solver=solver, grids=[at])
+    data = program_data(one_test(bare, priors), solver=solver, grids=[at])
     draw = load_program(protocol.program).evaluate(data)
     if not np.isfinite(draw[f"grid_{protocol.response.name}"]).all():
         raise SamplingError(

@@ -2,58 +2,16 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from pyburgers.model.pooling import SEPARATE, Pooling
-from pyburgers.model.priors import PriorSet
-from pyburgers.protocols.experiment import Experiment
+from pyburgers.model.pooling import Pooling
 
 IntArray = npt.NDArray[np.int64]
 
 CENTRE, SPREAD = "centre", "spread"
 """Owners of the coordinates that belong to no test."""
-
-
-class FittedTests(Protocol):
-    """What is fitted: tests of one protocol and material."""
-
-    @property
-    def experiments(self) -> Sequence[Experiment]:
-        """The tests, at least one."""
-
-    @property
-    def priors(self) -> Sequence[PriorSet]:
-        """Of each test, resolved; the same parameters are free in all of them."""
-
-    @property
-    def pooling(self) -> Pooling:
-        """How the tests hang together."""
-
-
-@dataclass(frozen=True)
-class OneTest:
-    """A test by itself, every parameter its own."""
-
-    experiment: Experiment
-    prior: PriorSet
-
-    @property
-    def experiments(self) -> tuple[Experiment, ...]:
-        """The test."""
-        return (self.experiment,)
-
-    @property
-    def priors(self) -> tuple[PriorSet, ...]:
-        """Its priors."""
-        return (self.prior,)
-
-    @property
-    def pooling(self) -> Pooling:
-        """All separate."""
-        return SEPARATE
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,11 +64,21 @@ class Layout:
         return [i for i, name in enumerate(self.names) if name not in others]
 
 
-def layout_of(tests: FittedTests) -> Layout:
-    """Lay the coordinates of a fit out."""
-    names, n_tests = tests.priors[0].free, len(tests.experiments)
-    shared = tests.pooling.of_kind("shared", names)
-    partial = tests.pooling.of_kind("partial", names)
+def layout_of(names: Sequence[str], n_tests: int, pooling: Pooling) -> Layout:
+    """Lay the coordinates of a fit out.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Parameters that are inferred in every test.
+    n_tests : int
+        Number of tests.
+    pooling : Pooling
+        How they hang together.
+    """
+    # One test shares with nobody.
+    shared = pooling.of_kind("shared", names) if n_tests > 1 else ()
+    partial = pooling.of_kind("partial", names)
     position = np.zeros((n_tests, len(names)), dtype=np.int64)
     position[0] = np.arange(len(names))
     following = len(names)
@@ -119,4 +87,4 @@ def layout_of(tests: FittedTests) -> Layout:
             position[e, i] = i if name in shared else following
             following += name not in shared
     centre = following + np.arange(len(partial))
-    return Layout(names, position, shared, partial, centre, centre + len(partial))
+    return Layout(tuple(names), position, shared, partial, centre, centre + len(partial))

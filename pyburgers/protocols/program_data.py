@@ -1,6 +1,6 @@
 """Tests, priors and solver options -> the data dictionary of the Stan program of their protocol.
 
-One function for one to many tests. What depends on the protocol comes from its object; index
+One function for one to many problem. What depends on the protocol comes from its object; index
 tables of parameters and coordinates (`stan/data/coordinates.stan`) are made here.
 """
 
@@ -16,15 +16,14 @@ from pyburgers.model.prior_families import fixed_prior, is_fixed_at
 from pyburgers.model.priors import FLOW_LAW, PriorSet
 from pyburgers.model.variants import variant_of
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.layout import FittedTests, Layout, layout_of
+from pyburgers.protocols.layout import Layout
+from pyburgers.protocols.problem import Problem
 from pyburgers.protocols.registry import protocol_of
 from pyburgers.protocols.stan_data import (
     CHART,
     PLAIN,
-    PlainCoordinates,
     SolverOptions,
     StanData,
-    coordinates_through,
     ends,
     flow_law_block,
     prior_block,
@@ -40,14 +39,8 @@ CHART_DATA_PRECISION = 1.0
 """Of a partially pooled number in a chart, as a guess of what data say; speed only."""
 
 
-def plain_coordinates(experiment: Experiment, priors: PriorSet) -> PlainCoordinates:
-    """Choose origin and size of every free parameter and what the reference quantity replaces."""
-    protocol = protocol_of(experiment)
-    return coordinates_through(priors, protocol.reference, *protocol.reference_origin(experiment))
-
-
 def program_data(
-    tests: FittedTests,
+    problem: Problem,
     *,
     solver: SolverOptions,
     grids: Sequence[FloatArray] | None = None,
@@ -57,8 +50,8 @@ def program_data(
 
     Parameters
     ----------
-    tests : FittedTests
-        The tests, their priors in SI, resolved, and how they are pooled.
+    problem : Problem
+        Tests, priors, pooling.
     solver : SolverOptions
         Tolerance and step limit.
     grids : sequence of array, optional
@@ -67,21 +60,21 @@ def program_data(
     use_likelihood : bool
         False gives the prior.
     """
-    layout = layout_of(tests)
+    layout = problem.layout
     return {
-        **tests_block(tests, use_likelihood=use_likelihood),
-        **with_grids({}, tests.experiments, grids),
-        **_prior_block(tests, layout),
-        **flow_law_block(tests.priors[0].flow_law),
-        **_coordinate_block(tests, layout),
-        **chart_block(tests),
+        **tests_block(problem, use_likelihood=use_likelihood),
+        **with_grids({}, problem.experiments, grids),
+        **_prior_block(problem, layout),
+        **flow_law_block(problem.priors[0].flow_law),
+        **_coordinate_block(problem, layout),
+        **chart_block(problem),
         **solver_block(solver),
     }
 
 
-def tests_block(tests: FittedTests, *, use_likelihood: bool) -> StanData:
-    """Return the data of a program that are about the tests."""
-    experiments = tests.experiments
+def tests_block(problem: Problem, *, use_likelihood: bool) -> StanData:
+    """Return the data of a program that are about the problem."""
+    experiments = problem.experiments
     return {
         "n_tests": len(experiments),
         "temperature": [e.temperature for e in experiments],
@@ -89,9 +82,9 @@ def tests_block(tests: FittedTests, *, use_likelihood: bool) -> StanData:
         "point_end": ends(e.n_points for e in experiments),
         "use_likelihood": int(use_likelihood),
         "power_law_kelvin": int(
-            not all(is_fixed_at(own["kelvin_stress_exponent"], 1.0) for own in tests.priors)
+            not all(is_fixed_at(own["kelvin_stress_exponent"], 1.0) for own in problem.priors)
         ),
-        **protocol_of(experiments[0]).tests_block(experiments, tests.priors),
+        **problem.protocol.tests_block(experiments, problem.priors),
     }
 
 
@@ -105,7 +98,7 @@ def with_grids(
 
 
 def chart_block(
-    tests: FittedTests,
+    problem: Problem,
     references: Sequence[object] = (),
     *,
     pooled: FloatArray | None = None,
@@ -115,18 +108,18 @@ def chart_block(
 
     Parameters
     ----------
-    tests : FittedTests
-        The tests.
+    problem : Problem
+        Tests, priors, pooling.
     references : sequence
-        What `pyburgers.protocols.chart.Chart.reference` gave for each.
+        What `pyburgers.protocols.protocol.Chart.reference` gave for each.
     pooled : array, shape (n_tests, n_partial), optional
         Real numbers behind the partially pooled parameters at the references; default 0.
     pooling : array, shape (2, n_partial), optional
         Their centres, and ln(spread/scale); default 0.
     """
-    layout = layout_of(tests)
+    layout = problem.layout
     n_partial = len(layout.partial)
-    chart = protocol_of(tests.experiments[0]).chart
+    chart = problem.protocol.chart
     pooled = np.zeros((layout.n_tests, n_partial)) if pooled is None else pooled
     pooling = np.zeros((2, n_partial)) if pooling is None else pooling
     return {
@@ -152,18 +145,18 @@ def values_of_test(parameter: FloatArray, test: int) -> dict[str, float]:
     return {p.name: float(v) for p, v in zip(PROGRAM_PARAMETERS, parameter[test], strict=True)}
 
 
-def _prior_block(tests: FittedTests, layout: Layout) -> StanData:
-    """Return the part of the block `stan/data/priors.stan` that differs between tests."""
+def _prior_block(problem: Problem, layout: Layout) -> StanData:
+    """Return the part of the block `stan/data/priors.stan` that differs between problem."""
     rows = [
         prior_block(_as_solved(priors, experiment), PROGRAM_PARAMETERS)
-        for priors, experiment in zip(tests.priors, tests.experiments, strict=True)
+        for priors, experiment in zip(problem.priors, problem.experiments, strict=True)
     ]
     own = np.zeros((layout.n_tests, len(PROGRAM_PARAMETERS)), dtype=bool)
     for test, row in enumerate(own):
         row[[PLACE[layout.names[i]] - 1 for i in layout.own(test)]] = True
     block = {key: [row[key] for row in rows] for key in rows[0]}
     in_flow_law = [PLACE[name] - 1 for name in FLOW_LAW]
-    joint = tests.priors[0].flow_law is not None
+    joint = problem.priors[0].flow_law is not None
     return {
         **block,
         "prior_family": np.where(own, block["prior_family"], 0).tolist(),
@@ -179,24 +172,20 @@ def _as_solved(priors: PriorSet, experiment: Experiment) -> PriorSet:
     return replace(priors, priors={**priors.priors, none.parameter: none})
 
 
-def _coordinate_block(tests: FittedTests, layout: Layout) -> StanData:
+def _coordinate_block(problem: Problem, layout: Layout) -> StanData:
     """Return the block `stan/data/coordinates.stan` but for what a chart says."""
-    plain = [
-        plain_coordinates(experiment, priors)
-        for experiment, priors in zip(tests.experiments, tests.priors, strict=True)
-    ]
+    plain = problem.coordinates
     own = [layout.own(test) for test in range(layout.n_tests)]
     parameters = [[PLACE[layout.names[i]] for i in places] for places in own]
     place = np.zeros((layout.n_tests, len(PROGRAM_PARAMETERS)), dtype=np.int64)
     for row, found in zip(place, parameters, strict=True):
         row[np.array(found, dtype=np.int64) - 1] = np.arange(1, len(found) + 1)
     replaced = PLACE.get(plain[0].replaced_parameter or "", 0)
-    families = prior_block(tests.priors[0], PROGRAM_PARAMETERS)["prior_family"]
+    families = prior_block(problem.priors[0], PROGRAM_PARAMETERS)["prior_family"]
     return {
         "n_coordinates": layout.size,
-        # Shared by one test with nobody.
-        "n_shared": len(layout.shared) if layout.n_tests > 1 else 0,
-        "shared_parameter": [PLACE[name] for name in layout.shared if layout.n_tests > 1],
+        "n_shared": len(layout.shared),
+        "shared_parameter": [PLACE[name] for name in layout.shared],
         "own_end": ends(len(places) for places in own),
         "own_parameter": list(chain.from_iterable(parameters)),
         "own_position": [
@@ -214,5 +203,5 @@ def _coordinate_block(tests: FittedTests, layout: Layout) -> StanData:
         "pooled_quantity": [numbers.quantity[layout.pooled].tolist() for numbers in plain],
         "centre_position": (layout.centre + 1).tolist(),
         "spread_position": (layout.spread + 1).tolist(),
-        "spread_scale": [tests.pooling.spread_scales[name] for name in layout.partial],
+        "spread_scale": [problem.pooling.spread_scales[name] for name in layout.partial],
     }

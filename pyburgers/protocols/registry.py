@@ -1,6 +1,7 @@
 """Every protocol, and experiment files of any of them."""
 
 from collections.abc import Mapping
+from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -9,21 +10,19 @@ from pydantic import ConfigDict, Field
 
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, read_toml
-from pyburgers.protocols.constant_rate.protocol import CONSTANT_RATE
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.forced_oscillation.protocol import FORCED_OSCILLATION
 from pyburgers.protocols.protocol import Protocol
 
 PROTOCOLS: Mapping[str, Protocol[Any]] = MappingProxyType(
     {
-        protocol.name: protocol
-        for protocol in (
-            CONSTANT_RATE,
-            FORCED_OSCILLATION,
+        name: import_module(f"pyburgers.protocols.{name}.protocol").PROTOCOL
+        for name in (
+            "constant_rate",
+            "forced_oscillation",
         )
     }
 )
-"""By their names in files."""
+"""By their names in files, which are those of their folders."""
 
 
 class _ProtocolTable(Table):

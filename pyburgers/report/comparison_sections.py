@@ -12,7 +12,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from pyburgers.common.draws import all_draws
-from pyburgers.common.numbers import with_error
+from pyburgers.common.units import with_error
 from pyburgers.comparison.by_points import compare
 from pyburgers.comparison.by_tests import compare_kept_by_test
 from pyburgers.comparison.results import (

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from pyburgers.common.draws import BAND, TAIL, all_draws
-from pyburgers.common.numbers import number, with_error
+from pyburgers.common.units import number, with_error
 from pyburgers.comparison.same_data import fits_alone
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.drawing.panels import draw_curve, legend_above

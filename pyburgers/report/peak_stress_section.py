@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from pyburgers.common.draws import all_draws
-from pyburgers.common.numbers import number, with_error
+from pyburgers.common.units import number, with_error
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.drawing.panels import draw_band
 from pyburgers.drawing.style import BLUE, GREEN, ORANGE, PURPLE, VERMILION, style

@@ -17,7 +17,7 @@ from matplotlib.patches import Patch
 from scipy import ndimage, stats
 
 from pyburgers.common.draws import all_draws, evenly_spaced
-from pyburgers.common.numbers import number
+from pyburgers.common.units import number
 from pyburgers.drawing.page_parts import FigureRecipe
 from pyburgers.drawing.style import (
     BLACK,

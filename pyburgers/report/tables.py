@@ -12,7 +12,7 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.checks.fit_checks import CheckResult
-from pyburgers.common.numbers import number, rounded, with_error
+from pyburgers.common.units import number, rounded, with_error
 from pyburgers.drawing.page_parts import PageTable
 from pyburgers.fitting.fit import Fit
 from pyburgers.flow_law_tables.fit import PeakStressFit

@@ -2,7 +2,6 @@
 
 import logging
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -10,15 +9,20 @@ import numpy.typing as npt
 
 from pyburgers.cmdstan.program import Program, load_program
 from pyburgers.common.errors import InputError
-from pyburgers.model.priors import PriorSet
-from pyburgers.protocols.chart import Chart, ChartUnsuited, Mode
 from pyburgers.protocols.forward import solve
-from pyburgers.protocols.layout import layout_of
+from pyburgers.protocols.problem import Problem
 from pyburgers.protocols.program_data import chart_block, program_data
-from pyburgers.protocols.stan_data import PlainCoordinates, SolverOptions, StanData, solver_block
-from pyburgers.sampling.metric import curvature_at, expected_rise, laplace_metric
-from pyburgers.sampling.mode import ModeNotFound, ProblemMode, climb, find_mode
-from pyburgers.sampling.problem import Problem
+from pyburgers.protocols.protocol import AtMode, Chart, ChartUnsuited, Mode
+from pyburgers.protocols.stan_data import SolverOptions, StanData, solver_block
+from pyburgers.sampling.starts import (
+    ModeNotFound,
+    ProblemMode,
+    climb,
+    curvature_at,
+    expected_rise,
+    find_mode,
+    laplace_metric,
+)
 
 logger = logging.getLogger(__name__)
 
@@ -111,7 +115,7 @@ def choose_chart(
     try:
         mode = find_mode(problem, seed=seed, solver=solver)
         if chart is not None and wanted != "plain":
-            return _at_mode(chart, problem, model, data, mode, seed=seed, solver=solver)
+            return _chart_at(chart, problem, model, data, mode, seed=seed, solver=solver)
         reason = "the protocol has no others"
     except (ModeNotFound, ChartUnsuited) as error:
         if wanted not in ("auto", "plain"):
@@ -127,53 +131,39 @@ def choose_chart(
     return ChosenChart("plain", reason, {}, mode.coordinate, covariance)
 
 
-@dataclass(frozen=True, eq=False)
-class ModeOfTest:
-    """A test by itself at its posterior mode; members as `pyburgers.protocols.chart.AtMode`."""
+def at_mode(problem: Problem, mode: Mode, solver: SolverOptions) -> AtMode[Any]:
+    """Return what charts are set up with.
 
-    problem: Problem
-    mode: Mode
-    solver: SolverOptions
-
-    @property
-    def experiment(self) -> Any:
-        """The test."""
-        return self.problem.experiments[0]
-
-    @property
-    def priors(self) -> PriorSet:
-        """Its priors."""
-        return self.problem.priors[0]
-
-    @property
-    def coordinates(self) -> PlainCoordinates:
-        """What its plain coordinates stand for."""
-        return self.problem.coordinates[0]
-
-    @cached_property
-    def data(self) -> StanData:
-        """Data of the program."""
-        return program_data(self.problem, solver=self.solver)
-
-    @property
-    def _model(self) -> Program:
-        return load_program(self.problem.protocol.program)
-
-    def solution(self, at: FloatArray) -> dict[str, FloatArray]:
-        """Solution at the mode."""
-        return solve(self.experiment, self.mode.values, at, solver=self.solver)
-
-    def generated(self, **changes: object) -> dict[str, FloatArray]:
-        """Variables of the program at the mode."""
-        position = {"coordinate": self.mode.coordinate.tolist()}
-        return self._model.evaluate({**self.data, **changes}, position)
-
-    def curvature(self, **changes: object) -> FloatArray:
-        """Curvature at the mode."""
-        return curvature_at(self._model, {**self.data, **changes}, self.mode.coordinate)
+    Parameters
+    ----------
+    problem : Problem
+        One test.
+    mode : Mode
+        Its mode.
+    solver : SolverOptions
+        Tolerance and step limit.
+    """
+    model = load_program(problem.protocol.program)
+    data = program_data(problem, solver=solver)
+    position = {"coordinate": mode.coordinate.tolist()}
+    (experiment,), (priors,), (coordinates,) = (
+        problem.experiments,
+        problem.priors,
+        problem.coordinates,
+    )
+    return AtMode(
+        experiment,
+        priors,
+        coordinates,
+        mode,
+        data,
+        solution=lambda at: solve(experiment, mode.values, at, solver=solver),
+        generated=lambda **changes: model.evaluate({**data, **changes}, position),
+        curvature=lambda **changes: curvature_at(model, {**data, **changes}, mode.coordinate),
+    )
 
 
-def _at_mode(
+def _chart_at(
     chart: Chart[Any],
     problem: Problem,
     model: Program,
@@ -194,9 +184,9 @@ def _at_mode(
     if chart.curvature_tolerance is not None:
         solver = SolverOptions(chart.curvature_tolerance)
         data = {**data, **solver_block(solver)}
-    layout = layout_of(problem)
+    layout = problem.layout
     tests = [
-        ModeOfTest(one, own, solver) for one, own in zip(problem.alone(), mode.tests, strict=True)
+        at_mode(one, own, solver) for one, own in zip(problem.alone(), mode.tests, strict=True)
     ]
     references: list[Any] = []
     centre = np.zeros(layout.size)

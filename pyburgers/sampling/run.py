@@ -2,28 +2,40 @@
 
 import json
 import logging
-from collections.abc import Callable
+import platform
+from collections.abc import Callable, Iterable
 from dataclasses import asdict
+from datetime import UTC, datetime
+from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from pyburgers.cmdstan.program import Program, load_program
-from pyburgers.common.atomic_files import sha256_of_json, write_atomically, write_json
+from pyburgers.cmdstan.toolchain import find_cmdstan, toolchain
+from pyburgers.common.atomic_files import (
+    sha256_of_file,
+    sha256_of_json,
+    write_atomically,
+    write_json,
+)
 from pyburgers.common.errors import SamplingError
 from pyburgers.model.priors import save_priors
+from pyburgers.model.variants import variant_of
+from pyburgers.protocols.problem import Problem
 from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.registry import save_experiment
 from pyburgers.protocols.stan_data import SolverOptions, StanData
 from pyburgers.sampling.chains import ChainFailure, run_side_by_side
 from pyburgers.sampling.charts import ChosenChart, check_coordinates, choose_chart
-from pyburgers.sampling.initial_values import draw_initial_values, draw_start_around
 from pyburgers.sampling.options import INDECISIVE, SamplerOptions
-from pyburgers.sampling.problem import Problem
 from pyburgers.sampling.run_directory import RunDirectory
-from pyburgers.sampling.run_record import problem_record, run_record
+from pyburgers.sampling.starts import draw_initial_values, draw_start_around
 
 logger = logging.getLogger(__name__)
+
+PACKAGES = ("pyburgers", "cmdstanpy", "arviz", "numpy", "scipy", "pandas", "xarray")
 
 TIGHTENING = 10.0
 """Factor between the tolerance of a run and of its repetition."""
@@ -247,3 +259,95 @@ def _write_inputs(run: RunDirectory, problem: Problem) -> None:
             written.replace(file.parent / written.name)
     # As given: they are resolved for each test by itself.
     write_atomically(run.priors_file, lambda path: save_priors(problem.given_priors, path))
+
+
+def problem_record(problem: Problem) -> dict[str, Any]:
+    """Note what is fitted: tests, pooling, variant of the model, another source of the flow law."""
+    priors = problem.given_priors
+    return {
+        "experiments": [experiment.id for experiment in problem.experiments],
+        "pooling": problem.pooling.record(),
+        "variant": variant_of(problem.priors[0], problem.experiments[0]).record(),
+        "priors_from": None if priors.flow_law is None else priors.flow_law.source,
+    }
+
+
+def run_record(
+    run: RunDirectory,
+    *,
+    name: str,
+    data_kind: str,
+    options: SamplerOptions,
+    identity: str,
+    use_likelihood: bool,
+    command: str,
+) -> dict[str, Any]:
+    """Note what will run: command, settings, versions, hashes of the inputs.
+
+    Parameters
+    ----------
+    run : RunDirectory
+        With its inputs and Stan data.
+    name, data_kind : str
+        Experiment or table, and the kind of its provenance.
+    options : SamplerOptions
+        Settled settings.
+    identity : str
+        `fingerprint` of the run.
+    use_likelihood : bool
+        Whether data take part.
+    command : str
+        What regenerates the run.
+
+    Returns
+    -------
+    dict
+        Entries of the manifest.
+    """
+    return {
+        "fingerprint": identity,
+        "experiment": name,
+        "data_kind": data_kind,
+        **origin_record(run, command, (*files_in(run.inputs), run.stan_data_file)),
+        "failures": [],
+        "sampler": asdict(options),
+        "use_likelihood": use_likelihood,
+    }
+
+
+def origin_record(run: RunDirectory, command: str, inputs: Iterable[Path]) -> dict[str, Any]:
+    """Note what regenerates a folder: command, versions, hashes of the inputs; and that it runs.
+
+    Parameters
+    ----------
+    run : RunDirectory
+        The folder.
+    command : str
+        What regenerates it.
+    inputs : iterable of Path
+        Files in it.
+    """
+    return {
+        "command": command,
+        "started": datetime.now(UTC).isoformat(timespec="seconds"),
+        "status": "sampling",
+        "versions": software_versions(),
+        "hashes": {file.relative_to(run.path).as_posix(): sha256_of_file(file) for file in inputs},
+    }
+
+
+def files_in(folder: Path) -> list[Path]:
+    """Return all files below a folder, in order."""
+    return sorted(file for file in folder.rglob("*") if file.is_file())
+
+
+def software_versions() -> dict[str, str | None]:
+    """Return the versions of what makes the draws, for manifests."""
+    found = find_cmdstan()
+    tools = toolchain(found) if found is not None else None
+    return {
+        "python": platform.python_version(),
+        **{package: version(package) for package in PACKAGES},
+        "cmdstan": tools.cmdstan_version if tools else None,
+        "compiler": tools.compiler if tools else None,
+    }

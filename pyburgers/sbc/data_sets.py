@@ -30,7 +30,7 @@ from pyburgers.model.priors import PriorSet, default_priors, load_priors, shippe
 from pyburgers.posterior.labelled_draws import convergence_table, free_parameters, response_in
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forward import given_parameters, simulate, simulate_data
-from pyburgers.protocols.layout import OneTest
+from pyburgers.protocols.problem import one_test
 from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.registry import protocol_of
 from pyburgers.protocols.stan_data import (
@@ -285,7 +285,7 @@ def _at_truth(experiment: Experiment, solver: SolverOptions) -> dict[str, float]
     values = experiment.true_parameters
     assert values is not None  # simulated
     given = given_parameters(experiment.material, values)
-    data = program_data(OneTest(experiment, given), solver=solver)
+    data = program_data(one_test(experiment, given), solver=solver)
     draw = load_program(protocol_of(experiment).program).evaluate(data)
     reference = protocol_of(experiment).reference.name
     return {

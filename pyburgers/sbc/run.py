@@ -20,14 +20,14 @@ from pyburgers.common.processes import completed, number_of_processes
 from pyburgers.common.toml_files import read_text
 from pyburgers.model.priors import PriorSet, load_priors, save_priors
 from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.problem import Problem, problem_of
 from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.registry import load_experiment, save_experiment
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.charts import check_coordinates
 from pyburgers.sampling.options import INDECISIVE, SamplerOptions
-from pyburgers.sampling.problem import Problem, problem_of
+from pyburgers.sampling.run import files_in, origin_record
 from pyburgers.sampling.run_directory import RunDirectory
-from pyburgers.sampling.run_record import files_in, origin_record
 from pyburgers.sbc.data_sets import Replication, check_template, replicate
 from pyburgers.sbc.rank_uniformity import RankBands, RankVerdict, judge_ranks, rank_bands
 

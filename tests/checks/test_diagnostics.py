@@ -21,6 +21,7 @@ from pyburgers.checks.fit_checks import (
     coverage,
     run_checks,
 )
+from pyburgers.checks.registry import CHECKS
 from pyburgers.sampling.chains import ChainFailure
 
 FloatArray = npt.NDArray[np.float64]
@@ -53,16 +54,22 @@ def good(chains: int = CHAINS, draws: int = DRAWS) -> xr.DataTree:
         coords,
     )
     noise = 1e5
-    observed = 5e6 + noise * norm.ppf((np.arange(POINTS) + 0.5) / POINTS)
+    quantiles = rng.permutation((np.arange(POINTS) + 0.5) / POINTS)
+    observed = 5e6 + noise * norm.ppf(quantiles)
     replicated = 5e6 + noise * rng.standard_normal((*shape, POINTS))
     return xr.DataTree.from_dict(
         {
             "posterior": posterior,
             "sample_stats": stats,
+            "model_response": xr.Dataset(
+                {"stress": ((*labels, "point"), np.full_like(replicated, 5e6))}, coords
+            ),
             "posterior_predictive": xr.Dataset(
                 {"stress": ((*labels, "point"), replicated)}, coords
             ),
+            "predictions": xr.Dataset({"stress": ((*labels, "strain"), replicated)}, coords),
             "observed_data": xr.Dataset({"stress": ("point", observed)}),
+            "constant_data": xr.Dataset({"strain": ("point", 1e-3 * np.arange(POINTS))}),
         }
     )
 
@@ -81,11 +88,12 @@ def assert_fails(check: CheckResult, *remedies: str) -> None:
 
 
 def test_good_draws_pass_every_check() -> None:
-    checks = run_checks(CheckedDraws(good()))
+    checks = run_checks(CheckedDraws(good()), CHECKS)
     assert [check.name for check in checks if not check.passed] == []
-    assert len({check.name for check in checks}) == 8
+    assert len({check.name for check in checks}) == 9
     assert [check.name for check in checks if check.check.kind is CheckKind.DESCRIPTION] == [
-        "coverage"
+        "coverage",
+        "residual trend",
     ]
     assert all(check.sentence.endswith(".") and len(check.table) > 0 for check in checks)
 

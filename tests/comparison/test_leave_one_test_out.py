@@ -36,8 +36,8 @@ from pyburgers.fitting.fit import Fit, fit_jointly
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import default_priors
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
+from pyburgers.protocols.problem import problem_of
 from pyburgers.report.comparison_sections import comparison_sections
-from pyburgers.sampling.problem import problem_of
 
 FloatArray = npt.NDArray[np.float64]
 

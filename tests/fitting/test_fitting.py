@@ -15,8 +15,7 @@ import xarray as xr
 from conftest import SMALL_RUN, Problem
 from log_density import Program
 
-from pyburgers.cmdstan.draws import read_draws
-from pyburgers.cmdstan.program import compile_program
+from pyburgers.cmdstan.program import compile_program, read_draws
 from pyburgers.common.atomic_files import sha256_of_file
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit, fit
@@ -102,6 +101,11 @@ def test_the_posterior_is_labelled(small_fit: Fit) -> None:
     n_points = experiment.n_points
     assert small_fit.posterior["log_likelihood"].sizes["point"] == n_points
     assert small_fit.posterior["posterior_predictive"].sizes["point"] == n_points
+    residual = group(small_fit, "observed_data") - group(small_fit, "model_response")
+    noise = posterior["stress_noise"]
+    density = -0.5 * (residual / noise) ** 2 - np.log(noise * np.sqrt(2 * np.pi))
+    sampled = group(small_fit, "log_likelihood")
+    xr.testing.assert_allclose(density.transpose(*sampled.dims), sampled, rtol=1e-6)
     predictions = small_fit.posterior["predictions"]
     assert float(predictions["strain"].max()) == pytest.approx(experiment.final_strain)
 
@@ -249,7 +253,7 @@ def test_draws_without_solution_at_the_reference_tolerance_do_not_end_the_fit(
 ) -> None:
     impossible = SolverOptions(tolerance=1e-10, max_num_steps=5)
     monkeypatch.setattr("pyburgers.posterior.build.REFERENCE_SOLVER", impossible)
-    monkeypatch.setattr("pyburgers.fitting.sampled_fit.MAX_REFITS", 0)
+    monkeypatch.setattr("pyburgers.fitting.fit.MAX_REFITS", 0)
     options = replace(SMALL_RUN, draws=5)
     result = fit(
         small_problem.experiment, small_problem.priors, out=tmp_path / "run", options=options

@@ -18,9 +18,8 @@ from pyburgers.model.pooling import (
 from pyburgers.model.priors import default_priors
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.layout import layout_of
+from pyburgers.protocols.problem import Problem, problem_of
 from pyburgers.protocols.registry import load_experiment
-from pyburgers.sampling.problem import Problem, problem_of
 
 NAMES = ("PIL40", "PIL72", "PIL105")
 
@@ -72,14 +71,14 @@ def test_an_option_stands_once() -> None:
 
 def test_shared_coordinates_stand_once() -> None:
     joint = problem()
-    layout = layout_of(joint)
+    layout = joint.layout
     # 7 shared, 5 of each test, a centre and a spread.
     assert layout.size == 7 + 3 * 5 + 2
     i = layout.names.index("stress_exponent")
     assert len(set(layout.position[:, i])) == 1
     own = layout.position[:, layout.names.index("stress_noise")]
     assert len(set(own)) == 3
-    assert layout_of(problem(all="separate")).size == 36
+    assert problem(all="separate").layout.size == 36
 
 
 def test_noise_prior_is_that_of_the_test_unless_it_is_shared() -> None:

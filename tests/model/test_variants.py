@@ -21,8 +21,9 @@ from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_points import compare, leave_one_out, leave_out_exactly
 from pyburgers.comparison.results import comparison_table
 from pyburgers.fitting.fit import Fit, fit
+from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, Conditions, FlowLawPrior
 from pyburgers.model.parameters import PARAMETERS, PIEZOMETER, PROGRAM_PARAMETERS
-from pyburgers.model.priors import PriorSet, default_priors, load_priors, save_priors
+from pyburgers.model.priors import PriorSet, default_priors, load_priors, save_priors, with_flow_law
 from pyburgers.model.variants import (
     CHOICES,
     ModelVariant,
@@ -170,6 +171,23 @@ def test_an_oscillation_of_a_material_without_piezometer_is_refused() -> None:
     values = {k: v for k, v in twin.true_parameters.items() if k not in PIEZOMETER}
     with pytest.raises(InputError, match="follows a piezometer, found none"):
         simulate(twin, values)
+
+
+def test_a_linear_maxwell_dashpot_has_no_place_for_a_joint_flow_law(
+    ice: ConstantRateExperiment, priors: PriorSet
+) -> None:
+    source = FlowLawPrior(
+        PRIOR_QUANTITIES,
+        np.array([3.8, 0.5, -9.0, -7.29e-4]),
+        np.diag([0.1, 0.1, 0.1, 1e-12]),
+        Conditions(260.0, 5e6, 2e-4),
+        "ice",
+        "a table",
+    )
+    joint = with_flow_law(priors, source, "here")
+    with pytest.raises(InputError, match="maxwell=linear fixes the stress exponent"):
+        with_variant(joint, ice, {"maxwell": "linear"})
+    assert with_variant(joint, ice, {"maxwell": "power_law"}) is joint
 
 
 def test_a_linear_maxwell_dashpot_keeps_the_prior_of_its_rate_at_the_largest_stress(

@@ -17,18 +17,18 @@ from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.priors import default_priors
-from pyburgers.protocols.chart import Mode
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forward import simulate
+from pyburgers.protocols.problem import problem_of
+from pyburgers.protocols.protocol import AtMode, Mode
 from pyburgers.protocols.registry import PROTOCOLS, load_experiment, protocol_of, save_experiment
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.report.page import write_report
 from pyburgers.report.posterior_figures import figures_for
 from pyburgers.report.tables import truth_table
-from pyburgers.sampling.charts import ModeOfTest
-from pyburgers.sampling.mode import find_mode
+from pyburgers.sampling.charts import at_mode
 from pyburgers.sampling.options import SamplerOptions
-from pyburgers.sampling.problem import problem_of
+from pyburgers.sampling.starts import find_mode
 
 FloatArray = npt.NDArray[np.float64]
 RecordProperty = Callable[[str, object], None]
@@ -144,13 +144,13 @@ def truth_of(experiment: Experiment) -> dict[str, float]:
     return dict(experiment.true_parameters)
 
 
-def at_mode(experiment: Experiment) -> ModeOfTest:
+def at_truth(experiment: Experiment) -> AtMode[Experiment]:
     """A test at its truth, which does for a mode, or at its mode."""
     problem = problem_of([experiment], default_priors(experiment.material))
     solver = SolverOptions(tolerance=1e-6)
     if experiment.true_parameters is None:
         (mode,) = find_mode(problem, seed=1, solver=solver).tests
-        return ModeOfTest(problem, mode, solver)
+        return at_mode(problem, mode, solver)
     priors = problem.priors[0]
     values = {
         p.name: priors[p.name].location
@@ -161,12 +161,12 @@ def at_mode(experiment: Experiment) -> ModeOfTest:
     reference = problem.protocol.reference.name
     found = simulate(experiment, values, at=experiment.position).attrs[reference]
     coordinate = problem.coordinates[0].at({**values, reference: found})
-    return ModeOfTest(problem, Mode(values, coordinate), solver)
+    return at_mode(problem, Mode(values, coordinate), solver)
 
 
 def program_in(experiment: Experiment, system: str, folder: Path) -> tuple[Program, FloatArray]:
     """The program of a test in some coordinates, and those of its truth or mode."""
-    protocol, test = protocol_of(experiment), at_mode(experiment)
+    protocol, test = protocol_of(experiment), at_truth(experiment)
     reference, centre = None, test.mode.coordinate
     if protocol.chart is not None and system == protocol.chart.name:
         reference, centre = protocol.chart.reference(test)

@@ -19,10 +19,10 @@ from pyburgers.protocols.constant_rate.experiment import (
     RateSegment,
     load_constant_rate,
 )
-from pyburgers.protocols.layout import Layout, layout_of
-from pyburgers.protocols.program_data import plain_coordinates, program_data
+from pyburgers.protocols.layout import Layout
+from pyburgers.protocols.problem import plain_coordinates, problem_of
+from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.stan_data import REFERENCE_STRESS, SolverOptions, StanData
-from pyburgers.sampling.problem import problem_of
 
 INDEX = {parameter.name: k for k, parameter in enumerate(PARAMETERS, start=1)}
 
@@ -181,7 +181,7 @@ def joint_data(**pool: str) -> tuple[Layout, StanData]:
     tests = [experiment([0.01]), replace(experiment([0.02, 0.03]), id="other")]
     problem = problem_of(tests, default_priors("ice"), pooling_of(pool))
     grids = [np.array([0.05]), np.array([0.04, 0.06])]
-    return layout_of(problem), program_data(problem, solver=SolverOptions(), grids=grids)
+    return problem.layout, program_data(problem, solver=SolverOptions(), grids=grids)
 
 
 def test_tests_stand_one_after_the_other() -> None:

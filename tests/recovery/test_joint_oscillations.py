@@ -19,7 +19,7 @@ RecordProperty = Callable[[str, object], None]
 
 
 def test_a_common_flow_law_is_recovered(tmp_path: Path, record_property: RecordProperty) -> None:
-    experiments, priors = oscillation_pair(), default_priors("olivine")
+    experiments, priors = oscillation_pair(until=1300.0), default_priors("olivine")
     joint = fit_jointly(experiments, priors, out=tmp_path / "joint", options=OPTIONS)
     failed = {check.name: check.sentence for check in joint.checks() if not check.passed}
     assert failed == {}
@@ -31,12 +31,9 @@ def test_a_common_flow_law_is_recovered(tmp_path: Path, record_property: RecordP
         below = float(np.mean(all_draws(draws[name]) < truth[name]))
         print(f"{name}: {below:.3f} of the draws below the true value")
         assert 0.005 < below < 0.995, name
-    alone = [
-        fit(experiment, priors, out=tmp_path / experiment.id, options=OPTIONS).summary()["sd"]
-        for experiment in experiments
-    ]
+    alone = fit(experiments[0], priors, out=tmp_path / "alone", options=OPTIONS).summary()["sd"]
     for name in ("kelvin_modulus", "kelvin_viscosity"):
-        ratio = float(draws[name].std()) / float(np.mean([sd[name] for sd in alone]))
+        ratio = float(draws[name].std()) / float(alone[name])
         record_property(f"sd_ratio_of_{name}", ratio)
         print(f"sd of {name}: joint over single {ratio:.3f}")
         assert ratio < 0.9

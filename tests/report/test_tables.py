@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from synthetic_fit import TRUTH, make_fit, make_prior, uniform
 
-from pyburgers.common.numbers import number, rounded
+from pyburgers.common.units import number, rounded
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.display import prior_text, shown_quantity, symbol_text
-from pyburgers.model.parameters import PARAMETERS
+from pyburgers.model.parameters import PARAMETERS, PROGRAM_PARAMETERS
 from pyburgers.model.prior_families import Prior
 from pyburgers.report import tables
 
@@ -55,7 +55,7 @@ def test_priors_are_written_in_display_units(prior: Prior, expected: str) -> Non
 
 
 def test_every_symbol_can_be_printed_without_mathematics() -> None:
-    symbols = [symbol_text(parameter) for parameter in PARAMETERS]
+    symbols = [symbol_text(parameter) for parameter in PROGRAM_PARAMETERS]
     assert len(set(symbols)) == len(symbols)
     assert not any(letter in symbol for symbol in symbols for letter in "\\{}$")
     assert symbol_text(shown_quantity("reference_stress")) == "S_0"

@@ -14,8 +14,7 @@ from pyburgers.cmdstan.program import Program
 from pyburgers.common.errors import SamplingError
 from pyburgers.common.processes import start
 from pyburgers.fitting.fit import Fit, fit
-from pyburgers.sampling.chains import _Chain, _keep_chain, _start_chain
-from pyburgers.sampling.progress import ConsoleFile
+from pyburgers.sampling.chains import ConsoleFile, _Chain, _keep_chain, _start_chain
 from pyburgers.sampling.run_directory import RunDirectory
 
 

@@ -7,13 +7,13 @@ from conftest import ICE
 from pyburgers.cmdstan.program import load_program
 from pyburgers.model.priors import default_priors
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
-from pyburgers.protocols.constant_rate.protocol import CONSTANT_RATE
+from pyburgers.protocols.constant_rate.protocol import PROTOCOL as CONSTANT_RATE
 from pyburgers.protocols.forward import simulate_data
+from pyburgers.protocols.problem import problem_of
 from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.charts import choose_chart
-from pyburgers.sampling.metric import curvature_at, expected_rise
-from pyburgers.sampling.problem import problem_of
+from pyburgers.sampling.starts import curvature_at, expected_rise
 
 pytestmark = pytest.mark.usefixtures("programs")
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from pyburgers.sampling.progress import ConsoleFile, bars, quarter_messages, shown_progress
+from pyburgers.sampling.chains import ConsoleFile, bars, quarter_messages, shown_progress
 
 
 class Terminal(io.StringIO):
@@ -59,7 +59,7 @@ def test_processes_beside_each_other_draw_no_bars(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     terminal = terminal_as_stderr(monkeypatch)
-    monkeypatch.setattr("pyburgers.sampling.progress.parent_process", lambda: "a pool")
+    monkeypatch.setattr("pyburgers.sampling.chains.parent_process", lambda: "a pool")
     caplog.set_level(logging.INFO, "pyburgers")
     with shown_progress([1], 100) as advance:
         advance(1, 50, "Warmup")

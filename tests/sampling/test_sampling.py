@@ -21,13 +21,13 @@ from conftest import LONG_RUN, SMALL_RUN, Problem
 from pyburgers.common.atomic_files import UNFINISHED, write_json
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.fitting.fit import Fit, fit
+from pyburgers.protocols.problem import problem_of
 from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.stan_data import SolverOptions
-from pyburgers.sampling.initial_values import draw_initial_values
 from pyburgers.sampling.options import SamplerOptions
-from pyburgers.sampling.problem import problem_of
 from pyburgers.sampling.run import fingerprint
 from pyburgers.sampling.run_directory import RunDirectory
+from pyburgers.sampling.starts import draw_initial_values
 
 StartFit = Callable[..., subprocess.Popen[str]]
 

@@ -5,14 +5,13 @@ import pytest
 from conftest import ICE, resolved_priors, valley_of, with_fixed
 
 from pyburgers.model.priors import PriorSet
-from pyburgers.protocols.chart import ChartUnsuited
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
 from pyburgers.protocols.constant_rate.valley import NOISE_SCALED, find_valley, noise_exponents
-from pyburgers.protocols.program_data import plain_coordinates
+from pyburgers.protocols.problem import plain_coordinates, problem_of
+from pyburgers.protocols.protocol import ChartUnsuited
 from pyburgers.protocols.stan_data import SolverOptions
-from pyburgers.sampling.charts import ModeOfTest
-from pyburgers.sampling.mode import find_mode
-from pyburgers.sampling.problem import problem_of
+from pyburgers.sampling.charts import at_mode
+from pyburgers.sampling.starts import find_mode
 
 pytestmark = pytest.mark.usefixtures("programs")
 
@@ -61,7 +60,7 @@ def test_a_prior_that_fixes_the_fabric_does_not_suit(
     (mode,) = find_mode(problem, seed=1, solver=solver).tests
     assert mode.values[name] == 0.5
     with pytest.raises(ChartUnsuited, match=f"{name} is not free"):
-        find_valley(ModeOfTest(problem, mode, solver))
+        find_valley(at_mode(problem, mode, solver))
 
 
 def test_widths_follow_the_noise_as_far_as_the_data_set_them(

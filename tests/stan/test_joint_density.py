@@ -13,10 +13,9 @@ from stan_data import one_test_data, parameter_in
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import default_priors
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
-from pyburgers.protocols.layout import layout_of
+from pyburgers.protocols.problem import Problem, problem_of
 from pyburgers.protocols.program_data import chart_block, program_data
 from pyburgers.protocols.stan_data import SolverOptions
-from pyburgers.sampling.problem import Problem, problem_of
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
@@ -52,7 +51,7 @@ def joint_program(joint: Problem, system: str, folder: Path) -> Program:
     data = program_data(joint, solver=SOLVER)
     if system == "valley":
         references = [valley_of(e, resolved_priors(e)) for e in EXPERIMENTS]
-        pooled = [own.coordinate[layout_of(joint).pooled] for own in references]
+        pooled = [own.coordinate[joint.layout.pooled] for own in references]
         pooling = np.linspace(-0.5, 0.5, 2 * len(joint.partial)).reshape(2, -1)
         data |= chart_block(joint, references, pooled=np.array(pooled), pooling=pooling)
     return constant_rate_program(data, folder)
@@ -77,7 +76,7 @@ def test_separate_density_is_the_sum_of_single_ones(system: str, tmp_path: Path)
 def test_pooled_density_is_that_made_by_hand(system: str, tmp_path: Path) -> None:
     """Shared parameters count once; partially pooled ones are normal on the real line."""
     joint = problem(**PARTIAL[system])
-    layout = layout_of(joint)
+    layout = joint.layout
     program = joint_program(joint, system, tmp_path)
     coordinate = 0.3 * np.random.default_rng(4).standard_normal(layout.size)
     columns = program.columns_at({"coordinate": coordinate.tolist()})
@@ -119,7 +118,7 @@ def test_pooled_density_is_that_made_by_hand(system: str, tmp_path: Path) -> Non
 def test_jacobian_is_that_of_the_map(system: str, tmp_path: Path) -> None:
     """Of shared and own parameters, centres and spreads by the coordinates."""
     joint = problem(**PARTIAL[system])
-    layout = layout_of(joint)
+    layout = joint.layout
     program = joint_program(joint, system, tmp_path)
     start = 0.3 * np.random.default_rng(5).standard_normal(layout.size)
 
@@ -151,7 +150,7 @@ def test_jacobian_is_that_of_the_map(system: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("system", ["plain", "valley"])
 def test_gradient_is_the_slope_of_the_density(system: str, tmp_path: Path) -> None:
     joint = problem(**PARTIAL[system])
-    size = layout_of(joint).size
+    size = joint.layout.size
     program = joint_program(joint, system, tmp_path)
     coordinate = 0.2 * np.random.default_rng(6).standard_normal(size)
     gradient = program.at({"coordinate": coordinate.tolist()}).gradient

@@ -15,10 +15,9 @@ from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import default_priors
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.protocols.forced_oscillation.stan_data import ShearedReference
-from pyburgers.protocols.layout import layout_of
+from pyburgers.protocols.problem import Problem, problem_of
 from pyburgers.protocols.program_data import chart_block, program_data
 from pyburgers.protocols.stan_data import SolverOptions
-from pyburgers.sampling.problem import Problem, problem_of
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
@@ -52,7 +51,7 @@ def test_separate_density_is_the_sum_of_single_ones(
     system: str, records: list[OscillationExperiment], tmp_path: Path
 ) -> None:
     joint = joint_problem(records, all="separate")
-    coordinate = 0.3 * np.random.default_rng(3).standard_normal(layout_of(joint).size)
+    coordinate = 0.3 * np.random.default_rng(3).standard_normal(joint.layout.size)
     program = joint_program(joint, system, tmp_path)
     density = program.columns_at({"coordinate": coordinate.tolist()})["lp__"]
     total = 0.0
@@ -70,7 +69,7 @@ def test_shared_parameters_count_once(
 ) -> None:
     """Every likelihood is in, common priors are once, and pooled ones are normal between tests."""
     joint = joint_problem(records, kelvin_viscosity="partial")
-    coordinate = 0.3 * np.random.default_rng(4).standard_normal(layout_of(joint).size)
+    coordinate = 0.3 * np.random.default_rng(4).standard_normal(joint.layout.size)
     program = joint_program(joint, system, tmp_path)
     columns = program.columns_at({"coordinate": coordinate.tolist()})
     total, first = 0.0, 1
@@ -106,7 +105,7 @@ def test_gradient_is_the_slope_of_the_density(
     system: str, records: list[OscillationExperiment], tmp_path: Path
 ) -> None:
     joint = joint_problem(records, kelvin_viscosity="partial")
-    size = layout_of(joint).size
+    size = joint.layout.size
     program = joint_program(joint, system, tmp_path)
     coordinate = 0.2 * np.random.default_rng(6).standard_normal(size)
     gradient = program.at({"coordinate": coordinate.tolist()}).gradient

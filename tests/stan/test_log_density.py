@@ -24,7 +24,7 @@ from pyburgers.protocols.constant_rate.experiment import (
     RateSegment,
     load_constant_rate,
 )
-from pyburgers.protocols.program_data import plain_coordinates
+from pyburgers.protocols.problem import plain_coordinates
 from pyburgers.protocols.stan_data import REFERENCE_STRESS, PlainCoordinates, SolverOptions
 
 FloatArray = npt.NDArray[np.float64]

@@ -9,15 +9,14 @@ import numpy.typing as npt
 import pytest
 from conftest import SMALL_RUN, Problem
 
-from pyburgers.cmdstan.draws import read_draws
-from pyburgers.cmdstan.program import load_program
+from pyburgers.cmdstan.program import load_program, read_draws
 from pyburgers.comparison.marginal_likelihood import log_density_at, log_marginal_likelihood
 from pyburgers.fitting.fit import Fit, fit, fit_problem
 from pyburgers.model.pooling import pooling_of
-from pyburgers.protocols.constant_rate.protocol import CONSTANT_RATE
+from pyburgers.protocols.constant_rate.protocol import PROTOCOL as CONSTANT_RATE
 from pyburgers.protocols.forward import REFERENCE_SOLVER
+from pyburgers.protocols.problem import problem_of
 from pyburgers.protocols.stan_data import solver_block
-from pyburgers.sampling.problem import problem_of
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")

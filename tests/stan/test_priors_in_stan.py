@@ -20,7 +20,8 @@ from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet, default_priors
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
-from pyburgers.protocols.program_data import PLACE, plain_coordinates
+from pyburgers.protocols.problem import plain_coordinates
+from pyburgers.protocols.program_data import PLACE
 from pyburgers.protocols.stan_data import REFERENCE_STRESS, SolverOptions, StanData
 
 pytestmark = pytest.mark.usefixtures("programs")

@@ -22,7 +22,6 @@ from pyburgers.common.errors import InputError
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet
-from pyburgers.protocols.chart import Mode
 from pyburgers.protocols.forced_oscillation.experiment import (
     OscillationExperiment,
     load_forced_oscillation,
@@ -31,8 +30,9 @@ from pyburgers.protocols.forced_oscillation.experiment import (
 from pyburgers.protocols.forced_oscillation.preparation import Background, prepare
 from pyburgers.protocols.forced_oscillation.sheared import SHIFTED_BY, find_sheared
 from pyburgers.protocols.forced_oscillation.stan_data import ShearedReference
-from pyburgers.protocols.layout import OneTest
-from pyburgers.protocols.program_data import PLACE, chart_block, plain_coordinates
+from pyburgers.protocols.problem import one_test, plain_coordinates, problem_of
+from pyburgers.protocols.program_data import PLACE, chart_block
+from pyburgers.protocols.protocol import Mode
 from pyburgers.protocols.registry import protocol_of
 from pyburgers.protocols.stan_data import (
     PLAIN,
@@ -42,10 +42,8 @@ from pyburgers.protocols.stan_data import (
     solver_block,
 )
 from pyburgers.sampling import charts
-from pyburgers.sampling.charts import ChosenChart, ModeOfTest, choose_chart
-from pyburgers.sampling.metric import curvature_at
-from pyburgers.sampling.mode import ProblemMode
-from pyburgers.sampling.problem import problem_of
+from pyburgers.sampling.charts import ChosenChart, at_mode, choose_chart
+from pyburgers.sampling.starts import ProblemMode, curvature_at
 from pyburgers.sbc.data_sets import calibration_priors, simulate_from_prior
 
 FloatArray = npt.NDArray[np.float64]
@@ -126,7 +124,7 @@ def sheared_truth(
 ) -> FloatArray:
     """Sheared coordinates of the true parameters."""
     data = one_test_data(experiment, priors, solver=TIGHT)
-    block = chart_block(OneTest(experiment, priors), [reference])
+    block = chart_block(one_test(experiment, priors), [reference])
     data |= {**block, "coordinate_system": PLAIN}
     position = {"coordinate": truth_in(experiment, priors).coordinate.tolist()}
     return model_of(experiment).evaluate(data, position)["sheared_coordinate"]
@@ -228,7 +226,7 @@ def assert_coordinates_work(
     """The set-up from the curvature works, and what it sets up has the right density."""
     mode = truth_in(experiment, priors)
     reference, centre = find_sheared(
-        ModeOfTest(problem_of([experiment], priors), mode, SolverOptions(tolerance=1e-6))
+        at_mode(problem_of([experiment], priors), mode, SolverOptions(tolerance=1e-6))
     )
     assert np.all(np.isfinite(reference.flow_slope))
     plain, sheared = (

@@ -17,7 +17,7 @@ from pyburgers.protocols.forced_oscillation.experiment import (
 )
 from pyburgers.protocols.forced_oscillation.preparation import Background
 from pyburgers.protocols.forward import REFERENCE_SOLVER, solve
-from pyburgers.protocols.program_data import plain_coordinates
+from pyburgers.protocols.problem import plain_coordinates
 
 pytestmark = pytest.mark.usefixtures("programs")
 

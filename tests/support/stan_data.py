@@ -8,7 +8,7 @@ import numpy.typing as npt
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.layout import OneTest
+from pyburgers.protocols.problem import one_test
 from pyburgers.protocols.program_data import PLACE, chart_block, program_data
 from pyburgers.protocols.stan_data import SolverOptions, StanData
 
@@ -25,7 +25,7 @@ def one_test_data(
     reference: object | None = None,
 ) -> StanData:
     """Data of a test by itself, in the chart of its protocol where a reference is given."""
-    tests = OneTest(experiment, priors)
+    tests = one_test(experiment, priors)
     data = program_data(
         tests,
         solver=solver,

@@ -17,10 +17,10 @@ from pyburgers.model.parameters import PARAMETER_BY_NAME, PARAMETERS
 from pyburgers.model.prior_families import Family, Prior
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, RateSegment
-from pyburgers.protocols.constant_rate.protocol import CONSTANT_RATE
+from pyburgers.protocols.constant_rate.protocol import PROTOCOL as CONSTANT_RATE
 from pyburgers.protocols.experiment import Experiment, Provenance
+from pyburgers.protocols.problem import problem_of
 from pyburgers.protocols.stan_data import REFERENCE_STRESS
-from pyburgers.sampling.problem import problem_of
 from pyburgers.sampling.run_directory import RunDirectory
 
 FloatArray = npt.NDArray[np.float64]
@@ -222,6 +222,7 @@ def make_fit(
             ),
             "log_likelihood": xr.Dataset({"stress": (dims, log_lik)}, coords=points),
             "log_prior": xr.Dataset({"lprior": (("chain", "draw"), np.zeros(shape))}),
+            "model_response": xr.Dataset({"stress": (dims, model)}, coords=points),
             "posterior_predictive": xr.Dataset(
                 {"stress": (dims, model + noise * rng.normal(size=model.shape))}, coords=points
             ),

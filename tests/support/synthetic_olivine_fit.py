@@ -18,10 +18,10 @@ from pyburgers.protocols.forced_oscillation.experiment import (
     with_background,
 )
 from pyburgers.protocols.forced_oscillation.preparation import Background
-from pyburgers.protocols.forced_oscillation.protocol import FORCED_OSCILLATION
+from pyburgers.protocols.forced_oscillation.protocol import PROTOCOL as FORCED_OSCILLATION
 from pyburgers.protocols.forced_oscillation.response import oscillation_of
+from pyburgers.protocols.problem import problem_of
 from pyburgers.protocols.stan_data import REFERENCE_FLOW_RATE, REFERENCE_STRESS
-from pyburgers.sampling.problem import problem_of
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -59,7 +59,7 @@ def make_olivine_fit(
     rate.attrs = {"units": "1/s", "fixed": 0}
     posterior = posterior.drop_vars(REFERENCE_STRESS).assign({REFERENCE_FLOW_RATE: rate})
     groups = {name: node.to_dataset() for name, node in made.posterior.children.items()}
-    for name in ("log_likelihood", "posterior_mean_solution", "constant_data"):
+    for name in ("log_likelihood", "model_response", "posterior_mean_solution", "constant_data"):
         del groups[name]
     observed = xr.Dataset({"stress": ("point", experiment.stress)})
     tree = xr.DataTree.from_dict({**groups, "posterior": posterior, "observed_data": observed})
@@ -133,10 +133,12 @@ def oscillating(
         },
         {**groups["posterior"].coords, "time": time},
     )
-    at_points = with_noise(stress_at(prepared.time))
-    groups["posterior_predictive"] = xr.Dataset({"stress": (("chain", "draw", "point"), at_points)})
-    log_lik = stats.norm.logpdf(experiment.stress, stress_at(prepared.time), noise)
-    groups["log_likelihood"] = xr.Dataset({"stress": (("chain", "draw", "point"), log_lik)})
+    dims = ("chain", "draw", "point")
+    model = stress_at(prepared.time)
+    groups["model_response"] = xr.Dataset({"stress": (dims, model)})
+    groups["posterior_predictive"] = xr.Dataset({"stress": (dims, with_noise(model))})
+    log_lik = stats.norm.logpdf(experiment.stress, model, noise)
+    groups["log_likelihood"] = xr.Dataset({"stress": (dims, log_lik)})
     groups["constant_data"] = xr.Dataset(
         {
             "strain": ("point", prepared.strain(prepared.time)),

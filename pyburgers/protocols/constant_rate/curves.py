@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pyburgers.common.errors import InputError
-from pyburgers.common.numbers import count_points
+from pyburgers.common.units import count_points
 
 FloatArray = npt.NDArray[np.float64]
 

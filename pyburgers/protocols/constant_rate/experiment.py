@@ -11,8 +11,8 @@ from pydantic import Field
 
 from pyburgers.common.columns import Column, TextFilesTable, read_columns, write_columns
 from pyburgers.common.errors import InputError
-from pyburgers.common.numbers import count_points
 from pyburgers.common.toml_files import Table, read_toml
+from pyburgers.common.units import count_points
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.protocols.constant_rate.curves import Curve, join_curves
 from pyburgers.protocols.experiment import (

@@ -2,17 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
 from markupsafe import Markup
 
-from pyburgers.drawing.panels import FittedCurve
 from pyburgers.model.display import STRAIN_FACTOR, STRAIN_UNIT, STRESS_FACTOR, STRESS_UNIT
 from pyburgers.model.parameters import REFERENCE_STRESS_QUANTITY
-from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.constant_rate.experiment import (
     ConstantRateExperiment,
     load_constant_rate,
@@ -23,10 +20,11 @@ from pyburgers.protocols.constant_rate.figures import CONSTANT_RATE_FIGURES, fit
 from pyburgers.protocols.constant_rate.stan_data import (
     grid_block,
     reference_origin,
+    segment_of,
     tests_block,
 )
 from pyburgers.protocols.constant_rate.valley import ValleyChart
-from pyburgers.protocols.protocol import FittedTest, Protocol, Quantity
+from pyburgers.protocols.protocol import Protocol, Quantity
 from pyburgers.protocols.stan_data import StanData
 
 FloatArray = npt.NDArray[np.float64]
@@ -60,33 +58,16 @@ class ConstantRate(Protocol[ConstantRateExperiment]):
         "first imposed rate, follows from the other parameters, and so does its prior."
     )
 
-    def load(self, path: Path) -> ConstantRateExperiment:
-        """Read a test (`load_constant_rate`)."""
-        return load_constant_rate(path)
-
-    def save(self, experiment: ConstantRateExperiment, directory: Path) -> Path:
-        """Write a test (`save_constant_rate`)."""
-        return save_constant_rate(experiment, directory)
+    load = staticmethod(load_constant_rate)
+    save = staticmethod(save_constant_rate)
+    reference_origin = staticmethod(reference_origin)
+    tests_block = staticmethod(tests_block)
+    grid_block = staticmethod(grid_block)
+    curve = staticmethod(fitted_curve)
 
     def without_data(self, experiment: ConstantRateExperiment) -> ConstantRateExperiment:
         """Return the test without its points."""
         return replace(experiment, strain=np.empty(0), stress=np.empty(0))
-
-    def reference_origin(self, experiment: ConstantRateExperiment) -> tuple[float, float]:
-        """Return the largest observed stress, and a size."""
-        return reference_origin(experiment)
-
-    def tests_block(
-        self, experiments: Sequence[ConstantRateExperiment], priors: Sequence[PriorSet]
-    ) -> StanData:
-        """Return what drives the tests, and where their points lie."""
-        return tests_block(experiments, priors)
-
-    def grid_block(
-        self, experiments: Sequence[ConstantRateExperiment], grids: Sequence[FloatArray]
-    ) -> StanData:
-        """Return strains, those of rate steps among them."""
-        return grid_block(experiments, grids)
 
     def prediction_grid(self, experiment: ConstantRateExperiment) -> FloatArray:
         """Return strains, denser at each segment's start."""
@@ -118,9 +99,13 @@ class ConstantRate(Protocol[ConstantRateExperiment]):
     def observed_positions(
         self, experiment: ConstantRateExperiment
     ) -> dict[str, tuple[FloatArray, str]]:
-        """Return strains, and times since the start."""
+        """Return strains, times since the start, and segments of constant rate from 0."""
         strain = experiment.strain
-        return {"strain": (strain, "1"), "time": (experiment.time_at(strain), "s")}
+        return {
+            "strain": (strain, "1"),
+            "time": (experiment.time_at(strain), "s"),
+            "segment": (segment_of(experiment, strain).astype(np.float64), "1"),
+        }
 
     def with_noise(
         self,
@@ -143,10 +128,6 @@ class ConstantRate(Protocol[ConstantRateExperiment]):
             strain=np.delete(experiment.strain, point),
             stress=np.delete(experiment.stress, point),
         )
-
-    def curve(self, fit: FittedTest) -> FittedCurve:
-        """Return the stress-strain curve."""
-        return fitted_curve(fit)
 
     def facts(self, experiment: ConstantRateExperiment) -> Sequence[tuple[str, str]]:
         """Return imposed rates and number of points."""
@@ -182,4 +163,4 @@ def _draw_residuals(
     return residual
 
 
-CONSTANT_RATE = ConstantRate()
+PROTOCOL = ConstantRate()

@@ -54,11 +54,11 @@ def solver_strains(
     for step in steps:
         snapped[np.isclose(strain, step, rtol=STEP_ROUNDING, atol=0.0)] = step
     outputs = np.unique(np.concatenate([snapped, steps]))
-    counts = np.bincount(_segments(experiment, outputs), minlength=len(experiment.segments))
+    counts = np.bincount(segment_of(experiment, outputs), minlength=len(experiment.segments))
     return outputs, counts.tolist(), np.searchsorted(outputs, snapped)
 
 
-def _segments(experiment: ConstantRateExperiment, strain: FloatArray) -> npt.NDArray[np.int64]:
+def segment_of(experiment: ConstantRateExperiment, strain: FloatArray) -> npt.NDArray[np.int64]:
     """Segment that strains lie in, from 0; the strain of a rate step lies in the one before."""
     steps = [segment.start_strain for segment in experiment.segments[1:]]
     return np.searchsorted(steps, strain, side="left")
@@ -101,7 +101,7 @@ def grid_block(
         rate = np.array([segment.strain_rate for segment in experiment.segments])
         strains.append(strain)
         counts.append(count)
-        rates.append(rate[_segments(experiment, strain)])
+        rates.append(rate[segment_of(experiment, strain)])
     return {
         "grid_end": ends(strain.size for strain in strains),
         "grid_strain": np.concatenate(strains).tolist(),

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from numpy.polynomial import legendre, polynomial
 
 from pyburgers.common.errors import InputError
-from pyburgers.common.numbers import count_points
+from pyburgers.common.units import count_points
 from pyburgers.protocols.forced_oscillation.harmonics import (
     HarmonicFit,
     choose_degree,

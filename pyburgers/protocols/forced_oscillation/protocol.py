@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
@@ -11,10 +10,8 @@ from markupsafe import Markup
 
 from pyburgers.common.errors import InputError
 from pyburgers.drawing.page_parts import PageTable
-from pyburgers.drawing.panels import FittedCurve
 from pyburgers.model.display import STRAIN_FACTOR, STRESS_FACTOR, STRESS_UNIT
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
-from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.forced_oscillation.experiment import (
     OscillationExperiment,
     load_forced_oscillation,
@@ -30,7 +27,6 @@ from pyburgers.protocols.forced_oscillation.stan_data import (
     tests_block,
 )
 from pyburgers.protocols.protocol import FittedTest, Protocol, Quantity
-from pyburgers.protocols.stan_data import StanData
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -70,33 +66,16 @@ class ForcedOscillation(Protocol[OscillationExperiment]):
         "does its prior."
     )
 
-    def load(self, path: Path) -> OscillationExperiment:
-        """Read a test (`load_forced_oscillation`)."""
-        return load_forced_oscillation(path)
-
-    def save(self, experiment: OscillationExperiment, directory: Path) -> Path:
-        """Write a test (`save_forced_oscillation`)."""
-        return save_forced_oscillation(experiment, directory)
+    load = staticmethod(load_forced_oscillation)
+    save = staticmethod(save_forced_oscillation)
+    reference_origin = staticmethod(reference_origin)
+    tests_block = staticmethod(tests_block)
+    grid_block = staticmethod(grid_block)
+    curve = staticmethod(fitted_curve)
 
     def without_data(self, experiment: OscillationExperiment) -> OscillationExperiment:
         """Return the test as it is: what drives it and what it starts from come from its record."""
         return experiment
-
-    def reference_origin(self, experiment: OscillationExperiment) -> tuple[float, float]:
-        """Return a typical flow rate, and a size."""
-        return reference_origin(experiment)
-
-    def tests_block(
-        self, experiments: Sequence[OscillationExperiment], priors: Sequence[PriorSet]
-    ) -> StanData:
-        """Return what drives the tests, and where their points lie."""
-        return tests_block(experiments, priors)
-
-    def grid_block(
-        self, experiments: Sequence[OscillationExperiment], grids: Sequence[FloatArray]
-    ) -> StanData:
-        """Return times."""
-        return grid_block(experiments, grids)
 
     def prediction_grid(self, experiment: OscillationExperiment) -> FloatArray:
         """Return evenly spaced times."""
@@ -158,10 +137,6 @@ class ForcedOscillation(Protocol[OscillationExperiment]):
                 "there."
             )
 
-    def curve(self, fit: FittedTest) -> FittedCurve:
-        """Return the stress along time."""
-        return fitted_curve(fit)
-
     def facts(self, experiment: OscillationExperiment) -> Sequence[tuple[str, str]]:
         """Return period, amplitude, treatment of the background, cycles and number of points."""
         prepared = experiment.prepared
@@ -202,4 +177,4 @@ def _time_grid(experiment: OscillationExperiment, per_cycle: int) -> FloatArray:
     return np.linspace(start, end, round(per_cycle * (end - start) / prepared.period) + 1)
 
 
-FORCED_OSCILLATION = ForcedOscillation()
+PROTOCOL = ForcedOscillation()

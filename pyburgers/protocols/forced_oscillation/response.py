@@ -11,7 +11,7 @@ from markupsafe import Markup
 
 from pyburgers.common.draws import all_draws, central_band, evenly_spaced
 from pyburgers.common.errors import InputError
-from pyburgers.common.numbers import rounded
+from pyburgers.common.units import rounded
 from pyburgers.drawing.page_parts import PageTable
 from pyburgers.model.display import STRESS_FACTOR, STRESS_UNIT
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment

@@ -14,7 +14,7 @@ import pandas as pd
 
 from pyburgers.checks.fit_checks import RHAT_LIMIT
 from pyburgers.common.draws import all_draws, central_band
-from pyburgers.common.numbers import with_error
+from pyburgers.common.units import with_error
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.model.display import (
     LENGTH_FACTOR,

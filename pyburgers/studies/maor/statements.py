@@ -15,7 +15,7 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.common.errors import InputError
-from pyburgers.common.numbers import number, rounded
+from pyburgers.common.units import number, rounded
 from pyburgers.model.display import STRESS_FACTOR, STRESS_UNIT, shown_quantity
 from pyburgers.model.display import symbol_text as symbol
 from pyburgers.predictions.attenuation import (

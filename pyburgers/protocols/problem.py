@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from types import MappingProxyType
 from typing import Any
 
@@ -10,10 +11,10 @@ from pyburgers.model.pooling import SEPARATE, Pooling
 from pyburgers.model.priors import FLOW_LAW, PriorSet
 from pyburgers.model.variants import check_variant
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.program_data import plain_coordinates
+from pyburgers.protocols.layout import Layout, layout_of
 from pyburgers.protocols.protocol import Protocol
 from pyburgers.protocols.registry import protocol_of
-from pyburgers.protocols.stan_data import PlainCoordinates
+from pyburgers.protocols.stan_data import PlainCoordinates, coordinates_through
 
 
 @dataclass(frozen=True)
@@ -68,6 +69,11 @@ class Problem:
         """Names of the shared ones among them."""
         return self.pooling.of_kind("shared", self.free)
 
+    @cached_property
+    def layout(self) -> Layout:
+        """Which coordinate stands for what."""
+        return layout_of(self.free, len(self.experiments), self.pooling)
+
     @property
     def is_single(self) -> bool:
         """Whether it is one test whose parameters are nobody else's."""
@@ -76,17 +82,11 @@ class Problem:
     @property
     def coordinates(self) -> tuple[PlainCoordinates, ...]:
         """Plain coordinates of each test by itself; all stand for the same parameters."""
-        return tuple(
-            plain_coordinates(experiment, priors)
-            for experiment, priors in zip(self.experiments, self.priors, strict=True)
-        )
+        return tuple(map(plain_coordinates, self.experiments, self.priors))
 
     def alone(self) -> "tuple[Problem, ...]":
         """Return each test by itself, with its resolved priors."""
-        return tuple(
-            Problem((experiment,), priors, (priors,), SEPARATE)
-            for experiment, priors in zip(self.experiments, self.priors, strict=True)
-        )
+        return tuple(map(one_test, self.experiments, self.priors))
 
     def without(self, test: str) -> "Problem":
         """Take a test out, and keep the prior densities of what is left.
@@ -102,6 +102,11 @@ class Problem:
         priors = _with_shared(self.given_priors, self.priors[0], self.shared)
         kept = [experiment for experiment in self.experiments if experiment.id != test]
         return problem_of(kept, priors, self.pooling)
+
+
+def one_test(experiment: Experiment, priors: PriorSet) -> Problem:
+    """Return a test by itself with its resolved priors; nothing is checked, it may lack data."""
+    return Problem((experiment,), priors, (priors,), SEPARATE)
 
 
 def problem_of(
@@ -145,6 +150,12 @@ def problem_of(
     problem = Problem(tuple(experiments), priors, resolved, pooling)
     _check_pooling(problem)
     return problem
+
+
+def plain_coordinates(experiment: Experiment, priors: PriorSet) -> PlainCoordinates:
+    """Choose origin and size of every free parameter and what the reference quantity replaces."""
+    protocol = protocol_of(experiment)
+    return coordinates_through(priors, protocol.reference, *protocol.reference_origin(experiment))
 
 
 def _check_test(experiment: Experiment, first: Experiment, priors: PriorSet) -> None:

@@ -1,0 +1,351 @@
+"""Where chains start: draws of the prior, the posterior mode, the metric and draws around it."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import chain
+
+import numpy as np
+import numpy.typing as npt
+
+from pyburgers.cmdstan.program import Program, load_program
+from pyburgers.common.errors import SamplingError
+from pyburgers.protocols.forward import simulate
+from pyburgers.protocols.problem import Problem
+from pyburgers.protocols.program_data import program_data, values_of_test
+from pyburgers.protocols.protocol import Mode
+from pyburgers.protocols.stan_data import SolverOptions, StanData
+
+FloatArray = npt.NDArray[np.float64]
+
+INITIAL_ATTEMPTS = 100
+N_STARTS = 4
+
+
+def draw_initial_values(problem: Problem, *, seed: int, chain: int) -> dict[str, list[float]]:
+    """Draw a start in plain coordinates from the priors, again where a test has no solution.
+
+    Partially pooled parameters are drawn apart for each test; centre and spread are put around
+    them.
+
+    Parameters
+    ----------
+    problem : Problem
+        Tests, priors, pooling.
+    seed, chain : int
+        The start depends on these two alone.
+
+    Returns
+    -------
+    dict
+        Initial values as the program's parameters block wants them.
+
+    Raises
+    ------
+    SamplingError
+        If none of `INITIAL_ATTEMPTS` prior draws has a finite solution in every test.
+    """
+    rng = np.random.default_rng([seed, chain])
+    reference = problem.protocol.reference.name
+    for _ in range(INITIAL_ATTEMPTS):
+        drawn = [priors.sample(rng) for priors in problem.priors]
+        shared = {name: drawn[0][name] for name in problem.shared}
+        values = [{**own, **shared} for own in drawn]
+        spreads = np.abs(rng.standard_normal(len(problem.partial)))
+        try:
+            references = [
+                simulate(experiment, own, at=experiment.position, solver=SolverOptions()).attrs[
+                    reference
+                ]
+                for experiment, own in zip(problem.experiments, values, strict=True)
+            ]
+        except SamplingError:
+            continue  # a test has no finite solution here; the next draw may have one
+        plain = [
+            coordinates.at({**own, reference: found})
+            for coordinates, own, found in zip(problem.coordinates, values, references, strict=True)
+        ]
+        return {"coordinate": position_of(problem, plain, spreads).tolist()}
+    raise SamplingError(
+        f"{problem.name}: none of {INITIAL_ATTEMPTS} draws from the prior has a finite solution; "
+        "check the units and the bounds of the priors."
+    )
+
+
+def position_of(problem: Problem, plain: Sequence[FloatArray], spreads: FloatArray) -> FloatArray:
+    """Return coordinates from plain ones of each test and spreads over their scales."""
+    layout = problem.layout
+    position = np.empty(layout.size)
+    # The first test comes last, so that shared coordinates are its own.
+    for own, places in zip(reversed(plain), reversed(layout.position), strict=True):
+        position[places] = own
+    for h, name in enumerate(layout.partial):
+        i = layout.names.index(name)
+        numbers = np.array([own[i] for own in plain])
+        centre = numbers.mean()
+        position[layout.centre[h]] = centre
+        position[layout.spread[h]] = np.log(spreads[h])
+        spread = spreads[h] * problem.pooling.spread_scales[name]
+        position[layout.position[:, i]] = (numbers - centre) / spread
+    return position
+
+
+def draw_start_around(
+    model: Program,
+    data: StanData,
+    centre: FloatArray,
+    covariance: FloatArray,
+    *,
+    seed: int,
+    chain: int,
+) -> dict[str, list[float]]:
+    """Draw a start around the posterior mode, again where the solver finds no solution.
+
+    The Laplace approximation with its floor under the curvature is as wide as the prior where the
+    data say little, so that starts are dispersed there, and they begin near the curve elsewhere.
+
+    Parameters
+    ----------
+    model : Program
+        The program.
+    data : dict
+        Its data.
+    centre : array, shape (n_coordinates,)
+        The mode.
+    covariance : array, shape (n_coordinates, n_coordinates)
+        `pyburgers.sampling.starts.laplace_metric`.
+    seed, chain : int
+        The start depends on these two alone.
+
+    Returns
+    -------
+    dict
+        Initial values as the program's parameters block wants them.
+
+    Raises
+    ------
+    SamplingError
+        If none of `INITIAL_ATTEMPTS` draws has a finite solution.
+    """
+    rng = np.random.default_rng([seed, chain])
+    factor = np.linalg.cholesky(covariance)
+    for _ in range(INITIAL_ATTEMPTS):
+        start = {"coordinate": (centre + factor @ rng.standard_normal(len(factor))).tolist()}
+        try:
+            solution = model.evaluate(data, start)
+        except SamplingError:
+            continue  # no solution here; the next draw may have one
+        if np.isfinite(solution["log_lik"]).all():
+            return start
+    raise SamplingError(
+        f"none of {INITIAL_ATTEMPTS} starts around the posterior mode has a finite solution; "
+        "narrow the priors."
+    )
+
+
+class ModeNotFound(Exception):  # noqa: N818 - an outcome with a reason, not an error
+    """The optimiser failed; the message says how."""
+
+
+@dataclass(frozen=True, eq=False)
+class ProblemMode:
+    """The highest density found of a problem.
+
+    Attributes
+    ----------
+    tests : tuple of Mode
+        Values of each test, and its plain coordinates by itself.
+    coordinate : array, shape (n_coordinates,)
+        Plain coordinates of all tests together.
+    """
+
+    tests: tuple[Mode, ...]
+    coordinate: FloatArray
+
+
+def find_mode(problem: Problem, *, seed: int, solver: SolverOptions) -> ProblemMode:
+    """Climb from `N_STARTS` draws of the prior and keep the best.
+
+    Where tests hang together, also from the modes of single tests: draws of the prior alone can all
+    end where a test is not fitted at all.
+
+    Parameters
+    ----------
+    problem : Problem
+        Tests, priors, pooling.
+    seed : int
+        Decides the prior draws.
+    solver : SolverOptions
+        Tolerance and step limit.
+
+    Raises
+    ------
+    ModeNotFound
+        If the optimiser fails from all starts, or for a single test.
+    """
+    starts: Iterable[Mapping[str, object]] = (
+        draw_initial_values(problem, seed=seed, chain=start) for start in range(1, N_STARTS + 1)
+    )
+    if not problem.is_single:
+        single = [find_mode(one, seed=seed, solver=solver).coordinate for one in problem.alone()]
+        together = position_of(problem, single, np.ones(len(problem.partial)))
+        starts = chain([{"coordinate": together.tolist()}], starts)
+    model = load_program(problem.protocol.program)
+    variables = climb(model, program_data(problem, solver=solver), starts, seed=seed)
+    coordinate = np.atleast_1d(variables["coordinate"])
+    plain = _plain_of_tests(problem, coordinate, variables["log_reference"])
+    values = variables["parameter"]
+    return ProblemMode(
+        tuple(Mode(values_of_test(values, e), own) for e, own in enumerate(plain)), coordinate
+    )
+
+
+def _plain_of_tests(
+    problem: Problem, coordinate: FloatArray, log_reference: FloatArray
+) -> list[FloatArray]:
+    """Plain coordinates of each test by itself, the inverse of `position_of`."""
+    layout, reference = problem.layout, problem.protocol.reference.name
+    found: list[FloatArray] = []
+    tests = zip(problem.coordinates, layout.position, log_reference, strict=True)
+    for coordinates, places, logarithm in tests:
+        own = coordinate[places].copy()
+        for h, name in enumerate(layout.partial):
+            i = layout.names.index(name)
+            spread = problem.pooling.spread_scales[name] * np.exp(coordinate[layout.spread[h]])
+            own[i] = coordinate[layout.centre[h]] + spread * own[i]
+        # The first test's own already, where the parameter in whose place it stands is shared.
+        if found and reference in coordinates.quantities:
+            i = coordinates.quantities.index(reference)
+            own[i] = coordinates.of_quantity(i, logarithm)
+        found.append(own)
+    return found
+
+
+def climb(
+    model: Program,
+    data: StanData,
+    starts: Iterable[Mapping[str, object]],
+    *,
+    seed: int,
+) -> Mapping[str, FloatArray]:
+    """Climb from every start with Stan's optimiser and return the variables at the best end.
+
+    Parameters
+    ----------
+    model : Program
+        The program.
+    data : dict
+        Its data.
+    starts : iterable of mapping
+        Values of its parameters.
+    seed : int
+        For the optimiser's record; it draws nothing.
+
+    Raises
+    ------
+    ModeNotFound
+        If the optimiser fails from all starts.
+    """
+    best = None
+    n_starts = 0
+    for initial in starts:
+        n_starts += 1
+        try:
+            density, variables = model.optimise(data, initial, seed=seed)
+        except SamplingError:
+            continue  # the optimiser left the region where the solver finds a solution
+        if best is None or density > best[0]:
+            best = (density, variables)
+    if best is None:
+        raise ModeNotFound(f"the optimiser failed from all {n_starts} starts")
+    return best[1]
+
+
+DIFFERENCE = 0.05
+"""Step of the central differences; coordinates are O(1)."""
+
+LARGEST_STEP = 4.0
+"""In posterior standard deviations, beyond which differences are taken again with smaller steps."""
+
+SMALL_STEP = 0.25
+"""Of those, in standard deviations as the differences before have them."""
+
+N_REFINEMENTS = 4
+"""Each is worth a factor of ten or more in the width of the narrowest direction."""
+
+LEAST_CURVATURE = 0.15
+"""Floor of the eigenvalues: flat directions are about as wide as a logistic prior, sd 1.8-2.6."""
+
+
+def laplace_metric(model: Program, data: StanData, centre: FloatArray) -> FloatArray:
+    """Covariance of the Laplace approximation around the posterior mode.
+
+    Parameters
+    ----------
+    model : Program
+        Program whose parameter is the vector ``coordinate``.
+    data : dict
+        Its data.
+    centre : array, shape (n_coordinates,)
+        The mode in the coordinates that the data choose.
+
+    Returns
+    -------
+    array, shape (n_coordinates, n_coordinates)
+        Inverse of the Hessian of minus the log density by central differences of Stan's
+        gradients, with its eigenvalues kept above `LEAST_CURVATURE`.
+    """
+    steps: FloatArray = DIFFERENCE * np.eye(centre.size)
+    for _ in range(1 + N_REFINEMENTS):
+        curvature, axes = np.linalg.eigh(curvature_at(model, data, centre, steps))
+        covariance: FloatArray = (axes / np.maximum(curvature, LEAST_CURVATURE)) @ axes.T
+        widths = np.linalg.cholesky(covariance)
+        if np.linalg.norm(np.linalg.solve(widths, steps), axis=0).max() <= LARGEST_STEP:
+            break
+        steps = np.asarray(SMALL_STEP * widths, dtype=np.float64)
+    return covariance
+
+
+def expected_rise(
+    model: Program, data: StanData, centre: FloatArray, covariance: FloatArray
+) -> float:
+    """Rise of the log density from a point to the mode of its quadratic approximation there.
+
+    Parameters
+    ----------
+    model, data, centre
+        As for `laplace_metric`.
+    covariance : array, shape (n_coordinates, n_coordinates)
+        Its result.
+    """
+    (gradient,) = model.gradients(data, "coordinate", [centre])
+    return float(gradient @ covariance @ gradient) / 2
+
+
+def curvature_at(
+    model: Program,
+    data: StanData,
+    centre: FloatArray,
+    steps: FloatArray | None = None,
+) -> FloatArray:
+    """Hessian of minus the log density.
+
+    Parameters
+    ----------
+    model, data, centre
+        As for `laplace_metric`.
+    steps : array, shape (n_coordinates, n_coordinates), optional
+        Steps of the differences as columns; default: `DIFFERENCE` along each coordinate.
+
+    Returns
+    -------
+    array, shape (n_coordinates, n_coordinates)
+        By central differences of Stan's gradients, symmetric.
+    """
+    if steps is None:
+        steps = DIFFERENCE * np.eye(centre.size)
+    after, before = (
+        model.gradients(data, "coordinate", centre + shift) for shift in (steps.T, -steps.T)
+    )
+    hessian = -np.linalg.solve(2 * steps.T, after - before)
+    symmetric: FloatArray = (hessian + hessian.T) / 2
+    return symmetric

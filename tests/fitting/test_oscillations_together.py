@@ -28,7 +28,7 @@ def joint(programs: None, tmp_path_factory: pytest.TempPathFactory) -> Fit:
         experiments,
         with_fixed(priors, known),
         out=tmp_path_factory.mktemp("joint") / "run",
-        options=SamplerOptions(chains=2, warmup=100, draws=100, seed=SMALL_RUN.seed),
+        options=SamplerOptions(chains=2, warmup=100, draws=50, seed=SMALL_RUN.seed),
     )
 
 
@@ -64,7 +64,7 @@ def test_the_truth_is_found(joint: Fit) -> None:
     assert "divergences" not in [check.name for check in joint.checks() if not check.passed]
 
 
-def test_a_page_shows_both_records(joint: Fit, tmp_path: Path) -> None:
+def test_a_page_shows_both_records(joint: Fit, sketched: None, tmp_path: Path) -> None:
     page = write_report(
         list(joint.tests().values()),
         tmp_path / "report",

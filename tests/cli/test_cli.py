@@ -13,6 +13,7 @@ import pandas as pd
 import pytest
 from conftest import ICE, Problem
 
+from pyburgers.checks.registry import CHECKS
 from pyburgers.cli.main import COMMANDS, main
 from pyburgers.fitting.fit import Fit
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
@@ -268,7 +269,7 @@ def test_a_fit_prints_table_and_checks_and_check_repeats_the_verdicts(
     assert "chain 2: 200 of 200 iterations (sampling)" in error
 
     verdicts = re.findall(r"^(?:FAILED|passed) .*$", out, re.MULTILINE)
-    assert len(verdicts) == 8
+    assert len(verdicts) == len(CHECKS)
     assert main(["check", str(run)]) == 3
     assert capsys.readouterr().out.splitlines() == verdicts
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from conftest import ICE, Problem
 
+from pyburgers.checks.registry import CHECKS
 from pyburgers.cli.main import main
 from pyburgers.fitting.fit import Fit
 from pyburgers.protocols.registry import save_experiment
@@ -40,7 +41,7 @@ def test_a_joint_fit_prints_its_tests_and_check_repeats_the_verdicts(
     assert re.search(r"Maxwell modulus .*partial", out)
     assert re.search(r"activation .*shared.* the same", out)
     verdicts = re.findall(r"^(?:FAILED|passed) .*$", out, re.MULTILINE)
-    assert len(verdicts) == 8
+    assert len(verdicts) == len(CHECKS)
     pooling = Fit.load(tmp_path / "run").problem.pooling
     assert pooling.spread_scales["maxwell_modulus"] == 0.2
     assert main(["check", str(tmp_path / "run")]) == 3

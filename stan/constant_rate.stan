@@ -37,8 +37,7 @@ data {
 transformed data {
   int n_points = point_end[n_tests + 1];
   int n_grid = grid_end[n_tests + 1];
-  // Stress, Kelvin strain, and the grain size where it follows a piezometer.
-  int n_states = prior_location[1][i_piezometer_reference_grain_size()] > 0 ? 3 : 2;
+  int n_states = n_constant_rate_states(prior_location[1]);
   array[n_tests] vector[n_parameters()] prior_mass
     = prior_log_masses(prior_family, prior_location, prior_scale, prior_lower, prior_upper);
   array[n_tests] vector[3] conditions; // first strain rate (1/s), d_0 (m), temperature (K)

@@ -34,6 +34,15 @@ real log_reference_stress_at(vector parameter, data real strain_rate,
 }
 
 /**
+ * Number of states: stress, Kelvin strain, and the grain size where it follows a piezometer.
+ *
+ * @param constant see constant_rate_solution()
+ */
+int n_constant_rate_states(data vector constant) {
+  return constant[i_piezometer_reference_grain_size()] > 0 ? 3 : 2;
+}
+
+/**
  * Rate of the dashpot over the imposed rate, v_d.
  *
  * @param scaled_stress y
@@ -215,7 +224,7 @@ array[] vector constant_rate_solution(vector parameter, data vector constant,
                                       data real initial_grain_size, data real temperature,
                                       data int power_law_kelvin, data real tolerance,
                                       data int max_num_steps) {
-  int n_states = constant[i_piezometer_reference_grain_size()] > 0 ? 3 : 2;
+  int n_states = n_constant_rate_states(constant);
   real reference_stress = exp(log_reference_stress_at(parameter, segment_rate[1],
                                                       initial_grain_size, temperature));
   real kelvin_viscosity = kelvin_viscosity_at(parameter[i_kelvin_viscosity()],

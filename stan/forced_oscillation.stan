@@ -155,7 +155,9 @@ generated quantities {
       grid_stress[i] = state[1];
       grid_kelvin_strain[i] = state[2];
       grid_grain_size[i] = state[3];
-      grid_dashpot_rate[i] = dashpot_strain_rate(state[1], state[3], 1,
+      grid_dashpot_rate[i] = dashpot_strain_rate(
+                               power_law_stress(state[1], parameter[e][i_breakdown_stress()], 1),
+                               state[3], 1,
                                parameter[e][i_stress_exponent()],
                                parameter[e][i_grain_size_exponent()],
                                log_rate_factor(parameter[e][i_activation_enthalpy()],

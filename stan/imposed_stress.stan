@@ -25,6 +25,7 @@ data {
   real grain_size_exponent;
   real activation_enthalpy;
   real beta;
+  real<lower=0> breakdown_stress; // Pa; 0: the dashpot is a power law
   real<lower=1> kelvin_stress_exponent;
   real<lower=0> kelvin_activation_enthalpy;
   real<lower=0> kelvin_reference_stress; // Pa
@@ -44,7 +45,8 @@ generated quantities {
                                 kelvin_viscosity_at(kelvin_viscosity,
                                                     kelvin_activation_enthalpy, temperature,
                                                     kelvin_reference_temperature),
-                                stress_exponent, grain_size_exponent, grain_size, fabric_factor,
+                                stress_exponent, grain_size_exponent, breakdown_stress,
+                                grain_size, fabric_factor,
                                 log_rate_factor(activation_enthalpy, beta, temperature),
                                 kelvin_stress_exponent, kelvin_reference_stress,
                                 tolerance, max_num_steps);

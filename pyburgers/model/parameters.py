@@ -158,6 +158,15 @@ VARIANT_PARAMETERS: tuple[Parameter, ...] = (
         "MPa",
         standard=1e6,
     ),
+    Parameter(
+        "breakdown_stress",
+        r"\sigma_L",
+        "stress at which power-law creep breaks down",
+        "stress",
+        "Pa",
+        "MPa",
+        standard=0.0,
+    ),
 )
 """Parameters of variants (`docs/variants.md`), which a prior file may name."""
 

@@ -49,7 +49,12 @@ UNSIGNED = frozenset({"beta", "activation_enthalpy"})
 """Parameters whose priors may reach below zero."""
 
 BOUNDED_AWAY_FROM_ZERO = frozenset(
-    {"steady_state_fabric_factor", "critical_strain_grain_size", "critical_strain_fabric"}
+    {
+        "steady_state_fabric_factor",
+        "critical_strain_grain_size",
+        "critical_strain_fabric",
+        "breakdown_stress",
+    }
 )
 """Parameters that divide: at zero the model breaks down, so priors may not pile up there.
 

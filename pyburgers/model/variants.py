@@ -81,7 +81,7 @@ class ModelVariant:
     ----------
     kelvin : {"linear", "power_law"}
         Dashpot of the Kelvin element.
-    maxwell : {"power_law", "linear"}
+    maxwell : {"power_law", "linear", "hyperbolic_sine"}
         Dashpot of the Maxwell element.
     grain_size : {"evolving", "constant", "piezometric"}
         Evolving towards a steady-state size, constant, or evolving towards the size that the
@@ -93,7 +93,7 @@ class ModelVariant:
     """
 
     kelvin: Literal["linear", "power_law"] = "linear"
-    maxwell: Literal["power_law", "linear"] = "power_law"
+    maxwell: Literal["power_law", "linear", "hyperbolic_sine"] = "power_law"
     grain_size: Literal["evolving", "constant", "piezometric"] = "evolving"
     fabric: Literal["evolving", "constant"] = "evolving"
     residuals: Literal["independent", "autocorrelated"] = "independent"
@@ -199,13 +199,16 @@ def variant_of(priors: PriorSet, experiment: Test) -> ModelVariant:
     """Tell from the priors which laws a fit of an experiment uses."""
     linear_kelvin = is_fixed_at(priors["kelvin_stress_exponent"], 1.0)
     linear_maxwell = is_fixed_at(priors["stress_exponent"], 1.0)
+    has_breakdown = not is_fixed_at(priors["breakdown_stress"], 0.0)
     constant_fabric = not _allows(experiment, "fabric", "evolving") or is_fixed_at(
         priors["steady_state_fabric_factor"], 1.0
     )
     independent = is_fixed_at(priors["residual_correlation_strain"], 0.0)
     return ModelVariant(
         kelvin="linear" if linear_kelvin else "power_law",
-        maxwell="linear" if linear_maxwell else "power_law",
+        maxwell="hyperbolic_sine"
+        if has_breakdown
+        else ("linear" if linear_maxwell else "power_law"),
         grain_size=_grain_size_law(priors, experiment),
         fabric="constant" if constant_fabric else "evolving",
         residuals="independent" if independent else "autocorrelated",
@@ -325,11 +328,18 @@ def _choose_kelvin(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
 
 
 def _choose_maxwell(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
-    """Fix n, or leave it; with n = 1 beta means another A, so its prior moves along.
+    """Fix n, or free the breakdown stress; with n = 1 beta means another A: its prior moves along.
 
     The flow rate at the largest measured stress keeps the prior that it has with the power law,
-    to first order in the spread of n.
+    to first order in the spread of n. The median of the breakdown stress is that stress.
     """
+    breakdown = "breakdown_stress"
+    if choice == "hyperbolic_sine":
+        median = float(f"{_largest_stress(experiment):.0e}")
+        free = replace(_free_priors()[breakdown], location=median)
+        return _exchanged(priors, free) if is_fixed_at(priors[breakdown], 0.0) else priors
+    if not is_fixed_at(priors[breakdown], 0.0):
+        priors = _exchanged(priors, _fixed(breakdown, 0.0, f"maxwell={choice}"))
     exponent, beta = priors["stress_exponent"], priors["beta"]
     if choice == "power_law" or is_fixed_at(exponent, 1.0):
         return priors

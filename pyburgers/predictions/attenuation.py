@@ -11,6 +11,8 @@ any power law and any amplitude::
     B  = 1/(pi sigma_0) * integral over 0..2 pi of g(sigma_m + sigma_0 sin x) sin(x) dx
     g(sigma) = sgn(sigma) (|sigma|/F)^n d^-p exp[Q_M (beta - 1/(R T))]
 
+(of a hyperbolic sine with sigma_L sinh[|sigma|/(F sigma_L)] in place of |sigma|/F).
+
 The dashpot's fluidity B depends on the regime of stresses but not on frequency. Higher harmonics
 of the strain and its steady drift do not enter: tan(delta) is that of the fundamental.
 
@@ -36,6 +38,7 @@ from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT, STRESS_UNIT
 from pyburgers.model.flow_law_prior import GAS_CONSTANT
 from pyburgers.model.parameters import KELVIN_REFERENCES, STANDARD_VALUES
 from pyburgers.predictions.stress_cycles import (
+    BREAKDOWN,
     DRAW_DIMENSIONS,
     PAPER_REGIMES,
     PARAMETER_NAMES,
@@ -242,7 +245,11 @@ def predict_attenuation(
     }
     size, fabric = frozen[microstructure]
     spectrum = attenuation_spectrum(
-        {name: draws[name] for name in (*PARAMETER_NAMES, *KELVIN_REFERENCES) if name in draws},
+        {
+            name: draws[name]
+            for name in (*PARAMETER_NAMES, BREAKDOWN, *KELVIN_REFERENCES)
+            if name in draws
+        },
         frequencies,
         regimes,
         temperature=experiment.temperature if temperature is None else temperature,
@@ -414,15 +421,19 @@ def _dashpot_fluidity(
         - draws["grain_size_exponent"] * np.log(grain_size)
         - exponent * np.log(fabric_factor)
     )
+    breakdown = (draws[BREAKDOWN] * fabric_factor)[..., np.newaxis]
     by_regime = []
     for regime in regimes:
         changes_sign = regime.amplitude > regime.median_stress
         n_nodes = _NODES_SIGN_CHANGE if changes_sign else _NODES
         sine = np.sin(np.pi * ((np.arange(n_nodes) + 0.5) / n_nodes - 0.5))
-        peak = regime.median_stress + regime.amplitude
-        relative = (regime.median_stress + regime.amplitude * sine) / peak
-        weight = 2 / n_nodes * np.sign(relative) * sine
+        stress = regime.median_stress + regime.amplitude * np.append(sine, 1.0)  # and its peak
+        weight = 2 / n_nodes * np.sign(stress[:-1]) * sine
+        if breakdown.any():
+            stress = breakdown * np.sinh(stress / breakdown)
+        peak = stress[..., -1]
         # Relative to its peak, stress to the power n neither over- nor underflows.
+        relative = stress[..., :-1] / peak[..., np.newaxis]
         mean = np.abs(relative) ** exponent[..., np.newaxis] @ weight
         by_regime.append(np.exp(log_fluidity + exponent * np.log(peak)) / regime.amplitude * mean)
     return np.stack(by_regime, axis=-1)

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import number
 from pyburgers.model.display import STRESS_FACTOR, STRESS_UNIT
+from pyburgers.model.parameters import STANDARD_VALUES
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -25,6 +26,9 @@ PARAMETER_NAMES = (
     "beta",
 )
 """Parameters that a spectrum needs."""
+
+BREAKDOWN = "breakdown_stress"
+"""That of a dashpot which is a hyperbolic sine; 0, or left out, in all draws of a power law."""
 
 
 DRAW_DIMENSIONS = {0: (), 1: ("draw",), 2: ("chain", "draw")}
@@ -144,6 +148,8 @@ def checked_inputs(
         raise InputError(f"parameters: {missing[0]!r} is missing, expected its draws.")
     draws = {name: np.asarray(parameters[name], dtype=np.float64) for name in PARAMETER_NAMES}
     shape = draws[PARAMETER_NAMES[0]].shape
+    power_law = np.full(shape, STANDARD_VALUES[BREAKDOWN])
+    draws[BREAKDOWN] = np.asarray(parameters.get(BREAKDOWN, power_law), dtype=np.float64)
     if len(shape) not in DRAW_DIMENSIONS:
         raise InputError(
             f"parameters: found draws of shape {shape}, expected (chain, draw), (draw,) or ()."

@@ -1,5 +1,6 @@
 /**
- * Flow law of the power-law dashpot (Maor et al., Eq. 1) and the reference stress.
+ * Flow law of the dashpot, a power law (Maor et al., Eq. 1) or the hyperbolic sine that it is the
+ * beginning of, and the reference stress of the power law.
  *
  * Everything is SI: stress Pa, grain size m, temperature K, strain rate 1/s,
  * activation enthalpy Q_M J/mol, beta = ln(A)/Q_M mol/J with A in Pa^-n m^p s^-1.
@@ -34,6 +35,29 @@ real signed_power(real x, real log_unit, real exponent, real log_factor) {
     return -exp(exponent * (log(-x) - log_unit) + log_factor);
   }
   return 0;
+}
+
+/** Stress over breakdown stress above which the rate of the hyperbolic sine grows no more. */
+real largest_sine_argument() { return 60; }
+
+/**
+ * Stress at which a power law creeps as fast as the hyperbolic sine does at a stress:
+ * F sigma_L sinh[stress/(F sigma_L)], all in one unit.
+ *
+ * In place of the stress in dashpot_strain_rate() it gives [sigma_L sinh(|stress|/(F sigma_L))]^n
+ * (Garofalo's law; n = 1: Eq. 2). Of stresses beyond reason it is that of largest_sine_argument(),
+ * so that a trial step of the solver does not overflow.
+ *
+ * @param breakdown_stress sigma_L; 0: power-law creep has no end, and the stress is returned
+ * @param fabric_factor F
+ */
+real power_law_stress(real stress, real breakdown_stress, real fabric_factor) {
+  if (breakdown_stress == 0) {
+    return stress;
+  }
+  return fabric_factor * breakdown_stress
+         * sinh(fmax(fmin(stress / (fabric_factor * breakdown_stress), largest_sine_argument()),
+                     -largest_sine_argument()));
 }
 
 /**

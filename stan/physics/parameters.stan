@@ -4,7 +4,7 @@
  * Priors, fixed values and `parameter` in the programs have this order. Those of variants have
  * standard values that leave them without effect (docs/variants.md).
  */
-int n_parameters() { return 20; }
+int n_parameters() { return 21; }
 
 int i_maxwell_modulus() { return 1; } // E_M, Pa
 int i_kelvin_modulus() { return 2; } // E_K, Pa
@@ -30,3 +30,6 @@ int i_residual_correlation_strain() { return 17; } // epsilon_r
 int i_piezometer_reference_grain_size() { return 18; } // d_1, m; 0: there is none
 int i_piezometer_exponent() { return 19; } // m
 int i_piezometer_stress_floor() { return 20; } // sigma_f, Pa
+
+// Of variants
+int i_breakdown_stress() { return 21; } // sigma_L, Pa; 0: the dashpot is a power law

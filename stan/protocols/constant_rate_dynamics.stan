@@ -18,6 +18,9 @@
  * Where the grain size follows a piezometer, which needs the stress, it is a third state:
  *
  *   w = d/d_0,  dw/d(strain) = (d_piezometer(stress)/d_0 - w)/epsilon_c1.
+ *
+ * A hyperbolic-sine dashpot has power_law_stress(y, sigma_L/S_0, F) in place of y in v_d; its grain
+ * size always is a third state, with d_ss in place of the piezometer's where there is none.
  */
 
 /**
@@ -34,12 +37,14 @@ real log_reference_stress_at(vector parameter, data real strain_rate,
 }
 
 /**
- * Number of states: stress, Kelvin strain, and the grain size where it follows a piezometer.
+ * Number of states: stress, Kelvin strain, and the grain size where it follows a piezometer or the
+ * dashpot is a hyperbolic sine.
  *
  * @param constant see constant_rate_solution()
  */
 int n_constant_rate_states(data vector constant) {
-  return constant[i_piezometer_reference_grain_size()] > 0 ? 3 : 2;
+  return constant[i_piezometer_reference_grain_size()] > 0 || constant[i_breakdown_stress()] != 0
+         ? 3 : 2;
 }
 
 /**
@@ -144,6 +149,41 @@ vector constant_rate_piezometric_rhs(real strain, vector state, real stiffness,
 }
 
 /**
+ * Right-hand side with a hyperbolic-sine dashpot, a power-law Kelvin element and a grain size of
+ * either kind: as constant_rate_piezometric_rhs(), and
+ *
+ * @param relative_steady_state d_ss/d_0, which counts where d_1 is 0
+ * @param breakdown_stress sigma_L, Pa
+ */
+vector constant_rate_hyperbolic_sine_rhs(real strain, vector state, real stiffness,
+                                         real kelvin_fluidity, real kelvin_decay,
+                                         real stress_exponent, real grain_size_exponent,
+                                         real fabric_deficit,
+                                         real inverse_critical_strain_grain_size,
+                                         real inverse_critical_strain_fabric,
+                                         data real log_rate_ratio, real kelvin_stress_exponent,
+                                         real log_kelvin_unit, real reference_stress,
+                                         data real relative_piezometer,
+                                         data real piezometer_exponent,
+                                         data real piezometer_stress_floor,
+                                         real relative_steady_state, real breakdown_stress) {
+  real kelvin_rate = linear_driving_stress(kelvin_fluidity * state[1] - state[2],
+                                           kelvin_stress_exponent, log_kelvin_unit);
+  real log_fabric = log_relative_microstructure(strain, fabric_deficit,
+                                                inverse_critical_strain_fabric);
+  real flow_stress = power_law_stress(state[1], breakdown_stress / reference_stress,
+                                      exp(log_fabric));
+  real dashpot_rate = relative_dashpot_rate(flow_stress, stress_exponent, grain_size_exponent,
+                                            log(state[3]), log_fabric, log_rate_ratio);
+  real preferred = relative_piezometer > 0
+                   ? piezometer_grain_size(reference_stress * state[1], relative_piezometer,
+                                           piezometer_exponent, piezometer_stress_floor)
+                   : relative_steady_state;
+  return [stiffness * (1 - kelvin_rate - dashpot_rate), kelvin_decay * kelvin_rate,
+          (preferred - state[3]) * inverse_critical_strain_grain_size]';
+}
+
+/**
  * Scaled states at the given strains of one constant-rate segment.
  *
  * @param initial_state [y, z], or [y, z, w], at start_strain
@@ -168,6 +208,20 @@ array[] vector constant_rate_segment(vector initial_state, data real start_strai
                              / constant[i_kelvin_reference_stress()]);
   real grain_size_deficit = 1 - parameter[i_steady_state_grain_size()] / initial_grain_size;
   real fabric_deficit = 1 - parameter[i_steady_state_fabric_factor()];
+  if (constant[i_breakdown_stress()] != 0) {
+    return ode_bdf_tol(constant_rate_hyperbolic_sine_rhs, initial_state, start_strain, strain,
+                       tolerance, tolerance, max_num_steps, stiffness, kelvin_fluidity,
+                       kelvin_decay, parameter[i_stress_exponent()],
+                       parameter[i_grain_size_exponent()], fabric_deficit,
+                       1 / parameter[i_critical_strain_grain_size()],
+                       1 / parameter[i_critical_strain_fabric()], log_rate_ratio,
+                       parameter[i_kelvin_stress_exponent()], log_kelvin_unit, reference_stress,
+                       constant[i_piezometer_reference_grain_size()] / initial_grain_size,
+                       constant[i_piezometer_exponent()],
+                       constant[i_piezometer_stress_floor()],
+                       parameter[i_steady_state_grain_size()] / initial_grain_size,
+                       parameter[i_breakdown_stress()]);
+  }
   if (constant[i_piezometer_reference_grain_size()] > 0) {
     return ode_bdf_tol(constant_rate_piezometric_rhs, initial_state, start_strain, strain,
                        tolerance, tolerance, max_num_steps, stiffness, kelvin_fluidity,
@@ -203,8 +257,8 @@ array[] vector constant_rate_segment(vector initial_state, data real start_strai
  * The solver is restarted at every step of the rate; stress and Kelvin strain are carried over.
  *
  * @param parameter in the order of physics/parameters.stan
- * @param constant parameters that are never inferred, at their places in the same order; the
- *   others in it have no effect
+ * @param constant parameters that are never inferred, at their places in the same order, and
+ *   whether there is a breakdown stress; the others in it have no effect
  * @param strain output strains, increasing and positive; the strain of every rate step is one of
  *   them, as the last output of the segment that ends there
  * @param n_strains_in_segment number of output strains in each segment
@@ -214,7 +268,7 @@ array[] vector constant_rate_segment(vector initial_state, data real start_strai
  * @param temperature of the test, K
  * @param power_law_kelvin 0: the Kelvin element is linear, and n_K and q_0 have no effect
  * @return array over output strains of [stress (Pa), kelvin strain], and the grain size (m) where
- *   it follows a piezometer
+ *   it is a third state
  */
 array[] vector constant_rate_solution(vector parameter, data vector constant,
                                       data array[] real strain,

@@ -5,6 +5,7 @@
     real p = parameter[e][i_grain_size_exponent()];
     real log_factor = log_rate_factor(parameter[e][i_activation_enthalpy()],
                                       parameter[e][i_beta()], temperature[e]);
+    real breakdown_stress = parameter[e][i_breakdown_stress()];
     real kelvin_modulus = parameter[e][i_kelvin_modulus()];
     real kelvin_viscosity
       = kelvin_viscosity_at(parameter[e][i_kelvin_viscosity()],
@@ -34,7 +35,10 @@
                                           parameter[e][i_kelvin_stress_exponent()],
                                           -log(prior_location[e][i_kelvin_reference_stress()]))
                     / kelvin_viscosity;
-      grid_dashpot_share[i] = dashpot_strain_rate(grid_stress[i], grid_grain_size[i],
+      grid_dashpot_share[i] = dashpot_strain_rate(power_law_stress(grid_stress[i],
+                                                                   breakdown_stress,
+                                                                   grid_fabric_factor[i]),
+                                                  grid_grain_size[i],
                                                   grid_fabric_factor[i], n, p, log_factor)
                               / grid_rate[i];
       grid_stress_slope[i] = parameter[e][i_maxwell_modulus()]

@@ -13,6 +13,8 @@
  * for y - z in the rates; the solver gets that form only then, because every argument costs it
  * sensitivities.
  *
+ * A hyperbolic-sine dashpot has power_law_stress(y, sigma_L/S, 1) in place of y in v_d.
+ *
  * S and e are an observed stress and strain (data) and v_d0 the rate of the dashpot at stress S
  * and grain size d_0. v_K and v_d are the rates of the Kelvin element and of the dashpot, in the
  * unit of r. The unit d_u of the grain size is 100 d_0: where the stress passes through zero the
@@ -59,6 +61,7 @@ real oscillating_rate(real tau, data vector sine, data vector cosine, data vecto
  * @param evolves 0 before the record, where the grain size keeps its initial value
  * @param state [y, z, w]
  * @param kelvin_excess linear driving stress of the Kelvin element over S
+ * @param flow_stress stress of a power-law dashpot as fast as this one, over S
  * @param stiffness E_M e/S
  * @param kelvin_fluidity S period/(eta_K e)
  * @param kelvin_decay E_K period/eta_K
@@ -69,12 +72,13 @@ real oscillating_rate(real tau, data vector sine, data vector cosine, data vecto
  * @param piezometer d_1 (m), exponent and stress floor (Pa), see piezometer_grain_size()
  */
 vector forced_oscillation_rates(real rate, int evolves, vector state, real kelvin_excess,
-                                real stiffness, real kelvin_fluidity, real kelvin_decay,
-                                real stress_exponent, real grain_size_exponent,
+                                real flow_stress, real stiffness, real kelvin_fluidity,
+                                real kelvin_decay, real stress_exponent,
+                                real grain_size_exponent,
                                 real log_dashpot_rate, real inverse_critical_strain,
                                 data real stress_scale, data real strain_scale,
                                 data real unit, data vector piezometer) {
-  real dashpot_rate = signed_power(state[1], 0, stress_exponent,
+  real dashpot_rate = signed_power(flow_stress, 0, stress_exponent,
                                    log_dashpot_rate
                                    - grain_size_exponent * log(grain_size_unit() * state[3]));
   real growth = 0;
@@ -105,8 +109,8 @@ vector forced_oscillation_rhs(real tau, vector state, real stiffness, real kelvi
                               data real unit, data vector piezometer) {
   real rate = oscillating_rate(tau, sine, cosine, background, background_range, first_tau)
               / strain_scale;
-  return forced_oscillation_rates(rate, tau >= first_tau, state, state[1] - state[2], stiffness,
-                                  kelvin_fluidity, kelvin_decay, stress_exponent,
+  return forced_oscillation_rates(rate, tau >= first_tau, state, state[1] - state[2], state[1],
+                                  stiffness, kelvin_fluidity, kelvin_decay, stress_exponent,
                                   grain_size_exponent, log_dashpot_rate,
                                   inverse_critical_strain, stress_scale, strain_scale,
                                   unit, piezometer);
@@ -135,7 +139,37 @@ vector forced_oscillation_power_law_kelvin_rhs(real tau, vector state, real stif
               / strain_scale;
   real kelvin_excess = linear_driving_stress(state[1] - state[2], kelvin_stress_exponent,
                                              log_kelvin_unit);
-  return forced_oscillation_rates(rate, tau >= first_tau, state, kelvin_excess, stiffness,
+  return forced_oscillation_rates(rate, tau >= first_tau, state, kelvin_excess, state[1],
+                                  stiffness, kelvin_fluidity, kelvin_decay, stress_exponent,
+                                  grain_size_exponent, log_dashpot_rate,
+                                  inverse_critical_strain, stress_scale, strain_scale,
+                                  unit, piezometer);
+}
+
+/**
+ * Right-hand side with a hyperbolic-sine dashpot: as forced_oscillation_power_law_kelvin_rhs(), and
+ *
+ * @param breakdown sigma_L/S
+ */
+vector forced_oscillation_hyperbolic_sine_rhs(real tau, vector state, real stiffness,
+                                              real kelvin_fluidity, real kelvin_decay,
+                                              real stress_exponent, real grain_size_exponent,
+                                              real log_dashpot_rate,
+                                              real inverse_critical_strain,
+                                              data vector sine, data vector cosine,
+                                              data vector background,
+                                              data vector background_range,
+                                              data real first_tau, data real stress_scale,
+                                              data real strain_scale,
+                                              data real unit, data vector piezometer,
+                                              real kelvin_stress_exponent,
+                                              data real log_kelvin_unit, real breakdown) {
+  real rate = oscillating_rate(tau, sine, cosine, background, background_range, first_tau)
+              / strain_scale;
+  real kelvin_excess = linear_driving_stress(state[1] - state[2], kelvin_stress_exponent,
+                                             log_kelvin_unit);
+  return forced_oscillation_rates(rate, tau >= first_tau, state, kelvin_excess,
+                                  power_law_stress(state[1], breakdown, 1), stiffness,
                                   kelvin_fluidity, kelvin_decay, stress_exponent,
                                   grain_size_exponent, log_dashpot_rate,
                                   inverse_critical_strain, stress_scale, strain_scale,
@@ -152,8 +186,8 @@ vector forced_oscillation_power_law_kelvin_rhs(real tau, vector state, real stif
  * to a state reached after the cycles would be three more for the solver to follow.
  *
  * @param parameter in the order of physics/parameters.stan
- * @param constant parameters that are never inferred, at their places in the same order; the
- *   others in it have no effect
+ * @param constant parameters that are never inferred, at their places in the same order, and
+ *   whether there is a breakdown stress; the others in it have no effect
  * @param tau output times in periods, not decreasing, all after first_tau
  * @param start_tau, first_tau start of the spin-up and of the record, in periods
  * @param period s
@@ -195,7 +229,22 @@ array[] vector forced_oscillation_solution(vector parameter, data vector constan
   array[size(tau)] vector[3] solution;
   if (size(tau) > 0) {
     // The state at the start is an expression of data: constant to the solver.
-    if (power_law_kelvin) {
+    if (constant[i_breakdown_stress()] != 0) {
+      solution = ode_bdf_tol(forced_oscillation_hyperbolic_sine_rhs,
+                             [start_stress / stress_scale, start_stress / stress_scale,
+                              1 / grain_size_unit()]',
+                             start_tau, tau, tolerance, tolerance, max_num_steps, stiffness,
+                             kelvin_fluidity, kelvin_decay, stress_exponent,
+                             grain_size_exponent, log_dashpot_rate, inverse_critical_strain,
+                             sine, cosine, background, background_range, first_tau,
+                             stress_scale, strain_scale,
+                             grain_size_unit() * initial_grain_size,
+                             constant[{i_piezometer_reference_grain_size(),
+                                       i_piezometer_exponent(), i_piezometer_stress_floor()}],
+                             parameter[i_kelvin_stress_exponent()],
+                             log(stress_scale / constant[i_kelvin_reference_stress()]),
+                             parameter[i_breakdown_stress()] / stress_scale);
+    } else if (power_law_kelvin) {
       solution = ode_bdf_tol(forced_oscillation_power_law_kelvin_rhs,
                              [start_stress / stress_scale, start_stress / stress_scale,
                               1 / grain_size_unit()]',

@@ -76,8 +76,8 @@ def test_no_choice_changes_nothing(ice: ConstantRateExperiment, priors: PriorSet
     assert ModelVariant().short_text == "standard"
     data = one_test_data(ice, priors.resolved(1e7), solver=SolverOptions())
     (family,), (location,) = data["prior_family"], data["prior_location"]
-    assert family[len(PARAMETERS) :] == [0] * 8
-    assert location[len(PARAMETERS) :] == [1.0, 0.0, 1e6, 273.15, 0.0, 0.0, 1.0, 1e6]
+    assert family[len(PARAMETERS) :] == [0] * 9
+    assert location[len(PARAMETERS) :] == [1.0, 0.0, 1e6, 273.15, 0.0, 0.0, 1.0, 1e6, 0.0]
     assert max(data["own_parameter"]) == len(PARAMETERS)
 
 

@@ -27,10 +27,14 @@ def dashpot_rate(
     grain_size: FloatArray,
     fabric: FloatArray,
 ) -> FloatArray:
-    """Eq. 1 of the paper (1/s), odd in stress."""
+    """Eq. 1 of the paper (1/s), odd in stress, or Garofalo's law where there is a breakdown."""
+    magnitude = np.abs(stress) / fabric
+    breakdown = parameters.get("breakdown_stress", 0.0)
+    if breakdown > 0.0:
+        magnitude = breakdown * np.sinh(magnitude / breakdown)
     rate: FloatArray = (
         np.sign(stress)
-        * (np.abs(stress) / fabric) ** parameters["stress_exponent"]
+        * magnitude ** parameters["stress_exponent"]
         * grain_size ** -parameters["grain_size_exponent"]
         * rate_factor(parameters, temperature)
     )

@@ -87,8 +87,11 @@ def find_valley(test: AtMode[ConstantRateExperiment]) -> ValleyReference:
         If the priors or the record do not fit the coordinates.
     """
     experiment, mode, coordinates = test.experiment, test.mode, test.coordinates
-    if variant_of(test.priors, experiment).grain_size == "piezometric":
+    variant = variant_of(test.priors, experiment)
+    if variant.grain_size == "piezometric":
         raise ChartUnsuited("the grain size follows a piezometer")
+    if variant.maxwell == "hyperbolic_sine":
+        raise ChartUnsuited("the stress at a rate is no product of powers in a hyperbolic sine")
     _check_priors(test.priors, coordinates)
     observed = test.solution(np.unique(experiment.strain))
     flowing = np.isin(

@@ -292,6 +292,7 @@ VARIANT_TABLES = {
     "piezometer_reference_grain_size": '"fixed"\nvalue = 2.0\nunit = "mm"',
     "piezometer_exponent": '"fixed"\nvalue = 1.33\nunit = "1"',
     "piezometer_stress_floor": '"fixed"\nvalue = 1.0\nunit = "MPa"',
+    "breakdown_stress": '"uniform"\nlower = 1.0\nupper = 50.0\nunit = "MPa"',
 }
 
 

@@ -48,10 +48,9 @@ def load_experiment(path: str | Path) -> Experiment:
 
     Returns
     -------
-    ConstantRateExperiment or OscillationExperiment
-        By its key `protocol`; how each is read say
-        `pyburgers.protocols.constant_rate.experiment.load_constant_rate`
-        and `pyburgers.protocols.forced_oscillation.experiment.load_forced_oscillation`.
+    Experiment
+        Of the class of its key `protocol`; how it is read says the module ``experiment`` in the
+        folder of that name.
 
     Raises
     ------

@@ -1,9 +1,8 @@
 """What is fitted: tests of one material and protocol, their priors, and how they are pooled."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
-from types import MappingProxyType
 from typing import Any
 
 from pyburgers.common.errors import InputError
@@ -176,8 +175,7 @@ def _check_test(experiment: Experiment, first: Experiment, priors: PriorSet) -> 
 
 def _with_shared(own: PriorSet, common: PriorSet, shared: Sequence[str]) -> PriorSet:
     """Priors of a test with those of shared parameters exchanged for those of all tests."""
-    exchanged = {name: common[name] for name in shared}
-    return replace(own, priors=MappingProxyType({**own.priors, **exchanged}))
+    return own.exchanging(*(common[name] for name in shared))
 
 
 def _check_pooling(problem: Problem) -> None:

@@ -5,7 +5,6 @@ tables of parameters and coordinates (`stan/data/coordinates.stan`) are made her
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from itertools import chain
 
 import numpy as np
@@ -168,8 +167,7 @@ def _as_solved(priors: PriorSet, experiment: Experiment) -> PriorSet:
     """Priors with the piezometer left out where the grain size does not follow it."""
     if variant_of(priors, experiment).grain_size == "piezometric":
         return priors
-    none = fixed_prior(PARAMETER_BY_NAME[PIEZOMETER[0]], 0.0, "not in use")
-    return replace(priors, priors={**priors.priors, none.parameter: none})
+    return priors.exchanging(fixed_prior(PARAMETER_BY_NAME[PIEZOMETER[0]], 0.0, "not in use"))
 
 
 def _coordinate_block(problem: Problem, layout: Layout) -> StanData:

@@ -39,10 +39,7 @@ FunctionValues = Callable[[str, Mapping[str, object]], dict[str, FloatArray]]
 TESTS = Path(__file__).parent
 ICE = TESTS.parent / "data" / "ice"
 
-MEASURED = TESTS.parents[1] / "shared" / "data" / "chopra_paterson_1984_dunite"
-needs_measured = pytest.mark.skipif(
-    not MEASURED.is_dir(), reason="the measured columns are not in ../shared/data on this machine"
-)
+DUNITE = TESTS.parent / "data" / "dunite"
 
 SMALL_RUN = SamplerOptions(chains=2, warmup=150, draws=100, seed=11)
 LONG_RUN = replace(SMALL_RUN, warmup=300, draws=800)

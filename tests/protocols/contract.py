@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import pytest
-from conftest import needs_measured, resolved_priors, with_fixed
+from conftest import resolved_priors, with_fixed
 from log_density import Program, program_with
 from page import Page
 from protocol_examples import EXAMPLES
@@ -49,9 +49,8 @@ def cases(*kinds: str, of: Callable[[str], Sequence[str]] | None = None) -> pyte
     params = []
     for protocol, example in EXAMPLES.items():
         for name in (name for kind in kinds for name in getattr(example, kind)):
-            marks = needs_measured if name in example.measured else ()
             params += [
-                pytest.param(protocol, name, *more, id="-".join([name, *more]), marks=marks)
+                pytest.param(protocol, name, *more, id="-".join([name, *more]))
                 for more in ([(one,) for one in of(protocol)] if of else [()])
             ]
     names = ["protocol", "name", *(["what"] if of else [])]

@@ -31,7 +31,7 @@ from pyburgers.posterior.build import build_posterior
 from pyburgers.posterior.labelled_draws import TESTS, draws_table, load_posterior, summary_table
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.problem import Problem, problem_of
-from pyburgers.protocols.registry import load_experiment
+from pyburgers.protocols.protocol import load_experiment
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.chains import ChainFailure, missing_chains
 from pyburgers.sampling.options import SamplerOptions

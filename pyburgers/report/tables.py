@@ -21,7 +21,7 @@ from pyburgers.model.display import prior_text, shown_quantity, symbol_text, uni
 from pyburgers.model.parameters import PARAMETER_BY_NAME, REFERENCE_FLOW_RATE_QUANTITY, Parameter
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet
-from pyburgers.protocols.registry import protocol_of
+from pyburgers.protocols.protocol import protocol_of
 
 INTERVALS = (50, 90, 95)
 """Central intervals (%) in which the truth behind synthetic data is looked for."""

@@ -12,7 +12,8 @@ import pytest
 from conftest import ICE, with_fixed
 from scipy import stats
 
-from pyburgers.cmdstan.program import load_program, stan_directory
+from pyburgers.cmdstan.program import load_program
+from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError
 from pyburgers.drawing.style import image

@@ -145,6 +145,13 @@ class Prior:
             return self.location
         return float(self.distribution().rvs(random_state=rng))
 
+    def mean_sd(self) -> tuple[float, float]:
+        """Mean and standard deviation (SI)."""
+        if self.is_fixed:
+            return self.location, 0.0
+        law = self.distribution()
+        return float(law.mean()), float(law.std())
+
     @classmethod
     def of_family(
         cls, parameter: str, family: Family, numbers: Mapping[str, float], **others: Any

@@ -3,6 +3,7 @@
 import importlib.resources
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 from pathlib import Path
 from types import MappingProxyType
 
@@ -76,6 +77,12 @@ class PriorSet:
         values = {name: prior.sample(rng) for name, prior in self.priors.items()}
         return values if self.flow_law is None else {**values, **self.flow_law.sample(rng)}
 
+    def exchanging(self, *changed: Prior) -> "PriorSet":
+        """Return the set with priors exchanged or added, in the order of the programs."""
+        merged = {**self.priors, **{prior.parameter: prior for prior in changed}}
+        ordered = {p.name: merged[p.name] for p in PROGRAM_PARAMETERS if p.name in merged}
+        return replace(self, priors=MappingProxyType(ordered))
+
     def resolved(self, max_stress: float) -> "PriorSet":
         """Return the set with shares of the largest stress turned into Pa.
 
@@ -84,12 +91,7 @@ class PriorSet:
         max_stress : float
             Largest measured absolute stress (Pa).
         """
-        return replace(
-            self,
-            priors=MappingProxyType(
-                {name: prior.resolved(max_stress) for name, prior in self.priors.items()}
-            ),
-        )
+        return self.exchanging(*(prior.resolved(max_stress) for prior in self.priors.values()))
 
 
 def with_flow_law(priors: PriorSet, flow_law: FlowLawPrior, where: str) -> PriorSet:
@@ -120,8 +122,8 @@ def with_flow_law(priors: PriorSet, flow_law: FlowLawPrior, where: str) -> Prior
             "law free where a joint prior takes its place."
         )
     source = f"Marginal of the joint prior of the flow law, {flow_law.source}"
-    marginals = {
-        name: Prior.of_family(
+    marginals = (
+        Prior.of_family(
             name,
             "normal",
             {"location": mean, "scale": spread, **({} if name in UNSIGNED else {"lower": 0.0})},
@@ -129,10 +131,9 @@ def with_flow_law(priors: PriorSet, flow_law: FlowLawPrior, where: str) -> Prior
             source=source,
         )
         for name, (mean, spread) in flow_law.marginals().items()
-    }
+    )
     return replace(
-        priors,
-        priors=MappingProxyType({**priors.priors, **marginals}),
+        priors.exchanging(*marginals),
         title=f"{priors.title}; flow law from {flow_law.source}",
         flow_law=flow_law,
     )
@@ -290,6 +291,20 @@ def shipped_prior_files(folder: str = ".") -> dict[str, Path]:
     # In a wheel the data lie inside the package, in a checkout beside it.
     folders = [root / "data" / "priors" / folder for root in (package, package.parent)]
     return {path.stem: path for place in folders for path in sorted(place.glob("*.toml"))}
+
+
+class _FreedParametersFile(Table):
+    parameters: dict[str, PriorTable] = Field(description="one table for each parameter")
+
+
+@cache
+def priors_of_freed_parameters() -> Mapping[str, Prior]:
+    """Return the shipped priors of parameters that a variant frees, by name."""
+    path = shipped_prior_files("variants")["free_parameters"]
+    tables = read_toml(path, _FreedParametersFile).parameters
+    return MappingProxyType(
+        {name: load_prior(path, PARAMETER_BY_NAME[name], table) for name, table in tables.items()}
+    )
 
 
 def _standard(name: str) -> Prior:

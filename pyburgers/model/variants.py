@@ -7,24 +7,17 @@ priors and equations cannot contradict each other, and what a run used can be to
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
-from functools import cache
 from types import MappingProxyType
-from typing import Any, Literal, Protocol, get_args, get_type_hints
+from typing import Literal, Protocol, get_args, get_type_hints
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field
 
 from pyburgers.common.errors import InputError
-from pyburgers.common.toml_files import Table, nearest, read_toml
-from pyburgers.model.parameters import (
-    KELVIN_REFERENCES,
-    PARAMETER_BY_NAME,
-    PIEZOMETER,
-    PROGRAM_PARAMETERS,
-)
-from pyburgers.model.prior_families import Prior, PriorTable, fixed_prior, is_fixed_at, load_prior
-from pyburgers.model.priors import PriorSet, shipped_prior_files
+from pyburgers.common.toml_files import nearest
+from pyburgers.model.parameters import KELVIN_REFERENCES, PARAMETER_BY_NAME, PIEZOMETER
+from pyburgers.model.prior_families import Prior, fixed_prior, is_fixed_at
+from pyburgers.model.priors import PriorSet, priors_of_freed_parameters
 
 REFERENCE_STRESS_SHARE = 0.25
 """Driving stress for which the viscosity of a power-law Kelvin dashpot is given, over the largest
@@ -292,13 +285,6 @@ def _has_piezometer(priors: PriorSet) -> bool:
     return not is_fixed_at(priors["piezometer_reference_grain_size"], 0.0)
 
 
-def _exchanged(priors: PriorSet, *changed: Prior) -> PriorSet:
-    """Priors with some exchanged or added, in the order of the programs."""
-    merged = {**priors.priors, **{prior.parameter: prior for prior in changed}}
-    ordered = {p.name: merged[p.name] for p in PROGRAM_PARAMETERS if p.name in merged}
-    return replace(priors, priors=MappingProxyType(ordered))
-
-
 def _fixed(name: str, value: float, choice: str) -> Prior:
     return fixed_prior(PARAMETER_BY_NAME[name], value, f"Variant {choice}")
 
@@ -307,7 +293,7 @@ def _choose_kelvin(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
     exponent = "kelvin_stress_exponent"
     linear = is_fixed_at(priors[exponent], 1.0)
     if choice == "linear":
-        return priors if linear else _exchanged(priors, _fixed(exponent, 1.0, "kelvin=linear"))
+        return priors if linear else priors.exchanging(_fixed(exponent, 1.0, "kelvin=linear"))
     if not linear:
         return priors
     references = {
@@ -316,9 +302,8 @@ def _choose_kelvin(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
         ),
         "kelvin_reference_temperature": experiment.temperature,
     }
-    return _exchanged(
-        priors,
-        _free_priors()[exponent],
+    return priors.exchanging(
+        priors_of_freed_parameters()[exponent],
         *(
             _fixed(name, references[name], "kelvin=power_law")
             for name in KELVIN_REFERENCES.values()
@@ -336,10 +321,10 @@ def _choose_maxwell(priors: PriorSet, experiment: Test, choice: str) -> PriorSet
     breakdown = "breakdown_stress"
     if choice == "hyperbolic_sine":
         median = float(f"{_largest_stress(experiment):.0e}")
-        free = replace(_free_priors()[breakdown], location=median)
-        return _exchanged(priors, free) if is_fixed_at(priors[breakdown], 0.0) else priors
+        free = replace(priors_of_freed_parameters()[breakdown], location=median)
+        return priors.exchanging(free) if is_fixed_at(priors[breakdown], 0.0) else priors
     if not is_fixed_at(priors[breakdown], 0.0):
-        priors = _exchanged(priors, _fixed(breakdown, 0.0, f"maxwell={choice}"))
+        priors = priors.exchanging(_fixed(breakdown, 0.0, f"maxwell={choice}"))
     exponent, beta = priors["stress_exponent"], priors["beta"]
     if choice == "power_law" or is_fixed_at(exponent, 1.0):
         return priors
@@ -354,7 +339,7 @@ def _choose_maxwell(priors: PriorSet, experiment: Test, choice: str) -> PriorSet
             f"expected a normal one without bounds or a fixed value, found {beta.family!r}; write "
             "a prior file with stress_exponent fixed at 1 instead."
         )
-    mean, spread = (exponent.location, 0.0) if exponent.is_fixed else _moments(exponent)
+    mean, spread = exponent.mean_sd()
     enthalpy = priors["activation_enthalpy"].location
     per_exponent = np.log(_largest_stress(experiment)) / enthalpy
     moved = replace(
@@ -363,14 +348,14 @@ def _choose_maxwell(priors: PriorSet, experiment: Test, choice: str) -> PriorSet
         scale=0.0 if beta.is_fixed else float(np.hypot(beta.scale, spread * per_exponent)),
         source=f"Variant maxwell=linear: moved to n = 1 at the largest stress; {beta.source}",
     )
-    return _exchanged(priors, _fixed("stress_exponent", 1.0, "maxwell=linear"), moved)
+    return priors.exchanging(_fixed("stress_exponent", 1.0, "maxwell=linear"), moved)
 
 
 def _choose_grain_size(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
     source = f"grain_size={choice}"
     if not _allows(experiment, "grain_size", "evolving"):
         critical = _fixed("critical_strain_grain_size", NO_EVOLUTION, source)
-        return _exchanged(priors, critical) if choice == "constant" else priors
+        return priors.exchanging(critical) if choice == "constant" else priors
     if choice == "evolving":
         return priors
     start = _fixed("steady_state_grain_size", experiment.initial_grain_size, source)
@@ -381,10 +366,9 @@ def _choose_grain_size(priors: PriorSet, experiment: Test, choice: str) -> Prior
                 f"{priors.title!r}, expected {', '.join(PIEZOMETER[:-1])} and {PIEZOMETER[-1]} in "
                 "them."
             )
-        return _exchanged(priors, start)  # which has no effect then
+        return priors.exchanging(start)  # which has no effect then
     none = _fixed("piezometer_reference_grain_size", 0.0, source)
-    return _exchanged(
-        priors,
+    return priors.exchanging(
         start,
         _fixed("critical_strain_grain_size", WITHOUT_EFFECT, source),
         *((none,) if _has_piezometer(priors) else ()),
@@ -394,8 +378,7 @@ def _choose_grain_size(priors: PriorSet, experiment: Test, choice: str) -> Prior
 def _choose_fabric(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
     if choice != "constant" or not _allows(experiment, "fabric", "evolving"):
         return priors
-    return _exchanged(
-        priors,
+    return priors.exchanging(
         _fixed("steady_state_fabric_factor", 1.0, "fabric=constant"),
         _fixed("critical_strain_fabric", WITHOUT_EFFECT, "fabric=constant"),
     )
@@ -405,8 +388,8 @@ def _choose_residuals(priors: PriorSet, experiment: Test, choice: str) -> PriorS
     name = "residual_correlation_strain"
     independent = is_fixed_at(priors[name], 0.0)
     if choice == "independent":
-        return priors if independent else _exchanged(priors, _fixed(name, 0.0, "independent"))
-    return _exchanged(priors, _free_priors()[name]) if independent else priors
+        return priors if independent else priors.exchanging(_fixed(name, 0.0, "independent"))
+    return priors.exchanging(priors_of_freed_parameters()[name]) if independent else priors
 
 
 _CHANGES = MappingProxyType(
@@ -421,12 +404,6 @@ _CHANGES = MappingProxyType(
 """What each choice does to the priors."""
 
 
-def _moments(prior: Prior) -> tuple[float, float]:
-    """Mean and standard deviation of a prior."""
-    law = prior.distribution()
-    return float(law.mean()), float(law.std())
-
-
 def _largest_stress(experiment: Test) -> float:
     if experiment.n_points == 0:
         raise InputError(
@@ -434,17 +411,3 @@ def _largest_stress(experiment: Test) -> float:
             "set up at the largest stress."
         )
     return experiment.largest_stress
-
-
-class _FreeParametersFile(Table):
-    parameters: dict[str, PriorTable] = Field(description="one table for each parameter")
-
-
-@cache
-def _free_priors() -> Mapping[str, Prior]:
-    """Priors of parameters that a variant frees, as shipped."""
-    path = shipped_prior_files("variants")["free_parameters"]
-    tables: dict[str, Any] = read_toml(path, _FreeParametersFile).parameters
-    return MappingProxyType(
-        {name: load_prior(path, PARAMETER_BY_NAME[name], table) for name, table in tables.items()}
-    )

@@ -32,7 +32,7 @@ from pyburgers.protocols.forced_oscillation.preparation import (
 )
 from pyburgers.protocols.forced_oscillation.stan_data import ShearedReference
 from pyburgers.protocols.forward import REFERENCE_SOLVER, simulate, solve
-from pyburgers.protocols.registry import protocol_of
+from pyburgers.protocols.protocol import protocol_of
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")

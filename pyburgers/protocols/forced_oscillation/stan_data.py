@@ -9,9 +9,9 @@ import numpy.typing as npt
 from scipy.integrate import trapezoid
 
 from pyburgers.model.priors import PriorSet
+from pyburgers.protocols.coordinates import Layout
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.protocols.forced_oscillation.harmonics import trend_projection
-from pyburgers.protocols.layout import Layout
 from pyburgers.protocols.stan_data import StanData, ends
 
 FloatArray = npt.NDArray[np.float64]

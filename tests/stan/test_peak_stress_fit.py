@@ -242,7 +242,7 @@ def test_a_run_is_read_back_and_continued_without_sampling(
     assert {"inputs/peak_stress.toml", "inputs/peak_stress.csv", "inputs/priors.toml"} <= set(
         again.manifest["hashes"]
     )
-    checks = json.loads(again.directory.checks_file.read_text(encoding="utf-8"))
+    checks = json.loads(again.directory.checks_file.read_text(encoding="utf-8"))["checks"]
     assert all(check["passed"] for check in checks)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from pyburgers.checks.fit_checks import CheckResult
+from pyburgers.checks.fit_checks import CheckResult, Outcome
 from pyburgers.common.units import number, rounded, with_error
 from pyburgers.drawing.page_parts import PageTable
 from pyburgers.fitting.fit import Fit
@@ -195,13 +195,16 @@ def shown_truth_table(truth: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame([*rows, {"quantity": "all parameters", **counts}]).fillna("")
 
 
+VERDICT_WORDS = {Outcome.YES: "passed", Outcome.NO: "FAILED", Outcome.CANNOT_TELL: "cannot tell"}
+
+
 def checks_table(checks: Sequence[CheckResult]) -> pd.DataFrame:
-    """Verdicts: columns check, verdict (passed or FAILED), sentence."""
+    """Verdicts: columns check, verdict (passed, FAILED or cannot tell), sentence."""
     return pd.DataFrame(
         [
             {
                 "check": check.name,
-                "verdict": "passed" if check.passed else "FAILED",
+                "verdict": VERDICT_WORDS[check.outcome],
                 "sentence": check.sentence,
             }
             for check in checks

@@ -34,7 +34,7 @@ from pyburgers.fitting.fit import Fit
 from pyburgers.posterior.labelled_draws import grain_size_share
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment, with_background
 from pyburgers.protocols.forced_oscillation.preparation import Background
-from pyburgers.protocols.registry import load_experiment, protocol_of, save_experiment
+from pyburgers.protocols.protocol import load_experiment, protocol_of, save_experiment
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "benchmarks" / "results"

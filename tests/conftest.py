@@ -16,7 +16,8 @@ import numpy.typing as npt
 import pytest
 from matplotlib.figure import Figure
 
-from pyburgers.cmdstan.program import compile_programs, load_program, stan_directory
+from pyburgers.cmdstan.program import compile_programs, load_program
+from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.comparison.by_tests import leave_one_test_out
 from pyburgers.fitting.fit import Fit, fit, fit_jointly
 from pyburgers.model.prior_families import Prior
@@ -26,7 +27,7 @@ from pyburgers.protocols.constant_rate.stan_data import ValleyReference
 from pyburgers.protocols.constant_rate.valley import find_valley
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.problem import problem_of
-from pyburgers.protocols.registry import PROTOCOLS, save_experiment
+from pyburgers.protocols.protocol import protocols, save_experiment
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.charts import at_mode
 from pyburgers.sampling.options import SamplerOptions
@@ -124,7 +125,7 @@ def programs() -> None:
     """Compile what the tests need, side by side."""
     compile_programs(
         [
-            *(protocol.program for protocol in PROTOCOLS.values()),
+            *(protocol.program for protocol in protocols().values()),
             *(
                 stan_directory() / f"{name}.stan"
                 for name in (

@@ -4,11 +4,10 @@ A new one is a function with a name and a kind in a module of this folder, where
 `pyburgers.checks.registry` finds it.
 """
 
-import json
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -136,21 +135,6 @@ def check(
 ) -> Callable[[Callable[[CheckedDraws], Finding]], Check]:
     """Make a check of the function that looks at the draws."""
     return lambda find: Check(name, kind, find, least_draws)
-
-
-def checks_record(results: Iterable[CheckResult]) -> list[dict[str, Any]]:
-    """Return checks with their numbers as what a JSON file holds."""
-    return [
-        {
-            "name": result.name,
-            "kind": result.check.kind.name.lower(),
-            "outcome": result.outcome.value,
-            "passed": result.passed,
-            "sentence": result.sentence,
-            "table": json.loads(result.table.reset_index().to_json(orient="records")),
-        }
-        for result in results
-    ]
 
 
 RHAT_LIMIT = 1.01

@@ -22,7 +22,7 @@ from pyburgers.checks.fit_checks import (
     check,
 )
 from pyburgers.posterior.labelled_draws import TESTS, response_in
-from pyburgers.protocols.registry import PROTOCOLS
+from pyburgers.protocols.protocol import protocols
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -65,7 +65,7 @@ def _row(test: xr.DataTree) -> dict[str, Any]:
         for group in ("observed_data", "posterior_predictive")
     )
     along = test["constant_data"].to_dataset()
-    clock = next(p.clock for p in PROTOCOLS.values() if p.clock.name in test["predictions"].dims)
+    clock = next(p.clock for p in protocols().values() if p.clock.name in test["predictions"].dims)
     segment = along["segment"] if "segment" in along else xr.zeros_like(along[clock.name])
     joined = np.diff(segment) == 0
     found, of_replicates = (autocorrelation(each, joined) for each in (observed, replicated))

@@ -13,12 +13,7 @@ import pandas as pd
 import stanio
 import xarray as xr
 
-from pyburgers.cmdstan.compilation import (
-    compile_program,
-    compile_programs,
-    executable_path,
-    stan_directory,
-)
+from pyburgers.cmdstan.compilation import compile_program, compile_programs, executable_path
 from pyburgers.common.errors import SamplingError
 from pyburgers.common.processes import Running, cores, side_by_side, start
 
@@ -108,7 +103,6 @@ __all__ = [
     "compile_programs",
     "executable_path",
     "load_program",
-    "stan_directory",
 ]
 
 ALL_DIGITS = 17

@@ -10,26 +10,31 @@ from itertools import chain
 import numpy as np
 import numpy.typing as npt
 
-from pyburgers.model.parameters import PARAMETER_BY_NAME, PIEZOMETER, PROGRAM_PARAMETERS
+from pyburgers.model.flow_law_prior import FlowLawPrior
+from pyburgers.model.parameters import PARAMETER_BY_NAME, PIEZOMETER, PROGRAM_PARAMETERS, Parameter
 from pyburgers.model.prior_families import fixed_prior, is_fixed_at
 from pyburgers.model.priors import FLOW_LAW, PriorSet
 from pyburgers.model.variants import variant_of
+from pyburgers.protocols.coordinates import Layout
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.layout import Layout
 from pyburgers.protocols.problem import Problem
-from pyburgers.protocols.registry import protocol_of
+from pyburgers.protocols.protocol import protocol_of
 from pyburgers.protocols.stan_data import (
     CHART,
     PLAIN,
     SolverOptions,
     StanData,
     ends,
-    flow_law_block,
-    prior_block,
     solver_block,
 )
 
 FloatArray = npt.NDArray[np.float64]
+
+FAMILY_CODE = {"fixed": 0, "uniform": 1, "normal": 2, "half_normal": 2, "lognormal": 3}
+"""Codes of `stan/statistics/priors.stan`; a half-normal is a normal cut at zero."""
+
+PART_OF_FLOW_LAW = 4
+"""Code of a parameter whose density is in the joint prior of the flow law."""
 
 PLACE: Mapping[str, int] = {p.name: k for k, p in enumerate(PROGRAM_PARAMETERS, start=1)}
 """Place of each parameter in the programs, as in `stan/physics/parameters.stan`."""
@@ -142,6 +147,40 @@ def values_of_test(parameter: FloatArray, test: int) -> dict[str, float]:
         Number of the test.
     """
     return {p.name: float(v) for p, v in zip(PROGRAM_PARAMETERS, parameter[test], strict=True)}
+
+
+def prior_block(priors: PriorSet, parameters: Sequence[Parameter]) -> StanData:
+    """Return the priors of a program's parameters, in its order."""
+    ordered = [priors[parameter.name] for parameter in parameters]
+    joint = FLOW_LAW if priors.flow_law is not None else ()
+    return {
+        "prior_family": [
+            PART_OF_FLOW_LAW if prior.parameter in joint else FAMILY_CODE[prior.family]
+            for prior in ordered
+        ],
+        "prior_location": [prior.location for prior in ordered],
+        "prior_scale": [prior.scale for prior in ordered],
+        "prior_lower": [prior.lower for prior in ordered],
+        "prior_upper": [prior.upper for prior in ordered],
+    }
+
+
+def flow_law_block(flow_law: FlowLawPrior | None) -> StanData:
+    """Return the joint prior of the flow law, the rest of the block `stan/data/priors.stan`."""
+    if flow_law is None:
+        return {
+            "n_flow_law": 0,
+            "flow_law_mean": [],
+            "flow_law_factor": [],
+            "flow_law_conditions": [],
+        }
+    at = flow_law.conditions
+    return {
+        "n_flow_law": flow_law.mean.size,
+        "flow_law_mean": flow_law.mean.tolist(),
+        "flow_law_factor": flow_law.factor.tolist(),
+        "flow_law_conditions": [at.temperature, at.stress, at.grain_size],
+    }
 
 
 def _prior_block(problem: Problem, layout: Layout) -> StanData:

@@ -25,7 +25,7 @@ from pyburgers.model.priors import save_priors
 from pyburgers.model.variants import variant_of
 from pyburgers.protocols.problem import Problem
 from pyburgers.protocols.program_data import program_data
-from pyburgers.protocols.registry import save_experiment
+from pyburgers.protocols.protocol import save_experiment
 from pyburgers.protocols.stan_data import SolverOptions, StanData
 from pyburgers.sampling.chains import ChainFailure, run_side_by_side
 from pyburgers.sampling.charts import ChosenChart, check_coordinates, choose_chart

@@ -32,7 +32,7 @@ from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forward import given_parameters, simulate, simulate_data
 from pyburgers.protocols.problem import one_test
 from pyburgers.protocols.program_data import program_data
-from pyburgers.protocols.registry import protocol_of
+from pyburgers.protocols.protocol import protocol_of
 from pyburgers.protocols.stan_data import (
     SolverOptions,
 )

@@ -9,7 +9,7 @@ from same_contents import assert_equal
 
 from pyburgers.common.errors import InputError
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
-from pyburgers.protocols.registry import load_experiment, save_experiment
+from pyburgers.protocols.protocol import load_experiment, save_experiment
 
 CHECKOUT = Path(__file__).parents[2]
 EXPERIMENT = """\

@@ -26,7 +26,7 @@ from pyburgers.protocols.forward import (
     simulate,
     simulate_data,
 )
-from pyburgers.protocols.registry import protocol_of
+from pyburgers.protocols.protocol import protocol_of
 from pyburgers.sbc.data_sets import (
     LOG_LIKELIHOOD,
     RHAT_LIMIT,

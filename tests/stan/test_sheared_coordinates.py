@@ -22,6 +22,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet
+from pyburgers.protocols.coordinates import REFERENCE_FLOW_RATE
 from pyburgers.protocols.forced_oscillation.experiment import (
     OscillationExperiment,
     load_forced_oscillation,
@@ -32,15 +33,8 @@ from pyburgers.protocols.forced_oscillation.sheared import SHIFTED_BY, find_shea
 from pyburgers.protocols.forced_oscillation.stan_data import ShearedReference
 from pyburgers.protocols.problem import one_test, plain_coordinates, problem_of
 from pyburgers.protocols.program_data import PLACE, chart_block
-from pyburgers.protocols.protocol import Mode
-from pyburgers.protocols.registry import protocol_of
-from pyburgers.protocols.stan_data import (
-    PLAIN,
-    REFERENCE_FLOW_RATE,
-    SolverOptions,
-    StanData,
-    solver_block,
-)
+from pyburgers.protocols.protocol import Mode, protocol_of
+from pyburgers.protocols.stan_data import PLAIN, SolverOptions, StanData, solver_block
 from pyburgers.sampling import charts
 from pyburgers.sampling.charts import ChosenChart, at_mode, choose_chart
 from pyburgers.sampling.starts import ProblemMode, curvature_at

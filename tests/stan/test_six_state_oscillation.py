@@ -9,7 +9,8 @@ from conftest import ICE, resolved_priors
 from log_density import Program
 from stan_data import one_test_data
 
-from pyburgers.cmdstan.program import compile_program, stan_directory
+from pyburgers.cmdstan.program import compile_program
+from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.forced_oscillation.experiment import (
     load_forced_oscillation,

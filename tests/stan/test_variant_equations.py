@@ -23,7 +23,7 @@ from pyburgers.protocols.constant_rate.experiment import (
 )
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.protocols.forward import REFERENCE_SOLVER, simulate, solve
-from pyburgers.protocols.registry import load_experiment
+from pyburgers.protocols.protocol import load_experiment
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")

@@ -34,6 +34,7 @@ from pyburgers.model.display import (
     shown_quantity,
     unit_text,
 )
+from pyburgers.protocols.coordinates import REFERENCE_FLOW_RATE
 from pyburgers.protocols.forced_oscillation.harmonics import HarmonicFit
 from pyburgers.protocols.forced_oscillation.preparation import (
     OscillationRecord,
@@ -46,7 +47,6 @@ from pyburgers.protocols.forced_oscillation.response import (
     replicated_response,
 )
 from pyburgers.protocols.protocol import FittedTest
-from pyburgers.protocols.stan_data import REFERENCE_FLOW_RATE
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -73,7 +73,7 @@ class FittedCurve:
     @property
     def median(self) -> FloatArray:
         """Predictive median at the positions of the solutions; noise is symmetric about them."""
-        _, median, _ = central_band(self.solutions)
+        median: FloatArray = central_band(self.solutions)[1]
         return median
 
 

@@ -35,8 +35,7 @@ from pyburgers.model.flow_law_prior import FLOW_LAW_PRIOR_FILE, FlowLawPrior
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.experiment import Provenance
-from pyburgers.report.peak_stress_section import flow_law
-from pyburgers.report.tables import flow_law_table
+from pyburgers.report.peak_stress_section import flow_law, flow_law_table
 from pyburgers.sampling.options import SamplerOptions
 
 FloatArray = npt.NDArray[np.float64]

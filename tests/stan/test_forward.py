@@ -20,7 +20,8 @@ from pyburgers.protocols.constant_rate.experiment import (
     RateSegment,
     load_constant_rate,
 )
-from pyburgers.protocols.forward import REFERENCE_SOLVER, simulate
+from pyburgers.protocols.forward import simulate
+from pyburgers.protocols.stan_data import REFERENCE_SOLVER
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
@@ -197,7 +198,7 @@ def random_schedule(rng: np.random.Generator) -> list[tuple[float, float]]:
     return list(zip([0.0, *steps], 10 ** rng.uniform(-8, -3, n_segments), strict=True))
 
 
-LAWS: Mapping[str, Mapping[str, float]] = {
+LAWS: Mapping[str, dict[str, float]] = {
     "standard": {},
     "power-law Kelvin": {"kelvin_stress_exponent": 3.0, "kelvin_reference_stress": 1e6},
     "piezometric": {
@@ -207,7 +208,7 @@ LAWS: Mapping[str, Mapping[str, float]] = {
     },
     "hyperbolic sine": {"breakdown_stress": 2e7},
 }
-EVERY_HALF_PERCENT = np.arange(1, 41) * 0.005
+EVERY_HALF_PERCENT = np.linspace(0.005, 0.2, 40)
 
 
 @pytest.mark.parametrize("law", LAWS)

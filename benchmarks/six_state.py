@@ -21,13 +21,14 @@ import numpy.typing as npt
 from chain_files import read_chain
 from processes import Cost, run_together
 
-from pyburgers.cmdstan.program import compile_program, stan_directory
+from pyburgers.cmdstan.program import compile_program
+from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.messages import messages_to
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.priors import PriorSet
+from pyburgers.protocols.coordinates import PlainCoordinates
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
-from pyburgers.protocols.stan_data import PlainCoordinates
 
 FloatArray = npt.NDArray[np.float64]
 

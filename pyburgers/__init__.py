@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from pyburgers.protocols.experiment import Experiment
     from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
     from pyburgers.protocols.forward import load_parameters, simulate
-    from pyburgers.protocols.registry import load_experiment
+    from pyburgers.protocols.protocol import load_experiment
     from pyburgers.protocols.stan_data import SolverOptions
     from pyburgers.sampling.options import SamplerOptions
 
@@ -51,7 +51,7 @@ _NAMES = {
     "predictions.stress_cycles": ("Regime",),
     "protocols.constant_rate.experiment": ("ConstantRateExperiment",),
     "protocols.experiment": ("Experiment",),
-    "protocols.registry": ("load_experiment",),
+    "protocols.protocol": ("load_experiment",),
     "protocols.forced_oscillation.experiment": ("OscillationExperiment",),
     "protocols.forward": ("load_parameters", "simulate"),
     "protocols.stan_data": ("SolverOptions",),

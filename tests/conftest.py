@@ -16,7 +16,8 @@ import numpy.typing as npt
 import pytest
 from matplotlib.figure import Figure
 
-from pyburgers.cmdstan.program import compile_programs, load_program, stan_directory
+from pyburgers.cmdstan.program import compile_programs, load_program
+from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.comparison.by_tests import leave_one_test_out
 from pyburgers.fitting.fit import Fit, fit, fit_jointly
 from pyburgers.model.prior_families import Prior
@@ -26,7 +27,7 @@ from pyburgers.protocols.constant_rate.stan_data import ValleyReference
 from pyburgers.protocols.constant_rate.valley import find_valley
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.problem import problem_of
-from pyburgers.protocols.registry import PROTOCOLS, save_experiment
+from pyburgers.protocols.protocol import protocols, save_experiment
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.charts import at_mode
 from pyburgers.sampling.options import SamplerOptions
@@ -38,10 +39,7 @@ FunctionValues = Callable[[str, Mapping[str, object]], dict[str, FloatArray]]
 TESTS = Path(__file__).parent
 ICE = TESTS.parent / "data" / "ice"
 
-MEASURED = TESTS.parents[1] / "shared" / "data" / "chopra_paterson_1984_dunite"
-needs_measured = pytest.mark.skipif(
-    not MEASURED.is_dir(), reason="the measured columns are not in ../shared/data on this machine"
-)
+DUNITE = TESTS.parent / "data" / "dunite"
 
 SMALL_RUN = SamplerOptions(chains=2, warmup=150, draws=100, seed=11)
 LONG_RUN = replace(SMALL_RUN, warmup=300, draws=800)
@@ -127,7 +125,7 @@ def programs() -> None:
     """Compile what the tests need, side by side."""
     compile_programs(
         [
-            *(protocol.program for protocol in PROTOCOLS.values()),
+            *(protocol.program for protocol in protocols().values()),
             *(
                 stan_directory() / f"{name}.stan"
                 for name in (

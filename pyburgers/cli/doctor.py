@@ -20,6 +20,7 @@ from pyburgers.cmdstan.toolchain import (
     compiler_version,
     find_cmdstan,
     make_version,
+    stan_directory,
 )
 from pyburgers.common.errors import ToolchainError
 
@@ -151,7 +152,7 @@ def _compilation() -> list[Finding]:
         return []  # the package has a finding of its own
     found = [_cache(compilation.cache_directory())]
     try:
-        cmdstan, folder = find_cmdstan(), compilation.stan_directory()
+        cmdstan, folder = find_cmdstan(), stan_directory()
         if cmdstan is not None:
             programs = [*sorted(folder.glob("*.stan")), *sorted(folder.glob("reference/*.stan"))]
             found += [_program(one, compilation.executable_path(one, cmdstan)) for one in programs]

@@ -13,7 +13,7 @@ from pyburgers.model.pooling import parse_pooling
 from pyburgers.model.priors import PriorSet, default_priors, load_priors, with_flow_law
 from pyburgers.model.variants import CHOICES, parse_choices, with_variant
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.registry import load_experiment
+from pyburgers.protocols.protocol import load_experiment
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.report.joint_section import pooling_table, shown_pooling_table
 from pyburgers.report.tables import parameter_table

@@ -6,7 +6,7 @@ from pathlib import Path
 from pyburgers.cli.shared import add_sampler_options, command_line, exit_code, sampler_options
 from pyburgers.drawing.style import write_images
 from pyburgers.model.priors import load_priors
-from pyburgers.protocols.registry import load_experiment
+from pyburgers.protocols.protocol import load_experiment
 from pyburgers.sbc.data_sets import calibration_priors
 from pyburgers.sbc.results import (
     count_sentences,

@@ -8,7 +8,7 @@ from pyburgers.cli.shared import writing
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.errors import InputError
 from pyburgers.protocols.forward import load_parameters, simulate
-from pyburgers.protocols.registry import load_experiment
+from pyburgers.protocols.protocol import load_experiment
 
 logger = logging.getLogger(__name__)
 

@@ -6,7 +6,6 @@ another folder, so nothing is ever out of date, and tests, CI and users share th
 """
 
 import hashlib
-import importlib.resources
 import json
 import logging
 import os
@@ -27,6 +26,7 @@ from pyburgers.cmdstan.toolchain import (
     Toolchain,
     last_lines,
     run_tool,
+    stan_directory,
     toolchain,
 )
 from pyburgers.common.atomic_files import process_lock
@@ -45,24 +45,6 @@ class _Sources:
     name: str
     text: str
     included: Mapping[str, str]
-
-
-def stan_directory() -> Path:
-    """Return the folder of the Stan programs: in an installed wheel, else in the checkout.
-
-    Raises
-    ------
-    ToolchainError
-        If neither is there.
-    """
-    package = Path(str(importlib.resources.files("pyburgers")))
-    for folder in (package / "stan", package.parent / "stan"):
-        if folder.is_dir():
-            return folder
-    raise ToolchainError(
-        f"The Stan programs are missing: there is neither {package / 'stan'} nor "
-        f"{package.parent / 'stan'}; install pyburgers again."
-    )
 
 
 def cache_directory() -> Path:

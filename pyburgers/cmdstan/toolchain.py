@@ -1,5 +1,6 @@
 """The tools that turn a Stan program into an executable: CmdStan, a C++ compiler and make."""
 
+import importlib.resources
 import os
 import platform
 import re
@@ -58,6 +59,24 @@ class Toolchain:
     compiler: str
     make: str
     compile_flags: tuple[str, ...]
+
+
+def stan_directory() -> Path:
+    """Return the folder of the Stan programs: in an installed wheel, else in the checkout.
+
+    Raises
+    ------
+    ToolchainError
+        If neither is there.
+    """
+    package = Path(str(importlib.resources.files("pyburgers")))
+    for folder in (package / "stan", package.parent / "stan"):
+        if folder.is_dir():
+            return folder
+    raise ToolchainError(
+        f"The Stan programs are missing: there is neither {package / 'stan'} nor "
+        f"{package.parent / 'stan'}; install pyburgers again."
+    )
 
 
 def cmdstan_home() -> Path:

@@ -14,8 +14,7 @@ from pydantic_core import PydanticCustomError
 
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.errors import InputError
-from pyburgers.common.toml_files import Table, read_text
-from pyburgers.common.units import factor_to_si
+from pyburgers.common.toml_files import Table, factor_to_si, read_text
 
 FloatArray = npt.NDArray[np.float64]
 Separator = Literal[",", "whitespace"]
@@ -43,6 +42,16 @@ Column = Annotated[
 """Name in the header, or 1-based number in a file without header."""
 
 
+def _checked_cell(found: object) -> str:
+    if isinstance(found, bool) or not isinstance(found, str | int):
+        raise PydanticCustomError("cell", "text, or a whole number")
+    return str(found)
+
+
+Cell = Annotated[str, PlainValidator(_checked_cell), Field(description="what the column holds")]
+"""Contents of a cell as they stand in the text file; a whole number stands for its digits."""
+
+
 class TextFilesTable(Table):
     """What a table [data] says about its text files; a derived one has the keys of columns."""
 
@@ -51,6 +60,9 @@ class TextFilesTable(Table):
     )
     separator: Separator = ","
     header: bool = Field(True, description="whether the first row of a data file holds names")
+    rows: dict[str, Cell] = Field(
+        default_factory=dict, description="the rows to take: what they hold in columns of this name"
+    )
 
     def folder(self, path: Path) -> Path:
         """Return the folder from which names of data files start; `path` is the TOML file's."""
@@ -58,6 +70,11 @@ class TextFilesTable(Table):
             return path.parent
         override = os.environ.get(DATA_ROOT_VARIABLE)
         return Path(override).expanduser() if override else path.parent / self.data_root
+
+    @property
+    def selection(self) -> str:
+        """Words about the rows that are taken, to follow the name of a file; empty for all."""
+        return "".join(f", {name} {value}" for name, value in self.rows.items())
 
 
 def read_columns(
@@ -75,7 +92,7 @@ def read_columns(
     source : Path
         Text file, one row a line.
     data : TextFilesTable
-        The table [data] that describes it.
+        The table [data] that describes it and says which of its rows are wanted.
     columns : mapping
         Keys of `data` that name the wanted columns, each with the key that names its unit and the
         quantity (a key of `pyburgers.common.units.UNITS`), or with None where it has no unit.
@@ -93,8 +110,8 @@ def read_columns(
     ------
     InputError
         If a unit is not one of its quantity, the file is missing or has no data rows, a column is
-        missing, or a cell is empty, not a number or not finite; the message names file, line and
-        column.
+        missing, no row is one of those wanted, or a cell is empty, not a number or not finite; the
+        message names file, line and column.
     """
     factors = [
         1.0
@@ -106,6 +123,8 @@ def read_columns(
     names = rows.pop(0)[1] if data.header and rows else None
     if not rows:
         raise InputError(f"{source}: no data rows; expected at least one row of numbers.")
+    for name, value in data.rows.items():
+        rows = _selected(rows, names, name, value, f"{where}: key 'rows'", source)
     found = []
     for key, factor in zip(columns, factors, strict=True):
         column = getattr(data, key)
@@ -135,6 +154,28 @@ def _cells(line: str, separator: Separator) -> list[str]:
     if separator == "whitespace":
         return line.split()
     return [cell.strip() for cell in next(csv.reader([line], skipinitialspace=True))]
+
+
+def _selected(
+    rows: list[tuple[int, list[str]]],
+    names: list[str] | None,
+    name: str,
+    value: str,
+    where: str,
+    path: Path,
+) -> list[tuple[int, list[str]]]:
+    """Rows whose cell in the column `name` is `value`."""
+    if names is None:
+        raise InputError(f"{where}: found column {name!r}, expected none: {path} has no header.")
+    index = _index(name, names, len(names), where, path)
+    found = [row[index] if index < len(row) else "" for _, row in rows]
+    chosen = [row for row, cell in zip(rows, found, strict=True) if cell == value]
+    if not chosen:
+        raise InputError(
+            f"{where}: found {value!r} for column {name!r}, expected one that {path} holds: "
+            f"{', '.join(dict.fromkeys(found))}."
+        )
+    return chosen
 
 
 def _index(column: str | int, names: list[str] | None, n_cells: int, where: str, path: Path) -> int:

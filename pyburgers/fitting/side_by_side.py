@@ -12,7 +12,7 @@ from pyburgers.common.processes import completed, cores, number_of_processes
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.model.priors import PriorSet, load_priors, save_priors
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.registry import load_experiment, save_experiment
+from pyburgers.protocols.protocol import load_experiment, save_experiment
 from pyburgers.sampling.options import SamplerOptions
 
 logger = logging.getLogger(__name__)

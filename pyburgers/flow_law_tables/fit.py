@@ -14,7 +14,8 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.checks.fit_checks import CHAIN_CHECKS, CheckResult, run_checks
-from pyburgers.cmdstan.program import Draws, load_program, read_draws, stan_directory
+from pyburgers.cmdstan.program import Draws, load_program, read_draws
+from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.atomic_files import write_json
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError
@@ -37,13 +38,10 @@ from pyburgers.posterior.labelled_draws import (
     sample_stats,
     summary_table,
 )
-from pyburgers.protocols.stan_data import (
-    REFERENCE_FLOW_RATE,
-    PlainCoordinates,
-    StanData,
-    coordinates_through,
-    prior_block,
-)
+from pyburgers.protocols.coordinates import REFERENCE_FLOW_RATE, PlainCoordinates
+from pyburgers.protocols.problem import coordinates_through
+from pyburgers.protocols.program_data import prior_block
+from pyburgers.protocols.stan_data import StanData
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run import complete_chains, fingerprint, run_record
 from pyburgers.sampling.run_directory import RunDirectory
@@ -106,7 +104,7 @@ def peak_stress_coordinates(data: PeakStressData, priors: PriorSet) -> PlainCoor
     """Choose origin and size of every free parameter and what the flow rate replaces.
 
     The flow rate at the mean conditions replaces Q_M, or beta, unless both are fixed or have two
-    finite bounds (`pyburgers.protocols.stan_data.coordinates_through`).
+    finite bounds (`pyburgers.protocols.problem.coordinates_through`).
     """
     origin = float(np.mean(np.log(data.strain_rate)))
     return coordinates_through(priors, REFERENCE_FLOW_RATE_QUANTITY, origin, 1.0)

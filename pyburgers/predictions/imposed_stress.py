@@ -13,7 +13,8 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from pyburgers.cmdstan.program import load_program, stan_directory
+from pyburgers.cmdstan.program import load_program
+from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.model.parameters import KELVIN_REFERENCES, STANDARD_VALUES
 from pyburgers.predictions.stress_cycles import (

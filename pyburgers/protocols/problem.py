@@ -5,15 +5,19 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
 from pyburgers.common.errors import InputError
+from pyburgers.model.parameters import Parameter
 from pyburgers.model.pooling import SEPARATE, Pooling
 from pyburgers.model.priors import FLOW_LAW, PriorSet
 from pyburgers.model.variants import check_variant
+from pyburgers.protocols.coordinates import Layout, PlainCoordinates, layout_of
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.layout import Layout, layout_of
-from pyburgers.protocols.protocol import Protocol
-from pyburgers.protocols.registry import protocol_of
-from pyburgers.protocols.stan_data import PlainCoordinates, coordinates_through
+from pyburgers.protocols.protocol import Mode, Protocol, protocol_of
+
+FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -103,6 +107,22 @@ class Problem:
         return problem_of(kept, priors, self.pooling)
 
 
+@dataclass(frozen=True, eq=False)
+class ProblemMode:
+    """The highest density found of a problem.
+
+    Attributes
+    ----------
+    tests : tuple of Mode
+        Values of each test, and its plain coordinates by itself.
+    coordinate : array, shape (n_coordinates,)
+        Plain coordinates of all tests together.
+    """
+
+    tests: tuple[Mode, ...]
+    coordinate: FloatArray
+
+
 def one_test(experiment: Experiment, priors: PriorSet) -> Problem:
     """Return a test by itself with its resolved priors; nothing is checked, it may lack data."""
     return Problem((experiment,), priors, (priors,), SEPARATE)
@@ -155,6 +175,47 @@ def plain_coordinates(experiment: Experiment, priors: PriorSet) -> PlainCoordina
     """Choose origin and size of every free parameter and what the reference quantity replaces."""
     protocol = protocol_of(experiment)
     return coordinates_through(priors, protocol.reference, *protocol.reference_origin(experiment))
+
+
+def coordinates_through(
+    priors: PriorSet, reference: Parameter, origin: float, size: float
+) -> PlainCoordinates:
+    """Choose plain coordinates of free parameters, a point of the flow law among them.
+
+    It replaces Q_M, or beta where Q_M cannot be replaced: a parameter with two finite bounds
+    keeps its own coordinate, because its bounds would cut the replaced one obliquely.
+
+    Parameters
+    ----------
+    priors : PriorSet
+        Resolved priors.
+    reference : Parameter
+        The point: one of `pyburgers.model.parameters.REFERENCE_QUANTITIES`.
+    origin, size : float
+        Of its logarithm.
+    """
+    replaced = next(
+        (
+            name
+            for name in ("activation_enthalpy", "beta")
+            if not priors[name].is_fixed
+            and not (np.isfinite(priors[name].lower) and np.isfinite(priors[name].upper))
+        ),
+        None,
+    )
+    rows = []
+    for name in priors.free:
+        prior = priors[name]
+        if name == replaced:
+            rows.append((reference.name, origin, size, -np.inf, np.inf))
+        elif prior.family == "lognormal":
+            # Its scale is that of the logarithm; the median sets the size.
+            rows.append((name, 0.0, prior.location, prior.lower, prior.upper))
+        else:
+            rows.append((name, prior.location, prior.scale, prior.lower, prior.upper))
+    quantities = tuple(row[0] for row in rows)
+    numbers = np.array([row[1:] for row in rows], dtype=np.float64).reshape(len(rows), 4)
+    return PlainCoordinates(quantities, tuple(priors.free), *numbers.T)
 
 
 def _check_test(experiment: Experiment, first: Experiment, priors: PriorSet) -> None:

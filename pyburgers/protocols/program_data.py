@@ -10,26 +10,33 @@ from itertools import chain
 import numpy as np
 import numpy.typing as npt
 
-from pyburgers.model.parameters import PARAMETER_BY_NAME, PIEZOMETER, PROGRAM_PARAMETERS
+from pyburgers.cmdstan.program import load_program
+from pyburgers.common.errors import SamplingError
+from pyburgers.model.flow_law_prior import FlowLawPrior
+from pyburgers.model.parameters import PARAMETER_BY_NAME, PIEZOMETER, PROGRAM_PARAMETERS, Parameter
 from pyburgers.model.prior_families import fixed_prior, is_fixed_at
 from pyburgers.model.priors import FLOW_LAW, PriorSet
 from pyburgers.model.variants import variant_of
+from pyburgers.protocols.coordinates import Layout
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.layout import Layout
-from pyburgers.protocols.problem import Problem
-from pyburgers.protocols.registry import protocol_of
+from pyburgers.protocols.problem import Problem, one_test
+from pyburgers.protocols.protocol import protocol_of
 from pyburgers.protocols.stan_data import (
     CHART,
     PLAIN,
     SolverOptions,
     StanData,
     ends,
-    flow_law_block,
-    prior_block,
     solver_block,
 )
 
 FloatArray = npt.NDArray[np.float64]
+
+FAMILY_CODE = {"fixed": 0, "uniform": 1, "normal": 2, "half_normal": 2, "lognormal": 3}
+"""Codes of `stan/statistics/priors.stan`; a half-normal is a normal cut at zero."""
+
+PART_OF_FLOW_LAW = 4
+"""Code of a parameter whose density is in the joint prior of the flow law."""
 
 PLACE: Mapping[str, int] = {p.name: k for k, p in enumerate(PROGRAM_PARAMETERS, start=1)}
 """Place of each parameter in the programs, as in `stan/physics/parameters.stan`."""
@@ -144,6 +151,40 @@ def values_of_test(parameter: FloatArray, test: int) -> dict[str, float]:
     return {p.name: float(v) for p, v in zip(PROGRAM_PARAMETERS, parameter[test], strict=True)}
 
 
+def prior_block(priors: PriorSet, parameters: Sequence[Parameter]) -> StanData:
+    """Return the priors of a program's parameters, in its order."""
+    ordered = [priors[parameter.name] for parameter in parameters]
+    joint = FLOW_LAW if priors.flow_law is not None else ()
+    return {
+        "prior_family": [
+            PART_OF_FLOW_LAW if prior.parameter in joint else FAMILY_CODE[prior.family]
+            for prior in ordered
+        ],
+        "prior_location": [prior.location for prior in ordered],
+        "prior_scale": [prior.scale for prior in ordered],
+        "prior_lower": [prior.lower for prior in ordered],
+        "prior_upper": [prior.upper for prior in ordered],
+    }
+
+
+def flow_law_block(flow_law: FlowLawPrior | None) -> StanData:
+    """Return the joint prior of the flow law, the rest of the block `stan/data/priors.stan`."""
+    if flow_law is None:
+        return {
+            "n_flow_law": 0,
+            "flow_law_mean": [],
+            "flow_law_factor": [],
+            "flow_law_conditions": [],
+        }
+    at = flow_law.conditions
+    return {
+        "n_flow_law": flow_law.mean.size,
+        "flow_law_mean": flow_law.mean.tolist(),
+        "flow_law_factor": flow_law.factor.tolist(),
+        "flow_law_conditions": [at.temperature, at.stress, at.grain_size],
+    }
+
+
 def _prior_block(problem: Problem, layout: Layout) -> StanData:
     """Return the part of the block `stan/data/priors.stan` that differs between problem."""
     rows = [
@@ -203,3 +244,61 @@ def _coordinate_block(problem: Problem, layout: Layout) -> StanData:
         "spread_position": (layout.spread + 1).tolist(),
         "spread_scale": [problem.pooling.spread_scales[name] for name in layout.partial],
     }
+
+
+def given_parameters(material: str, values: Mapping[str, float]) -> PriorSet:
+    """Return priors that fix every parameter.
+
+    Parameters
+    ----------
+    material : str
+        Of the experiment.
+    values : mapping
+        SI values by name; what is missing, such as the noise of a solution without any, is 1.
+    """
+    known = {"stress_noise": 1.0, **values}  # a solution has no noise
+    return PriorSet(
+        material=material,
+        title="given parameters",
+        priors={
+            p.name: fixed_prior(p, known[p.name], "given")
+            for p in PROGRAM_PARAMETERS
+            if p.name in known
+        },
+        name="given",
+    )
+
+
+def solve(
+    experiment: Experiment, values: Mapping[str, float], at: FloatArray, *, solver: SolverOptions
+) -> dict[str, FloatArray]:
+    """Solve the model once and return every generated quantity of the Stan program.
+
+    Parameters
+    ----------
+    experiment, values, at, solver
+        As for `simulate`; `values` are taken as they are.
+
+    Returns
+    -------
+    dict
+        ``grid_*`` arrays, shape (n,), as named in the Stan program, the positions themselves as
+        ``grid_CLOCK``, such as ``grid_strain``, and ``log_reference``, shape (1,), ln of the
+        reference stress (Pa) or flow rate (1/s).
+
+    Raises
+    ------
+    SamplingError
+        If the solver finds no solution.
+    """
+    priors = given_parameters(experiment.material, values)
+    protocol = protocol_of(experiment)
+    bare = protocol.without_data(experiment)
+    data = program_data(one_test(bare, priors), solver=solver, grids=[at])
+    draw = load_program(protocol.program).evaluate(data)
+    if not np.isfinite(draw[f"grid_{protocol.response.name}"]).all():
+        raise SamplingError(
+            f"{experiment.id}: the solver found no finite {protocol.response.name} at these "
+            "parameters; check their units (SI) and the sign of beta."
+        )
+    return {**draw, f"grid_{protocol.clock.name}": protocol.solved_positions(data, at)}

@@ -1,34 +1,42 @@
-"""What the package asks of a kind of test; everything else about it stays in its own folder.
+"""What the package asks of a kind of test, and every kind; all else about one is in its folder.
 
-To add a protocol: a folder with an object of a class derived from `Protocol`, and its line in
-`pyburgers.protocols.registry`.
+To add a protocol: a folder whose module ``protocol`` has an object ``PROTOCOL`` of a class derived
+from `Protocol`, and its name in `NAMES`.
 """
 
 import typing
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
 from markupsafe import Markup
+from pydantic import ConfigDict, Field
 
-from pyburgers.cmdstan.program import stan_directory
+from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.errors import InputError
+from pyburgers.common.toml_files import Table, read_toml
 from pyburgers.drawing.page_parts import FigureRecipe, PageTable
 from pyburgers.drawing.panels import FittedCurve
 from pyburgers.model.parameters import Parameter
 from pyburgers.model.priors import PriorSet
+from pyburgers.protocols.coordinates import Layout, PlainCoordinates
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.layout import Layout
-from pyburgers.protocols.stan_data import PlainCoordinates, SolverOptions, StanData
+from pyburgers.protocols.stan_data import SolverOptions, StanData
 
 FloatArray = npt.NDArray[np.float64]
 
 E = TypeVar("E", bound=Experiment)
+
+NAMES = ("constant_rate", "forced_oscillation")
+"""Of all protocols, in files, and of their folders."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +103,7 @@ class AtMode(Generic[E]):
         Data of the program in plain coordinates.
     solution : callable
         Receives positions on the clock (SI), returns the solution there
-        (`pyburgers.protocols.forward.solve`).
+        (`pyburgers.protocols.program_data.solve`).
     generated, curvature : callable
         Receive changed entries of the data; return every variable of the program, and the Hessian
         of minus the log density by the plain coordinates.
@@ -333,3 +341,74 @@ class Protocol(ABC, Generic[E]):
     def tables(self, fit: FittedTest) -> tuple[PageTable, ...]:
         """Return what a page has in tables beside those of every fit."""
         return ()
+
+
+class _ProtocolTable(Table):
+    """The one key that tells how to read the others."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    protocol: str = Field(description="the kind of test")
+
+
+@cache
+def protocols() -> Mapping[str, Protocol[Any]]:
+    """Return every protocol by its name."""
+    return MappingProxyType(
+        {name: import_module(f"pyburgers.protocols.{name}.protocol").PROTOCOL for name in NAMES}
+    )
+
+
+def protocol_of(experiment: Experiment) -> Protocol[Any]:
+    """Return the protocol of a test."""
+    return protocols()[experiment.protocol]
+
+
+def load_experiment(path: str | Path) -> Experiment:
+    """Read and check an experiment file and the data files that it names.
+
+    Parameters
+    ----------
+    path : str or Path
+        The TOML file.
+
+    Returns
+    -------
+    Experiment
+        Of the class of its key `protocol`; how it is read says the module ``experiment`` in the
+        folder of that name.
+
+    Raises
+    ------
+    InputError
+        If a file, key, unit or number is not what it has to be.
+    """
+    path = Path(path)
+    name = read_toml(path, _ProtocolTable).protocol
+    if name not in NAMES:
+        expected = " or ".join(map(repr, NAMES))
+        raise InputError(
+            f"{path}: key 'protocol': found {name!r}, expected {expected} (the kind of test)."
+        )
+    experiment: Experiment = protocols()[name].load(path)
+    return experiment
+
+
+def save_experiment(experiment: Experiment, directory: Path) -> Path:
+    """Write a self-contained copy in SI units.
+
+    `load_experiment` reads back exactly equal contents, notices included.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        What to write.
+    directory : Path
+        An existing folder.
+
+    Returns
+    -------
+    Path
+        The TOML file, ``experiment.toml``.
+    """
+    return protocol_of(experiment).save(experiment, directory)

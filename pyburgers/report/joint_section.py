@@ -18,8 +18,8 @@ from pyburgers.drawing.style import BLUE, VERMILION, few_ticks, style
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.display import axis_label, shown_quantity, symbol_text, unit_text
 from pyburgers.posterior.labelled_draws import own_name
-from pyburgers.protocols.layout import CENTRE, SPREAD
-from pyburgers.protocols.registry import protocol_of
+from pyburgers.protocols.coordinates import CENTRE, SPREAD
+from pyburgers.protocols.protocol import protocol_of
 from pyburgers.report.page import file_key, page_keys
 from pyburgers.report.tables import checks_page_table
 

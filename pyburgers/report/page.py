@@ -33,8 +33,7 @@ from pyburgers.drawing.style import write_images
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.display import shown_quantity
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.protocol import Protocol
-from pyburgers.protocols.registry import protocol_of
+from pyburgers.protocols.protocol import Protocol, protocol_of
 from pyburgers.report import tables
 from pyburgers.report.posterior_figures import figures_for
 

@@ -35,10 +35,9 @@ from pyburgers.model.display import axis_label, shown_quantity, unit_text
 from pyburgers.model.parameters import Parameter
 from pyburgers.model.prior_families import Prior
 from pyburgers.posterior.labelled_draws import free_parameters
+from pyburgers.protocols.coordinates import REFERENCE_FLOW_RATE, REFERENCE_STRESS
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.protocol import FittedTest
-from pyburgers.protocols.registry import protocol_of
-from pyburgers.protocols.stan_data import REFERENCE_FLOW_RATE, REFERENCE_STRESS
+from pyburgers.protocols.protocol import FittedTest, protocol_of
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -4,12 +4,11 @@ from dataclasses import dataclass, replace
 from typing import Any, Self
 
 from pyburgers.common.errors import InputError
-from pyburgers.protocols.protocol import Protocol
-from pyburgers.protocols.registry import PROTOCOLS
+from pyburgers.protocols.protocol import Protocol, protocols
 
 COORDINATES = (
     "auto",
-    *dict.fromkeys(chart for protocol in PROTOCOLS.values() for chart in protocol.charts),
+    *dict.fromkeys(chart for protocol in protocols().values() for chart in protocol.charts),
 )
 """What may be asked for; which go with a test, its protocol says."""
 

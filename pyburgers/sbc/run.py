@@ -22,7 +22,7 @@ from pyburgers.model.priors import PriorSet, load_priors, save_priors
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.problem import Problem, problem_of
 from pyburgers.protocols.program_data import program_data
-from pyburgers.protocols.registry import load_experiment, save_experiment
+from pyburgers.protocols.protocol import load_experiment, save_experiment
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.charts import check_coordinates
 from pyburgers.sampling.options import INDECISIVE, SamplerOptions

@@ -17,10 +17,10 @@ import numpy as np
 import pytest
 
 from pyburgers.cmdstan import installation as cmdstan_installation
-from pyburgers.cmdstan.compilation import compile_program, program_key, stan_directory
+from pyburgers.cmdstan.compilation import compile_program, program_key
 from pyburgers.cmdstan.installation import install_cmdstan
 from pyburgers.cmdstan.program import Program, Unsolved, load_program
-from pyburgers.cmdstan.toolchain import find_cmdstan, toolchain
+from pyburgers.cmdstan.toolchain import find_cmdstan, stan_directory, toolchain
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.errors import SamplingError, ToolchainError
 

@@ -19,7 +19,7 @@ from pyburgers.model.priors import default_priors
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.problem import Problem, problem_of
-from pyburgers.protocols.registry import load_experiment
+from pyburgers.protocols.protocol import load_experiment
 
 NAMES = ("PIL40", "PIL72", "PIL105")
 

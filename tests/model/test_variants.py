@@ -35,7 +35,7 @@ from pyburgers.model.variants import (
 from pyburgers.posterior.labelled_draws import CORRELATED
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
 from pyburgers.protocols.forward import check_parameters, simulate, simulate_data
-from pyburgers.protocols.registry import load_experiment
+from pyburgers.protocols.protocol import load_experiment
 from pyburgers.protocols.stan_data import SolverOptions
 
 FloatArray = npt.NDArray[np.float64]

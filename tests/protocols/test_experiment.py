@@ -1,6 +1,5 @@
 """Experiment files: what is read, what is put right with a notice, what is refused."""
 
-import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -9,8 +8,8 @@ import pytest
 from same_contents import assert_equal
 
 from pyburgers.common.errors import InputError
-from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
-from pyburgers.protocols.registry import load_experiment, save_experiment
+from pyburgers.protocols.constant_rate.experiment import load_constant_rate
+from pyburgers.protocols.protocol import load_experiment, save_experiment
 
 CHECKOUT = Path(__file__).parents[2]
 EXPERIMENT = """\
@@ -80,15 +79,6 @@ def message(path: Path) -> str:
     assert "\n" not in text
     assert text.endswith((".", "?"))
     return text
-
-
-def measured(name: str) -> ConstantRateExperiment:
-    """Load an experiment of `tests/data`, whose columns are not part of the project."""
-    default = CHECKOUT.parent / "shared" / "data"
-    folder = Path(os.environ.get("PYBURGERS_DATA", default)) / "chopra_paterson_1984_dunite"
-    if not folder.is_dir():
-        pytest.skip("the measured dunite curves are absent: set PYBURGERS_DATA to their folder")
-    return load_constant_rate(CHECKOUT / "tests" / "data" / f"{name}.toml")
 
 
 class TestReading:
@@ -352,17 +342,68 @@ class TestSaving:
         assert_equal(load_experiment(save_experiment(original, tmp_path)), original)
 
 
-class TestMeasuredDunite:
-    def test_4506_has_one_rate_and_a_peak(self) -> None:
-        experiment = measured("dunite_4506")
-        assert experiment.n_points == 14
-        assert experiment.stress.max() == pytest.approx(480.4937e6)
-        assert experiment.strain[experiment.stress.argmax()] == pytest.approx(0.0336)
-        assert "2 points at zero strain dropped" in experiment.notices[0]
+TABLE = """\
+sample,part,strain,stress
+A,1,1,1.0
+B,1,1,9.0
+A,1,5.04,2.0
+A,2,5,3.0
+A,2,8,4.0
+B,2,8,8.0
+"""
+OF_A = ('[data]\nfile = "curve.csv"', '[data]\nfile = "curve.csv"\nrows = { sample = "A" }')
+PARTS = (
+    ("strain_rate_per_s = 1e-4", "strain_rate_per_s = 1e-4\nrows = { part = 1 }"),
+    ("strain_rate_per_s = 1e-5", "strain_rate_per_s = 1e-5\nrows = { part = 2 }"),
+)
 
-    def test_4581_has_two_rate_steps(self) -> None:
-        experiment = measured("dunite_4581")
-        assert [s.strain_rate for s in experiment.segments] == [1.07e-4, 3.2e-5, 1.1e-5]
-        assert experiment.n_points == 55
-        assert "1 point out of order by at most 1e-05" in experiment.notices[0]
-        assert np.all(np.diff(experiment.strain) >= 0)
+
+class TestRowsOfATable:
+    def test_rows_of_one_sample(self, write: Write) -> None:
+        path = write(OF_A, ('"A"', '"B"'), curve=TABLE)
+        experiment = load_constant_rate(path)
+        np.testing.assert_allclose(experiment.strain, [0.01, 0.08], rtol=1e-12)
+        np.testing.assert_allclose(experiment.stress, [9e6, 8e6], rtol=1e-12)
+
+    def test_each_segment_has_rows_of_its_own(self, write: Write) -> None:
+        experiment = load_constant_rate(write(OF_A, *PARTS, curve=TABLE))
+        np.testing.assert_allclose(experiment.stress, [1e6, 2e6, 3e6, 4e6], rtol=1e-12)
+        # The third reading is of the first segment and lies 4e-4 beyond its end.
+        np.testing.assert_allclose(experiment.strain, [0.01, 0.05, 0.05, 0.08], rtol=1e-12)
+        assert "curve.csv, sample A, part 1: 1 point moved" in experiment.notices[0]
+
+    def test_a_copy_reads_back_without_the_table(self, write: Write, tmp_path: Path) -> None:
+        original = load_experiment(write(OF_A, *PARTS, curve=TABLE))
+        copy = tmp_path / "copy"
+        copy.mkdir()
+        assert_equal(load_experiment(save_experiment(original, copy)), original)
+
+    def test_no_such_sample(self, write: Write) -> None:
+        text = message(write(OF_A, ('"A"', '"C"'), curve=TABLE))
+        assert "key 'rows': found 'C' for column 'sample', expected one" in text
+        assert text.endswith("curve.csv holds: A, B.")
+
+    def test_no_such_column(self, write: Write) -> None:
+        text = message(write(OF_A, ("sample = ", "name = "), curve=TABLE))
+        assert "key 'rows': column 'name' is not in" in text
+
+    def test_no_header(self, write: Write) -> None:
+        text = message(write(OF_A, ("[data]", "[data]\nheader = false"), curve=TABLE))
+        assert "key 'rows': found column 'sample', expected none" in text
+
+    def test_a_number_with_a_fraction_names_no_row(self, write: Write) -> None:
+        text = message(write(OF_A, ('"A"', "1.5"), curve=TABLE))
+        assert "key 'sample' in [data.rows]: found 1.5, expected text, or a whole number" in text
+
+    def test_a_line_is_named_as_it_stands_in_the_file(self, write: Write) -> None:
+        path = write(OF_A, curve=TABLE.replace("A,2,8,4.0", "A,2,8,four"))
+        assert "line 6, column 'stress': found 'four'" in message(path)
+
+    def test_rows_of_some_segments_only(self, write: Write) -> None:
+        path = write(OF_A, PARTS[0], curve=TABLE)
+        assert "key 'rows' in [[segments]]: expected it in every one" in message(path)
+
+    def test_rows_of_segments_that_have_files(self, write: Write) -> None:
+        parts = [(old, f'{new}\nfile = "curve.csv"') for old, new in PARTS]
+        path = write(*parts, ('[data]\nfile = "curve.csv"', "[data]"), curve=TABLE)
+        assert "and with it one 'file' in [data]" in message(path)

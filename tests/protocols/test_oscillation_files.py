@@ -13,7 +13,7 @@ from pyburgers.protocols.forced_oscillation.experiment import (
     load_forced_oscillation,
     with_background,
 )
-from pyburgers.protocols.registry import load_experiment, save_experiment
+from pyburgers.protocols.protocol import load_experiment, save_experiment
 
 EXPERIMENT = """\
 id = "sample-1"

@@ -19,10 +19,10 @@ from pyburgers.protocols.constant_rate.experiment import (
     RateSegment,
     load_constant_rate,
 )
-from pyburgers.protocols.layout import Layout
+from pyburgers.protocols.coordinates import REFERENCE_STRESS, Layout
 from pyburgers.protocols.problem import plain_coordinates, problem_of
 from pyburgers.protocols.program_data import program_data
-from pyburgers.protocols.stan_data import REFERENCE_STRESS, SolverOptions, StanData
+from pyburgers.protocols.stan_data import SolverOptions, StanData
 
 INDEX = {parameter.name: k for k, parameter in enumerate(PARAMETERS, start=1)}
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from common_flow_law import COMMON, NAMES, with_common_flow_law
-from conftest import TESTS, needs_measured
+from conftest import DUNITE
 
 from pyburgers.common.draws import all_draws
 from pyburgers.fitting.fit import Fit, fit, fit_jointly
@@ -70,12 +70,11 @@ def test_a_common_flow_law_is_recovered(
     assert ratio < 0.6
 
 
-@needs_measured
 def test_measured_dunite_tests_have_a_common_flow_law(tmp_path: Path) -> None:
     """Three tests with two rate steps each; loading curves also hold the apparatus."""
     names = ("dunite_4580", "dunite_4469", "dunite_4581")
     joint = fit_jointly(
-        [load_constant_rate(TESTS / "data" / f"{name}.toml") for name in names],
+        [load_constant_rate(DUNITE / f"{name}.toml") for name in names],
         default_priors("dunite"),
         pool=dict.fromkeys(("maxwell_modulus", "kelvin_modulus", "kelvin_viscosity"), "separate"),
         out=tmp_path / "joint",

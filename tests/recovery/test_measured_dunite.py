@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from conftest import TESTS, needs_measured
+from conftest import DUNITE
 
 from pyburgers.checks.fit_checks import coverage
 from pyburgers.fitting.fit import Fit, fit
@@ -21,10 +21,9 @@ def failed(result: Fit) -> dict[str, str]:
     return {check.name: check.sentence for check in result.checks() if not check.passed}
 
 
-@needs_measured
 @pytest.mark.parametrize("name", ["dunite_4506", "dunite_4581"])
 def test_a_measured_dunite_test_is_described(name: str, tmp_path: Path) -> None:
-    experiment = load_constant_rate(TESTS / "data" / f"{name}.toml")
+    experiment = load_constant_rate(DUNITE / f"{name}.toml")
     result = fit(experiment, default_priors("dunite"), out=tmp_path / "run", options=OPTIONS)
     table = result.summary()
     for parameter, factor in {"stress_exponent": 1.0, "stress_noise": 1e-6}.items():

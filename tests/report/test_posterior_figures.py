@@ -13,7 +13,7 @@ from synthetic_fit import make_fit
 from synthetic_olivine_fit import make_olivine_fit, redrawn
 
 from pyburgers.fitting.fit import Fit
-from pyburgers.protocols.stan_data import REFERENCE_FLOW_RATE
+from pyburgers.protocols.coordinates import REFERENCE_FLOW_RATE
 from pyburgers.report.posterior_figures import density, pairs, prior_posterior, rank
 
 FEW = (

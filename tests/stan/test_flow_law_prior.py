@@ -38,7 +38,7 @@ from pyburgers.protocols.constant_rate.experiment import load_constant_rate
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forced_oscillation.experiment import load_forced_oscillation
 from pyburgers.protocols.program_data import values_of_test
-from pyburgers.protocols.registry import protocol_of
+from pyburgers.protocols.protocol import protocol_of
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.options import SamplerOptions
 

@@ -29,7 +29,7 @@ from pyburgers.protocols.constant_rate.experiment import (
 )
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.protocols.forward import simulate
-from pyburgers.protocols.registry import load_experiment
+from pyburgers.protocols.protocol import load_experiment
 from pyburgers.protocols.stan_data import SolverOptions
 
 FloatArray = npt.NDArray[np.float64]

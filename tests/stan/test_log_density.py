@@ -16,7 +16,8 @@ from scipy import stats
 from scipy.special import logit
 from stan_data import one_test_data, parameter_in
 
-from pyburgers.cmdstan.program import compile_program, stan_directory
+from pyburgers.cmdstan.program import compile_program
+from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.constant_rate.experiment import (
@@ -24,8 +25,9 @@ from pyburgers.protocols.constant_rate.experiment import (
     RateSegment,
     load_constant_rate,
 )
+from pyburgers.protocols.coordinates import REFERENCE_STRESS, PlainCoordinates
 from pyburgers.protocols.problem import plain_coordinates
-from pyburgers.protocols.stan_data import REFERENCE_STRESS, PlainCoordinates, SolverOptions
+from pyburgers.protocols.stan_data import SolverOptions
 
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]

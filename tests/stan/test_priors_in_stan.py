@@ -15,14 +15,16 @@ from oracle import GAS_CONSTANT
 from scipy import stats
 from stan_data import one_test_data, parameter_in
 
-from pyburgers.cmdstan.program import load_program, stan_directory
+from pyburgers.cmdstan.program import load_program
+from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet, default_priors
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
+from pyburgers.protocols.coordinates import REFERENCE_STRESS
 from pyburgers.protocols.problem import plain_coordinates
 from pyburgers.protocols.program_data import PLACE
-from pyburgers.protocols.stan_data import REFERENCE_STRESS, SolverOptions, StanData
+from pyburgers.protocols.stan_data import SolverOptions, StanData
 
 pytestmark = pytest.mark.usefixtures("programs")
 

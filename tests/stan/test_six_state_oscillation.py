@@ -9,15 +9,17 @@ from conftest import ICE, resolved_priors
 from log_density import Program
 from stan_data import one_test_data
 
-from pyburgers.cmdstan.program import compile_program, stan_directory
+from pyburgers.cmdstan.program import compile_program
+from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.forced_oscillation.experiment import (
     load_forced_oscillation,
     with_background,
 )
 from pyburgers.protocols.forced_oscillation.preparation import Background
-from pyburgers.protocols.forward import REFERENCE_SOLVER, solve
 from pyburgers.protocols.problem import plain_coordinates
+from pyburgers.protocols.program_data import solve
+from pyburgers.protocols.stan_data import REFERENCE_SOLVER
 
 pytestmark = pytest.mark.usefixtures("programs")
 

@@ -15,7 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from pyburgers.cmdstan.program import Program as CompiledProgram
-from pyburgers.cmdstan.program import compile_program, stan_directory
+from pyburgers.cmdstan.program import compile_program
+from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.protocols.stan_data import StanData
 
 FloatArray = npt.NDArray[np.float64]

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Generic, TypeVar
 import numpy as np
 import numpy.typing as npt
 import oracle
-from conftest import ICE, TESTS
+from conftest import DUNITE, ICE
 from numpy.polynomial import Polynomial
 from scipy import stats
 
@@ -101,7 +101,7 @@ class ConstantRateExample(Example[ConstantRateExperiment]):
             return replace(
                 self.load("PIL40"), segments=tuple(RateSegment(*segment) for segment in segments)
             )
-        folder = ICE if name in self.twins else TESTS / "data"
+        folder = ICE if name in self.twins else DUNITE
         return load_constant_rate(folder / f"{name}.toml")
 
     def solution(

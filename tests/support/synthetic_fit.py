@@ -18,9 +18,9 @@ from pyburgers.model.prior_families import Family, Prior
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, RateSegment
 from pyburgers.protocols.constant_rate.protocol import PROTOCOL as CONSTANT_RATE
+from pyburgers.protocols.coordinates import REFERENCE_STRESS
 from pyburgers.protocols.experiment import Experiment, Provenance
 from pyburgers.protocols.problem import problem_of
-from pyburgers.protocols.stan_data import REFERENCE_STRESS
 from pyburgers.sampling.run_directory import RunDirectory
 
 FloatArray = npt.NDArray[np.float64]

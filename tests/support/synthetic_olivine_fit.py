@@ -13,6 +13,7 @@ from synthetic_fit import make_fit
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.priors import default_priors
+from pyburgers.protocols.coordinates import REFERENCE_FLOW_RATE, REFERENCE_STRESS
 from pyburgers.protocols.forced_oscillation.experiment import (
     load_forced_oscillation,
     with_background,
@@ -21,7 +22,6 @@ from pyburgers.protocols.forced_oscillation.preparation import Background
 from pyburgers.protocols.forced_oscillation.protocol import PROTOCOL as FORCED_OSCILLATION
 from pyburgers.protocols.forced_oscillation.response import oscillation_of
 from pyburgers.protocols.problem import problem_of
-from pyburgers.protocols.stan_data import REFERENCE_FLOW_RATE, REFERENCE_STRESS
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -1,7 +1,7 @@
 """Measured curves: puts points that are out of place by a reading error in order.
 
-A curve may come in one file or in one file for each rate segment; the points of a file have to
-lie in the strain range of its segment.
+A curve may come as a whole or in parts, one for each rate segment; the points of a part have to lie
+in the strain range of its segment.
 """
 
 from collections.abc import Sequence
@@ -29,12 +29,14 @@ order by 1e-5 (4581) and 1e-4 (4580), and the first segment of 4580 ends 5e-4 be
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """Points of one data file as read.
+    """Points of one data file, or of some of its rows, as read.
 
     Attributes
     ----------
     path : Path
         The data file.
+    selection : str
+        Words about its rows that were taken, to follow its name; empty for all.
     strain, stress : array, shape (n_rows,)
         Strain (fraction) and stress (Pa) in the order of the file.
     lower, upper : float
@@ -42,10 +44,21 @@ class Curve:
     """
 
     path: Path
+    selection: str
     strain: FloatArray
     stress: FloatArray
     lower: float
     upper: float
+
+    @property
+    def name(self) -> str:
+        """Name of the file and the rows, as notices give it: without the folder."""
+        return f"{self.path.name}{self.selection}"
+
+    @property
+    def place(self) -> str:
+        """The file and the rows in full, as errors give it."""
+        return f"{self.path}{self.selection}"
 
 
 def join_curves(
@@ -78,14 +91,14 @@ def join_curves(
     notices: list[str] = []
     for curve in curves:
         strain, moved = _inside(curve, tolerance)
-        order, sorted_ = _order(curve.path, strain, tolerance)
+        order, sorted_ = _order(curve, strain, tolerance)
         loaded = order[strain[order] > 0]
         strains.append(strain[loaded])
         stresses.append(curve.stress[loaded])
-        notices += [*moved, *sorted_, *_dropped(curve.path, len(strain) - len(loaded))]
+        notices += [*moved, *sorted_, *_dropped(curve, len(strain) - len(loaded))]
     strain, stress = np.concatenate(strains), np.concatenate(stresses)
     if curves and strain.size == 0:
-        raise InputError(f"{curves[0].path}: every point is at zero strain, expected a curve.")
+        raise InputError(f"{curves[0].place}: every point is at zero strain, expected a curve.")
     return strain, stress, notices
 
 
@@ -96,42 +109,43 @@ def _inside(curve: Curve, tolerance: float) -> tuple[FloatArray, list[str]]:
     worst = int(np.argmax(distance))
     if distance[worst] > tolerance:
         raise InputError(
-            f"{curve.path}: data row {worst + 1}: found strain {curve.strain[worst]:g}, expected "
+            f"{curve.place}: data row {worst + 1}: found strain {curve.strain[worst]:g}, expected "
             f"{_range(curve)} (within {tolerance:.2g})."
         )
     if distance[worst] == 0:
         return strain, []
     return strain, [
-        f"{curve.path.name}: {count_points(np.count_nonzero(distance))} moved by at most "
+        f"{curve.name}: {count_points(np.count_nonzero(distance))} moved by at most "
         f"{distance[worst]:.2g} in strain onto the ends of the range from {_range(curve)}."
     ]
 
 
 def _order(
-    path: Path, strain: FloatArray, tolerance: float
+    curve: Curve, strain: FloatArray, tolerance: float
 ) -> tuple[npt.NDArray[np.intp], list[str]]:
     """Stable order of strains that do not truly run backwards, and notices."""
     backwards = np.maximum.accumulate(strain) - strain
     worst = int(np.argmax(backwards))
     if backwards[worst] > tolerance:
         raise InputError(
-            f"{path}: data row {worst + 1}: found strain {strain[worst]:g}, which runs backwards "
-            f"by {backwards[worst]:.2g}, expected increasing strain (within {tolerance:.2g})."
+            f"{curve.place}: data row {worst + 1}: found strain {strain[worst]:g}, which runs "
+            f"backwards by {backwards[worst]:.2g}, expected increasing strain "
+            f"(within {tolerance:.2g})."
         )
     order = np.argsort(strain, kind="stable")
     if backwards[worst] == 0:
         return order, []
     return order, [
-        f"{path.name}: {count_points(np.count_nonzero(backwards))} out of order by at most "
+        f"{curve.name}: {count_points(np.count_nonzero(backwards))} out of order by at most "
         f"{backwards[worst]:.2g} in strain sorted."
     ]
 
 
-def _dropped(path: Path, number: int) -> list[str]:
+def _dropped(curve: Curve, number: int) -> list[str]:
     if number == 0:
         return []
     return [
-        f"{path.name}: {count_points(number)} at zero strain dropped, because the model is at "
+        f"{curve.name}: {count_points(number)} at zero strain dropped, because the model is at "
         "rest there and its stress is zero whatever the parameters."
     ]
 

@@ -9,7 +9,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from pyburgers.common.columns import Column, TextFilesTable, read_columns, write_columns
+from pyburgers.common.columns import Cell, Column, TextFilesTable, read_columns, write_columns
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, read_toml
 from pyburgers.common.units import count_points
@@ -134,6 +134,9 @@ class _SegmentTable(Table):
     strain_rate_per_s: float = Field(gt=0, description="the imposed strain rate in 1/s")
     start_strain: float = Field(ge=0, description="the strain (fraction) at which the rate starts")
     file: str | None = Field(None, description="the data file of this segment")
+    rows: dict[str, Cell] | None = Field(
+        None, description="the rows of the data file of the whole test that are of this segment"
+    )
 
 
 class _DataTable(TextFilesTable):
@@ -258,9 +261,9 @@ def _check_data_keys(path: Path, file: _ConstantRateFile) -> None:
     with_file = [segment.file is not None for segment in file.segments]
     data = file.data
     if data is None:
-        if any(with_file):
+        if any(with_file) or any(segment.rows for segment in file.segments):
             raise InputError(
-                f"{path}: table [data] is missing, expected it because a segment has a 'file'."
+                f"{path}: table [data] is missing, expected it because a segment names its data."
             )
         if file.final_strain is None:
             raise InputError(
@@ -271,6 +274,12 @@ def _check_data_keys(path: Path, file: _ConstantRateFile) -> None:
     if data.file is not None and any(with_file):
         raise InputError(
             f"{path}: key 'file': found it in [data] and in [[segments]], expected one of the two."
+        )
+    with_rows = [segment.rows is not None for segment in file.segments]
+    if any(with_rows) and (data.file is None or not all(with_rows)):
+        raise InputError(
+            f"{path}: key 'rows' in [[segments]]: expected it in every one of them or in none, and "
+            "with it one 'file' in [data]."
         )
     if data.file is None and not all(with_file):
         raise InputError(
@@ -299,16 +308,17 @@ def _read_curves(
         return []
     root = data.folder(path)
     end = np.inf if file.final_strain is None else file.final_strain
-    if data.file is not None:
+    if data.file is not None and file.segments[0].rows is None:
         strain, stress = _read_points(path, root / data.file, data, segments, "'file' in [data]")
-        return [Curve(root / data.file, strain, stress, 0.0, end)]
+        return [Curve(root / data.file, data.selection, strain, stress, 0.0, end)]
     bounds = [*(segment.start_strain for segment in segments), end]
     curves = []
     for k, segment in enumerate(file.segments):
-        source = root / str(segment.file)
-        key = f"'file' in [[segments]] number {k + 1}"
-        strain, stress = _read_points(path, source, data, segments, key)
-        curves.append(Curve(source, strain, stress, bounds[k], bounds[k + 1]))
+        source = root / str(segment.file or data.file)
+        key = "'file' in [data]" if data.file else f"'file' in [[segments]] number {k + 1}"
+        own = data.model_copy(update={"rows": {**data.rows, **(segment.rows or {})}})
+        strain, stress = _read_points(path, source, own, segments, key)
+        curves.append(Curve(source, own.selection, strain, stress, bounds[k], bounds[k + 1]))
     return curves
 
 

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from pyburgers.model.prior_families import is_fixed_at
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
-from pyburgers.protocols.layout import Layout
+from pyburgers.protocols.coordinates import Layout
 from pyburgers.protocols.stan_data import StanData, ends
 
 FloatArray = npt.NDArray[np.float64]

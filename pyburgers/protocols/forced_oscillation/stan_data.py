@@ -9,9 +9,9 @@ import numpy.typing as npt
 from scipy.integrate import trapezoid
 
 from pyburgers.model.priors import PriorSet
+from pyburgers.protocols.coordinates import Layout
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.protocols.forced_oscillation.harmonics import trend_projection
-from pyburgers.protocols.layout import Layout
 from pyburgers.protocols.stan_data import StanData, ends
 
 FloatArray = npt.NDArray[np.float64]
@@ -85,10 +85,7 @@ def _record(experiment: OscillationExperiment) -> dict[str, Any]:
     # The oscillation passes upwards through zero where tau + phase is a whole number.
     phase = float(np.arctan2(cosine, sine)) / (2 * np.pi)
     trend_shape, trend_fit = trend_projection(
-        prepared.time,
-        period=period,
-        degree=prepared.stress_fit.degree,
-        uncertainty=prepared.uncertainty,
+        prepared.time, degree=prepared.stress_fit.degree, uncertainty=prepared.uncertainty
     )
     n_trend = 0 if kept else trend_fit.shape[0]
     bias = float(prepared.stress_fit.trend(np.array([prepared.start]))[0])

@@ -25,12 +25,12 @@ from pyburgers.model.display import (
     unit_text,
 )
 from pyburgers.posterior.labelled_draws import convergence_table
+from pyburgers.protocols.coordinates import REFERENCE_FLOW_RATE
 from pyburgers.protocols.forced_oscillation import figures as oscillation_figures
 from pyburgers.protocols.forced_oscillation.response import oscillation_of, stress_spread
-from pyburgers.protocols.forward import REFERENCE_SOLVER, solve
-from pyburgers.protocols.protocol import FittedTest
-from pyburgers.protocols.registry import protocol_of
-from pyburgers.protocols.stan_data import REFERENCE_FLOW_RATE
+from pyburgers.protocols.program_data import solve
+from pyburgers.protocols.protocol import FittedTest, protocol_of
+from pyburgers.protocols.stan_data import REFERENCE_SOLVER
 from pyburgers.studies.maor.statements import (
     DOMINANT,
     FEW,

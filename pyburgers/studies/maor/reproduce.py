@@ -7,7 +7,8 @@ from importlib.resources import files
 from pathlib import Path
 from types import MappingProxyType
 
-from pyburgers.cmdstan.program import compile_programs, stan_directory
+from pyburgers.cmdstan.program import compile_programs
+from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.side_by_side import Task, fit_side_by_side
 from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress, flow_law_prior
@@ -23,7 +24,7 @@ from pyburgers.protocols.forced_oscillation.experiment import (
     with_background,
 )
 from pyburgers.protocols.forced_oscillation.preparation import Background
-from pyburgers.protocols.registry import load_experiment
+from pyburgers.protocols.protocol import load_experiment
 from pyburgers.report.comparison_sections import comparison_sections
 from pyburgers.report.page import write_report
 from pyburgers.report.peak_stress_section import peak_stress_section

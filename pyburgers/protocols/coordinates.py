@@ -1,0 +1,166 @@
+"""Coordinates of a fit of one to many tests: those of each test, and which stands for what."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import logit
+
+from pyburgers.model.parameters import (
+    REFERENCE_FLOW_RATE_QUANTITY,
+    REFERENCE_QUANTITIES,
+    REFERENCE_STRESS_QUANTITY,
+)
+from pyburgers.model.pooling import Pooling
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+REFERENCE_STRESS = REFERENCE_STRESS_QUANTITY.name
+"""Name of the coordinate ln S_0 that replaces Q_M or beta."""
+
+REFERENCE_FLOW_RATE = REFERENCE_FLOW_RATE_QUANTITY.name
+"""Name of the coordinate ln(flow rate s) that replaces Q_M or beta in oscillating tests."""
+
+CENTRE, SPREAD = "centre", "spread"
+"""Owners of the coordinates that belong to no test."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlainCoordinates:
+    """Real-line coordinates of the free parameters, as in `stan/charts/plain.stan`.
+
+    Attributes
+    ----------
+    quantities : tuple of str
+        Quantity of each coordinate: a parameter, or in place of one the reference stress or flow
+        rate, as a logarithm.
+    parameters : tuple of str
+        Parameter that each coordinate gives a value to.
+    shift, scale, lower, upper : array, shape (n_coordinates,)
+        Origin, size and bounds of the quantities in SI (ln Pa for the reference stress, ln 1/s for
+        the flow rate).
+    """
+
+    quantities: tuple[str, ...]
+    parameters: tuple[str, ...]
+    shift: FloatArray
+    scale: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+
+    @property
+    def replaced_parameter(self) -> str | None:
+        """Parameter whose place the reference stress or flow rate takes, if any."""
+        for quantity, parameter in zip(self.quantities, self.parameters, strict=True):
+            if quantity in REFERENCE_QUANTITIES:
+                return parameter
+        return None
+
+    @property
+    def quantity(self) -> FloatArray:
+        """Rows of shift, scale, lower and upper bound, shape (n_coordinates, 4)."""
+        return np.column_stack([self.shift, self.scale, self.lower, self.upper])
+
+    def at(self, values: Mapping[str, float]) -> FloatArray:
+        """Coordinates, shape (n_coordinates,), of SI values that include the reference one."""
+        return np.array(
+            [
+                self.of_quantity(
+                    k, np.log(values[name]) if name in REFERENCE_QUANTITIES else values[name]
+                )
+                for k, name in enumerate(self.quantities)
+            ],
+            dtype=np.float64,
+        )
+
+    def of_quantity(self, k: int, position: npt.ArrayLike) -> FloatArray:
+        """Coordinate k, of any shape, where its quantity (or its logarithm) has given values."""
+        position = np.asarray(position, dtype=np.float64)
+        lower, upper, scale = self.lower[k], self.upper[k], self.scale[k]
+        if np.isinf(lower):
+            anywhere: FloatArray = (position - self.shift[k]) / scale
+            return anywhere
+        with np.errstate(divide="ignore"):
+            if np.isinf(upper):
+                above: FloatArray = np.log((position - lower) / scale)
+                return above
+            inside: FloatArray = logit((position - lower) / (upper - lower))
+            return inside
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Which coordinate of a fit stands for what.
+
+    They stand in this order: the first test's, the other tests' own ones, centres, spreads.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Parameters with a coordinate in every test by itself.
+    position : array of int, shape (n_tests, n_names)
+        Where the coordinate of each parameter of each test stands, from 0; that of a shared
+        parameter is the same in all tests.
+    shared, partial : tuple of str
+        Shared and partially pooled parameters among them.
+    centre, spread : array of int, shape (n_partial,)
+        Where centres and spreads of the latter stand.
+    """
+
+    names: tuple[str, ...]
+    position: IntArray
+    shared: tuple[str, ...]
+    partial: tuple[str, ...]
+    centre: IntArray
+    spread: IntArray
+
+    @property
+    def n_tests(self) -> int:
+        """Number of tests."""
+        return int(self.position.shape[0])
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates."""
+        return int(self.position.max(initial=-1)) + 1 + 2 * len(self.partial)
+
+    @property
+    def pooled(self) -> list[int]:
+        """Places of the partially pooled parameters among the names."""
+        return [self.names.index(name) for name in self.partial]
+
+    def own(self, test: int) -> list[int]:
+        """Places among the names of the parameters that a test has by itself.
+
+        Shared ones are the first test's.
+        """
+        others = self.partial if test == 0 else (*self.partial, *self.shared)
+        return [i for i, name in enumerate(self.names) if name not in others]
+
+
+def layout_of(names: Sequence[str], n_tests: int, pooling: Pooling) -> Layout:
+    """Lay the coordinates of a fit out.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Parameters that are inferred in every test.
+    n_tests : int
+        Number of tests.
+    pooling : Pooling
+        How they hang together.
+    """
+    # One test shares with nobody.
+    shared = pooling.of_kind("shared", names) if n_tests > 1 else ()
+    partial = pooling.of_kind("partial", names)
+    position = np.zeros((n_tests, len(names)), dtype=np.int64)
+    position[0] = np.arange(len(names))
+    following = len(names)
+    for e in range(1, n_tests):
+        for i, name in enumerate(names):
+            position[e, i] = i if name in shared else following
+            following += name not in shared
+    centre = following + np.arange(len(partial))
+    return Layout(tuple(names), position, shared, partial, centre, centre + len(partial))

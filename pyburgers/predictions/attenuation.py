@@ -16,10 +16,10 @@ any power law and any amplitude::
 The dashpot's fluidity B depends on the regime of stresses but not on frequency. Higher harmonics
 of the strain and its steady drift do not enter: tan(delta) is that of the fundamental.
 
-The flow law g stands here although the physics is otherwise in ``stan/physics/`` alone: a whole
-posterior times frequencies times regimes is one array expression this way. Tests compare it with
-the Stan function ``dashpot_strain_rate`` and the spectrum with simulations in time
-(`pyburgers.predictions.imposed_stress`).
+The flow law g stands in `pyburgers.predictions.closed_forms` although the physics is otherwise in
+``stan/physics/`` alone: a whole posterior times frequencies times regimes is one array expression
+this way. Tests compare it with the Stan function ``dashpot_strain_rate`` and the spectrum with
+simulations in time (`pyburgers.predictions.imposed_stress`).
 """
 
 from collections.abc import Mapping, Sequence

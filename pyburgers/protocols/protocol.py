@@ -81,10 +81,13 @@ class Mode:
         Every parameter in SI.
     coordinate : array, shape (n_coordinates,)
         Plain coordinates.
+    driving_error : array, shape (n_driving_errors,)
+        Errors of what drives the test, standardised.
     """
 
     values: Mapping[str, float]
     coordinate: FloatArray
+    driving_error: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,7 +251,10 @@ class Protocol(ABC, Generic[E]):
 
     @abstractmethod
     def without_data(self, experiment: E) -> E:
-        """Return the test as one that can only be simulated, as far as the program allows it."""
+        """Return the test as one that can only be simulated, as far as the program allows it.
+
+        What drives it is taken as known.
+        """
 
     @abstractmethod
     def reference_origin(self, experiment: E) -> tuple[float, float]:

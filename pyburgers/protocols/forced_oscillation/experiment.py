@@ -78,6 +78,11 @@ class OscillationExperiment(Experiment):
         return self.stress
 
     @property
+    def n_driving_errors(self) -> int:
+        """Number of the errors of the driving strain that take part."""
+        return len(self.prepared.strain_error)
+
+    @property
     def largest_stress(self) -> float:
         """Largest |σ| (Pa) that the model is compared with."""
         return float(np.max(np.abs(self.stress)))
@@ -246,6 +251,13 @@ def with_background(
     settings = replace(experiment.settings, background=background)
     prepared = prepare(experiment.record, settings, experiment.id)
     return replace(experiment, settings=settings, prepared=prepared)
+
+
+def with_known_strain(experiment: OscillationExperiment) -> OscillationExperiment:
+    """Return the same test with its driving strain taken as known, whatever its uncertainty."""
+    prepared = experiment.prepared
+    known = replace(prepared, strain_error=prepared.strain_error[:0])
+    return replace(experiment, prepared=known)
 
 
 def _read_series(path: Path, data: _DataTable, name: str) -> tuple[FloatArray, ...]:

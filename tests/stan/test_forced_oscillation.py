@@ -33,7 +33,7 @@ from pyburgers.protocols.forced_oscillation.preparation import (
 from pyburgers.protocols.forced_oscillation.stan_data import ShearedReference
 from pyburgers.protocols.forward import simulate
 from pyburgers.protocols.problem import one_test
-from pyburgers.protocols.program_data import program_data, solve
+from pyburgers.protocols.program_data import given_parameters, program_data, solve
 from pyburgers.protocols.protocol import protocol_of
 from pyburgers.protocols.stan_data import REFERENCE_SOLVER
 

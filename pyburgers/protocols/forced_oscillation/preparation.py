@@ -79,12 +79,16 @@ class OscillationSettings:
         With "removed" only the oscillating parts are used, as in the paper: the trends of strain
         and stress, constants included, are subtracted. With "kept" the rate of the strain's trend
         drives the model too, and the stress keeps its bias and its drift.
+    start_stress : float or None
+        Stress (Pa) at which the model starts, ahead of the record, where the background is kept;
+        None takes the bias of the stress at the start of the record.
     """
 
     period: float | None = None
     strain_trend_degree: int | None = None
     stress_trend_degree: int | None = None
     background: Background = "removed"
+    start_stress: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,6 +103,8 @@ class PreparedOscillation:
         Fits of the two series; the first drives the model.
     background : {"removed", "kept"}
         Whether trends drive the model and stay in the stress.
+    start_stress : float
+        Stress (Pa) at which the model starts; 0 where the background is removed.
     start : float
         Time (s) of the first strain or stress reading that is used.
     time : array, shape (n_points,)
@@ -124,6 +130,7 @@ class PreparedOscillation:
     strain_fit: HarmonicFit
     stress_fit: HarmonicFit
     background: Background
+    start_stress: float
     start: float
     time: FloatArray
     stress: FloatArray
@@ -144,6 +151,7 @@ class PreparedOscillation:
             strain_trend_degree=self.strain_fit.degree,
             stress_trend_degree=self.stress_fit.degree,
             background=self.background,
+            start_stress=self.start_stress if self.background == "kept" else None,
         )
 
     @property
@@ -240,13 +248,20 @@ def prepare(
     strain_fit = _fit(where, strain, period, settings.strain_trend_degree)
     stress_fit = _fit(where, used, period, settings.stress_trend_degree)
     kept = settings.background == "kept"
+    if settings.start_stress is not None and not kept:
+        raise InputError(
+            f"{where}: found a start_stress of {settings.start_stress:g} Pa with the background "
+            "removed, expected one only with the background kept."
+        )
+    start = float(min(strain.time[0], used.time[0]))
     slope = _powers_of_rate(strain_fit.trend_coefficients, strain_fit.t_half)
     return PreparedOscillation(
         period=period,
         strain_fit=strain_fit,
         stress_fit=stress_fit,
         background=settings.background,
-        start=float(min(strain.time[0], used.time[0])),
+        start_stress=_start_stress(settings, stress_fit, start),
+        start=start,
         time=used.time,
         stress=used.value if kept else used.value - stress_fit.trend(used.time),
         uncertainty=used.uncertainty,
@@ -326,6 +341,15 @@ def _fit(where: str, series: _Series, period: float, degree: int | None) -> Harm
         return fit_harmonics(**series.data, period=period, degree=chosen)
 
     return _named(where, series, fit)
+
+
+def _start_stress(settings: OscillationSettings, stress_fit: HarmonicFit, start: float) -> float:
+    """Stress (Pa) at which the model starts."""
+    if settings.background == "removed":
+        return 0.0
+    if settings.start_stress is not None:
+        return settings.start_stress
+    return float(stress_fit.trend(np.array([start]))[0])
 
 
 def _powers_of_rate(trend: FloatArray, t_half: float) -> FloatArray:

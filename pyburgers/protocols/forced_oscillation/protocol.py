@@ -8,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 from markupsafe import Markup
 
-from pyburgers.common.errors import InputError
 from pyburgers.drawing.page_parts import PageTable
 from pyburgers.model.display import STRAIN_FACTOR, STRESS_FACTOR, STRESS_UNIT
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
@@ -124,7 +123,8 @@ class ForcedOscillation(Protocol[OscillationExperiment]):
     ) -> OscillationExperiment:
         """Put stresses and strains with noise in the place of others, prepared as measured ones.
 
-        Period and degrees are those of the test, and its fitted strain is the true one.
+        Period, degrees and the stress where the model starts are those of the test, and its fitted
+        strain is the true one.
         """
         template, strain_time = experiment.prepared, experiment.record.strain_time
         noise = values["stress_noise"] * template.relative_uncertainty
@@ -137,17 +137,10 @@ class ForcedOscillation(Protocol[OscillationExperiment]):
             stress=response + noise * rng.standard_normal(response.size),
             stress_uncertainty=template.uncertainty,
         )
-        prepared = prepare(record, experiment.settings, experiment.id)
-        return replace(experiment, record=record, prepared=prepared)
-
-    def check_template(self, experiment: OscillationExperiment) -> None:
-        """Refuse a record that keeps its background."""
-        if experiment.settings.background == "kept":
-            raise InputError(
-                f"{experiment.id}: the background is 'kept', expected 'removed': with it the model "
-                "starts from the observed bias, which simulated data do not have before they are "
-                "there."
-            )
+        # Where the model starts, too: simulated data have no bias before they are there.
+        settings = template.settings
+        prepared = prepare(record, settings, experiment.id)
+        return replace(experiment, record=record, settings=settings, prepared=prepared)
 
     def facts(self, experiment: OscillationExperiment) -> Sequence[tuple[str, str]]:
         """Return period, amplitude, treatment of the background, cycles and number of points."""

@@ -118,7 +118,7 @@ def _record(experiment: OscillationExperiment) -> dict[str, Any]:
             [harmonics_error, background_error * period if kept else background_error[:, :0]]
         ),
         "start_tau": float(np.floor(first_tau + phase)) - phase - experiment.spin_up_cycles,
-        "start_stress": bias if kept else 0.0,
+        "start_stress": prepared.start_stress,
         "first_tau": first_tau,
         "stress_scale": max(amplitude, abs(bias)) if kept else amplitude,
         "strain_scale": float(np.hypot(sine, cosine)),

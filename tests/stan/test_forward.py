@@ -193,7 +193,7 @@ def test_a_reading_at_a_rate_step_is_the_end_of_the_segment_before(start: float)
 def test_a_rate_step_down_lowers_the_stress_by_the_power_law() -> None:
     parameters = truth("PIL40")
     solution = simulate(
-        protocol([(0.0, 1e-4), (1.0, 1e-5)], 2.0), parameters, at=np.array([1.0, 2.0])
+        protocol([(0.0, 1e-4), (2.0, 1e-5)], 4.0), parameters, at=np.array([2.0, 4.0])
     )
     before, after = solution["stress_Pa"]
     assert after / before == pytest.approx(0.1 ** (1 / parameters["stress_exponent"]), rel=1e-3)

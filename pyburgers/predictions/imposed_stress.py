@@ -300,7 +300,7 @@ def solve_imposed_stress(
     missing = [name for name in EVOLUTION if evolving and name not in parameters]
     if missing:
         raise InputError(
-            f"parameters: {missing[0]!r} is missing, expected it because the microstructure evolves."
+            f"parameters: {missing[0]!r} is missing, expected it where the microstructure evolves."
         )
     # What has no value has no effect: on a frozen microstructure, or on stresses without noise.
     columns = [

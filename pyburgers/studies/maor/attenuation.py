@@ -303,7 +303,8 @@ def _broadened(spectra: Mapping[str, Spectra]) -> Statement:
     found = {name: (ratio(one.known.prior), ratio(one.known.fit)) for name, one in spectra.items()}
     widths = {name: np.median(half_width(one.known.fit), axis=0) for name, one in spectra.items()}
     details = "; ".join(
-        f"{name} " + ", ".join(f"{width:.1f}" for width in of_one) for name, of_one in widths.items()
+        f"{name} " + ", ".join(f"{width:.1f}" for width in of_one)
+        for name, of_one in widths.items()
     )
     return Statement(
         key="broadened",

@@ -22,8 +22,7 @@ from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.problem import one_test
 from pyburgers.protocols.program_data import program_data
-from pyburgers.protocols.protocol import FittedTest
-from pyburgers.protocols.registry import protocol_of
+from pyburgers.protocols.protocol import FittedTest, protocol_of
 from pyburgers.protocols.stan_data import SolverOptions, StanData
 
 FloatArray = npt.NDArray[np.float64]
@@ -72,13 +71,13 @@ class Datum:
     name : str
         Such as peak stress.
     observed : callable
-        Receives the test, returns the number.
+        Receives draws of the test, returns the number that was read off the test itself.
     predicted : callable
         Receives draws, returns the number in each.
     """
 
     name: str
-    observed: Callable[[Experiment], float]
+    observed: Callable[[FittedTest], float]
     predicted: Callable[[FittedTest], FloatArray]
 
 
@@ -111,7 +110,7 @@ class Knowledge:
         return float(draws.mean()), float(self.weights @ draws)
 
     def sd_before(self, name: str) -> tuple[float, float]:
-        """Standard deviations of a parameter (SI) under the prior, and with one number."""
+        """Width of a parameter (SI) under the prior, and with one number (standard deviations)."""
         draws = parameter_draws(self.prior, name)
         of_mean = draws - self.weights @ draws
         return float(draws.std(ddof=1)), float(np.sqrt(self.weights @ of_mean**2))
@@ -155,7 +154,7 @@ def weights_by(datum: Datum, prior: PriorDraws) -> FloatArray:
     array, shape (n_draws,)
         Adding up to 1.
     """
-    observed, predicted = datum.observed(prior.experiment), datum.predicted(prior)
+    observed, predicted = datum.observed(prior), datum.predicted(prior)
     deviation = (predicted / observed - 1) / READING_ERROR
     weights: FloatArray = softmax(-(deviation**2) / 2)
     return weights
@@ -196,8 +195,8 @@ def prior_draws(fit: FittedTest, *, n_draws: int, seed: int) -> PriorDraws:
     kept = np.isfinite(response).all(axis=1)
     if not kept.any():
         raise SamplingError(
-            f"{fit.experiment.id}: none of {n_draws} draws from the prior has a solution; check the "
-            "units and the bounds of the priors."
+            f"{fit.experiment.id}: none of {n_draws} draws from the prior has a solution; "
+            "check the units and the bounds of the priors."
         )
     clock = protocol.clock.name
     dimensions = ("chain", "draw", clock)
@@ -262,5 +261,7 @@ def _solved(
             if len(rows) == 1:
                 return {name: np.full((1, data["grid_end"][-1]), np.nan) for name in variables}
     middle = len(rows) // 2
-    first, last = (_solved(program, data, half, variables) for half in (rows[:middle], rows[middle:]))
+    first, last = (
+        _solved(program, data, half, variables) for half in (rows[:middle], rows[middle:])
+    )
     return {name: np.concatenate([first[name], last[name]]) for name in variables}

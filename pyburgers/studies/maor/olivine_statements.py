@@ -9,7 +9,6 @@ from pyburgers.checks.fit_checks import RHAT_LIMIT
 from pyburgers.common.units import number, with_error
 from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT, shown_quantity
 from pyburgers.posterior.labelled_draws import convergence_table
-from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forced_oscillation.response import oscillation_of, predicted_oscillation
 from pyburgers.protocols.protocol import FittedTest
 from pyburgers.studies.maor.before_data import Datum, Knowledge, parameter_draws, prediction_draws
@@ -38,8 +37,8 @@ NEGLIGIBLE_GROWTH = 0.1
 """Relative change of grain size over the record that is still negligible."""
 
 
-def _observed_amplitude(experiment: Experiment) -> float:
-    return float(oscillation_of(experiment).prepared.stress_fit.amplitude()[0])
+def _observed_amplitude(test: FittedTest) -> float:
+    return float(oscillation_of(test).prepared.stress_fit.amplitude()[0])
 
 
 STRESS_AMPLITUDE = Datum(
@@ -249,7 +248,9 @@ def _judge(
         key=key,
         source=source,
         text=text,
-        evidence=joined(f"with the background {name} {words}" for name, (_, words) in found.items()),
+        evidence=joined(
+            f"with the background {name} {words}" for name, (_, words) in found.items()
+        ),
         beliefs={name: belief for name, (belief, _) in found.items()},
         rule=rule,
     )

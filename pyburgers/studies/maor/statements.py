@@ -115,16 +115,18 @@ class Belief:
         return Verdict.NUMBER_GRANTS if self.number else Verdict.AGREES
 
     def _of_draws(self, posterior: float) -> Verdict:
-        assert self.prior is not None and self.number is not None  # of every statement on draws
-        if self.prior == 1:
+        prior, number = self.prior, self.number
+        assert prior is not None  # of every statement on draws
+        assert number is not None
+        if prior == 1:
             return Verdict.CANNOT_FAIL
         if posterior > LIKELY:
-            by_prior = granted(self.prior, posterior)
-            by_number = granted(self.number, posterior)
+            by_prior = granted(prior, posterior)
+            by_number = granted(number, posterior)
             outcomes = Verdict.PRIOR_GRANTS, Verdict.NUMBER_GRANTS, Verdict.AGREES
         elif posterior < UNLIKELY:
-            by_prior = granted(1 - self.prior, 1 - posterior)
-            by_number = granted(1 - self.number, 1 - posterior)
+            by_prior = granted(1 - prior, 1 - posterior)
+            by_number = granted(1 - number, 1 - posterior)
             outcomes = Verdict.PRIOR_EXCLUDES, Verdict.NUMBER_EXCLUDES, Verdict.DISAGREES
         else:
             return Verdict.CANNOT_TELL

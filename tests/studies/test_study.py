@@ -1,6 +1,6 @@
 """The parts of the study's page beside the fits."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,8 @@ from pyburgers.protocols.forced_oscillation.experiment import OscillationExperim
 from pyburgers.protocols.forced_oscillation.response import oscillation_of
 from pyburgers.protocols.forward import simulate
 from pyburgers.report.page import write_report
+from pyburgers.studies.maor import sections as maor_sections
+from pyburgers.studies.maor.attenuation import MICROSTRUCTURE_SENTENCE
 from pyburgers.studies.maor.olivine import background_section
 from pyburgers.studies.maor.reproduce import (
     COMBINED_RUN,
@@ -31,11 +33,11 @@ from pyburgers.studies.maor.reproduce import (
     study_experiments,
 )
 from pyburgers.studies.maor.sections import (
+    SYNTHETIC_SENTENCE,
     counterparts_section,
     study_sections,
     time_domain_table,
 )
-from pyburgers.studies.maor.statements import MICROSTRUCTURE_SENTENCE, SYNTHETIC_SENTENCE
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +53,13 @@ def olivine(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Fit]:
         "removed": make_olivine_fit(folder / "removed", "removed"),
         "kept": make_olivine_fit(folder / "kept", "kept"),
     }
+
+
+@pytest.fixture(autouse=True, scope="module")
+def few_prior_draws() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(maor_sections, "PRIOR_DRAWS", {"ice": 200, "olivine": 60})
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -92,7 +101,7 @@ def test_statements_stand_with_verdict_evidence_and_rule(
     page: Page, sections: tuple[PageSection, ...], folder: Path
 ) -> None:
     (table,) = sections[0].tables
-    assert len(table.shown) == 10
+    assert len(table.shown) == 22
     for row in table.shown.to_dict("records"):
         for cell in row.values():
             assert " ".join(str(cell).split()) in page.text

@@ -44,8 +44,11 @@ CLEAR_CHANGE = 0.1
 AMPLITUDE_REGIMES = amplitude_regimes(2e6, (0.1e6, 0.5e6, 1e6, 1.9e6))
 """Stress cycles (Pa) of the test of amplitudes: our choice, the paper's Fig. S3 is not public."""
 
-FINE_FREQUENCIES = np.geomspace(1e-4, 1.0, 161)
-"""Frequencies (Hz) that widths are read off."""
+WIDE_FREQUENCIES = np.geomspace(1e-7, 1e3, 201)
+"""Frequencies (Hz) a decade about the Kelvin peak of any draw lies between."""
+
+DEBYE_SHARE = 2 / (10 + 1 / 10)
+"""Attenuation of a Debye peak a decade away from it, over that at the peak."""
 
 MICROSTRUCTURE_SENTENCE = (
     "Spectra are those of the initial microstructure, that is the initial grain size and an "
@@ -295,16 +298,18 @@ def _amplitude(spectra: Mapping[str, Spectra]) -> Statement:
 
 
 def _broadened(spectra: Mapping[str, Spectra]) -> Statement:
-    """Whether the dashpot spreads the attenuation of the one Kelvin time over more frequencies."""
+    """Whether the attenuation of the one Kelvin time is spread over more frequencies."""
 
-    def ratio(fit: FittedTest) -> FloatArray:
-        return half_width(fit)[:, -1] / half_width(fit)[:, 0]
+    def broader(fit: FittedTest) -> BoolArray:
+        wider: BoolArray = (decade_shares(fit)[:, :, -1] > DOMINANT * DEBYE_SHARE).all(axis=0)
+        return wider
 
-    found = {name: (ratio(one.known.prior), ratio(one.known.fit)) for name, one in spectra.items()}
-    widths = {name: np.median(half_width(one.known.fit), axis=0) for name, one in spectra.items()}
+    medians = {
+        name: np.median(decade_shares(one.known.fit), axis=1) for name, one in spectra.items()
+    }
     details = "; ".join(
-        f"{name} " + ", ".join(f"{width:.1f}" for width in of_one)
-        for name, of_one in widths.items()
+        f"{name} " + " and ".join(", ".join(f"{share:.2f}" for share in side) for side in of_one)
+        for name, of_one in medians.items()
     )
     return Statement(
         key="broadened",
@@ -312,26 +317,26 @@ def _broadened(spectra: Mapping[str, Spectra]) -> Statement:
         text="Nonlinearity broadens the attenuation of a single Kelvin time.",
         evidence=joined(
             [
-                "decades of frequency with at least half the attenuation at the Kelvin peak, "
-                f"median, at {_STRESSES}: {details}; the Kelvin element under imposed stress is "
-                "linear and its own loss keeps the width of a Debye peak, so that all of it is the "
-                "dashpot's background"
+                "tan δ a decade below and a decade above the Kelvin peak over that at the peak, "
+                f"{DEBYE_SHARE:.2f} for a Debye peak; medians at {_STRESSES}, below and above: "
+                f"{details}; under imposed stress the Kelvin element is linear whatever the "
+                "dashpot does: the background fills in the low side alone"
             ]
         ),
         beliefs={
-            name: probability_of(before > DOMINANT, after > DOMINANT, spectra[name].known)
-            for name, (before, after) in found.items()
+            name: probability_of(broader(one.known.prior), broader(one.known.fit), one.known)
+            for name, one in spectra.items()
         },
-        rule="A draw counts if that range of frequencies, within 1e-4 to 1 Hz, is more than "
-        f"{DOMINANT:g} times as wide at 4 MPa as at 1 MPa; without nonlinearity it is the same.",
+        rule=f"A draw counts if at 4 MPa both are more than {DOMINANT:g} times those of a Debye "
+        "peak.",
     )
 
 
-def half_width(fit: FittedTest) -> FloatArray:
-    """Decades of frequency with at least half the attenuation at the peak of the Kelvin element.
+def decade_shares(fit: FittedTest) -> FloatArray:
+    """Attenuation a decade below and above the peak of the Kelvin element, over that at the peak.
 
     That peak, of spring and Kelvin element without dashpot, is at
-    sqrt(E_K^2 + E_K E_M)/(2 pi eta_K); without dashpot the range is 1.14 decades wide.
+    sqrt(E_K^2 + E_K E_M)/(2 pi eta_K).
 
     Parameters
     ----------
@@ -340,24 +345,26 @@ def half_width(fit: FittedTest) -> FloatArray:
 
     Returns
     -------
-    array, shape (n_draws, n_regimes)
-        In the paper's regimes, of the range within `FINE_FREQUENCIES` that holds the peak.
+    array, shape (2, n_draws, n_regimes)
+        Below and above, in the paper's regimes.
     """
     maxwell, kelvin, viscosity = (
         parameter_draws(fit, name)
         for name in ("maxwell_modulus", "kelvin_modulus", "kelvin_viscosity")
     )
     peak = np.sqrt(kelvin**2 + kelvin * maxwell) / (2 * np.pi * viscosity)
-    tan_delta = increasing_frequency(predict_attenuation(fit, FINE_FREQUENCIES))
-    at_peak = np.clip(np.searchsorted(FINE_FREQUENCIES, peak), 0, FINE_FREQUENCIES.size - 1)
-    level = np.take_along_axis(tan_delta, at_peak[:, np.newaxis, np.newaxis], axis=-1) / 2
-    decades = np.log10(FINE_FREQUENCIES[1] / FINE_FREQUENCIES[0])
-    places = np.arange(FINE_FREQUENCIES.size)
-    below, after = tan_delta < level, places > at_peak[:, np.newaxis, np.newaxis]
-    end = np.where(below & after, places, places.size).min(axis=-1)
-    start = np.where(below & ~after, places, -1).max(axis=-1)
-    width: FloatArray = (end - start - 1) * decades
-    return width
+    log_tan_delta = np.log(increasing_frequency(predict_attenuation(fit, WIDE_FREQUENCIES)))
+    places = np.arange(WIDE_FREQUENCIES.size)
+
+    def at(frequency: FloatArray) -> FloatArray:
+        place = np.interp(np.log(frequency), np.log(WIDE_FREQUENCIES), places)[:, None, None]
+        before = np.minimum(place.astype(int), places[-2])
+        low, high = (np.take_along_axis(log_tan_delta, before + k, axis=-1) for k in (0, 1))
+        value: FloatArray = (low + (place - before) * (high - low))[..., 0]
+        return value
+
+    shares: FloatArray = np.exp(np.stack([at(peak / 10), at(10 * peak)]) - at(peak))
+    return shares
 
 
 def _judge(

@@ -47,6 +47,7 @@ class Verdict(StrEnum):
     DISAGREES = "does not agree"
     CANNOT_TELL = "cannot tell"
     CANNOT_FAIL = "cannot fail"
+    CANNOT_HOLD = "cannot hold"
     PRIOR_GRANTS = "granted by the prior"
     NUMBER_GRANTS = "granted by one number"
     PRIOR_EXCLUDES = "excluded by the prior"
@@ -59,7 +60,12 @@ class Verdict(StrEnum):
 
 
 _FOR = (Verdict.CANNOT_FAIL, Verdict.PRIOR_GRANTS, Verdict.NUMBER_GRANTS, Verdict.AGREES)
-_AGAINST = (Verdict.PRIOR_EXCLUDES, Verdict.NUMBER_EXCLUDES, Verdict.DISAGREES)
+_AGAINST = (
+    Verdict.CANNOT_HOLD,
+    Verdict.PRIOR_EXCLUDES,
+    Verdict.NUMBER_EXCLUDES,
+    Verdict.DISAGREES,
+)
 """From what the data had no part in to what they found."""
 
 VERDICTS_TEXT = (
@@ -68,7 +74,8 @@ VERDICTS_TEXT = (
     "agree) only where the data added to it: where the prior alone, or the prior and one number of "
     "the data (the peak stress of a curve, the amplitude of an oscillation), say so already, or "
     f"where the data change its odds less than {GAIN:g} times, the verdict names what granted or "
-    "excluded it, and the statement is not counted; nor is one that fails in no draw of the prior. "
+    "excluded it, and the statement is not counted; nor is one that fails, or holds, in no draw "
+    "of the prior. "
     "The middle probability comes from draws of the prior, weighed by how well their solutions "
     f"meet the one number; below {LEAST_EFFECTIVE:g} effective draws it is not used, and the "
     "verdict is that we cannot tell. Statements about a whole distribution hold (yes) or not (no) "
@@ -120,6 +127,8 @@ class Belief:
         assert number is not None
         if prior == 1:
             return Verdict.CANNOT_FAIL
+        if prior == 0 and posterior == 0:
+            return Verdict.CANNOT_HOLD
         if posterior > LIKELY:
             by_prior = granted(prior, posterior)
             by_number = granted(number, posterior)

@@ -171,6 +171,17 @@ def test_a_kelvin_element_alone_has_the_width_of_a_debye_peak(before: PriorDraws
     assert found.verdict is Verdict.CANNOT_HOLD
 
 
+def test_a_frozen_microstructure_fails_where_cycles_strain_much(before: PriorDraws) -> None:
+    # At 1e-4 Hz a cycle takes 1e4 s: a strain of 0.005 is a tenth of the critical strain.
+    stiff = {"kelvin_modulus": 2e10, "kelvin_viscosity": 3e11}
+    quiet = drawn(fluidity=1e-6 * FLUIDITY, kelvin=stiff)
+    assert statement("frozen", before, quiet).verdict is Verdict.AGREES
+    flowing = statement("frozen", before, drawn(fluidity=10 * FLUIDITY))
+    (belief,) = flowing.beliefs.values()
+    assert belief.posterior == 0
+    assert "fails" in flowing.evidence
+
+
 def test_draws_and_samples_that_differ_leave_a_statement_open(before: PriorDraws) -> None:
     key = "buried_peak"
     mixed = drawn(fluidity=FLUIDITY * np.where(np.arange(N_DRAWS) < N_DRAWS / 2, 1.0, 1e-3))

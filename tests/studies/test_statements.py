@@ -14,7 +14,7 @@ from synthetic_olivine_fit import make_olivine_fit, normal, oscillating, redrawn
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.priors import PriorSet
-from pyburgers.protocols.constant_rate.experiment import RateSegment
+from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, RateSegment
 from pyburgers.protocols.forced_oscillation.response import predicted_oscillation
 from pyburgers.studies.maor.ice import ice_statements
 from pyburgers.studies.maor.ice_curves import misfit_at_peak, peaks
@@ -152,10 +152,9 @@ def test_the_kelvin_element_is_most_uncertain_if_it_has_the_largest_relative_spr
         critical_strain_fabric=normal(ice, 0.1, 0.01),
     )
     wide = np.random.default_rng(1).uniform(0.0, 1.0, 400) ** 3
-    before = {"critical_strain_fabric": 0.01 + 0.4 * wide}
 
     def judged(fit: Fit) -> Verdict:
-        known = make_known(fit, **before)
+        known = make_known(fit, critical_strain_fabric=0.01 + 0.4 * wide)
         return by_key(ice_statements({"PIL40": known}))["most_uncertain"].verdict
 
     assert judged(uncertain) is Verdict.AGREES
@@ -195,6 +194,7 @@ def test_peaks_are_looked_for_near_3_percent(ice: Fit) -> None:
 
 
 def test_the_faster_test_is_compared_with_the_slower_at_its_peak(ice: Fit) -> None:
+    assert isinstance(ice.experiment, ConstantRateExperiment)
     slower = replace(ice.experiment, segments=(RateSegment(0.0, 1e-5),))
     slow = replace(ice, problem=replace(ice.problem, experiments=(slower,)))
     curves = make_known(ice).prior.posterior["predictions"]["stress"].to_numpy()[0]
@@ -246,12 +246,12 @@ def test_the_mechanism_is_told_by_the_softening_itself(ice: Fit) -> None:
     shape = (400, ice.posterior["predictions"].sizes["strain"])
     down = np.exp(-3.0 * ice.posterior["predictions"]["strain"].to_numpy())
     share = np.random.default_rng(1).uniform(0.01, 0.99, (400, 1))
-    open_before = {
-        "grain_size_softening": np.broadcast_to(down, shape) ** share,
-        "fabric_softening": np.broadcast_to(down, shape) ** (1 - share),
-    }
     for by_grains, verdict in ((0.9, Verdict.AGREES), (0.1, Verdict.DISAGREES)):
-        known = make_known(softened(ice, by_grains), **open_before)
+        known = make_known(
+            softened(ice, by_grains),
+            grain_size_softening=np.broadcast_to(down, shape) ** share,
+            fabric_softening=np.broadcast_to(down, shape) ** (1 - share),
+        )
         assert by_key(ice_statements({"PIL40": known}))["mechanism"].verdict is verdict
 
 

@@ -10,9 +10,8 @@ import pandas as pd
 import pytest
 from conftest import sketch_pictures
 from page import Page
-from synthetic_fit import make_fit, with_problem
+from synthetic_fit import TRUTH, make_fit, with_problem
 from synthetic_olivine_fit import make_olivine_fit
-from test_report import small_fit as quickly_drawn_fit
 
 from pyburgers.common.draws import all_draws
 from pyburgers.drawing.page_parts import PageSection
@@ -71,7 +70,8 @@ def sections(ice: dict[str, Fit], olivine: dict[str, Fit]) -> tuple[PageSection,
 @pytest.fixture(scope="module")
 def folder(sections: tuple[PageSection, ...], tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("page")
-    fit = quickly_drawn_fit(tmp_path_factory.mktemp("run"), "PIL40")
+    fixed = tuple(name for name in TRUTH if name not in {"stress_exponent", "stress_noise"})
+    fit = make_fit(tmp_path_factory.mktemp("run"), chains=2, draws=300, fixed=fixed)
     with pytest.MonkeyPatch.context() as patch:
         sketch_pictures(patch)
         write_report([fit], out, title="Study", command="x", extras=sections)

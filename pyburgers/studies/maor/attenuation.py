@@ -9,6 +9,7 @@ import xarray as xr
 
 from pyburgers.common.units import number
 from pyburgers.model.display import STRESS_FACTOR, STRESS_UNIT
+from pyburgers.predictions.assumptions import CRITICAL_SHARE, frozen_limit_texts
 from pyburgers.predictions.attenuation import (
     falling_stretch,
     increasing_frequency,
@@ -44,7 +45,7 @@ CLEAR_CHANGE = 0.1
 AMPLITUDE_REGIMES = amplitude_regimes(2e6, (0.1e6, 0.5e6, 1e6, 1.9e6))
 """Stress cycles (Pa) of the test of amplitudes: our choice, the paper's Fig. S3 is not public."""
 
-WIDE_FREQUENCIES = np.geomspace(1e-7, 1e3, 201)
+WIDE_FREQUENCIES = np.geomspace(1e-7, 1e3, 81)
 """Frequencies (Hz) a decade about the Kelvin peak of any draw lies between."""
 
 DEBYE_SHARE = 2 / (10 + 1 / 10)
@@ -80,7 +81,8 @@ class Spectra:
 
 def spectra_of(known: Knowledge) -> Spectra:
     """Predict the attenuation of a sample."""
-    return Spectra(known, predict_attenuation(known.prior), predict_attenuation(known.fit))
+    before = predict_attenuation(known.prior).drop_vars(["storage_compliance", "loss_compliance"])
+    return Spectra(known, before, predict_attenuation(known.fit))
 
 
 def attenuation_statements(spectra: Mapping[str, Spectra]) -> tuple[Statement, ...]:
@@ -98,6 +100,7 @@ def attenuation_statements(spectra: Mapping[str, Spectra]) -> tuple[Statement, .
         _buried_peak,
         _larger_step,
         _grain_size,
+        _frozen,
         _amplitude,
         _broadened,
     )
@@ -261,6 +264,29 @@ def _grain_size(spectra: Mapping[str, Spectra]) -> Statement:
     )
 
 
+def _frozen(spectra: Mapping[str, Spectra]) -> Statement:
+    """Whether grain size and fabric may be taken as constant."""
+
+    def holds(spectrum: xr.Dataset) -> BoolArray:
+        fails = spectrum["frozen_fails"].transpose(..., "regime", "frequency").to_numpy()
+        return np.asarray(~(fails.reshape(-1, fails.shape[-2] * fails.shape[-1]) > 0).any(axis=1))
+
+    def limits(spectrum: xr.Dataset) -> str:
+        return ", ".join(frozen_limit_texts(spectrum))
+
+    return _judge(
+        spectra,
+        key="frozen",
+        text="Attenuation may be taken as that of a frozen microstructure.",
+        event=holds,
+        lead=f"at {_STRESSES}, by the median of the draws",
+        detail=limits,
+        rule="A draw counts if neither the hold at the median stress nor one cycle strains more "
+        f"than {100 * CRITICAL_SHARE:g} % of the smaller critical strain, in every regime and at "
+        "every frequency.",
+    )
+
+
 def _amplitude(spectra: Mapping[str, Spectra]) -> Statement:
     """Whether attenuation depends on the amplitude of the cycles."""
 
@@ -301,8 +327,7 @@ def _broadened(spectra: Mapping[str, Spectra]) -> Statement:
     """Whether the attenuation of the one Kelvin time is spread over more frequencies."""
 
     def broader(fit: FittedTest) -> BoolArray:
-        wider: BoolArray = (decade_shares(fit)[:, :, -1] > DOMINANT * DEBYE_SHARE).all(axis=0)
-        return wider
+        return np.asarray((decade_shares(fit)[:, :, -1] > DOMINANT * DEBYE_SHARE).all(axis=0))
 
     medians = {
         name: np.median(decade_shares(one.known.fit), axis=1) for name, one in spectra.items()

@@ -74,8 +74,8 @@ def flow_law_table(fit: PeakStressFit) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Text. Columns of `pyburgers.report.tables.parameter_table` up to sd / prior sd. The reference flow rate is that at
-        the mean conditions of the table and has no prior of its own.
+        Text. Columns of `pyburgers.report.tables.parameter_table` up to sd / prior sd. The
+        reference flow rate is that at the mean conditions of the table and has no prior of its own.
     """
     summary, rows = fit.summary(), []
     for quantity in (*FLOW_LAW_PARAMETERS, REFERENCE_FLOW_RATE_QUANTITY):

@@ -32,7 +32,7 @@ def test_a_measured_dunite_test_is_described(tmp_path: Path) -> None:
     assert result.sampled_well is Outcome.YES
     assert result.describes_data is Outcome.YES, result.verdicts()[CheckKind.DESCRIPTION].sentence
     assert 2.0 < table["mean"]["stress_exponent"] < 6.0
-    assert table["mean"]["stress_noise"] < 0.1 * abs(result.experiment.stress).max()
+    assert table["mean"]["stress_noise"] < 0.1 * result.experiment.largest_stress
 
 
 @pytest.mark.parametrize("samples", [("4581",), ("4469",), ("4580", "4469")])

@@ -18,7 +18,14 @@ from pyburgers.predictions import attenuation_figures
 from pyburgers.predictions.assumptions import elastic_modulus_sentence, frozen_sentence
 from pyburgers.predictions.attenuation import attenuation_spectrum, predict_attenuation
 from pyburgers.predictions.attenuation_tables import overview_table, quantile_table
+from pyburgers.predictions.evolving import (
+    evolving_attenuation,
+    evolving_overview,
+    evolving_sentence,
+    evolving_table,
+)
 from pyburgers.predictions.imposed_stress import simulated_phase_lag
+from pyburgers.predictions.material import fitted_material
 from pyburgers.predictions.stress_cycles import PAPER_REGIMES, PARAMETER_NAMES
 from pyburgers.protocols.protocol import FittedTest
 from pyburgers.studies.maor.attenuation import (
@@ -225,7 +232,9 @@ def counterparts_section(
 def attenuation_section(
     fits: Mapping[str, FittedTest], spectra: Mapping[str, xr.Dataset]
 ) -> PageSection:
-    """Return figures and tables of attenuation; single draws and amplitudes of the first fit.
+    """Return figures and tables of attenuation.
+
+    Of the first fit also single draws, amplitudes, and what an evolving microstructure changes.
 
     Parameters
     ----------
@@ -237,6 +246,7 @@ def attenuation_section(
     first, fit = next(iter(fits.items()))
     by_amplitude = predict_attenuation(fit, regimes=AMPLITUDE_REGIMES)
     check = time_domain_table(fit)
+    evolving = evolving_attenuation(fitted_material(fit))
     return PageSection(
         key=ATTENUATION_KEY,
         title="Attenuation",
@@ -248,6 +258,7 @@ def attenuation_section(
             MICROSTRUCTURE_SENTENCE,
             *(f"{name}: {frozen_sentence(spectrum)}" for name, spectrum in spectra.items()),
             elastic_modulus_sentence(spectra[first]),
+            f"{first}, frozen and evolving side by side. {evolving_sentence(evolving)}",
         ),
         tables=(
             *(
@@ -259,6 +270,13 @@ def attenuation_section(
                     words=("regime", "frozen microstructure"),
                 )
                 for name, spectrum in spectra.items()
+            ),
+            PageTable(
+                "evolving",
+                f"Frozen and evolving microstructure, {first}",
+                evolving_overview(evolving),
+                evolving_table(evolving),
+                words=("regime",),
             ),
             PageTable(
                 "time_domain",
@@ -274,7 +292,12 @@ def attenuation_section(
                     f"{name}_spectrum",
                     f"Attenuation of {name}",
                     attenuation_figures.ATTENUATION_CAPTION,
-                    partial(attenuation_figures.attenuation, spectrum, spectrum.attrs["title"]),
+                    partial(
+                        attenuation_figures.attenuation,
+                        spectrum,
+                        spectrum.attrs["title"],
+                        evolving if name == first else None,
+                    ),
                 )
                 for name, spectrum in spectra.items()
             ),

@@ -28,7 +28,9 @@ from pyburgers.drawing.style import (
     VERMILION,
     style,
 )
+from pyburgers.predictions.assumptions import likely_fails
 from pyburgers.predictions.attenuation import flat_draws
+from pyburgers.predictions.evolving import evolving_quantiles
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -42,6 +44,13 @@ FEW_FREQUENCIES = 10
 DRAWN = 150
 """Curves of single draws in a panel."""
 
+THICK, THIN, PALE = 1.8, 1.0, 0.7
+"""Widths of the medians, and the opacity of those where the assumption fails."""
+
+HOLDING_LABEL = "_holding"
+EVOLVING_LABEL = "evolving, median and 90 %"
+FAILING_LABEL = "frozen microstructure fails"
+
 _COLOURS = (BLUE, GREEN, ORANGE, VERMILION, PURPLE, SKY_BLUE, BLACK)
 _DASHES: tuple[Any, ...] = ("-", "--", "-.", ":", (0, (6, 1, 1, 1, 1, 1)))
 
@@ -50,7 +59,9 @@ ATTENUATION_CAPTION = (
     "the medians over draws, dark and light areas hold 50 % and 90 % of the draws at each "
     "frequency. The Kelvin element gives a peak (a Debye peak), the power-law dashpot a background "
     "that falls with frequency; the dashpot flows faster at higher stress, so its background rises "
-    "and may bury the peak. The microstructure is frozen as the title says."
+    "and may bury the peak. The microstructure is frozen as the title says; where that fails in "
+    "most draws, because the hold or a cycle strains the material too much, lines are thin and "
+    "pale. Diamonds, where there are some, were solved in time with a microstructure that evolves."
 )
 
 DRAWS_CAPTION = (
@@ -58,18 +69,29 @@ DRAWS_CAPTION = (
     "150) with their median (thick). Curves that lie apart but run parallel differ in amplitude, "
     "which is then what the posterior leaves open; curves that cross or bend at different "
     "frequencies would differ in where the peak is. The dashed line is the median of the first "
-    "panel, for comparison."
+    "panel, for comparison. In the grey part frozen microstructure fails in most draws."
 )
 
 AMPLITUDE_CAPTION = (
     "What the amplitude of the cycles does at one median stress. Left: attenuation, median and "
     "90 % of draws. Right: attenuation over that of the smallest amplitude, draw by draw, so that "
-    "what all amplitudes share drops out. A linear material would have the ratio one throughout."
+    "what all amplitudes share drops out. A linear material would have the ratio one throughout. "
+    "Lines are thin and pale where frozen microstructure fails in most draws."
 )
 
 
-def attenuation(spectrum: xr.Dataset, title: str) -> Figure:
-    """Draw median and bands of attenuation against frequency, a colour for each regime."""
+def attenuation(spectrum: xr.Dataset, title: str, comparison: xr.Dataset | None = None) -> Figure:
+    """Draw median and bands of attenuation against frequency, a colour for each regime.
+
+    Parameters
+    ----------
+    spectrum : Dataset
+        What is drawn.
+    title : str
+        Heading.
+    comparison : Dataset, optional
+        Of `pyburgers.predictions.evolving.evolving_attenuation`, in the same regimes.
+    """
     spectrum = spectrum.sortby("frequency")
     with style():
         figure = Figure(figsize=(8.0, 5.6), layout="constrained")
@@ -77,11 +99,12 @@ def attenuation(spectrum: xr.Dataset, title: str) -> Figure:
         lines = _draw_bands(axes, spectrum, flat_draws(spectrum["tan_delta"]), (0.18, 0.3))
         axes.set_yscale("log")
         axes.set_ylabel(ATTENUATION_LABEL)
+        solved = [] if comparison is None else _draw_evolving(axes, comparison)
         areas = [
             Patch(color=BLACK, alpha=0.43, label="50 % of draws"),
             Patch(color=BLACK, alpha=0.18, label="90 % of draws"),
         ]
-        _legend_above(figure, [*lines, *areas], title)
+        _legend_above(figure, [*lines, *areas, *_failing_handles(spectrum), *solved], title)
     return figure
 
 
@@ -92,6 +115,7 @@ def attenuation_draws(spectrum: xr.Dataset, title: str) -> Figure:
     shown = evenly_spaced(tan_delta, DRAWN)
     frequency = spectrum["frequency"].to_numpy()
     medians = np.median(tan_delta, axis=0)
+    fails = likely_fails(spectrum)
     n_regimes = len(medians)
     columns = min(2, n_regimes)
     rows = -(-n_regimes // columns)
@@ -109,6 +133,10 @@ def attenuation_draws(spectrum: xr.Dataset, title: str) -> Figure:
             if k > 0:
                 axes.loglog(frequency, medians[0], color=BLACK, linestyle="--", linewidth=1.0)
             axes.loglog(frequency, medians[k], color=BLACK, linewidth=1.8)
+            n_failing = int(fails[k].sum())  # from some frequency downwards, or all
+            if n_failing > 0 and frequency.size > 1:
+                end = frequency[min(n_failing, frequency.size - 1)]
+                axes.axvspan(frequency[0], end, color=BLACK, alpha=0.1, lw=0)
             axes.set_title(f"{REGIME_TITLE}: {spectrum['regime'].to_numpy()[k]}", loc="left")
             axes.margins(x=0.0)
         figure.supxlabel(FREQUENCY_LABEL, fontsize=10)
@@ -119,9 +147,10 @@ def attenuation_draws(spectrum: xr.Dataset, title: str) -> Figure:
                 Line2D([], [], color="#777777", linewidth=0.8, label=f"{len(shown)} single draws"),
                 Line2D([], [], color=BLACK, linewidth=1.8, label="median"),
                 Line2D([], [], color=BLACK, linestyle="--", label=f"median at {first}"),
+                *([Patch(color=BLACK, alpha=0.1, label=FAILING_LABEL)] if fails.any() else []),
             ],
             loc="outside upper center",
-            ncols=3,
+            ncols=2 if fails.any() else 3,
             title=title,
         )
     return figure
@@ -154,8 +183,24 @@ def amplitude_dependence(spectrum: xr.Dataset, title: str) -> Figure:
         left.set_title("(a) attenuation", loc="left")
         right.set_title("(b) relative to the smallest amplitude", loc="left")
         areas = [Patch(color=BLACK, alpha=0.2, label="90 % of draws")]
-        _legend_above(figure, [*lines, *areas], title)
+        _legend_above(figure, [*lines, *areas, *_failing_handles(spectrum)], title)
     return figure
+
+
+def _draw_evolving(axes: Axes, comparison: xr.Dataset) -> list[Line2D]:
+    """Draw median and 90 % of draws of what was solved in time; return the legend."""
+    frequency = comparison["frequency"].to_numpy()
+    quantiles = evolving_quantiles(comparison["tan_delta_evolving"])
+    quantiles = np.where(np.isfinite(quantiles), quantiles, axes.get_ylim()[1])
+    marks: dict[str, Any] = {"marker": "D", "markersize": 5.0, "linestyle": "none"}
+    for k in range(comparison["regime"].size):
+        low, median, high = quantiles[:, k]
+        colour = _COLOURS[k % len(_COLOURS)]
+        # Side by side, so that regimes with the same value are seen.
+        at = frequency * (1.0 + 0.06 * k)
+        axes.vlines(at, low, high, color=colour, linewidth=1.2)
+        axes.plot(at, median, **marks, color=colour, markeredgecolor=BLACK, label="_evolving")
+    return [Line2D([], [], **marks, color="#bbbbbb", markeredgecolor=BLACK, label=EVOLVING_LABEL)]
 
 
 def _legend_above(figure: Figure, handles: Sequence[Patch | Line2D], title: str) -> None:
@@ -169,10 +214,19 @@ def _legend_above(figure: Figure, handles: Sequence[Patch | Line2D], title: str)
     legend.get_title().set_multialignment("center")
 
 
+def _failing_handles(spectrum: xr.Dataset) -> list[Line2D]:
+    """Legend of what is drawn where frozen microstructure fails, if it does anywhere."""
+    if not likely_fails(spectrum).any():
+        return []
+    return [Line2D([], [], color=BLACK, linewidth=THIN, alpha=PALE, label=FAILING_LABEL)]
+
+
 def _draw_bands(
     axes: Axes, spectrum: xr.Dataset, values: FloatArray, opacities: Sequence[float]
 ) -> list[Line2D]:
-    """Draw a median and nested bands for each regime; return the lines.
+    """Draw a median and nested bands for each regime; return what is in the legend.
+
+    The medians are drawn pale first, then again where frozen microstructure does not fail.
 
     Parameters
     ----------
@@ -184,23 +238,20 @@ def _draw_bands(
     frequency = spectrum["frequency"].to_numpy()
     marker = "o" if frequency.size < FEW_FREQUENCIES else ""
     quantiles = np.quantile(values, BAND_QUANTILES, axis=0)
-    lines = []
+    fails = likely_fails(spectrum)
+    handles = []
     for k, label in enumerate(spectrum["regime"].to_numpy()):
-        colour = _COLOURS[k % len(_COLOURS)]
+        colour, dashes = _COLOURS[k % len(_COLOURS)], _DASHES[k % len(_DASHES)]
         for band, opacity in enumerate(opacities):
             low, high = quantiles[band, k], quantiles[-1 - band, k]
             axes.fill_between(frequency, low, high, color=colour, alpha=opacity, linewidth=0)
-        lines += axes.plot(
-            frequency,
-            quantiles[2, k],
-            color=colour,
-            linestyle=_DASHES[k % len(_DASHES)],
-            linewidth=1.8,
-            marker=marker,
-            label=str(label),
-        )
+        line: dict[str, Any] = {"color": colour, "linestyle": dashes, "marker": marker}
+        axes.plot(frequency, quantiles[2, k], **line, linewidth=THIN, alpha=PALE, label=str(label))
+        holding = np.where(fails[k], np.nan, quantiles[2, k])
+        axes.plot(frequency, holding, **line, linewidth=THICK, label=HOLDING_LABEL)
+        handles.append(Line2D([], [], **line, linewidth=THICK, label=str(label)))
     axes.set_xscale("log")
     if not marker:
         axes.margins(x=0.0)
     axes.set_xlabel(FREQUENCY_LABEL)
-    return lines
+    return handles

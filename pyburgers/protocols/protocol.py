@@ -103,7 +103,7 @@ class AtMode(Generic[E]):
         Data of the program in plain coordinates.
     solution : callable
         Receives positions on the clock (SI), returns the solution there
-        (`pyburgers.protocols.forward.solve`).
+        (`pyburgers.protocols.program_data.solve`).
     generated, curvature : callable
         Receive changed entries of the data; return every variable of the program, and the Hessian
         of minus the log density by the plain coordinates.
@@ -284,7 +284,10 @@ class Protocol(ABC, Generic[E]):
 
     @abstractmethod
     def observed_positions(self, experiment: E) -> dict[str, tuple[FloatArray, str]]:
-        """Return where the points lie along the test, by quantity, with its SI unit."""
+        """Return where the points lie along the test, by quantity, with its SI unit.
+
+        One more, ``reading_error``, is the standard deviation of the response where it is stated.
+        """
 
     @abstractmethod
     def with_noise(

@@ -23,9 +23,8 @@ from pyburgers.fitting.fit import Fit, fit
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.protocols.coordinates import REFERENCE_STRESS
-from pyburgers.protocols.forward import REFERENCE_SOLVER
 from pyburgers.protocols.protocol import protocol_of
-from pyburgers.protocols.stan_data import SolverOptions, solver_block
+from pyburgers.protocols.stan_data import REFERENCE_SOLVER, SolverOptions, solver_block
 
 FREE = ["maxwell_modulus", "activation_enthalpy", "stress_noise"]
 
@@ -154,6 +153,7 @@ def test_the_checks_are_written_with_their_sentences(small_fit: Fit) -> None:
     ]
     assert {c["kind"] for c in written["checks"]} == set(written["verdicts"])
     assert set(written["verdicts"]) == {"sampling", "description"}
+    assert written["prior_conflicts"] == list(small_fit.prior_conflicts())
     for kind, verdict in small_fit.verdicts().items():
         told = written["verdicts"][kind.name.lower()]
         assert told == {"outcome": verdict.outcome.value, "sentence": verdict.sentence}

@@ -317,14 +317,17 @@ class Protocol(ABC, Generic[E]):
             Gives the noise.
         """
 
-    def check_template(self, experiment: E) -> None:
-        """Check that data of a test can be simulated as the program assumes them.
+    def driving_error(self, experiment: E, true: E) -> FloatArray:
+        """Return the standardised errors of what drives a test, shape (n_driving_errors,).
 
-        Raises
-        ------
-        InputError
-            If they cannot.
+        Parameters
+        ----------
+        experiment : Experiment
+            A simulated test.
+        true : Experiment
+            The same test driven by what drove the simulation.
         """
+        return np.zeros(experiment.n_driving_errors)
 
     def without_point(self, experiment: E, point: int) -> E:
         """Return the test without one of its points, counted from 0.

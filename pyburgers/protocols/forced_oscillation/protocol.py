@@ -146,6 +146,24 @@ class ForcedOscillation(Protocol[OscillationExperiment]):
         prepared = prepare(record, settings, experiment.id)
         return replace(experiment, record=record, settings=settings, prepared=prepared)
 
+    def driving_error(
+        self, experiment: OscillationExperiment, true: OscillationExperiment
+    ) -> FloatArray:
+        """Return the errors of the strain's fit, in a test that knows the true strain."""
+        found, wanted = (
+            np.concatenate([one.strain_sine, one.strain_cosine, one.background_rate])
+            for one in (experiment.prepared, true.prepared)
+        )
+        error = experiment.prepared.strain_error
+        if len(error) == 0:
+            return np.empty(0)
+        size = np.sqrt(np.sum(error**2, axis=0))
+        used = size > 0
+        solved: FloatArray = np.linalg.lstsq(
+            (error[:, used] / size[used]).T, (wanted - found)[used] / size[used]
+        )[0]
+        return solved
+
     def facts(self, experiment: OscillationExperiment) -> Sequence[tuple[str, str]]:
         """Return period, amplitude, treatment of the background, cycles and number of points."""
         prepared = experiment.prepared

@@ -98,19 +98,19 @@ model {
                                       tolerance, max_num_steps);
       vector[size(points)] stress = to_vector(solution[ : , 1]);
       real noise = parameter[e][i_stress_noise()];
-      stress -= trend_shape[points] * (trend_fit[points]' * stress);
+      stress -= trend_shape[points] * (trend_fit[points]' * (stress - stress_observed[points]));
       target += normal_lpdf(stress_observed[points] | stress, noise * relative_noise[points])
                 + taken_noise_log_density(n_trend[e], noise);
     }
   }
 }
 generated quantities {
-  vector[n_points] stress_model; // Pa, without its trend
-  vector[n_points] stress_replicated; // Pa
+  vector[n_points] stress_model; // Pa, without the trend below
+  vector[n_points] stress_replicated; // Pa, without the trend of its noise either
   vector[n_points] log_lik;
   // Of the coordinates, as the model block has it; here for runs of this block by itself.
   real log_density = lprior + log_jacobian + log_pooling;
-  array[n_tests] vector[max(n_trend)] trend; // coefficients
+  array[n_tests] vector[max(n_trend)] trend; // coefficients: by what the model lies off most likely
   vector[n_grid] grid_stress; // Pa, its trend included
   vector[n_grid] grid_oscillating_stress; // Pa, without its trend, as stress_model
   vector[n_grid] grid_stress_replicated; // Pa, without its trend
@@ -139,10 +139,15 @@ generated quantities {
                                     stress_scale[e], strain_scale[e], power_law_kelvin,
                                     tolerance, max_num_steps);
     stress_model[points] = to_vector(solution[1 : size(points), 1]);
-    trend[e] = trend_fit[points]' * stress_model[points];
+    trend[e] = trend_fit[points]' * (stress_model[points] - stress_observed[points]);
     stress_model[points] -= trend_shape[points] * trend[e];
     for (i in points) {
-      stress_replicated[i] = normal_rng(stress_model[i], noise * relative_noise[i]);
+      stress_replicated[i] = normal_rng(0, noise * relative_noise[i]);
+    }
+    stress_replicated[points] -= trend_shape[points]
+                                 * (trend_fit[points]' * stress_replicated[points]);
+    stress_replicated[points] += stress_model[points];
+    for (i in points) {
       log_lik[i] = normal_lpdf(stress_observed[i] | stress_model[i], noise * relative_noise[i])
                    + taken_noise_log_density(n_trend[e], noise) / size(points);
     }

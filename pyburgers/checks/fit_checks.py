@@ -4,11 +4,10 @@ A new one is a function with a name and a kind in a module of this folder, where
 `pyburgers.checks.registry` finds it.
 """
 
-import json
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -21,10 +20,18 @@ from pyburgers.sampling.chains import ChainFailure
 
 
 class CheckKind(Enum):
-    """What a check asks."""
+    """The question that a check helps to answer; never one for both."""
 
-    SAMPLING = "can the draws be trusted"
-    DESCRIPTION = "does the model describe the data"
+    SAMPLING = "Was the posterior sampled well?"
+    DESCRIPTION = "Does the model describe the data?"
+
+
+class Outcome(Enum):
+    """An answer."""
+
+    YES = "yes"
+    NO = "no"
+    CANNOT_TELL = "cannot tell"
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,15 +54,17 @@ class CheckedDraws:
 
 
 class Finding(NamedTuple):
-    """What a check found: verdict, the numbers behind it, what they mean, and what to do.
+    """What a check found: the answer, the numbers behind it, what they mean, and what to do.
 
-    The meaning is a sentence for a non-specialist, without full stop where a remedy follows.
+    The meaning is a sentence for a non-specialist, without full stop where a remedy follows. What
+    makes draws unusable says so: nothing can be concluded from them about the data.
     """
 
-    passed: bool
+    outcome: Outcome
     table: pd.DataFrame
     meaning: str
     remedy: str = ""
+    unusable: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,15 +79,28 @@ class Check:
         What it asks.
     find : callable
         Looks at draws.
+    least_draws : int
+        Draws of all chains without which it cannot tell.
     """
 
     name: str
     kind: CheckKind
     find: Callable[[CheckedDraws], Finding]
+    least_draws: int = 0
 
     def __call__(self, draws: CheckedDraws) -> "CheckResult":
         """Look at draws."""
-        return CheckResult(self, *self.find(draws))
+        n_draws = draws.posterior["sample_stats"]["diverging"].size
+        if n_draws >= self.least_draws:
+            return CheckResult(self, *self.find(draws))
+        return CheckResult(
+            self,
+            Outcome.CANNOT_TELL,
+            pd.DataFrame({"draws": [n_draws], "least_wanted": [self.least_draws]}),
+            f"{n_draws} draws are too few to tell, at least {self.least_draws} are needed",
+            "raise --draws",
+            unusable=True,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,10 +108,16 @@ class CheckResult:
     """What a check found: the check, and the parts of its `Finding`."""
 
     check: Check
-    passed: bool
+    outcome: Outcome
     table: pd.DataFrame
     meaning: str
     remedy: str = ""
+    unusable: bool = False
+
+    @property
+    def passed(self) -> bool:
+        """Whether it found nothing wrong, and could tell."""
+        return self.outcome is Outcome.YES
 
     @property
     def name(self) -> str:
@@ -102,26 +130,21 @@ class CheckResult:
         return f"{self.meaning}; {self.remedy}." if self.remedy else self.meaning
 
 
-def check(name: str, kind: CheckKind) -> Callable[[Callable[[CheckedDraws], Finding]], Check]:
+def check(
+    name: str, kind: CheckKind, *, least_draws: int = 0
+) -> Callable[[Callable[[CheckedDraws], Finding]], Check]:
     """Make a check of the function that looks at the draws."""
-    return lambda find: Check(name, kind, find)
-
-
-def checks_record(results: Iterable[CheckResult]) -> list[dict[str, Any]]:
-    """Return checks with their numbers as what a JSON file holds."""
-    return [
-        {
-            "name": result.name,
-            "passed": result.passed,
-            "sentence": result.sentence,
-            "table": json.loads(result.table.reset_index().to_json(orient="records")),
-        }
-        for result in results
-    ]
+    return lambda find: Check(name, kind, find, least_draws)
 
 
 RHAT_LIMIT = 1.01
+RHAT_USABLE = 1.1
+"""Above it chains sample different distributions: what they predict together means nothing."""
 ESS_LIMIT = 400
+ESS_USABLE = 50
+"""Below it not even the middle half of a posterior is known well."""
+LEAST_DRAWS = 100
+"""Fewer draws, of all chains, cannot show whether they were drawn well, good or bad."""
 EBFMI_LIMIT = 0.3
 PARETO_K_LIMIT = 0.7
 ONE_IN = 0.01
@@ -138,34 +161,35 @@ def check_chains(draws: CheckedDraws) -> Finding:
         + [{"chain": failure.chain, "outcome": failure.reason} for failure in failures]
     )
     if not failures:
-        return Finding(True, table, f"All {len(finished)} chains finished.")
+        return Finding(Outcome.YES, table, f"All {len(finished)} chains finished.")
     missing = f"{len(failures)} of {len(table)} chains did not finish. {failures[0].reason}"
-    return Finding(False, table, missing)
+    return Finding(Outcome.NO, table, missing)
 
 
-@check("R-hat", CheckKind.SAMPLING)
+@check("R-hat", CheckKind.SAMPLING, least_draws=LEAST_DRAWS)
 def check_rhat(draws: CheckedDraws) -> Finding:
     """Chains agree: R-hat at most 1.01 for every sampled quantity."""
     table = convergence_table(draws.posterior)[["rhat"]]
     if draws.posterior["posterior"].sizes["chain"] == 1:
         meaning = "R-hat compares chains and there is only one"
-        return Finding(False, table, meaning, "run at least two (--chains 4)")
+        return Finding(Outcome.CANNOT_TELL, table, meaning, "run at least two (--chains 4)")
     # Draws that never moved give a NaN.
     worst = int(table["rhat"].fillna(np.inf).argmax())
     name, value = table.index[worst], float(table["rhat"].iloc[worst])
     if value <= RHAT_LIMIT:
         agree = f"The chains agree with each other (largest R-hat {value:.3f}, {name})."
-        return Finding(True, table, agree)
+        return Finding(Outcome.YES, table, agree)
     return Finding(
-        False,
+        Outcome.NO,
         table,
         f"The chains have not yet found the same distribution (R-hat {value:.3f} for {name}, "
         f"at most {RHAT_LIMIT} wanted), so means and intervals may still move",
         "run longer (--warmup, --draws) or tighten priors that the data do not inform",
+        unusable=not value <= RHAT_USABLE,
     )
 
 
-@check("effective sample size", CheckKind.SAMPLING)
+@check("effective sample size", CheckKind.SAMPLING, least_draws=LEAST_DRAWS)
 def check_effective_sample_size(draws: CheckedDraws) -> Finding:
     """Bulk and tail effective sample sizes of at least 400."""
     table = convergence_table(draws.posterior)[["ess_bulk", "ess_tail"]]
@@ -173,13 +197,14 @@ def check_effective_sample_size(draws: CheckedDraws) -> Finding:
     worst, value = least.idxmin(), float(least.min())
     if value >= ESS_LIMIT:
         enough = f"at least {value:.0f} effectively independent draws (least: {worst})"
-        return Finding(True, table, f"Every quantity has {enough}.")
+        return Finding(Outcome.YES, table, f"Every quantity has {enough}.")
     return Finding(
-        False,
+        Outcome.NO,
         table,
         f"{worst} has only {value:.0f} effectively independent draws, {ESS_LIMIT} are wanted for "
         "stable intervals",
         "raise --draws in proportion",
+        unusable=value < ESS_USABLE,
     )
 
 
@@ -191,9 +216,9 @@ def check_divergences(draws: CheckedDraws) -> Finding:
     total = int(diverging.sum())
     if not total:
         none = "No trajectory diverged: no region of the posterior was too curved to enter."
-        return Finding(True, table, none)
+        return Finding(Outcome.YES, table, none)
     return Finding(
-        False,
+        Outcome.NO,
         table,
         f"{total} of {diverging.size} trajectories diverged, so a strongly curved region may be "
         "missed",
@@ -214,9 +239,9 @@ def check_treedepth(draws: CheckedDraws) -> Finding:
     )
     total = int(saturated.sum())
     if not total:
-        return Finding(True, table, "No trajectory was cut short by the treedepth limit.")
+        return Finding(Outcome.YES, table, "No trajectory was cut short by the treedepth limit.")
     return Finding(
-        False,
+        Outcome.NO,
         table,
         f"{total} of {saturated.size} trajectories were cut at treedepth {draws.max_treedepth}, "
         "which makes the sampler slow but not wrong",
@@ -224,7 +249,7 @@ def check_treedepth(draws: CheckedDraws) -> Finding:
     )
 
 
-@check("energy", CheckKind.SAMPLING)
+@check("energy", CheckKind.SAMPLING, least_draws=LEAST_DRAWS)
 def check_energy(draws: CheckedDraws) -> Finding:
     """E-BFMI of every chain at least 0.3 (Betancourt 2016)."""
     energy = draws.posterior["sample_stats"]["energy"]
@@ -233,9 +258,9 @@ def check_energy(draws: CheckedDraws) -> Finding:
     least = float(fraction.min())
     if least >= EBFMI_LIMIT:
         explored = f"The sampler explores all energy levels (smallest E-BFMI {least:.2f})."
-        return Finding(True, table, explored)
+        return Finding(Outcome.YES, table, explored)
     return Finding(
-        False,
+        Outcome.NO,
         table,
         f"The sampler moves slowly between energy levels (E-BFMI {least:.2f}, at least "
         f"{EBFMI_LIMIT} wanted), so tails are explored poorly",
@@ -258,26 +283,31 @@ def check_solver(draws: CheckedDraws) -> Finding:
     )
     if unsolved:
         return Finding(
-            False,
+            Outcome.NO,
             table,
             f"{unsolved} of {ratios.size} draws have no solution at the reference tolerance, so "
             "the solver cannot be trusted there",
             "repeat the fit with a tighter --tolerance or narrower priors",
+            unusable=True,
         )
+    if ratios.size < LEAST_DRAWS and k >= PARETO_K_LIMIT:
+        meaning = f"{ratios.size} draws are too few to tell whether the solver's tolerance matters"
+        return Finding(Outcome.CANNOT_TELL, table, meaning, "raise --draws")
     if k < PARETO_K_LIMIT:
         matters = f" that matters (Pareto k {k:.2f})" if np.isfinite(k) else ""
         same = "Solving every draw again at the reference tolerance changes nothing"
-        return Finding(True, table, f"{same}{matters}.")
+        return Finding(Outcome.YES, table, f"{same}{matters}.")
     return Finding(
-        False,
+        Outcome.NO,
         table,
         f"The solver's tolerance is too loose for this posterior (Pareto k {k:.2f}, below "
         f"{PARETO_K_LIMIT} wanted)",
         "repeat the fit with a tighter --tolerance",
+        unusable=True,
     )
 
 
-@check("coverage", CheckKind.DESCRIPTION)
+@check("coverage", CheckKind.DESCRIPTION, least_draws=LEAST_DRAWS)
 def check_coverage(draws: CheckedDraws) -> Finding:
     """Predictive band of 90 % holds about 90 % of the data.
 
@@ -296,9 +326,9 @@ def check_coverage(draws: CheckedDraws) -> Finding:
     table = pd.DataFrame({"share_inside": [share], "least_wanted": [least], "points": [n_points]})
     inside = f"{share:.0%} of the data lie inside the 90 % predictive band"
     if share >= least:
-        return Finding(True, table, f"{inside}.")
+        return Finding(Outcome.YES, table, f"{inside}.")
     return Finding(
-        False,
+        Outcome.NO,
         table,
         f"Only {inside} (at least {least:.0%} expected of a correct model): the model or the "
         "noise does not describe this curve",

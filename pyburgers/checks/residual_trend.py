@@ -13,7 +13,14 @@ import numpy.typing as npt
 import pandas as pd
 import xarray as xr
 
-from pyburgers.checks.fit_checks import CheckedDraws, CheckKind, Finding, check
+from pyburgers.checks.fit_checks import (
+    LEAST_DRAWS,
+    CheckedDraws,
+    CheckKind,
+    Finding,
+    Outcome,
+    check,
+)
 from pyburgers.posterior.labelled_draws import TESTS, response_in
 from pyburgers.protocols.protocol import protocols
 
@@ -26,7 +33,7 @@ data, so that fewer than 1 in 100 correct models fail: 22 of 6000 data sets from
 PIL40, PIL72 and the measured tests 4506 and 4581, the model linearised about one solution each."""
 
 
-@check("residual trend", CheckKind.DESCRIPTION)
+@check("residual trend", CheckKind.DESCRIPTION, least_draws=LEAST_DRAWS)
 def check_residual_trend(draws: CheckedDraws) -> Finding:
     """Neighbouring residuals go together no more than replicated ones do."""
     posterior = draws.posterior
@@ -38,9 +45,9 @@ def check_residual_trend(draws: CheckedDraws) -> Finding:
     found = f"neighbouring residuals of {worst.name} correlate with {worst['autocorrelation']:.2f}"
     expected = f"at most {worst['at_most']:.2f} expected of a correct model"
     if worst["probability"] > LEVEL / len(table):
-        return Finding(True, table, f"No trend: {found} ({expected}).")
+        return Finding(Outcome.YES, table, f"No trend: {found} ({expected}).")
     return Finding(
-        False,
+        Outcome.NO,
         table,
         f"The residuals look like a trend: {found} ({expected}), and {worst['points_in_run']} in a "
         f"row have one sign, from {worst['run']}: the model misses the shape of the curve there, "

@@ -11,8 +11,7 @@ from pyburgers.flow_law_tables.inputs import (
     load_peak_stress,
     load_peak_stress_priors,
 )
-from pyburgers.report.peak_stress_section import flow_law
-from pyburgers.report.tables import flow_law_table
+from pyburgers.report.peak_stress_section import flow_law, flow_law_table
 
 PEAK_STRESS_OPTIONS = ("chains", "warmup", "draws", "seed")
 """Settings of the sampler that suit these fits."""

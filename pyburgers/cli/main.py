@@ -26,6 +26,13 @@ COMMANDS = {
 """What each does. Its module in this room has ``add_options`` and ``run``."""
 
 
+EXIT_CODES = (
+    "exit codes: 0 done, and of a fit both verdicts are yes; 1 it could not run; 2 bad input; 3 a "
+    "posterior was not sampled well, or a check of another kind failed; 4 it was sampled well, but "
+    "the model is not shown to describe the data; 130 interrupted"
+)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line.
 
@@ -37,8 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0 done and all checks passed, 3 a check failed, 2 bad input, 1 it could not run,
-        130 interrupted.
+        What `EXIT_CODES` says.
     """
     try:
         options = _parse(sys.argv[1:] if arguments is None else arguments)
@@ -64,10 +70,11 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="pyburgers",
         description="Fit a nonlinear Burgers model to deformation tests, one by one or together.",
+        epilog=EXIT_CODES,
     )
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     for name, purpose in COMMANDS.items():
-        command = commands.add_parser(name, help=purpose)
+        command = commands.add_parser(name, help=purpose, epilog=EXIT_CODES)
         if name in arguments[:1]:
             module = import_module(f"pyburgers.cli.{name.replace('-', '_')}")
             module.add_options(command)

@@ -8,12 +8,16 @@ from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
 
-from pyburgers.checks.fit_checks import CheckResult
+from pyburgers.checks.fit_checks import CheckKind, CheckResult, Outcome
+from pyburgers.checks.verdicts import verdicts
 from pyburgers.common.errors import InputError
 from pyburgers.report.tables import checks_table
 from pyburgers.sampling.options import SamplerOptions
 
 EXIT_CHECK_FAILED = 3
+"""Of a fit: its posterior was not sampled well, or too few draws tell whether it was."""
+EXIT_NOT_DESCRIBED = 4
+"""The posterior was sampled well, but the model is not shown to describe the data."""
 SAMPLER_OPTIONS = tuple(field.name for field in fields(SamplerOptions))
 DEFAULT_OPTIONS = SamplerOptions()
 
@@ -59,10 +63,19 @@ def writing(out: Path) -> Iterator[None]:
 
 
 def print_checks(checks: Sequence[CheckResult]) -> int:
-    """Print the verdicts on a run; return the exit code."""
-    for row in checks_table(checks).itertuples():
-        print(f"{row.verdict:<6}  {row.check}: {row.sentence}")
-    return exit_code(all(check.passed for check in checks))
+    """Print both verdicts on a run with the checks behind them; return the exit code."""
+    answers = verdicts(checks)
+    for kind, verdict in answers.items():
+        print(f"\n{kind.value} {verdict.outcome.value.upper()}\n{verdict.sentence}")
+        for row in checks_table(
+            [check for check in checks if check.check.kind is kind]
+        ).itertuples():
+            print(f"{row.verdict:<11}  {row.check}: {row.sentence}")
+    if answers[CheckKind.SAMPLING].outcome is not Outcome.YES:
+        return EXIT_CHECK_FAILED
+    asked = any(check.check.kind is CheckKind.DESCRIPTION for check in checks)
+    described = answers[CheckKind.DESCRIPTION].outcome is Outcome.YES
+    return EXIT_NOT_DESCRIBED if asked and not described else 0
 
 
 def exit_code(passed: bool) -> int:

@@ -14,8 +14,7 @@ from pydantic_core import PydanticCustomError
 
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.errors import InputError
-from pyburgers.common.toml_files import Table, read_text
-from pyburgers.common.units import factor_to_si
+from pyburgers.common.toml_files import Table, factor_to_si, read_text
 
 FloatArray = npt.NDArray[np.float64]
 Separator = Literal[",", "whitespace"]

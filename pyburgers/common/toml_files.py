@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.errors import InputError
+from pyburgers.common.units import UNITS
 
 
 class Table(BaseModel):
@@ -79,6 +80,32 @@ def nearest(name: str, valid: Iterable[str]) -> str:
     names = list(valid)
     close = difflib.get_close_matches(name, names, n=1)
     return f"did you mean {close[0]!r}?" if close else f"expected one of {', '.join(names)}."
+
+
+def factor_to_si(unit: str, quantity: str, where: str) -> float:
+    """Return the factor that turns a value in `unit` into SI.
+
+    Parameters
+    ----------
+    unit : str
+        Unit as written in the file, for example ``"MPa"``.
+    quantity : str
+        a key of `pyburgers.common.units.UNITS`, for example ``"stress"``.
+    where : str
+        File and key, for the message.
+
+    Raises
+    ------
+    InputError
+        If `unit` is not a unit of `quantity`.
+    """
+    factors = UNITS[quantity]
+    if unit not in factors:
+        expected = ", ".join(factors)
+        raise InputError(
+            f"{where}: unit {unit!r} is not a unit of {quantity}; expected one of {expected}."
+        )
+    return factors[unit]
 
 
 def write_toml(path: Path, table: Mapping[str, Any]) -> None:

@@ -9,8 +9,6 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import SupportsIndex
 
-from pyburgers.common.errors import InputError
-
 UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
     {
         "stress": {"Pa": 1.0, "MPa": 1e6, "GPa": 1e9},
@@ -26,32 +24,6 @@ UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
     }
 )
 """Factor to SI of each unit, by physical quantity."""
-
-
-def factor_to_si(unit: str, quantity: str, where: str) -> float:
-    """Return the factor that turns a value in `unit` into SI.
-
-    Parameters
-    ----------
-    unit : str
-        Unit as written in the file, for example ``"MPa"``.
-    quantity : str
-        A key of `UNITS`, for example ``"stress"``.
-    where : str
-        File and key, for the message.
-
-    Raises
-    ------
-    InputError
-        If `unit` is not a unit of `quantity`.
-    """
-    factors = UNITS[quantity]
-    if unit not in factors:
-        expected = ", ".join(factors)
-        raise InputError(
-            f"{where}: unit {unit!r} is not a unit of {quantity}; expected one of {expected}."
-        )
-    return factors[unit]
 
 
 def rounded(value: float, sd: float) -> str:

@@ -1,7 +1,8 @@
 """What comparisons found: tables, sentences, figures and files."""
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from pyburgers.comparison.by_points import (
 )
 from pyburgers.comparison.by_tests import LARGEST_ERROR, ComparisonByTest, difference_by_test
 from pyburgers.comparison.marginal_likelihood import LogIntegral
+from pyburgers.comparison.pairs import CLEAR, NO_DIFFERENCE, Pair, weight_sentence
 from pyburgers.comparison.same_data import origins, standard_error
 from pyburgers.drawing.style import (
     BLACK,
@@ -36,19 +38,16 @@ from pyburgers.drawing.style import (
 )
 from pyburgers.fitting.fit import Fit
 
-NO_DIFFERENCE = 4.0
-"""Difference of elpd below which fits predict alike (Sivula et al. 2020, arXiv:2008.10296)."""
-
-CLEAR = 2.0
-"""Standard errors from which a larger difference counts as one."""
+FloatArray = npt.NDArray[np.float64]
 
 COMPARISON_TEXT = (
     "Measure: expected log predictive density of each point given all others (elpd), by importance "
-    "sampling from the fit of all points; higher is better. Fits whose elpd differs by less than "
-    f"{NO_DIFFERENCE:g} predict alike; a larger difference counts from {CLEAR:g} of its standard "
-    f"errors on. Points with a Pareto k above {PARETO_K_LIMIT} are not reliable; pyburgers compare "
-    "leaves them out by fitting again. Weights are those of the best mixture of the fits, and "
-    "arbitrary between fits that predict alike."
+    "sampling from the fit of all points; higher is better. A fit is better by a difference of "
+    f"{NO_DIFFERENCE:g} or more that is also {CLEAR:g} or more of its standard errors; fits are "
+    f"alike where even {CLEAR:g} standard errors further apart they would differ by less than "
+    f"{NO_DIFFERENCE:g}; else the data cannot tell. Points with a Pareto k above {PARETO_K_LIMIT} "
+    "are not reliable; pyburgers compare leaves them out by fitting again. Weights are those of "
+    "the best mixture of the fits, and arbitrary between fits that predict alike."
 )
 
 BY_TEST_TEXT = (
@@ -134,50 +133,54 @@ def save_comparison(
         {
             **origins(fits, command=command),
             "reliable": comparison.reliable,
+            "pairs": _pair_records(pairs(comparison)),
             "sentences": list(sentences(comparison)),
         },
     )
 
 
-def sentences(comparison: Comparison) -> tuple[str, ...]:
-    """One sentence for each pair of fits, then one for points that cannot be trusted."""
-    pairs = [
-        pair_sentence(better, worse, *elpd_difference(results[better], results[worse]))
-        for results in [comparison.results]
-        for better, worse in itertools.combinations(results, 2)
+def pairs(comparison: Comparison) -> tuple[Pair, ...]:
+    """Return every two fits of a comparison, the better first."""
+    return tuple(
+        Pair(better, worse, *elpd_difference(one, other))
+        for (better, one), (worse, other) in itertools.combinations(comparison.results.items(), 2)
+    )
+
+
+def pairs_by_test(comparison: ComparisonByTest) -> tuple[Pair, ...]:
+    """Return the same by whole tests; errors hold those of Monte Carlo."""
+    found = []
+    for (better, one), (worse, other) in itertools.combinations(comparison.results.items(), 2):
+        difference, over_tests, monte_carlo = difference_by_test(one, other)
+        found.append(Pair(better, worse, difference, float(np.hypot(over_tests, monte_carlo))))
+    return tuple(found)
+
+
+def _about_weights(elpd: Mapping[str, FloatArray], weights: FloatArray, unit: str) -> list[str]:
+    """Sentences about fits that weigh more than the best one, which comes first."""
+    (best, first), *others = elpd.items()
+    said = [
+        weight_sentence(best, name, (float(weights[0]), float(own)), of_one - first, unit=unit)
+        for (name, of_one), own in zip(others, weights[1:], strict=True)
     ]
+    return [sentence for sentence in said if sentence is not None]
+
+
+def _pair_records(compared: Sequence[Pair]) -> list[dict[str, Any]]:
+    return [{**asdict(pair), "outcome": pair.outcome} for pair in compared]
+
+
+def sentences(comparison: Comparison) -> tuple[str, ...]:
+    """One sentence for each pair of fits, then those about weights and doubtful points."""
     doubts = [
         f"{name}: its elpd may be far off, because of {_numbered(result.unreliable)} with a Pareto "
         f"k above {PARETO_K_LIMIT}, not left out by fitting again."
         for name, result in comparison.results.items()
         if result.unreliable.any()
     ]
-    return (*pairs, *doubts)
-
-
-def pair_sentence(
-    better: str, worse: str, difference: float, error: float, *, what: str = "these data"
-) -> str:
-    """Say which of two fits predicts better.
-
-    Parameters
-    ----------
-    better, worse : str
-        Their names.
-    difference, error : float
-        Of their elpd, and its standard error.
-    what : str
-        What they predict.
-    """
-    numbers = f"difference of elpd {difference:.1f}, standard error {error:.1f}"
-    if difference < NO_DIFFERENCE:
-        return f"{better} and {worse} predict {what} alike ({numbers})."
-    if difference < CLEAR * error:
-        return (
-            f"{better} predicts {what} better than {worse}, but the difference is within "
-            f"{CLEAR:g} standard errors and decides nothing ({numbers})."
-        )
-    return f"{better} predicts {what} clearly better than {worse} ({numbers})."
+    said = [pair.sentence() for pair in pairs(comparison)]
+    elpd = {name: one.elpd for name, one in comparison.results.items()}
+    return (*said, *_about_weights(elpd, comparison.weights, "points"), *doubts)
 
 
 def table_of_fits(comparison: ComparisonByTest) -> pd.DataFrame:
@@ -238,11 +241,9 @@ def sentences_by_test(comparison: ComparisonByTest) -> tuple[str, ...]:
             "that of another fit of the same tests."
         ]
     else:
-        said = []
-        for (better, one), (worse, other) in itertools.combinations(results, 2):
-            difference, over_tests, monte_carlo = difference_by_test(one, other)
-            error = float(np.hypot(over_tests, monte_carlo))
-            said.append(pair_sentence(better, worse, difference, error, what="left-out tests"))
+        said = [pair.sentence("left-out tests") for pair in pairs_by_test(comparison)]
+        elpd = {name: one.elpd for name, one in results}
+        said += _about_weights(elpd, comparison.weights, "tests")
         if len(results[0][1].tests) == 2:
             said.append(
                 "Of two tests the standard error says little: what the one tells about the other "
@@ -289,6 +290,7 @@ def save_comparison_by_test(
                 for name, result in comparison.results.items()
             },
             "reliable": comparison.reliable,
+            "pairs": _pair_records(pairs_by_test(comparison)),
             "sentences": list(sentences_by_test(comparison)),
         },
     )
@@ -303,8 +305,6 @@ def _numbered(flags: BoolArray) -> str:
 def _record(integral: LogIntegral) -> dict[str, float]:
     return {"log": integral.value, "error": integral.error}
 
-
-FloatArray = npt.NDArray[np.float64]
 
 FIT_COLOURS = (VERMILION, BLUE, GREEN, PURPLE, ORANGE)
 FIT_MARKERS = ("o", "s", "^", "D", "v")

@@ -15,11 +15,12 @@ from pyburgers.checks.fit_checks import (
     CheckedDraws,
     CheckKind,
     CheckResult,
+    Outcome,
     check_solver,
-    checks_record,
     run_checks,
 )
 from pyburgers.checks.registry import CHECKS
+from pyburgers.checks.verdicts import Verdict, verdicts, verdicts_record
 from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import nearest
@@ -66,13 +67,27 @@ class SampledFit(ABC):
         """Table of the sampled quantities in SI units."""
 
     def checks(self) -> tuple[CheckResult, ...]:
-        """Return the checks with their verdicts (`pyburgers.checks.registry.CHECKS`).
+        """Return what the checks found (`pyburgers.checks.registry.CHECKS`).
 
         Draws of the prior alone describe no data, so they are checked for their sampling.
         """
         fitted = self.manifest["use_likelihood"]
         asked = [one for one in CHECKS if fitted or one.kind is CheckKind.SAMPLING]
         return run_checks(self.checked_draws, asked)
+
+    def verdicts(self) -> dict[CheckKind, Verdict]:
+        """Return both: was the posterior sampled well, does the model describe the data."""
+        return verdicts(self.checks())
+
+    @property
+    def sampled_well(self) -> Outcome:
+        """Whether the posterior was sampled well."""
+        return self.verdicts()[CheckKind.SAMPLING].outcome
+
+    @property
+    def describes_data(self) -> Outcome:
+        """Whether the model describes the data."""
+        return self.verdicts()[CheckKind.DESCRIPTION].outcome
 
     @property
     def checked_draws(self) -> CheckedDraws:
@@ -102,19 +117,19 @@ def sample_until_solved(sample: Callable[[], AnyFit], run: RunDirectory) -> AnyF
     """
     while True:
         result = sample()
-        verdict = check_solver(result.checked_draws)
+        check = check_solver(result.checked_draws)
         n_refits = len(result.manifest["refits"])
-        if verdict.passed or n_refits == MAX_REFITS or result.missing_chains():
+        if check.outcome is not Outcome.NO or n_refits == MAX_REFITS or result.missing_chains():
             return result
-        tight = tighten_solver(run, float(verdict.table["pareto_k"].iloc[0]))
-        logger.info(f"{verdict.sentence} Sampling all chains again at a tolerance of {tight:g}.")
+        tight = tighten_solver(run, float(check.table["pareto_k"].iloc[0]))
+        logger.info(f"{check.sentence} Sampling all chains again at a tolerance of {tight:g}.")
 
 
 def write_tables(result: SampledFit) -> None:
     """Save the table and the verdicts, and note in the manifest that the run is complete."""
     run = result.directory
     write_text(run.summary_file, result.summary().to_csv())
-    write_json(run.checks_file, checks_record(result.checks()))
+    write_json(run.checks_file, verdicts_record(result.checks()))
     if not result.missing_chains():
         run.update_manifest({"status": "complete"})
 

@@ -16,8 +16,7 @@ from pydantic import Field
 from scipy import stats
 
 from pyburgers.common.errors import InputError
-from pyburgers.common.toml_files import Table
-from pyburgers.common.units import factor_to_si
+from pyburgers.common.toml_files import Table, factor_to_si
 from pyburgers.model.parameters import CONSTANTS, STANDARD_VALUES, Parameter
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.drawing.panels import draw_band
 from pyburgers.drawing.style import BLUE, GREEN, ORANGE, PURPLE, VERMILION, style
 from pyburgers.flow_law_tables.fit import GROUP_TEMPERATURES, PeakStressFit, groups
-from pyburgers.flow_law_tables.inputs import least_squares
+from pyburgers.flow_law_tables.inputs import FLOW_LAW_PARAMETERS, least_squares
 from pyburgers.model.display import (
     LENGTH_FACTOR,
     LENGTH_UNIT,
@@ -22,7 +22,8 @@ from pyburgers.model.display import (
     STRESS_UNIT,
     shown_quantity,
 )
-from pyburgers.report.tables import checks_page_table, flow_law_table
+from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
+from pyburgers.report.tables import checks_page_table, fixed_row, posterior_row
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -65,6 +66,26 @@ def peak_stress_section(fit: PeakStressFit) -> PageSection:
         figures=(PageFigure("flow_law", "Flow law", FLOW_LAW_CAPTION, partial(flow_law, fit)),),
         after_fits=True,
     )
+
+
+def flow_law_table(fit: PeakStressFit) -> pd.DataFrame:
+    """Posterior beside prior of a flow law, a row for each sampled quantity and fixed parameter.
+
+    Returns
+    -------
+    DataFrame
+        Text. Columns of `pyburgers.report.tables.parameter_table` up to sd / prior sd. The reference flow rate is that at
+        the mean conditions of the table and has no prior of its own.
+    """
+    summary, rows = fit.summary(), []
+    for quantity in (*FLOW_LAW_PARAMETERS, REFERENCE_FLOW_RATE_QUANTITY):
+        prior = fit.priors.priors.get(quantity.name)
+        rows.append(
+            fixed_row(quantity, prior)
+            if prior is not None and prior.is_fixed
+            else posterior_row(quantity, summary.loc[quantity.name].to_dict(), prior)
+        )
+    return pd.DataFrame(rows).fillna("")
 
 
 def least_squares_table(fit: PeakStressFit) -> pd.DataFrame:

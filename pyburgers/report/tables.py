@@ -11,14 +11,12 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from pyburgers.checks.fit_checks import CheckResult
+from pyburgers.checks.fit_checks import CheckResult, Outcome
 from pyburgers.common.units import number, rounded, with_error
 from pyburgers.drawing.page_parts import PageTable
 from pyburgers.fitting.fit import Fit
-from pyburgers.flow_law_tables.fit import PeakStressFit
-from pyburgers.flow_law_tables.inputs import FLOW_LAW_PARAMETERS
 from pyburgers.model.display import prior_text, shown_quantity, symbol_text, unit_text
-from pyburgers.model.parameters import PARAMETER_BY_NAME, REFERENCE_FLOW_RATE_QUANTITY, Parameter
+from pyburgers.model.parameters import PARAMETER_BY_NAME, Parameter
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.protocol import protocol_of
@@ -46,9 +44,7 @@ def parameter_table(summary: pd.DataFrame, priors: PriorSet) -> pd.DataFrame:
     """
     rows = [
         {
-            **_posterior_row(
-                shown_quantity(str(name)), row.to_dict(), priors.priors.get(str(name))
-            ),
+            **posterior_row(shown_quantity(str(name)), row.to_dict(), priors.priors.get(str(name))),
             "ESS bulk": f"{row['ess_bulk']:.0f}",
             "ESS tail": f"{row['ess_tail']:.0f}",
             "R-hat": f"{row['rhat']:.3f}",
@@ -57,31 +53,11 @@ def parameter_table(summary: pd.DataFrame, priors: PriorSet) -> pd.DataFrame:
     ]
     for name, prior in priors.priors.items():
         if prior.is_fixed:
-            rows.append(_fixed_row(PARAMETER_BY_NAME[name], prior))
+            rows.append(fixed_row(PARAMETER_BY_NAME[name], prior))
     return pd.DataFrame(rows).fillna("")
 
 
-def flow_law_table(fit: PeakStressFit) -> pd.DataFrame:
-    """Posterior beside prior of a flow law, a row for each sampled quantity and fixed parameter.
-
-    Returns
-    -------
-    DataFrame
-        Text. Columns of `parameter_table` up to sd / prior sd. The reference flow rate is that at
-        the mean conditions of the table and has no prior of its own.
-    """
-    summary, rows = fit.summary(), []
-    for quantity in (*FLOW_LAW_PARAMETERS, REFERENCE_FLOW_RATE_QUANTITY):
-        prior = fit.priors.priors.get(quantity.name)
-        rows.append(
-            _fixed_row(quantity, prior)
-            if prior is not None and prior.is_fixed
-            else _posterior_row(quantity, summary.loc[quantity.name].to_dict(), prior)
-        )
-    return pd.DataFrame(rows).fillna("")
-
-
-def _posterior_row(
+def posterior_row(
     quantity: Parameter, row: Mapping[Hashable, Any], prior: Prior | None
 ) -> dict[str, str]:
     """Return what a posterior table in SI units says of a sampled quantity."""
@@ -98,7 +74,8 @@ def _posterior_row(
     }
 
 
-def _fixed_row(parameter: Parameter, prior: Prior) -> dict[str, str]:
+def fixed_row(parameter: Parameter, prior: Prior) -> dict[str, str]:
+    """Return what a posterior table says of a fixed parameter."""
     value = number(prior.location * parameter.display_factor)
     return {**_named(parameter), "mean": value, "prior": "fixed"}
 
@@ -195,13 +172,16 @@ def shown_truth_table(truth: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame([*rows, {"quantity": "all parameters", **counts}]).fillna("")
 
 
+VERDICT_WORDS = {Outcome.YES: "passed", Outcome.NO: "FAILED", Outcome.CANNOT_TELL: "cannot tell"}
+
+
 def checks_table(checks: Sequence[CheckResult]) -> pd.DataFrame:
-    """Verdicts: columns check, verdict (passed or FAILED), sentence."""
+    """Verdicts: columns check, verdict (passed, FAILED or cannot tell), sentence."""
     return pd.DataFrame(
         [
             {
                 "check": check.name,
-                "verdict": "passed" if check.passed else "FAILED",
+                "verdict": VERDICT_WORDS[check.outcome],
                 "sentence": check.sentence,
             }
             for check in checks

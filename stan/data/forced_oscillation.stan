@@ -14,8 +14,8 @@ array[n_tests] real<lower=0> stress_scale; // Pa
 array[n_tests] real<lower=0> strain_scale;
 array[point_end[n_tests + 1]] real tau;
 vector<lower=0>[point_end[n_tests + 1]] relative_noise; // deviation of a point over stress_noise
-// The part of a test's stresses that counts as trend is trend_shape * (trend_fit' * stresses):
-// taken out of the model's stress as it was out of the observed one. Columns of 0 behind the
+// The part of a test's residuals that counts as trend is trend_shape * (trend_fit' * residuals), by
+// weighted least squares: what is left is orthogonal to every trend. Columns of 0 behind the
 // coefficients of a test: the others have more.
 array[n_tests] int<lower=0> n_trend; // coefficients; 0: nothing is taken out
 matrix[point_end[n_tests + 1], max(n_trend)] trend_shape;

@@ -89,7 +89,7 @@ model {
       maxwell_modulus, kelvin_modulus, kelvin_viscosity, stress_exponent, grain_size_exponent,
       activation_enthalpy, beta, critical_strain_grain_size);
     vector[n_points] stress_model = to_vector(solution[ : , 1]);
-    stress_model -= trend_shape * (trend_fit' * stress_model);
+    stress_model -= trend_shape * (trend_fit' * (stress_model - stress_observed));
     target += normal_lpdf(stress_observed | stress_model, stress_noise * relative_noise);
   }
 }

@@ -108,9 +108,10 @@ vector residuals_rng(data vector strain, real stress_noise, real correlation_str
 }
 
 /**
- * What is added to the log density of residuals that a trend was taken from, because the trend took
- * as many coefficients of the noise along: so many residuals fewer are independent, and s would be
- * found too small.
+ * What is added to the log density of residuals that their own trend was taken from: with it, the
+ * density is that with the trend's coefficients integrated out under a flat prior, up to a
+ * constant. The trend takes as many coefficients of the noise along, so that as many residuals
+ * fewer are independent.
  *
  * @param n_taken coefficients of the trend, 0 where none was taken
  * @param stress_noise s, Pa

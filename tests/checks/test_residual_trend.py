@@ -8,8 +8,9 @@ import pytest
 import xarray as xr
 from scipy.signal import lfilter
 
-from pyburgers.checks.fit_checks import CheckedDraws, checks_record
+from pyburgers.checks.fit_checks import CheckedDraws
 from pyburgers.checks.residual_trend import autocorrelation, check_residual_trend, longest_run
+from pyburgers.checks.verdicts import verdicts_record
 
 FloatArray = npt.NDArray[np.float64]
 CHAINS, DRAWS, POINTS = 2, 500, 50
@@ -42,6 +43,7 @@ def groups(
         "model_response": xr.Dataset({"log_attenuation": (dims, model)}),
         "posterior_predictive": xr.Dataset({"log_attenuation": (dims, model + replicated)}),
         "observed_data": xr.Dataset({"log_attenuation": ("point", 7.0 + residual)}),
+        "sample_stats": xr.Dataset({"diverging": (dims[:2], np.zeros(model.shape[:2], bool))}),
         "predictions": xr.Dataset({"x": (("chain", "draw", clock), np.zeros((1, 1, 1)))}),
         "constant_data": xr.Dataset(
             along if segment is None else {**along, "segment": ("point", segment)}
@@ -55,7 +57,8 @@ def draws_of(**tests: dict[str, xr.Dataset]) -> CheckedDraws:
         return CheckedDraws(xr.DataTree.from_dict(*tests.values()))
     return CheckedDraws(
         xr.DataTree.from_dict(
-            {
+            {"sample_stats": next(iter(tests.values()))["sample_stats"]}
+            | {
                 f"tests/{test}/{name}": one
                 for test, own in tests.items()
                 for name, one in own.items()
@@ -85,7 +88,7 @@ def test_a_missed_shape_fails_and_the_longest_run_is_told() -> None:
     assert "12 in a row have one sign, from strain 21 to 32 %" in result.sentence
     assert "intervals are too narrow" in result.sentence
     assert "residuals=autocorrelated" in result.sentence
-    (record,) = checks_record([result])
+    (record,) = verdicts_record([result])["checks"]
     assert json.loads(json.dumps(record))["table"][0]["run"] == "strain 21 to 32 %"
 
 

@@ -271,7 +271,11 @@ def test_a_fit_prints_table_and_checks_and_check_repeats_the_verdicts(
     verdicts = re.findall(r"^(?:FAILED|passed) .*$", out, re.MULTILINE)
     assert len(verdicts) == len(CHECKS)
     assert main(["check", str(run)]) == 3
-    assert capsys.readouterr().out.splitlines() == verdicts
+    checked = capsys.readouterr().out
+    assert re.findall(r"^(?:FAILED|passed) .*$", checked, re.MULTILINE) == verdicts
+    assert out.endswith(checked)
+    assert "Was the posterior sampled well? NO\n" in checked
+    assert "Does the model describe the data? " in checked
 
     # Once more: nothing to do, the same answer.
     assert main(arguments) == 3

@@ -149,7 +149,7 @@ def test_a_table_is_fitted_with_figure_checks_and_a_prior_to_hand_on(
     out = tmp_path / "run"
     code = main(["fit-peak-stress", TABLE, "--out", str(out), *SHORT])
     printed = capsys.readouterr().out
-    checks = json.loads((out / "checks.json").read_text(encoding="utf-8"))
+    checks = json.loads((out / "checks.json").read_text(encoding="utf-8"))["checks"]
     assert code == (0 if all(check["passed"] for check in checks) else 3)
     assert f"run directory: {out}" in printed
     assert "stress exponent" in printed

@@ -1,7 +1,7 @@
 """Comparison: leave-one-out in closed form, weights, sentences, refusals, points left out."""
 
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +25,7 @@ from pyburgers.comparison.by_points import (
 )
 from pyburgers.comparison.results import (
     comparison_table,
+    pairs,
     pointwise_differences,
     save_comparison,
     sentences,
@@ -149,12 +150,22 @@ def test_a_sentence_for_each_pair() -> None:
     found = sentences(comparison)
     assert len(found) == 6
     assert "good and alike predict these data alike" in found[0]
-    assert "good predicts these data better than unclear, but" in found[1]
+    assert "Cannot tell which of good and unclear predicts these data better" in found[1]
     assert "good predicts these data clearly better than bad" in found[2]
     table = comparison_table(comparison)
     assert table.index.tolist() == ["good", "alike", "unclear", "bad"]
     assert table["difference"].iloc[0] == 0
     assert table["weight"].sum() == pytest.approx(1.0)
+
+
+def test_a_fit_listed_as_worse_that_weighs_more_has_a_sentence() -> None:
+    gains = np.array([0.4] * 30 + [-15.0])
+    comparison = comparison_of(("best", result(np.zeros(31))), ("other", result(gains)))
+    assert list(comparison.results) == ["best", "other"]
+    assert comparison.weights[1] > 0.5
+    (about,) = [one for one in sentences(comparison) if "larger weight" in one]
+    assert about.startswith(f"other has the larger weight ({comparison.weights[1]:.2f} against")
+    assert "30 of 31 points better than best, by 12.0 together" in about
 
 
 def test_points_that_cannot_be_trusted_are_named_until_they_are_left_out() -> None:
@@ -197,6 +208,8 @@ def test_what_is_saved_holds_numbers_points_and_origins(tmp_path: Path) -> None:
     assert record["command"] == "pyburgers compare one two"
     assert record["fits"]["one"]["fingerprint"] == fits["one"].manifest["fingerprint"]
     assert record["sentences"] == list(sentences(comparison))
+    (pair,) = pairs(comparison)
+    assert record["pairs"] == [{**asdict(pair), "outcome": str(pair.outcome)}]
 
 
 def test_points_of_an_oscillation_stay_flagged(tmp_path: Path) -> None:

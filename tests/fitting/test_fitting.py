@@ -15,6 +15,7 @@ import xarray as xr
 from conftest import SMALL_RUN, Problem
 from log_density import Program
 
+from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.cmdstan.program import compile_program, read_draws
 from pyburgers.common.atomic_files import sha256_of_file
 from pyburgers.common.errors import InputError
@@ -148,9 +149,16 @@ def test_the_table_has_the_prior_beside_the_posterior(small_fit: Fit) -> None:
 def test_the_checks_are_written_with_their_sentences(small_fit: Fit) -> None:
     written = json.loads(small_fit.directory.checks_file.read_text(encoding="utf-8"))
     checks = small_fit.checks()
-    assert [(c["name"], c["passed"], c["sentence"]) for c in written] == [
-        (c.name, c.passed, c.sentence) for c in checks
+    assert [(c["name"], c["outcome"], c["sentence"]) for c in written["checks"]] == [
+        (c.name, c.outcome.value, c.sentence) for c in checks
     ]
+    assert {c["kind"] for c in written["checks"]} == set(written["verdicts"])
+    assert set(written["verdicts"]) == {"sampling", "description"}
+    for kind, verdict in small_fit.verdicts().items():
+        told = written["verdicts"][kind.name.lower()]
+        assert told == {"outcome": verdict.outcome.value, "sentence": verdict.sentence}
+    assert small_fit.sampled_well is small_fit.verdicts()[CheckKind.SAMPLING].outcome
+    assert small_fit.describes_data is small_fit.verdicts()[CheckKind.DESCRIPTION].outcome
     assert {c.name: c.passed for c in checks}["chains"]
 
 
@@ -324,6 +332,22 @@ def test_a_tolerance_too_loose_is_tightened_and_the_chains_run_again(
     after = contents(tmp_path / "run")
     changed = {name for name in before if after[name] != before[name]}
     assert changed <= {"manifest.json", "checks.json"}
+
+
+def test_few_draws_are_told_as_such_and_not_sampled_again(
+    programs: None, small_problem: Problem, tmp_path: Path
+) -> None:
+    """Five draws have no tail, so that their Pareto k is infinite whatever the tolerance is."""
+    options = replace(SMALL_RUN, draws=5)
+    result = fit(
+        small_problem.experiment, small_problem.priors, out=tmp_path / "run", options=options
+    )
+    assert result.manifest["refits"] == []
+    assert result.sampled_well is Outcome.CANNOT_TELL
+    assert result.describes_data is Outcome.CANNOT_TELL
+    for verdict in result.verdicts().values():
+        assert "10 draws are too few" in verdict.sentence
+    assert not any("tolerance is too loose" in check.sentence for check in result.checks())
 
 
 def test_a_run_stopped_after_its_first_chain_can_be_looked_at(copy: Path) -> None:

@@ -125,14 +125,23 @@ class TestFit:
         fit = fit_harmonics(time, value, period=PERIOD, degree=0, uncertainty=uncertainty)
         assert fit.amplitude()[0] == pytest.approx(2, abs=1e-6)
 
-    def test_the_projection_gives_the_fitted_trend_of_any_series(self) -> None:
-        time, rng = times(), np.random.default_rng(5)
-        uncertainty = rng.uniform(0.5, 1.5, time.size)
-        shape, fit = trend_projection(time, period=PERIOD, degree=3, uncertainty=uncertainty)
-        for value in (oscillation(time) + drift(time), rng.standard_normal(time.size)):
-            fitted = fit_harmonics(time, value, period=PERIOD, degree=3, uncertainty=uncertainty)
-            np.testing.assert_allclose(shape @ (fit @ value), fitted.trend(time), atol=1e-12)
-        np.testing.assert_allclose(fit @ oscillation(time), 0, atol=1e-12)
+    @pytest.mark.parametrize("cycles", [2.0, 6.0])
+    def test_without_its_trend_a_series_knows_the_harmonics_as_well_as_with_it(
+        self, cycles: float
+    ) -> None:
+        """And no better, as it would without the trend that a joint fit has found."""
+        time = times(cycles=cycles)
+        uncertainty = np.random.default_rng(5).uniform(0.5, 1.5, time.size)
+        angles = 2 * np.pi / PERIOD * np.outer(time, [1, 2, 3])
+        harmonics = np.hstack([np.sin(angles), np.cos(angles)])
+        shape, fit = trend_projection(time, degree=2, uncertainty=uncertainty)
+        left = (harmonics - shape @ (fit @ harmonics)) / uncertainty[:, None]
+        joint = fit_harmonics(
+            time, oscillation(time), period=PERIOD, degree=2, uncertainty=uncertainty
+        )
+        np.testing.assert_allclose(
+            np.linalg.inv(left.T @ left), joint.covariance[3:, 3:], rtol=1e-9, atol=1e-12
+        )
 
     def test_too_few_readings(self) -> None:
         time = times()[:8]

@@ -18,8 +18,9 @@ import numpy as np
 import pytest
 from conftest import ICE
 
-from pyburgers.comparison.by_points import compare, elpd_difference
-from pyburgers.comparison.results import CLEAR, NO_DIFFERENCE, comparison_table, sentences
+from pyburgers.comparison.by_points import compare
+from pyburgers.comparison.pairs import Outcome, Pair
+from pyburgers.comparison.results import comparison_table, pairs, sentences
 from pyburgers.fitting.fit import fit
 from pyburgers.model.priors import default_priors
 from pyburgers.model.variants import with_variant
@@ -107,8 +108,8 @@ CONTRASTS = {
 }
 
 
-def lead(contrast: Contrast, seed: int, folder: Path) -> tuple[float, float]:
-    """Elpd of the fit with the law behind the data less that of the rival, and its error."""
+def compared(contrast: Contrast, seed: int, folder: Path) -> Pair:
+    """Fit with the law behind the data, "right", and with its rival, and compare."""
     truth = {**TRUTH, **contrast.truth}
     protocol = stepped_test() if contrast.stepped else load_constant_rate(ICE / "PIL40.toml")
     data = simulate_data(protocol, truth, np.random.default_rng(seed), source="test")
@@ -123,7 +124,8 @@ def lead(contrast: Contrast, seed: int, folder: Path) -> tuple[float, float]:
     }
     comparison = compare(fits)
     print(comparison_table(comparison).round(1).to_string(), *sentences(comparison), sep="\n")
-    return elpd_difference(comparison.results["right"], comparison.results["rival"])
+    (pair,) = pairs(comparison)
+    return pair
 
 
 @pytest.mark.slow
@@ -131,8 +133,8 @@ def lead(contrast: Contrast, seed: int, folder: Path) -> tuple[float, float]:
 def test_data_are_attributed_to_the_variant_behind_them(
     programs: None, name: str, tmp_path: Path
 ) -> None:
-    leads = [lead(CONTRASTS[name], seed, tmp_path / str(seed)) for seed in SEEDS]
-    for seed, (difference, error) in zip(SEEDS, leads, strict=True):
-        print(f"{name}, seed {seed}: {difference:.1f} +- {error:.1f}")
-    clear = [difference > max(NO_DIFFERENCE, CLEAR * error) for difference, error in leads]
+    found = [compared(CONTRASTS[name], seed, tmp_path / str(seed)) for seed in SEEDS]
+    for seed, pair in zip(SEEDS, found, strict=True):
+        print(f"{name}, seed {seed}: {pair.sentence()}")
+    clear = [pair.better == "right" and pair.outcome is Outcome.BETTER for pair in found]
     assert sum(clear) >= 9

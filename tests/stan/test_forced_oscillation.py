@@ -13,6 +13,7 @@ import pytest
 from conftest import ICE, FunctionValues, resolved_priors
 from default_chains import sampled
 from scipy.integrate import quad, simpson
+from scipy.stats import multivariate_normal
 from stan_data import one_test_data
 from stan_values import CHARTS
 
@@ -23,7 +24,6 @@ from pyburgers.protocols.forced_oscillation.experiment import (
     load_forced_oscillation,
     with_background,
 )
-from pyburgers.protocols.forced_oscillation.harmonics import fit_harmonics
 from pyburgers.protocols.forced_oscillation.preparation import (
     Background,
     OscillationRecord,
@@ -147,29 +147,74 @@ def test_grains_follow_the_piezometer_whichever_way_the_strain_runs(
     assert grain_size[0] == pytest.approx(twin.initial_grain_size, rel=1e-3)
 
 
-def test_the_trend_that_is_removed_is_that_of_the_fitted_series() -> None:
+def test_the_trend_that_is_removed_is_that_of_the_residuals() -> None:
     twin = with_background(load_forced_oscillation(TWIN_FILE), "removed")
     prepared = twin.prepared
     draw = solve(twin, truth(), prepared.time, solver=REFERENCE_SOLVER)
-    fitted = fit_harmonics(
-        prepared.time,
-        draw["grid_stress"],
-        period=prepared.period,
-        degree=prepared.stress_fit.degree,
-        uncertainty=prepared.uncertainty,
+    position = (prepared.time - prepared.time.mean()) / np.ptp(prepared.time)
+    weight = 1.0 / prepared.uncertainty
+    trend = np.polyfit(
+        position, draw["grid_stress"] - prepared.stress, prepared.stress_fit.degree, w=weight
     )
-    expected = draw["grid_stress"] - fitted.trend(prepared.time)
-    assert np.abs(fitted.trend(prepared.time)).max() > 1.0
+    expected = draw["grid_stress"] - np.polyval(trend, position)
+    assert np.abs(np.polyval(trend, position)).max() > 1.0
     for name in ("stress_model", "grid_oscillating_stress"):
         np.testing.assert_allclose(draw[name], expected, atol=1.0, rtol=0)
-    again = fit_harmonics(
-        prepared.time,
-        draw["stress_model"],
-        period=prepared.period,
-        degree=prepared.stress_fit.degree,
-        uncertainty=prepared.uncertainty,
+    for series in (prepared.stress, draw["stress_replicated"]):
+        left = np.polyfit(
+            position, series - draw["stress_model"], prepared.stress_fit.degree, w=weight
+        )
+        np.testing.assert_allclose(left, 0.0, atol=1.0)
+
+
+def of_cycles(experiment: OscillationExperiment, n_cycles: int) -> OscillationExperiment:
+    """The first cycles of a record, with a background that is removed and a linear trend."""
+    record = experiment.record
+    strain, stress = (
+        time <= time[0] + (n_cycles + 0.1) * PERIOD
+        for time in (record.strain_time, record.stress_time)
     )
-    np.testing.assert_allclose(again.trend_coefficients, 0.0, atol=1e-3)
+    shorter = OscillationRecord(
+        strain_time=record.strain_time[strain],
+        strain=record.strain[strain],
+        strain_uncertainty=record.strain_uncertainty[strain],
+        stress_time=record.stress_time[stress],
+        stress=record.stress[stress],
+        stress_uncertainty=record.stress_uncertainty[stress]
+        * (1 + 0.5 * (np.arange(stress.sum()) % 2)),
+    )
+    settings = OscillationSettings(PERIOD, 1, 1, "removed")
+    return replace(
+        experiment, record=shorter, settings=settings, prepared=prepare(shorter, settings, "test")
+    )
+
+
+@pytest.mark.parametrize("n_cycles", [2, 6])
+def test_the_likelihood_is_the_dense_one_with_the_trend_integrated_out(n_cycles: int) -> None:
+    """The raw readings, with a covariance that holds any trend: no projection takes part."""
+    test = load_forced_oscillation(TWIN_FILE)
+    if n_cycles < 6:
+        test = of_cycles(test, n_cycles)
+    prepared = test.prepared
+    position = 2 * (prepared.time - prepared.time[0]) / np.ptp(prepared.time) - 1
+    trends = np.vander(position, prepared.stress_fit.degree + 1) * 1e10
+    used = np.isin(test.record.stress_time, prepared.time)
+    found, expected = [], []
+    for noise, factor in ((4e6, 1.0), (3e6, 1.0), (4e6, 1.1), (6e6, 0.8)):
+        values = truth() | {
+            "stress_noise": noise,
+            "kelvin_modulus": factor * truth()["kelvin_modulus"],
+        }
+        draw = solve(test, values, prepared.time, solver=REFERENCE_SOLVER)
+        found.append(draw["log_lik"].sum())
+        covariance = np.diag((noise * prepared.relative_uncertainty) ** 2) + trends @ trends.T
+        expected.append(
+            multivariate_normal.logpdf(
+                test.record.stress[used], draw["grid_stress"], covariance, allow_singular=False
+            )
+        )
+    # The flat prior leaves a constant open.
+    np.testing.assert_allclose(np.diff(found), np.diff(expected), atol=1e-3, rtol=0)
 
 
 def test_a_kept_background_leaves_the_stress_as_it_is() -> None:

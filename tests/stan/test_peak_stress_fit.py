@@ -35,8 +35,7 @@ from pyburgers.model.flow_law_prior import FLOW_LAW_PRIOR_FILE, FlowLawPrior
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.experiment import Provenance
-from pyburgers.report.peak_stress_section import flow_law
-from pyburgers.report.tables import flow_law_table
+from pyburgers.report.peak_stress_section import flow_law, flow_law_table
 from pyburgers.sampling.options import SamplerOptions
 
 FloatArray = npt.NDArray[np.float64]
@@ -242,7 +241,7 @@ def test_a_run_is_read_back_and_continued_without_sampling(
     assert {"inputs/peak_stress.toml", "inputs/peak_stress.csv", "inputs/priors.toml"} <= set(
         again.manifest["hashes"]
     )
-    checks = json.loads(again.directory.checks_file.read_text(encoding="utf-8"))
+    checks = json.loads(again.directory.checks_file.read_text(encoding="utf-8"))["checks"]
     assert all(check["passed"] for check in checks)
 
 

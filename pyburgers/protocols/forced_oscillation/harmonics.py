@@ -210,18 +210,18 @@ def fit_harmonics(
 
 
 def trend_projection(
-    time: FloatArray,
-    *,
-    period: float,
-    degree: int,
-    n_harmonics: int = N_HARMONICS,
-    uncertainty: FloatArray,
+    time: FloatArray, *, degree: int, uncertainty: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return what takes the trend of any series at these times, as `fit_harmonics` finds it.
+    """Return what takes the trend out of any series at these times that fits it best by itself.
+
+    What is left of a series, over the uncertainties, is its part orthogonal to all trends. Normal
+    noise in it has the density of the series with the trend's coefficients integrated out under a
+    flat prior. The trend of `fit_harmonics`, fitted together with harmonics, does not do that: what
+    it leaves takes the fundamental as better known than it is.
 
     Parameters
     ----------
-    time, period, degree, n_harmonics, uncertainty
+    time, degree, uncertainty
         As in `fit_harmonics`.
 
     Returns
@@ -230,15 +230,11 @@ def trend_projection(
         Legendre polynomials at the times.
     fit : array, shape (degree + 1, n)
         What turns a series into its Legendre coefficients: the trend is ``shape @ (fit @ series)``.
-
-    Raises
-    ------
-    InputError
-        As `fit_harmonics` does.
     """
-    design = _design(time, period, degree, n_harmonics)
-    solver = _solver(design, 1.0 / uncertainty, period, degree, n_harmonics)
-    return design[:, : degree + 1], solver[: degree + 1]
+    t_middle, t_half = _span(time)
+    shape = np.asarray(legendre.legvander((time - t_middle) / t_half, degree), dtype=np.float64)
+    fit: FloatArray = np.linalg.pinv(shape / uncertainty[:, None]) / uncertainty
+    return shape, fit
 
 
 def _span(time: FloatArray) -> tuple[float, float]:

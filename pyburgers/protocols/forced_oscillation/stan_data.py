@@ -85,10 +85,7 @@ def _record(experiment: OscillationExperiment) -> dict[str, Any]:
     # The oscillation passes upwards through zero where tau + phase is a whole number.
     phase = float(np.arctan2(cosine, sine)) / (2 * np.pi)
     trend_shape, trend_fit = trend_projection(
-        prepared.time,
-        period=period,
-        degree=prepared.stress_fit.degree,
-        uncertainty=prepared.uncertainty,
+        prepared.time, degree=prepared.stress_fit.degree, uncertainty=prepared.uncertainty
     )
     n_trend = 0 if kept else trend_fit.shape[0]
     bias = float(prepared.stress_fit.trend(np.array([prepared.start]))[0])

@@ -1,0 +1,104 @@
+"""The two verdicts on a fit: was the posterior sampled well, does the model describe the data."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from pyburgers.checks.fit_checks import CheckKind, CheckResult, Outcome
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The answer to one of the two questions.
+
+    Attributes
+    ----------
+    kind : CheckKind
+        The question.
+    outcome : Outcome
+        The answer.
+    sentence : str
+        The answer in words, with its reason.
+    """
+
+    kind: CheckKind
+    outcome: Outcome
+    sentence: str
+
+
+ANSWERS = {
+    CheckKind.SAMPLING: {
+        Outcome.YES: "The posterior was sampled well",
+        Outcome.NO: "The posterior was not sampled well",
+        Outcome.CANNOT_TELL: "It cannot be told whether the posterior was sampled well",
+    },
+    CheckKind.DESCRIPTION: {
+        Outcome.YES: "The model describes the data",
+        Outcome.NO: "The model does not describe the data",
+        Outcome.CANNOT_TELL: "It cannot be told whether the model describes the data",
+    },
+}
+
+
+def verdicts_record(results: Sequence[CheckResult]) -> dict[str, Any]:
+    """Return both verdicts and the checks behind them as what a JSON file holds."""
+    return {
+        "verdicts": {
+            kind.name.lower(): {"outcome": verdict.outcome.value, "sentence": verdict.sentence}
+            for kind, verdict in verdicts(results).items()
+        },
+        "checks": [
+            {
+                "name": result.name,
+                "kind": result.check.kind.name.lower(),
+                "outcome": result.outcome.value,
+                "passed": result.passed,
+                "sentence": result.sentence,
+                "table": json.loads(result.table.reset_index().to_json(orient="records")),
+            }
+            for result in results
+        ],
+    }
+
+
+def verdicts(results: Sequence[CheckResult]) -> dict[CheckKind, Verdict]:
+    """Answer both questions from what the checks of a fit found.
+
+    One failed check is enough for a no. A yes wants that every check of the question could tell,
+    and about the data also that the draws are usable.
+
+    Parameters
+    ----------
+    results : sequence of CheckResult
+        Of both kinds; none of the description where the data took no part.
+    """
+    return {kind: _verdict(kind, results) for kind in CheckKind}
+
+
+def _verdict(kind: CheckKind, results: Sequence[CheckResult]) -> Verdict:
+    asked = [result for result in results if result.check.kind is kind]
+    if not asked:
+        return _answer(kind, Outcome.CANNOT_TELL, "no check compared it with data.")
+    unusable = [result for result in results if result.unusable]
+    if kind is CheckKind.DESCRIPTION and unusable:
+        return _answer(kind, Outcome.CANNOT_TELL, f"the draws are of no use, {_reasons(unusable)}")
+    for outcome in (Outcome.NO, Outcome.CANNOT_TELL):
+        found = [result for result in asked if result.outcome is outcome]
+        if found:
+            return _answer(kind, outcome, _reasons(found))
+    return _answer(kind, Outcome.YES, f"all {len(asked)} checks of it passed.")
+
+
+def _answer(kind: CheckKind, outcome: Outcome, reason: str) -> Verdict:
+    return Verdict(kind, outcome, f"{ANSWERS[kind][outcome]}: {reason}")
+
+
+def _reasons(results: Sequence[CheckResult]) -> str:
+    """Return what the first check found, and the names of the others."""
+    first, *others = results
+    sentence = first.sentence
+    if sentence[1:2].islower():  # not R-hat
+        sentence = sentence[0].lower() + sentence[1:]
+    more = f" Also: {', '.join(other.name for other in others)}." if others else ""
+    return sentence + more

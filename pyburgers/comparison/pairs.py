@@ -1,0 +1,94 @@
+"""Which of two fits predicts better, from their difference alone: better, alike or cannot tell."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+
+NO_DIFFERENCE = 4.0
+"""Difference of elpd below which fits predict alike (Sivula et al. 2020, arXiv:2008.10296)."""
+
+CLEAR = 2.0
+"""Standard errors that a difference may be off."""
+
+
+class Outcome(StrEnum):
+    """What a comparison of two fits comes to."""
+
+    BETTER = "better"
+    ALIKE = "alike"
+    CANNOT_TELL = "cannot tell"
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two fits of the same data and how far apart they are.
+
+    Attributes
+    ----------
+    better, worse : str
+        Their names, that of the higher elpd first.
+    difference, error : float
+        Of their elpd, not negative, and its standard error.
+    """
+
+    better: str
+    worse: str
+    difference: float
+    error: float
+
+    @property
+    def outcome(self) -> Outcome:
+        """What the difference and its error come to.
+
+        Better from `NO_DIFFERENCE` and `CLEAR` errors on; alike where `CLEAR` errors more would
+        still be less than `NO_DIFFERENCE`; between them a comparison cannot tell.
+        """
+        if self.difference >= max(NO_DIFFERENCE, CLEAR * self.error):
+            return Outcome.BETTER
+        if self.difference + CLEAR * self.error < NO_DIFFERENCE:
+            return Outcome.ALIKE
+        return Outcome.CANNOT_TELL
+
+    def sentence(self, what: str = "these data") -> str:
+        """Say it, of predictions of `what`."""
+        numbers = f"difference of elpd {self.difference:.1f}, standard error {self.error:.1f}"
+        match self.outcome:
+            case Outcome.BETTER:
+                said = f"{self.better} predicts {what} clearly better than {self.worse}"
+            case Outcome.ALIKE:
+                said = f"{self.better} and {self.worse} predict {what} alike"
+            case Outcome.CANNOT_TELL:
+                said = f"Cannot tell which of {self.better} and {self.worse} predicts {what} better"
+        return f"{said} ({numbers})."
+
+
+def weight_sentence(
+    best: str, other: str, weights: tuple[float, float], gains: FloatArray, *, unit: str = "points"
+) -> str | None:
+    """Say why a fit of lower elpd has the larger weight in the best mixture, where it has.
+
+    Parameters
+    ----------
+    best, other : str
+        Names of the fit of the highest elpd and of another one.
+    weights : (float, float)
+        Their weights.
+    gains : array, shape (n,)
+        What the other predicts better than the best, in log density, by point or by test.
+    unit : str
+        What `gains` goes by.
+    """
+    if weights[1] <= weights[0]:
+        return None
+    won = gains > 0
+    return (
+        f"{other} has the larger weight ({weights[1]:.2f} against {weights[0]:.2f}) although its "
+        f"elpd is lower: it predicts {int(won.sum())} of {gains.size} {unit} better than {best}, "
+        f"by {gains[won].sum():.1f} together, and loses {-gains[~won].sum():.1f} at the others, "
+        f"{-gains.min():.1f} of it at one. A mixture escapes such losses with a small share of "
+        f"{best}; a weight is a share in it, not the probability of a fit."
+    )

@@ -13,9 +13,9 @@
 // priors of a curve have it by simulation (peaks.stan). The scatter, between tests, is that of
 // the stress; its known relative uncertainty u adds the variance u^2.
 //
-// All values are SI. The logarithm of the flow rate at the mean conditions of the table is sampled
-// in place of Q_M, or of beta where Q_M cannot be replaced: it is what the table fixes. The priors
-// are still those of Q_M and beta.
+// All values are SI. In place of Q_M, or of beta where Q_M cannot be replaced, what the table fixes
+// is sampled: ln(flow rate) at the mean conditions plus n h_1, which is about the mean of ln(strain
+// rate), whatever the softening. The priors are still those of Q_M and beta.
 functions {
 #include physics/parameters.stan
 #include physics/flow_law.stan
@@ -151,6 +151,11 @@ transformed parameters {
     }
     stress_exponent = parameter[t_stress_exponent()];
     grain_size_exponent = parameter[t_grain_size_exponent()];
+    softening = softening_at(softening_coordinate, stress_exponent, grain_size_exponent,
+                             softening_coefficients, softening_centre, softening_factor);
+    if (replaced_parameter > 0) {
+      parameter[replaced_parameter] -= stress_exponent * softening[h_mean()];
+    }
     if (replaced_parameter == t_activation_enthalpy()) {
       parameter[replaced_parameter] = activation_enthalpy_from_flow(
         parameter[replaced_parameter], log(mean_stress), mean_grain_size, mean_temperature,
@@ -171,8 +176,6 @@ transformed parameters {
   reference_flow_rate = exp(log_flow_rate(mean_stress, mean_grain_size, mean_temperature,
                                           stress_exponent, grain_size_exponent,
                                           activation_enthalpy, beta));
-  softening = softening_at(softening_coordinate, stress_exponent, grain_size_exponent,
-                           softening_coefficients, softening_centre, softening_factor);
   {
     vector[n_points] log_reference;
     for (i in 1 : n_points) {

@@ -6,33 +6,41 @@ stresses cannot tell the two apart, but the priors of the other parameters of a 
 the softening can be and how it changes with the conditions. That is simulated here, through Stan.
 """
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
+from scipy import stats
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
+from pyburgers.common.atomic_files import write_json
 from pyburgers.common.errors import InputError
-from pyburgers.flow_law_tables.inputs import PeakStrain, PeakStressData
+from pyburgers.flow_law_tables.inputs import PeakStrain, PeakStressData, least_squares
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.prior_families import is_fixed_at
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.forward import given_parameters
-from pyburgers.protocols.stan_data import SolverOptions, StanData, prior_block, solver_block
+from pyburgers.protocols.stan_data import SolverOptions, StanData, solver_block
 
 FloatArray = npt.NDArray[np.float64]
 
 SOLVER = SolverOptions(tolerance=1e-6)
 
+N_SOFTENING = 4
+"""Numbers that describe the softening about the mean conditions."""
+
 STRAINS = np.geomspace(1e-3, 0.2, 60)
 """Where stress is looked at for its peak; a peak beyond 20 % strain is none."""
 
-N_MATERIALS = 400
+N_MATERIALS = 300
 """Draws from the priors whose softening is simulated at all conditions."""
 
-N_CANDIDATES = 5000
+N_CANDIDATES = 3000
 """Draws of which those with a stated strain of the peak are taken."""
 
 LEAST_MATERIALS = 50
@@ -44,6 +52,10 @@ deviations of the table's conditions along their principal axes."""
 
 LEAST_STEP = 0.05
 """The same where a table has hardly any spread, in logarithms."""
+
+EXPONENT_ERRORS, EXPONENT_SHARE = 3.0, 0.15
+"""Standard deviation of the n and p of simulated materials: the larger of these multiples of the
+standard error and of the value across peaks."""
 
 LEAST_SLOPE = 1e-3
 """Of ln(softening) by ln(peak stress): it is positive, but for errors of the solver."""
@@ -79,6 +91,18 @@ class SofteningPrior:
     factor: FloatArray
     peak_strain: FloatArray
     n_effective: float
+
+    def save(self, path: Path) -> None:
+        """Write a JSON file that `load` reads."""
+        numbers = {name: np.asarray(value).tolist() for name, value in vars(self).items()}
+        write_json(path, numbers)
+
+    @classmethod
+    def load(cls, path: Path) -> Self:
+        """Read what `save` wrote."""
+        numbers = json.loads(path.read_text(encoding="utf-8"))
+        arrays = {k: np.array(v) for k, v in numbers.items() if k != "n_effective"}
+        return cls(**arrays, n_effective=numbers["n_effective"])
 
     @property
     def block(self) -> StanData:
@@ -142,9 +166,7 @@ def simulate_peaks(
     found = load_program(stan_directory() / "peaks.stan").evaluate(
         {
             "n_materials": len(given),
-            "parameter": [
-                prior_block(one, PROGRAM_PARAMETERS)["prior_location"] for one in given
-            ],
+            "parameter": [[one[p.name].location for p in PROGRAM_PARAMETERS] for one in given],
             "power_law_kelvin": int(not linear),
             "n_conditions": strain_rate.size,
             "strain_rate": strain_rate.tolist(),
@@ -163,7 +185,9 @@ def softening_prior(data: PeakStressData, curve: PriorSet, *, seed: int) -> Soft
     """Simulate the softening at the peaks of a table with the priors of a curve.
 
     Every material drawn has the mean peak stress of the table at its mean conditions: its Q_M is
-    changed to that. Where the table states the strain of its peaks, it is that of the materials.
+    changed to that. What the softening is at given n and p does not depend on their priors: they
+    are drawn where the table has them. Where the table states the strain of its peaks, it is that
+    of the materials.
 
     Parameters
     ----------
@@ -184,7 +208,7 @@ def softening_prior(data: PeakStressData, curve: PriorSet, *, seed: int) -> Soft
     rng = np.random.default_rng(seed)
     curve = curve.resolved(float(data.stress.max()))
     if data.peak_strain is None:
-        materials, n_effective = _draw(curve, N_MATERIALS, rng), float(N_MATERIALS)
+        materials, n_effective = _draw(data, curve, N_MATERIALS, rng), float(N_MATERIALS)
     else:
         materials, n_effective = _with_peaks_at(data, data.peak_strain, curve, rng)
     axes, steps = _principal_axes(data)
@@ -212,17 +236,27 @@ def softening_prior(data: PeakStressData, curve: PriorSet, *, seed: int) -> Soft
 
 
 def _draw(
-    priors: PriorSet, n_materials: int, rng: np.random.Generator
+    data: PeakStressData, priors: PriorSet, n_materials: int, rng: np.random.Generator
 ) -> list[dict[str, float]]:
-    """Draw parameters (SI) of materials."""
-    return [priors.sample(rng) for _ in range(n_materials)]
+    """Draw parameters (SI) of materials, n and p about the exponents that a table has itself."""
+    drawn = {name: np.full(n_materials, prior.location) for name, prior in priors.priors.items()}
+    for name in priors.free:
+        drawn[name] = priors[name].distribution().rvs(size=n_materials, random_state=rng)
+    for name, (value, error) in least_squares(data).items():
+        spread = max(EXPONENT_ERRORS * error, EXPONENT_SHARE * value)
+        drawn[name] = stats.truncnorm(-value / spread, np.inf, loc=value, scale=spread).rvs(
+            size=n_materials, random_state=rng
+        )
+    return [
+        dict(zip(drawn, map(float, row), strict=True)) for row in zip(*drawn.values(), strict=True)
+    ]
 
 
 def _with_peaks_at(
     data: PeakStressData, peak_strain: PeakStrain, curve: PriorSet, rng: np.random.Generator
 ) -> tuple[list[dict[str, float]], float]:
     """Draw materials whose peaks are where the table states, and count the independent ones."""
-    candidates = _draw(curve, N_CANDIDATES, rng)
+    candidates = _draw(data, curve, N_CANDIDATES, rng)
     strain = _peaks_about(data, candidates, np.zeros((1, 3))).strain[:, 0]
     distance = np.log(strain / peak_strain.mean) / (peak_strain.sd / peak_strain.mean)
     weight = np.exp(-0.5 * distance**2)

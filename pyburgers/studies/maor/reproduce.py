@@ -15,7 +15,7 @@ from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress, flow_l
 from pyburgers.flow_law_tables.inputs import (
     default_peak_stress_priors,
     load_peak_stress,
-    with_curve_enthalpy,
+    with_curve_flow_law,
 )
 from pyburgers.model.priors import PriorSet, default_priors, with_flow_law
 from pyburgers.protocols.experiment import Experiment
@@ -155,7 +155,7 @@ def _peak_stress_priors() -> dict[str, PriorSet]:
     weak = default_peak_stress_priors("ice")
     return {
         PEAK_STRESS_TABLE: weak,
-        HANDED_ON_RUN: with_curve_enthalpy(weak, default_priors("ice")),
+        HANDED_ON_RUN: with_curve_flow_law(weak, default_priors("ice")),
     }
 
 

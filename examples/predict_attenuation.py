@@ -13,8 +13,8 @@ import numpy as np
 
 import pyburgers
 from pyburgers.drawing.style import image
-from pyburgers.predictions.attenuation import overview_table, quantile_table
 from pyburgers.predictions.attenuation_figures import attenuation
+from pyburgers.predictions.attenuation_tables import overview_table, quantile_table
 
 
 def main() -> None:

@@ -10,15 +10,19 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.units import UNITS
 from pyburgers.drawing.style import write_images
 from pyburgers.fitting.fit import Fit
+from pyburgers.predictions.assumptions import (
+    CRITICAL_SHARE,
+    elastic_modulus_sentence,
+    frozen_sentence,
+)
 from pyburgers.predictions.attenuation import (
     DEFAULT_FREQUENCIES,
-    overview_table,
     predict_attenuation,
-    quantile_table,
     save_spectrum,
 )
 from pyburgers.predictions.attenuation_figures import attenuation
-from pyburgers.predictions.stress_cycles import PAPER_REGIMES, Regime, regimes_named
+from pyburgers.predictions.attenuation_tables import overview_table, quantile_table
+from pyburgers.predictions.stress_cycles import HOLD_TIME, PAPER_REGIMES, Regime, regimes_named
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -28,6 +32,11 @@ def add_options(command: argparse.ArgumentParser) -> None:
         "attenuation", help="tan(delta) of stress cycles about a median stress"
     )
     command.add_argument("directory", type=Path, metavar="RUN")
+    command.add_argument(
+        "--test",
+        metavar="ID",
+        help="test of a joint fit; default: all, each with files FILE_ID.csv and so on",
+    )
     command.add_argument(
         "--out",
         type=Path,
@@ -48,10 +57,28 @@ def add_options(command: argparse.ArgumentParser) -> None:
         ("--temperature-K", "T", "default: the experiment's"),
         ("--grain-size-um", "D", "default: by --microstructure"),
         ("--fabric-factor", "F", "default: by --microstructure"),
+        ("--hold-time-h", "H", "time at the median stress before the cycles (default 1.5)"),
+        (
+            "--critical-share",
+            "S",
+            "frozen microstructure counts as failing where the hold or a cycle strains by more "
+            "than this share of the smaller critical strain (default 0.1)",
+        ),
     ):
         command.add_argument(option, type=float, metavar=metavar, help=what)
     command.add_argument(
         "--microstructure", default="initial", help="initial (default) or steady-state"
+    )
+    command.add_argument(
+        "--elastic-modulus-Pa",
+        type=float,
+        nargs="+",
+        metavar=("E", "SD"),
+        help="elastic modulus, and its standard deviation, in place of E_M of the fit; E_M of a "
+        "test at constant rate is mostly the stiffness of the apparatus (ice has about 9.3e9)",
+    )
+    command.add_argument(
+        "--seed", type=int, default=1, help="of draws of the elastic modulus (default 1)"
     )
 
 
@@ -59,28 +86,68 @@ def run(options: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
     if options.out.suffix != ".csv":
         raise InputError(f"--out {options.out}: expected a file name that ends in .csv.")
-    regimes = _regimes(options)
+    fits = _fits(options)
+    for fit in fits:
+        out = options.out
+        if len(fits) > 1:
+            out = out.with_name(f"{out.stem}_{fit.experiment.id}.csv")
+        _predict(fit, options, out)
+    return 0
+
+
+def _fits(options: argparse.Namespace) -> list[Fit]:
+    """Return the fit of one test, or the tests of a joint fit that were asked for."""
+    fit = Fit.load(options.directory)
+    return [fit[options.test]] if options.test is not None else [*fit.tests().values()]
+
+
+def _predict(fit: Fit, options: argparse.Namespace, out: Path) -> None:
+    """Predict from a test; write the files and print what they say."""
     grain_size = options.grain_size_um
+    modulus, deviation = _elastic_modulus(options)
     spectrum = predict_attenuation(
-        Fit.load(options.directory),
+        fit,
         options.frequencies_Hz or DEFAULT_FREQUENCIES,
-        regimes,
+        _regimes(options),
         microstructure=options.microstructure.replace("-", "_"),
         temperature=options.temperature_K,
         grain_size=None if grain_size is None else grain_size * UNITS["length"]["um"],
         fabric_factor=options.fabric_factor,
+        elastic_modulus=modulus,
+        elastic_modulus_sd=deviation,
+        hold_time=HOLD_TIME
+        if options.hold_time_h is None
+        else options.hold_time_h * UNITS["time"]["h"],
+        critical_share=(
+            CRITICAL_SHARE if options.critical_share is None else options.critical_share
+        ),
+        seed=options.seed,
     )
     table = quantile_table(spectrum)
     figure = attenuation(spectrum, spectrum.attrs["title"])
-    with writing(options.out):
-        write_text(options.out, table.to_csv(index=False))
-        save_spectrum(spectrum, options.out.with_suffix(".nc"))
-        write_images(figure, options.out)
+    with writing(out):
+        write_text(out, table.to_csv(index=False))
+        save_spectrum(spectrum, out.with_suffix(".nc"))
+        write_images(figure, out)
     print(f"{spectrum.attrs['title']}: tan(delta), median and 90 % of the draws")
     print(overview_table(spectrum).to_string(index=False))
+    print(frozen_sentence(spectrum))
+    print(elastic_modulus_sentence(spectrum))
     for suffix in (".csv", ".nc", ".png", ".svg"):
-        print(options.out.with_suffix(suffix))
-    return 0
+        print(out.with_suffix(suffix))
+
+
+def _elastic_modulus(options: argparse.Namespace) -> tuple[float | None, float]:
+    """Mean and standard deviation (Pa) of a given elastic modulus."""
+    given = options.elastic_modulus_Pa
+    if given is None:
+        return None, 0.0
+    if len(given) > 2:
+        raise InputError(
+            f"--elastic-modulus-Pa: found {len(given)} numbers, expected the modulus and, if it "
+            "has one, its standard deviation."
+        )
+    return given[0], given[1] if len(given) == 2 else 0.0
 
 
 def _regimes(options: argparse.Namespace) -> Sequence[Regime]:

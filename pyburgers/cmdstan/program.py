@@ -97,6 +97,7 @@ def _table(file: Path) -> list[str]:
 
 
 __all__ = [
+    "ModeNotFound",
     "Program",
     "Unsolved",
     "compile_program",
@@ -114,6 +115,10 @@ DATA, POSITION, OUTPUT, TRACE = "data.json", "position.json", "output.csv", "tra
 
 class Unsolved(SamplingError):  # noqa: N818 - an outcome, at some points
     """A program stopped at some of the points that it was given, but not at all."""
+
+
+class ModeNotFound(Exception):  # noqa: N818 - an outcome with a reason, not an error
+    """The optimiser failed; the message says how."""
 
 
 def load_program(source: Path) -> "Program":
@@ -253,6 +258,37 @@ class Program:
             self._run(folder, method, seed=seed, failure="The optimiser failed", tolerated=end)
             draws = read_draws([folder / OUTPUT])
             return float(draws["lp__"][0, 0]), draws.at(0)
+
+    def climb(
+        self, data: Mapping[str, object], starts: Iterable[Mapping[str, object]], *, seed: int
+    ) -> dict[str, FloatArray]:
+        """Climb from every start and return the variables at the best end.
+
+        Parameters
+        ----------
+        data, seed
+            As for `optimise`.
+        starts : iterable of mapping
+            Values of its parameters.
+
+        Raises
+        ------
+        ModeNotFound
+            If the optimiser fails from all starts.
+        """
+        best = None
+        n_starts = 0
+        for initial in starts:
+            n_starts += 1
+            try:
+                density, variables = self.optimise(data, initial, seed=seed)
+            except SamplingError:
+                continue  # the optimiser left the region where the solver finds a solution
+            if best is None or density > best[0]:
+                best = (density, variables)
+        if best is None:
+            raise ModeNotFound(f"the optimiser failed from all {n_starts} starts")
+        return best[1]
 
     def gradients(
         self, data: Mapping[str, object], name: str, points: Sequence[FloatArray] | FloatArray

@@ -36,11 +36,10 @@ from pyburgers.posterior.labelled_draws import (
     smooth_weights,
 )
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.forward import REFERENCE_SOLVER
 from pyburgers.protocols.problem import one_test
 from pyburgers.protocols.program_data import tests_block
 from pyburgers.protocols.protocol import Quantity, protocol_of
-from pyburgers.protocols.stan_data import SolverOptions, solver_block
+from pyburgers.protocols.stan_data import REFERENCE_SOLVER, SolverOptions, solver_block
 from pyburgers.sampling.options import SamplerOptions
 
 logger = logging.getLogger(__name__)

@@ -28,8 +28,7 @@ from pyburgers.cmdstan.program import ALL_DIGITS, Program, Unsolved, load_progra
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.fitting.fit import Fit
 from pyburgers.posterior.labelled_draws import relative_efficiency
-from pyburgers.protocols.forward import REFERENCE_SOLVER
-from pyburgers.protocols.stan_data import StanData, solver_block
+from pyburgers.protocols.stan_data import REFERENCE_SOLVER, StanData, solver_block
 
 logger = logging.getLogger(__name__)
 

@@ -15,7 +15,7 @@ CLEAR = 2.0
 """Standard errors that a difference may be off."""
 
 
-class Outcome(StrEnum):
+class PairOutcome(StrEnum):
     """What a comparison of two fits comes to."""
 
     BETTER = "better"
@@ -41,27 +41,27 @@ class Pair:
     error: float
 
     @property
-    def outcome(self) -> Outcome:
+    def outcome(self) -> PairOutcome:
         """What the difference and its error come to.
 
         Better from `NO_DIFFERENCE` and `CLEAR` errors on; alike where `CLEAR` errors more would
         still be less than `NO_DIFFERENCE`; between them a comparison cannot tell.
         """
         if self.difference >= max(NO_DIFFERENCE, CLEAR * self.error):
-            return Outcome.BETTER
+            return PairOutcome.BETTER
         if self.difference + CLEAR * self.error < NO_DIFFERENCE:
-            return Outcome.ALIKE
-        return Outcome.CANNOT_TELL
+            return PairOutcome.ALIKE
+        return PairOutcome.CANNOT_TELL
 
     def sentence(self, what: str = "these data") -> str:
         """Say it, of predictions of `what`."""
         numbers = f"difference of elpd {self.difference:.1f}, standard error {self.error:.1f}"
         match self.outcome:
-            case Outcome.BETTER:
+            case PairOutcome.BETTER:
                 said = f"{self.better} predicts {what} clearly better than {self.worse}"
-            case Outcome.ALIKE:
+            case PairOutcome.ALIKE:
                 said = f"{self.better} and {self.worse} predict {what} alike"
-            case Outcome.CANNOT_TELL:
+            case PairOutcome.CANNOT_TELL:
                 said = f"Cannot tell which of {self.better} and {self.worse} predicts {what} better"
         return f"{said} ({numbers})."
 

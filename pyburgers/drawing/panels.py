@@ -21,6 +21,8 @@ FloatArray = npt.NDArray[np.float64]
 RETRODICTIONS = 1000
 """Solutions for single draws that a figure shows at most."""
 
+MEDIAN_LABEL = "predictive median"
+
 LINES_AND_AREAS = "lines: posterior median, areas: 90 % of draws"
 
 
@@ -34,12 +36,8 @@ class FittedCurve:
         Positions of the solutions on the clock.
     solutions, replicated : array, shape (n_draws, n_grid)
         Solutions for single draws, and the same with noise.
-    line_position, line : array, shape (n_line,)
-        One solution that stands for all.
-    line_label : str
-        Which.
     position, data, residuals : array, shape (n_points,)
-        Readings, and by how much they exceed the mean prediction.
+        Readings, and by how much they exceed the predictive median.
     error : array, shape (n_points,), or None
         Standard deviation of each reading where they differ.
     data_label : str
@@ -59,9 +57,6 @@ class FittedCurve:
     grid: FloatArray
     solutions: FloatArray
     replicated: FloatArray
-    line_position: FloatArray
-    line: FloatArray
-    line_label: str
     position: FloatArray
     data: FloatArray
     residuals: FloatArray
@@ -74,6 +69,12 @@ class FittedCurve:
     heading: str
     marks: Sequence[tuple[float, str]] = ()
     limits: tuple[float, float] | None = None
+
+    @property
+    def median(self) -> FloatArray:
+        """Predictive median at the positions of the solutions; noise is symmetric about them."""
+        median: FloatArray = central_band(self.solutions)[1]
+        return median
 
 
 def curve_with_residuals(curve: FittedCurve) -> Figure:
@@ -98,7 +99,7 @@ def curve_with_residuals(curve: FittedCurve) -> Figure:
             marker="o",
             markersize=3.5,
             color=BLACK,
-            label="data minus mean prediction",
+            label=f"data minus {MEDIAN_LABEL}",
         )
         lower.yaxis.set_major_locator(few_ticks(5))
         for position, _ in curve.marks:
@@ -110,15 +111,13 @@ def curve_with_residuals(curve: FittedCurve) -> Figure:
 
 
 def draw_curve(axes: Axes, curve: FittedCurve) -> None:
-    """Draw data, one solution, retrodictions, predictive band, and where the imposed changes."""
+    """Draw data, retrodictions, predictive median and band, and where the imposed changes."""
     low, _, high = central_band(curve.replicated)
     axes.fill_between(
         curve.grid, low, high, color=ORANGE, alpha=0.35, linewidth=0, label="90 % predictive band"
     )
     draw_retrodictions(axes, curve.grid, curve.solutions)
-    axes.plot(
-        curve.line_position, curve.line, color=VERMILION, linewidth=1.6, label=curve.line_label
-    )
+    axes.plot(curve.grid, curve.median, color=VERMILION, linewidth=1.6, label=MEDIAN_LABEL)
     draw_data(axes, curve.position, curve.data, curve.error, curve.data_label)
     for position, text in curve.marks:
         _draw_mark(axes, position)

@@ -23,11 +23,11 @@ from pyburgers.posterior.labelled_draws import (
 )
 from pyburgers.protocols.coordinates import CENTRE, SPREAD
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.forward import REFERENCE_SOLVER, simulate
+from pyburgers.protocols.forward import simulate
 from pyburgers.protocols.problem import Problem
 from pyburgers.protocols.program_data import PLACE, with_grids
 from pyburgers.protocols.protocol import Quantity, protocol_of
-from pyburgers.protocols.stan_data import StanData, solver_block
+from pyburgers.protocols.stan_data import REFERENCE_SOLVER, StanData, solver_block
 from pyburgers.sampling.run_directory import RunDirectory
 
 logger = logging.getLogger(__name__)

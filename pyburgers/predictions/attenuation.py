@@ -16,10 +16,10 @@ any power law and any amplitude::
 The dashpot's fluidity B depends on the regime of stresses but not on frequency. Higher harmonics
 of the strain and its steady drift do not enter: tan(delta) is that of the fundamental.
 
-The flow law g stands here although the physics is otherwise in ``stan/physics/`` alone: a whole
-posterior times frequencies times regimes is one array expression this way. Tests compare it with
-the Stan function ``dashpot_strain_rate`` and the spectrum with simulations in time
-(`pyburgers.predictions.imposed_stress`).
+The flow law g stands in `pyburgers.predictions.closed_forms` although the physics is otherwise in
+``stan/physics/`` alone: a whole posterior times frequencies times regimes is one array expression
+this way. Tests compare it with the Stan function ``dashpot_strain_rate`` and the spectrum with
+simulations in time (`pyburgers.predictions.imposed_stress`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,22 +28,37 @@ from typing import Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
 import xarray as xr
 
 from pyburgers.common.atomic_files import write_atomically
 from pyburgers.common.errors import InputError
-from pyburgers.common.units import UNITS, number
-from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT, STRESS_UNIT
-from pyburgers.model.flow_law_prior import GAS_CONSTANT
-from pyburgers.model.parameters import KELVIN_REFERENCES, STANDARD_VALUES
+from pyburgers.common.units import number
+from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT
+from pyburgers.model.parameters import KELVIN_REFERENCES, PIEZOMETER, STANDARD_VALUES
+from pyburgers.predictions.assumptions import (
+    CRITICAL_SHARE,
+    EVOLUTION,
+    checked_share,
+    critical_strain,
+    cycle_fails,
+    hold_fails,
+)
+from pyburgers.predictions.closed_forms import (
+    cycle_strain,
+    dashpot_rates,
+    fluidity,
+    half_period,
+    hold_strain,
+)
 from pyburgers.predictions.stress_cycles import (
     BREAKDOWN,
     DRAW_DIMENSIONS,
+    HOLD_TIME,
     PAPER_REGIMES,
     PARAMETER_NAMES,
     Regime,
     checked_frequencies,
+    checked_hold_time,
     checked_inputs,
 )
 from pyburgers.protocols.protocol import FittedTest
@@ -52,19 +67,8 @@ FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 Microstructure = Literal["initial", "steady_state"]
 
-QUANTILES = (5, 25, 50, 75, 95)
-"""Percentages of `quantile_table`."""
-
 DEFAULT_FREQUENCIES: tuple[float, ...] = tuple(np.geomspace(1e-4, 1.0, 60).tolist())
 """Frequencies (Hz) of the paper's Fig. 6."""
-
-OVERVIEW_FREQUENCIES = 5
-"""Columns of `overview_table`."""
-
-_NODES = 64
-_NODES_SIGN_CHANGE = 1024
-"""Nodes in half a period of stress. B is good to 1e-10 for stress exponents from 2.5; where stress
-changes sign, g has a kink in a higher derivative and the sum converges less fast."""
 
 
 def attenuation_spectrum(
@@ -75,6 +79,8 @@ def attenuation_spectrum(
     temperature: float,
     grain_size: npt.ArrayLike,
     fabric_factor: npt.ArrayLike = 1.0,
+    hold_time: float = HOLD_TIME,
+    critical_share: float = CRITICAL_SHARE,
 ) -> xr.Dataset:
     """Attenuation of every draw in every regime at every frequency (see the module's head).
 
@@ -82,8 +88,9 @@ def attenuation_spectrum(
     ----------
     parameters : mapping of str to array
         Draws of `PARAMETER_NAMES` (SI), all of one shape: ``()``, ``(draw,)`` or
-        ``(chain, draw)``; other names are ignored, save those of a Kelvin element that is not
-        linear, which are refused.
+        ``(chain, draw)``. With `pyburgers.predictions.assumptions.EVOLUTION` it is told where
+        frozen microstructure fails. Other names are ignored, save those of a Kelvin element that is
+        not linear, which are refused.
     frequencies : array, shape (n_frequencies,)
         Hz, positive.
     regimes : sequence of Regime
@@ -94,14 +101,21 @@ def attenuation_spectrum(
         m.
     fabric_factor : float or array of the shape of the draws
         1 = isotropic.
+    hold_time : float
+        Seconds at the median stress before the cycles; only the strain of the hold depends on it.
+    critical_share : float
+        Share of the critical strain beyond which frozen microstructure fails.
 
     Returns
     -------
     Dataset
         ``tan_delta``, ``storage_compliance`` J1 and ``loss_compliance`` J2 (1/Pa), dimensions of
-        the draws, then regime, frequency; ``debye_peak`` (see `has_debye_peak`) without
-        frequency; ``grain_size`` and ``fabric_factor`` as used. Coordinates ``frequency`` (Hz),
-        ``regime`` (label), ``median_stress`` and ``amplitude`` (Pa).
+        the draws, then regime, frequency; ``debye_peak``, whether dip and peak show at some
+        frequency, without frequency; ``grain_size`` and ``fabric_factor`` as used. About the
+        assumption (`pyburgers.predictions.assumptions`): ``hold_strain``, ``cycle_strain`` (path
+        strain of one settled cycle), ``critical_strain``, and ``frozen_fails``, 1 or 0.
+        Coordinates ``frequency`` (Hz), ``regime`` (label), ``median_stress`` and ``amplitude``
+        (Pa), ``temperature``, ``hold_time``, ``critical_share``.
 
     Raises
     ------
@@ -112,32 +126,52 @@ def attenuation_spectrum(
     _require_linear_kelvin_element(parameters)
     draws, size, fabric = checked_inputs(parameters, temperature, grain_size, fabric_factor)
     frequency = checked_frequencies(frequencies)
-    fluidity = _dashpot_fluidity(draws, regimes, temperature, size, fabric)
     omega = 2 * np.pi * frequency
     maxwell, kelvin, viscosity = (
         draws[name][..., np.newaxis]
         for name in ("maxwell_modulus", "kelvin_modulus", "kelvin_viscosity")
     )
     kelvin_stiffness = kelvin**2 + (omega * viscosity) ** 2
-    storage = (1 / maxwell + kelvin / kelvin_stiffness)[..., np.newaxis, :]
-    loss = (omega * viscosity / kelvin_stiffness)[..., np.newaxis, :] + fluidity[
-        ..., np.newaxis
-    ] / omega
+    storage = 1 / maxwell + kelvin / kelvin_stiffness
+    kelvin_loss = omega * viscosity / kelvin_stiffness
+    by_regime: dict[str, list[FloatArray]] = {"fluidity": [], "hold": [], "cycle": []}
+    for regime in regimes:
+        sine = half_period(regime)
+        rates = dashpot_rates(
+            draws,
+            regime,
+            np.append(sine, 0.0),
+            temperature=temperature,
+            grain_size=size,
+            fabric_factor=fabric,
+        )
+        cycling, held = rates[..., :-1], rates[..., -1]
+        by_regime["fluidity"].append(fluidity(cycling, sine, regime.amplitude))
+        by_regime["hold"].append(hold_strain(draws, regime.median_stress, held, hold_time))
+        amplitudes = regime.amplitude * storage, regime.amplitude * kelvin_loss
+        by_regime["cycle"].append(cycle_strain(cycling, sine, *amplitudes, frequency))
+    background, hold = (np.stack(by_regime[name], axis=-1) for name in ("fluidity", "hold"))
+    storage, loss = storage[..., np.newaxis, :], kelvin_loss[..., np.newaxis, :]
+    loss = loss + background[..., np.newaxis] / omega
     draw_dimensions = DRAW_DIMENSIONS[size.ndim]
     regime_dimensions = (*draw_dimensions, "regime")
     dimensions = (*regime_dimensions, "frequency")
-    return xr.Dataset(
+    compliance, number_of_one = {"units": "1/Pa"}, {"units": "1"}
+    spectrum = xr.Dataset(
         {
-            "tan_delta": (dimensions, loss / storage, {"units": "1"}),
-            "storage_compliance": (
-                dimensions,
-                np.broadcast_to(storage, loss.shape),
-                {"units": "1/Pa"},
-            ),
-            "loss_compliance": (dimensions, loss, {"units": "1/Pa"}),
-            "debye_peak": (regime_dimensions, _has_peak(draws, fluidity)),
+            "tan_delta": (dimensions, loss / storage, number_of_one),
+            "storage_compliance": (dimensions, np.broadcast_to(storage, loss.shape), compliance),
+            "loss_compliance": (dimensions, loss, compliance),
+            "debye_peak": (regime_dimensions, _has_peak(draws, background)),
             "grain_size": (draw_dimensions, size, {"units": "m"}),
-            "fabric_factor": (draw_dimensions, fabric, {"units": "1"}),
+            "fabric_factor": (draw_dimensions, fabric, number_of_one),
+            "hold_strain": (regime_dimensions, hold, number_of_one),
+            "cycle_strain": (dimensions, np.stack(by_regime["cycle"], axis=-2), number_of_one),
+            "critical_strain": (
+                draw_dimensions,
+                critical_strain(parameters, size, fabric),
+                number_of_one,
+            ),
         },
         coords={
             "frequency": ("frequency", frequency, {"units": "Hz"}),
@@ -145,8 +179,12 @@ def attenuation_spectrum(
             "median_stress": ("regime", [r.median_stress for r in regimes], {"units": "Pa"}),
             "amplitude": ("regime", [r.amplitude for r in regimes], {"units": "Pa"}),
             "temperature": ((), float(temperature), {"units": "K"}),
+            "hold_time": ((), checked_hold_time(hold_time), {"units": "s"}),
+            "critical_share": ((), checked_share(critical_share), number_of_one),
         },
     )
+    fails = (cycle_fails(spectrum) + hold_fails(spectrum)).clip(max=1.0)
+    return spectrum.assign(frozen_fails=fails.transpose(*dimensions))
 
 
 def _require_linear_kelvin_element(parameters: Mapping[str, npt.ArrayLike]) -> None:
@@ -160,39 +198,6 @@ def _require_linear_kelvin_element(parameters: Mapping[str, npt.ArrayLike]) -> N
             )
 
 
-def has_debye_peak(
-    parameters: Mapping[str, npt.ArrayLike],
-    regimes: Sequence[Regime] = PAPER_REGIMES,
-    *,
-    temperature: float,
-    grain_size: npt.ArrayLike,
-    fabric_factor: npt.ArrayLike = 1.0,
-) -> BoolArray:
-    """Whether the peak of the Kelvin element stands out of the dashpot's background.
-
-    With r = E_K/E_M and c = B eta_K the slope of tan(delta) changes sign twice along frequency,
-    at a dip and a peak, if and only if (1 + r)(1 + c) > 9 r c, that is r <= 1/8 or
-    c < (1 + r)/(8 r - 1); else tan(delta) falls with frequency everywhere.
-
-    Parameters
-    ----------
-    parameters, regimes, temperature, grain_size, fabric_factor
-        As for `attenuation_spectrum`.
-
-    Returns
-    -------
-    array of bool, shape of the draws + (n_regimes,)
-
-    Raises
-    ------
-    InputError
-        As for `attenuation_spectrum`.
-    """
-    _require_linear_kelvin_element(parameters)
-    draws, size, fabric = checked_inputs(parameters, temperature, grain_size, fabric_factor)
-    return _has_peak(draws, _dashpot_fluidity(draws, regimes, temperature, size, fabric))
-
-
 def predict_attenuation(
     fit: FittedTest,
     frequencies: Sequence[float] | FloatArray = DEFAULT_FREQUENCIES,
@@ -202,14 +207,19 @@ def predict_attenuation(
     temperature: float | None = None,
     grain_size: float | None = None,
     fabric_factor: float | None = None,
+    elastic_modulus: float | None = None,
+    elastic_modulus_sd: float = 0.0,
+    hold_time: float = HOLD_TIME,
+    critical_share: float = CRITICAL_SHARE,
+    seed: int = 1,
 ) -> xr.Dataset:
     """Spectrum of every posterior draw of a fit.
 
     Parameters
     ----------
     fit : FittedTest
-        A finished fit.
-    frequencies, regimes
+        A finished fit of one test, or what a joint fit says of one, such as ``fit["PIL40"]``.
+    frequencies, regimes, hold_time, critical_share
         As for `attenuation_spectrum`.
     microstructure : {"initial", "steady_state"}
         Initial: the experiment's initial grain size, and F = 1. Steady state: each draw's own
@@ -221,113 +231,66 @@ def predict_attenuation(
         K; default the experiment's.
     grain_size, fabric_factor : float, optional
         Take the place of what `microstructure` says; m and 1.
+    elastic_modulus, elastic_modulus_sd : float, optional
+        Pa; mean and standard deviation of a log-normal distribution that takes the place of E_M,
+        of a test at constant rate mostly the stiffness of the apparatus.
+    seed : int
+        Of the draws of the elastic modulus.
 
     Returns
     -------
     Dataset
         As of `attenuation_spectrum`, with the chain and draw numbers of the fit, and attributes
-        title, experiment, material, data_kind and microstructure.
+        title, experiment, material, data_kind, microstructure and elastic_modulus (empty where it
+        is that of the fit).
 
     Raises
     ------
     InputError
-        If `microstructure` is unknown, a number out of range, or the Kelvin element of the fit not
-        linear.
+        If `microstructure` is unknown, a number out of range, the Kelvin element of the fit not
+        linear, or the fit a joint one.
     """
     if microstructure not in get_args(Microstructure):
         expected = " or ".join(map(repr, get_args(Microstructure)))
         raise InputError(f"microstructure: found {microstructure!r}, expected {expected}.")
-    draws = fit.posterior["posterior"].to_dataset().transpose("chain", "draw", ...)
     experiment = fit.experiment
+    draws = fit.posterior["posterior"].to_dataset().transpose("chain", "draw", ...)
     frozen: dict[str, tuple[npt.ArrayLike, npt.ArrayLike]] = {
         "initial": (experiment.initial_grain_size, 1.0),
         "steady_state": (draws["steady_state_grain_size"], draws["steady_state_fabric_factor"]),
     }
     size, fabric = frozen[microstructure]
+    parameters: dict[str, npt.ArrayLike] = {
+        name: draws[name]
+        for name in (*PARAMETER_NAMES, BREAKDOWN, *KELVIN_REFERENCES, *EVOLUTION, PIEZOMETER[0])
+        if name in draws
+    }
+    if elastic_modulus is not None:
+        parameters["maxwell_modulus"] = _modulus_draws(
+            elastic_modulus, elastic_modulus_sd, draws["maxwell_modulus"].shape, seed
+        )
     spectrum = attenuation_spectrum(
-        {
-            name: draws[name]
-            for name in (*PARAMETER_NAMES, BREAKDOWN, *KELVIN_REFERENCES)
-            if name in draws
-        },
+        parameters,
         frequencies,
         regimes,
         temperature=experiment.temperature if temperature is None else temperature,
         grain_size=size if grain_size is None else grain_size,
         fabric_factor=fabric if fabric_factor is None else fabric_factor,
+        hold_time=hold_time,
+        critical_share=critical_share,
     )
     described = _microstructure_text(microstructure, grain_size, fabric_factor)
+    modulus = _modulus_text(elastic_modulus, elastic_modulus_sd)
     about = f"{experiment.material}, fitted to {experiment.provenance.kind} data"
-    conditions = f"{float(spectrum['temperature']):g} K, {described}"
+    conditions = [f"{float(spectrum['temperature']):g} K", described]
+    conditions += [f"elastic modulus {modulus}"] if modulus else []
     return spectrum.assign_coords(chain=draws["chain"], draw=draws["draw"]).assign_attrs(
-        title=f"{experiment.id} ({about}): {conditions}",
+        title=f"{experiment.id} ({about}): {', '.join(conditions)}",
         experiment=experiment.id,
         material=experiment.material,
         data_kind=experiment.provenance.kind,
         microstructure=described,
-    )
-
-
-def quantile_table(spectrum: xr.Dataset) -> pd.DataFrame:
-    """Posterior quantiles of tan(delta), a row for each regime and frequency.
-
-    Parameters
-    ----------
-    spectrum : Dataset
-        Of `attenuation_spectrum` or `predict_attenuation`, with draws.
-
-    Returns
-    -------
-    DataFrame
-        Columns median_stress_MPa, amplitude_MPa, frequency_Hz, mean, sd, q5, q25, q50, q75, q95.
-    """
-    tan_delta = flat_draws(spectrum["tan_delta"])
-    n_regimes, n_frequencies = tan_delta.shape[1:]
-    by_quantile = np.quantile(tan_delta, np.array(QUANTILES) / 100, axis=0)
-    stresses = {
-        f"{name}_{STRESS_UNIT}": np.repeat(
-            spectrum[name].to_numpy() / UNITS["stress"][STRESS_UNIT], n_frequencies
-        )
-        for name in ("median_stress", "amplitude")
-    }
-    return pd.DataFrame(
-        {
-            **stresses,
-            "frequency_Hz": np.tile(spectrum["frequency"].to_numpy(), n_regimes),
-            "mean": tan_delta.mean(axis=0).ravel(),
-            "sd": tan_delta.std(axis=0).ravel(),
-            **{f"q{q}": values.ravel() for q, values in zip(QUANTILES, by_quantile, strict=True)},
-        }
-    )
-
-
-def overview_table(spectrum: xr.Dataset) -> pd.DataFrame:
-    """Attenuation at a few frequencies for people, a row for each regime.
-
-    Returns
-    -------
-    DataFrame
-        Text. Columns regime, one for each of at most `OVERVIEW_FREQUENCIES` frequencies with
-        median and 5 and 95 % of the draws, and Debye peak: the share of draws that have one.
-    """
-    frequency = spectrum["frequency"].to_numpy()
-    n_shown = min(OVERVIEW_FREQUENCIES, frequency.size)
-    shown = np.linspace(0, frequency.size - 1, n_shown).round().astype(int)
-    low, median, high = np.quantile(flat_draws(spectrum["tan_delta"]), (0.05, 0.5, 0.95), axis=0)
-    share = regime_peaks(spectrum).mean(axis=0)
-    return pd.DataFrame(
-        [
-            {
-                "regime": str(label),
-                **{
-                    f"{frequency[i]:.3g} Hz": f"{median[k, i]:.3g} [{low[k, i]:.3g}, "
-                    f"{high[k, i]:.3g}]"
-                    for i in shown
-                },
-                "Debye peak": f"{100 * share[k]:.0f} % of draws",
-            }
-            for k, label in enumerate(spectrum["regime"].to_numpy())
-        ]
+        elastic_modulus=modulus,
     )
 
 
@@ -363,7 +326,7 @@ def increasing_frequency(spectrum: xr.Dataset) -> FloatArray:
 
 
 def regime_peaks(spectrum: xr.Dataset) -> BoolArray:
-    """Whether the peak stands out (`has_debye_peak`), shape (n_draws, n_regimes)."""
+    """Whether the peak stands out, shape (n_draws, n_regimes)."""
     peak = spectrum["debye_peak"].transpose(..., "regime").to_numpy()
     flat: BoolArray = peak.reshape(-1, peak.shape[-1])
     return flat
@@ -390,6 +353,29 @@ def falling_stretch(spectrum: xr.Dataset) -> tuple[FloatArray, FloatArray]:
     return low, high
 
 
+def _modulus_draws(
+    mean: float, standard_deviation: float, shape: tuple[int, ...], seed: int
+) -> FloatArray:
+    """Draws of a log-normal elastic modulus, Pa."""
+    if not (np.isfinite(mean) and mean > 0):
+        raise InputError(f"elastic_modulus: found {mean:g} Pa, expected a positive modulus.")
+    if not (np.isfinite(standard_deviation) and standard_deviation >= 0):
+        raise InputError(
+            f"elastic_modulus_sd: found {standard_deviation:g} Pa, expected 0 or a positive number."
+        )
+    variance = np.log1p((standard_deviation / mean) ** 2)
+    normal = np.random.default_rng(seed).normal(size=shape)
+    return np.asarray(mean * np.exp(np.sqrt(variance) * normal - 0.5 * variance))
+
+
+def _modulus_text(mean: float | None, standard_deviation: float) -> str:
+    """Say in words what elastic modulus was given; empty where none was."""
+    if mean is None:
+        return ""
+    scatter = f" ± {number(standard_deviation / 1e9)}" if standard_deviation else ""
+    return f"{number(mean / 1e9)}{scatter} GPa"
+
+
 def _microstructure_text(
     microstructure: str, grain_size: float | None, fabric_factor: float | None
 ) -> str:
@@ -402,46 +388,14 @@ def _microstructure_text(
     return text
 
 
-def _dashpot_fluidity(
-    draws: Mapping[str, FloatArray],
-    regimes: Sequence[Regime],
-    temperature: float,
-    grain_size: FloatArray,
-    fabric_factor: FloatArray,
-) -> FloatArray:
-    """B in 1/(Pa s), shape of the draws + (n_regimes,).
+def _has_peak(draws: Mapping[str, FloatArray], dashpot_fluidity: FloatArray) -> BoolArray:
+    """Whether the peak of the Kelvin element stands out of the dashpot's background.
 
-    The trapezoid rule over the period, its nodes half a step away from the extremes of stress:
-    both halves of the period give the same sum, so one is enough.
+    With r = E_K/E_M and c = B eta_K the slope of tan(delta) changes sign twice along frequency,
+    at a dip and a peak, if and only if (1 + r)(1 + c) > 9 r c, that is r <= 1/8 or
+    c < (1 + r)/(8 r - 1); else tan(delta) falls with frequency everywhere.
     """
-    exponent = draws["stress_exponent"]
-    log_factor = draws["activation_enthalpy"] * (draws["beta"] - 1 / (GAS_CONSTANT * temperature))
-    log_fluidity = (
-        log_factor
-        - draws["grain_size_exponent"] * np.log(grain_size)
-        - exponent * np.log(fabric_factor)
-    )
-    breakdown = (draws[BREAKDOWN] * fabric_factor)[..., np.newaxis]
-    by_regime = []
-    for regime in regimes:
-        changes_sign = regime.amplitude > regime.median_stress
-        n_nodes = _NODES_SIGN_CHANGE if changes_sign else _NODES
-        sine = np.sin(np.pi * ((np.arange(n_nodes) + 0.5) / n_nodes - 0.5))
-        stress = regime.median_stress + regime.amplitude * np.append(sine, 1.0)  # and its peak
-        weight = 2 / n_nodes * np.sign(stress[:-1]) * sine
-        if breakdown.any():
-            stress = breakdown * np.sinh(stress / breakdown)
-        peak = stress[..., -1]
-        # Relative to its peak, stress to the power n neither over- nor underflows.
-        relative = stress[..., :-1] / peak[..., np.newaxis]
-        mean = np.abs(relative) ** exponent[..., np.newaxis] @ weight
-        by_regime.append(np.exp(log_fluidity + exponent * np.log(peak)) / regime.amplitude * mean)
-    return np.stack(by_regime, axis=-1)
-
-
-def _has_peak(draws: Mapping[str, FloatArray], fluidity: FloatArray) -> BoolArray:
-    """Evaluate the criterion of `has_debye_peak` from B."""
     ratio = (draws["kelvin_modulus"] / draws["maxwell_modulus"])[..., np.newaxis]
-    background = fluidity * draws["kelvin_viscosity"][..., np.newaxis]
+    background = dashpot_fluidity * draws["kelvin_viscosity"][..., np.newaxis]
     peak: BoolArray = (1 + ratio) * (1 + background) > 9 * ratio * background
     return peak

@@ -28,6 +28,7 @@ from pyburgers.drawing.style import (
     VERMILION,
     style,
 )
+from pyburgers.predictions.assumptions import likely_fails
 from pyburgers.predictions.attenuation import flat_draws
 
 FloatArray = npt.NDArray[np.float64]
@@ -42,6 +43,12 @@ FEW_FREQUENCIES = 10
 DRAWN = 150
 """Curves of single draws in a panel."""
 
+THICK, THIN, PALE = 1.8, 1.0, 0.7
+"""Widths of the medians, and the opacity of those where the assumption fails."""
+
+HOLDING_LABEL = "_holding"
+FAILING_LABEL = "frozen microstructure fails"
+
 _COLOURS = (BLUE, GREEN, ORANGE, VERMILION, PURPLE, SKY_BLUE, BLACK)
 _DASHES: tuple[Any, ...] = ("-", "--", "-.", ":", (0, (6, 1, 1, 1, 1, 1)))
 
@@ -50,7 +57,9 @@ ATTENUATION_CAPTION = (
     "the medians over draws, dark and light areas hold 50 % and 90 % of the draws at each "
     "frequency. The Kelvin element gives a peak (a Debye peak), the power-law dashpot a background "
     "that falls with frequency; the dashpot flows faster at higher stress, so its background rises "
-    "and may bury the peak. The microstructure is frozen as the title says."
+    "and may bury the peak. The microstructure is frozen as the title says; where that fails in "
+    "most draws, because the hold or a cycle strains the material too much, lines are thin and "
+    "pale."
 )
 
 DRAWS_CAPTION = (
@@ -58,13 +67,14 @@ DRAWS_CAPTION = (
     "150) with their median (thick). Curves that lie apart but run parallel differ in amplitude, "
     "which is then what the posterior leaves open; curves that cross or bend at different "
     "frequencies would differ in where the peak is. The dashed line is the median of the first "
-    "panel, for comparison."
+    "panel, for comparison. In the grey part frozen microstructure fails in most draws."
 )
 
 AMPLITUDE_CAPTION = (
     "What the amplitude of the cycles does at one median stress. Left: attenuation, median and "
     "90 % of draws. Right: attenuation over that of the smallest amplitude, draw by draw, so that "
-    "what all amplitudes share drops out. A linear material would have the ratio one throughout."
+    "what all amplitudes share drops out. A linear material would have the ratio one throughout. "
+    "Lines are thin and pale where frozen microstructure fails in most draws."
 )
 
 
@@ -81,7 +91,7 @@ def attenuation(spectrum: xr.Dataset, title: str) -> Figure:
             Patch(color=BLACK, alpha=0.43, label="50 % of draws"),
             Patch(color=BLACK, alpha=0.18, label="90 % of draws"),
         ]
-        _legend_above(figure, [*lines, *areas], title)
+        _legend_above(figure, [*lines, *areas, *_failing_handles(spectrum)], title)
     return figure
 
 
@@ -92,6 +102,7 @@ def attenuation_draws(spectrum: xr.Dataset, title: str) -> Figure:
     shown = evenly_spaced(tan_delta, DRAWN)
     frequency = spectrum["frequency"].to_numpy()
     medians = np.median(tan_delta, axis=0)
+    fails = likely_fails(spectrum)
     n_regimes = len(medians)
     columns = min(2, n_regimes)
     rows = -(-n_regimes // columns)
@@ -109,6 +120,10 @@ def attenuation_draws(spectrum: xr.Dataset, title: str) -> Figure:
             if k > 0:
                 axes.loglog(frequency, medians[0], color=BLACK, linestyle="--", linewidth=1.0)
             axes.loglog(frequency, medians[k], color=BLACK, linewidth=1.8)
+            n_failing = int(fails[k].sum())  # from some frequency downwards, or all
+            if n_failing > 0 and frequency.size > 1:
+                end = frequency[min(n_failing, frequency.size - 1)]
+                axes.axvspan(frequency[0], end, color=BLACK, alpha=0.1, lw=0)
             axes.set_title(f"{REGIME_TITLE}: {spectrum['regime'].to_numpy()[k]}", loc="left")
             axes.margins(x=0.0)
         figure.supxlabel(FREQUENCY_LABEL, fontsize=10)
@@ -119,9 +134,10 @@ def attenuation_draws(spectrum: xr.Dataset, title: str) -> Figure:
                 Line2D([], [], color="#777777", linewidth=0.8, label=f"{len(shown)} single draws"),
                 Line2D([], [], color=BLACK, linewidth=1.8, label="median"),
                 Line2D([], [], color=BLACK, linestyle="--", label=f"median at {first}"),
+                *([Patch(color=BLACK, alpha=0.1, label=FAILING_LABEL)] if fails.any() else []),
             ],
             loc="outside upper center",
-            ncols=3,
+            ncols=2 if fails.any() else 3,
             title=title,
         )
     return figure
@@ -154,7 +170,7 @@ def amplitude_dependence(spectrum: xr.Dataset, title: str) -> Figure:
         left.set_title("(a) attenuation", loc="left")
         right.set_title("(b) relative to the smallest amplitude", loc="left")
         areas = [Patch(color=BLACK, alpha=0.2, label="90 % of draws")]
-        _legend_above(figure, [*lines, *areas], title)
+        _legend_above(figure, [*lines, *areas, *_failing_handles(spectrum)], title)
     return figure
 
 
@@ -169,10 +185,19 @@ def _legend_above(figure: Figure, handles: Sequence[Patch | Line2D], title: str)
     legend.get_title().set_multialignment("center")
 
 
+def _failing_handles(spectrum: xr.Dataset) -> list[Line2D]:
+    """Legend of what is drawn where frozen microstructure fails, if it does anywhere."""
+    if not likely_fails(spectrum).any():
+        return []
+    return [Line2D([], [], color=BLACK, linewidth=THIN, alpha=PALE, label=FAILING_LABEL)]
+
+
 def _draw_bands(
     axes: Axes, spectrum: xr.Dataset, values: FloatArray, opacities: Sequence[float]
 ) -> list[Line2D]:
-    """Draw a median and nested bands for each regime; return the lines.
+    """Draw a median and nested bands for each regime; return what is in the legend.
+
+    The medians are drawn pale first, then again where frozen microstructure does not fail.
 
     Parameters
     ----------
@@ -184,23 +209,20 @@ def _draw_bands(
     frequency = spectrum["frequency"].to_numpy()
     marker = "o" if frequency.size < FEW_FREQUENCIES else ""
     quantiles = np.quantile(values, BAND_QUANTILES, axis=0)
-    lines = []
+    fails = likely_fails(spectrum)
+    handles = []
     for k, label in enumerate(spectrum["regime"].to_numpy()):
-        colour = _COLOURS[k % len(_COLOURS)]
+        colour, dashes = _COLOURS[k % len(_COLOURS)], _DASHES[k % len(_DASHES)]
         for band, opacity in enumerate(opacities):
             low, high = quantiles[band, k], quantiles[-1 - band, k]
             axes.fill_between(frequency, low, high, color=colour, alpha=opacity, linewidth=0)
-        lines += axes.plot(
-            frequency,
-            quantiles[2, k],
-            color=colour,
-            linestyle=_DASHES[k % len(_DASHES)],
-            linewidth=1.8,
-            marker=marker,
-            label=str(label),
-        )
+        line: dict[str, Any] = {"color": colour, "linestyle": dashes, "marker": marker}
+        axes.plot(frequency, quantiles[2, k], **line, linewidth=THIN, alpha=PALE, label=str(label))
+        holding = np.where(fails[k], np.nan, quantiles[2, k])
+        axes.plot(frequency, holding, **line, linewidth=THICK, label=HOLDING_LABEL)
+        handles.append(Line2D([], [], **line, linewidth=THICK, label=str(label)))
     axes.set_xscale("log")
     if not marker:
         axes.margins(x=0.0)
     axes.set_xlabel(FREQUENCY_LABEL)
-    return lines
+    return handles

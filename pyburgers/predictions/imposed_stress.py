@@ -17,7 +17,13 @@ from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.model.parameters import KELVIN_REFERENCES, STANDARD_VALUES
-from pyburgers.predictions.stress_cycles import Regime, checked_frequencies, checked_inputs
+from pyburgers.predictions.stress_cycles import (
+    HOLD_TIME,
+    Regime,
+    checked_frequencies,
+    checked_hold_time,
+    checked_inputs,
+)
 from pyburgers.protocols.forced_oscillation.harmonics import (
     N_HARMONICS,
     HarmonicFit,
@@ -133,9 +139,6 @@ def phase_lag(
 
 KELVIN_PARAMETERS = (*KELVIN_REFERENCES.keys(), *KELVIN_REFERENCES.values())
 """Parameters of a Kelvin element that is not linear, which may be left out."""
-
-HOLD_TIME = 3600.0
-"""Time (s) at the median stress before the cycles: the shortest of the paper's 1 to 2 h."""
 
 SOLVER = SolverOptions(tolerance=1e-12, max_num_steps=1_000_000)
 """A phase is wrong by about a thousand times the tolerance; steps cost next to nothing here."""
@@ -312,8 +315,7 @@ def simulated_phase_lag(
 
 def _with_start_of_cycles(time: FloatArray, hold_time: float) -> FloatArray:
     """Check output times and add 0."""
-    if not (np.isfinite(hold_time) and hold_time > 0):
-        raise InputError(f"hold_time: found {hold_time:g}, expected a positive number of s.")
+    checked_hold_time(hold_time)
     times = np.asarray(time, dtype=np.float64)
     if not np.isfinite(times).all() or (np.diff(times) <= 0).any() or (times <= -hold_time).any():
         raise InputError(

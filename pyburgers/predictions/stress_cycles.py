@@ -30,6 +30,8 @@ PARAMETER_NAMES = (
 BREAKDOWN = "breakdown_stress"
 """That of a dashpot which is a hyperbolic sine; 0, or left out, in all draws of a power law."""
 
+HOLD_TIME = 5400.0
+"""Time (s) at the median stress before the cycles: the middle of the paper's 1 to 2 h."""
 
 DRAW_DIMENSIONS = {0: (), 1: ("draw",), 2: ("chain", "draw")}
 
@@ -199,3 +201,16 @@ def checked_frequencies(frequencies: Sequence[float] | FloatArray) -> FloatArray
         )
     _check_positive("frequencies", "of Hz", frequency)
     return frequency
+
+
+def checked_hold_time(hold_time: float) -> float:
+    """Return the length of the hold (s).
+
+    Raises
+    ------
+    InputError
+        If it is not positive and finite.
+    """
+    if not (np.isfinite(hold_time) and hold_time > 0):
+        raise InputError(f"hold_time: found {hold_time:g}, expected a positive number of s.")
+    return float(hold_time)

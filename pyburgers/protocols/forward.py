@@ -10,30 +10,23 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from pyburgers.cmdstan.program import load_program
-from pyburgers.common.errors import InputError, SamplingError
+from pyburgers.common.errors import InputError
 from pyburgers.model.parameters import (
     GIVEN_TOGETHER,
     PARAMETER_BY_NAME,
     PARAMETERS,
-    PROGRAM_PARAMETERS,
     STANDARD_VALUES,
 )
-from pyburgers.model.prior_families import MAY_BE_ZERO, fixed_prior
-from pyburgers.model.priors import PriorSet
+from pyburgers.model.prior_families import MAY_BE_ZERO
 from pyburgers.model.variants import check_piezometer
 from pyburgers.protocols.experiment import Experiment, Provenance
-from pyburgers.protocols.problem import one_test
-from pyburgers.protocols.program_data import program_data
+from pyburgers.protocols.program_data import given_parameters, solve
 from pyburgers.protocols.protocol import protocol_of
-from pyburgers.protocols.stan_data import SolverOptions
+from pyburgers.protocols.stan_data import REFERENCE_SOLVER, SolverOptions
 
 FloatArray = npt.NDArray[np.float64]
 
 E = TypeVar("E", bound=Experiment)
-
-REFERENCE_SOLVER = SolverOptions(tolerance=1e-10, max_num_steps=1_000_000)
-"""Tolerance at which a solution is taken as exact."""
 
 
 def load_parameters(path: str | Path) -> dict[str, float]:
@@ -131,29 +124,6 @@ def check_given_together(values: Mapping[str, float], where: str) -> None:
                 )
 
 
-def given_parameters(material: str, values: Mapping[str, float]) -> PriorSet:
-    """Return priors that fix every parameter.
-
-    Parameters
-    ----------
-    material : str
-        Of the experiment.
-    values : mapping
-        SI values by name; what is missing, such as the noise of a solution without any, is 1.
-    """
-    known = {"stress_noise": 1.0, **values}  # a solution has no noise
-    return PriorSet(
-        material=material,
-        title="given parameters",
-        priors={
-            p.name: fixed_prior(p, known[p.name], "given")
-            for p in PROGRAM_PARAMETERS
-            if p.name in known
-        },
-        name="given",
-    )
-
-
 def simulate(
     experiment: Experiment,
     parameters: Mapping[str, float],
@@ -197,41 +167,6 @@ def simulate(
     solution = pd.DataFrame(protocol.solution(experiment, draw))
     solution.attrs[protocol.reference.name] = float(np.exp(draw["log_reference"][0]))
     return solution
-
-
-def solve(
-    experiment: Experiment, values: Mapping[str, float], at: FloatArray, *, solver: SolverOptions
-) -> dict[str, FloatArray]:
-    """Solve the model once and return every generated quantity of the Stan program.
-
-    Parameters
-    ----------
-    experiment, values, at, solver
-        As for `simulate`; `values` are taken as they are.
-
-    Returns
-    -------
-    dict
-        ``grid_*`` arrays, shape (n,), as named in the Stan program, the positions themselves as
-        ``grid_CLOCK``, such as ``grid_strain``, and ``log_reference``, shape (1,), ln of the
-        reference stress (Pa) or flow rate (1/s).
-
-    Raises
-    ------
-    SamplingError
-        If the solver finds no solution.
-    """
-    priors = given_parameters(experiment.material, values)
-    protocol = protocol_of(experiment)
-    bare = protocol.without_data(experiment)
-    data = program_data(one_test(bare, priors), solver=solver, grids=[at])
-    draw = load_program(protocol.program).evaluate(data)
-    if not np.isfinite(draw[f"grid_{protocol.response.name}"]).all():
-        raise SamplingError(
-            f"{experiment.id}: the solver found no finite {protocol.response.name} at these "
-            "parameters; check their units (SI) and the sign of beta."
-        )
-    return {**draw, f"grid_{protocol.clock.name}": protocol.solved_positions(data, at)}
 
 
 def simulate_data(

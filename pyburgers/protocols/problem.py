@@ -6,6 +6,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from pyburgers.common.errors import InputError
 from pyburgers.model.parameters import Parameter
@@ -14,7 +15,9 @@ from pyburgers.model.priors import FLOW_LAW, PriorSet
 from pyburgers.model.variants import check_variant
 from pyburgers.protocols.coordinates import Layout, PlainCoordinates, layout_of
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.protocol import Protocol, protocol_of
+from pyburgers.protocols.protocol import Mode, Protocol, protocol_of
+
+FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -102,6 +105,22 @@ class Problem:
         priors = _with_shared(self.given_priors, self.priors[0], self.shared)
         kept = [experiment for experiment in self.experiments if experiment.id != test]
         return problem_of(kept, priors, self.pooling)
+
+
+@dataclass(frozen=True, eq=False)
+class ProblemMode:
+    """The highest density found of a problem.
+
+    Attributes
+    ----------
+    tests : tuple of Mode
+        Values of each test, and its plain coordinates by itself.
+    coordinate : array, shape (n_coordinates,)
+        Plain coordinates of all tests together.
+    """
+
+    tests: tuple[Mode, ...]
+    coordinate: FloatArray
 
 
 def one_test(experiment: Experiment, priors: PriorSet) -> Problem:

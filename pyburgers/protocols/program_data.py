@@ -10,6 +10,8 @@ from itertools import chain
 import numpy as np
 import numpy.typing as npt
 
+from pyburgers.cmdstan.program import load_program
+from pyburgers.common.errors import SamplingError
 from pyburgers.model.flow_law_prior import FlowLawPrior
 from pyburgers.model.parameters import PARAMETER_BY_NAME, PIEZOMETER, PROGRAM_PARAMETERS, Parameter
 from pyburgers.model.prior_families import fixed_prior, is_fixed_at
@@ -17,7 +19,7 @@ from pyburgers.model.priors import FLOW_LAW, PriorSet
 from pyburgers.model.variants import variant_of
 from pyburgers.protocols.coordinates import Layout
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.problem import Problem
+from pyburgers.protocols.problem import Problem, one_test
 from pyburgers.protocols.protocol import protocol_of
 from pyburgers.protocols.stan_data import (
     CHART,
@@ -242,3 +244,61 @@ def _coordinate_block(problem: Problem, layout: Layout) -> StanData:
         "spread_position": (layout.spread + 1).tolist(),
         "spread_scale": [problem.pooling.spread_scales[name] for name in layout.partial],
     }
+
+
+def given_parameters(material: str, values: Mapping[str, float]) -> PriorSet:
+    """Return priors that fix every parameter.
+
+    Parameters
+    ----------
+    material : str
+        Of the experiment.
+    values : mapping
+        SI values by name; what is missing, such as the noise of a solution without any, is 1.
+    """
+    known = {"stress_noise": 1.0, **values}  # a solution has no noise
+    return PriorSet(
+        material=material,
+        title="given parameters",
+        priors={
+            p.name: fixed_prior(p, known[p.name], "given")
+            for p in PROGRAM_PARAMETERS
+            if p.name in known
+        },
+        name="given",
+    )
+
+
+def solve(
+    experiment: Experiment, values: Mapping[str, float], at: FloatArray, *, solver: SolverOptions
+) -> dict[str, FloatArray]:
+    """Solve the model once and return every generated quantity of the Stan program.
+
+    Parameters
+    ----------
+    experiment, values, at, solver
+        As for `simulate`; `values` are taken as they are.
+
+    Returns
+    -------
+    dict
+        ``grid_*`` arrays, shape (n,), as named in the Stan program, the positions themselves as
+        ``grid_CLOCK``, such as ``grid_strain``, and ``log_reference``, shape (1,), ln of the
+        reference stress (Pa) or flow rate (1/s).
+
+    Raises
+    ------
+    SamplingError
+        If the solver finds no solution.
+    """
+    priors = given_parameters(experiment.material, values)
+    protocol = protocol_of(experiment)
+    bare = protocol.without_data(experiment)
+    data = program_data(one_test(bare, priors), solver=solver, grids=[at])
+    draw = load_program(protocol.program).evaluate(data)
+    if not np.isfinite(draw[f"grid_{protocol.response.name}"]).all():
+        raise SamplingError(
+            f"{experiment.id}: the solver found no finite {protocol.response.name} at these "
+            "parameters; check their units (SI) and the sign of beta."
+        )
+    return {**draw, f"grid_{protocol.clock.name}": protocol.solved_positions(data, at)}

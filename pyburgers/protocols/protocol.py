@@ -104,7 +104,7 @@ class AtMode(Generic[E]):
         Data of the program in plain coordinates.
     solution : callable
         Receives positions on the clock (SI), returns the solution there
-        (`pyburgers.protocols.forward.solve`).
+        (`pyburgers.protocols.program_data.solve`).
     generated, curvature : callable
         Receive changed entries of the data; return every variable of the program, and the Hessian
         of minus the log density by the plain coordinates.

@@ -52,6 +52,10 @@ class SolverOptions:
             raise InputError(f"max_num_steps is {self.max_num_steps}, expected at least 1.")
 
 
+REFERENCE_SOLVER = SolverOptions(tolerance=1e-10, max_num_steps=1_000_000)
+"""Tolerance at which a solution is taken as exact."""
+
+
 def solver_block(solver: SolverOptions) -> StanData:
     """Return the block `stan/data/solver.stan`."""
     return {"tolerance": solver.tolerance, "max_num_steps": solver.max_num_steps}

@@ -1,28 +1,19 @@
 """What the sampler moves in: coordinates, where their origin lies, and the first metric."""
 
 import logging
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from pyburgers.cmdstan.program import Program, load_program
+from pyburgers.cmdstan.program import ModeNotFound, Program, load_program
 from pyburgers.common.errors import InputError
-from pyburgers.protocols.forward import solve
-from pyburgers.protocols.problem import Problem
-from pyburgers.protocols.program_data import chart_block, program_data
+from pyburgers.protocols.problem import Problem, ProblemMode
+from pyburgers.protocols.program_data import chart_block, program_data, solve
 from pyburgers.protocols.protocol import AtMode, Chart, ChartUnsuited, Mode
 from pyburgers.protocols.stan_data import SolverOptions, StanData, solver_block
-from pyburgers.sampling.starts import (
-    ModeNotFound,
-    ProblemMode,
-    climb,
-    curvature_at,
-    expected_rise,
-    find_mode,
-    laplace_metric,
-)
 
 logger = logging.getLogger(__name__)
 
@@ -84,9 +75,15 @@ def check_coordinates(problem: Problem, wanted: str) -> None:
 
 
 def choose_chart(
-    problem: Problem, data: StanData, *, wanted: str, seed: int, solver: SolverOptions
+    problem: Problem,
+    data: StanData,
+    find_mode: Callable[[], ProblemMode],
+    *,
+    wanted: str,
+    seed: int,
+    solver: SolverOptions,
 ) -> ChosenChart:
-    """Find the posterior mode and set up the chart that suits, or fall back to plain coordinates.
+    """Set up the chart that suits at the posterior mode, or fall back to plain coordinates.
 
     Parameters
     ----------
@@ -95,11 +92,13 @@ def choose_chart(
     data : dict
         Its data in plain coordinates. Where they switch the likelihood off, coordinates stay
         plain and chains start from the prior: what data fix is a poor guide to it.
+    find_mode : callable
+        Returns the mode or raises `pyburgers.cmdstan.program.ModeNotFound`.
     wanted : str
         "auto" takes the chart of the protocol where priors and records suit it; checked by
         `check_coordinates`.
     seed : int
-        Decides where the search for the mode starts.
+        For the record of the optimiser; it draws nothing.
     solver : SolverOptions
         Tolerance and step limit.
 
@@ -113,7 +112,7 @@ def choose_chart(
     logger.info("Finding the posterior mode, which sets the sampler's coordinates and metric.")
     model, chart, mode = load_program(problem.protocol.program), problem.protocol.chart, None
     try:
-        mode = find_mode(problem, seed=seed, solver=solver)
+        mode = find_mode()
         if chart is not None and wanted != "plain":
             return _chart_at(chart, problem, model, data, mode, seed=seed, solver=solver)
         reason = "the protocol has no others"
@@ -242,6 +241,97 @@ def laplace_at_mode(
     ModeNotFound
         If the optimiser fails.
     """
-    found = climb(model, data, [{"coordinate": start.tolist()}], seed=seed)
+    found = model.climb(data, [{"coordinate": start.tolist()}], seed=seed)
     centre = np.asarray(found["coordinate"], dtype=np.float64)
     return centre, laplace_metric(model, data, centre)
+
+
+DIFFERENCE = 0.05
+"""Step of the central differences; coordinates are O(1)."""
+
+LARGEST_STEP = 4.0
+"""In posterior standard deviations, beyond which differences are taken again with smaller steps."""
+
+SMALL_STEP = 0.25
+"""Of those, in standard deviations as the differences before have them."""
+
+N_REFINEMENTS = 4
+"""Each is worth a factor of ten or more in the width of the narrowest direction."""
+
+LEAST_CURVATURE = 0.15
+"""Floor of the eigenvalues: flat directions are about as wide as a logistic prior, sd 1.8-2.6."""
+
+
+def laplace_metric(model: Program, data: StanData, centre: FloatArray) -> FloatArray:
+    """Covariance of the Laplace approximation around the posterior mode.
+
+    Parameters
+    ----------
+    model : Program
+        Program whose parameter is the vector ``coordinate``.
+    data : dict
+        Its data.
+    centre : array, shape (n_coordinates,)
+        The mode in the coordinates that the data choose.
+
+    Returns
+    -------
+    array, shape (n_coordinates, n_coordinates)
+        Inverse of the Hessian of minus the log density by central differences of Stan's
+        gradients, with its eigenvalues kept above `LEAST_CURVATURE`.
+    """
+    steps: FloatArray = DIFFERENCE * np.eye(centre.size)
+    for _ in range(1 + N_REFINEMENTS):
+        curvature, axes = np.linalg.eigh(curvature_at(model, data, centre, steps))
+        covariance: FloatArray = (axes / np.maximum(curvature, LEAST_CURVATURE)) @ axes.T
+        widths = np.linalg.cholesky(covariance)
+        if np.linalg.norm(np.linalg.solve(widths, steps), axis=0).max() <= LARGEST_STEP:
+            break
+        steps = np.asarray(SMALL_STEP * widths, dtype=np.float64)
+    return covariance
+
+
+def expected_rise(
+    model: Program, data: StanData, centre: FloatArray, covariance: FloatArray
+) -> float:
+    """Rise of the log density from a point to the mode of its quadratic approximation there.
+
+    Parameters
+    ----------
+    model, data, centre
+        As for `laplace_metric`.
+    covariance : array, shape (n_coordinates, n_coordinates)
+        Its result.
+    """
+    (gradient,) = model.gradients(data, "coordinate", [centre])
+    return float(gradient @ covariance @ gradient) / 2
+
+
+def curvature_at(
+    model: Program,
+    data: StanData,
+    centre: FloatArray,
+    steps: FloatArray | None = None,
+) -> FloatArray:
+    """Hessian of minus the log density.
+
+    Parameters
+    ----------
+    model, data, centre
+        As for `laplace_metric`.
+    steps : array, shape (n_coordinates, n_coordinates), optional
+        Steps of the differences as columns; default: `DIFFERENCE` along each coordinate.
+
+    Returns
+    -------
+    array, shape (n_coordinates, n_coordinates)
+        By central differences of Stan's gradients, symmetric.
+    """
+    if steps is None:
+        steps = DIFFERENCE * np.eye(centre.size)
+    after, before = (
+        model.gradients(data, "coordinate", centre + shift) for shift in (steps.T, -steps.T)
+    )
+    hessian = -np.linalg.solve(2 * steps.T, after - before)
+    symmetric: FloatArray = (hessian + hessian.T) / 2
+    return symmetric

@@ -31,7 +31,7 @@ from pyburgers.sampling.chains import ChainFailure, run_side_by_side
 from pyburgers.sampling.charts import ChosenChart, check_coordinates, choose_chart
 from pyburgers.sampling.options import INDECISIVE, SamplerOptions
 from pyburgers.sampling.run_directory import RunDirectory
-from pyburgers.sampling.starts import draw_initial_values, draw_start_around
+from pyburgers.sampling.starts import draw_initial_values, draw_start_around, find_mode
 
 logger = logging.getLogger(__name__)
 
@@ -105,7 +105,12 @@ def run_chains(
         _write_inputs(run, problem)
         if not run.stan_data_file.is_file():
             chosen = choose_chart(
-                problem, data, wanted=options.coordinates, seed=options.seed, solver=solver
+                problem,
+                data,
+                lambda: find_mode(problem, seed=options.seed, solver=solver),
+                wanted=options.coordinates,
+                seed=options.seed,
+                solver=solver,
             )
             _write_chart(run, data, chosen)
         record = run_record(

@@ -1,7 +1,6 @@
-"""Where chains start: draws of the prior, the posterior mode, the metric and draws around it."""
+"""Where chains start: draws of the prior, the posterior mode and draws around it."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import chain
 
 import numpy as np
@@ -9,9 +8,8 @@ import numpy.typing as npt
 
 from pyburgers.cmdstan.program import Program, load_program
 from pyburgers.common.errors import SamplingError
-from pyburgers.protocols.forward import simulate
-from pyburgers.protocols.problem import Problem
-from pyburgers.protocols.program_data import program_data, values_of_test
+from pyburgers.protocols.problem import Problem, ProblemMode
+from pyburgers.protocols.program_data import program_data, solve, values_of_test
 from pyburgers.protocols.protocol import Mode
 from pyburgers.protocols.stan_data import SolverOptions, StanData
 
@@ -52,17 +50,17 @@ def draw_initial_values(problem: Problem, *, seed: int, chain: int) -> dict[str,
         values = [{**own, **shared} for own in drawn]
         spreads = np.abs(rng.standard_normal(len(problem.partial)))
         try:
-            references = [
-                simulate(experiment, own, at=experiment.position, solver=SolverOptions()).attrs[
-                    reference
-                ]
+            solutions = [
+                solve(experiment, own, experiment.position, solver=SolverOptions())
                 for experiment, own in zip(problem.experiments, values, strict=True)
             ]
         except SamplingError:
             continue  # a test has no finite solution here; the next draw may have one
         plain = [
-            coordinates.at({**own, reference: found})
-            for coordinates, own, found in zip(problem.coordinates, values, references, strict=True)
+            coordinates.at({**own, reference: float(np.exp(solution["log_reference"][0]))})
+            for coordinates, own, solution in zip(
+                problem.coordinates, values, solutions, strict=True
+            )
         ]
         return {"coordinate": position_of(problem, plain, spreads).tolist()}
     raise SamplingError(
@@ -112,7 +110,7 @@ def draw_start_around(
     centre : array, shape (n_coordinates,)
         The mode.
     covariance : array, shape (n_coordinates, n_coordinates)
-        `pyburgers.sampling.starts.laplace_metric`.
+        `pyburgers.sampling.charts.laplace_metric`.
     seed, chain : int
         The start depends on these two alone.
 
@@ -140,26 +138,6 @@ def draw_start_around(
         f"none of {INITIAL_ATTEMPTS} starts around the posterior mode has a finite solution; "
         "narrow the priors."
     )
-
-
-class ModeNotFound(Exception):  # noqa: N818 - an outcome with a reason, not an error
-    """The optimiser failed; the message says how."""
-
-
-@dataclass(frozen=True, eq=False)
-class ProblemMode:
-    """The highest density found of a problem.
-
-    Attributes
-    ----------
-    tests : tuple of Mode
-        Values of each test, and its plain coordinates by itself.
-    coordinate : array, shape (n_coordinates,)
-        Plain coordinates of all tests together.
-    """
-
-    tests: tuple[Mode, ...]
-    coordinate: FloatArray
 
 
 def find_mode(problem: Problem, *, seed: int, solver: SolverOptions) -> ProblemMode:
@@ -190,7 +168,7 @@ def find_mode(problem: Problem, *, seed: int, solver: SolverOptions) -> ProblemM
         together = position_of(problem, single, np.ones(len(problem.partial)))
         starts = chain([{"coordinate": together.tolist()}], starts)
     model = load_program(problem.protocol.program)
-    variables = climb(model, program_data(problem, solver=solver), starts, seed=seed)
+    variables = model.climb(program_data(problem, solver=solver), starts, seed=seed)
     coordinate = np.atleast_1d(variables["coordinate"])
     plain = _plain_of_tests(problem, coordinate, variables["log_reference"])
     values = variables["parameter"]
@@ -218,134 +196,3 @@ def _plain_of_tests(
             own[i] = coordinates.of_quantity(i, logarithm)
         found.append(own)
     return found
-
-
-def climb(
-    model: Program,
-    data: StanData,
-    starts: Iterable[Mapping[str, object]],
-    *,
-    seed: int,
-) -> Mapping[str, FloatArray]:
-    """Climb from every start with Stan's optimiser and return the variables at the best end.
-
-    Parameters
-    ----------
-    model : Program
-        The program.
-    data : dict
-        Its data.
-    starts : iterable of mapping
-        Values of its parameters.
-    seed : int
-        For the optimiser's record; it draws nothing.
-
-    Raises
-    ------
-    ModeNotFound
-        If the optimiser fails from all starts.
-    """
-    best = None
-    n_starts = 0
-    for initial in starts:
-        n_starts += 1
-        try:
-            density, variables = model.optimise(data, initial, seed=seed)
-        except SamplingError:
-            continue  # the optimiser left the region where the solver finds a solution
-        if best is None or density > best[0]:
-            best = (density, variables)
-    if best is None:
-        raise ModeNotFound(f"the optimiser failed from all {n_starts} starts")
-    return best[1]
-
-
-DIFFERENCE = 0.05
-"""Step of the central differences; coordinates are O(1)."""
-
-LARGEST_STEP = 4.0
-"""In posterior standard deviations, beyond which differences are taken again with smaller steps."""
-
-SMALL_STEP = 0.25
-"""Of those, in standard deviations as the differences before have them."""
-
-N_REFINEMENTS = 4
-"""Each is worth a factor of ten or more in the width of the narrowest direction."""
-
-LEAST_CURVATURE = 0.15
-"""Floor of the eigenvalues: flat directions are about as wide as a logistic prior, sd 1.8-2.6."""
-
-
-def laplace_metric(model: Program, data: StanData, centre: FloatArray) -> FloatArray:
-    """Covariance of the Laplace approximation around the posterior mode.
-
-    Parameters
-    ----------
-    model : Program
-        Program whose parameter is the vector ``coordinate``.
-    data : dict
-        Its data.
-    centre : array, shape (n_coordinates,)
-        The mode in the coordinates that the data choose.
-
-    Returns
-    -------
-    array, shape (n_coordinates, n_coordinates)
-        Inverse of the Hessian of minus the log density by central differences of Stan's
-        gradients, with its eigenvalues kept above `LEAST_CURVATURE`.
-    """
-    steps: FloatArray = DIFFERENCE * np.eye(centre.size)
-    for _ in range(1 + N_REFINEMENTS):
-        curvature, axes = np.linalg.eigh(curvature_at(model, data, centre, steps))
-        covariance: FloatArray = (axes / np.maximum(curvature, LEAST_CURVATURE)) @ axes.T
-        widths = np.linalg.cholesky(covariance)
-        if np.linalg.norm(np.linalg.solve(widths, steps), axis=0).max() <= LARGEST_STEP:
-            break
-        steps = np.asarray(SMALL_STEP * widths, dtype=np.float64)
-    return covariance
-
-
-def expected_rise(
-    model: Program, data: StanData, centre: FloatArray, covariance: FloatArray
-) -> float:
-    """Rise of the log density from a point to the mode of its quadratic approximation there.
-
-    Parameters
-    ----------
-    model, data, centre
-        As for `laplace_metric`.
-    covariance : array, shape (n_coordinates, n_coordinates)
-        Its result.
-    """
-    (gradient,) = model.gradients(data, "coordinate", [centre])
-    return float(gradient @ covariance @ gradient) / 2
-
-
-def curvature_at(
-    model: Program,
-    data: StanData,
-    centre: FloatArray,
-    steps: FloatArray | None = None,
-) -> FloatArray:
-    """Hessian of minus the log density.
-
-    Parameters
-    ----------
-    model, data, centre
-        As for `laplace_metric`.
-    steps : array, shape (n_coordinates, n_coordinates), optional
-        Steps of the differences as columns; default: `DIFFERENCE` along each coordinate.
-
-    Returns
-    -------
-    array, shape (n_coordinates, n_coordinates)
-        By central differences of Stan's gradients, symmetric.
-    """
-    if steps is None:
-        steps = DIFFERENCE * np.eye(centre.size)
-    after, before = (
-        model.gradients(data, "coordinate", centre + shift) for shift in (steps.T, -steps.T)
-    )
-    hessian = -np.linalg.solve(2 * steps.T, after - before)
-    symmetric: FloatArray = (hessian + hessian.T) / 2
-    return symmetric

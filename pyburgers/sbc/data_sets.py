@@ -29,9 +29,9 @@ from pyburgers.fitting.fit import Fit, fit
 from pyburgers.model.priors import PriorSet, default_priors, load_priors, shipped_prior_files
 from pyburgers.posterior.labelled_draws import convergence_table, free_parameters, response_in
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.forward import given_parameters, simulate, simulate_data
+from pyburgers.protocols.forward import simulate, simulate_data
 from pyburgers.protocols.problem import one_test
-from pyburgers.protocols.program_data import program_data
+from pyburgers.protocols.program_data import given_parameters, program_data
 from pyburgers.protocols.protocol import protocol_of
 from pyburgers.protocols.stan_data import (
     SolverOptions,

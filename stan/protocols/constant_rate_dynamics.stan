@@ -64,7 +64,7 @@ real relative_dashpot_rate(real scaled_stress, real stress_exponent, real grain_
 /**
  * Right-hand side with a linear Kelvin element; see the head of this file.
  *
- * @param strain total strain
+ * @param run strain since the start of the segment
  * @param state [y, z]
  * @param stiffness E_M/S_0
  * @param kelvin_fluidity S_0/(eta_K rate)
@@ -74,16 +74,18 @@ real relative_dashpot_rate(real scaled_stress, real stress_exponent, real grain_
  * @param inverse_critical_strain_grain_size 1/epsilon_c1
  * @param inverse_critical_strain_fabric 1/epsilon_c2
  * @param log_rate_ratio ln(rate_0/rate)
+ * @param start_strain of the segment
  */
-vector constant_rate_rhs(real strain, vector state, real stiffness, real kelvin_fluidity,
+vector constant_rate_rhs(real run, vector state, real stiffness, real kelvin_fluidity,
                          real kelvin_decay, real stress_exponent, real grain_size_exponent,
                          real grain_size_deficit, real fabric_deficit,
                          real inverse_critical_strain_grain_size,
-                         real inverse_critical_strain_fabric, data real log_rate_ratio) {
+                         real inverse_critical_strain_fabric, data real log_rate_ratio,
+                         data real start_strain) {
   real kelvin_rate = kelvin_fluidity * state[1] - state[2];
-  real log_grain_size = log_relative_microstructure(strain, grain_size_deficit,
+  real log_grain_size = log_relative_microstructure(start_strain + run, grain_size_deficit,
                                                     inverse_critical_strain_grain_size);
-  real log_fabric = log_relative_microstructure(strain, fabric_deficit,
+  real log_fabric = log_relative_microstructure(start_strain + run, fabric_deficit,
                                                 inverse_critical_strain_fabric);
   real dashpot_rate = relative_dashpot_rate(state[1], stress_exponent, grain_size_exponent,
                                             log_grain_size, log_fabric, log_rate_ratio);
@@ -96,7 +98,7 @@ vector constant_rate_rhs(real strain, vector state, real stiffness, real kelvin_
  * @param kelvin_stress_exponent n_K
  * @param log_kelvin_unit ln(eta_K rate/q_0)
  */
-vector constant_rate_power_law_kelvin_rhs(real strain, vector state, real stiffness,
+vector constant_rate_power_law_kelvin_rhs(real run, vector state, real stiffness,
                                           real kelvin_fluidity, real kelvin_decay,
                                           real stress_exponent, real grain_size_exponent,
                                           real grain_size_deficit, real fabric_deficit,
@@ -104,12 +106,12 @@ vector constant_rate_power_law_kelvin_rhs(real strain, vector state, real stiffn
                                           real inverse_critical_strain_fabric,
                                           data real log_rate_ratio,
                                           real kelvin_stress_exponent,
-                                          real log_kelvin_unit) {
+                                          real log_kelvin_unit, data real start_strain) {
   real kelvin_rate = linear_driving_stress(kelvin_fluidity * state[1] - state[2],
                                            kelvin_stress_exponent, log_kelvin_unit);
-  real log_grain_size = log_relative_microstructure(strain, grain_size_deficit,
+  real log_grain_size = log_relative_microstructure(start_strain + run, grain_size_deficit,
                                                     inverse_critical_strain_grain_size);
-  real log_fabric = log_relative_microstructure(strain, fabric_deficit,
+  real log_fabric = log_relative_microstructure(start_strain + run, fabric_deficit,
                                                 inverse_critical_strain_fabric);
   real dashpot_rate = relative_dashpot_rate(state[1], stress_exponent, grain_size_exponent,
                                             log_grain_size, log_fabric, log_rate_ratio);
@@ -125,7 +127,7 @@ vector constant_rate_power_law_kelvin_rhs(real strain, vector state, real stiffn
  * @param relative_piezometer d_1/d_0
  * @param piezometer_exponent, piezometer_stress_floor see piezometer_grain_size()
  */
-vector constant_rate_piezometric_rhs(real strain, vector state, real stiffness,
+vector constant_rate_piezometric_rhs(real run, vector state, real stiffness,
                                      real kelvin_fluidity, real kelvin_decay,
                                      real stress_exponent, real grain_size_exponent,
                                      real fabric_deficit,
@@ -135,10 +137,11 @@ vector constant_rate_piezometric_rhs(real strain, vector state, real stiffness,
                                      real log_kelvin_unit, real reference_stress,
                                      data real relative_piezometer,
                                      data real piezometer_exponent,
-                                     data real piezometer_stress_floor) {
+                                     data real piezometer_stress_floor,
+                                     data real start_strain) {
   real kelvin_rate = linear_driving_stress(kelvin_fluidity * state[1] - state[2],
                                            kelvin_stress_exponent, log_kelvin_unit);
-  real log_fabric = log_relative_microstructure(strain, fabric_deficit,
+  real log_fabric = log_relative_microstructure(start_strain + run, fabric_deficit,
                                                 inverse_critical_strain_fabric);
   real dashpot_rate = relative_dashpot_rate(state[1], stress_exponent, grain_size_exponent,
                                             log(state[3]), log_fabric, log_rate_ratio);
@@ -155,7 +158,7 @@ vector constant_rate_piezometric_rhs(real strain, vector state, real stiffness,
  * @param relative_steady_state d_ss/d_0, which counts where d_1 is 0
  * @param breakdown_stress sigma_L, Pa
  */
-vector constant_rate_hyperbolic_sine_rhs(real strain, vector state, real stiffness,
+vector constant_rate_hyperbolic_sine_rhs(real run, vector state, real stiffness,
                                          real kelvin_fluidity, real kelvin_decay,
                                          real stress_exponent, real grain_size_exponent,
                                          real fabric_deficit,
@@ -166,10 +169,11 @@ vector constant_rate_hyperbolic_sine_rhs(real strain, vector state, real stiffne
                                          data real relative_piezometer,
                                          data real piezometer_exponent,
                                          data real piezometer_stress_floor,
-                                         real relative_steady_state, real breakdown_stress) {
+                                         real relative_steady_state, real breakdown_stress,
+                                         data real start_strain) {
   real kelvin_rate = linear_driving_stress(kelvin_fluidity * state[1] - state[2],
                                            kelvin_stress_exponent, log_kelvin_unit);
-  real log_fabric = log_relative_microstructure(strain, fabric_deficit,
+  real log_fabric = log_relative_microstructure(start_strain + run, fabric_deficit,
                                                 inverse_critical_strain_fabric);
   real flow_stress = power_law_stress(state[1], breakdown_stress / reference_stress,
                                       exp(log_fabric));
@@ -185,6 +189,10 @@ vector constant_rate_hyperbolic_sine_rhs(real strain, vector state, real stiffne
 
 /**
  * Scaled states at the given strains of one constant-rate segment.
+ *
+ * The solver counts strain from the start of the segment. After a drop of the rate the stress
+ * relaxes within strains of 1e-8, and steps much smaller than that would carry the rounding of the
+ * total strain: at tight tolerances the solver gives up on it.
  *
  * @param initial_state [y, z], or [y, z, w], at start_strain
  * @param strain increasing, all greater than start_strain
@@ -209,8 +217,9 @@ array[] vector constant_rate_segment(vector initial_state, data real start_strai
   real grain_size_deficit = 1 - parameter[i_steady_state_grain_size()] / initial_grain_size;
   real fabric_deficit = 1 - parameter[i_steady_state_fabric_factor()];
   if (constant[i_breakdown_stress()] != 0) {
-    return ode_bdf_tol(constant_rate_hyperbolic_sine_rhs, initial_state, start_strain, strain,
-                       tolerance, tolerance, max_num_steps, stiffness, kelvin_fluidity,
+    return ode_bdf_tol(constant_rate_hyperbolic_sine_rhs, initial_state, 0,
+                       to_array_1d(to_vector(strain) - start_strain), tolerance,
+                       tolerance, max_num_steps, stiffness, kelvin_fluidity,
                        kelvin_decay, parameter[i_stress_exponent()],
                        parameter[i_grain_size_exponent()], fabric_deficit,
                        1 / parameter[i_critical_strain_grain_size()],
@@ -220,11 +229,12 @@ array[] vector constant_rate_segment(vector initial_state, data real start_strai
                        constant[i_piezometer_exponent()],
                        constant[i_piezometer_stress_floor()],
                        parameter[i_steady_state_grain_size()] / initial_grain_size,
-                       parameter[i_breakdown_stress()]);
+                       parameter[i_breakdown_stress()], start_strain);
   }
   if (constant[i_piezometer_reference_grain_size()] > 0) {
-    return ode_bdf_tol(constant_rate_piezometric_rhs, initial_state, start_strain, strain,
-                       tolerance, tolerance, max_num_steps, stiffness, kelvin_fluidity,
+    return ode_bdf_tol(constant_rate_piezometric_rhs, initial_state, 0,
+                       to_array_1d(to_vector(strain) - start_strain), tolerance,
+                       tolerance, max_num_steps, stiffness, kelvin_fluidity,
                        kelvin_decay, parameter[i_stress_exponent()],
                        parameter[i_grain_size_exponent()], fabric_deficit,
                        1 / parameter[i_critical_strain_grain_size()],
@@ -232,23 +242,25 @@ array[] vector constant_rate_segment(vector initial_state, data real start_strai
                        parameter[i_kelvin_stress_exponent()], log_kelvin_unit, reference_stress,
                        constant[i_piezometer_reference_grain_size()] / initial_grain_size,
                        constant[i_piezometer_exponent()],
-                       constant[i_piezometer_stress_floor()]);
+                       constant[i_piezometer_stress_floor()], start_strain);
   }
   if (power_law_kelvin) {
-    return ode_bdf_tol(constant_rate_power_law_kelvin_rhs, initial_state, start_strain, strain,
-                       tolerance, tolerance, max_num_steps, stiffness, kelvin_fluidity,
+    return ode_bdf_tol(constant_rate_power_law_kelvin_rhs, initial_state, 0,
+                       to_array_1d(to_vector(strain) - start_strain), tolerance,
+                       tolerance, max_num_steps, stiffness, kelvin_fluidity,
                        kelvin_decay, parameter[i_stress_exponent()],
                        parameter[i_grain_size_exponent()], grain_size_deficit, fabric_deficit,
                        1 / parameter[i_critical_strain_grain_size()],
                        1 / parameter[i_critical_strain_fabric()], log_rate_ratio,
-                       parameter[i_kelvin_stress_exponent()], log_kelvin_unit);
+                       parameter[i_kelvin_stress_exponent()], log_kelvin_unit, start_strain);
   }
-  return ode_bdf_tol(constant_rate_rhs, initial_state, start_strain, strain, tolerance,
-                     tolerance, max_num_steps, stiffness, kelvin_fluidity, kelvin_decay,
+  return ode_bdf_tol(constant_rate_rhs, initial_state, 0,
+                     to_array_1d(to_vector(strain) - start_strain), tolerance, tolerance,
+                     max_num_steps, stiffness, kelvin_fluidity, kelvin_decay,
                      parameter[i_stress_exponent()], parameter[i_grain_size_exponent()],
                      grain_size_deficit, fabric_deficit,
                      1 / parameter[i_critical_strain_grain_size()],
-                     1 / parameter[i_critical_strain_fabric()], log_rate_ratio);
+                     1 / parameter[i_critical_strain_fabric()], log_rate_ratio, start_strain);
 }
 
 /**

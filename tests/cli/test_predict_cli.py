@@ -9,6 +9,7 @@ import pytest
 import xarray as xr
 
 from pyburgers.cli.main import main
+from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
 from pyburgers.predictions.attenuation import predict_attenuation
 from pyburgers.predictions.stress_cycles import Regime
@@ -29,7 +30,9 @@ def test_a_prediction_is_a_table_all_draws_and_a_figure(
     for suffix in (".csv", ".nc", ".png", ".svg"):
         assert str(out.with_suffix(suffix)) in printed
     assert "PIL40 (ice, fitted to synthetic data): 260 K, initial microstructure" in printed
-    assert re.search(r"^ *4 ± 1\.5 MPa +\S+ \[\S+, \S+\].* % of draws$", printed, re.MULTILINE)
+    assert re.search(r"^ *4 ± 1\.5 MPa +\S+ \[\S+, \S+\].* % of draws", printed, re.MULTILINE)
+    assert "The closed form takes the microstructure as frozen." in printed
+    assert "The elastic modulus is E_M of the fit." in printed
 
     table = pd.read_csv(out)
     assert len(table) == 4 * 60
@@ -76,6 +79,64 @@ def test_options_are_in_the_units_of_their_names(small_fit: Fit, tmp_path: Path)
     )
 
 
+def test_strains_and_their_marks_are_in_table_and_draws(small_fit: Fit, tmp_path: Path) -> None:
+    out = tmp_path / "tan_delta.csv"
+    options = ("--hold-time-h", "2", "--critical-share", "0.2", "--frequencies-Hz", "1e-4", "1e-2")
+    assert predict(small_fit.directory.path, out, *options) == 0
+    expected = predict_attenuation(small_fit, [1e-4, 1e-2], hold_time=7200.0, critical_share=0.2)
+    table = pd.read_csv(out)
+    fails = expected["frozen_fails"].mean(("chain", "draw")).to_numpy()
+    np.testing.assert_allclose(table["p_frozen_fails"], fails.ravel())
+    assert fails.max() == 1.0
+    assert fails.min() < 1.0
+    with xr.open_dataset(out.with_suffix(".nc"), engine="h5netcdf") as draws:
+        np.testing.assert_array_equal(draws["frozen_fails"], expected["frozen_fails"])
+        np.testing.assert_allclose(draws["cycle_strain"], expected["cycle_strain"], rtol=1e-6)
+        assert float(draws["hold_time"]) == 7200.0
+
+
+def test_the_elastic_modulus_is_given_in_pascal(
+    small_fit: Fit, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "tan_delta.csv"
+    options = ("--elastic-modulus-Pa", "9.3e9", "1e8", "--frequencies-Hz", "1", "--seed", "4")
+    assert predict(small_fit.directory.path, out, *options) == 0
+    assert "The elastic modulus is given: 9.3 ± 0.1 GPa." in capsys.readouterr().out
+    expected = predict_attenuation(
+        small_fit, [1.0], elastic_modulus=9.3e9, elastic_modulus_sd=1e8, seed=4
+    )
+    np.testing.assert_allclose(
+        pd.read_csv(out)["mean"], expected["tan_delta"].mean(("chain", "draw")).to_numpy().ravel()
+    )
+
+
+def test_a_joint_fit_predicts_for_each_of_its_tests(joint: Fit, tmp_path: Path) -> None:
+    run, options = joint.directory.path, ("--frequencies-Hz", "1e-3", "1e-2")
+    assert predict(run, tmp_path / "all.csv", *options) == 0
+    names = [*joint.tests()]
+    assert len(names) == 2
+    expected = {f"all_{name}.{kind}" for name in names for kind in ("csv", "nc", "png", "svg")}
+    assert {path.name for path in tmp_path.iterdir()} == expected
+    for name in names:
+        table = pd.read_csv(tmp_path / f"all_{name}.csv")
+        tan_delta = predict_attenuation(joint[name], [1e-3, 1e-2])["tan_delta"]
+        np.testing.assert_allclose(
+            table["mean"], tan_delta.mean(("chain", "draw")).to_numpy().ravel()
+        )
+        one = tmp_path / "one.csv"
+        assert predict(run, one, "--test", name, *options) == 0
+        pd.testing.assert_frame_equal(pd.read_csv(one), table)
+
+
+def test_a_test_that_is_not_there_is_refused(
+    joint: Fit, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert predict(joint.directory.path, tmp_path / "a.csv", "--test", "nothing") == 2
+    assert_one_sentence(capsys, "has no test 'nothing'")
+    with pytest.raises(InputError, match="is a joint fit"):
+        predict_attenuation(joint)
+
+
 def test_the_steady_state_is_softer(small_fit: Fit, tmp_path: Path) -> None:
     options = ("--regimes", "4", "--frequencies-Hz", "1e-4")
     values = {}
@@ -109,6 +170,10 @@ BAD_OPTIONS: dict[str, tuple[Arguments, str]] = {
     "grain size": (("--grain-size-um", "0"), "grain_size: found 0"),
     "fabric": (("--fabric-factor", "-1"), "fabric_factor: found -1"),
     "microstructure": (("--microstructure", "frozen"), "'frozen'"),
+    "hold": (("--hold-time-h", "0"), "hold_time: found 0"),
+    "share": (("--critical-share", "-1"), "critical_share: found -1"),
+    "modulus": (("--elastic-modulus-Pa", "0"), "elastic_modulus: found 0"),
+    "three moduli": (("--elastic-modulus-Pa", "1", "2", "3"), "found 3 numbers"),
 }
 
 

@@ -3,24 +3,24 @@
 import numpy as np
 import pytest
 
-from pyburgers.comparison.pairs import Outcome, Pair, weight_sentence
+from pyburgers.comparison.pairs import Pair, PairOutcome, weight_sentence
 
 
 @pytest.mark.parametrize(
     ("difference", "error", "outcome"),
     [
-        (3.3, 17.2, Outcome.CANNOT_TELL),
-        (0.1, 4.2, Outcome.CANNOT_TELL),
-        (9.0, 6.0, Outcome.CANNOT_TELL),
-        (3.9, 0.5, Outcome.CANNOT_TELL),
-        (1.0, 0.9, Outcome.ALIKE),
-        (2.2, 0.7, Outcome.ALIKE),
-        (4.0, 0.5, Outcome.BETTER),
-        (28.0, 7.0, Outcome.BETTER),
+        (3.3, 17.2, PairOutcome.CANNOT_TELL),
+        (0.1, 4.2, PairOutcome.CANNOT_TELL),
+        (9.0, 6.0, PairOutcome.CANNOT_TELL),
+        (3.9, 0.5, PairOutcome.CANNOT_TELL),
+        (1.0, 0.9, PairOutcome.ALIKE),
+        (2.2, 0.7, PairOutcome.ALIKE),
+        (4.0, 0.5, PairOutcome.BETTER),
+        (28.0, 7.0, PairOutcome.BETTER),
     ],
 )
 def test_a_small_difference_of_large_error_is_no_likeness(
-    difference: float, error: float, outcome: Outcome
+    difference: float, error: float, outcome: PairOutcome
 ) -> None:
     assert Pair("one", "other", difference, error).outcome is outcome
 

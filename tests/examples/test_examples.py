@@ -13,7 +13,8 @@ import pytest
 from conftest import Problem
 
 from pyburgers.fitting.fit import Fit
-from pyburgers.predictions.attenuation import predict_attenuation, quantile_table
+from pyburgers.predictions.attenuation import predict_attenuation
+from pyburgers.predictions.attenuation_tables import quantile_table
 from pyburgers.predictions.stress_cycles import Regime
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

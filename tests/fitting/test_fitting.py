@@ -23,9 +23,8 @@ from pyburgers.fitting.fit import Fit, fit
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.protocols.coordinates import REFERENCE_STRESS
-from pyburgers.protocols.forward import REFERENCE_SOLVER
 from pyburgers.protocols.protocol import protocol_of
-from pyburgers.protocols.stan_data import SolverOptions, solver_block
+from pyburgers.protocols.stan_data import REFERENCE_SOLVER, SolverOptions, solver_block
 
 FREE = ["maxwell_modulus", "activation_enthalpy", "stress_noise"]
 

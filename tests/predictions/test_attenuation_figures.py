@@ -6,17 +6,22 @@ from collections.abc import Callable, Mapping
 import numpy as np
 import pytest
 import xarray as xr
+from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.text import Text
 from synthetic_fit import make_fit
 
 from pyburgers.drawing.style import image
+from pyburgers.predictions.assumptions import likely_fails
 from pyburgers.predictions.attenuation import predict_attenuation
 from pyburgers.predictions.attenuation_figures import (
     AMPLITUDE_CAPTION,
     ATTENUATION_CAPTION,
     DRAWS_CAPTION,
+    FAILING_LABEL,
+    HOLDING_LABEL,
     amplitude_dependence,
     attenuation,
     attenuation_draws,
@@ -99,8 +104,30 @@ def test_every_figure_has_a_caption_of_one_paragraph(draw: Draw) -> None:
     assert "\n" not in DRAWERS[draw]
 
 
+def medians_in(axes: Axes) -> list[Line2D]:
+    """The lines with all frequencies, one for each regime."""
+    return [line for line in axes.lines if line.get_label() != HOLDING_LABEL]
+
+
+def test_lines_are_thin_and_pale_where_frozen_microstructure_fails(spectrum: xr.Dataset) -> None:
+    fails = likely_fails(spectrum)
+    assert fails.any()
+    for banded in (attenuation, amplitude_dependence):
+        for axes in banded(spectrum, "").axes:
+            thick = [line for line in axes.lines if line.get_label() == HOLDING_LABEL]
+            for k, (line, thin) in enumerate(zip(thick, medians_in(axes), strict=True)):
+                drawn = np.isfinite(np.asarray(line.get_ydata(), dtype=np.float64))
+                np.testing.assert_array_equal(drawn, ~fails[k])
+                assert line.get_linewidth() > thin.get_linewidth()
+                assert (thin.get_alpha() or 1.0) < 1.0
+    holding = spectrum.assign(frozen_fails=0 * spectrum["frozen_fails"])
+    for draw in DRAWERS:
+        assert FAILING_LABEL in texts(draw(spectrum, ""))
+        assert FAILING_LABEL not in texts(draw(holding, ""))
+
+
 def test_regimes_differ_in_colour_and_in_dashes(spectrum: xr.Dataset) -> None:
-    lines = attenuation(spectrum, "").axes[0].lines
+    lines = medians_in(attenuation(spectrum, "").axes[0])
     assert len(lines) == 5
     assert len({line.get_color() for line in lines}) == 5
     assert len({line.get_linestyle() for line in lines[:4]}) == 4
@@ -110,7 +137,7 @@ def test_the_lines_are_medians_inside_their_bands(spectrum: xr.Dataset) -> None:
     (axes,) = attenuation(spectrum, "").axes
     medians = spectrum["tan_delta"].median(("chain", "draw")).to_numpy()
     low = spectrum["tan_delta"].quantile(0.05, ("chain", "draw")).to_numpy()
-    for k, line in enumerate(axes.lines):
+    for k, line in enumerate(medians_in(axes)):
         np.testing.assert_allclose(np.asarray(line.get_ydata()), medians[k])
         widest = axes.collections[2 * k].get_paths()[0].vertices
         assert np.asarray(widest)[:, 1].min() == pytest.approx(low[k].min())
@@ -131,8 +158,8 @@ def test_a_panel_for_each_regime_shows_at_most_150_draws(spectrum: xr.Dataset) -
 
 def test_ratios_are_to_the_smallest_amplitude(spectrum: xr.Dataset) -> None:
     _, right = amplitude_dependence(spectrum, "").axes
-    np.testing.assert_allclose(np.asarray(right.lines[1].get_ydata()), 1.0)
-    assert (np.asarray(right.lines[4].get_ydata()) > 1.0).all()
+    np.testing.assert_allclose(np.asarray(medians_in(right)[1].get_ydata()), 1.0)
+    assert (np.asarray(medians_in(right)[4].get_ydata()) > 1.0).all()
     assert "2 ± 0.1 MPa" in right.get_ylabel()
 
 

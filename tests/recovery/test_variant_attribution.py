@@ -19,7 +19,7 @@ import pytest
 from conftest import ICE
 
 from pyburgers.comparison.by_points import compare
-from pyburgers.comparison.pairs import Outcome, Pair
+from pyburgers.comparison.pairs import Pair, PairOutcome
 from pyburgers.comparison.results import comparison_table, pairs, sentences
 from pyburgers.fitting.fit import fit
 from pyburgers.model.priors import default_priors
@@ -136,5 +136,5 @@ def test_data_are_attributed_to_the_variant_behind_them(
     found = [compared(CONTRASTS[name], seed, tmp_path / str(seed)) for seed in SEEDS]
     for seed, pair in zip(SEEDS, found, strict=True):
         print(f"{name}, seed {seed}: {pair.sentence()}")
-    clear = [pair.better == "right" and pair.outcome is Outcome.BETTER for pair in found]
+    clear = [pair.better == "right" and pair.outcome is PairOutcome.BETTER for pair in found]
     assert sum(clear) >= 9

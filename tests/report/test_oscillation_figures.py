@@ -37,8 +37,8 @@ def line(lines: list[Line2D], label: str) -> Line2D:
 
 def test_residuals_are_in_units_of_the_noise_of_each_reading(fit: Fit) -> None:
     prepared = oscillation_of(fit).prepared
-    points = line(list(stress_time(fit).axes[1].lines), "data minus mean prediction")
-    predicted = fit.posterior["posterior_predictive"]["stress"].mean(("chain", "draw")).to_numpy()
+    points = line(list(stress_time(fit).axes[1].lines), "data minus predictive median")
+    predicted = fit.posterior["model_response"]["stress"].median(("chain", "draw")).to_numpy()
     typical = float(np.sqrt(np.mean(prepared.uncertainty**2)))
     noise = float(fit.posterior["posterior"]["stress_noise"].mean())
     expected = (prepared.stress - predicted) / (noise * prepared.uncertainty / typical)
@@ -46,8 +46,8 @@ def test_residuals_are_in_units_of_the_noise_of_each_reading(fit: Fit) -> None:
     np.testing.assert_allclose(np.asarray(points.get_xdata()), prepared.time)
 
 
-def test_the_solid_line_is_the_median_solution(fit: Fit) -> None:
-    drawn = line(list(stress_time(fit).axes[0].lines), "median solution")
+def test_the_solid_line_is_the_predictive_median(fit: Fit) -> None:
+    drawn = line(list(stress_time(fit).axes[0].lines), "predictive median")
     stress = fit.posterior["predictions"].to_dataset()["stress"]
     expected = np.median(stress.to_numpy().reshape(-1, stress.sizes["time"]), axis=0) / 1e6
     np.testing.assert_allclose(np.asarray(drawn.get_ydata()), expected, rtol=1e-5)

@@ -266,7 +266,7 @@ def test_a_report_needs_a_run(tmp_path: Path) -> None:
 
 def test_a_figure_that_fails_ends_the_report(tmp_path: Path) -> None:
     fit = small_fit(tmp_path / "run")
-    del fit.posterior["posterior_mean_solution"]
+    del fit.posterior["predictions"]
     with pytest.raises(KeyError):
         write([fit], tmp_path / "page")
     assert not (tmp_path / "page" / "index.html").exists()

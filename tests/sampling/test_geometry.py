@@ -12,8 +12,8 @@ from pyburgers.protocols.forward import simulate_data
 from pyburgers.protocols.problem import problem_of
 from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.stan_data import SolverOptions
-from pyburgers.sampling.charts import choose_chart
-from pyburgers.sampling.starts import curvature_at, expected_rise
+from pyburgers.sampling.charts import choose_chart, curvature_at, expected_rise
+from pyburgers.sampling.starts import find_mode
 
 pytestmark = pytest.mark.usefixtures("programs")
 
@@ -26,7 +26,14 @@ def test_the_first_metric_fits_where_noise_is_far_below_a_percent() -> None:
     problem, solver = problem_of([precise], default_priors("ice")), SolverOptions()
     data = program_data(problem, solver=solver)
     model = load_program(CONSTANT_RATE.program)
-    chart = choose_chart(problem, data, wanted="valley", seed=1, solver=solver)
+    chart = choose_chart(
+        problem,
+        data,
+        lambda: find_mode(problem, seed=1, solver=solver),
+        wanted="valley",
+        seed=1,
+        solver=solver,
+    )
     assert chart.centre is not None
     assert chart.covariance is not None
     around = {**data, **chart.block}

@@ -20,13 +20,10 @@ from pyburgers.protocols.forced_oscillation.experiment import (
     with_background,
 )
 from pyburgers.protocols.forced_oscillation.preparation import prepare
-from pyburgers.protocols.forward import (
-    REFERENCE_SOLVER,
-    given_parameters,
-    simulate,
-    simulate_data,
-)
+from pyburgers.protocols.forward import simulate, simulate_data
+from pyburgers.protocols.program_data import given_parameters
 from pyburgers.protocols.protocol import protocol_of
+from pyburgers.protocols.stan_data import REFERENCE_SOLVER
 from pyburgers.sbc.data_sets import (
     LOG_LIKELIHOOD,
     RHAT_LIMIT,

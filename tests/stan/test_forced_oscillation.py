@@ -31,8 +31,10 @@ from pyburgers.protocols.forced_oscillation.preparation import (
     prepare,
 )
 from pyburgers.protocols.forced_oscillation.stan_data import ShearedReference
-from pyburgers.protocols.forward import REFERENCE_SOLVER, simulate, solve
+from pyburgers.protocols.forward import simulate
+from pyburgers.protocols.program_data import solve
 from pyburgers.protocols.protocol import protocol_of
+from pyburgers.protocols.stan_data import REFERENCE_SOLVER
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")

@@ -14,9 +14,8 @@ from pyburgers.comparison.marginal_likelihood import log_density_at, log_margina
 from pyburgers.fitting.fit import Fit, fit, fit_problem
 from pyburgers.model.pooling import pooling_of
 from pyburgers.protocols.constant_rate.protocol import PROTOCOL as CONSTANT_RATE
-from pyburgers.protocols.forward import REFERENCE_SOLVER
 from pyburgers.protocols.problem import problem_of
-from pyburgers.protocols.stan_data import solver_block
+from pyburgers.protocols.stan_data import REFERENCE_SOLVER, solver_block
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")

@@ -31,13 +31,12 @@ from pyburgers.protocols.forced_oscillation.experiment import (
 from pyburgers.protocols.forced_oscillation.preparation import Background, prepare
 from pyburgers.protocols.forced_oscillation.sheared import SHIFTED_BY, find_sheared
 from pyburgers.protocols.forced_oscillation.stan_data import ShearedReference
-from pyburgers.protocols.problem import one_test, plain_coordinates, problem_of
+from pyburgers.protocols.problem import ProblemMode, one_test, plain_coordinates, problem_of
 from pyburgers.protocols.program_data import PLACE, chart_block
 from pyburgers.protocols.protocol import Mode, protocol_of
 from pyburgers.protocols.stan_data import PLAIN, SolverOptions, StanData, solver_block
-from pyburgers.sampling import charts
-from pyburgers.sampling.charts import ChosenChart, at_mode, choose_chart
-from pyburgers.sampling.starts import ProblemMode, curvature_at
+from pyburgers.sampling.charts import ChosenChart, at_mode, choose_chart, curvature_at
+from pyburgers.sampling.starts import find_mode
 from pyburgers.sbc.data_sets import calibration_priors, simulate_from_prior
 
 FloatArray = npt.NDArray[np.float64]
@@ -287,43 +286,46 @@ def chart_at_truth(
     experiment: OscillationExperiment,
     priors: PriorSet,
     wanted: str,
-    monkeypatch: pytest.MonkeyPatch,
 ) -> ChosenChart:
     """Choose coordinates, with the truth in place of a search for the mode."""
     truth = truth_in(experiment, priors)
     found = ProblemMode((truth,), truth.coordinate)
-    monkeypatch.setattr(charts, "find_mode", lambda *_, **__: found)
     solver = SolverOptions(tolerance=1e-6)
-    data = one_test_data(experiment, priors, solver=solver)
-    return chart_from(data, experiment, priors, wanted, solver)
+    return choose_chart(
+        problem_of([experiment], priors),
+        one_test_data(experiment, priors, solver=solver),
+        lambda: found,
+        wanted=wanted,
+        seed=1,
+        solver=solver,
+    )
 
 
-def chart_from(
-    data: StanData,
-    experiment: OscillationExperiment,
-    priors: PriorSet,
-    wanted: str = "auto",
-    solver: SolverOptions = SAMPLING,
-) -> ChosenChart:
+def chart_from(data: StanData, experiment: OscillationExperiment, priors: PriorSet) -> ChosenChart:
     problem = problem_of([experiment], priors)
-    return choose_chart(problem, data, wanted=wanted, seed=1, solver=solver)
+    return choose_chart(
+        problem,
+        data,
+        lambda: find_mode(problem, seed=1, solver=SAMPLING),
+        wanted="auto",
+        seed=1,
+        solver=SAMPLING,
+    )
 
 
 @pytest.mark.parametrize("case", UNSUITED)
-def test_priors_that_do_not_suit_fall_back_to_plain_ones(
-    case: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_priors_that_do_not_suit_fall_back_to_plain_ones(case: str) -> None:
     changed, word = UNSUITED[case]
     experiment = short_twin("kept")
     priors = with_priors(resolved_priors(experiment), changed)
-    found = chart_at_truth(experiment, priors, "auto", monkeypatch)
+    found = chart_at_truth(experiment, priors, "auto")
     assert found.name == "plain"
     assert word in found.reason
     with pytest.raises(InputError, match=f"sheared coordinates do not apply.*{word}"):
-        chart_at_truth(experiment, priors, "sheared", monkeypatch)
+        chart_at_truth(experiment, priors, "sheared")
 
 
-def test_a_record_without_loss_does_not_suit(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_record_without_loss_does_not_suit() -> None:
     """Noise can turn the lag of a hardly dissipating sample around."""
     experiment = short_twin("kept")
     record = experiment.record
@@ -332,7 +334,7 @@ def test_a_record_without_loss_does_not_suit(monkeypatch: pytest.MonkeyPatch) ->
     prepared = prepare(elastic, experiment.settings, experiment.id)
     assert prepared.stress_fit.phase()[0] < prepared.strain_fit.phase()[0]
     backwards = replace(experiment, record=elastic, prepared=prepared)
-    found = chart_at_truth(backwards, resolved_priors(backwards), "auto", monkeypatch)
+    found = chart_at_truth(backwards, resolved_priors(backwards), "auto")
     assert found.name == "plain"
     assert "stress is not ahead of the strain" in found.reason
 
@@ -392,13 +394,13 @@ def test_a_record_whose_loss_is_all_the_dashpots_is_smooth_in_its_coordinates(
     assert np.std(loose - exact) < 0.2
 
 
-def test_the_twin_is_sampled_in_sheared_coordinates(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_twin_is_sampled_in_sheared_coordinates() -> None:
     experiment = short_twin("removed")
-    found = chart_at_truth(experiment, resolved_priors(experiment), "auto", monkeypatch)
+    found = chart_at_truth(experiment, resolved_priors(experiment), "auto")
     assert (found.name, found.block["coordinate_system"]) == ("sheared", 2)
     assert found.covariance is not None
     assert np.linalg.eigvalsh(found.covariance).min() > 0
-    plain = chart_at_truth(experiment, resolved_priors(experiment), "plain", monkeypatch)
+    plain = chart_at_truth(experiment, resolved_priors(experiment), "plain")
     assert (plain.name, plain.block) == ("plain", {})
 
 

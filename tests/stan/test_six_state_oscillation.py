@@ -17,8 +17,9 @@ from pyburgers.protocols.forced_oscillation.experiment import (
     with_background,
 )
 from pyburgers.protocols.forced_oscillation.preparation import Background
-from pyburgers.protocols.forward import REFERENCE_SOLVER, solve
 from pyburgers.protocols.problem import plain_coordinates
+from pyburgers.protocols.program_data import solve
+from pyburgers.protocols.stan_data import REFERENCE_SOLVER
 
 pytestmark = pytest.mark.usefixtures("programs")
 

@@ -22,8 +22,10 @@ from pyburgers.protocols.constant_rate.experiment import (
     load_constant_rate,
 )
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
-from pyburgers.protocols.forward import REFERENCE_SOLVER, simulate, solve
+from pyburgers.protocols.forward import simulate
+from pyburgers.protocols.program_data import solve
 from pyburgers.protocols.protocol import load_experiment
+from pyburgers.protocols.stan_data import REFERENCE_SOLVER
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")

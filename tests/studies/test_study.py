@@ -18,7 +18,8 @@ from pyburgers.common.draws import all_draws
 from pyburgers.drawing.page_parts import PageSection
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.side_by_side import Task
-from pyburgers.predictions.attenuation import predict_attenuation, quantile_table
+from pyburgers.predictions.attenuation import predict_attenuation
+from pyburgers.predictions.attenuation_tables import quantile_table
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.protocols.forced_oscillation.response import oscillation_of
 from pyburgers.protocols.forward import simulate

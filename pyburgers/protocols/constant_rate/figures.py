@@ -36,15 +36,13 @@ FloatArray = npt.NDArray[np.float64]
 STRAIN_LABEL = f"axial strain ({STRAIN_UNIT})"
 
 STRESS_STRAIN_CAPTION = (
-    "Top: the stress-strain curve (circles) with the solution at the posterior mean of the "
-    "parameters (solid line), up to 1000 retrodictions, that is solutions for single draws from "
-    "the posterior (thin lines), and the band that should hold 90 % of new measurements, noise "
-    "included. The means of all parameters need not be a good combination: where parameters trade "
-    "off along a bent ridge, the solid line leaves the band although the fit is good, so judge the "
-    "fit by the band and the residuals. Dotted vertical lines mark where the imposed strain rate "
-    "changes. Bottom: data minus the mean prediction, with the band that should hold 90 % of "
-    "residuals if they were noise alone; a run of points on one side of zero means that the model "
-    "misses something there."
+    "Top: the stress-strain curve (circles) with the predictive median (solid line), that is the "
+    "stress that half of all solutions exceed at a strain, up to 1000 retrodictions, that is "
+    "solutions for single draws from the posterior (thin lines), and the band that should hold "
+    "90 % of new measurements, noise included. Dotted vertical lines mark where the imposed strain "
+    "rate changes. Bottom: data minus the predictive median, with the band that should hold 90 % "
+    "of residuals if they were noise alone; a run of points on one side of zero means that the "
+    "model misses something there."
 )
 
 
@@ -57,16 +55,12 @@ def fitted_curve(fit: FittedTest) -> FittedCurve:
     """Gather the stress-strain curve as measured and as a fit has it."""
     experiment = _experiment(fit)
     predictions = fit.posterior["predictions"].to_dataset()
-    mean = fit.posterior["posterior_mean_solution"].to_dataset()
-    predicted = fit.posterior["posterior_predictive"]["stress"].mean(("chain", "draw")).to_numpy()
+    predicted = fit.posterior["model_response"]["stress"].median(("chain", "draw")).to_numpy()
     noise = float(fit.posterior["posterior"]["stress_noise"].mean()) * STRESS_FACTOR
     return FittedCurve(
         grid=predictions["strain"].to_numpy() * STRAIN_FACTOR,
         solutions=all_draws(predictions["stress"]) * STRESS_FACTOR,
         replicated=all_draws(predictions["stress_replicated"]) * STRESS_FACTOR,
-        line_position=mean["strain"].to_numpy() * STRAIN_FACTOR,
-        line=mean["stress"].to_numpy() * STRESS_FACTOR,
-        line_label="solution at the posterior mean",
         position=experiment.strain * STRAIN_FACTOR,
         data=experiment.stress * STRESS_FACTOR,
         residuals=(experiment.stress - predicted) * STRESS_FACTOR,

@@ -17,6 +17,7 @@ from pyburgers.common.draws import TAIL, all_draws, central_band
 from pyburgers.drawing.page_parts import FigureRecipe
 from pyburgers.drawing.panels import (
     LINES_AND_AREAS,
+    MEDIAN_LABEL,
     FittedCurve,
     curve_with_residuals,
     draw_band_panel,
@@ -230,10 +231,10 @@ def _draw_panel(
 
 STRESS_TIME_CAPTION = (
     "Top: the stress that the model is compared with (circles, bars are one standard deviation "
-    "of a reading either way), the median of the solutions (solid line), up to 1000 "
+    "of a reading either way), the predictive median (solid line), up to 1000 "
     "retrodictions, that is solutions for single draws from the posterior (thin lines), and the "
     "band that should hold 90 % of new readings of typical uncertainty. Bottom: data minus the "
-    "mean prediction over the posterior mean of the noise of each reading, with the band that "
+    "predictive median over the posterior mean of the noise of each reading, with the band that "
     "should hold 90 % of residuals if they were noise alone; a run of points on one side of zero, "
     "or an oscillation in them, means that the model misses something there."
 )
@@ -251,15 +252,12 @@ def fitted_curve(fit: FittedTest) -> FittedCurve:
     predictions = fit.posterior["predictions"].to_dataset()
     time = predictions["time"].to_numpy()
     solutions = all_draws(predictions["stress"]) * STRESS_FACTOR
-    predicted = fit.posterior["posterior_predictive"]["stress"].mean(("chain", "draw")).to_numpy()
+    predicted = fit.posterior["model_response"]["stress"].median(("chain", "draw")).to_numpy()
     noise = float(fit.posterior["posterior"]["stress_noise"].mean())
     return FittedCurve(
         grid=time,
         solutions=solutions,
         replicated=all_draws(predictions["stress_replicated"]) * STRESS_FACTOR,
-        line_position=time,
-        line=central_band(solutions)[1],
-        line_label="median solution",
         position=prepared.time,
         data=prepared.stress * STRESS_FACTOR,
         residuals=(prepared.stress - predicted) / (noise * prepared.relative_uncertainty),
@@ -275,9 +273,9 @@ def fitted_curve(fit: FittedTest) -> FittedCurve:
 
 STRESS_LOOP_CAPTION = (
     "Stress against the strain that drives the model. The loops that single draws from the "
-    "posterior make (thin lines, up to 1000) and the median stress (solid line) are run through "
-    "once in each cycle; their area is the work that is lost, their slope the stiffness at this "
-    "period. Circles are the data at their strain, coloured by time; bars are one standard "
+    "posterior make (thin lines, up to 1000) and the predictive median (solid line) are run "
+    "through once in each cycle; their area is the work that is lost, their slope the stiffness at "
+    "this period. Circles are the data at their strain, coloured by time; bars are one standard "
     "deviation of a reading either way. Where the background is kept, the loops move along with "
     "the strain; where it is removed, they lie on top of each other about zero."
 )
@@ -293,7 +291,7 @@ def stress_loop(fit: FittedTest) -> Figure:
         figure = Figure(figsize=(8.2, 5.6), layout="constrained")
         axes = figure.subplots()
         draw_retrodictions(axes, strain, curve.solutions)
-        axes.plot(strain, curve.line, color=VERMILION, linewidth=1.2, label=curve.line_label)
+        axes.plot(strain, curve.median, color=VERMILION, linewidth=1.2, label=MEDIAN_LABEL)
         draw_data(axes, at_data, curve.data, curve.error, curve.data_label)
         coloured = axes.scatter(
             at_data,

@@ -28,8 +28,9 @@ from pyburgers.posterior.labelled_draws import convergence_table
 from pyburgers.protocols.coordinates import REFERENCE_FLOW_RATE
 from pyburgers.protocols.forced_oscillation import figures as oscillation_figures
 from pyburgers.protocols.forced_oscillation.response import oscillation_of, stress_spread
-from pyburgers.protocols.forward import REFERENCE_SOLVER, solve
+from pyburgers.protocols.program_data import solve
 from pyburgers.protocols.protocol import FittedTest, protocol_of
+from pyburgers.protocols.stan_data import REFERENCE_SOLVER
 from pyburgers.studies.maor.statements import (
     DOMINANT,
     FEW,

@@ -16,12 +16,9 @@ import xarray as xr
 
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.predictions import attenuation_figures
-from pyburgers.predictions.attenuation import (
-    attenuation_spectrum,
-    overview_table,
-    predict_attenuation,
-    quantile_table,
-)
+from pyburgers.predictions.assumptions import elastic_modulus_sentence, frozen_sentence
+from pyburgers.predictions.attenuation import attenuation_spectrum, predict_attenuation
+from pyburgers.predictions.attenuation_tables import overview_table, quantile_table
 from pyburgers.predictions.imposed_stress import simulated_phase_lag
 from pyburgers.predictions.stress_cycles import PAPER_REGIMES, PARAMETER_NAMES, amplitude_regimes
 from pyburgers.protocols.protocol import FittedTest
@@ -233,6 +230,8 @@ def attenuation_section(
             "every draw of the posterior gives a spectrum in closed form. Tables give the median "
             "and 5 and 95 % of the draws; the CSV files hold all frequencies.",
             MICROSTRUCTURE_SENTENCE,
+            *(f"{name}: {frozen_sentence(spectrum)}" for name, spectrum in spectra.items()),
+            elastic_modulus_sentence(spectra[first]),
         ),
         tables=(
             *(
@@ -241,7 +240,7 @@ def attenuation_section(
                     f"tan δ of {name}",
                     overview_table(spectrum),
                     quantile_table(spectrum),
-                    words=("regime",),
+                    words=("regime", "frozen microstructure"),
                 )
                 for name, spectrum in spectra.items()
             ),

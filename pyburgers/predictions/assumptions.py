@@ -1,0 +1,238 @@
+"""What a spectrum assumes, and where that fails: frozen microstructure, an elastic modulus.
+
+Grain size and fabric relax towards a steady state with strain, over the critical strains
+epsilon_c1 and epsilon_c2 (`stan/physics/microstructure.stan`). A spectrum in closed form takes them
+as frozen, which fails in a draw where the strain of the hold, or of one cycle, is more than a share
+of the smaller critical strain of what still evolves.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from pyburgers.common.errors import InputError
+from pyburgers.common.units import UNITS, number
+from pyburgers.model.parameters import PIEZOMETER
+
+FloatArray = npt.NDArray[np.float64]
+
+CRITICAL_SHARE = 0.1
+"""Default share of the critical strain: it brings grain size or fabric a tenth of their way, which
+makes a dashpot with n = 4 that will halve its strength faster by a fifth."""
+
+EVOLUTION = (
+    "critical_strain_grain_size",
+    "critical_strain_fabric",
+    "steady_state_grain_size",
+    "steady_state_fabric_factor",
+)
+"""Parameters that say how the microstructure evolves."""
+
+LIKELY = 0.5
+"""Share of draws from which on a part of a curve is marked."""
+
+
+def critical_strain(
+    parameters: Mapping[str, npt.ArrayLike], grain_size: FloatArray, fabric_factor: FloatArray
+) -> FloatArray:
+    """Return the smaller critical strain of what evolves from a microstructure.
+
+    Grain size or fabric that is at its steady state does not evolve any more.
+
+    Parameters
+    ----------
+    parameters : mapping of str to array
+        `EVOLUTION`; with the reference grain size of a piezometer above 0 the grain size always
+        evolves.
+    grain_size, fabric_factor : array, shape of the draws
+        m and 1.
+
+    Returns
+    -------
+    array, shape of the draws
+        Infinite where nothing evolves; NaN, nothing is known about it, without `EVOLUTION`.
+
+    Raises
+    ------
+    InputError
+        If shapes differ.
+    """
+    if any(name not in parameters for name in EVOLUTION):
+        return np.full(grain_size.shape, np.nan)
+    of_grains, of_fabric, final_size, final_fabric, piezometer = (
+        np.asarray(parameters.get(name, 0.0), dtype=np.float64)
+        for name in (*EVOLUTION, PIEZOMETER[0])
+    )
+    for name, values in zip(
+        EVOLUTION, (of_grains, of_fabric, final_size, final_fabric), strict=True
+    ):
+        if values.shape != grain_size.shape:
+            raise InputError(
+                f"parameters: {name!r} has the shape {values.shape}, expected {grain_size.shape}, "
+                "that of the draws."
+            )
+    grains_evolve = (piezometer > 0) | (final_size != grain_size)
+    smaller: FloatArray = np.minimum(
+        np.where(grains_evolve, of_grains, np.inf),
+        np.where(final_fabric != fabric_factor, of_fabric, np.inf),
+    )
+    return smaller
+
+
+def exceeds(strain: xr.DataArray, critical: xr.DataArray, share: float) -> xr.DataArray:
+    """Return 1 where a strain is more than a share of the critical one, else 0; NaN if unknown."""
+    return (strain > share * critical).astype(np.float64).where(critical.notnull())
+
+
+def checked_share(share: float) -> float:
+    """Return a share of the critical strain.
+
+    Raises
+    ------
+    InputError
+        If it is not positive and finite.
+    """
+    if not (np.isfinite(share) and share > 0):
+        raise InputError(f"critical_share: found {share:g}, expected a positive number.")
+    return float(share)
+
+
+def hold_fails(spectrum: xr.Dataset) -> xr.DataArray:
+    """Whether the strain of the hold is too large, draw by draw: dimensions of draws, regime."""
+    return exceeds(
+        spectrum["hold_strain"], spectrum["critical_strain"], float(spectrum["critical_share"])
+    )
+
+
+def cycle_fails(spectrum: xr.Dataset) -> xr.DataArray:
+    """Whether that of one cycle is, draw by draw: dimensions of draws, regime, frequency."""
+    return exceeds(
+        spectrum["cycle_strain"], spectrum["critical_strain"], float(spectrum["critical_share"])
+    )
+
+
+def probability(of_draws: xr.DataArray) -> xr.DataArray:
+    """Share of draws in which something is so; dimensions regime, or regime and frequency."""
+    return of_draws.mean([name for name in of_draws.dims if name not in ("regime", "frequency")])
+
+
+def likely_fails(spectrum: xr.Dataset) -> npt.NDArray[np.bool_]:
+    """Where frozen microstructure fails in most draws, shape (n_regimes, n_frequencies)."""
+    share = probability(spectrum["frozen_fails"]).transpose("regime", "frequency").to_numpy()
+    marked: npt.NDArray[np.bool_] = share >= LIKELY
+    return marked
+
+
+def frozen_limit_frequency(spectrum: xr.Dataset, share: float | None = None) -> FloatArray:
+    """Return the frequency (Hz) below which a cycle strains too much for frozen microstructure.
+
+    The path strain of a cycle grows towards low frequency. Where it passes the share of the
+    critical strain is found between the frequencies of the spectrum on logarithmic scales. The hold
+    is not looked at: see `hold_fails`.
+
+    Parameters
+    ----------
+    spectrum : Dataset
+        Of `pyburgers.predictions.attenuation.attenuation_spectrum` or `predict_attenuation`.
+    share : float, optional
+        Of the critical strain; default that of the spectrum.
+
+    Returns
+    -------
+    array, shape (n_draws, n_regimes)
+        0 where no frequency of the spectrum is below the limit, infinite where all are, and NaN
+        where the critical strain is not known.
+
+    Raises
+    ------
+    InputError
+        If `share` is not positive.
+    """
+    limit = checked_share(float(spectrum["critical_share"]) if share is None else share)
+    ordered = spectrum.sortby("frequency")
+    log_frequency = np.log(ordered["frequency"].to_numpy())
+    relative = ordered["cycle_strain"] / (limit * ordered["critical_strain"])
+    strain = relative.transpose(..., "regime", "frequency").to_numpy()
+    with np.errstate(divide="ignore"):  # an infinite critical strain
+        values = np.log(strain.reshape(-1, *strain.shape[-2:]))
+    n_failing = (values > 0).sum(axis=-1)
+    last = np.clip(n_failing - 1, 0, max(0, log_frequency.size - 2))
+    following = np.minimum(last + 1, log_frequency.size - 1)
+    before, after = (
+        np.take_along_axis(values, index[..., np.newaxis], -1)[..., 0]
+        for index in (last, following)
+    )
+    with np.errstate(divide="ignore", invalid="ignore"):  # outside, where the next line decides
+        part = before / (before - after)
+        inside = np.exp(
+            log_frequency[last] + part * (log_frequency[following] - log_frequency[last])
+        )
+    found: FloatArray = np.select(
+        [np.isnan(values[..., 0]), n_failing == 0, n_failing == log_frequency.size],
+        [np.nan, 0.0, np.inf],
+        inside,
+    )
+    return found
+
+
+def frozen_limit_texts(spectrum: xr.Dataset) -> list[str]:
+    """Say for each regime where frozen microstructure fails, for tables."""
+    by_hold = probability(hold_fails(spectrum)).to_numpy()
+    limits = np.quantile(frozen_limit_frequency(spectrum), 0.5, axis=0, method="higher")
+    texts = []
+    for share, limit in zip(by_hold, limits, strict=True):
+        if np.isnan(limit):
+            text = "cannot tell"
+        elif share >= LIKELY:
+            text = f"fails in the hold in {100 * share:.0f} % of draws"
+        elif limit == 0:
+            text = f"holds in most draws; fails in the hold in {100 * share:.0f} %"
+        elif np.isinf(limit):
+            text = "fails at all frequencies"
+        else:
+            text = f"fails below {limit:.2g} Hz; in the hold in {100 * share:.0f} %"
+        texts.append(text)
+    return texts
+
+
+def frozen_sentence(spectrum: xr.Dataset) -> str:
+    """Say what is assumed of the microstructure, and by how much the stresses strain it."""
+    share = float(spectrum["critical_share"])
+    hours = float(spectrum["hold_time"]) / UNITS["time"]["h"]
+    start = (
+        "The closed form takes the microstructure as frozen. That fails in a draw where the strain "
+        f"of the hold at the median stress ({number(hours)} h) or of one cycle is more than "
+        f"{number(100 * share)} % of the smaller critical strain of what still evolves"
+    )
+    critical = spectrum["critical_strain"].to_numpy()
+    if np.isnan(critical).all():
+        return (
+            f"{start}; the parameters do not say how it evolves, so where it does cannot be told."
+        )
+    if np.isinf(critical).all():
+        return f"{start}; here nothing evolves any more."
+    strain = spectrum["hold_strain"]
+    held = strain.median([name for name in strain.dims if name != "regime"]).to_numpy()
+    strains = ", ".join(
+        f"{100 * value:.2g} % at {label}"
+        for label, value in zip(spectrum["regime"].to_numpy(), held, strict=True)
+    )
+    return (
+        f"{start} (median {number(round(float(np.median(critical)), 3))}). The hold strains by "
+        f"{strains} (medians). Where it fails in most draws, curves are pale and say little."
+    )
+
+
+def elastic_modulus_sentence(spectrum: xr.Dataset) -> str:
+    """Say where the elastic modulus of a predicted spectrum comes from."""
+    given = spectrum.attrs["elastic_modulus"]
+    if given:
+        return f"The elastic modulus is given: {given}."
+    return (
+        "The elastic modulus is E_M of the fit. Where strain was read off the machine, as in most "
+        "tests at constant rate, that is mostly the stiffness of the apparatus, and tan δ at high "
+        "frequency is then too small; a modulus of the material can be given in its place "
+        "(--elastic-modulus-Pa)."
+    )

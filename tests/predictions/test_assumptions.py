@@ -1,0 +1,252 @@
+"""Where frozen microstructure fails: strains against quadrature, marks at the right frequencies."""
+
+import itertools
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import oracle
+import pytest
+import xarray as xr
+from scipy.integrate import quad, solve_ivp
+from synthetic_fit import make_fit
+
+from pyburgers.common.errors import InputError
+from pyburgers.fitting.fit import Fit
+from pyburgers.predictions.assumptions import (
+    EVOLUTION,
+    frozen_limit_frequency,
+    frozen_limit_texts,
+    frozen_sentence,
+    likely_fails,
+)
+from pyburgers.predictions.attenuation import attenuation_spectrum, predict_attenuation
+from pyburgers.predictions.attenuation_tables import overview_table, quantile_table
+from pyburgers.predictions.stress_cycles import PAPER_REGIMES, Regime
+
+FloatArray = npt.NDArray[np.float64]
+
+TEMPERATURE, GRAIN_SIZE = 260.0, 2e-4
+ICE: dict[str, Any] = {
+    "maxwell_modulus": 4e9,
+    "kelvin_modulus": 5e8,
+    "kelvin_viscosity": 1e11,
+    "stress_exponent": 3.7,
+    "grain_size_exponent": 0.5,
+    "activation_enthalpy": 61e3,
+    "beta": -7.29e-4,
+    "critical_strain_grain_size": 0.07,
+    "critical_strain_fabric": 0.2,
+    "steady_state_grain_size": 1e-4,
+    "steady_state_fabric_factor": 0.5,
+}
+FREQUENCIES = tuple(np.geomspace(1e-6, 1.0, 61).tolist())
+
+
+def spectrum_of(
+    parameters: Mapping[str, Any] = ICE,
+    regimes: tuple[Regime, ...] = PAPER_REGIMES,
+    frequencies: tuple[float, ...] = FREQUENCIES,
+    **given: Any,
+) -> xr.Dataset:
+    conditions = {"temperature": TEMPERATURE, "grain_size": GRAIN_SIZE, **given}
+    return attenuation_spectrum(parameters, frequencies, regimes, **conditions)
+
+
+def dashpot_rate(stress: float) -> float:
+    """Eq. 1 of the undeformed material."""
+    log_factor = ICE["activation_enthalpy"] * (
+        ICE["beta"] - 1 / (oracle.GAS_CONSTANT * TEMPERATURE)
+    )
+    size = float(np.sign(stress)) * abs(stress) ** ICE["stress_exponent"]
+    return float(size * GRAIN_SIZE ** -ICE["grain_size_exponent"] * np.exp(log_factor))
+
+
+@pytest.mark.parametrize("regime", [*PAPER_REGIMES, Regime(1e6, 2.5e6)], ids=lambda r: r.label)
+@pytest.mark.parametrize("frequency", [1e-5, 1e-4, 1e-3, 1e-2, 1.0])
+def test_the_strain_of_a_cycle_is_the_integral_of_the_rate(
+    regime: Regime, frequency: float
+) -> None:
+    """The settled cycle from complex algebra and the flow law, integrated between its turns."""
+    omega = 2 * np.pi * frequency
+    compliance = 1 / ICE["maxwell_modulus"] + 1 / (
+        ICE["kelvin_modulus"] + 1j * omega * ICE["kelvin_viscosity"]
+    )
+
+    def rate(time: float) -> float:
+        elements = 1j * omega * compliance * regime.amplitude * np.exp(1j * omega * time)
+        stress = regime.median_stress + regime.amplitude * np.sin(omega * time)
+        return float(elements.imag) + dashpot_rate(stress)
+
+    times = np.linspace(0.0, 1 / frequency, 401)
+    values = [rate(time) for time in times]
+    expected = sum(
+        quad(lambda time: abs(rate(time)), low, high, epsrel=1e-6, limit=100)[0]
+        if values[k] * values[k + 1] < 0
+        else abs(quad(rate, low, high)[0])
+        for k, (low, high) in enumerate(itertools.pairwise(times))
+    )
+    found = spectrum_of(regimes=(regime,), frequencies=(frequency,))["cycle_strain"]
+    assert float(found.item()) == pytest.approx(expected, rel=2e-3)
+
+
+@pytest.mark.parametrize("hold_time", [600.0, 5400.0])
+def test_the_strain_of_the_hold_is_that_of_creep_from_rest(hold_time: float) -> None:
+    found = spectrum_of(hold_time=hold_time)["hold_strain"].to_numpy()
+    for regime, strain in zip(PAPER_REGIMES, found, strict=True):
+        stress = regime.median_stress
+
+        def rates(_: float, state: FloatArray, stress: float = stress) -> list[float]:
+            driving = stress - ICE["kelvin_modulus"] * state[0]
+            return [driving / ICE["kelvin_viscosity"], dashpot_rate(stress)]
+
+        solution = solve_ivp(rates, (0.0, hold_time), [0.0, 0.0], rtol=1e-10, atol=1e-14)
+        expected = stress / ICE["maxwell_modulus"] + solution.y[:, -1].sum()
+        assert strain == pytest.approx(expected, rel=1e-6)
+
+
+def test_curves_are_marked_where_the_strain_passes_the_share() -> None:
+    found = spectrum_of(critical_share=0.1)
+    cycle, hold = found["cycle_strain"].to_numpy(), found["hold_strain"].to_numpy()
+    expected = (cycle > 0.1 * 0.07) | (hold[:, np.newaxis] > 0.1 * 0.07)
+    np.testing.assert_array_equal(found["frozen_fails"], expected)
+    # The larger stresses fail in the hold, so at all frequencies; the smallest at low ones.
+    assert expected[3].all()
+    assert expected[0, 0]
+    assert not expected[0, -1]
+    np.testing.assert_array_equal(likely_fails(found), expected)
+    assert not spectrum_of(critical_share=100.0)["frozen_fails"].any()
+    assert spectrum_of(critical_share=1e-6)["frozen_fails"].all()
+
+
+def test_the_limit_is_where_a_cycle_strains_by_the_share() -> None:
+    limits = frozen_limit_frequency(spectrum_of())[0]
+    assert limits.shape == (4,)
+    for regime, limit in zip(PAPER_REGIMES, limits, strict=True):
+        strain = spectrum_of(regimes=(regime,), frequencies=(float(limit),))["cycle_strain"]
+        assert float(strain.item()) == pytest.approx(0.1 * 0.07, rel=0.01)
+    assert (np.diff(limits) > 0).all()
+    assert (frozen_limit_frequency(spectrum_of(), share=0.5)[0] < limits).all()
+
+
+def test_frequencies_may_come_in_any_order() -> None:
+    shuffled = spectrum_of(frequencies=tuple(np.roll(FREQUENCIES, 20).tolist()))
+    np.testing.assert_allclose(
+        frozen_limit_frequency(shuffled), frozen_limit_frequency(spectrum_of())
+    )
+
+
+def test_a_limit_outside_the_frequencies_is_zero_or_infinite() -> None:
+    slow, fast = (spectrum_of(frequencies=one) for one in ((1e-6, 1e-7), (1e3, 1e4)))
+    assert np.isinf(frozen_limit_frequency(slow)).all()
+    assert (frozen_limit_frequency(fast, share=1.0) == 0).all()
+    assert np.isinf(frozen_limit_frequency(spectrum_of(frequencies=(1e-7,)))).all()
+    with pytest.raises(InputError, match="critical_share: found 0"):
+        frozen_limit_frequency(fast, share=0.0)
+
+
+def test_what_is_at_its_steady_state_does_not_evolve() -> None:
+    def critical(parameters: Mapping[str, Any] = ICE, **given: Any) -> float:
+        return float(spectrum_of(parameters, **given)["critical_strain"])
+
+    assert critical() == 0.07
+    assert critical(grain_size=1e-4) == 0.2
+    assert critical(fabric_factor=0.5) == 0.07
+    assert np.isinf(critical(grain_size=1e-4, fabric_factor=0.5))
+    assert critical({**ICE, "critical_strain_fabric": 0.01}) == 0.01
+    # A piezometer lets the grain size evolve whatever the steady state says.
+    with_piezometer = {**ICE, "piezometer_reference_grain_size": 0.015}
+    assert critical(with_piezometer, grain_size=1e-4, fabric_factor=0.5) == 0.07
+
+
+def test_without_evolution_it_cannot_be_told() -> None:
+    found = spectrum_of({name: value for name, value in ICE.items() if name not in EVOLUTION})
+    assert np.isnan(found["frozen_fails"]).all()
+    assert np.isnan(frozen_limit_frequency(found)).all()
+    assert frozen_limit_texts(found) == ["cannot tell"] * 4
+    assert "cannot be told" in frozen_sentence(found)
+    assert not likely_fails(found).any()
+
+
+def test_wrong_arguments_are_refused() -> None:
+    with pytest.raises(InputError, match="hold_time: found -1"):
+        spectrum_of(hold_time=-1.0)
+    with pytest.raises(InputError, match="critical_share: found nan"):
+        spectrum_of(critical_share=np.nan)
+    with pytest.raises(InputError, match=r"'critical_strain_fabric' has the shape \(2,\)"):
+        spectrum_of({**ICE, "critical_strain_fabric": [0.1, 0.2]})
+
+
+@pytest.fixture(scope="module")
+def fit(tmp_path_factory: pytest.TempPathFactory) -> Fit:
+    return make_fit(tmp_path_factory.mktemp("run"), chains=2, draws=50)
+
+
+def test_a_fit_says_where_its_prediction_fails(fit: Fit) -> None:
+    spectrum = predict_attenuation(fit)
+    posterior = fit.posterior["posterior"].to_dataset()
+    smaller = np.minimum(
+        posterior["critical_strain_grain_size"], posterior["critical_strain_fabric"]
+    )
+    np.testing.assert_allclose(spectrum["critical_strain"], smaller)
+    table = quantile_table(spectrum)
+    hardest = table[table["median_stress_MPa"] == 4.0]
+    share = float((spectrum["hold_strain"].isel(regime=3) > 0.1 * smaller).mean())
+    assert share > 0.9
+    assert hardest["p_hold_fails"].to_numpy() == pytest.approx(share)
+    easiest = table[table["median_stress_MPa"] == 1.0]
+    assert easiest["p_cycle_fails"].is_monotonic_decreasing
+    assert (table["p_frozen_fails"] >= table[["p_hold_fails", "p_cycle_fails"]].max(axis=1)).all()
+    share = float((spectrum["cycle_strain"].isel(regime=0, frequency=0) > 0.1 * smaller).mean())
+    assert easiest["p_cycle_fails"].iloc[0] == pytest.approx(share)
+    assert table["cycle_strain"].iloc[0] == pytest.approx(
+        float(spectrum["cycle_strain"].isel(regime=0, frequency=0).median())
+    )
+    words = overview_table(spectrum)["frozen microstructure"]
+    assert (
+        words.iloc[3]
+        == f"fails in the hold in {100 * hardest['p_hold_fails'].iloc[0]:.0f} % of draws"
+    )
+    sentence = frozen_sentence(spectrum)
+    assert "1.5 h" in sentence
+    assert "10 % of the smaller critical strain" in sentence
+
+
+def test_the_steady_state_does_not_fail(fit: Fit) -> None:
+    spectrum = predict_attenuation(fit, microstructure="steady_state")
+    assert (spectrum["frozen_fails"] == 0).all()
+    assert "nothing evolves" in frozen_sentence(spectrum)
+    assert overview_table(spectrum)["frozen microstructure"].iloc[3].startswith("holds")
+
+
+def test_the_elastic_modulus_can_be_given(fit: Fit, tmp_path: Path) -> None:
+    given = predict_attenuation(fit, elastic_modulus=9.3e9)
+    posterior = fit.posterior["posterior"].to_dataset()
+    own = predict_attenuation(fit)
+    np.testing.assert_allclose(
+        given["storage_compliance"] - own["storage_compliance"],
+        np.broadcast_to(
+            (1 / 9.3e9 - 1 / posterior["maxwell_modulus"]).to_numpy()[..., None, None],
+            own["tan_delta"].shape,
+        ),
+        rtol=1e-6,
+        atol=1e-18,
+    )
+    np.testing.assert_allclose(given["loss_compliance"], own["loss_compliance"])
+    assert "elastic modulus 9.3 GPa" in given.attrs["title"]
+    scattered = predict_attenuation(fit, elastic_modulus=9.3e9, elastic_modulus_sd=0.5e9, seed=3)
+    again = predict_attenuation(fit, elastic_modulus=9.3e9, elastic_modulus_sd=0.5e9, seed=3)
+    xr.testing.assert_equal(scattered, again)
+    assert "9.3 ± 0.5 GPa" in scattered.attrs["title"]
+    # At high frequency the spring alone answers.
+    fast = predict_attenuation(
+        fit, [1e4], PAPER_REGIMES[:1], elastic_modulus=9.3e9, elastic_modulus_sd=0.5e9, seed=3
+    )
+    modulus = 1 / fast["storage_compliance"].to_numpy()
+    assert modulus.std() == pytest.approx(0.5e9, rel=0.25)
+    assert modulus.mean() == pytest.approx(9.3e9, rel=0.02)
+    for mean, deviation in ((-1.0, 0.0), (1e9, -1.0)):
+        with pytest.raises(InputError, match="elastic_modulus"):
+            predict_attenuation(fit, elastic_modulus=mean, elastic_modulus_sd=deviation)

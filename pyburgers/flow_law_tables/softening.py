@@ -24,7 +24,7 @@ from pyburgers.flow_law_tables.inputs import PeakStrain, PeakStressData, least_s
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.prior_families import is_fixed_at
 from pyburgers.model.priors import PriorSet
-from pyburgers.protocols.forward import given_parameters
+from pyburgers.protocols.program_data import given_parameters
 from pyburgers.protocols.stan_data import SolverOptions, StanData, solver_block
 
 FloatArray = npt.NDArray[np.float64]

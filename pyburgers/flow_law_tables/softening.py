@@ -19,7 +19,7 @@ from scipy import stats
 from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.atomic_files import write_json
-from pyburgers.common.errors import InputError
+from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.flow_law_tables.inputs import PeakStrain, PeakStressData, least_squares
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.prior_families import is_fixed_at
@@ -34,8 +34,8 @@ SOLVER = SolverOptions(tolerance=1e-6)
 N_SOFTENING = 4
 """Numbers that describe the softening about the mean conditions."""
 
-STRAINS = np.geomspace(1e-3, 0.2, 60)
-"""Where stress is looked at for its peak; a peak beyond 20 % strain is none."""
+STRAINS = np.geomspace(2e-4, 0.2, 80)
+"""Where stress is looked at for its peak; one that rises beyond 20 % strain has its peak there."""
 
 N_MATERIALS = 300
 """Draws from the priors whose softening is simulated at all conditions."""
@@ -178,7 +178,14 @@ def simulate_peaks(
             **solver_block(SOLVER),
         }
     )
-    return Peaks(found["log_peak_stress"], found["peak_strain"], found["softening"])
+    peaks = Peaks(found["log_peak_stress"], found["peak_strain"], found["softening"])
+    if not np.isfinite(peaks.log_stress).all():
+        raise SamplingError(
+            f"{material}: a test has no solution to {STRAINS[-1]:.0%} strain at some of the "
+            f"parameters; rates are {strain_rate.min():.2g} to {strain_rate.max():.2g} 1/s, check "
+            "the units of the table and the priors."
+        )
+    return peaks
 
 
 def softening_prior(data: PeakStressData, curve: PriorSet, *, seed: int) -> SofteningPrior:

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from pyburgers.common.errors import SamplingError
 from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress, flow_law_prior
 from pyburgers.flow_law_tables.inputs import (
     STRESS_SCATTER,
@@ -26,6 +27,14 @@ from pyburgers.protocols.experiment import Provenance
 from pyburgers.sampling.options import SamplerOptions
 
 FloatArray = npt.NDArray[np.float64]
+
+
+LARGEST_RATIO = 3.0
+"""Of the mean stress of a simulated table to that of its template, or the reverse: others are drawn
+again. That is a choice by data alone, which leaves the ranks of a right prior uniform."""
+
+PRIOR_ATTEMPTS = 1000
+"""Draws at which a simulation gives up."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +65,7 @@ class SimulatedTable:
 def simulate_table(
     template: PeakStressData, priors: PriorSet, curve: PriorSet, *, seed: int
 ) -> SimulatedTable:
-    """Draw a material and solve the peaks of a table's tests.
+    """Draw materials and solve the peaks of a table's tests until they look like it.
 
     Where the template states the strain of its peaks, the simulated table states its own, with the
     same relative standard deviation.
@@ -75,20 +84,32 @@ def simulate_table(
     Raises
     ------
     SamplingError
-        If the solver finds no solution.
+        If no draw has stresses like those of the template.
     """
     rng = np.random.default_rng(seed)
-    values = curve.resolved(float(template.stress.max())).sample(rng)
-    scatter = priors[STRESS_SCATTER.name].sample(rng)
-    peaks = simulate_peaks(
-        template.material,
-        [values],
-        strain_rate=template.strain_rate,
-        grain_size=template.grain_size,
-        temperature=template.temperature,
-    )
-    deviation = np.hypot(scatter, template.relative_stress_uncertainty)
-    log_stress = peaks.log_stress[0] + deviation * rng.standard_normal(template.n_points)
+    for _ in range(PRIOR_ATTEMPTS):
+        values = curve.resolved(float(template.stress.max())).sample(rng)
+        scatter = priors[STRESS_SCATTER.name].sample(rng)
+        try:
+            peaks = simulate_peaks(
+                template.material,
+                [values],
+                strain_rate=template.strain_rate,
+                grain_size=template.grain_size,
+                temperature=template.temperature,
+            )
+        except SamplingError:
+            continue  # its stresses are not those of a laboratory either
+        deviation = np.hypot(scatter, template.relative_stress_uncertainty)
+        log_stress = peaks.log_stress[0] + deviation * rng.standard_normal(template.n_points)
+        level = np.mean(log_stress - np.log(template.stress))
+        if abs(level) <= np.log(LARGEST_RATIO):
+            break
+    else:
+        raise SamplingError(
+            f"{template.id}: none of {PRIOR_ATTEMPTS} draws from the priors has stresses like those "
+            "of the table; check the units and the bounds of the priors."
+        )
     stated = None
     if template.peak_strain is not None:
         relative = template.peak_strain.sd / template.peak_strain.mean

@@ -9,8 +9,8 @@
 //   ln(peak stress) = ln S_0 - s + scatter,
 //   s = h_1 + h_2 x_rate + h_3 x_stress + h_4 x_grain_size,
 //
-// and [ln h_1, h_2/h_1, ln(h_3/h_1), h_4/h_1] is normal about values linear in n and p, as the
-// priors of a curve have it by simulation (peaks.stan). The scatter, between tests, is that of
+// and [ln h_1, h_2/h_1, ln(h_3/h_1), h_4/h_1] is normal about values linear in ln n and ln p, as
+// the priors of a curve have it by simulation (peaks.stan). The scatter, between tests, is that of
 // the stress; its known relative uncertainty u adds the variance u^2.
 //
 // All values are SI. In place of Q_M, or of beta where Q_M cannot be replaced, what the table fixes
@@ -45,8 +45,8 @@ functions {
    */
   vector softening_at(vector coordinate, real stress_exponent, real grain_size_exponent,
                       data matrix coefficients, data vector centre, data matrix factor) {
-    vector[n_softening()] w = coefficients * [1, stress_exponent - centre[1],
-                                              grain_size_exponent - centre[2]]'
+    vector[n_softening()] w = coefficients * [1, log(stress_exponent) - centre[1],
+                                              log(grain_size_exponent) - centre[2]]'
                               + factor * coordinate;
     real mean_softening = exp(w[h_mean()]);
     return mean_softening * [1, w[h_rate()], exp(w[h_stress()]), w[h_grain_size()]]';
@@ -106,7 +106,7 @@ data {
   vector[n_of_table()] prior_upper;
   // Prior of the softening, see softening_at().
   matrix[n_softening(), 3] softening_coefficients;
-  vector[2] softening_centre; // n, p
+  vector[2] softening_centre; // ln n, ln p
   matrix[n_softening(), n_softening()] softening_factor;
   // Coordinates (charts/plain.stan): one for each free parameter.
   int<lower=0, upper=n_of_table()> n_coordinates;

@@ -14,7 +14,6 @@ from typing import Self
 
 import numpy as np
 import numpy.typing as npt
-from scipy import stats
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
@@ -23,7 +22,7 @@ from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.flow_law_tables.inputs import PeakStrain, PeakStressData, least_squares
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.prior_families import is_fixed_at
-from pyburgers.model.priors import PriorSet
+from pyburgers.model.priors import FLOW_LAW, PriorSet
 from pyburgers.protocols.program_data import given_parameters
 from pyburgers.protocols.stan_data import SolverOptions, StanData, solver_block
 
@@ -53,9 +52,9 @@ deviations of the table's conditions along their principal axes."""
 LEAST_STEP = 0.05
 """The same where a table has hardly any spread, in logarithms."""
 
-EXPONENT_ERRORS, EXPONENT_SHARE = 3.0, 0.15
-"""Standard deviation of the n and p of simulated materials: the larger of these multiples of the
-standard error and of the value across peaks."""
+EXPONENT_ERRORS, EXPONENT_SPREAD = 3.0, (0.15, 0.5)
+"""Of ln n and ln p of simulated materials: the standard deviation is this multiple of the standard
+error across peaks, but not outside this range."""
 
 LEAST_SLOPE = 1e-3
 """Of ln(softening) by ln(peak stress): it is positive, but for errors of the solver."""
@@ -70,14 +69,14 @@ class SofteningPrior:
         s = h_1 + h_2 x_rate + h_3 x_stress + h_4 x_grain_size
 
     in ln(strain rate), ln(peak stress) and ln(grain size). The vector w = [ln h_1, h_2/h_1,
-    ln(h_3/h_1), h_4/h_1] is normal, with a mean that is linear in n and p.
+    ln(h_3/h_1), h_4/h_1] is normal, with a mean that is linear in ln n and ln p.
 
     Attributes
     ----------
     coefficients : array, shape (4, 3)
-        Mean of w by 1, n and p less `centre`.
+        Mean of w by 1, ln n and ln p less `centre`.
     centre : array, shape (2,)
-        Mean n and p of the simulated materials.
+        Mean ln n and ln p of the simulated materials.
     factor : array, shape (4, 4)
         Lower Cholesky factor of the covariance of w.
     peak_strain : array, shape (3,)
@@ -227,9 +226,7 @@ def softening_prior(data: PeakStressData, curve: PriorSet, *, seed: int) -> Soft
     w = np.column_stack(
         [np.log(softening), slope[:, 0], np.log(np.maximum(slope[:, 1], LEAST_SLOPE)), slope[:, 2]]
     )
-    exponents = np.array(
-        [[one["stress_exponent"], one["grain_size_exponent"]] for one in materials]
-    )
+    exponents = np.log([[one[name] for name in FLOW_LAW[:2]] for one in materials])
     centre = exponents.mean(axis=0)
     design = np.column_stack([np.ones(len(materials)), exponents - centre])
     fitted, *_ = np.linalg.lstsq(design, w, rcond=None)
@@ -250,10 +247,9 @@ def _draw(
     for name in priors.free:
         drawn[name] = priors[name].distribution().rvs(size=n_materials, random_state=rng)
     for name, (value, error) in least_squares(data).items():
-        spread = max(EXPONENT_ERRORS * error, EXPONENT_SHARE * value)
-        drawn[name] = stats.truncnorm(-value / spread, np.inf, loc=value, scale=spread).rvs(
-            size=n_materials, random_state=rng
-        )
+        if value > 0:
+            spread = np.clip(EXPONENT_ERRORS * error / value, *EXPONENT_SPREAD)
+            drawn[name] = value * np.exp(spread * rng.standard_normal(n_materials))
     return [
         dict(zip(drawn, map(float, row), strict=True)) for row in zip(*drawn.values(), strict=True)
     ]

@@ -107,8 +107,8 @@ def simulate_table(
             break
     else:
         raise SamplingError(
-            f"{template.id}: none of {PRIOR_ATTEMPTS} draws from the priors has stresses like those "
-            "of the table; check the units and the bounds of the priors."
+            f"{template.id}: none of {PRIOR_ATTEMPTS} draws from the priors has stresses like "
+            "those of the table; check the units and the bounds of the priors."
         )
     stated = None
     if template.peak_strain is not None:

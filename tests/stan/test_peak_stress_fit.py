@@ -47,7 +47,7 @@ FloatArray = npt.NDArray[np.float64]
 
 SOFTENING = SofteningPrior(
     coefficients=np.array([[-3, 0.3, 0.8], [0.1, 0, 0.2], [-0.5, 0.1, 0], [0.2, 0, 0.3]]),
-    centre=np.array([3.5, 0.4]),
+    centre=np.log([3.5, 0.4]),
     factor=np.tril(np.full((4, 4), 0.1)) + 0.2 * np.eye(4),
     peak_strain=np.array([0.01, 0.02, 0.03]),
     n_effective=100.0,
@@ -316,7 +316,7 @@ def test_density_is_prior_plus_likelihood_plus_jacobian(
     centre = np.random.default_rng(5).normal(0.0, 0.3, len(coordinates.quantities))
     found = at(centre)
     values = {p.name: float(found[p.name]) for p in FLOW_LAW_PARAMETERS}
-    shift = np.array([values["stress_exponent"], values["grain_size_exponent"]]) - SOFTENING.centre
+    shift = np.log([values[name] for name in FLOW_LAW[:2]]) - SOFTENING.centre
     w = SOFTENING.coefficients @ [1.0, *shift] + SOFTENING.factor @ z
     h = np.exp(w[0])
     np.testing.assert_allclose(found["softening"], [h, h * w[1], h * np.exp(w[2]), h * w[3]])

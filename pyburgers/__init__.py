@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from pyburgers.common.errors import InputError, PyburgersError, SamplingError, ToolchainError
-    from pyburgers.comparison.by_points import Comparison, compare
-    from pyburgers.comparison.by_tests import ComparisonByTest, compare_by_test
+    from pyburgers.comparison.by_points import compare
+    from pyburgers.comparison.by_tests import compare_by_test
     from pyburgers.comparison.marginal_likelihood import log_marginal_likelihood
+    from pyburgers.comparison.results import Comparison, ComparisonByTest
     from pyburgers.fitting.fit import Fit, JointFit, fit, fit_jointly
     from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress, flow_law_prior
     from pyburgers.flow_law_tables.inputs import (

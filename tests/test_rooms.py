@@ -27,9 +27,9 @@ ROOMS = (
 )
 """From top to bottom; a room imports from itself and from those below it."""
 
-LONGEST_FILE, DEEPEST_CHAIN = 450, 16
-"""Lines of a file; modules in a chain of imports, which were 24 before there were rooms and are to
-be 15. What has been reached is the limit: no chain may get longer again."""
+LONGEST_FILE, DEEPEST_CHAIN = 450, 15
+"""Lines of a file; modules in a chain of imports, which were 24 before there were rooms; what
+has been reached is the limit: no chain may get longer again."""
 
 
 def module_name(file: Path) -> str:

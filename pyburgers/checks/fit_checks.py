@@ -1,4 +1,4 @@
-"""What a check is, and the checks of chains, of the solver and of the coverage.
+"""What a check is, and the checks of chains and solver.
 
 A new one is a function with a name and a kind in a module of this folder, where
 `pyburgers.checks.registry` finds it.
@@ -12,10 +12,9 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 import xarray as xr
-from scipy import stats
 
-from pyburgers.common.draws import BAND, TAIL
-from pyburgers.posterior.labelled_draws import CORRELATED, convergence_table, pareto_k
+from pyburgers.common.draws import TAIL
+from pyburgers.posterior.labelled_draws import convergence_table, pareto_k, response_in
 from pyburgers.sampling.chains import ChainFailure
 
 
@@ -147,8 +146,6 @@ LEAST_DRAWS = 100
 """Fewer draws, of all chains, cannot show whether they were drawn well, good or bad."""
 EBFMI_LIMIT = 0.3
 PARETO_K_LIMIT = 0.7
-ONE_IN = 0.01
-"""Share of correct models that would fail the check of the coverage."""
 
 
 @check("chains", CheckKind.SAMPLING)
@@ -307,52 +304,12 @@ def check_solver(draws: CheckedDraws) -> Finding:
     )
 
 
-@check("coverage", CheckKind.DESCRIPTION, least_draws=LEAST_DRAWS)
-def check_coverage(draws: CheckedDraws) -> Finding:
-    """Predictive band of 90 % holds about 90 % of the data.
-
-    The verdict asks that the count inside is not below what 99 % of correct models would give:
-    by the binomial distribution where residuals are independent, by the replicated data where they
-    are correlated and leave the band together.
-    """
-    posterior = draws.posterior
-    n_points = posterior["observed_data"].sizes["point"]
-    share = coverage(posterior)
-    if CORRELATED in posterior.children:
-        replicated = _share_inside(posterior, _only(posterior, "posterior_predictive"))
-        least = float(replicated.quantile(ONE_IN))
-    else:
-        least = stats.binom.ppf(ONE_IN, n_points, BAND) / n_points
-    table = pd.DataFrame({"share_inside": [share], "least_wanted": [least], "points": [n_points]})
-    inside = f"{share:.0%} of the data lie inside the 90 % predictive band"
-    if share >= least:
-        return Finding(Outcome.YES, table, f"{inside}.")
-    return Finding(
-        Outcome.NO,
-        table,
-        f"Only {inside} (at least {least:.0%} expected of a correct model): the model or the "
-        "noise does not describe this curve",
-        "look at the residuals before using its parameters",
-    )
-
-
 def coverage(posterior: xr.DataTree) -> float:
     """Share of the data inside the central 90 % of the replicated data."""
-    return float(_share_inside(posterior, _only(posterior, "observed_data")))
-
-
-def _only(posterior: xr.DataTree, group: str) -> xr.DataArray:
-    """Return the response, which is all that a group holds."""
-    (response,) = posterior[group].to_dataset().data_vars.values()
-    return response
-
-
-def _share_inside(posterior: xr.DataTree, response: xr.DataArray) -> xr.DataArray:
-    """Share of responses, dimension point, inside the central 90 % of the replicated data."""
-    replicated = _only(posterior, "posterior_predictive")
+    replicated = response_in(posterior, "posterior_predictive")
     low, high = (replicated.quantile(q, ("chain", "draw")) for q in (TAIL, 1.0 - TAIL))
-    inside: xr.DataArray = ((response >= low) & (response <= high)).mean("point")
-    return inside
+    observed = response_in(posterior, "observed_data")
+    return float(((observed >= low) & (observed <= high)).mean("point"))
 
 
 CHAIN_CHECKS = (

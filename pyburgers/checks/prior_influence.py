@@ -14,10 +14,11 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 import xarray as xr
-from scipy.special import xlogy
+from scipy.special import ndtri, xlogy
 
 from pyburgers.common.draws import all_draws
 from pyburgers.model.display import shown_quantity
+from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import FLOW_LAW, PriorSet
 from pyburgers.posterior.labelled_draws import free_parameters, smooth_weights, total_log_likelihood
 
@@ -31,6 +32,9 @@ SENSITIVE = 0.05
 
 PULL = 0.05
 """Shift of the mean, in standard deviations for a doubled weight, that counts as a pull."""
+
+FAR_OUT = 2.0
+"""Prior standard deviations from the prior's median at which a posterior counts as far out."""
 
 AS_WIDE = 0.75
 """Share of the prior's standard deviation from which a posterior counts as the prior itself."""
@@ -60,7 +64,9 @@ THRESHOLDS_TEXT = (
     "and a posterior that leans on one is held there by the prior whatever the table says. All "
     "priors count together: along a trade-off that the data leave open, a quantity can be set by "
     "the prior of another one; the last column names the prior that alone moves the quantity "
-    f"furthest, by at least {SENSITIVE:g}."
+    f"furthest, by at least {SENSITIVE:g}. The distance is how far the posterior median is from "
+    "that of a normal or lognormal prior, in its standard deviations (of the logarithm for the "
+    f"latter); from {FAR_OUT:g} on, prior and data count as disagreeing whatever they pull."
 )
 
 
@@ -79,6 +85,9 @@ class Influence:
         where none moves it by `SENSITIVE`.
     width : float or None
         Posterior over prior standard deviation; None for a quantity without a prior of its own.
+    distance : float or None
+        How far the posterior median is from the prior's, in standard deviations of a normal
+        distribution with the same probability; None without a normal or lognormal prior.
     """
 
     prior_sensitivity: float
@@ -87,6 +96,13 @@ class Influence:
     likelihood_pull: float
     strongest_prior: str | None
     width: float | None
+    distance: float | None
+
+    @property
+    def is_conflict(self) -> bool:
+        """Whether prior and data disagree: they pull apart, or the posterior is far out."""
+        far_out = self.distance is not None and abs(self.distance) >= FAR_OUT
+        return far_out or self.origin is Origin.DISAGREEMENT
 
     @property
     def origin(self) -> Origin:
@@ -142,8 +158,19 @@ def prior_influence(posterior: xr.DataTree, priors: PriorSet) -> dict[str, Influ
             width=float(np.std(values, ddof=1) / priors[name].distribution().std())
             if name in priors.free
             else None,
+            distance=_distance(values, priors[name]) if name in single else None,
         )
     return found
+
+
+def _distance(values: FloatArray, prior: Prior) -> float | None:
+    """Probability that a bell-shaped prior puts below the median of draws, as a normal score."""
+    if prior.family not in ("normal", "lognormal"):
+        return None
+    law, median = prior.distribution(), np.median(values)
+    # The smaller tail: the other one is 1 to machine precision where the median is far out.
+    below = law.cdf(median) < law.sf(median)
+    return float(ndtri(law.cdf(median)) if below else -ndtri(law.sf(median)))
 
 
 def influence_table(influences: Mapping[str, Influence]) -> pd.DataFrame:
@@ -152,8 +179,8 @@ def influence_table(influences: Mapping[str, Influence]) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Text. Columns quantity, prior, data (sensitivities), sd / prior sd, where it comes from,
-        mostly the prior of.
+        Text. Columns quantity, prior, data (sensitivities), sd / prior sd, distance (prior sd),
+        where it comes from, mostly the prior of.
     """
     return pd.DataFrame(
         [
@@ -162,6 +189,9 @@ def influence_table(influences: Mapping[str, Influence]) -> pd.DataFrame:
                 "prior": f"{influence.prior_sensitivity:.2f}",
                 "data": f"{influence.likelihood_sensitivity:.2f}",
                 "sd / prior sd": "" if influence.width is None else f"{influence.width:.2f}",
+                "distance (prior sd)": ""
+                if influence.distance is None
+                else f"{influence.distance:+.1f}",
                 "where it comes from": influence.origin,
                 "mostly the prior of": ""
                 if influence.strongest_prior is None
@@ -182,9 +212,30 @@ def _prior_label(name: str) -> str:
     return "the flow law, jointly" if name == JOINT_PRIOR else shown_quantity(name).label
 
 
-def influence_text(influences: Mapping[str, Influence]) -> str:
-    """Return the table with what its numbers mean, as plain text."""
-    return f"{influence_table(influences).to_string(index=False)}\n\n{THRESHOLDS_TEXT}\n"
+def conflicts(influences: Mapping[str, Influence]) -> list[str]:
+    """Return the quantities about which prior and data disagree, those furthest out first."""
+    found = [name for name, influence in influences.items() if influence.is_conflict]
+    return sorted(found, key=lambda name: -abs(influences[name].distance or 0.0))
+
+
+def conflict_text(name: str, influence: Influence) -> str:
+    """Name a quantity, and how far it is from its prior's median where that has a bell."""
+    label = shown_quantity(name).label
+    if influence.distance is None:
+        return label
+    return f"{label} ({influence.distance:+.1f} prior sd)"
+
+
+def conflict_sentence(influences: Mapping[str, Influence]) -> str | None:
+    """Say what prior and data disagree about; None where they do not."""
+    names = conflicts(influences)
+    if not names:
+        return None
+    listed = ", ".join(conflict_text(name, influences[name]) for name in names)
+    return (
+        f"Prior and data disagree about {listed}: what comes out is a compromise of the two, so "
+        "check the prior's source, and whether the model describes the data."
+    )
 
 
 def power_scaling_sensitivity(draws: FloatArray, log_component: FloatArray) -> float:

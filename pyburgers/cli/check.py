@@ -14,4 +14,5 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
-    return print_checks(Fit.load(options.directory).checks())
+    fit = Fit.load(options.directory)
+    return print_checks(fit.checks(), fit.prior_conflicts())

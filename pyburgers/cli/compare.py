@@ -1,24 +1,32 @@
 """`pyburgers compare`: which of several fits of the same data predicts best."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 from pyburgers.cli.shared import command_line, exit_code, writing
+from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_points import compare
 from pyburgers.comparison.by_tests import check_several_tests, compare_by_test
+from pyburgers.comparison.figures import left_out_tests, pointwise_differences
+from pyburgers.comparison.pairs import Pair
 from pyburgers.comparison.results import (
+    Comparison,
+    ComparisonByTest,
+    LogIntegral,
     comparison_table,
-    left_out_tests,
-    pointwise_differences,
-    save_comparison,
-    save_comparison_by_test,
+    pairs,
+    pairs_by_test,
+    pointwise_table,
     sentences,
     sentences_by_test,
     table_of_fits,
     table_of_tests,
 )
+from pyburgers.comparison.same_data import origins
 from pyburgers.drawing.style import write_images
 from pyburgers.fitting.fit import Fit
 
@@ -105,3 +113,76 @@ def _names_of(directories: Sequence[Path]) -> list[str]:
         f"compare: found the same run twice among {', '.join(map(str, directories))}, expected "
         "different ones."
     )
+
+
+def save_comparison(
+    comparison: Comparison, fits: Mapping[str, Fit], folder: Path, *, command: str
+) -> None:
+    """Write ``comparison.csv``, ``pointwise.csv`` and ``comparison.json``.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        What to write.
+    fits : mapping of str to Fit
+        The fits that were compared.
+    folder : Path
+        An existing folder.
+    command : str
+        What regenerates the comparison.
+    """
+    write_text(folder / "comparison.csv", comparison_table(comparison).to_csv())
+    write_text(folder / "pointwise.csv", pointwise_table(comparison).to_csv())
+    write_json(
+        folder / "comparison.json",
+        {
+            **origins(fits, command=command),
+            "reliable": comparison.reliable,
+            "pairs": _pair_records(pairs(comparison)),
+            "sentences": list(sentences(comparison)),
+        },
+    )
+
+
+def save_comparison_by_test(
+    comparison: ComparisonByTest, joints: Mapping[str, Fit], folder: Path, *, command: str
+) -> None:
+    """Write ``comparison.csv``, ``left_out_tests.csv`` and ``comparison.json``.
+
+    Parameters
+    ----------
+    comparison : ComparisonByTest
+        What to write.
+    joints : mapping of str to Fit
+        The fits that were compared.
+    folder : Path
+        An existing folder.
+    command : str
+        What regenerates the comparison.
+    """
+    write_text(folder / "comparison.csv", table_of_fits(comparison).to_csv())
+    write_text(folder / "left_out_tests.csv", table_of_tests(comparison).to_csv())
+    write_json(
+        folder / "comparison.json",
+        {
+            **origins(joints, command=command),
+            "marginal_likelihoods": {
+                name: {
+                    "all": _record(result.all_tests),
+                    "without": dict(zip(result.tests, map(_record, result.without), strict=True)),
+                }
+                for name, result in comparison.results.items()
+            },
+            "reliable": comparison.reliable,
+            "pairs": _pair_records(pairs_by_test(comparison)),
+            "sentences": list(sentences_by_test(comparison)),
+        },
+    )
+
+
+def _record(integral: LogIntegral) -> dict[str, float]:
+    return {"log": integral.value, "error": integral.error}
+
+
+def _pair_records(compared: Sequence[Pair]) -> list[dict[str, Any]]:
+    return [{**asdict(pair), "outcome": pair.outcome} for pair in compared]

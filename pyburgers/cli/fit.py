@@ -90,7 +90,7 @@ def run(options: argparse.Namespace) -> int:
     )
     print(table.to_string(index=False))
     print(f"run directory: {result.directory.path}")
-    return print_checks(result.checks())
+    return print_checks(result.checks(), result.prior_conflicts())
 
 
 def _priors_for(experiment: Experiment, path: Path | None) -> PriorSet:

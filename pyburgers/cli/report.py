@@ -29,6 +29,7 @@ def run(options: argparse.Namespace) -> int:
         options.out,
         title=options.title,
         command=command_line(),
+        joints=joints,
         extras=(*sections, *comparison_sections([*joints, *fits])),
     )
     print(f"The page is {page}")

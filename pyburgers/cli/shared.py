@@ -62,8 +62,11 @@ def writing(out: Path) -> Iterator[None]:
         raise InputError(f"--out {out}: cannot be written ({error.strerror}).") from error
 
 
-def print_checks(checks: Sequence[CheckResult]) -> int:
-    """Print both verdicts on a run with the checks behind them; return the exit code."""
+def print_checks(checks: Sequence[CheckResult], conflicts: Sequence[str] = ()) -> int:
+    """Print both verdicts on a run with the checks behind them; return the exit code.
+
+    What prior and data disagree about follows; it does not count for the code.
+    """
     answers = verdicts(checks)
     for kind, verdict in answers.items():
         print(f"\n{kind.value} {verdict.outcome.value.upper()}\n{verdict.sentence}")
@@ -71,6 +74,8 @@ def print_checks(checks: Sequence[CheckResult]) -> int:
             [check for check in checks if check.check.kind is kind]
         ).itertuples():
             print(f"{row.verdict:<11}  {row.check}: {row.sentence}")
+    if conflicts:
+        print("\nDo prior and data agree? NO", *conflicts, sep="\n")
     if answers[CheckKind.SAMPLING].outcome is not Outcome.YES:
         return EXIT_CHECK_FAILED
     asked = any(check.check.kind is CheckKind.DESCRIPTION for check in checks)

@@ -10,7 +10,7 @@ earnest: the fit is repeated without it.
 import json
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,16 +18,11 @@ import numpy.typing as npt
 import xarray as xr
 from scipy.special import logsumexp
 
-from pyburgers.checks.fit_checks import PARETO_K_LIMIT
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError, SamplingError
-from pyburgers.comparison.same_data import (
-    check_same_data,
-    stacking_weights,
-    standard_error,
-    tests_of,
-)
+from pyburgers.comparison.results import Comparison, LeaveOneOut
+from pyburgers.comparison.same_data import check_same_data, stacking_weights, tests_of
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.posterior.build import GIVEN_OTHERS
 from pyburgers.posterior.labelled_draws import (
@@ -38,7 +33,7 @@ from pyburgers.posterior.labelled_draws import (
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.problem import one_test
 from pyburgers.protocols.program_data import tests_block
-from pyburgers.protocols.protocol import Quantity, protocol_of
+from pyburgers.protocols.protocol import protocol_of
 from pyburgers.protocols.stan_data import REFERENCE_SOLVER, SolverOptions, solver_block
 from pyburgers.sampling.options import SamplerOptions
 
@@ -46,78 +41,6 @@ logger = logging.getLogger(__name__)
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
-
-
-@dataclass(frozen=True, eq=False)
-class LeaveOneOut:
-    """How well a fit predicts each point from the others.
-
-    Attributes
-    ----------
-    elpd : array, shape (n_points,)
-        Log predictive density of each point given all others; of a stress in Pa (1/Pa).
-    pareto_k : array, shape (n_points,)
-        Shape of the tail of the importance weights of each point.
-    exact : array of bool, shape (n_points,)
-        Whether the point was left out by fitting again, so that its `pareto_k` does not matter.
-    lppd : float
-        Log pointwise predictive density of the points that the fit has seen, summed.
-    """
-
-    elpd: FloatArray
-    pareto_k: FloatArray
-    exact: BoolArray
-    lppd: float
-
-    @property
-    def unreliable(self) -> BoolArray:
-        """Points whose elpd may be far off: Pareto k above 0.7, and not left out in earnest."""
-        flagged: BoolArray = (self.pareto_k > PARETO_K_LIMIT) & ~self.exact
-        return flagged
-
-    @property
-    def total(self) -> float:
-        """Elpd of all points."""
-        return float(self.elpd.sum())
-
-    @property
-    def n_effective(self) -> float:
-        """Effective number of parameters: what seeing a point adds to its own density."""
-        return self.lppd - self.total
-
-
-@dataclass(frozen=True, eq=False)
-class Comparison:
-    """Fits of the same data, the best first.
-
-    Attributes
-    ----------
-    results : mapping of str to LeaveOneOut
-        By name, in order of falling elpd.
-    weights : array, shape (n_fits,)
-        Stacking weights in the same order: shares of the mixture of the fits' predictions that
-        predicts left-out points best (Yao et al. 2018, Bayesian Analysis 13, 917-1007). Between
-        fits that predict alike they are arbitrary.
-    position : DataArray, dimension point
-        Where the points lie on the clock of the tests (SI). Those of several tests stand one after
-        the other and have their test as coordinate ``test``.
-    clock : Quantity
-        Of the tests.
-    variants : mapping of str to str
-        Variant of the model by name of the fit, as
-        `pyburgers.model.variants.ModelVariant.short_text`.
-    """
-
-    results: Mapping[str, LeaveOneOut]
-    weights: FloatArray
-    position: xr.DataArray
-    clock: Quantity
-    variants: Mapping[str, str]
-
-    @property
-    def reliable(self) -> bool:
-        """Whether no point of any fit is left with too heavy a tail."""
-        return not any(result.unreliable.any() for result in self.results.values())
 
 
 def compare(fits: Mapping[str, Fit], *, refits: Path | None = None) -> Comparison:
@@ -278,17 +201,6 @@ def log_density_without(one: Fit, point: int, out: Path) -> float:
     )
     log_lik = _log_likelihood_of(again, experiment)[:, point]
     return float(logsumexp(log_lik) - np.log(log_lik.size))
-
-
-def elpd_difference(one: LeaveOneOut, other: LeaveOneOut) -> tuple[float, float]:
-    """Elpd of one fit less that of another, and its standard error over the points."""
-    pointwise = one.elpd - other.elpd
-    return float(pointwise.sum()), standard_error(pointwise)
-
-
-def has_several_tests(comparison: Comparison) -> bool:
-    """Tell whether the points are those of several tests."""
-    return "test" in comparison.position.coords
 
 
 def _positions(tests: Sequence[Fit]) -> xr.DataArray:

@@ -7,7 +7,6 @@ repeated without each test for the latter.
 
 import logging
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +14,9 @@ import numpy.typing as npt
 
 from pyburgers.checks.fit_checks import CheckKind
 from pyburgers.common.errors import InputError
-from pyburgers.comparison.marginal_likelihood import LogIntegral, log_marginal_likelihood
-from pyburgers.comparison.same_data import check_same_data, stacking_weights, standard_error
+from pyburgers.comparison.marginal_likelihood import log_marginal_likelihood
+from pyburgers.comparison.results import ComparisonByTest, LeaveOneTestOut
+from pyburgers.comparison.same_data import check_same_data, stacking_weights
 from pyburgers.fitting.fit import Fit, fit_problem
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.options import SamplerOptions
@@ -27,92 +27,8 @@ logger = logging.getLogger(__name__)
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
-LARGEST_ERROR = 1.0
-"""Monte Carlo error of the log density of a test from which it is flagged."""
-
 LEFT_OUT_FOLDER = "leave_out"
 """Folder in a run of the fits without single tests, by their names."""
-
-
-@dataclass(frozen=True, eq=False)
-class LeaveOneTestOut:
-    """How well a joint fit predicts each test from the others.
-
-    Attributes
-    ----------
-    tests : tuple of str
-        Names, sorted.
-    n_points : array of int, shape (n_tests,)
-        Readings of each.
-    all_tests : LogIntegral
-        Log marginal likelihood of the joint fit, of stresses in Pa.
-    without : tuple of LogIntegral
-        Those of the fits without each test.
-    doubts : tuple of str
-        A sentence for each of these fits whose draws failed a check.
-    """
-
-    tests: tuple[str, ...]
-    n_points: IntArray
-    all_tests: LogIntegral
-    without: tuple[LogIntegral, ...]
-    doubts: tuple[str, ...]
-
-    @property
-    def elpd(self) -> FloatArray:
-        """Log density of each test given the others (stresses in Pa), shape (n_tests,)."""
-        return self.all_tests.value - np.array([one.value for one in self.without])
-
-    @property
-    def error(self) -> FloatArray:
-        """Monte Carlo standard error of `elpd`, shape (n_tests,)."""
-        return np.hypot(self.all_tests.error, self._errors_without)
-
-    @property
-    def total(self) -> float:
-        """Sum of `elpd` over the tests."""
-        return float(self.elpd.sum())
-
-    @property
-    def total_error(self) -> float:
-        """Monte Carlo standard error of `total`, in which the joint fit counts for every test."""
-        all_tests = len(self.tests) * self.all_tests.error
-        return float(np.hypot(all_tests, np.linalg.norm(self._errors_without)))
-
-    @property
-    def reliable(self) -> bool:
-        """Whether all errors are small and all draws passed their checks."""
-        return not self.doubts and bool(np.all(self.error <= LARGEST_ERROR))
-
-    @property
-    def _errors_without(self) -> FloatArray:
-        """Monte Carlo standard errors of `without`, shape (n_tests,)."""
-        return np.array([one.error for one in self.without])
-
-
-@dataclass(frozen=True, eq=False)
-class ComparisonByTest:
-    """Joint fits of the same tests, the best first.
-
-    Attributes
-    ----------
-    results : mapping of str to LeaveOneTestOut
-        By name, in order of falling total.
-    weights : array, shape (n_fits,)
-        Stacking weights in the same order, as of `pyburgers.comparison.by_points.Comparison`, with
-        tests in the place of points.
-    variants : mapping of str to str
-        Variant of the model by name of the fit.
-    """
-
-    results: Mapping[str, LeaveOneTestOut]
-    weights: FloatArray
-    variants: Mapping[str, str]
-
-    @property
-    def reliable(self) -> bool:
-        """Whether all results are."""
-        return all(result.reliable for result in self.results.values())
 
 
 def compare_by_test(
@@ -298,23 +214,3 @@ def _doubts(joint: Fit) -> tuple[str, ...]:
         f"The fit of {joint.problem.name} failed its check of {' and '.join(failed)}: its "
         "marginal likelihood may be off by more than the error says.",
     )
-
-
-def difference_by_test(one: LeaveOneTestOut, other: LeaveOneTestOut) -> tuple[float, float, float]:
-    """Compare how well two fits predict the tests left out.
-
-    Parameters
-    ----------
-    one, other : LeaveOneTestOut
-        Of joint fits of the same tests.
-
-    Returns
-    -------
-    difference, error, monte_carlo_error : float
-        Total of one less that of the other; the standard error over the tests; the one that comes
-        from the draws.
-    """
-    by_test = one.elpd - other.elpd
-    # A fit less itself has no error.
-    monte_carlo = 0.0 if one is other else float(np.hypot(one.total_error, other.total_error))
-    return float(by_test.sum()), standard_error(by_test), monte_carlo

@@ -12,9 +12,7 @@ import json
 import logging
 import tempfile
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +24,7 @@ from scipy.stats import multivariate_normal
 
 from pyburgers.cmdstan.program import ALL_DIGITS, Program, Unsolved, load_program, read_draws
 from pyburgers.common.errors import InputError, SamplingError
+from pyburgers.comparison.results import LogIntegral
 from pyburgers.fitting.fit import Fit
 from pyburgers.posterior.labelled_draws import relative_efficiency
 from pyburgers.protocols.stan_data import REFERENCE_SOLVER, StanData, solver_block
@@ -42,31 +41,6 @@ DRAWS_PER_DIMENSION = 4
 
 MARGIN = 50.0
 """Distance beyond the log ratios in which the root is looked for."""
-
-
-@dataclass(frozen=True)
-class LogIntegral:
-    """Logarithm of an integral.
-
-    Attributes
-    ----------
-    value : float
-        Natural logarithm.
-    error : float
-        Its Monte Carlo standard error.
-    """
-
-    value: float
-    error: float
-
-    @classmethod
-    def mean(cls, one: Self, other: Self) -> Self:
-        """Mean of two independent estimates.
-
-        Its error is the larger of what their own errors say and what their distance says.
-        """
-        stated = 0.5 * float(np.hypot(one.error, other.error))
-        return cls(0.5 * (one.value + other.value), max(stated, 0.5 * abs(one.value - other.value)))
 
 
 def log_marginal_likelihood(fit: Fit) -> LogIntegral:

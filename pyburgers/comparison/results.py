@@ -1,44 +1,26 @@
-"""What comparisons found: tables, sentences, figures and files."""
+"""What comparisons found, its tables and its sentences."""
 
 import itertools
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict
-from pathlib import Path
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+import xarray as xr
 
 from pyburgers.checks.fit_checks import PARETO_K_LIMIT
-from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.units import count_points
-from pyburgers.comparison.by_points import (
-    BoolArray,
-    Comparison,
-    LeaveOneOut,
-    elpd_difference,
-    has_several_tests,
-)
-from pyburgers.comparison.by_tests import LARGEST_ERROR, ComparisonByTest, difference_by_test
-from pyburgers.comparison.marginal_likelihood import LogIntegral
 from pyburgers.comparison.pairs import CLEAR, NO_DIFFERENCE, Pair, weight_sentence
-from pyburgers.comparison.same_data import origins, standard_error
-from pyburgers.drawing.style import (
-    BLACK,
-    BLUE,
-    GREEN,
-    ORANGE,
-    PURPLE,
-    VERMILION,
-    few_ticks,
-    style,
-)
-from pyburgers.fitting.fit import Fit
+from pyburgers.protocols.protocol import Quantity
 
 FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+IntArray = npt.NDArray[np.int64]
+
+LARGEST_ERROR = 1.0
+"""Monte Carlo error of the log density of a test from which it is flagged."""
 
 COMPARISON_TEXT = (
     "Measure: expected log predictive density of each point given all others (elpd), by importance "
@@ -56,6 +38,220 @@ BY_TEST_TEXT = (
     "by bridge sampling. A test's own parameters are averaged under their priors, which costs as "
     "much as the test narrows them."
 )
+
+
+@dataclass(frozen=True)
+class LogIntegral:
+    """Logarithm of an integral.
+
+    Attributes
+    ----------
+    value : float
+        Natural logarithm.
+    error : float
+        Its Monte Carlo standard error.
+    """
+
+    value: float
+    error: float
+
+    @classmethod
+    def mean(cls, one: Self, other: Self) -> Self:
+        """Mean of two independent estimates.
+
+        Its error is the larger of what their own errors say and what their distance says.
+        """
+        stated = 0.5 * float(np.hypot(one.error, other.error))
+        return cls(0.5 * (one.value + other.value), max(stated, 0.5 * abs(one.value - other.value)))
+
+
+@dataclass(frozen=True, eq=False)
+class LeaveOneOut:
+    """How well a fit predicts each point from the others.
+
+    Attributes
+    ----------
+    elpd : array, shape (n_points,)
+        Log predictive density of each point given all others; of a stress in Pa (1/Pa).
+    pareto_k : array, shape (n_points,)
+        Shape of the tail of the importance weights of each point.
+    exact : array of bool, shape (n_points,)
+        Whether the point was left out by fitting again, so that its `pareto_k` does not matter.
+    lppd : float
+        Log pointwise predictive density of the points that the fit has seen, summed.
+    """
+
+    elpd: FloatArray
+    pareto_k: FloatArray
+    exact: BoolArray
+    lppd: float
+
+    @property
+    def unreliable(self) -> BoolArray:
+        """Points whose elpd may be far off: Pareto k above 0.7, and not left out in earnest."""
+        flagged: BoolArray = (self.pareto_k > PARETO_K_LIMIT) & ~self.exact
+        return flagged
+
+    @property
+    def total(self) -> float:
+        """Elpd of all points."""
+        return float(self.elpd.sum())
+
+    @property
+    def n_effective(self) -> float:
+        """Effective number of parameters: what seeing a point adds to its own density."""
+        return self.lppd - self.total
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Fits of the same data, the best first.
+
+    Attributes
+    ----------
+    results : mapping of str to LeaveOneOut
+        By name, in order of falling elpd.
+    weights : array, shape (n_fits,)
+        Stacking weights in the same order: shares of the mixture of the fits' predictions that
+        predicts left-out points best (Yao et al. 2018, Bayesian Analysis 13, 917-1007). Between
+        fits that predict alike they are arbitrary.
+    position : DataArray, dimension point
+        Where the points lie on the clock of the tests (SI). Those of several tests stand one after
+        the other and have their test as coordinate ``test``.
+    clock : Quantity
+        Of the tests.
+    variants : mapping of str to str
+        Variant of the model by name of the fit, as
+        `pyburgers.model.variants.ModelVariant.short_text`.
+    """
+
+    results: Mapping[str, LeaveOneOut]
+    weights: FloatArray
+    position: xr.DataArray
+    clock: Quantity
+    variants: Mapping[str, str]
+
+    @property
+    def reliable(self) -> bool:
+        """Whether no point of any fit is left with too heavy a tail."""
+        return not any(result.unreliable.any() for result in self.results.values())
+
+
+@dataclass(frozen=True, eq=False)
+class LeaveOneTestOut:
+    """How well a joint fit predicts each test from the others.
+
+    Attributes
+    ----------
+    tests : tuple of str
+        Names, sorted.
+    n_points : array of int, shape (n_tests,)
+        Readings of each.
+    all_tests : LogIntegral
+        Log marginal likelihood of the joint fit, of stresses in Pa.
+    without : tuple of LogIntegral
+        Those of the fits without each test.
+    doubts : tuple of str
+        A sentence for each of these fits whose draws failed a check.
+    """
+
+    tests: tuple[str, ...]
+    n_points: IntArray
+    all_tests: LogIntegral
+    without: tuple[LogIntegral, ...]
+    doubts: tuple[str, ...]
+
+    @property
+    def elpd(self) -> FloatArray:
+        """Log density of each test given the others (stresses in Pa), shape (n_tests,)."""
+        return self.all_tests.value - np.array([one.value for one in self.without])
+
+    @property
+    def error(self) -> FloatArray:
+        """Monte Carlo standard error of `elpd`, shape (n_tests,)."""
+        return np.hypot(self.all_tests.error, self._errors_without)
+
+    @property
+    def total(self) -> float:
+        """Sum of `elpd` over the tests."""
+        return float(self.elpd.sum())
+
+    @property
+    def total_error(self) -> float:
+        """Monte Carlo standard error of `total`, in which the joint fit counts for every test."""
+        all_tests = len(self.tests) * self.all_tests.error
+        return float(np.hypot(all_tests, np.linalg.norm(self._errors_without)))
+
+    @property
+    def reliable(self) -> bool:
+        """Whether all errors are small and all draws passed their checks."""
+        return not self.doubts and bool(np.all(self.error <= LARGEST_ERROR))
+
+    @property
+    def _errors_without(self) -> FloatArray:
+        """Monte Carlo standard errors of `without`, shape (n_tests,)."""
+        return np.array([one.error for one in self.without])
+
+
+@dataclass(frozen=True, eq=False)
+class ComparisonByTest:
+    """Joint fits of the same tests, the best first.
+
+    Attributes
+    ----------
+    results : mapping of str to LeaveOneTestOut
+        By name, in order of falling total.
+    weights : array, shape (n_fits,)
+        Stacking weights in the same order, as of `pyburgers.comparison.by_points.Comparison`, with
+        tests in the place of points.
+    variants : mapping of str to str
+        Variant of the model by name of the fit.
+    """
+
+    results: Mapping[str, LeaveOneTestOut]
+    weights: FloatArray
+    variants: Mapping[str, str]
+
+    @property
+    def reliable(self) -> bool:
+        """Whether all results are."""
+        return all(result.reliable for result in self.results.values())
+
+
+def elpd_difference(one: LeaveOneOut, other: LeaveOneOut) -> tuple[float, float]:
+    """Elpd of one fit less that of another, and its standard error over the points."""
+    pointwise = one.elpd - other.elpd
+    return float(pointwise.sum()), standard_error(pointwise)
+
+
+def has_several_tests(comparison: Comparison) -> bool:
+    """Tell whether the points are those of several tests."""
+    return "test" in comparison.position.coords
+
+
+def difference_by_test(one: LeaveOneTestOut, other: LeaveOneTestOut) -> tuple[float, float, float]:
+    """Compare how well two fits predict the tests left out.
+
+    Parameters
+    ----------
+    one, other : LeaveOneTestOut
+        Of joint fits of the same tests.
+
+    Returns
+    -------
+    difference, error, monte_carlo_error : float
+        Total of one less that of the other; the standard error over the tests; the one that comes
+        from the draws.
+    """
+    by_test = one.elpd - other.elpd
+    # A fit less itself has no error.
+    monte_carlo = 0.0 if one is other else float(np.hypot(one.total_error, other.total_error))
+    return float(by_test.sum()), standard_error(by_test), monte_carlo
+
+
+def standard_error(pointwise: FloatArray) -> float:
+    """Return the standard error of a sum over points, or tests."""
+    return float(np.sqrt(pointwise.size) * np.std(pointwise, ddof=1))
 
 
 def comparison_table(comparison: Comparison) -> pd.DataFrame:
@@ -110,35 +306,6 @@ def pointwise_table(comparison: Comparison) -> pd.DataFrame:
     return table
 
 
-def save_comparison(
-    comparison: Comparison, fits: Mapping[str, Fit], folder: Path, *, command: str
-) -> None:
-    """Write ``comparison.csv``, ``pointwise.csv`` and ``comparison.json``.
-
-    Parameters
-    ----------
-    comparison : Comparison
-        What to write.
-    fits : mapping of str to Fit
-        The fits that were compared.
-    folder : Path
-        An existing folder.
-    command : str
-        What regenerates the comparison.
-    """
-    write_text(folder / "comparison.csv", comparison_table(comparison).to_csv())
-    write_text(folder / "pointwise.csv", pointwise_table(comparison).to_csv())
-    write_json(
-        folder / "comparison.json",
-        {
-            **origins(fits, command=command),
-            "reliable": comparison.reliable,
-            "pairs": _pair_records(pairs(comparison)),
-            "sentences": list(sentences(comparison)),
-        },
-    )
-
-
 def pairs(comparison: Comparison) -> tuple[Pair, ...]:
     """Return every two fits of a comparison, the better first."""
     return tuple(
@@ -164,10 +331,6 @@ def _about_weights(elpd: Mapping[str, FloatArray], weights: FloatArray, unit: st
         for (name, of_one), own in zip(others, weights[1:], strict=True)
     ]
     return [sentence for sentence in said if sentence is not None]
-
-
-def _pair_records(compared: Sequence[Pair]) -> list[dict[str, Any]]:
-    return [{**asdict(pair), "outcome": pair.outcome} for pair in compared]
 
 
 def sentences(comparison: Comparison) -> tuple[str, ...]:
@@ -260,175 +423,7 @@ def sentences_by_test(comparison: ComparisonByTest) -> tuple[str, ...]:
     return tuple(said)
 
 
-def save_comparison_by_test(
-    comparison: ComparisonByTest, joints: Mapping[str, Fit], folder: Path, *, command: str
-) -> None:
-    """Write ``comparison.csv``, ``left_out_tests.csv`` and ``comparison.json``.
-
-    Parameters
-    ----------
-    comparison : ComparisonByTest
-        What to write.
-    joints : mapping of str to Fit
-        The fits that were compared.
-    folder : Path
-        An existing folder.
-    command : str
-        What regenerates the comparison.
-    """
-    write_text(folder / "comparison.csv", table_of_fits(comparison).to_csv())
-    write_text(folder / "left_out_tests.csv", table_of_tests(comparison).to_csv())
-    write_json(
-        folder / "comparison.json",
-        {
-            **origins(joints, command=command),
-            "marginal_likelihoods": {
-                name: {
-                    "all": _record(result.all_tests),
-                    "without": dict(zip(result.tests, map(_record, result.without), strict=True)),
-                }
-                for name, result in comparison.results.items()
-            },
-            "reliable": comparison.reliable,
-            "pairs": _pair_records(pairs_by_test(comparison)),
-            "sentences": list(sentences_by_test(comparison)),
-        },
-    )
-
-
 def _numbered(flags: BoolArray) -> str:
     """Say how many points, and which, numbered from 1."""
     numbers = ", ".join(str(k + 1) for k in np.flatnonzero(flags))
     return f"{count_points(int(flags.sum()))} (number {numbers})"
-
-
-def _record(integral: LogIntegral) -> dict[str, float]:
-    return {"log": integral.value, "error": integral.error}
-
-
-FIT_COLOURS = (VERMILION, BLUE, GREEN, PURPLE, ORANGE)
-FIT_MARKERS = ("o", "s", "^", "D", "v")
-TEST_SHIFT = 0.12
-"""Distance of the fits of a test from each other; tests are 1 apart."""
-
-COMPARISON_CAPTION = (
-    "Above: log predictive density of each left-out point under a fit less that under the best "
-    "one; below zero the best fit predicts the point better. Below: the same added up along the "
-    "test, so that its steps show which part of the curve decides and its end is the difference of "
-    "elpd. A black ring marks a point that was left out by fitting again, a cross one whose "
-    "importance weights are too uneven to be trusted (Pareto k above 0.7)."
-)
-
-LEFT_OUT_CAPTION = (
-    "Log density of each test given the others, under a fit less that under the best one; below "
-    "zero the best fit predicts the test better. Of a fit alone: per reading. Bars are Monte Carlo "
-    "errors."
-)
-
-
-def pointwise_differences(comparison: Comparison) -> Figure:
-    """Draw differences of the elpd to the best fit along each test, by point and added up."""
-    (best_name, best), *others = comparison.results.items()
-    tests = _tests(comparison)
-    along = comparison.position.to_numpy() * comparison.clock.display_factor
-    with style():
-        figure = Figure(figsize=(3.4 + 3.4 * len(tests), 5.4), layout="constrained")
-        panels = figure.subplots(2, len(tests), sharex="col", sharey="row", squeeze=False)
-        for column, (test, here) in enumerate(tests.items()):
-            points, sums = panels[:, column]
-            for k, (name, result) in enumerate(others):
-                _draw_differences(points, along, here, k, f"{name} less {best_name}", result, best)
-                sums.step(
-                    along[here],
-                    np.cumsum((result.elpd - best.elpd)[here]),
-                    where="post",
-                    color=FIT_COLOURS[k % len(FIT_COLOURS)],
-                    linewidth=1.4,
-                )
-            for axes in (points, sums):
-                axes.axhline(0.0, color=BLACK, linewidth=0.8)
-                axes.yaxis.set_major_locator(few_ticks(5))
-            points.set_title(test, loc="left")
-            sums.set_xlabel(comparison.clock.label)
-        panels[0, 0].set_ylabel("difference of a point's\nlog density (–)")
-        panels[1, 0].set_ylabel("added up (–)")
-        figure.legend(
-            *panels[0, 0].get_legend_handles_labels(),
-            loc="outside upper left",
-            ncols=min(2, len(others)),
-        )
-    return figure
-
-
-def _tests(comparison: Comparison) -> dict[str, BoolArray]:
-    """Return the points of each test, by its name where there are several."""
-    if not has_several_tests(comparison):
-        return {"": np.ones(comparison.position.size, dtype=bool)}
-    of_point = comparison.position["test"].to_numpy()
-    return {str(name): of_point == name for name in dict.fromkeys(of_point)}
-
-
-def _draw_differences(
-    axes: Axes,
-    along: FloatArray,
-    here: BoolArray,
-    number: int,
-    label: str,
-    result: LeaveOneOut,
-    best: LeaveOneOut,
-) -> None:
-    """Draw what one fit loses to the best at the points of a test, and mark doubtful points."""
-    difference = result.elpd - best.elpd
-    axes.plot(
-        along[here],
-        difference[here],
-        linestyle="none",
-        marker=FIT_MARKERS[number % len(FIT_MARKERS)],
-        markersize=4,
-        markeredgewidth=0,
-        alpha=0.8,
-        color=FIT_COLOURS[number % len(FIT_COLOURS)],
-        label=label,
-    )
-    exact = here & (result.exact | best.exact)
-    axes.plot(along[exact], difference[exact], "o", color=BLACK, markersize=9, fillstyle="none")
-    doubtful = here & (result.unreliable | best.unreliable)
-    axes.plot(along[doubtful], difference[doubtful], "x", color=BLACK, markersize=8)
-
-
-def left_out_tests(comparison: ComparisonByTest) -> Figure:
-    """Draw the log density of each left-out test: less that of the best fit, or of a fit alone."""
-    (best_name, best), *others = comparison.results.items()
-    if others:
-        shown = {
-            f"{name} less {best_name}": (one.elpd - best.elpd, np.hypot(one.error, best.error))
-            for name, one in others
-        }
-    else:
-        shown = {best_name: (best.elpd / best.n_points, best.error / best.n_points)}
-    lines = np.arange(len(best.tests), dtype=np.float64)
-    with style():
-        figure = Figure(figsize=(6.8, 1.8 + 0.45 * lines.size), layout="constrained")
-        axes = figure.subplots()
-        for k, (label, (value, error)) in enumerate(shown.items()):
-            axes.errorbar(
-                value,
-                lines + TEST_SHIFT * (k - (len(shown) - 1) / 2),
-                xerr=error,
-                linestyle="none",
-                marker=FIT_MARKERS[k % len(FIT_MARKERS)],
-                markersize=5,
-                color=FIT_COLOURS[k % len(FIT_COLOURS)],
-                label=label,
-            )
-        if others:
-            axes.axvline(0.0, color=BLACK, linewidth=0.8)
-        axes.set_xlabel(
-            "difference of the log density of the left-out test (–)"
-            if others
-            else "log density of the left-out test per reading (stress in Pa)"
-        )
-        axes.set_yticks(lines, list(best.tests))
-        axes.set_ylim(lines.size - 0.5, -0.5)
-        figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=2)
-    return figure

@@ -145,8 +145,3 @@ def stacking_weights(elpd: FloatArray) -> FloatArray:
         if settled:
             break
     return weights
-
-
-def standard_error(pointwise: FloatArray) -> float:
-    """Return the standard error of a sum over points, or tests."""
-    return float(np.sqrt(pointwise.size) * np.std(pointwise, ddof=1))

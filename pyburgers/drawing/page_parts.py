@@ -108,6 +108,8 @@ class PageSection:
         Figures.
     after_fits : bool
         Whether it stands after the fits rather than between overview and fits.
+    alarms : tuple of str
+        Sentences of it that nobody should miss; they stand at the top of the page as well.
     """
 
     key: str
@@ -116,3 +118,4 @@ class PageSection:
     tables: tuple[PageTable, ...] = ()
     figures: tuple[PageFigure, ...] = ()
     after_fits: bool = False
+    alarms: tuple[str, ...] = ()

@@ -19,6 +19,7 @@ from pyburgers.checks.fit_checks import (
     check_solver,
     run_checks,
 )
+from pyburgers.checks.prior_influence import Influence, conflict_sentence, prior_influence
 from pyburgers.checks.registry import CHECKS
 from pyburgers.checks.verdicts import Verdict, verdicts, verdicts_record
 from pyburgers.common.atomic_files import write_json, write_text
@@ -129,7 +130,10 @@ def write_tables(result: SampledFit) -> None:
     """Save the table and the verdicts, and note in the manifest that the run is complete."""
     run = result.directory
     write_text(run.summary_file, result.summary().to_csv())
-    write_json(run.checks_file, verdicts_record(result.checks()))
+    record = verdicts_record(result.checks())
+    if isinstance(result, Fit):
+        record["prior_conflicts"] = list(result.prior_conflicts())
+    write_json(run.checks_file, record)
     if not result.missing_chains():
         run.update_manifest({"status": "complete"})
 
@@ -211,6 +215,20 @@ class Fit(SampledFit):
             assert isinstance(posterior, xr.DataTree)  # a group, as build_posterior has it
             found[alone.name] = replace(self, posterior=posterior, problem=alone)
         return found
+
+    def influences(self) -> dict[str, dict[str, Influence]]:
+        """Return what each quantity owes to prior and data, by test; empty without likelihood."""
+        if not self.manifest["use_likelihood"]:
+            return {}
+        return {
+            name: prior_influence(test.posterior, test.priors)
+            for name, test in self.tests().items()
+        }
+
+    def prior_conflicts(self) -> tuple[str, ...]:
+        """Return a sentence for each test in which prior and data disagree."""
+        said = {name: conflict_sentence(found) for name, found in self.influences().items()}
+        return tuple(f"{name}: {text}" for name, text in said.items() if text is not None)
 
     def summary(self) -> pd.DataFrame:
         """Posterior table in SI units, of one test with the priors beside it.

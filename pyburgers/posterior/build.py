@@ -109,7 +109,13 @@ def build_posterior(run: RunDirectory, problem: Problem) -> xr.DataTree:
                 for name, group in {**own, OF_ALL_TESTS: total}.items()
             },
         }
-    return keep_posterior(run, groups, experiment=problem.name, data_kind=problem.data_kind)
+    return keep_posterior(
+        run,
+        groups,
+        experiment=problem.name,
+        data_kind=problem.data_kind,
+        clock=protocol.clock.name,
+    )
 
 
 def _draws_of_tests(

@@ -108,7 +108,12 @@ def total_log_likelihood(posterior: xr.DataTree) -> xr.DataArray:
 
 
 def keep_posterior(
-    run: RunDirectory, groups: Mapping[str, xr.Dataset], *, experiment: str, data_kind: str
+    run: RunDirectory,
+    groups: Mapping[str, xr.Dataset],
+    *,
+    experiment: str,
+    data_kind: str,
+    clock: str | None = None,
 ) -> xr.DataTree:
     """Save groups of draws as the posterior of a run.
 
@@ -120,6 +125,8 @@ def keep_posterior(
         By ArviZ's names.
     experiment, data_kind : str
         Name of the experiment or table, and the kind of its provenance.
+    clock : str, optional
+        Name of the clock of the tests; each test's part of the tree has it as attribute.
 
     Returns
     -------
@@ -135,6 +142,9 @@ def keep_posterior(
         "fingerprint": run.read_manifest()["fingerprint"],
         "chains": json.dumps(list(run.finished_chains())),
     }
+    if clock is not None:
+        for test in tree[TESTS].children.values() if TESTS in tree.children else (tree,):
+            test.attrs["clock"] = clock
     write_atomically(run.posterior_file, lambda path: tree.to_netcdf(path, engine="h5netcdf"))
     return tree
 

@@ -30,6 +30,7 @@ from pyburgers.drawing.style import (
 )
 from pyburgers.predictions.assumptions import likely_fails
 from pyburgers.predictions.attenuation import flat_draws
+from pyburgers.predictions.evolving import evolving_quantiles
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -47,6 +48,7 @@ THICK, THIN, PALE = 1.8, 1.0, 0.7
 """Widths of the medians, and the opacity of those where the assumption fails."""
 
 HOLDING_LABEL = "_holding"
+EVOLVING_LABEL = "evolving, median and 90 %"
 FAILING_LABEL = "frozen microstructure fails"
 
 _COLOURS = (BLUE, GREEN, ORANGE, VERMILION, PURPLE, SKY_BLUE, BLACK)
@@ -59,7 +61,7 @@ ATTENUATION_CAPTION = (
     "that falls with frequency; the dashpot flows faster at higher stress, so its background rises "
     "and may bury the peak. The microstructure is frozen as the title says; where that fails in "
     "most draws, because the hold or a cycle strains the material too much, lines are thin and "
-    "pale."
+    "pale. Diamonds, where there are some, were solved in time with a microstructure that evolves."
 )
 
 DRAWS_CAPTION = (
@@ -78,8 +80,18 @@ AMPLITUDE_CAPTION = (
 )
 
 
-def attenuation(spectrum: xr.Dataset, title: str) -> Figure:
-    """Draw median and bands of attenuation against frequency, a colour for each regime."""
+def attenuation(spectrum: xr.Dataset, title: str, comparison: xr.Dataset | None = None) -> Figure:
+    """Draw median and bands of attenuation against frequency, a colour for each regime.
+
+    Parameters
+    ----------
+    spectrum : Dataset
+        What is drawn.
+    title : str
+        Heading.
+    comparison : Dataset, optional
+        Of `pyburgers.predictions.evolving.evolving_attenuation`, in the same regimes.
+    """
     spectrum = spectrum.sortby("frequency")
     with style():
         figure = Figure(figsize=(8.0, 5.6), layout="constrained")
@@ -87,11 +99,12 @@ def attenuation(spectrum: xr.Dataset, title: str) -> Figure:
         lines = _draw_bands(axes, spectrum, flat_draws(spectrum["tan_delta"]), (0.18, 0.3))
         axes.set_yscale("log")
         axes.set_ylabel(ATTENUATION_LABEL)
+        solved = [] if comparison is None else _draw_evolving(axes, comparison)
         areas = [
             Patch(color=BLACK, alpha=0.43, label="50 % of draws"),
             Patch(color=BLACK, alpha=0.18, label="90 % of draws"),
         ]
-        _legend_above(figure, [*lines, *areas, *_failing_handles(spectrum)], title)
+        _legend_above(figure, [*lines, *areas, *_failing_handles(spectrum), *solved], title)
     return figure
 
 
@@ -172,6 +185,22 @@ def amplitude_dependence(spectrum: xr.Dataset, title: str) -> Figure:
         areas = [Patch(color=BLACK, alpha=0.2, label="90 % of draws")]
         _legend_above(figure, [*lines, *areas, *_failing_handles(spectrum)], title)
     return figure
+
+
+def _draw_evolving(axes: Axes, comparison: xr.Dataset) -> list[Line2D]:
+    """Draw median and 90 % of draws of what was solved in time; return the legend."""
+    frequency = comparison["frequency"].to_numpy()
+    quantiles = evolving_quantiles(comparison["tan_delta_evolving"])
+    quantiles = np.where(np.isfinite(quantiles), quantiles, axes.get_ylim()[1])
+    marks: dict[str, Any] = {"marker": "D", "markersize": 5.0, "linestyle": "none"}
+    for k in range(comparison["regime"].size):
+        low, median, high = quantiles[:, k]
+        colour = _COLOURS[k % len(_COLOURS)]
+        # Side by side, so that regimes with the same value are seen.
+        at = frequency * (1.0 + 0.06 * k)
+        axes.vlines(at, low, high, color=colour, linewidth=1.2)
+        axes.plot(at, median, **marks, color=colour, markeredgecolor=BLACK, label="_evolving")
+    return [Line2D([], [], **marks, color="#bbbbbb", markeredgecolor=BLACK, label=EVOLVING_LABEL)]
 
 
 def _legend_above(figure: Figure, handles: Sequence[Patch | Line2D], title: str) -> None:

@@ -285,7 +285,10 @@ class Protocol(ABC, Generic[E]):
 
     @abstractmethod
     def observed_positions(self, experiment: E) -> dict[str, tuple[FloatArray, str]]:
-        """Return where the points lie along the test, by quantity, with its SI unit."""
+        """Return where the points lie along the test, by quantity, with its SI unit.
+
+        One more, ``reading_error``, is the standard deviation of the response where it is stated.
+        """
 
     @abstractmethod
     def with_noise(

@@ -15,14 +15,16 @@ from pyburgers.common.draws import all_draws
 from pyburgers.common.units import with_error
 from pyburgers.comparison.by_points import compare
 from pyburgers.comparison.by_tests import compare_kept_by_test
-from pyburgers.comparison.results import (
-    BY_TEST_TEXT,
+from pyburgers.comparison.figures import (
     COMPARISON_CAPTION,
-    COMPARISON_TEXT,
     LEFT_OUT_CAPTION,
-    comparison_table,
     left_out_tests,
     pointwise_differences,
+)
+from pyburgers.comparison.results import (
+    BY_TEST_TEXT,
+    COMPARISON_TEXT,
+    comparison_table,
     sentences,
     sentences_by_test,
     table_of_fits,

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from pyburgers.checks.verdicts import verdicts
 from pyburgers.common.draws import BAND, TAIL, all_draws
 from pyburgers.common.units import number, with_error
 from pyburgers.comparison.same_data import fits_alone
@@ -20,7 +21,7 @@ from pyburgers.model.display import axis_label, shown_quantity, symbol_text, uni
 from pyburgers.posterior.labelled_draws import own_name
 from pyburgers.protocols.coordinates import CENTRE, SPREAD
 from pyburgers.protocols.protocol import protocol_of
-from pyburgers.report.page import file_key, page_keys
+from pyburgers.report.page import joint_key, page_keys
 from pyburgers.report.tables import checks_page_table
 
 
@@ -177,21 +178,23 @@ def joint_section(name: str, joint: Fit, separate: Sequence[Fit]) -> PageSection
         Fits of single tests, to be set beside it where they are of the same data.
     """
     checks, table = joint.checks(), pooling_table(joint, separate)
-    failed = [check.name for check in checks if not check.passed]
-    verdict = "All checks passed." if not failed else f"Checks that FAILED: {', '.join(failed)}."
+    told = " ".join(verdict.sentence for verdict in verdicts(checks).values())
     pooled = pooled_table(joint)
+    astray = strayed(table)
+    alarms = () if astray is None else (astray,)
     return PageSection(
-        key=f"joint_{file_key(name)}",
+        key=joint_key(name),
         title=f"Joint fit {name}",
         paragraphs=(
             f"{', '.join(joint.tests())}, fitted together (run {joint.directory.path.name}, model "
             f"{joint.variant.short_text}). A shared parameter has one value for all of them; a "
             "partially pooled one has a value in each, normal around a common centre on the real "
             "line behind its bounds, with a spread of half-normal prior; separate ones know "
-            f"nothing of each other. {verdict}",
+            f"nothing of each other. {told}",
             "The sections of the tests below hold what the joint fit says about each; their priors "
             "of partially pooled parameters are those of the common centre.",
             *_bought(table),
+            *alarms,
         ),
         tables=(
             PageTable(
@@ -225,6 +228,36 @@ def joint_section(name: str, joint: Fit, separate: Sequence[Fit]) -> PageSection
                 partial(intervals, joint, separate),
             ),
         ),
+        alarms=tuple(f"{name}: {alarm}" for alarm in alarms),
+    )
+
+
+def strayed(table: pd.DataFrame) -> str | None:
+    """Say which quantities of a test the joint fit moves far from where its own fit has them.
+
+    Parameters
+    ----------
+    table : DataFrame
+        From `pooling_table`.
+
+    Returns
+    -------
+    str or None
+        None where none is `STRAYED` or more standard deviations of its own fit away.
+    """
+    distance = (table["mean"] - table["separate_mean"]) / table["separate_sd"]
+    far = table.assign(distance=distance)[distance.abs() >= STRAYED]
+    if far.empty:
+        return None
+    ordered = far.sort_values("distance", key=lambda values: -values.abs())
+    listed = ", ".join(
+        f"{shown_quantity(str(row.quantity)).label} of {row.test} ({row.distance:+.1f} sd)"
+        for row in ordered.itertuples()
+    )
+    return (
+        f"The joint fit is {STRAYED:g} or more standard deviations away from the fit of a test "
+        f"alone in {listed}: the tests do not agree on what they share, or the model is wrong in "
+        "one of them."
     )
 
 
@@ -243,9 +276,12 @@ def _bought(table: pd.DataFrame) -> tuple[str, ...]:
     )
 
 
+STRAYED = 2.0
+"""Standard deviations of the fit of a test alone from which a joint fit disagrees with it."""
+
 CURVES_CAPTION = (
-    "Every test of the joint fit with all its segments: data (circles), solution at the posterior "
-    "mean (solid line), retrodictions (thin lines) and the band that should hold 90 % of new "
+    "Every test of the joint fit with all its segments: data (circles), predictive median (solid "
+    "line), retrodictions (thin lines) and the band that should hold 90 % of new "
     "measurements. Dotted vertical lines mark where the imposed strain rate changes."
 )
 INTERVALS_CAPTION = (

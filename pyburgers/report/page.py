@@ -16,14 +16,13 @@ import jinja2
 import pandas as pd
 from matplotlib.figure import Figure
 
-from pyburgers.checks.fit_checks import CheckResult, coverage
+from pyburgers.checks.fit_checks import CheckKind, CheckResult, Outcome
 from pyburgers.checks.prior_influence import (
     THRESHOLDS_TEXT,
     Influence,
     Origin,
     influence_numbers,
     influence_table,
-    prior_influence,
 )
 from pyburgers.common.atomic_files import sha256_of_file, write_json, write_text
 from pyburgers.common.errors import InputError
@@ -35,6 +34,16 @@ from pyburgers.model.display import shown_quantity
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.protocol import Protocol, protocol_of
 from pyburgers.report import tables
+from pyburgers.report.overview import (
+    ANSWER_COLUMNS,
+    CONFLICT_COLUMN,
+    Entry,
+    answers,
+    bad_answers,
+    entry_of,
+    joint_entry,
+    overview_table,
+)
 from pyburgers.report.posterior_figures import figures_for
 
 logger = logging.getLogger(__name__)
@@ -89,8 +98,8 @@ class Section:
         The fit.
     checks : tuple of CheckResult
         Verdicts.
-    overview : dict
-        Row of the table over experiments.
+    entry : Entry
+        What the top of the page says about it.
     parameters, priors, sampler : DataFrame
         Tables as text.
     influences : mapping of str to Influence
@@ -106,7 +115,7 @@ class Section:
     key: str
     fit: Fit
     checks: tuple[CheckResult, ...]
-    overview: dict[str, Any]
+    entry: Entry
     parameters: pd.DataFrame
     priors: pd.DataFrame
     sampler: pd.DataFrame
@@ -134,10 +143,9 @@ class Section:
             if influence.origin is Origin.PRIOR
         ]
 
-    @property
-    def failed(self) -> list[CheckResult]:
-        """Checks that failed."""
-        return [check for check in self.checks if not check.passed]
+    def checks_of(self, kind: CheckKind) -> list[CheckResult]:
+        """Return the checks behind one of the two answers."""
+        return [check for check in self.checks if check.check.kind is kind]
 
 
 def write_report(
@@ -146,6 +154,7 @@ def write_report(
     *,
     title: str,
     command: str,
+    joints: Sequence[Fit] = (),
     extras: Sequence[PageSection] = (),
     jobs: int | None = 1,
 ) -> Path:
@@ -157,13 +166,16 @@ def write_report(
     Parameters
     ----------
     fits : sequence of Fit
-        At least one.
+        At least one, of single tests or of the tests of joint fits. Measured ones come first on
+        the page.
     out : Path
         Folder, new or of an earlier report.
     title : str
         Heading of the page.
     command : str
         What makes the report again.
+    joints : sequence of Fit
+        Joint fits, whose parts of the page are among the extras.
     extras : sequence of PageSection
         Parts of the page beside the fits, in their order.
     jobs : int, optional
@@ -184,7 +196,7 @@ def write_report(
     _claim(out)
     write_json(out / "manifest.json", _manifest(fits, title, command))
     sections = []
-    for key, fit in zip(page_keys(fits), fits, strict=True):
+    for key, fit in sorted(zip(page_keys(fits), fits, strict=True), key=_is_synthetic):
         logger.info(f"Writing the section of {key}.")
         sections.append(_write_section(key, fit, out))
     illustrated = []
@@ -197,8 +209,22 @@ def write_report(
     logger.info(f"Writing {len(illustrations)} figures.")
     _write_figures(illustrations, out, jobs)
     page = out / "index.html"
-    write_text(page, render_page(sections, illustrated, title=title, command=command))
+    entries = [
+        *(
+            joint_entry(joint_key(name), name, joint)
+            for name, joint in zip(page_keys(joints), joints, strict=True)
+        ),
+        *(section.entry for section in sections),
+    ]
+    entries.sort(key=lambda entry: entry.is_synthetic)
+    text = render_page(sections, illustrated, entries=entries, title=title, command=command)
+    write_text(page, text)
     return page
+
+
+def _is_synthetic(named: tuple[str, Fit]) -> bool:
+    """Whether nobody measured the data of a fit with its name."""
+    return named[1].experiment.provenance.kind == "synthetic"
 
 
 def _write_figures(illustrations: Sequence[Illustration], out: Path, jobs: int | None) -> None:
@@ -217,6 +243,7 @@ def render_page(
     sections: Sequence[Section],
     extras: Sequence[tuple[PageSection, tuple[Illustration, ...]]],
     *,
+    entries: Sequence[Entry],
     title: str,
     command: str,
 ) -> str:
@@ -233,9 +260,15 @@ def render_page(
         command=command,
         sections=sections,
         extras=extras,
-        overview=pd.DataFrame([section.overview for section in sections]),
+        entries=entries,
+        overview=overview_table(entries),
+        bad_answers=bad_answers(entries),
+        answer_columns=[*ANSWER_COLUMNS.values(), CONFLICT_COLUMN],
+        answers=answers(entries),
+        alarms=[alarm for extra, _ in extras for alarm in extra.alarms],
+        kinds=tuple(CheckKind),
+        outcomes=Outcome,
         synthetic=[s for s in sections if s.experiment.provenance.kind == "synthetic"],
-        failing=[section for section in sections if section.failed],
         written=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         version=importlib.metadata.version("pyburgers"),
         number_table=_number_table,
@@ -279,6 +312,11 @@ def page_keys(fits: Sequence[Fit]) -> list[str]:
     return keys
 
 
+def joint_key(name: str) -> str:
+    """Anchor of the part of a page about a joint fit, by its name."""
+    return f"joint_{file_key(name)}"
+
+
 def file_key(name: str) -> str:
     """Name without what a file name or an anchor had better not hold."""
     return name.replace("+", "_")
@@ -297,9 +335,8 @@ def _write_section(key: str, fit: Fit, out: Path) -> Section:
     }
     if truth is not None:
         files["truth"] = truth.reset_index()
-    influences: dict[str, Influence] = {}
-    if fit.manifest["use_likelihood"]:
-        influences = prior_influence(fit.posterior, fit.priors)
+    influences: Mapping[str, Influence] = fit.influences().get(fit.problem.name, {})
+    if influences:
         files["influence"] = influence_numbers(influences).reset_index()
     more_tables = protocol_of(fit.experiment).tables(fit)
     files |= {table.name: table.saved for table in more_tables}
@@ -309,7 +346,7 @@ def _write_section(key: str, fit: Fit, out: Path) -> Section:
         key=key,
         fit=fit,
         checks=checks,
-        overview=tables.overview_row(fit, summary, checks, coverage(fit.posterior)),
+        entry=entry_of(key, fit, checks, influences),
         parameters=tables.parameter_table(summary, fit.priors),
         priors=files["priors"],
         sampler=sampler,

@@ -12,14 +12,13 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.checks.fit_checks import CheckResult, Outcome
-from pyburgers.common.units import number, rounded, with_error
+from pyburgers.common.units import number, rounded
 from pyburgers.drawing.page_parts import PageTable
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.display import prior_text, shown_quantity, symbol_text, unit_text
 from pyburgers.model.parameters import PARAMETER_BY_NAME, Parameter
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet
-from pyburgers.protocols.protocol import protocol_of
 
 INTERVALS = (50, 90, 95)
 """Central intervals (%) in which the truth behind synthetic data is looked for."""
@@ -219,7 +218,7 @@ def sampler_table(fit: Fit) -> pd.DataFrame:
         rows.append(
             {
                 "chain": int(chain),
-                "wall time (s)": f"{_wall_seconds(fit)[str(chain)]:.0f}",
+                "wall time (s)": f"{fit.manifest['chains'][str(chain)]['wall_seconds']:.0f}",
                 "step size": f"{float(of_chain['step_size'][-1]):.3g}",
                 "leapfrog steps (mean)": f"{float(of_chain['n_steps'].mean()):.0f}",
                 "tree depth (largest)": int(of_chain["tree_depth"].max()),
@@ -228,58 +227,3 @@ def sampler_table(fit: Fit) -> pd.DataFrame:
             }
         )
     return pd.DataFrame(rows)
-
-
-def overview_row(
-    fit: Fit, summary: pd.DataFrame, checks: Sequence[CheckResult], share_inside: float
-) -> dict[str, Any]:
-    """One row of the table over experiments, as text.
-
-    Parameters
-    ----------
-    fit : Fit
-        The fit.
-    summary : DataFrame
-        Its posterior table in SI units.
-    checks : sequence of CheckResult
-        Its checks.
-    share_inside : float
-        Share of the data inside the 90 % predictive band.
-    """
-    seconds = _wall_seconds(fit).values()
-    noise = PARAMETER_BY_NAME[protocol_of(fit.experiment).noise]
-    failed = sum(not check.passed for check in checks)
-    passed = f"{len(checks) - failed} of {len(checks)}"
-    return {
-        "experiment": fit.experiment.id + (", joint fit" if fit.is_part else ""),
-        "data": fit.experiment.provenance.kind,
-        "stress exponent n": _mean_sd(fit, summary, "stress_exponent", 1.0),
-        f"residual {noise.symbol} ({noise.display_unit})": _mean_sd(
-            fit, summary, noise.name, noise.display_factor
-        ),
-        "data in 90 % band": f"{100.0 * share_inside:.0f} %",
-        "checks passed": f"{passed}, {failed} FAILED" if failed else passed,
-        "slowest chain": duration_text(max(seconds)),
-        "all chains": duration_text(sum(seconds)),
-    }
-
-
-def _mean_sd(fit: Fit, summary: pd.DataFrame, name: str, factor: float) -> str:
-    if name not in summary.index:
-        return f"{number(fit.priors[name].location * factor)} (fixed)"
-    mean, sd = (float(summary[key][name]) * factor for key in ("mean", "sd"))
-    return with_error(mean, sd)
-
-
-def _wall_seconds(fit: Fit) -> dict[str, float]:
-    """Wall time of each finished chain, by its identifier as in the manifest."""
-    return {chain: record["wall_seconds"] for chain, record in fit.manifest["chains"].items()}
-
-
-def duration_text(seconds: float) -> str:
-    """Return a time such as ``45 s``, ``12 min`` or ``3.4 h``."""
-    if seconds < 120:
-        return f"{seconds:.0f} s"
-    if seconds < 7200:
-        return f"{seconds / 60:.0f} min"
-    return f"{seconds / 3600:.1f} h"

@@ -6,12 +6,12 @@ import pytest
 import xarray as xr
 from scipy.stats import norm
 
+from pyburgers.checks.description import check_coverage
 from pyburgers.checks.fit_checks import (
     CheckedDraws,
     CheckKind,
     CheckResult,
     check_chains,
-    check_coverage,
     check_divergences,
     check_effective_sample_size,
     check_energy,
@@ -90,10 +90,14 @@ def assert_fails(check: CheckResult, *remedies: str) -> None:
 def test_good_draws_pass_every_check() -> None:
     checks = run_checks(CheckedDraws(good()), CHECKS)
     assert [check.name for check in checks if not check.passed] == []
-    assert len({check.name for check in checks}) == 9
+    assert len({check.name for check in checks}) == 13
     assert [check.name for check in checks if check.check.kind is CheckKind.DESCRIPTION] == [
         "coverage",
         "residual trend",
+        "runs",
+        "trend by segment",
+        "largest residual",
+        "size of residuals",
     ]
     assert all(check.sentence.endswith(".") and len(check.table) > 0 for check in checks)
 

@@ -15,10 +15,14 @@ from scipy.integrate import quad
 from scipy.special import xlogy
 
 from pyburgers.checks.prior_influence import (
+    FAR_OUT,
     POWER_STEP,
     SENSITIVE,
+    Influence,
+    conflict_sentence,
+    conflicts,
     cumulative_distance,
-    influence_text,
+    influence_table,
     mean_pull,
     power_scaling_sensitivity,
     prior_influence,
@@ -160,7 +164,49 @@ def test_plain_words_for_a_conjugate_model(model: Conjugate, origin: str) -> Non
     posterior = tree({"beta": draws}, model.log_prior(draws), model.log_likelihood(draws))
     found = prior_influence(posterior, priors(standard_normal("beta")))
     assert found["beta"].origin == origin
-    assert origin in influence_text(found)
+    assert influence_table(found)["where it comes from"].tolist() == [origin]
+
+
+def influence_of(reading: float, deviation: float, name: str = "beta") -> dict[str, Influence]:
+    model = Conjugate(reading, deviation)
+    draws = model.draws()
+    posterior = tree({name: draws}, model.log_prior(draws), model.log_likelihood(draws))
+    return prior_influence(posterior, priors(standard_normal(name)))
+
+
+def test_a_posterior_far_from_its_prior_is_a_conflict_and_says_how_far() -> None:
+    # Data so precise that the prior has no pull, 2.7 standard deviations from its middle.
+    found = influence_of(2.7, 0.01)
+    assert found["beta"].origin == "the data decide"
+    assert found["beta"].distance == pytest.approx(2.7, abs=0.01)
+    assert found["beta"].is_conflict
+    text = conflict_sentence(found)
+    assert text is not None
+    assert text.startswith("Prior and data disagree about pre-exponent ln(A)/Q (+2.7 prior sd)")
+
+
+def test_a_posterior_inside_its_prior_is_no_conflict() -> None:
+    found = influence_of(-1.2, 0.01)
+    assert found["beta"].distance == pytest.approx(-1.2, abs=0.01)
+    assert conflicts(found) == []
+    assert conflict_sentence(found) is None
+
+
+def test_conflicts_are_listed_from_the_furthest() -> None:
+    near, far = influence_of(2.2, 0.01)["beta"], influence_of(-4.0, 0.01)["beta"]
+    assert near.distance is not None
+    assert near.distance > FAR_OUT
+    assert conflicts({"stress_exponent": near, "beta": far}) == ["beta", "stress_exponent"]
+
+
+def test_a_lognormal_prior_counts_in_its_logarithm_and_a_uniform_one_not() -> None:
+    draws = np.full(100, np.exp(3.0)) * np.exp(1e-3 * np.random.default_rng(1).normal(size=100))
+    law = Prior("kelvin_modulus", "lognormal", 1.0, 1.0, 0.0, np.inf, "Pa", "test")
+    flat = Prior("beta", "uniform", 10.0, 10.0, 0.0, 20.5, "mol/J", "test")
+    posterior = tree({"kelvin_modulus": draws, "beta": draws}, np.log(draws), np.log(draws))
+    found = prior_influence(posterior, priors(law, flat))
+    assert found["kelvin_modulus"].distance == pytest.approx(3.0, abs=0.01)
+    assert found["beta"].distance is None
 
 
 def test_two_pulls_in_one_direction_are_no_disagreement() -> None:
@@ -213,4 +259,4 @@ def test_a_quantity_on_a_trade_off_is_set_by_the_prior_of_the_other() -> None:
     assert exponent.origin == "this number is your prior"
     assert exponent.strongest_prior == "beta"
     assert exponent.likelihood_sensitivity < SENSITIVE < exponent.prior_sensitivity
-    assert "pre-exponent" in influence_text(found)
+    assert influence_table(found)["mostly the prior of"].str.contains("pre-exponent").all()

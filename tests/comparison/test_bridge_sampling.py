@@ -9,7 +9,8 @@ from scipy import stats
 from scipy.special import gammaln
 
 from pyburgers.common.errors import InputError, SamplingError
-from pyburgers.comparison.marginal_likelihood import LogIntegral, log_integral
+from pyburgers.comparison.marginal_likelihood import log_integral
+from pyburgers.comparison.results import LogIntegral
 
 FloatArray = npt.NDArray[np.float64]
 LogDensity = Callable[[FloatArray], FloatArray]

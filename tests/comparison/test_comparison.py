@@ -14,20 +14,16 @@ from scipy import stats
 from synthetic_fit import make_fit
 from synthetic_olivine_fit import make_olivine_fit
 
+from pyburgers.cli.compare import save_comparison
 from pyburgers.common.errors import InputError
-from pyburgers.comparison.by_points import (
+from pyburgers.comparison.by_points import compare, leave_one_out, leave_out_exactly
+from pyburgers.comparison.figures import pointwise_differences
+from pyburgers.comparison.results import (
     Comparison,
     LeaveOneOut,
-    compare,
-    elpd_difference,
-    leave_one_out,
-    leave_out_exactly,
-)
-from pyburgers.comparison.results import (
     comparison_table,
+    elpd_difference,
     pairs,
-    pointwise_differences,
-    save_comparison,
     sentences,
 )
 from pyburgers.comparison.same_data import data_hash, stacking_weights

@@ -12,21 +12,18 @@ import pandas as pd
 import pytest
 from conftest import ICE, SMALL_RUN, Problem, copy_of, pair_of
 
+from pyburgers.cli.compare import save_comparison_by_test
 from pyburgers.cli.main import main
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_points import compare
-from pyburgers.comparison.by_tests import (
+from pyburgers.comparison.by_tests import compare_by_test, leave_one_test_out
+from pyburgers.comparison.figures import left_out_tests, pointwise_differences
+from pyburgers.comparison.marginal_likelihood import log_marginal_likelihood
+from pyburgers.comparison.results import (
     ComparisonByTest,
     LeaveOneTestOut,
-    compare_by_test,
-    leave_one_test_out,
-)
-from pyburgers.comparison.marginal_likelihood import LogIntegral, log_marginal_likelihood
-from pyburgers.comparison.results import (
-    left_out_tests,
-    pointwise_differences,
+    LogIntegral,
     pointwise_table,
-    save_comparison_by_test,
     sentences_by_test,
     table_of_fits,
     table_of_tests,

@@ -45,6 +45,7 @@ def test_loading_gives_the_same_fit(joint: Fit) -> None:
     again = Fit.load(joint.directory.path)
     assert again.summary().equals(joint.summary())
     assert again.problem.pooling == joint.problem.pooling
+    assert {one.posterior.attrs["clock"] for one in again.tests().values()} == {"strain"}
 
 
 def test_only_missing_chains_are_run(

@@ -253,6 +253,7 @@ def test_a_fit_is_kept_and_shown(protocol: str, name: str, sketched: None, tmp_p
     assert_equal(kept.experiment, experiment)
     assert kept.summary().equals(result.summary())
     assert_draws_are_labelled(kept, example.few)
+    assert kept.posterior.attrs["clock"] == protocols()[protocol].clock.name
     page = Page(
         write_report([kept], tmp_path / "page", title="T", command="x").read_text(encoding="utf-8")
     )

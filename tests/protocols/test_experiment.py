@@ -8,8 +8,8 @@ import pytest
 from same_contents import assert_equal
 
 from pyburgers.common.errors import InputError
-from pyburgers.protocols.constant_rate.experiment import load_constant_rate
-from pyburgers.protocols.protocol import load_experiment, save_experiment
+from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
+from pyburgers.protocols.protocol import load_experiment, protocol_of, save_experiment
 
 CHECKOUT = Path(__file__).parents[2]
 EXPERIMENT = """\
@@ -211,6 +211,7 @@ class TestBadInput:
             ("temperature_K = 263.0\n", "", ["'temperature_K' is missing", "kelvin"]),
             ("temperature_K", "temperature_k", ["'temperature_k'", "mean 'temperature_K'"]),
             ("[data]", "[data]\nweight = 1", ["'weight' in [data]", "stress_unit"]),
+            ("[data]", "[data]\nstress_uncertainty = 0", ["'stress_uncertainty' in [data]"]),
             ("start_strain = 0.05", "start = 0.05", ["'start' in [[segments]] number 2"]),
             ("temperature_K = 263.0", "temperature_K = -10.0", ["'temperature_K'", "Celsius"]),
             ("temperature_K = 263.0", "temperature_K = 26300", ["'temperature_K'", "3000"]),
@@ -332,8 +333,19 @@ class TestSaving:
         )
         original = load_experiment(path)
         assert len(original.notices) == 4
+        assert isinstance(original, ConstantRateExperiment)
+        assert original.stress_uncertainty is None
         copy = load_experiment(save_experiment(original, tmp_path))
         assert_equal(copy, original)
+
+    def test_a_stated_reading_error_is_kept_in_pascals(self, write: Write, tmp_path: Path) -> None:
+        original = load_experiment(write(("[data]", "[data]\nstress_uncertainty = 0.05")))
+        assert isinstance(original, ConstantRateExperiment)
+        assert original.stress_uncertainty == pytest.approx(0.05e6)
+        assert_equal(load_experiment(save_experiment(original, tmp_path)), original)
+        error, unit = protocol_of(original).observed_positions(original)["reading_error"]
+        assert error.tolist() == [original.stress_uncertainty] * original.n_points
+        assert unit == "Pa"
 
     def test_a_copy_without_data(self, write: Write, tmp_path: Path) -> None:
         start, end = EXPERIMENT.index("[data]"), EXPERIMENT.index("[provenance]")

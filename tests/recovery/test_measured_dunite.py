@@ -1,11 +1,11 @@
-"""Full fits: measured tests are described."""
+"""Full fits of measured tests: one is described, the others are sampled well and missed."""
 
 from pathlib import Path
 
 import pytest
 from conftest import DUNITE
 
-from pyburgers.checks.fit_checks import coverage
+from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.model.priors import default_priors
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
@@ -14,22 +14,37 @@ from pyburgers.sampling.options import SamplerOptions
 pytestmark = pytest.mark.slow
 
 OPTIONS = SamplerOptions(draws=2000, seed=20261120)
+SEPARATE = dict.fromkeys(("maxwell_modulus", "kelvin_modulus", "kelvin_viscosity"), "separate")
 
 
-def failed(result: Fit) -> dict[str, str]:
-    """Sentences of the checks that failed, by name."""
-    return {check.name: check.sentence for check in result.checks() if not check.passed}
+def fit_of(folder: Path, *samples: str) -> Fit:
+    experiments = [load_constant_rate(DUNITE / f"dunite_{sample}.toml") for sample in samples]
+    pool = SEPARATE if len(samples) > 1 else None
+    return fit(experiments, default_priors("dunite"), out=folder, options=OPTIONS, pool=pool)
 
 
-@pytest.mark.parametrize("name", ["dunite_4506", "dunite_4581"])
-def test_a_measured_dunite_test_is_described(name: str, tmp_path: Path) -> None:
-    experiment = load_constant_rate(DUNITE / f"{name}.toml")
-    result = fit(experiment, default_priors("dunite"), out=tmp_path / "run", options=OPTIONS)
+def test_a_measured_dunite_test_is_described(tmp_path: Path) -> None:
+    result = fit_of(tmp_path / "run", "4506")
     table = result.summary()
     for parameter, factor in {"stress_exponent": 1.0, "stress_noise": 1e-6}.items():
         mean, sd = (table[column][parameter] * factor for column in ("mean", "sd"))
-        print(f"{name}: {parameter} {mean:.3f} +- {sd:.3f}")
-    print(f"{name}: {coverage(result.posterior):.1%} of the points inside the 90 % band")
-    assert failed(result) == {}
+        print(f"{parameter} {mean:.3f} +- {sd:.3f}")
+    assert result.sampled_well is Outcome.YES
+    assert result.describes_data is Outcome.YES, result.verdicts()[CheckKind.DESCRIPTION].sentence
     assert 2.0 < table["mean"]["stress_exponent"] < 6.0
-    assert table["mean"]["stress_noise"] < 0.1 * abs(experiment.stress).max()
+    assert table["mean"]["stress_noise"] < 0.1 * result.experiment.largest_stress
+
+
+@pytest.mark.parametrize("samples", [("4581",), ("4469",), ("4580", "4469")])
+def test_a_measured_misfit_is_told_whatever_the_sampling(
+    samples: tuple[str, ...], tmp_path: Path
+) -> None:
+    """Their coverage is 89 to 94 %: the noise is fitted, and takes in what the model misses."""
+    result = fit_of(tmp_path / "run", *samples)
+    failed = {one.name for one in result.checks() if one.outcome is Outcome.NO}
+    assert {"residual trend", "trend by segment"} <= failed
+    assert "coverage" not in failed
+    assert result.describes_data is Outcome.NO
+    sentence = result.verdicts()[CheckKind.DESCRIPTION].sentence
+    assert "too narrow" in sentence
+    assert "residuals=autocorrelated" in sentence

@@ -2,18 +2,22 @@ import hashlib
 import json
 import shutil
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import pandas as pd
 import pytest
 from conftest import sketch_pictures
 from page import Page
-from synthetic_fit import make_fit
+from synthetic_fit import make_fit, make_prior, with_problem
 from synthetic_olivine_fit import make_olivine_fit, oscillating
 
+from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.checks.prior_influence import THRESHOLDS_TEXT, prior_influence
 from pyburgers.common.errors import InputError
+from pyburgers.drawing.page_parts import PageSection
 from pyburgers.fitting.fit import Fit
 from pyburgers.protocols.experiment import Provenance
 from pyburgers.protocols.forced_oscillation.preparation import Background
@@ -99,7 +103,8 @@ def test_the_page_needs_nothing_but_itself(page: Page) -> None:
 
 
 def test_every_figure_is_on_the_page_with_a_text_alternative(page: Page, fits: list[Fit]) -> None:
-    expected = [recipe.caption for fit in fits for recipe in figures_for(fit.experiment)]
+    measured_first = reversed(fits)
+    expected = [r.caption for fit in measured_first for r in figures_for(fit.experiment)]
     assert page.alternatives == expected
 
 
@@ -127,10 +132,12 @@ def test_there_is_no_banner_without_synthetic_data(passing_page: Page) -> None:
 def test_failed_checks_cannot_be_overlooked(page: Page, fits: list[Fit]) -> None:
     failed = [check for check in fits[0].checks() if not check.passed]
     assert {"R-hat", "divergences"} <= {check.name for check in failed}
-    assert page.text.index("✗ CHECKS FAILED") < page.text.index("Overview")
+    banner = page.text.index("✗ Was the posterior sampled well? NOT in 1 of 2 fits A :")
+    assert banner < page.text.index("Overview")
     for check in failed:
         assert " ".join(f"✗ FAILED {check.name} : {check.sentence}".split()) in page.text
-    assert f"{len(failed)} FAILED" in page.text
+    names = [check.name for check in failed if check.check.kind is CheckKind.SAMPLING]
+    assert f"NO: {', '.join(names)}" in page.text
     assert page.text.count("✗ FAILED") == len(failed)
     passed = sum(check.passed for fit in fits for check in fit.checks())
     assert page.text.count("✓ PASSED") == passed
@@ -138,8 +145,46 @@ def test_failed_checks_cannot_be_overlooked(page: Page, fits: list[Fit]) -> None
 
 def test_a_page_without_failures_says_so(fits: list[Fit], passing_page: Page) -> None:
     assert all(check.passed for check in fits[1].checks())
-    assert "✓ All checks passed." in passing_page.text
+    for kind in CheckKind:
+        assert f"✓ {kind.value} Yes." in passing_page.text
     assert "FAILED" not in passing_page.text
+
+
+def test_both_answers_stand_above_the_overview_and_above_the_section(
+    page: Page, fits: list[Fit]
+) -> None:
+    for fit in fits:
+        for verdict in fit.verdicts().values():
+            expected = 1 if verdict.outcome is Outcome.YES else 2
+            assert page.text.count(" ".join(verdict.sentence.split())) == expected
+
+
+def test_measured_data_come_first(page: Page) -> None:
+    assert page.ids.index("B") < page.ids.index("A")
+    overview = page.text.index("Overview")
+    assert page.text.index("B measured", overview) < page.text.index("A synthetic", overview)
+
+
+def test_conflicts_of_prior_and_data_stand_at_the_top(
+    fits: list[Fit], sketched: None, tmp_path: Path
+) -> None:
+    far = make_prior("stress_exponent", "normal", 40.0, 1.0)
+    priors = fits[1].priors
+    moved = replace(priors, priors=MappingProxyType({**priors.priors, "stress_exponent": far}))
+    fit = with_problem(fits[1], fits[1].experiment, moved)
+    (conflict,) = fit.prior_conflicts()
+    assert "stress exponent (-" in conflict
+    page = write([fit], tmp_path / "page")
+    assert page.text.index(f"! Prior and data disagree {conflict.replace(':', ' :', 1)}") < (
+        page.text.index("Overview")
+    )
+
+
+def test_alarms_of_parts_stand_at_the_top(fits: list[Fit], sketched: None, tmp_path: Path) -> None:
+    extra = PageSection("part", "A part", (), alarms=("This must not be missed.",))
+    file = write_report([fits[1]], tmp_path, title="T", command="x", extras=(extra,))
+    page = Page(file.read_text(encoding="utf-8"))
+    assert page.text.index("This must not be missed.") < page.text.index("Overview")
 
 
 def test_a_fit_without_likelihood_says_so(sketched: None, tmp_path: Path) -> None:

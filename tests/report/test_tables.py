@@ -100,28 +100,5 @@ def test_measured_data_have_no_truth(tmp_path: Path) -> None:
     assert tables.truth_table(make_fit(tmp_path, chains=1, draws=20, kind="measured")) is None
 
 
-def test_the_overview_counts_failed_checks_and_adds_up_wall_times(fit: Fit) -> None:
-    checks = fit.checks()
-    failed = sum(not check.passed for check in checks)
-    row = tables.overview_row(fit, fit.summary(), checks, 0.934)
-    assert row["checks passed"] == f"{len(checks) - failed} of {len(checks)}, {failed} FAILED"
-    assert row["data in 90 % band"] == "93 %"
-    assert row["all chains"] == "2 min"
-    assert row["slowest chain"] == "62 s"
-
-
-def test_a_fixed_exponent_is_called_fixed_in_the_overview(tmp_path: Path) -> None:
-    fit = make_fit(tmp_path, chains=2, draws=50, fixed=("stress_exponent",))
-    row = tables.overview_row(fit, fit.summary(), fit.checks(), 0.9)
-    assert row["stress exponent n"] == "3.779 (fixed)"
-
-
-@pytest.mark.parametrize(
-    ("seconds", "expected"), [(5.2, "5 s"), (600.0, "10 min"), (9000.0, "2.5 h")]
-)
-def test_durations(seconds: float, expected: str) -> None:
-    assert tables.duration_text(seconds) == expected
-
-
 def test_unit_conversion_leaves_no_noise_in_numbers() -> None:
     assert number(0.1 * 3) == "0.3"

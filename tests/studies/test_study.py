@@ -1,6 +1,6 @@
 """The parts of the study's page beside the fits."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,9 +10,8 @@ import pandas as pd
 import pytest
 from conftest import sketch_pictures
 from page import Page
-from synthetic_fit import make_fit, with_problem
+from synthetic_fit import TRUTH, make_fit, with_problem
 from synthetic_olivine_fit import make_olivine_fit
-from test_report import small_fit as quickly_drawn_fit
 
 from pyburgers.common.draws import all_draws
 from pyburgers.drawing.page_parts import PageSection
@@ -24,6 +23,8 @@ from pyburgers.protocols.forced_oscillation.experiment import OscillationExperim
 from pyburgers.protocols.forced_oscillation.response import oscillation_of
 from pyburgers.protocols.forward import simulate
 from pyburgers.report.page import write_report
+from pyburgers.studies.maor import sections as maor_sections
+from pyburgers.studies.maor.attenuation import MICROSTRUCTURE_SENTENCE
 from pyburgers.studies.maor.olivine import background_section
 from pyburgers.studies.maor.reproduce import (
     COMBINED_RUN,
@@ -32,11 +33,11 @@ from pyburgers.studies.maor.reproduce import (
     study_experiments,
 )
 from pyburgers.studies.maor.sections import (
+    SYNTHETIC_SENTENCE,
     counterparts_section,
     study_sections,
     time_domain_table,
 )
-from pyburgers.studies.maor.statements import MICROSTRUCTURE_SENTENCE, SYNTHETIC_SENTENCE
 
 
 @pytest.fixture(scope="module")
@@ -54,6 +55,13 @@ def olivine(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Fit]:
     }
 
 
+@pytest.fixture(autouse=True, scope="module")
+def few_prior_draws() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(maor_sections, "PRIOR_DRAWS", {"ice": 200, "olivine": 60})
+        yield
+
+
 @pytest.fixture(scope="module")
 def sections(ice: dict[str, Fit], olivine: dict[str, Fit]) -> tuple[PageSection, ...]:
     return study_sections(ice, olivine)
@@ -62,7 +70,8 @@ def sections(ice: dict[str, Fit], olivine: dict[str, Fit]) -> tuple[PageSection,
 @pytest.fixture(scope="module")
 def folder(sections: tuple[PageSection, ...], tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("page")
-    fit = quickly_drawn_fit(tmp_path_factory.mktemp("run"), "PIL40")
+    fixed = tuple(name for name in TRUTH if name not in {"stress_exponent", "stress_noise"})
+    fit = make_fit(tmp_path_factory.mktemp("run"), chains=2, draws=300, fixed=fixed)
     with pytest.MonkeyPatch.context() as patch:
         sketch_pictures(patch)
         write_report([fit], out, title="Study", command="x", extras=sections)
@@ -93,7 +102,7 @@ def test_statements_stand_with_verdict_evidence_and_rule(
     page: Page, sections: tuple[PageSection, ...], folder: Path
 ) -> None:
     (table,) = sections[0].tables
-    assert len(table.shown) == 10
+    assert len(table.shown) == 22
     for row in table.shown.to_dict("records"):
         for cell in row.values():
             assert " ".join(str(cell).split()) in page.text

@@ -9,9 +9,15 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from pyburgers.common.columns import Cell, Column, TextFilesTable, read_columns, write_columns
+from pyburgers.common.columns import (
+    Cell,
+    Column,
+    TextFilesTable,
+    read_columns,
+    write_columns,
+)
 from pyburgers.common.errors import InputError
-from pyburgers.common.toml_files import Table, read_toml
+from pyburgers.common.toml_files import Table, factor_to_si, read_toml
 from pyburgers.common.units import count_points
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.protocols.constant_rate.curves import Curve, join_curves
@@ -54,6 +60,8 @@ class ConstantRateExperiment(Experiment):
         Differential stress (Pa, compression positive) that the model is compared with.
     final_strain : float
         Strain at which the protocol ends, not below the last data strain.
+    stress_uncertainty : float or None
+        Standard deviation of a reading (Pa) where it is stated, for checks of the residuals.
     """
 
     protocol: ClassVar[str] = "constant_rate"
@@ -61,6 +69,7 @@ class ConstantRateExperiment(Experiment):
     strain: FloatArray
     stress: FloatArray
     final_strain: float
+    stress_uncertainty: float | None = None
 
     @property
     def position(self) -> FloatArray:
@@ -147,6 +156,9 @@ class _DataTable(TextFilesTable):
     time_unit: str | None = Field(None, description="s, min or h")
     stress_column: Column
     stress_unit: str = Field(description="Pa, MPa or GPa")
+    stress_uncertainty: float | None = Field(
+        None, gt=0, description="the standard deviation of a reading in the unit of the stress"
+    )
 
 
 class _ConstantRateFile(ExperimentFile):
@@ -193,6 +205,7 @@ def load_constant_rate(path: str | Path) -> ConstantRateExperiment:
         strain=strain,
         stress=stress,
         final_strain=final_strain,
+        stress_uncertainty=_stress_uncertainty(path, file.data),
         notices=tuple(dict.fromkeys([*file.notices, *changes, *_remarks(strain, stress)])),
     )
 
@@ -226,6 +239,7 @@ def save_constant_rate(experiment: ConstantRateExperiment, directory: Path) -> P
             "strain_unit": "fraction",
             "stress_column": "stress_Pa",
             "stress_unit": "Pa",
+            "stress_uncertainty": experiment.stress_uncertainty,
         }
     return write_experiment(
         experiment,
@@ -339,6 +353,14 @@ def _read_points(
     )
     strain = position if abscissa == "strain" else _strain_at(position, segments)
     return strain, stress
+
+
+def _stress_uncertainty(path: Path, data: _DataTable | None) -> float | None:
+    """Return the standard deviation of a reading in Pa, where it is stated."""
+    if data is None or data.stress_uncertainty is None:
+        return None
+    unit = factor_to_si(data.stress_unit, "stress", f"{path}: key 'stress_unit' in [data]")
+    return data.stress_uncertainty * unit
 
 
 def _steps(segments: Sequence[RateSegment]) -> tuple[FloatArray, FloatArray]:

@@ -100,12 +100,14 @@ class ConstantRate(Protocol[ConstantRateExperiment]):
     def observed_positions(
         self, experiment: ConstantRateExperiment
     ) -> dict[str, tuple[FloatArray, str]]:
-        """Return strains, times since the start, and segments of constant rate from 0."""
-        strain = experiment.strain
+        """Return strains, times since the start, segments from 0, and stated errors."""
+        strain, error = experiment.strain, experiment.stress_uncertainty
+        stated = {} if error is None else {"reading_error": (np.full_like(strain, error), "Pa")}
         return {
             "strain": (strain, "1"),
             "time": (experiment.time_at(strain), "s"),
             "segment": (segment_of(experiment, strain).astype(np.float64), "1"),
+            **stated,
         }
 
     def with_noise(

@@ -102,9 +102,13 @@ class ForcedOscillation(Protocol[OscillationExperiment]):
     def observed_positions(
         self, experiment: OscillationExperiment
     ) -> dict[str, tuple[FloatArray, str]]:
-        """Return driving strains and times."""
-        time = experiment.prepared.time
-        return {"strain": (experiment.prepared.strain(time), "1"), "time": (time, "s")}
+        """Return driving strains, times, and stated errors of the stress readings."""
+        prepared = experiment.prepared
+        return {
+            "strain": (prepared.strain(prepared.time), "1"),
+            "time": (prepared.time, "s"),
+            "reading_error": (prepared.uncertainty, "Pa"),
+        }
 
     def with_noise(
         self,

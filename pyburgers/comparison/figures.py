@@ -1,0 +1,151 @@
+"""Figures of what comparisons found."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from pyburgers.comparison.results import (
+    BoolArray,
+    Comparison,
+    ComparisonByTest,
+    FloatArray,
+    LeaveOneOut,
+    has_several_tests,
+)
+from pyburgers.drawing.style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    ORANGE,
+    PURPLE,
+    VERMILION,
+    few_ticks,
+    style,
+)
+
+FIT_COLOURS = (VERMILION, BLUE, GREEN, PURPLE, ORANGE)
+FIT_MARKERS = ("o", "s", "^", "D", "v")
+TEST_SHIFT = 0.12
+"""Distance of the fits of a test from each other; tests are 1 apart."""
+
+COMPARISON_CAPTION = (
+    "Above: log predictive density of each left-out point under a fit less that under the best "
+    "one; below zero the best fit predicts the point better. Below: the same added up along the "
+    "test, so that its steps show which part of the curve decides and its end is the difference of "
+    "elpd. A black ring marks a point that was left out by fitting again, a cross one whose "
+    "importance weights are too uneven to be trusted (Pareto k above 0.7)."
+)
+
+LEFT_OUT_CAPTION = (
+    "Log density of each test given the others, under a fit less that under the best one; below "
+    "zero the best fit predicts the test better. Of a fit alone: per reading. Bars are Monte Carlo "
+    "errors."
+)
+
+
+def pointwise_differences(comparison: Comparison) -> Figure:
+    """Draw differences of the elpd to the best fit along each test, by point and added up."""
+    (best_name, best), *others = comparison.results.items()
+    tests = _tests(comparison)
+    along = comparison.position.to_numpy() * comparison.clock.display_factor
+    with style():
+        figure = Figure(figsize=(3.4 + 3.4 * len(tests), 5.4), layout="constrained")
+        panels = figure.subplots(2, len(tests), sharex="col", sharey="row", squeeze=False)
+        for column, (test, here) in enumerate(tests.items()):
+            points, sums = panels[:, column]
+            for k, (name, result) in enumerate(others):
+                _draw_differences(points, along, here, k, f"{name} less {best_name}", result, best)
+                sums.step(
+                    along[here],
+                    np.cumsum((result.elpd - best.elpd)[here]),
+                    where="post",
+                    color=FIT_COLOURS[k % len(FIT_COLOURS)],
+                    linewidth=1.4,
+                )
+            for axes in (points, sums):
+                axes.axhline(0.0, color=BLACK, linewidth=0.8)
+                axes.yaxis.set_major_locator(few_ticks(5))
+            points.set_title(test, loc="left")
+            sums.set_xlabel(comparison.clock.label)
+        panels[0, 0].set_ylabel("difference of a point's\nlog density (–)")
+        panels[1, 0].set_ylabel("added up (–)")
+        figure.legend(
+            *panels[0, 0].get_legend_handles_labels(),
+            loc="outside upper left",
+            ncols=min(2, len(others)),
+        )
+    return figure
+
+
+def _tests(comparison: Comparison) -> dict[str, BoolArray]:
+    """Return the points of each test, by its name where there are several."""
+    if not has_several_tests(comparison):
+        return {"": np.ones(comparison.position.size, dtype=bool)}
+    of_point = comparison.position["test"].to_numpy()
+    return {str(name): of_point == name for name in dict.fromkeys(of_point)}
+
+
+def _draw_differences(
+    axes: Axes,
+    along: FloatArray,
+    here: BoolArray,
+    number: int,
+    label: str,
+    result: LeaveOneOut,
+    best: LeaveOneOut,
+) -> None:
+    """Draw what one fit loses to the best at the points of a test, and mark doubtful points."""
+    difference = result.elpd - best.elpd
+    axes.plot(
+        along[here],
+        difference[here],
+        linestyle="none",
+        marker=FIT_MARKERS[number % len(FIT_MARKERS)],
+        markersize=4,
+        markeredgewidth=0,
+        alpha=0.8,
+        color=FIT_COLOURS[number % len(FIT_COLOURS)],
+        label=label,
+    )
+    exact = here & (result.exact | best.exact)
+    axes.plot(along[exact], difference[exact], "o", color=BLACK, markersize=9, fillstyle="none")
+    doubtful = here & (result.unreliable | best.unreliable)
+    axes.plot(along[doubtful], difference[doubtful], "x", color=BLACK, markersize=8)
+
+
+def left_out_tests(comparison: ComparisonByTest) -> Figure:
+    """Draw the log density of each left-out test: less that of the best fit, or of a fit alone."""
+    (best_name, best), *others = comparison.results.items()
+    if others:
+        shown = {
+            f"{name} less {best_name}": (one.elpd - best.elpd, np.hypot(one.error, best.error))
+            for name, one in others
+        }
+    else:
+        shown = {best_name: (best.elpd / best.n_points, best.error / best.n_points)}
+    lines = np.arange(len(best.tests), dtype=np.float64)
+    with style():
+        figure = Figure(figsize=(6.8, 1.8 + 0.45 * lines.size), layout="constrained")
+        axes = figure.subplots()
+        for k, (label, (value, error)) in enumerate(shown.items()):
+            axes.errorbar(
+                value,
+                lines + TEST_SHIFT * (k - (len(shown) - 1) / 2),
+                xerr=error,
+                linestyle="none",
+                marker=FIT_MARKERS[k % len(FIT_MARKERS)],
+                markersize=5,
+                color=FIT_COLOURS[k % len(FIT_COLOURS)],
+                label=label,
+            )
+        if others:
+            axes.axvline(0.0, color=BLACK, linewidth=0.8)
+        axes.set_xlabel(
+            "difference of the log density of the left-out test (–)"
+            if others
+            else "log density of the left-out test per reading (stress in Pa)"
+        )
+        axes.set_yticks(lines, list(best.tests))
+        axes.set_ylim(lines.size - 0.5, -0.5)
+        figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=2)
+    return figure

@@ -1,0 +1,209 @@
+"""The top of a page: a row for each fit, and both verdicts on it in words."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import pandas as pd
+
+from pyburgers.checks.fit_checks import CheckKind, CheckResult, Outcome, coverage
+from pyburgers.checks.prior_influence import (
+    Influence,
+    conflict_sentence,
+    conflict_text,
+    conflicts,
+)
+from pyburgers.checks.verdicts import Verdict, verdicts
+from pyburgers.common.units import number, with_error
+from pyburgers.fitting.fit import Fit
+from pyburgers.model.parameters import PARAMETER_BY_NAME
+
+ANSWER_COLUMNS = {
+    CheckKind.SAMPLING: "sampled well?",
+    CheckKind.DESCRIPTION: "describes the data?",
+}
+CONFLICT_COLUMN = "prior and data disagree about"
+SHOWN_CONFLICTS = 3
+"""Quantities that a row names at most; the banner and the section name all."""
+
+
+@dataclass(frozen=True, eq=False)
+class Entry:
+    """What the top of the page says about one fit.
+
+    Attributes
+    ----------
+    key : str
+        Anchor of its section.
+    name : str
+        How the page calls it.
+    is_synthetic : bool
+        Whether nobody measured its data.
+    verdicts : mapping of CheckKind to Verdict
+        Both answers.
+    conflict : str or None
+        What prior and data disagree about, in words.
+    row : dict
+        Its row of the table, as text.
+    """
+
+    key: str
+    name: str
+    is_synthetic: bool
+    verdicts: Mapping[CheckKind, Verdict]
+    conflict: str | None
+    row: dict[str, str]
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """The answer to one of the two questions for all fits of a page.
+
+    Attributes
+    ----------
+    kind : CheckKind
+        The question.
+    doubtful : tuple of Entry
+        Fits whose answer is not yes.
+    """
+
+    kind: CheckKind
+    doubtful: tuple[Entry, ...]
+
+    @property
+    def outcome(self) -> Outcome:
+        """Yes where it is yes for all fits, no where it is no for one."""
+        outcomes = {entry.verdicts[self.kind].outcome for entry in self.doubtful}
+        if Outcome.NO in outcomes:
+            return Outcome.NO
+        return Outcome.CANNOT_TELL if outcomes else Outcome.YES
+
+
+def answers(entries: Sequence[Entry]) -> tuple[Answer, ...]:
+    """Answer both questions for all fits of a page."""
+    return tuple(
+        Answer(kind, tuple(e for e in entries if e.verdicts[kind].outcome is not Outcome.YES))
+        for kind in CheckKind
+    )
+
+
+def entry_of(
+    key: str, fit: Fit, checks: Sequence[CheckResult], influences: Mapping[str, Influence]
+) -> Entry:
+    """Gather what the top of the page says about a fit of one test, or a test of a joint fit.
+
+    Parameters
+    ----------
+    key : str
+        Its name on the page and the anchor of its section.
+    fit : Fit
+        The fit.
+    checks : sequence of CheckResult
+        Its checks.
+    influences : mapping of str to Influence
+        What each quantity owes to prior and data; empty without likelihood.
+    """
+    noise = PARAMETER_BY_NAME[fit.problem.protocol.noise]
+    answered = verdicts(checks)
+    row = {
+        "experiment": fit.experiment.id + (", joint fit" if fit.is_part else ""),
+        "data": fit.experiment.provenance.kind,
+        "model": fit.variant.short_text,
+        **_answers_text(answered, checks),
+        CONFLICT_COLUMN: _conflicts_text(influences),
+        "stress exponent n": _mean_sd(fit, "stress_exponent", 1.0),
+        f"residual {noise.symbol} ({noise.display_unit})": _mean_sd(
+            fit, noise.name, noise.display_factor
+        ),
+        "data in 90 % band": f"{100.0 * coverage(fit.posterior):.0f} %",
+        **_times(fit),
+    }
+    is_synthetic = fit.experiment.provenance.kind == "synthetic"
+    return Entry(key, key, is_synthetic, answered, conflict_sentence(influences), row)
+
+
+def joint_entry(key: str, name: str, joint: Fit) -> Entry:
+    """Gather what the top of the page says about a joint fit as a whole.
+
+    Parameters
+    ----------
+    key : str
+        Anchor of its part of the page.
+    name : str
+        Its name on the page.
+    joint : Fit
+        The joint fit; conflicts are told with its tests.
+    """
+    checks = joint.checks()
+    answered = verdicts(checks)
+    kinds = [test.provenance.kind for test in joint.problem.experiments]
+    row = {
+        "experiment": f"{joint.problem.name}, fitted together",
+        "data": ", ".join(dict.fromkeys(kinds)),
+        "model": joint.variant.short_text,
+        **_answers_text(answered, checks),
+        **_times(joint),
+    }
+    if "stress_exponent" in joint.problem.shared:
+        row["stress exponent n"] = _mean_sd(joint, "stress_exponent", 1.0)
+    return Entry(key, name, "synthetic" in kinds, answered, None, row)
+
+
+def overview_table(entries: Sequence[Entry]) -> pd.DataFrame:
+    """Return the rows of all fits; what a joint fit has by test only is left empty."""
+    rows = [entry.row for entry in entries]
+    columns = dict.fromkeys(name for row in sorted(rows, key=len, reverse=True) for name in row)
+    return pd.DataFrame(rows, columns=list(columns)).fillna("")
+
+
+def bad_answers(entries: Sequence[Entry]) -> dict[str, list[bool]]:
+    """Tell by column of the table in which rows an answer is not yes."""
+    return {
+        column: [entry.verdicts[kind].outcome is not Outcome.YES for entry in entries]
+        for kind, column in ANSWER_COLUMNS.items()
+    }
+
+
+def _answers_text(
+    answered: Mapping[CheckKind, Verdict], checks: Sequence[CheckResult]
+) -> dict[str, str]:
+    """Both answers, each that is not yes with the checks behind it."""
+    found = {}
+    for kind, column in ANSWER_COLUMNS.items():
+        outcome = answered[kind].outcome
+        names = [c.name for c in checks if c.check.kind is kind and c.outcome is not Outcome.YES]
+        word = "NO" if outcome is Outcome.NO else outcome.value
+        found[column] = f"{word}: {', '.join(names)}" if names else word
+    return found
+
+
+def _conflicts_text(influences: Mapping[str, Influence]) -> str:
+    names = conflicts(influences)
+    shown = [conflict_text(name, influences[name]) for name in names[:SHOWN_CONFLICTS]]
+    more = len(names) - len(shown)
+    return ", ".join(shown) + (f" and {more} more" if more else "")
+
+
+def _mean_sd(fit: Fit, name: str, factor: float) -> str:
+    if name not in fit.problem.free:
+        return f"{number(fit.problem.priors[0][name].location * factor)} (fixed)"
+    draws = fit.posterior["posterior"].to_dataset()[name]
+    mean, sd = (float(value) * factor for value in (draws.mean(), draws.std(ddof=1)))
+    return with_error(mean, sd)
+
+
+def _times(fit: Fit) -> dict[str, str]:
+    """Wall time of the slowest chain and of all."""
+    seconds = [record["wall_seconds"] for record in fit.manifest["chains"].values()]
+    return {
+        "slowest chain": duration_text(max(seconds)),
+        "all chains": duration_text(sum(seconds)),
+    }
+
+
+def duration_text(seconds: float) -> str:
+    """Return a time such as ``45 s``, ``12 min`` or ``3.4 h``."""
+    if seconds < 120:
+        return f"{seconds:.0f} s"
+    if seconds < 7200:
+        return f"{seconds / 60:.0f} min"
+    return f"{seconds / 3600:.1f} h"

@@ -1,0 +1,328 @@
+"""Checks of the description: what each misses, what it says, and how often by chance."""
+
+import json
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+import xarray as xr
+from linear_fits import LinearModel
+from scipy.signal import lfilter
+
+from pyburgers.checks.description import (
+    check_coverage,
+    check_residual_trend,
+    check_runs,
+    check_segments,
+    check_size,
+)
+from pyburgers.checks.discrepancies import (
+    LEVEL,
+    autocorrelation,
+    discrepancies_of,
+    family_probabilities,
+    longest_run,
+    longest_runs,
+    segment_parts,
+)
+from pyburgers.checks.fit_checks import CheckedDraws, CheckKind, CheckResult, Outcome, run_checks
+from pyburgers.checks.registry import CHECKS
+from pyburgers.checks.verdicts import verdicts_record
+
+FloatArray = npt.NDArray[np.float64]
+CHAINS, DRAWS, POINTS = 2, 500, 50
+DESCRIPTION = [one for one in CHECKS if one.kind is CheckKind.DESCRIPTION]
+MEGAPASCAL = 1e6
+
+
+def correlated(rng: np.random.Generator, correlation: float, *shape: int) -> FloatArray:
+    """Residuals of unit variance along the last axis, a process of first order."""
+    innovations = rng.standard_normal(shape)
+    innovations[..., 1:] *= np.sqrt(1 - correlation**2)
+    residuals: FloatArray = lfilter([1.0], [1.0, -correlation], innovations)
+    return residuals
+
+
+def groups(
+    residual: FloatArray,
+    replicated: FloatArray | None = None,
+    *,
+    clock: str = "strain",
+    segment: FloatArray | None = None,
+    reading_error: float | None = None,
+    draws: int = DRAWS,
+) -> dict[str, xr.Dataset]:
+    """Labelled draws about a model that varies a little, in MPa; the response is made up."""
+    n = residual.size
+    rng = np.random.default_rng(5)
+    model = 7.0 + 0.01 * rng.standard_normal((CHAINS, draws, 1)) * np.ones(n)
+    if replicated is None:
+        replicated = rng.standard_normal(model.shape)
+    along = {clock: ("point", np.linspace(0.01, 0.01 * n, n))}
+    if segment is not None:
+        along["segment"] = ("point", segment)
+    if reading_error is not None:
+        along["reading_error"] = ("point", np.full(n, reading_error * MEGAPASCAL))
+    dims = ("chain", "draw", "point")
+    values = {
+        "model_response": (dims, model),
+        "posterior_predictive": (dims, model + replicated),
+        "observed_data": ("point", 7.0 + residual),
+    }
+    return {
+        **{
+            name: xr.Dataset({"stress": (where, MEGAPASCAL * value)})
+            for name, (where, value) in values.items()
+        },
+        "sample_stats": xr.Dataset({"diverging": (dims[:2], np.zeros(model.shape[:2], bool))}),
+        "predictions": xr.Dataset({"x": (("chain", "draw", clock), np.zeros((1, 1, 1)))}),
+        "constant_data": xr.Dataset(along),
+    }
+
+
+def draws_of(**tests: dict[str, xr.Dataset]) -> CheckedDraws:
+    """One test, or several of a joint fit."""
+    if len(tests) == 1:
+        return CheckedDraws(xr.DataTree.from_dict(*tests.values()))
+    return CheckedDraws(
+        xr.DataTree.from_dict(
+            {"sample_stats": next(iter(tests.values()))["sample_stats"]}
+            | {
+                f"tests/{test}/{name}": one
+                for test, own in tests.items()
+                for name, one in own.items()
+            }
+        )
+    )
+
+
+def white(seed: int = 1, n: int = POINTS) -> FloatArray:
+    return np.random.default_rng(seed).standard_normal(n)
+
+
+def failed(draws: CheckedDraws) -> dict[str, CheckResult]:
+    """Checks of the description that failed, by name."""
+    results = run_checks(draws, DESCRIPTION)
+    return {one.name: one for one in results if one.outcome is Outcome.NO}
+
+
+@pytest.mark.parametrize("segment", [None, np.arange(POINTS) // 20.0])
+def test_independent_residuals_pass(segment: FloatArray | None) -> None:
+    results = run_checks(
+        draws_of(one=groups(white(), segment=segment, reading_error=1.0)), DESCRIPTION
+    )
+    assert [one.name for one in results if one.outcome is not Outcome.YES] == []
+    assert all(one.sentence.endswith(".") for one in results)
+
+
+def test_a_missed_shape_fails_and_the_longest_run_is_told() -> None:
+    residual = 0.3 * white()
+    residual[20:32] += 2.0
+    residual[[19, 32]] = -0.5
+    draws = draws_of(one=groups(residual, segment=np.zeros(POINTS)))
+    result = check_residual_trend(draws)
+    assert result.outcome is Outcome.NO
+    assert result.table["probability"].item() < LEVEL
+    assert "12 in a row have one sign, from strain 21 to 32 %" in result.sentence
+    assert "the data above the model" in result.sentence
+    assert "too narrow" in result.sentence
+    assert "residuals=autocorrelated" in result.sentence
+    record = verdicts_record([result])
+    assert json.loads(json.dumps(record))["checks"][0]["table"][0]["where"] == "strain 21 to 32 %"
+    assert check_runs(draws).outcome is Outcome.YES
+
+
+def test_a_long_run_of_small_residuals_fails_the_runs_alone() -> None:
+    residual = np.abs(white(2)) * np.where(np.arange(POINTS) % 2, 1.0, -1.0)
+    residual[9:30] = 0.05
+    assert set(failed(draws_of(one=groups(residual)))) == {"runs"}
+    assert "21 in a row have one sign" in check_runs(draws_of(one=groups(residual))).sentence
+
+
+def test_a_segment_that_lies_aside_is_named_with_its_place_and_size() -> None:
+    segment = np.repeat([0.0, 1.0, 2.0], [20, 15, 15])
+    residual = 0.5 * white(6) * np.where(np.arange(POINTS) % 2, 1.0, -1.0)
+    residual[20:35] += np.linspace(3.0, -3.0, 15)
+    result = check_segments(draws_of(one=groups(residual, segment=segment)))
+    assert result.outcome is Outcome.NO
+    assert "segment 2 (strain 21 to 35 %)" in result.sentence
+    assert "MPa above the model and ends" in result.sentence
+    assert "behind a step of the rate" in result.sentence
+    for variant in ("kelvin=power_law", "maxwell=hyperbolic_sine", "residuals=autocorrelated"):
+        assert f"--variant {variant}" in result.sentence
+
+
+def test_no_step_is_blamed_where_there_is_none() -> None:
+    trend = np.sin(np.linspace(0.0, 6.0, POINTS)) + 0.1 * white(3)
+    one_rate = check_residual_trend(draws_of(one=groups(trend, segment=np.zeros(POINTS))))
+    assert "kelvin=power_law" not in one_rate.sentence
+    assert "tests at other rates" in one_rate.sentence
+    record = check_residual_trend(draws_of(one=groups(trend, clock="time")))
+    assert "kelvin=power_law" in record.sentence
+    assert "residuals=autocorrelated" not in record.sentence
+
+
+def test_laws_that_the_fit_has_already_are_not_advised() -> None:
+    trend = np.sin(np.linspace(0.0, 6.0, POINTS)) + 0.1 * white(3)
+    own = groups(trend, segment=np.repeat([0.0, 1.0], 25))
+    free = {"kelvin_stress_exponent": ((), 3.0, {"fixed": 0})}
+    own |= {"posterior": xr.Dataset(free), "log_likelihood_given_others": xr.Dataset()}
+    sentence = check_residual_trend(draws_of(one=own)).sentence
+    assert "maxwell=hyperbolic_sine" in sentence
+    assert "kelvin=power_law" not in sentence
+    assert "residuals=autocorrelated" not in sentence
+
+
+def test_a_single_outlier_is_told_as_such() -> None:
+    residual = white(4)
+    residual[30] = -8.0
+    results = failed(draws_of(one=groups(residual, 1.4 * draws_of_noise())))
+    assert list(results) == ["largest residual"]
+    sentence = results["largest residual"].sentence
+    assert "A single reading is an outlier" in sentence
+    assert "strain 31 %" in sentence
+    assert "8 MPa below the model" in sentence
+    assert "too narrow" not in sentence
+
+
+def draws_of_noise() -> FloatArray:
+    return np.random.default_rng(8).standard_normal((CHAINS, DRAWS, POINTS))
+
+
+def test_one_rate_that_is_described_worse_than_the_others_fails_the_size() -> None:
+    segment = np.repeat([0.0, 1.0], 25)
+    residual = np.where(np.arange(POINTS) % 2, 1.0, -1.0) * np.repeat([0.2, 1.5], 25)
+    result = check_size(draws_of(one=groups(residual, segment=segment)))
+    assert result.outcome is Outcome.NO
+    assert "segment 2 (strain 26 to 50 %)" in result.sentence
+    assert "of the variance of the test" in result.sentence
+
+
+@pytest.mark.parametrize(("error", "outcome"), [(1.0, "yes"), (0.9, "yes"), (0.5, "no")])
+def test_residuals_are_held_against_a_stated_reading_error(error: float, outcome: str) -> None:
+    residual = white(5)
+    residual /= np.sqrt(np.mean(residual**2))
+    result = check_size(draws_of(one=groups(residual, reading_error=error)))
+    assert result.outcome.value == outcome
+    assert f"{1 / error:.1f} times the stated reading error" in result.sentence
+
+
+def test_the_share_of_the_variance_that_is_left_is_told() -> None:
+    residual = white(5)
+    result = check_size(draws_of(one=groups(residual)))
+    share = result.table["share_of_variance"].item()
+    assert share == pytest.approx(np.mean(residual**2) / np.var(residual), rel=0.02)
+    assert "no reading error is stated" in result.sentence
+
+
+def test_places_are_told_on_the_clock_of_the_protocol() -> None:
+    result = check_residual_trend(draws_of(one=groups(np.ones(POINTS), clock="time")))
+    assert "from time 0.01 to 0.5 s" in result.sentence
+
+
+def test_correlated_residuals_pass_where_replicates_are_correlated() -> None:
+    rng = np.random.default_rng(2)
+    residual = correlated(rng, 0.8, POINTS)
+    replicated = correlated(rng, 0.8, CHAINS, DRAWS, POINTS)
+    assert check_residual_trend(draws_of(one=groups(residual))).outcome is Outcome.NO
+    assert failed(draws_of(one=groups(residual, replicated))) == {}
+
+
+def test_pairs_across_a_step_of_the_rate_do_not_count() -> None:
+    residuals = np.array([[1.0, 1.0, -1.0, -1.0], [1.0, 2.0, 3.0, 4.0]])
+    all_pairs, without_step = np.array([True, True, True]), np.array([True, False, True])
+    np.testing.assert_allclose(autocorrelation(residuals, all_pairs), [1 / 4, 20 / 30])
+    np.testing.assert_allclose(autocorrelation(residuals, without_step), [2 / 4, 14 / 30])
+    assert longest_run(residuals[1], all_pairs) == (0, 3)
+    assert longest_run(residuals[1], without_step) == (0, 1)
+    assert longest_runs(residuals, all_pairs).tolist() == [2, 4]
+    assert longest_runs(residuals, without_step).tolist() == [2, 2]
+    # Signs that change from point to point within segments, and never where these meet.
+    zigzag = np.tile([1.0, -1.0, -1.0, 1.0], 10)
+    segment = np.arange(40.0) // 2
+    joined = check_residual_trend(draws_of(one=groups(zigzag, segment=segment)))
+    assert joined.table["found"].item() == pytest.approx(-0.5, abs=0.01)
+
+
+def test_segments_share_out_what_is_left() -> None:
+    segment, position = np.repeat([0, 1], [4, 6]), np.arange(10.0)
+    residuals = np.stack([np.arange(10.0), np.tile([1.0, -1.0], 5)])
+    trend, spread = segment_parts(residuals, segment, position)
+    # A straight line leaves nothing over.
+    np.testing.assert_allclose(trend.sum(axis=0)[0], 10.0)
+    np.testing.assert_allclose(spread[:, 0] * np.array([4, 6]), trend[:, 0])
+    np.testing.assert_allclose(spread[:, 1], 1.0)
+    assert (trend[:, 1] < 1.0).all()
+
+
+def test_the_worst_test_of_a_joint_fit_is_told() -> None:
+    trend = np.sin(np.linspace(0.0, 6.0, POINTS)) + 0.1 * white(3)
+    joint = draws_of(good=groups(white(), draws=1500), bad=groups(trend, draws=1500))
+    result = check_residual_trend(joint)
+    assert result.outcome is Outcome.NO
+    assert "neighbouring residuals of bad correlate with 0.9" in result.sentence
+    assert result.table["test"].tolist() == ["good", "bad"]
+    assert failed(draws_of(a=groups(white()), b=groups(white(4)))) == {}
+
+
+def test_a_single_point_passes() -> None:
+    assert failed(draws_of(one=groups(np.ones(1)))) == {}
+
+
+def test_few_draws_cannot_fail_a_correct_model() -> None:
+    """One of six numbers is beyond all of 150 replicates in 4 of 100 correct fits."""
+    trend = np.sin(np.linspace(0.0, 6.0, POINTS)) + 0.1 * white(3)
+    result = check_residual_trend(draws_of(one=groups(trend, draws=75)))
+    assert result.outcome is Outcome.CANNOT_TELL
+    assert "150 draws are too few" in result.sentence
+    assert "--draws" in result.sentence
+
+
+def test_the_coverage_alone_misses_a_misfit() -> None:
+    """The noise of a fit is what it misses, so that its band always holds the data."""
+    trend = np.sqrt(2.0) * np.sin(np.linspace(0.0, 6.0, POINTS))
+    draws = draws_of(one=groups(trend))
+    assert check_coverage(draws).passed
+    assert "residual trend" in failed(draws)
+
+
+def test_a_family_counts_its_worst_number_once() -> None:
+    rng = np.random.default_rng(3)
+    replicated = rng.standard_normal((4, 2000))
+    found = np.zeros_like(replicated)
+    found[0] = 3.2
+    probability, _, family = family_probabilities(found, replicated)
+    assert probability[0] == pytest.approx(7e-4, abs=1e-3)
+    assert family[0] == pytest.approx(4 * probability[0], abs=2e-3)
+    # Four times the same number are one.
+    _, _, same = family_probabilities(found, np.repeat(replicated[:1], 4, axis=0))
+    assert same[0] == pytest.approx(probability[0], abs=1e-3)
+    assert (family[1:] > 0.9).all()
+
+
+def test_the_mean_at_which_a_check_fails_is_told() -> None:
+    fits = LinearModel.of_polynomials(40, steps=1, degree=2).fits(5, seed=6)
+    for draws in fits:
+        table = discrepancies_of(draws).table
+        passed = table["family_probability"] > LEVEL
+        np.testing.assert_array_equal(table["found"] <= table["at_most"], passed)
+
+
+def test_few_correct_models_fail() -> None:
+    assert_few_fail(LinearModel.of_polynomials(POINTS, steps=1, degree=3).fits(100, seed=9), 100)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("points", "steps", "degree"), [(30, 0, 4), (60, 2, 2), (150, 3, 5)])
+def test_at_most_1_in_100_correct_models_fails_any_check(
+    points: int, steps: int, degree: int
+) -> None:
+    model = LinearModel.of_polynomials(points, steps, degree)
+    assert_few_fail(model.fits(1000, seed=points), 1000)
+
+
+def assert_few_fail(fits: Iterator[CheckedDraws], n_fits: int) -> None:
+    """Fewer than would be 1 in 100 and the chance of so many data sets, at 1 in 1000."""
+    count = sum(bool(failed(draws)) for draws in fits)
+    assert count <= 0.01 * n_fits + 3.1 * np.sqrt(0.01 * n_fits), count

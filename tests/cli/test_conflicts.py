@@ -1,0 +1,14 @@
+"""What prior and data disagree about is told in the terminal."""
+
+import pytest
+
+from pyburgers.cli.shared import print_checks
+
+
+def test_conflicts_have_a_block_of_their_own(capsys: pytest.CaptureFixture[str]) -> None:
+    without = print_checks([])
+    assert "Do prior and data agree?" not in capsys.readouterr().out
+    sentences = ("A: Prior and data disagree about this.", "B: Prior and data disagree about that.")
+    assert print_checks([], sentences) == without
+    printed = capsys.readouterr().out
+    assert printed.endswith("\nDo prior and data agree? NO\n" + "\n".join(sentences) + "\n")

@@ -1,0 +1,82 @@
+"""The top of a page: rows, both answers, conflicts."""
+
+from pathlib import Path
+
+import pytest
+from synthetic_fit import make_fit
+
+from pyburgers.checks.fit_checks import CheckKind, Outcome
+from pyburgers.checks.prior_influence import Influence
+from pyburgers.fitting.fit import Fit
+from pyburgers.report.overview import (
+    CONFLICT_COLUMN,
+    answers,
+    bad_answers,
+    duration_text,
+    entry_of,
+    overview_table,
+)
+
+SAMPLING, DESCRIPTION = CheckKind.SAMPLING, CheckKind.DESCRIPTION
+
+
+@pytest.fixture(scope="module")
+def fit(tmp_path_factory: pytest.TempPathFactory) -> Fit:
+    """A fit whose chains did not meet."""
+    return make_fit(tmp_path_factory.mktemp("run"), chains=2, draws=300, apart=3.0)
+
+
+def influence(distance: float) -> Influence:
+    """What a quantity far from its prior owes to it."""
+    return Influence(0.2, 0.2, 0.1, -0.1, None, 0.5, distance)
+
+
+def test_a_row_has_both_answers_with_what_failed(fit: Fit) -> None:
+    checks = fit.checks()
+    entry = entry_of("A", fit, checks, {})
+    assert entry.verdicts[SAMPLING].outcome is Outcome.NO
+    failed = [c.name for c in checks if c.check.kind is SAMPLING and not c.passed]
+    assert entry.row["sampled well?"] == f"NO: {', '.join(failed)}"
+    assert entry.row["describes the data?"].startswith(entry.verdicts[DESCRIPTION].outcome.value)
+    assert entry.row["model"] == "standard"
+    assert bad_answers([entry])["sampled well?"] == [True]
+
+
+def test_the_answer_for_all_fits_is_no_where_it_is_for_one(fit: Fit, tmp_path: Path) -> None:
+    good = make_fit(tmp_path, name="B", chains=2, draws=600)
+    entries = [entry_of("A", fit, fit.checks(), {}), entry_of("B", good, good.checks(), {})]
+    sampled, _ = answers(entries)
+    assert sampled.outcome is Outcome.NO
+    assert [entry.name for entry in sampled.doubtful] == ["A"]
+    sampled, _ = answers(entries[1:])
+    assert sampled.outcome is good.sampled_well
+    assert overview_table(entries)["experiment"].tolist() == ["PIL40", "B"]
+
+
+def test_a_row_names_what_is_furthest_out(fit: Fit) -> None:
+    names = ("stress_exponent", "beta", "maxwell_modulus", "kelvin_modulus")
+    influences = {name: influence(k + 2.0) for k, name in enumerate(names)}
+    entry = entry_of("A", fit, fit.checks(), influences)
+    told = entry.row[CONFLICT_COLUMN]
+    assert told.startswith("Kelvin modulus (+5.0 prior sd), Maxwell modulus (+4.0 prior sd)")
+    assert told.endswith("and 1 more")
+    assert entry.conflict is not None
+    assert "stress exponent (+2.0 prior sd)" in entry.conflict
+
+
+def test_wall_times_are_added_up(fit: Fit) -> None:
+    row = entry_of("A", fit, fit.checks(), {}).row
+    assert row["slowest chain"] == "62 s"
+    assert row["all chains"] == "2 min"
+
+
+def test_a_fixed_exponent_is_called_fixed(tmp_path: Path) -> None:
+    fit = make_fit(tmp_path, chains=2, draws=50, fixed=("stress_exponent",))
+    assert entry_of("A", fit, fit.checks(), {}).row["stress exponent n"] == "3.779 (fixed)"
+
+
+@pytest.mark.parametrize(
+    ("seconds", "expected"), [(5.2, "5 s"), (600.0, "10 min"), (9000.0, "2.5 h")]
+)
+def test_durations(seconds: float, expected: str) -> None:
+    assert duration_text(seconds) == expected

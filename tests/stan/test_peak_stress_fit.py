@@ -56,19 +56,19 @@ SOFTENING = SofteningPrior(
 OPTIONS = SamplerOptions(chains=2, warmup=400, draws=1000, seed=3)
 TRUTH = {
     "maxwell_modulus": 4e9,
-    "kelvin_modulus": 2e9,
-    "kelvin_viscosity": 1e11,
-    "stress_exponent": 3.4,
+    "kelvin_modulus": 5e9,
+    "kelvin_viscosity": 2.5e11,
+    "stress_exponent": 3.8,
     "grain_size_exponent": 0.5,
-    "activation_enthalpy": 62e3,
-    "beta": -7.1e-4,
+    "activation_enthalpy": 62.5e3,
+    "beta": -7.29e-4,
     "steady_state_grain_size": 1e-4,
     "steady_state_fabric_factor": 0.5,
-    "critical_strain_grain_size": 0.05,
-    "critical_strain_fabric": 0.2,
+    "critical_strain_grain_size": 0.055,
+    "critical_strain_fabric": 0.25,
     "stress_noise": 1e5,
 }
-"""Near the middle of the priors of ice."""
+"""Near the middle of the priors of ice, at stresses of laboratory tests."""
 
 SCATTER = 0.05
 
@@ -212,7 +212,7 @@ def test_scattered_peaks_recover_the_whole_law(tmp_path: Path) -> None:
         assert abs(draws.mean() - TRUTH[name]) < 3.3 * draws.std()
     scatter = posterior_draws(fit, "stress_scatter")
     assert abs(scatter.mean() - SCATTER) < 3.3 * scatter.std()
-    assert posterior_draws(fit, "activation_enthalpy").std() < 6e3
+    assert posterior_draws(fit, "activation_enthalpy").std() < 1e4
 
 
 def z_values(fit: PeakStressFit, truth: dict[str, float]) -> FloatArray:
@@ -232,14 +232,25 @@ def test_noise_free_peaks_give_back_the_law(tmp_path: Path) -> None:
     assert abs(fit.summary()["mean"]["stress_exponent"] - TRUTH["stress_exponent"]) < 0.1
 
 
-@pytest.mark.parametrize("name", LATE_PEAKS)
-def test_late_peaks_do_not_pass_their_softening_for_flow(name: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "of_curve", "largest"),
+    [("PIL40", False, 2.0), ("PIL40", True, 3.0), ("PIL72", True, 2.0)],
+)
+def test_late_peaks_do_not_pass_their_softening_for_flow(
+    name: str, of_curve: bool, largest: float, tmp_path: Path
+) -> None:
     # Taken for flow, softening puts ln(rate) at 0.4 to 0.6 above the truth, 9 to 13 of the
-    # standard deviations that would be handed on, and n of PIL40 at 4.43, 6 of them.
+    # standard deviations that would be handed on, and n of PIL40 at 4.43, 6 of them. The truth of
+    # PIL40 softens more than 19 in 20 materials of the priors, and its Q_M is 1.5 standard
+    # deviations off theirs: hence the wider limit where the priors of the curve count.
     truth, table = LATE_PEAKS[name], peaks_of(LATE_PEAKS[name])
-    priors = with_curve_flow_law(default_peak_stress_priors("ice"), default_priors("ice"))
-    fit = fit_peak_stress(table, priors, out=tmp_path / "run", options=OPTIONS)
-    assert np.abs(z_values(fit, truth)).max() < 2.0
+    priors = default_peak_stress_priors("ice")
+    if of_curve:
+        priors = with_curve_flow_law(priors, default_priors("ice"))
+    short = replace(OPTIONS, draws=500)
+    fit = fit_peak_stress(table, priors, out=tmp_path / "run", options=short)
+    assert np.abs(z_values(fit, truth)).max() < largest
+    assert abs(z_values(fit, truth)[1]) < 1.5
     across_peaks = least_squares(table)["stress_exponent"][0]
     n = fit.summary()["mean"]["stress_exponent"]
     assert abs(n - truth["stress_exponent"]) < 0.75 * abs(across_peaks - truth["stress_exponent"])

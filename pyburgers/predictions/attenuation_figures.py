@@ -5,12 +5,14 @@ own.
 """
 
 from collections.abc import Sequence
+from itertools import cycle
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.container import ErrorbarContainer
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
@@ -30,8 +32,12 @@ from pyburgers.drawing.style import (
 )
 from pyburgers.predictions.assumptions import likely_fails
 from pyburgers.predictions.attenuation import flat_draws
+from pyburgers.predictions.measured_attenuation import MeasuredAttenuation
 
 FloatArray = npt.NDArray[np.float64]
+
+Handle = Patch | Line2D | ErrorbarContainer
+"""What a legend names."""
 
 FREQUENCY_LABEL = "frequency (Hz)"
 ATTENUATION_LABEL = r"attenuation $\tan\delta = Q^{-1}$ (–)"
@@ -50,6 +56,7 @@ HOLDING_LABEL = "_holding"
 FAILING_LABEL = "frozen microstructure fails"
 
 _COLOURS = (BLUE, GREEN, ORANGE, VERMILION, PURPLE, SKY_BLUE, BLACK)
+_MARKERS = "osD^v"
 _DASHES: tuple[Any, ...] = ("-", "--", "-.", ":", (0, (6, 1, 1, 1, 1, 1)))
 
 ATTENUATION_CAPTION = (
@@ -78,8 +85,20 @@ AMPLITUDE_CAPTION = (
 )
 
 
-def attenuation(spectrum: xr.Dataset, title: str) -> Figure:
-    """Draw median and bands of attenuation against frequency, a colour for each regime."""
+def attenuation(
+    spectrum: xr.Dataset, title: str, measured: MeasuredAttenuation | None = None
+) -> Figure:
+    """Draw median and bands of attenuation against frequency, a colour for each regime.
+
+    Parameters
+    ----------
+    spectrum : Dataset
+        With draws.
+    title : str
+        Heading.
+    measured : MeasuredAttenuation, optional
+        Points to draw over it.
+    """
     spectrum = spectrum.sortby("frequency")
     with style():
         figure = Figure(figsize=(8.0, 5.6), layout="constrained")
@@ -91,8 +110,32 @@ def attenuation(spectrum: xr.Dataset, title: str) -> Figure:
             Patch(color=BLACK, alpha=0.43, label="50 % of draws"),
             Patch(color=BLACK, alpha=0.18, label="90 % of draws"),
         ]
-        _legend_above(figure, [*lines, *areas, *_failing_handles(spectrum)], title)
+        points = [] if measured is None else _draw_measured(axes, measured)
+        handles: list[Handle] = [*lines, *areas, *_failing_handles(spectrum), *points]
+        _legend_above(figure, handles, title)
     return figure
+
+
+def _draw_measured(axes: Axes, measured: MeasuredAttenuation) -> list[ErrorbarContainer]:
+    """Draw measured points with their bars, a marker for each series; return them."""
+    drawn = []
+    for marker, series in zip(cycle(_MARKERS), dict.fromkeys(measured.series), strict=False):
+        own = np.array([name == series for name in measured.series])
+        drawn.append(
+            axes.errorbar(
+                measured.frequency[own],
+                measured.tan_delta[own],
+                measured.standard_deviation[own],
+                fmt=marker,
+                color=BLACK,
+                markerfacecolor="white",
+                markersize=5.0,
+                linewidth=1.0,
+                label=series,
+                zorder=10,
+            )
+        )
+    return drawn
 
 
 def attenuation_draws(spectrum: xr.Dataset, title: str) -> Figure:
@@ -174,7 +217,7 @@ def amplitude_dependence(spectrum: xr.Dataset, title: str) -> Figure:
     return figure
 
 
-def _legend_above(figure: Figure, handles: Sequence[Patch | Line2D], title: str) -> None:
+def _legend_above(figure: Figure, handles: Sequence[Handle], title: str) -> None:
     """Put the heading, what the lines are and the legend above the panels."""
     legend = figure.legend(
         handles=list(handles),

@@ -59,7 +59,7 @@ def test_measured_points_are_drawn_over_the_prediction(
     out, points = tmp_path / "tan_delta.csv", tmp_path / "points.csv"
     points.write_text("frequency_Hz,tan_delta,series\n0.01,0.3,ours\n", encoding="utf-8")
     run = small_fit.directory.path
-    assert predict(run, out, "--frequencies-Hz", "0.01", "--measured", str(points)) == 0
+    assert predict(run, out, "--frequencies-Hz", "1e-3", "0.1", "--measured", str(points)) == 0
     assert ">ours<" in out.with_suffix(".svg").read_text(encoding="utf-8")
     points.write_text("frequency_Hz\n0.01\n", encoding="utf-8")
     capsys.readouterr()

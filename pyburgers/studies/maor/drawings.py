@@ -15,7 +15,7 @@ from pyburgers.drawing.style import BLACK, BLUE, GREEN, ORANGE, SKY_BLUE, VERMIL
 from pyburgers.model.display import STRAIN_FACTOR, STRAIN_UNIT, STRESS_FACTOR, STRESS_UNIT
 from pyburgers.predictions.imposed_stress import simulate_imposed_stress
 from pyburgers.predictions.stress_cycles import BREAKDOWN, PARAMETER_NAMES, Regime
-from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.protocols.constant_rate.figures import constant_rate_test
 from pyburgers.protocols.protocol import FittedTest
 from pyburgers.studies.maor.before_data import parameter_draws, prediction_draws
 
@@ -190,11 +190,12 @@ def flow_laws(fit: FittedTest) -> FlowLaws:
 
     Raises
     ------
+    InputError
+        If the fit is of another kind of test.
     SamplingError
         If the solver finds no solution.
     """
-    assert isinstance(fit.experiment, ConstantRateExperiment)  # ice
-    rate = fit.experiment.segments[0].strain_rate
+    rate = constant_rate_test(fit).segments[0].strain_rate
     reference, exponent = (
         parameter_draws(fit, name) for name in ("reference_stress", "stress_exponent")
     )

@@ -109,6 +109,25 @@ def test_strains_and_their_marks_are_in_table_and_draws(small_fit: Fit, tmp_path
         assert float(draws["hold_time"]) == 7200.0
 
 
+def test_an_evolving_microstructure_is_solved_at_chosen_points(
+    small_fit: Fit, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "tan_delta.csv"
+    options = ("--regimes", "1", "4", "--hold-time-h", "1", "--evolving", "1e-3", "0.1")
+    assert predict(small_fit.directory.path, out, *options) == 0
+    printed = capsys.readouterr().out
+    assert "Evolving: the hold of 1 h and 3 cycles after it are solved in time" in printed
+    table = pd.read_csv(tmp_path / "tan_delta_evolving.csv")
+    assert table["frequency_Hz"].tolist() == [1e-3, 0.1, 1e-3, 0.1]
+    assert table["median_stress_MPa"].tolist() == [1.0, 1.0, 4.0, 4.0]
+    assert (table["evolving_q50"] > table["frozen_q50"]).all()
+    with xr.open_dataset(tmp_path / "tan_delta_evolving.nc", engine="h5netcdf") as draws:
+        assert draws["tan_delta_evolving"].sizes == {"draw": 100, "regime": 2, "frequency": 2}
+    for suffix in (".csv", ".nc"):
+        assert str(tmp_path / f"tan_delta_evolving{suffix}") in printed
+    assert len(list(tmp_path.iterdir())) == 6
+
+
 def test_the_elastic_modulus_is_given_in_pascal(
     small_fit: Fit, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -64,7 +64,7 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
 def test_points_are_drawn_over_the_spectrum(tmp_path: Path) -> None:
     spectrum = predict_attenuation(make_fit(tmp_path / "run", draws=30))
     points = load_measured_attenuation(write(tmp_path, POINTS))
-    axes = attenuation(spectrum, "title", points).axes[0]
+    axes = attenuation(spectrum, "title", measured=points).axes[0]
     containers = [one for one in axes.containers if isinstance(one, ErrorbarContainer)]
     drawn = {one.get_label(): one.lines[0].get_xydata() for one in containers}
     assert set(drawn) == {"1 MPa", "measured"}

@@ -19,7 +19,14 @@ from pyburgers.predictions import attenuation_figures
 from pyburgers.predictions.assumptions import elastic_modulus_sentence, frozen_sentence
 from pyburgers.predictions.attenuation import attenuation_spectrum, predict_attenuation
 from pyburgers.predictions.attenuation_tables import overview_table, quantile_table
+from pyburgers.predictions.evolving import (
+    evolving_attenuation,
+    evolving_overview,
+    evolving_sentence,
+    evolving_table,
+)
 from pyburgers.predictions.imposed_stress import simulated_phase_lag
+from pyburgers.predictions.material import fitted_material
 from pyburgers.predictions.measured_attenuation import MeasuredAttenuation
 from pyburgers.predictions.stress_cycles import PAPER_REGIMES, PARAMETER_NAMES
 from pyburgers.protocols.protocol import FittedTest
@@ -238,7 +245,9 @@ def attenuation_section(
     spectra: Mapping[str, xr.Dataset],
     measured: MeasuredAttenuation | None = None,
 ) -> PageSection:
-    """Return figures and tables of attenuation; single draws and amplitudes of the first fit.
+    """Return figures and tables of attenuation.
+
+    Of the first fit also single draws, amplitudes, and what an evolving microstructure changes.
 
     Parameters
     ----------
@@ -252,6 +261,7 @@ def attenuation_section(
     first, fit = next(iter(fits.items()))
     by_amplitude = predict_attenuation(fit, regimes=AMPLITUDE_REGIMES)
     check = time_domain_table(fit)
+    evolving = evolving_attenuation(fitted_material(fit))
     return PageSection(
         key=ATTENUATION_KEY,
         title="Attenuation",
@@ -263,6 +273,7 @@ def attenuation_section(
             MICROSTRUCTURE_SENTENCE,
             *(f"{name}: {frozen_sentence(spectrum)}" for name, spectrum in spectra.items()),
             elastic_modulus_sentence(spectra[first]),
+            f"{first}, frozen and evolving side by side. {evolving_sentence(evolving)}",
         ),
         tables=(
             *(
@@ -274,6 +285,13 @@ def attenuation_section(
                     words=("regime", "frozen microstructure"),
                 )
                 for name, spectrum in spectra.items()
+            ),
+            PageTable(
+                "evolving",
+                f"Frozen and evolving microstructure, {first}",
+                evolving_overview(evolving),
+                evolving_table(evolving),
+                words=("regime",),
             ),
             PageTable(
                 "time_domain",
@@ -290,7 +308,11 @@ def attenuation_section(
                     f"Attenuation of {name}",
                     attenuation_figures.ATTENUATION_CAPTION,
                     partial(
-                        attenuation_figures.attenuation, spectrum, spectrum.attrs["title"], measured
+                        attenuation_figures.attenuation,
+                        spectrum,
+                        spectrum.attrs["title"],
+                        evolving if name == first else None,
+                        measured,
                     ),
                 )
                 for name, spectrum in spectra.items()

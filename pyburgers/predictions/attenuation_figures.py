@@ -5,12 +5,14 @@ own.
 """
 
 from collections.abc import Sequence
+from itertools import cycle
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.container import ErrorbarContainer
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
@@ -31,8 +33,12 @@ from pyburgers.drawing.style import (
 from pyburgers.predictions.assumptions import likely_fails
 from pyburgers.predictions.attenuation import flat_draws
 from pyburgers.predictions.evolving import evolving_quantiles
+from pyburgers.predictions.measured_attenuation import MeasuredAttenuation
 
 FloatArray = npt.NDArray[np.float64]
+
+Handle = Patch | Line2D | ErrorbarContainer
+"""What a legend names."""
 
 FREQUENCY_LABEL = "frequency (Hz)"
 ATTENUATION_LABEL = r"attenuation $\tan\delta = Q^{-1}$ (–)"
@@ -53,6 +59,7 @@ BEYOND_LABEL = "evolving, lag over a quarter"
 FAILING_LABEL = "frozen microstructure fails"
 
 _COLOURS = (BLUE, GREEN, ORANGE, VERMILION, PURPLE, SKY_BLUE, BLACK)
+_MARKERS = "osD^v"
 _DASHES: tuple[Any, ...] = ("-", "--", "-.", ":", (0, (6, 1, 1, 1, 1, 1)))
 
 ATTENUATION_CAPTION = (
@@ -82,7 +89,12 @@ AMPLITUDE_CAPTION = (
 )
 
 
-def attenuation(spectrum: xr.Dataset, title: str, comparison: xr.Dataset | None = None) -> Figure:
+def attenuation(
+    spectrum: xr.Dataset,
+    title: str,
+    comparison: xr.Dataset | None = None,
+    measured: MeasuredAttenuation | None = None,
+) -> Figure:
     """Draw median and bands of attenuation against frequency, a colour for each regime.
 
     Parameters
@@ -93,6 +105,8 @@ def attenuation(spectrum: xr.Dataset, title: str, comparison: xr.Dataset | None 
         Heading.
     comparison : Dataset, optional
         Of `pyburgers.predictions.evolving.evolving_attenuation`, in the same regimes.
+    measured : MeasuredAttenuation, optional
+        Points to draw over it.
     """
     spectrum = spectrum.sortby("frequency")
     with style():
@@ -106,8 +120,32 @@ def attenuation(spectrum: xr.Dataset, title: str, comparison: xr.Dataset | None 
             Patch(color=BLACK, alpha=0.43, label="50 % of draws"),
             Patch(color=BLACK, alpha=0.18, label="90 % of draws"),
         ]
-        _legend_above(figure, [*lines, *areas, *_failing_handles(spectrum), *solved], title)
+        points = [] if measured is None else _draw_measured(axes, measured)
+        handles: list[Handle] = [*lines, *areas, *_failing_handles(spectrum), *solved, *points]
+        _legend_above(figure, handles, title)
     return figure
+
+
+def _draw_measured(axes: Axes, measured: MeasuredAttenuation) -> list[ErrorbarContainer]:
+    """Draw measured points with their bars, a marker for each series; return them."""
+    drawn = []
+    for marker, series in zip(cycle(_MARKERS), dict.fromkeys(measured.series), strict=False):
+        own = np.array([name == series for name in measured.series])
+        drawn.append(
+            axes.errorbar(
+                measured.frequency[own],
+                measured.tan_delta[own],
+                measured.standard_deviation[own],
+                fmt=marker,
+                color=BLACK,
+                markerfacecolor="white",
+                markersize=5.0,
+                linewidth=1.0,
+                label=series,
+                zorder=10,
+            )
+        )
+    return drawn
 
 
 def attenuation_draws(spectrum: xr.Dataset, title: str) -> Figure:
@@ -219,7 +257,7 @@ def _draw_evolving(axes: Axes, comparison: xr.Dataset) -> list[Line2D]:
     return handles
 
 
-def _legend_above(figure: Figure, handles: Sequence[Patch | Line2D], title: str) -> None:
+def _legend_above(figure: Figure, handles: Sequence[Handle], title: str) -> None:
     """Put the heading, what the lines are and the legend above the panels."""
     legend = figure.legend(
         handles=list(handles),

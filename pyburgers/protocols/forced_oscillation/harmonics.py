@@ -209,6 +209,33 @@ def fit_harmonics(
     )
 
 
+def fundamentals(
+    time: FloatArray,
+    series: FloatArray,
+    *,
+    period: float,
+    degree: int,
+    uncertainty: FloatArray | None = None,
+) -> npt.NDArray[np.complex128]:
+    """Return sine plus i times cosine of the fundamental of many series (U), shape (n_series,).
+
+    Parameters
+    ----------
+    time, period, degree, uncertainty
+        As in `fit_harmonics`, which finds the same in each of them.
+    series : array, shape (n_series, n)
+        Values at the same times.
+    """
+    weight = np.ones_like(time) if uncertainty is None else 1.0 / uncertainty
+    solver = _solver(
+        _design(time, period, degree, N_HARMONICS), weight, period, degree, N_HARMONICS
+    )
+    found: npt.NDArray[np.complex128] = series @ (
+        solver[degree + 1] + 1j * solver[degree + 1 + N_HARMONICS]
+    )
+    return found
+
+
 def trend_projection(
     time: FloatArray, *, degree: int, uncertainty: FloatArray
 ) -> tuple[FloatArray, FloatArray]:

@@ -9,19 +9,16 @@ import pandas as pd
 import xarray as xr
 from markupsafe import Markup
 
-from pyburgers.common.draws import all_draws, central_band, evenly_spaced
+from pyburgers.common.draws import all_draws, central_band
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import rounded
 from pyburgers.drawing.page_parts import PageTable
 from pyburgers.model.display import STRESS_FACTOR, STRESS_UNIT
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
-from pyburgers.protocols.forced_oscillation.harmonics import fit_harmonics
+from pyburgers.protocols.forced_oscillation.harmonics import fundamentals
 from pyburgers.protocols.protocol import FittedTest
 
 FloatArray = npt.NDArray[np.float64]
-
-ANALYSED_CURVES = 1000
-"""Predicted stress curves whose amplitude and lag are taken at most."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +95,7 @@ def predicted_response(fit: FittedTest) -> PredictedResponse:
     Parameters
     ----------
     fit : FittedTest
-        Of a forced oscillation test; at most `ANALYSED_CURVES` of its draws are taken.
+        Of a forced oscillation test.
 
     Raises
     ------
@@ -116,7 +113,7 @@ def replicated_response(fit: FittedTest) -> PredictedResponse:
     Parameters
     ----------
     fit : FittedTest
-        Of a forced oscillation test; at most `ANALYSED_CURVES` of its draws are taken.
+        Of a forced oscillation test.
 
     Raises
     ------
@@ -129,8 +126,8 @@ def replicated_response(fit: FittedTest) -> PredictedResponse:
     return _response(experiment, prepared.time, stress, prepared.uncertainty)
 
 
-def stress_spread(fit: FittedTest) -> tuple[float, float]:
-    """Spread of the oscillation in the predicted stress, without noise, over the posterior.
+def predicted_oscillation(fit: FittedTest) -> npt.NDArray[np.complex128]:
+    """Fundamental of the model's stress (Pa), without noise, as a complex number.
 
     Parameters
     ----------
@@ -139,18 +136,18 @@ def stress_spread(fit: FittedTest) -> tuple[float, float]:
 
     Returns
     -------
-    of_amplitude, of_phase : float
-        Standard deviations of the fundamental's amplitude, relative to its mean, and of its phase
-        (rad), over at most `ANALYSED_CURVES` draws.
+    array, shape (n_draws,)
+        Its size is the amplitude, its angle the phase about that of the record; draws without
+        solution are left out.
 
     Raises
     ------
     InputError
         If the fit is of another kind of test.
     """
-    response = predicted_response(fit)
-    of_amplitude = response.amplitude.std(ddof=1) / response.amplitude.mean()
-    return float(of_amplitude), float(response.lag.std(ddof=1))
+    experiment = oscillation_of(fit)
+    stress = fit.posterior["predictions"].to_dataset()["stress"]
+    return _oscillation(experiment, stress["time"].to_numpy(), stress)
 
 
 def response_table(fit: FittedTest) -> pd.DataFrame:
@@ -259,21 +256,28 @@ def _response(
     uncertainty: FloatArray | None = None,
 ) -> PredictedResponse:
     """Amplitude and lag of stress curves (Pa) of single draws at times (s), shape (n,)."""
+    oscillation = _oscillation(experiment, time, stress, uncertainty)
+    lag = observed_response(experiment).lag + np.angle(oscillation)
+    return PredictedResponse(np.abs(oscillation), lag)
+
+
+def _oscillation(
+    experiment: OscillationExperiment,
+    time: FloatArray,
+    stress: xr.DataArray,
+    uncertainty: FloatArray | None = None,
+) -> npt.NDArray[np.complex128]:
+    """Fundamental of stress curves of single draws, its angle about the observed phase."""
     curves = all_draws(stress).astype(np.float64)
-    curves = curves[np.isfinite(curves).all(axis=1)]  # draws without solution have NaN
     prepared = experiment.prepared
-    fits = [
-        fit_harmonics(
-            time,
-            curve,
-            period=prepared.period,
-            degree=prepared.stress_fit.degree,
-            uncertainty=uncertainty,
-        )
-        for curve in evenly_spaced(curves, ANALYSED_CURVES)
-    ]
-    oscillation = np.array([complex(of_curve.sine[0], of_curve.cosine[0]) for of_curve in fits])
+    found = fundamentals(
+        time,
+        curves[np.isfinite(curves).all(axis=1)],  # draws without solution have NaN
+        period=prepared.period,
+        degree=prepared.stress_fit.degree,
+        uncertainty=uncertainty,
+    )
     # Phases about the observed one do not wrap.
     observed_phase, _ = prepared.stress_fit.phase()
-    difference = np.angle(oscillation * np.exp(-1j * observed_phase))
-    return PredictedResponse(np.abs(oscillation), observed_response(experiment).lag + difference)
+    about_observed: npt.NDArray[np.complex128] = found * np.exp(-1j * observed_phase)
+    return about_observed

@@ -1,10 +1,9 @@
 """What the page of the study says about the olivine record.
 
-Its preparation, the paper's statements about it, and what the two treatments of its background
-change.
+Its preparation, and what the two treatments of its background change.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 
@@ -12,9 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from pyburgers.checks.fit_checks import RHAT_LIMIT
 from pyburgers.common.draws import all_draws, central_band
-from pyburgers.common.units import with_error
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.model.display import (
     LENGTH_FACTOR,
@@ -24,26 +21,12 @@ from pyburgers.model.display import (
     shown_quantity,
     unit_text,
 )
-from pyburgers.posterior.labelled_draws import convergence_table
 from pyburgers.protocols.coordinates import REFERENCE_FLOW_RATE
 from pyburgers.protocols.forced_oscillation import figures as oscillation_figures
-from pyburgers.protocols.forced_oscillation.response import oscillation_of, stress_spread
+from pyburgers.protocols.forced_oscillation.response import oscillation_of
 from pyburgers.protocols.program_data import solve
 from pyburgers.protocols.protocol import FittedTest, protocol_of
 from pyburgers.protocols.stan_data import REFERENCE_SOLVER
-from pyburgers.studies.maor.statements import (
-    DOMINANT,
-    FEW,
-    MOST,
-    NARROW,
-    Statement,
-    Verdict,
-    between,
-    common_verdict,
-    joined,
-    posterior_draws,
-    prior_share,
-)
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -58,126 +41,6 @@ COMPARED_PARAMETERS = (
     "critical_strain_grain_size",
 )
 """Parameters of olivine that the two treatments of the background are compared by."""
-
-UNINFORMED = 0.8
-"""Share of the prior's standard deviation above which the data have hardly spoken."""
-
-_ALL_TREATMENTS = "under both treatments of the background alike, else undecided"
-
-
-def olivine_statements(fits: Mapping[str, FittedTest]) -> tuple[Statement, ...]:
-    """Judge the paper's statements about olivine.
-
-    Parameters
-    ----------
-    fits : mapping of str to FittedTest
-        Fits of forced oscillation tests by treatment of the background: ``"removed"``,
-        ``"kept"``; may be empty.
-    """
-    if not fits:
-        return ()
-    return (
-        _constrained_kelvin_modulus(fits),
-        _unconstrained_critical_strain(fits),
-        _spread_in_amplitude(fits),
-    )
-
-
-def _constrained_kelvin_modulus(fits: Mapping[str, FittedTest]) -> Statement:
-    """Whether the data narrow the Kelvin modulus of olivine."""
-    name = "kelvin_modulus"
-    quantity = shown_quantity(name)
-
-    def judge(fit: FittedTest) -> tuple[str, Verdict]:
-        draws, share = posterior_draws(fit, name) * quantity.display_factor, prior_share(fit, name)
-        shown = with_error(float(draws.mean()), float(draws.std(ddof=1)))
-        return (
-            f"{shown} {quantity.display_unit}, {share:.2f} of the prior's standard deviation",
-            between(-share, wrong_below=-MOST, right_above=-FEW),
-        )
-
-    return _judge_treatments(
-        fits,
-        judge,
-        key="kelvin_modulus_of_olivine",
-        source="Olivine, Table 2",
-        text="The Kelvin modulus E_K of olivine is constrained by the data.",
-        rule="Agrees if the standard deviation is below a third of the prior's, does not agree "
-        f"above two thirds, {_ALL_TREATMENTS}.",
-    )
-
-
-def _unconstrained_critical_strain(fits: Mapping[str, FittedTest]) -> Statement:
-    """Whether the critical strain of olivine is left to its prior, and whether chains agree."""
-    name = "critical_strain_grain_size"
-
-    def judge(fit: FittedTest) -> tuple[str, Verdict]:
-        share = prior_share(fit, name)
-        rhat = float(convergence_table(fit.posterior)["rhat"][name])
-        agreement = "the chains agree" if rhat <= RHAT_LIMIT else "the chains do not agree"
-        if not np.isfinite(rhat):
-            agreement = "it is not known whether chains agree"
-        return (
-            f"the standard deviation is {share:.2f} of the prior's and {agreement} (R-hat "
-            f"{rhat:.3f})",
-            between(share, wrong_below=NARROW, right_above=UNINFORMED),
-        )
-
-    return _judge_treatments(
-        fits,
-        judge,
-        key="critical_strain_of_olivine",
-        source="Olivine, Table 2",
-        text="The critical strain ε_c1 of olivine does not converge: the data do not fix it.",
-        rule=f"Agrees if the standard deviation is above {UNINFORMED:g} of the prior's, does not "
-        f"agree below {NARROW:g}, {_ALL_TREATMENTS}; chains that agree say that a parameter was "
-        "sampled well, not that the data fix it.",
-    )
-
-
-def _spread_in_amplitude(fits: Mapping[str, FittedTest]) -> Statement:
-    """Whether predicted stress curves of olivine differ in amplitude more than in phase."""
-
-    def judge(fit: FittedTest) -> tuple[str, Verdict]:
-        amplitude, phase = stress_spread(fit)
-        return (
-            f"the amplitude varies by {100 * amplitude:.2g} % and the phase by {phase:.2g} rad "
-            f"(standard deviations), a ratio of {amplitude / phase:.2g}",
-            between(amplitude / phase, wrong_below=1 / DOMINANT, right_above=DOMINANT),
-        )
-
-    return _judge_treatments(
-        fits,
-        judge,
-        key="spread_in_amplitude",
-        source="Olivine",
-        text="The predicted stress of olivine varies over the posterior in amplitude rather than "
-        "in phase.",
-        rule="A shift of the phase by x rad changes an oscillation as much as a relative change x "
-        f"of its amplitude: agrees if amplitude varies more than {DOMINANT:g} times as much as "
-        f"phase, does not agree if less than 1/{DOMINANT:g} times, {_ALL_TREATMENTS}.",
-    )
-
-
-def _judge_treatments(
-    fits: Mapping[str, FittedTest],
-    judge: Callable[[FittedTest], tuple[str, Verdict]],
-    *,
-    key: str,
-    source: str,
-    text: str,
-    rule: str,
-) -> Statement:
-    """Judge a statement by the fit of each treatment of the background, in words and verdict."""
-    found = {treatment: judge(fit) for treatment, fit in fits.items()}
-    return Statement(
-        key,
-        source,
-        text,
-        joined(f"with the background {name} {words}" for name, (words, _) in found.items()),
-        common_verdict(verdict for _, verdict in found.values()),
-        rule,
-    )
 
 
 def preparation_section(fits: Mapping[str, FittedTest]) -> PageSection:

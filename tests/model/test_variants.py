@@ -82,8 +82,8 @@ def test_no_choice_changes_nothing(ice: ConstantRateExperiment, priors: PriorSet
     assert ModelVariant().short_text == "standard"
     data = one_test_data(ice, priors.resolved(1e7), solver=SolverOptions())
     (family,), (location,) = data["prior_family"], data["prior_location"]
-    assert family[len(PARAMETERS) :] == [0] * 9
-    assert location[len(PARAMETERS) :] == [1.0, 0.0, 1e6, 273.15, 0.0, 0.0, 1.0, 1e6, 0.0]
+    assert family[len(PARAMETERS) :] == [0] * 10
+    assert location[len(PARAMETERS) :] == [1.0, 0.0, 1e6, 273.15, 0.0, 0.0, 1.0, 1e6, 0.0, 1.0]
     assert max(data["own_parameter"]) == len(PARAMETERS)
 
 
@@ -303,6 +303,7 @@ VARIANT_TABLES = {
     "piezometer_exponent": '"fixed"\nvalue = 1.33\nunit = "1"',
     "piezometer_stress_floor": '"fixed"\nvalue = 1.0\nunit = "MPa"',
     "breakdown_stress": '"uniform"\nlower = 1.0\nupper = 50.0\nunit = "MPa"',
+    "residual_correlated_share": '"uniform"\nlower = 0.0\nupper = 1.0\nunit = "1"',
 }
 
 

@@ -164,7 +164,8 @@ def frozen_limit_frequency(spectrum: xr.Dataset, share: float | None = None) -> 
         np.take_along_axis(values, index[..., np.newaxis], -1)[..., 0]
         for index in (last, following)
     )
-    with np.errstate(all="ignore"):  # outside, where the next line decides
+    # Outside the frequencies, where the next line decides.
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         part = before / (before - after)
         inside = np.exp(
             log_frequency[last] + part * (log_frequency[following] - log_frequency[last])

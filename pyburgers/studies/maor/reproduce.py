@@ -18,6 +18,7 @@ from pyburgers.flow_law_tables.inputs import (
     with_curve_enthalpy,
 )
 from pyburgers.model.priors import PriorSet, default_priors, with_flow_law
+from pyburgers.predictions.measured_attenuation import MeasuredAttenuation
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forced_oscillation.experiment import (
     load_forced_oscillation,
@@ -123,7 +124,9 @@ def study_experiments() -> dict[str, Experiment]:
     return {**ice, **olivine}
 
 
-def reproduce(preset: str, out: Path, *, command: str) -> Outcome:
+def reproduce(
+    preset: str, out: Path, *, command: str, measured: MeasuredAttenuation | None = None
+) -> Outcome:
     """Fit the experiments of the study and write the page; continue where a call stopped.
 
     The page has the fits, those of measured dunite first and with them which law describes steps
@@ -139,6 +142,9 @@ def reproduce(preset: str, out: Path, *, command: str) -> Outcome:
         Folder of the page; the runs go into its subfolder ``runs``.
     command : str
         Command that regenerates the page, for the manifests.
+    measured : MeasuredAttenuation, optional
+        Points to draw over the spectra of ice, such as those of the paper's Fig. 6, which are not
+        public.
     """
     runs = out / "runs" / preset
     compile_programs([stan_directory() / f"{name}.stan" for name in PROGRAMS])
@@ -147,13 +153,13 @@ def reproduce(preset: str, out: Path, *, command: str) -> Outcome:
         for name, priors in _peak_stress_priors().items()
     )
     problems = _problems(preset, handed_on)
-    measured = dunite_tasks(shipped_data_directory() / "dunite", PRESETS[preset])
-    tasks = {**problems, **measured}
+    of_dunite = dunite_tasks(shipped_data_directory() / "dunite", PRESETS[preset])
+    tasks = {**problems, **of_dunite}
     begun = {name: tasks[name] for name in LONGEST_FIRST}
     found = fit_side_by_side(begun, runs, command=command)
     joint = found[JOINT_RUN]
-    of_rock = {name: found[name] for name in measured if name != JOINT_RUN}
-    fits = [*of_rock.values(), *joint.tests().values(), *(found[name] for name in problems)]
+    alone = {name: found[name] for name in of_dunite if name != JOINT_RUN}
+    fits = [*alone.values(), *joint.tests().values(), *(found[name] for name in problems)]
     ice_fits = {name: found[name] for name in ICE_TWINS}
     olivine_fits: dict[str, Fit] = {
         background: found[name] for background, name in OLIVINE_RUNS.items()
@@ -166,8 +172,8 @@ def reproduce(preset: str, out: Path, *, command: str) -> Outcome:
         joints=[joint],
         extras=(
             rate_steps_section({name: found[name] for name in STEPPED}),
-            *joint_sections([joint], list(of_rock.values())),
-            *study_sections(ice_fits, olivine_fits),
+            *joint_sections([joint], list(alone.values())),
+            *study_sections(ice_fits, olivine_fits, measured),
             peak_stress_section(peak_stress),
             *comparison_sections([joint, *fits]),
         ),

@@ -13,6 +13,7 @@ from page import Page
 from synthetic_fit import TRUTH, make_fit, with_problem
 from synthetic_olivine_fit import make_olivine_fit
 
+from pyburgers.cli.main import main
 from pyburgers.common.draws import all_draws
 from pyburgers.drawing.page_parts import PageSection
 from pyburgers.fitting.fit import Fit
@@ -105,7 +106,7 @@ def test_statements_stand_with_verdict_evidence_and_rule(
     page: Page, sections: tuple[PageSection, ...], folder: Path
 ) -> None:
     (table,) = sections[0].tables
-    assert len(table.shown) == 22
+    assert len(table.shown) == 23
     for row in table.shown.to_dict("records"):
         for cell in row.values():
             assert " ".join(str(cell).split()) in page.text
@@ -234,6 +235,15 @@ def test_measured_points_are_drawn_over_the_spectra_of_ice(ice: dict[str, Fit]) 
     (first, *_) = section.figures
     (legend,) = first.draw().legends
     assert "McCarthy and Cooper" in [text.get_text() for text in legend.get_texts()]
+
+
+def test_points_that_cannot_be_read_stop_the_study_before_it_fits(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    points = tmp_path / "points.csv"
+    assert main(["reproduce", "--out", str(tmp_path / "page"), "--measured", str(points)]) == 2
+    assert "points.csv: cannot be read" in capsys.readouterr().err
+    assert not (tmp_path / "page").exists()
 
 
 def test_without_olivine_the_page_has_neither_preparation_nor_its_statements(

@@ -55,6 +55,7 @@ THICK, THIN, PALE = 1.8, 1.0, 0.7
 
 HOLDING_LABEL = "_holding"
 EVOLVING_LABEL = "evolving, median and 90 %"
+BEYOND_LABEL = "evolving, lag over a quarter"
 FAILING_LABEL = "frozen microstructure fails"
 
 _COLOURS = (BLUE, GREEN, ORANGE, VERMILION, PURPLE, SKY_BLUE, BLACK)
@@ -68,7 +69,8 @@ ATTENUATION_CAPTION = (
     "that falls with frequency; the dashpot flows faster at higher stress, so its background rises "
     "and may bury the peak. The microstructure is frozen as the title says; where that fails in "
     "most draws, because the hold or a cycle strains the material too much, lines are thin and "
-    "pale. Diamonds, where there are some, were solved in time with a microstructure that evolves."
+    "pale. Diamonds, where there are some, were solved in time with a microstructure that evolves; "
+    "triangles stand for strain that lags by more than a quarter of a cycle."
 )
 
 DRAWS_CAPTION = (
@@ -226,19 +228,33 @@ def amplitude_dependence(spectrum: xr.Dataset, title: str) -> Figure:
 
 
 def _draw_evolving(axes: Axes, comparison: xr.Dataset) -> list[Line2D]:
-    """Draw median and 90 % of draws of what was solved in time; return the legend."""
+    """Draw median and 90 % of draws of what was solved in time; return the legend.
+
+    What is infinite is drawn above all else, a median as a triangle.
+    """
     frequency = comparison["frequency"].to_numpy()
     quantiles = evolving_quantiles(comparison["tan_delta_evolving"])
-    quantiles = np.where(np.isfinite(quantiles), quantiles, axes.get_ylim()[1])
-    marks: dict[str, Any] = {"marker": "D", "markersize": 5.0, "linestyle": "none"}
+    finite = quantiles[np.isfinite(quantiles)]
+    above = 3.0 * max(axes.get_ylim()[1], finite.max(initial=0.0))
+    shown = np.where(np.isfinite(quantiles), quantiles, above)
+    given: dict[str, Any] = {"linestyle": "none", "markeredgecolor": BLACK}
+    diamond, triangle = (
+        {**given, "marker": marker, "markersize": size} for marker, size in (("D", 5.0), ("^", 8.0))
+    )
     for k in range(comparison["regime"].size):
-        low, median, high = quantiles[:, k]
+        low, median, high = shown[:, k]
         colour = _COLOURS[k % len(_COLOURS)]
         # Side by side, so that regimes with the same value are seen.
         at = frequency * (1.0 + 0.06 * k)
         axes.vlines(at, low, high, color=colour, linewidth=1.2)
-        axes.plot(at, median, **marks, color=colour, markeredgecolor=BLACK, label="_evolving")
-    return [Line2D([], [], **marks, color="#bbbbbb", markeredgecolor=BLACK, label=EVOLVING_LABEL)]
+        beyond = np.isinf(quantiles[1, k])
+        for marks, some in ((diamond, ~beyond), (triangle, beyond)):
+            if some.any():
+                axes.plot(at[some], median[some], **marks, color=colour, label="_evolving")
+    handles = [Line2D([], [], **diamond, color="#bbbbbb", label=EVOLVING_LABEL)]
+    if np.isinf(quantiles[1]).any():
+        handles.append(Line2D([], [], **triangle, color="#bbbbbb", label=BEYOND_LABEL))
+    return handles
 
 
 def _legend_above(figure: Figure, handles: Sequence[Handle], title: str) -> None:

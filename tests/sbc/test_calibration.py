@@ -25,7 +25,7 @@ from pyburgers.protocols.forced_oscillation.preparation import Background, prepa
 from pyburgers.protocols.forward import simulate, simulate_data
 from pyburgers.protocols.problem import Problem, one_test, problem_of
 from pyburgers.protocols.program_data import given_parameters
-from pyburgers.protocols.protocol import protocol_of
+from pyburgers.protocols.protocol import load_experiment, protocol_of
 from pyburgers.protocols.stan_data import REFERENCE_SOLVER
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sbc.data_sets import (
@@ -41,6 +41,7 @@ from pyburgers.sbc.data_sets import (
 )
 
 SHARED_EXPONENT = {"all": "separate", "stress_exponent": "shared"}
+TEMPLATES = ICE.parent / "calibration"
 OLIVINE = ICE.parent / "olivine" / "olivine_twin.toml"
 
 
@@ -274,3 +275,15 @@ def test_calibrations_use_the_priors_of_the_paper_with_noise_that_is_never_next_
             ]
             assert (same[0] == same[1]) == (name != "stress_noise"), name
         assert not any(prior.relative_to_max_stress for prior in found.priors.values())
+
+
+@pytest.mark.parametrize("file", sorted(TEMPLATES.glob("*.toml")), ids=lambda file: file.stem)
+def test_shipped_templates_can_be_simulated(file: Path, programs: None) -> None:
+    template = one_test(
+        experiment := load_experiment(file), calibration_priors(experiment.material)
+    )
+    check_template(template)
+    simulated = simulate_from_prior(template, seed=1, stress_range=(1e6, 1e9))
+    (test,) = simulated.problem.experiments
+    assert 1e6 <= test.largest_stress <= 1e9
+    assert test.n_points == experiment.n_points

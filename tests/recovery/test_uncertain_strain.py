@@ -18,7 +18,7 @@ from pyburgers.protocols.forward import simulate_data
 from pyburgers.protocols.problem import problem_of
 from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.stan_data import SolverOptions
-from pyburgers.sampling.starts import laplace_metric
+from pyburgers.sampling.charts import laplace_metric
 
 pytestmark = [pytest.mark.usefixtures("programs"), pytest.mark.slow]
 
@@ -62,7 +62,7 @@ def deviations(experiment: OscillationExperiment) -> list[float]:
 
 
 def test_intervals_are_as_wide_as_errors_of_the_strain_make_them() -> None:
-    """Root mean squares of 120 standardised errors: 1 with the strain's errors, far more without."""
+    """Root mean squares of 120 standardised errors: 1 with errors of the strain, more without."""
     original = template()
     truth = dict(original.true_parameters or {})
     assert strain_shares(original.prepared.strain_fit, original.prepared.stress_fit)[0] > 0.3

@@ -19,7 +19,7 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.common.errors import InputError
-from pyburgers.common.units import UNITS
+from pyburgers.common.units import UNITS, number
 from pyburgers.model.display import STRESS_UNIT
 from pyburgers.predictions.attenuation import attenuation_spectrum, flat_draws
 from pyburgers.predictions.imposed_stress import solve_imposed_stress
@@ -214,7 +214,7 @@ def evolving_overview(comparison: xr.Dataset) -> pd.DataFrame:
                 "tan δ, frozen": _text(frozen[:, k, j]),
                 "tan δ, evolving": _text(evolving[:, k, j]),
                 "dashpot faster, times": _text(ratio[:, k, j]),
-                "strain at the end (%)": f"{100 * strain[1, k, j]:.2g}",
+                "strain at the end (%)": number(float(f"{100 * strain[1, k, j]:.2g}")),
             }
             for k, label in enumerate(comparison["regime"].to_numpy())
             for j, frequency in enumerate(comparison["frequency"].to_numpy())

@@ -25,6 +25,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, read_toml
 from pyburgers.drawing.page_parts import FigureRecipe, PageTable
 from pyburgers.drawing.panels import FittedCurve
+from pyburgers.model.flow_law_prior import PeakTest
 from pyburgers.model.parameters import Parameter
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.coordinates import Layout, PlainCoordinates
@@ -310,6 +311,10 @@ class Protocol(ABC, Generic[E]):
         rng : Generator
             Gives the noise.
         """
+
+    def peak_test(self, experiment: E) -> PeakTest | None:
+        """Return the peak of a test as tables of peak stresses have it, if it has one."""
+        return None
 
     def check_template(self, experiment: E) -> None:
         """Check that data of a test can be simulated as the program assumes them.

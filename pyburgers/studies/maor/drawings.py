@@ -1,34 +1,19 @@
 """Figures of the model itself: its circuit, what its elements do in a test, and its flow law."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from scipy.optimize import brentq
 
 from pyburgers.common.draws import central_band
 from pyburgers.drawing.panels import LINES_AND_AREAS, draw_band_panel
-from pyburgers.drawing.style import BLACK, BLUE, GREEN, ORANGE, SKY_BLUE, VERMILION, style
+from pyburgers.drawing.style import BLACK, BLUE, GREEN, ORANGE, VERMILION, style
 from pyburgers.model.display import STRAIN_FACTOR, STRAIN_UNIT, STRESS_FACTOR, STRESS_UNIT
-from pyburgers.predictions.imposed_stress import simulate_imposed_stress
-from pyburgers.predictions.stress_cycles import BREAKDOWN, PARAMETER_NAMES, Regime
-from pyburgers.protocols.constant_rate.figures import constant_rate_test
 from pyburgers.protocols.protocol import FittedTest
 from pyburgers.studies.maor.before_data import parameter_draws, prediction_draws
+from pyburgers.studies.maor.flow_law import FlowLaws
 
 FloatArray = npt.NDArray[np.float64]
-
-STRESSES = np.geomspace(0.02, 2.0, 21)
-"""Stresses of the flow laws, over the reference stress of the test."""
-
-TABLED = (0.1, 0.25, 0.5, 1.0, 1.5)
-"""Those of the table."""
-
-HOLD, NO_CYCLES = 1.0, 1e-6
-"""Time (s) over which a rate is taken, and amplitude over stress of cycles that play no part."""
 
 CIRCUIT_CAPTION = (
     "The nonlinear Burgers model, a series circuit under one stress σ: a spring E_M (elastic "
@@ -47,11 +32,11 @@ STRAIN_PARTS_CAPTION = (
 )
 
 FLOW_LAWS_CAPTION = (
-    "Flow of the undeformed material: the power law of the fit (median and 90 % of draws), and "
-    "beside it the hyperbolic sine of the paper's Eq. 2, a rate proportional to sinh(σ/σ_L), that "
-    "has the same rate and slope at the reference stress, with its linear limit at low stress. One "
-    "test at one rate sees the laws only near its own stress (dotted), where they agree; "
-    "attenuation at low stress depends on which of them holds."
+    "Flow of the undeformed material: the power law of the fit, and beside it the hyperbolic sine "
+    "of the paper's Eq. 2, a rate proportional to sinh(σ/σ_L), that has the same rate and slope at "
+    "the peak stress of the test, with its linear limit at low stress (medians and 90 % of "
+    "draws). One test at one rate sees the laws only near its own stress (dotted), where they "
+    "agree; attenuation at low stress depends on which of them holds."
 )
 
 
@@ -152,122 +137,28 @@ def strain_parts(fit: FittedTest) -> Figure:
     return figure
 
 
-@dataclass(frozen=True, eq=False)
-class FlowLaws:
-    """Rates of the undeformed material by three laws that agree at the test's own stress.
-
-    Attributes
-    ----------
-    stress : array, shape (n,)
-        Pa.
-    power_law : array, shape (n_draws, n)
-        Rates (1/s) of the fit's draws.
-    sinh, linear : array, shape (n,)
-        Rates of the hyperbolic sine (Eq. 2) and of its linear limit.
-    reference_stress, breakdown_stress : float
-        Where the laws agree, and σ_L of the hyperbolic sine (Pa).
-    """
-
-    stress: FloatArray
-    power_law: FloatArray
-    sinh: FloatArray
-    linear: FloatArray
-    reference_stress: float
-    breakdown_stress: float
-
-
-def flow_laws(fit: FittedTest) -> FlowLaws:
-    """Compare the power law of a fit with the hyperbolic sine of the same rate and slope.
-
-    The slope of ln sinh(σ/σ_L) along ln σ is (σ/σ_L) coth(σ/σ_L), which decides σ_L; rates of the
-    hyperbolic sine are those of the Stan program with n = 1. A power law goes through the reference
-    stress of each draw with the slope n.
-
-    Parameters
-    ----------
-    fit : FittedTest
-        Of a test at constant rate.
-
-    Raises
-    ------
-    InputError
-        If the fit is of another kind of test.
-    SamplingError
-        If the solver finds no solution.
-    """
-    rate = constant_rate_test(fit).segments[0].strain_rate
-    reference, exponent = (
-        parameter_draws(fit, name) for name in ("reference_stress", "stress_exponent")
-    )
-    at, slope = float(np.median(reference)), float(np.median(exponent))
-    stress = at * STRESSES
-    power_law = rate * (stress / reference[:, np.newaxis]) ** exponent[:, np.newaxis]
-    breakdown = at / brentq(lambda x: x / np.tanh(x) - slope, 1e-3, 10 * slope)
-    medians = {name: float(np.median(parameter_draws(fit, name))) for name in PARAMETER_NAMES}
-    law = {**medians, "stress_exponent": 1.0, BREAKDOWN: breakdown}
-    unscaled = np.array([_flow_rate(fit, law, one) for one in stress])
-    sinh = unscaled * rate / _flow_rate(fit, law, at)
-    return FlowLaws(stress, power_law, sinh, sinh[0] * stress / stress[0], at, breakdown)
-
-
-def _flow_rate(fit: FittedTest, parameters: dict[str, float], stress: float) -> float:
-    """Rate (1/s) at which the dashpot flows under a held stress (Pa), without deformation."""
-    held = simulate_imposed_stress(
-        parameters,
-        Regime(stress, NO_CYCLES * stress),
-        1 / HOLD,
-        np.zeros(0),
-        temperature=fit.experiment.temperature,
-        grain_size=fit.experiment.initial_grain_size,
-        hold_time=HOLD,
-    )
-    return float(held["dashpot_strain"].iloc[0]) / HOLD
-
-
-def flow_laws_table(laws: FlowLaws) -> pd.DataFrame:
-    """Return rates of the three laws at a few stresses, interpolated along logarithms.
-
-    Returns
-    -------
-    DataFrame
-        Columns stress_Pa, power_law_per_s, hyperbolic_sine_per_s, linear_per_s.
-    """
-    stress = laws.reference_stress * np.array(TABLED)
-    power_law = np.median(laws.power_law, axis=0)
-
-    def at(rates: FloatArray) -> FloatArray:
-        found: FloatArray = np.exp(np.interp(np.log(stress), np.log(laws.stress), np.log(rates)))
-        return found
-
-    return pd.DataFrame(
-        {
-            "stress_Pa": stress,
-            "power_law_per_s": at(power_law),
-            "hyperbolic_sine_per_s": at(laws.sinh),
-            "linear_per_s": at(laws.linear),
-        }
-    )
-
-
 def flow_laws_figure(fit: FittedTest, laws: FlowLaws) -> Figure:
-    """Draw the three laws."""
+    """Draw the three laws (`pyburgers.studies.maor.flow_law.flow_laws`)."""
     stress = laws.stress * STRESS_FACTOR
-    low, median, high = central_band(laws.power_law)
+    breakdown = np.median(laws.breakdown_stress) * STRESS_FACTOR
+    name = rf"hyperbolic sine, $\sigma_L$ = {breakdown:.2g} {STRESS_UNIT}"
     with style():
         figure = Figure(figsize=(6.4, 4.6), layout="constrained")
         axes = figure.subplots()
-        axes.fill_between(stress, low, high, color=SKY_BLUE, alpha=0.35, linewidth=0)
-        axes.loglog(stress, median, color=BLUE, label="power law of the fit")
-        breakdown = laws.breakdown_stress * STRESS_FACTOR
-        name = rf"hyperbolic sine, $\sigma_L$ = {breakdown:.2g} {STRESS_UNIT}"
-        axes.loglog(stress, laws.sinh, color=VERMILION, linestyle="--", label=name)
-        axes.loglog(stress, laws.linear, color=ORANGE, linestyle="-.", label="its linear limit")
+        for rates, colour, label, dashes in (
+            (laws.power_law, BLUE, "power law of the fit", "-"),
+            (laws.sinh, VERMILION, name, "--"),
+            (laws.linear, ORANGE, "its linear limit", "-."),
+        ):
+            low, median, high = central_band(rates)
+            axes.fill_between(stress, low, high, color=colour, alpha=0.25, linewidth=0)
+            axes.loglog(stress, median, color=colour, linestyle=dashes, label=label)
         axes.axvline(
-            laws.reference_stress * STRESS_FACTOR,
+            laws.shared_stress * STRESS_FACTOR,
             color=BLACK,
             linestyle=":",
             linewidth=1.0,
-            label="reference stress of the test",
+            label="peak stress of the test",
         )
         axes.set_xlabel(f"stress ({STRESS_UNIT})")
         axes.set_ylabel("strain rate of the dashpot (1/s)")

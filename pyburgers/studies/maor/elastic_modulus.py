@@ -85,6 +85,8 @@ def shown_elastic_modulus(table: pd.DataFrame) -> pd.DataFrame:
         for row in table.to_dict("records")
     ]
     for frequency, of_samples in table.groupby("frequency_Hz"):
+        if len(of_samples) == 1:
+            continue
         own, ice = (
             of_samples[f"{whose}_q50"].max() / of_samples[f"{whose}_q50"].min()
             for whose in ("own", "ice")

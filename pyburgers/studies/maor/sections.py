@@ -45,6 +45,12 @@ from pyburgers.studies.maor.elastic_modulus import (
     elastic_modulus_table,
     shown_elastic_modulus,
 )
+from pyburgers.studies.maor.flow_law import (
+    STRESSES,
+    flow_law_statement,
+    flow_laws,
+    flow_laws_table,
+)
 from pyburgers.studies.maor.ice import ice_statements
 from pyburgers.studies.maor.ice_curves import PEAK_STRESS
 from pyburgers.studies.maor.olivine import background_section, preparation_section
@@ -61,7 +67,7 @@ logger = logging.getLogger(__name__)
 CHECKED_FREQUENCIES = (1e-4, 1e-3, 1e-2)
 """Where the closed form is compared with simulations in time, Hz."""
 
-PRIOR_DRAWS = {"ice": 16_000, "olivine": 4_000}
+PRIOR_DRAWS = {"ice": 12_000, "olivine": 4_000}
 """Draws of the prior of each test, by material; a solution of an oscillation takes longer."""
 
 PRIOR_SEED = 1
@@ -154,6 +160,7 @@ def paper_statements(
         *ice_statements(ice),
         *olivine_statements(olivine),
         *attenuation_statements(spectra),
+        *([flow_law_statement(ice)] if ice else []),
     )
 
 
@@ -202,8 +209,9 @@ def model_section(fit: FittedTest) -> PageSection:
         Of a test at constant rate.
     """
     name = fit.experiment.id
-    laws = drawings.flow_laws(fit)
-    table = drawings.flow_laws_table(laws)
+    peak = PEAK_STRESS.observed(fit)
+    laws = flow_laws(fit, peak * STRESSES, shared_stress=peak)
+    table = flow_laws_table(laws)
     return PageSection(
         key=MODEL_KEY,
         title="The model",
@@ -236,7 +244,7 @@ def model_section(fit: FittedTest) -> PageSection:
 
 
 def _shown_laws(table: pd.DataFrame) -> pd.DataFrame:
-    """Return a `pyburgers.studies.maor.drawings.flow_laws_table` as text."""
+    """Return a `pyburgers.studies.maor.flow_law.flow_laws_table` as text."""
     shown = {f"stress ({STRESS_UNIT})": (table["stress_Pa"] * STRESS_FACTOR).map("{:.3g}".format)}
     for column in table.columns[1:]:
         shown[f"{column.removesuffix('_per_s').replace('_', ' ')} (1/s)"] = table[column].map(
@@ -288,7 +296,8 @@ def attenuation_section(
                     f"tan δ of {name}",
                     overview_table(spectrum),
                     quantile_table(spectrum),
-                    words=("regime", "frozen microstructure"),
+                    words=("regime",),
+                    sentences=("frozen microstructure",),
                 )
                 for name, spectrum in spectra.items()
             ),

@@ -122,7 +122,7 @@ class ConstantRate(Protocol[ConstantRateExperiment]):
 
     def peak_test(self, experiment: ConstantRateExperiment) -> PeakTest | None:
         """Return the largest stress at the first rate."""
-        first = segment_of(experiment, experiment.strain) == 0
+        first = segment_of_points(experiment) == 0
         if not first.any():
             return None
         return PeakTest(

@@ -98,9 +98,9 @@ def evolving_attenuation(
         If the solver finds no solution.
     """
     frequency, hold = checked_frequencies(frequencies), checked_hold_time(hold_time)
-    for name, number, least in (("cycles", cycles, 2), ("max_draws", max_draws, 1)):
-        if number < least:
-            raise InputError(f"{name}: found {number}, expected at least {least}.")
+    for name, given, least in (("cycles", cycles, 2), ("max_draws", max_draws, 1)):
+        if given < least:
+            raise InputError(f"{name}: found {given}, expected at least {least}.")
     parameters, size, fabric = material.thinned(max_draws)
     frozen = attenuation_spectrum(
         parameters,

@@ -9,6 +9,7 @@ import numpy.typing as npt
 from markupsafe import Markup
 
 from pyburgers.model.display import STRAIN_FACTOR, STRAIN_UNIT, STRESS_FACTOR, STRESS_UNIT
+from pyburgers.model.flow_law_prior import PeakTest
 from pyburgers.model.parameters import REFERENCE_STRESS_QUANTITY
 from pyburgers.protocols.constant_rate.experiment import (
     ConstantRateExperiment,
@@ -118,6 +119,18 @@ class ConstantRate(Protocol[ConstantRateExperiment]):
     ) -> ConstantRateExperiment:
         """Put stresses with residuals, which may correlate along strain, in the place of others."""
         return replace(experiment, stress=response + _draw_residuals(experiment, values, rng))
+
+    def peak_test(self, experiment: ConstantRateExperiment) -> PeakTest | None:
+        """Return the largest stress at the first rate."""
+        first = segment_of_points(experiment) == 0
+        if not first.any():
+            return None
+        return PeakTest(
+            strain_rate=experiment.segments[0].strain_rate,
+            stress=float(experiment.stress[first].max()),
+            temperature=experiment.temperature,
+            grain_size=experiment.initial_grain_size,
+        )
 
     def without_point(
         self, experiment: ConstantRateExperiment, point: int

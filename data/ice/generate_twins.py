@@ -1,10 +1,11 @@
 """Write the synthetic twins of the ice samples PIL40, PIL72 and PIL105.
 
-The measured curves are not public. The twins are solutions of the model at parameters inside the
-prior ranges that peak near 3 % strain at stresses published for the same test series, plus
-Gaussian noise. The solver is scipy's and the equations below are the paper's six, written out
-again: that makes the twins an independent check of the Stan programs. This script and the tests
-are the only places where constitutive equations stand in Python.
+The measured curves are not public. The twins are solutions of the model, plus Gaussian noise, at
+parameters inside the priors for which the paper's printed statements hold (`search_twins.py` finds
+them, `docs/twins.md` explains them): peaks near 3 % strain at stresses published for the same test
+series, and attenuation as in Fig. 6. The solver is scipy's and the equations below are the paper's
+six, written out again: that makes the twins an independent check of the Stan programs. This script
+and the tests are the only places where constitutive equations stand in Python.
 
 Run ``python data/ice/generate_twins.py`` to write the files anew, bit for bit.
 """
@@ -25,20 +26,20 @@ INITIAL_GRAIN_SIZE = 230e-6  # m
 BETA = -7.29e-4  # mol/J, the sign of Table 1 corrected
 STRESS_NOISE = 0.1e6  # Pa
 FINAL_STRAIN = 0.2
-# The first seed whose noise has, in every twin, a standard deviation within one standard error of
-# the nominal one: 20210821, tried before, gave PIL40 1.19 times it, which no fit can undo.
-SEED = 2
+SEED = 1  # of the noise of all twins, chosen before any data were made with it
 
 
 @dataclass(frozen=True)
 class Twin:
     """Truth and sampling of one synthetic test; SI units.
 
-    `log_interval` is the time (s) between logged readings, which are equally spaced in time;
-    `sparse_peak` says whether most readings around the peak were lost.
+    `candidate` is the number of the truth in the search for it; `log_interval` is the time (s)
+    between logged readings, which are equally spaced in time; `sparse_peak` says whether most
+    readings around the peak were lost.
     """
 
     name: str
+    candidate: int
     strain_rate: float
     maxwell_modulus: float
     kelvin_modulus: float
@@ -58,51 +59,54 @@ class Twin:
 TWINS = (
     Twin(
         name="PIL40",
+        candidate=50_552,
         strain_rate=1.69e-4,
-        maxwell_modulus=4.83e9,
-        kelvin_modulus=527e6,
-        kelvin_viscosity=2.40e10,
-        stress_exponent=3.779,
-        grain_size_exponent=0.55,
-        activation_enthalpy=62.08e3,
-        steady_state_grain_size=159e-6,
-        steady_state_fabric_factor=0.54,
-        critical_strain_grain_size=0.074,
-        critical_strain_fabric=0.112,
+        maxwell_modulus=531e6,
+        kelvin_modulus=5.50e9,
+        kelvin_viscosity=4.25e11,
+        stress_exponent=3.95,
+        grain_size_exponent=0.486,
+        activation_enthalpy=63.78e3,
+        steady_state_grain_size=87.4e-6,
+        steady_state_fabric_factor=0.666,
+        critical_strain_grain_size=0.0307,
+        critical_strain_fabric=0.178,
         published="-9.68 C, 8.03 MPa, 1.69e-4 1/s",
         log_interval=3.0,
         sparse_peak=True,
     ),
     Twin(
         name="PIL72",
+        candidate=96_826,
         strain_rate=8.0e-5,
-        maxwell_modulus=2.84e9,
-        kelvin_modulus=589e6,
-        kelvin_viscosity=7.93e10,
-        stress_exponent=4.200,
-        grain_size_exponent=0.33,
-        activation_enthalpy=65.68e3,
-        steady_state_grain_size=82e-6,
-        steady_state_fabric_factor=0.37,
-        critical_strain_grain_size=0.083,
-        critical_strain_fabric=0.283,
+        maxwell_modulus=456e6,
+        kelvin_modulus=7.96e9,
+        kelvin_viscosity=4.45e11,
+        stress_exponent=3.97,
+        grain_size_exponent=0.263,
+        activation_enthalpy=62.13e3,
+        steady_state_grain_size=99.7e-6,
+        steady_state_fabric_factor=0.619,
+        critical_strain_grain_size=0.0628,
+        critical_strain_fabric=0.235,
         published="-10.05 C, 6.32 MPa, 8.0e-5 1/s",
         log_interval=6.0,
         sparse_peak=False,
     ),
     Twin(
         name="PIL105",
+        candidate=168_207,
         strain_rate=2.53e-5,
-        maxwell_modulus=1.24e9,
-        kelvin_modulus=521e6,
-        kelvin_viscosity=1.79e11,
-        stress_exponent=3.951,
-        grain_size_exponent=0.57,
-        activation_enthalpy=63.95e3,
-        steady_state_grain_size=173e-6,
-        steady_state_fabric_factor=0.55,
-        critical_strain_grain_size=0.068,
-        critical_strain_fabric=0.181,
+        maxwell_modulus=304e6,
+        kelvin_modulus=6.57e9,
+        kelvin_viscosity=4.32e11,
+        stress_exponent=3.99,
+        grain_size_exponent=0.448,
+        activation_enthalpy=63.60e3,
+        steady_state_grain_size=85.4e-6,
+        steady_state_fabric_factor=0.672,
+        critical_strain_grain_size=0.0698,
+        critical_strain_fabric=0.142,
         published="-9.62 C, 4.49 MPa, 2.53e-5 1/s",
         log_interval=20.0,
         sparse_peak=False,

@@ -17,11 +17,20 @@ from pyburgers.predictions.assumptions import (
 )
 from pyburgers.predictions.attenuation import (
     DEFAULT_FREQUENCIES,
-    predict_attenuation,
+    material_spectrum,
     save_spectrum,
 )
 from pyburgers.predictions.attenuation_figures import attenuation
 from pyburgers.predictions.attenuation_tables import overview_table, quantile_table
+from pyburgers.predictions.evolving import (
+    EVOLVING_FREQUENCIES,
+    evolving_attenuation,
+    evolving_overview,
+    evolving_sentence,
+    evolving_table,
+)
+from pyburgers.predictions.material import fitted_material
+from pyburgers.predictions.measured_attenuation import load_measured_attenuation
 from pyburgers.predictions.stress_cycles import HOLD_TIME, PAPER_REGIMES, Regime, regimes_named
 
 
@@ -70,12 +79,27 @@ def add_options(command: argparse.ArgumentParser) -> None:
         "--microstructure", default="initial", help="initial (default) or steady-state"
     )
     command.add_argument(
+        "--evolving",
+        type=float,
+        nargs="*",
+        metavar="F",
+        help="solve in time with evolving microstructure at these frequencies (Hz; default 1e-4, "
+        "1e-3, 1e-2), for 100 draws, and compare; also writes FILE_evolving.csv and .nc",
+    )
+    command.add_argument(
         "--elastic-modulus-Pa",
         type=float,
         nargs="+",
         metavar=("E", "SD"),
         help="elastic modulus, and its standard deviation, in place of E_M of the fit; E_M of a "
         "test at constant rate is mostly the stiffness of the apparatus (ice has about 9.3e9)",
+    )
+    command.add_argument(
+        "--measured",
+        type=Path,
+        metavar="POINTS.csv",
+        help="measured attenuation to draw over it: columns frequency_Hz, tan_delta and, if you "
+        "like, tan_delta_sd and series",
     )
     command.add_argument(
         "--seed", type=int, default=1, help="of draws of the elastic modulus (default 1)"
@@ -105,36 +129,56 @@ def _predict(fit: Fit, options: argparse.Namespace, out: Path) -> None:
     """Predict from a test; write the files and print what they say."""
     grain_size = options.grain_size_um
     modulus, deviation = _elastic_modulus(options)
-    spectrum = predict_attenuation(
+    hold_time = HOLD_TIME
+    if options.hold_time_h is not None:
+        hold_time = options.hold_time_h * UNITS["time"]["h"]
+    regimes = _regimes(options)
+    material = fitted_material(
         fit,
-        options.frequencies_Hz or DEFAULT_FREQUENCIES,
-        _regimes(options),
         microstructure=options.microstructure.replace("-", "_"),
         temperature=options.temperature_K,
         grain_size=None if grain_size is None else grain_size * UNITS["length"]["um"],
         fabric_factor=options.fabric_factor,
         elastic_modulus=modulus,
         elastic_modulus_sd=deviation,
-        hold_time=HOLD_TIME
-        if options.hold_time_h is None
-        else options.hold_time_h * UNITS["time"]["h"],
+        seed=options.seed,
+    )
+    spectrum = material_spectrum(
+        material,
+        options.frequencies_Hz or DEFAULT_FREQUENCIES,
+        regimes,
+        hold_time=hold_time,
         critical_share=(
             CRITICAL_SHARE if options.critical_share is None else options.critical_share
         ),
-        seed=options.seed,
     )
+    comparison = None
+    if options.evolving is not None:
+        comparison = evolving_attenuation(
+            material, options.evolving or EVOLVING_FREQUENCIES, regimes, hold_time=hold_time
+        )
     table = quantile_table(spectrum)
-    figure = attenuation(spectrum, spectrum.attrs["title"])
+    measured = None if options.measured is None else load_measured_attenuation(options.measured)
+    figure = attenuation(spectrum, spectrum.attrs["title"], comparison, measured)
+    files = [out.with_suffix(suffix) for suffix in (".csv", ".nc", ".png", ".svg")]
     with writing(out):
         write_text(out, table.to_csv(index=False))
         save_spectrum(spectrum, out.with_suffix(".nc"))
         write_images(figure, out)
+        if comparison is not None:
+            beside = out.with_name(f"{out.stem}_evolving.csv")
+            write_text(beside, evolving_table(comparison).to_csv(index=False))
+            save_spectrum(comparison, beside.with_suffix(".nc"))
+            files += [beside, beside.with_suffix(".nc")]
     print(f"{spectrum.attrs['title']}: tan(delta), median and 90 % of the draws")
     print(overview_table(spectrum).to_string(index=False))
     print(frozen_sentence(spectrum))
     print(elastic_modulus_sentence(spectrum))
-    for suffix in (".csv", ".nc", ".png", ".svg"):
-        print(out.with_suffix(suffix))
+    if comparison is not None:
+        print(evolving_overview(comparison).to_string(index=False))
+        print(evolving_sentence(comparison))
+    for file in files:
+        print(file)
 
 
 def _elastic_modulus(options: argparse.Namespace) -> tuple[float | None, float]:

@@ -24,20 +24,14 @@ simulations in time (`pyburgers.predictions.imposed_stress`).
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
 from pyburgers.common.atomic_files import write_atomically
-from pyburgers.common.errors import InputError
-from pyburgers.common.units import number
-from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT
-from pyburgers.model.parameters import KELVIN_REFERENCES, PIEZOMETER, STANDARD_VALUES
 from pyburgers.predictions.assumptions import (
     CRITICAL_SHARE,
-    EVOLUTION,
     checked_share,
     critical_strain,
     cycle_fails,
@@ -50,12 +44,15 @@ from pyburgers.predictions.closed_forms import (
     half_period,
     hold_strain,
 )
+from pyburgers.predictions.material import (
+    Material,
+    fitted_material,
+    require_linear_kelvin_element,
+)
 from pyburgers.predictions.stress_cycles import (
-    BREAKDOWN,
     DRAW_DIMENSIONS,
     HOLD_TIME,
     PAPER_REGIMES,
-    PARAMETER_NAMES,
     Regime,
     checked_frequencies,
     checked_hold_time,
@@ -65,7 +62,6 @@ from pyburgers.protocols.protocol import FittedTest
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
-Microstructure = Literal["initial", "steady_state"]
 
 DEFAULT_FREQUENCIES: tuple[float, ...] = tuple(np.geomspace(1e-4, 1.0, 60).tolist())
 """Frequencies (Hz) of the paper's Fig. 6."""
@@ -123,7 +119,7 @@ def attenuation_spectrum(
         If a parameter is missing, shapes differ, the Kelvin element is not linear, or a frequency
         or condition is out of range.
     """
-    _require_linear_kelvin_element(parameters)
+    require_linear_kelvin_element(parameters)
     draws, size, fabric = checked_inputs(parameters, temperature, grain_size, fabric_factor)
     frequency = checked_frequencies(frequencies)
     omega = 2 * np.pi * frequency
@@ -134,7 +130,9 @@ def attenuation_spectrum(
     kelvin_stiffness = kelvin**2 + (omega * viscosity) ** 2
     storage = 1 / maxwell + kelvin / kelvin_stiffness
     kelvin_loss = omega * viscosity / kelvin_stiffness
-    by_regime: dict[str, list[FloatArray]] = {"fluidity": [], "hold": [], "cycle": []}
+    by_regime: dict[str, list[FloatArray]] = {
+        name: [] for name in ("fluidity", "hold", "cycle", "critical")
+    }
     for regime in regimes:
         sine = half_period(regime)
         rates = dashpot_rates(
@@ -150,6 +148,8 @@ def attenuation_spectrum(
         by_regime["hold"].append(hold_strain(draws, regime.median_stress, held, hold_time))
         amplitudes = regime.amplitude * storage, regime.amplitude * kelvin_loss
         by_regime["cycle"].append(cycle_strain(cycling, sine, *amplitudes, frequency))
+        critical = critical_strain(parameters, size, fabric, regime.median_stress)
+        by_regime["critical"].append(critical)
     background, hold = (np.stack(by_regime[name], axis=-1) for name in ("fluidity", "hold"))
     storage, loss = storage[..., np.newaxis, :], kelvin_loss[..., np.newaxis, :]
     loss = loss + background[..., np.newaxis] / omega
@@ -168,8 +168,8 @@ def attenuation_spectrum(
             "hold_strain": (regime_dimensions, hold, number_of_one),
             "cycle_strain": (dimensions, np.stack(by_regime["cycle"], axis=-2), number_of_one),
             "critical_strain": (
-                draw_dimensions,
-                critical_strain(parameters, size, fabric),
+                regime_dimensions,
+                np.stack(by_regime["critical"], axis=-1),
                 number_of_one,
             ),
         },
@@ -185,17 +185,6 @@ def attenuation_spectrum(
     )
     fails = (cycle_fails(spectrum) + hold_fails(spectrum)).clip(max=1.0)
     return spectrum.assign(frozen_fails=fails.transpose(*dimensions))
-
-
-def _require_linear_kelvin_element(parameters: Mapping[str, npt.ArrayLike]) -> None:
-    """Refuse what has no closed form; a linear viscosity of all temperatures is taken as one."""
-    for name in KELVIN_REFERENCES:
-        if np.any(np.asarray(parameters.get(name, STANDARD_VALUES[name])) != STANDARD_VALUES[name]):
-            raise InputError(
-                f"{name}: found values other than {STANDARD_VALUES[name]:g}, expected a linear "
-                "Kelvin element of one viscosity because the spectrum in closed form needs it; "
-                "pyburgers.predictions.imposed_stress simulates the cycles of any other."
-            )
 
 
 def predict_attenuation(
@@ -217,32 +206,16 @@ def predict_attenuation(
 
     Parameters
     ----------
-    fit : FittedTest
-        A finished fit of one test, or what a joint fit says of one, such as ``fit["PIL40"]``.
+    fit, microstructure, temperature, grain_size, fabric_factor, elastic_modulus, \
+    elastic_modulus_sd, seed
+        As for `pyburgers.predictions.material.fitted_material`.
     frequencies, regimes, hold_time, critical_share
         As for `attenuation_spectrum`.
-    microstructure : {"initial", "steady_state"}
-        Initial: the experiment's initial grain size, and F = 1. Steady state: each draw's own
-        steady-state grain size and fabric factor. A draw may reach it only at strains beyond the
-        test, and then it is an extrapolation, with wide bands. Where grain size follows a
-        piezometer the parameter is not a result of the fit but the number that its prior file
-        fixes; give `grain_size` for another.
-    temperature : float, optional
-        K; default the experiment's.
-    grain_size, fabric_factor : float, optional
-        Take the place of what `microstructure` says; m and 1.
-    elastic_modulus, elastic_modulus_sd : float, optional
-        Pa; mean and standard deviation of a log-normal distribution that takes the place of E_M,
-        of a test at constant rate mostly the stiffness of the apparatus.
-    seed : int
-        Of the draws of the elastic modulus.
 
     Returns
     -------
     Dataset
-        As of `attenuation_spectrum`, with the chain and draw numbers of the fit, and attributes
-        title, experiment, material, data_kind, microstructure and elastic_modulus (empty where it
-        is that of the fit).
+        As of `material_spectrum`.
 
     Raises
     ------
@@ -250,47 +223,56 @@ def predict_attenuation(
         If `microstructure` is unknown, a number out of range, the Kelvin element of the fit not
         linear, or the fit a joint one.
     """
-    if microstructure not in get_args(Microstructure):
-        expected = " or ".join(map(repr, get_args(Microstructure)))
-        raise InputError(f"microstructure: found {microstructure!r}, expected {expected}.")
-    experiment = fit.experiment
-    draws = fit.posterior["posterior"].to_dataset().transpose("chain", "draw", ...)
-    frozen: dict[str, tuple[npt.ArrayLike, npt.ArrayLike]] = {
-        "initial": (experiment.initial_grain_size, 1.0),
-        "steady_state": (draws["steady_state_grain_size"], draws["steady_state_fabric_factor"]),
-    }
-    size, fabric = frozen[microstructure]
-    parameters: dict[str, npt.ArrayLike] = {
-        name: draws[name]
-        for name in (*PARAMETER_NAMES, BREAKDOWN, *KELVIN_REFERENCES, *EVOLUTION, PIEZOMETER[0])
-        if name in draws
-    }
-    if elastic_modulus is not None:
-        parameters["maxwell_modulus"] = _modulus_draws(
-            elastic_modulus, elastic_modulus_sd, draws["maxwell_modulus"].shape, seed
-        )
+    material = fitted_material(
+        fit,
+        microstructure=microstructure,
+        temperature=temperature,
+        grain_size=grain_size,
+        fabric_factor=fabric_factor,
+        elastic_modulus=elastic_modulus,
+        elastic_modulus_sd=elastic_modulus_sd,
+        seed=seed,
+    )
+    return material_spectrum(
+        material, frequencies, regimes, hold_time=hold_time, critical_share=critical_share
+    )
+
+
+def material_spectrum(
+    material: Material,
+    frequencies: Sequence[float] | FloatArray,
+    regimes: Sequence[Regime],
+    *,
+    hold_time: float = HOLD_TIME,
+    critical_share: float = CRITICAL_SHARE,
+) -> xr.Dataset:
+    """Spectrum of every draw of a material.
+
+    Parameters
+    ----------
+    material : Material
+        Of `pyburgers.predictions.material.fitted_material`.
+    frequencies, regimes, hold_time, critical_share
+        As for `attenuation_spectrum`.
+
+    Returns
+    -------
+    Dataset
+        As of `attenuation_spectrum`, with the chain and draw numbers of the fit, and the attributes
+        of the material.
+    """
     spectrum = attenuation_spectrum(
-        parameters,
+        material.parameters,
         frequencies,
         regimes,
-        temperature=experiment.temperature if temperature is None else temperature,
-        grain_size=size if grain_size is None else grain_size,
-        fabric_factor=fabric if fabric_factor is None else fabric_factor,
+        temperature=material.temperature,
+        grain_size=material.grain_size,
+        fabric_factor=material.fabric_factor,
         hold_time=hold_time,
         critical_share=critical_share,
     )
-    described = _microstructure_text(microstructure, grain_size, fabric_factor)
-    modulus = _modulus_text(elastic_modulus, elastic_modulus_sd)
-    about = f"{experiment.material}, fitted to {experiment.provenance.kind} data"
-    conditions = [f"{float(spectrum['temperature']):g} K", described]
-    conditions += [f"elastic modulus {modulus}"] if modulus else []
-    return spectrum.assign_coords(chain=draws["chain"], draw=draws["draw"]).assign_attrs(
-        title=f"{experiment.id} ({about}): {', '.join(conditions)}",
-        experiment=experiment.id,
-        material=experiment.material,
-        data_kind=experiment.provenance.kind,
-        microstructure=described,
-        elastic_modulus=modulus,
+    return spectrum.assign_coords(chain=material.chain, draw=material.draw).assign_attrs(
+        material.attributes
     )
 
 
@@ -351,41 +333,6 @@ def falling_stretch(spectrum: xr.Dataset) -> tuple[FloatArray, FloatArray]:
     low = np.where(some, frequency[:-1][falls.argmax(axis=1)], np.nan)
     high = np.where(some, frequency[1:][::-1][falls[:, ::-1].argmax(axis=1)], np.nan)
     return low, high
-
-
-def _modulus_draws(
-    mean: float, standard_deviation: float, shape: tuple[int, ...], seed: int
-) -> FloatArray:
-    """Draws of a log-normal elastic modulus, Pa."""
-    if not (np.isfinite(mean) and mean > 0):
-        raise InputError(f"elastic_modulus: found {mean:g} Pa, expected a positive modulus.")
-    if not (np.isfinite(standard_deviation) and standard_deviation >= 0):
-        raise InputError(
-            f"elastic_modulus_sd: found {standard_deviation:g} Pa, expected 0 or a positive number."
-        )
-    variance = np.log1p((standard_deviation / mean) ** 2)
-    normal = np.random.default_rng(seed).normal(size=shape)
-    return np.asarray(mean * np.exp(np.sqrt(variance) * normal - 0.5 * variance))
-
-
-def _modulus_text(mean: float | None, standard_deviation: float) -> str:
-    """Say in words what elastic modulus was given; empty where none was."""
-    if mean is None:
-        return ""
-    scatter = f" ± {number(standard_deviation / 1e9)}" if standard_deviation else ""
-    return f"{number(mean / 1e9)}{scatter} GPa"
-
-
-def _microstructure_text(
-    microstructure: str, grain_size: float | None, fabric_factor: float | None
-) -> str:
-    """Say in words what was frozen."""
-    text = f"{microstructure.replace('_', '-')} microstructure"
-    if grain_size is not None:
-        text += f", grain size {number(grain_size * LENGTH_FACTOR)} {LENGTH_UNIT}"
-    if fabric_factor is not None:
-        text += f", fabric factor {number(fabric_factor)}"
-    return text
 
 
 def _has_peak(draws: Mapping[str, FloatArray], dashpot_fluidity: FloatArray) -> BoolArray:

@@ -1,7 +1,7 @@
 """Stress-controlled cycles in time: simulation, through the Stan program, and phase lag.
 
 The time-domain counterpart of `pyburgers.predictions.attenuation`: the median stress is put on a
-material at rest, held, and a sinusoid is added; the microstructure is frozen.
+material at rest, held, and a sinusoid is added; the microstructure is frozen, or evolves.
 """
 
 import math
@@ -16,8 +16,10 @@ import pandas as pd
 from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.errors import InputError, SamplingError
-from pyburgers.model.parameters import KELVIN_REFERENCES, STANDARD_VALUES
+from pyburgers.model.parameters import KELVIN_REFERENCES, PIEZOMETER, PROGRAM_PARAMETERS
+from pyburgers.predictions.assumptions import EVOLUTION
 from pyburgers.predictions.stress_cycles import (
+    BREAKDOWN,
     HOLD_TIME,
     Regime,
     checked_frequencies,
@@ -137,8 +139,14 @@ def phase_lag(
     )
 
 
-KELVIN_PARAMETERS = (*KELVIN_REFERENCES.keys(), *KELVIN_REFERENCES.values())
-"""Parameters of a Kelvin element that is not linear, which may be left out."""
+OTHER_PARAMETERS = (
+    *KELVIN_REFERENCES.keys(),
+    *KELVIN_REFERENCES.values(),
+    BREAKDOWN,
+    *PIEZOMETER,
+    *EVOLUTION,
+)
+"""Parameters of variants, which may be left out, and of an evolving microstructure."""
 
 SOLVER = SolverOptions(tolerance=1e-12, max_num_steps=1_000_000)
 """A phase is wrong by about a thousand times the tolerance; steps cost next to nothing here."""
@@ -157,6 +165,7 @@ def simulate_imposed_stress(
     grain_size: float,
     fabric_factor: float = 1.0,
     hold_time: float = HOLD_TIME,
+    evolving: bool = False,
     solver: SolverOptions = SOLVER,
 ) -> pd.DataFrame:
     """Solve the model for a hold at the median stress and the cycles after it.
@@ -164,8 +173,9 @@ def simulate_imposed_stress(
     Parameters
     ----------
     parameters : mapping of str to float
-        `pyburgers.predictions.stress_cycles.PARAMETER_NAMES` (SI), and those of a Kelvin element
-        that is not linear (`pyburgers.model.parameters.KELVIN_REFERENCES`); others are ignored.
+        `pyburgers.predictions.stress_cycles.PARAMETER_NAMES` (SI), where the microstructure evolves
+        `pyburgers.predictions.assumptions.EVOLUTION`, and those of variants that are in use; others
+        are ignored.
     regime : Regime
         Median stress and amplitude.
     frequency : float
@@ -174,16 +184,19 @@ def simulate_imposed_stress(
         Seconds since the cycles started, increasing, all greater than ``-hold_time``. The start of
         the cycles, 0, is added.
     temperature, grain_size, fabric_factor : float
-        K, m, 1; constant.
+        K, m, 1; the last two at the start of the hold, and constant unless they evolve.
     hold_time : float
         Seconds between putting the median stress on and the cycles.
+    evolving : bool
+        Whether grain size and fabric evolve with the path strain, in the hold too.
     solver : SolverOptions
         Tolerance and step limit.
 
     Returns
     -------
     DataFrame
-        Columns time_s, stress_Pa, strain, kelvin_strain, dashpot_strain.
+        Columns time_s, stress_Pa, strain, kelvin_strain, dashpot_strain; if `evolving` also
+        path_strain, grain_size_m, fabric_factor.
 
     Raises
     ------
@@ -197,24 +210,117 @@ def simulate_imposed_stress(
         raise InputError(
             f"parameters: found draws of shape {size.shape}, expected a number for each parameter."
         )
-    kelvin = {name: parameters[name] for name in KELVIN_PARAMETERS if name in parameters}
-    check_given_together(kelvin, "parameters")
-    checked_frequencies([frequency])
     times = _with_start_of_cycles(time, hold_time)
+    solution = solve_imposed_stress(
+        {
+            **{name: np.atleast_1d(value) for name, value in values.items()},
+            **{
+                name: np.atleast_1d(np.asarray(parameters[name], dtype=np.float64))
+                for name in OTHER_PARAMETERS
+                if name in parameters
+            },
+        },
+        regime,
+        frequency,
+        times,
+        temperature=temperature,
+        grain_size=np.atleast_1d(size),
+        fabric_factor=np.atleast_1d(fabric),
+        hold_time=hold_time,
+        evolving=evolving,
+        solver=solver,
+    )
+    columns = {
+        "strain": "strain",
+        "kelvin_strain": "kelvin_strain",
+        "dashpot_strain": "dashpot_strain",
+        **(
+            {
+                "path_strain": "path_strain",
+                "grain_size_m": "grain_size",
+                "fabric_factor": "fabric_factor",
+            }
+            if evolving
+            else {}
+        ),
+    }
+    return pd.DataFrame(
+        {
+            "time_s": times,
+            "stress_Pa": solution["stress"],
+            **{column: solution[name][0] for column, name in columns.items()},
+        }
+    )
+
+
+def solve_imposed_stress(
+    parameters: Mapping[str, FloatArray],
+    regime: Regime,
+    frequency: float,
+    time: FloatArray,
+    *,
+    temperature: float,
+    grain_size: FloatArray,
+    fabric_factor: FloatArray,
+    hold_time: float,
+    evolving: bool,
+    solver: SolverOptions,
+) -> dict[str, FloatArray]:
+    """Solve for several materials at once, in one process.
+
+    Parameters
+    ----------
+    parameters : mapping of str to array, shape (n_materials,)
+        As for `simulate_imposed_stress`.
+    regime, frequency, temperature, hold_time, evolving, solver
+        As for `simulate_imposed_stress`.
+    time : array, shape (n_times,)
+        As there, with 0.
+    grain_size, fabric_factor : array, shape (n_materials,)
+        m, 1; at the start of the hold.
+
+    Returns
+    -------
+    dict of str to array
+        ``stress`` (Pa), shape (n_times,); ``strain``, ``kelvin_strain``, ``dashpot_strain`` and, if
+        `evolving`, ``path_strain``, ``grain_size``, ``fabric_factor``, (n_materials, n_times).
+
+    Raises
+    ------
+    InputError
+        If a parameter is missing.
+    SamplingError
+        If the solver finds no solution.
+    """
+    checked_frequencies([frequency])
+    check_given_together(
+        {name: float(np.max(parameters[name])) for name in OTHER_PARAMETERS if name in parameters},
+        "parameters",
+    )
+    missing = [name for name in EVOLUTION if evolving and name not in parameters]
+    if missing:
+        raise InputError(
+            f"parameters: {missing[0]!r} is missing, expected it where the microstructure evolves."
+        )
+    # What has no value has no effect: on a frozen microstructure, or on stresses without noise.
+    columns = [
+        np.broadcast_to(parameters.get(p.name, np.array(p.standard or 0.0)), grain_size.shape)
+        for p in PROGRAM_PARAMETERS
+    ]
     data = {
-        **{name: float(value) for name, value in values.items()},
-        **{name: kelvin.get(name, STANDARD_VALUES[name]) for name in KELVIN_PARAMETERS},
         **solver_block(solver),
+        "n_materials": grain_size.size,
+        "parameter": np.stack(columns, axis=-1).tolist(),
+        "initial": np.stack([grain_size, fabric_factor], axis=-1).tolist(),
+        "evolves": int(evolving),
         "temperature": temperature,
-        "grain_size": float(size),
-        "fabric_factor": float(fabric),
         "median_stress": regime.median_stress,
         "amplitude": regime.amplitude,
         "frequency": frequency,
         "hold_time": hold_time,
-        "n_times": times.size,
-        "time": times.tolist(),
-        "n_in_hold": int(np.count_nonzero(times <= 0)),
+        "n_times": time.size,
+        "time": time.tolist(),
+        "n_in_hold": int(np.count_nonzero(time <= 0)),
     }
     solution = load_program(stan_directory() / "imposed_stress.stan").evaluate(data)
     if not np.isfinite(solution["strain"]).all():
@@ -222,15 +328,7 @@ def simulate_imposed_stress(
             "The solver found no finite strain at these parameters; check their units (SI) and "
             "the sign of beta."
         )
-    return pd.DataFrame(
-        {
-            "time_s": times,
-            "stress_Pa": solution["stress"],
-            "strain": solution["strain"],
-            "kelvin_strain": solution["kelvin_strain"],
-            "dashpot_strain": solution["dashpot_strain"],
-        }
-    )
+    return solution
 
 
 def settled_times(

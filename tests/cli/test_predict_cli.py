@@ -53,6 +53,20 @@ def test_a_prediction_is_a_table_all_draws_and_a_figure(
     assert len(list(tmp_path.iterdir())) == 4
 
 
+def test_measured_points_are_drawn_over_the_prediction(
+    small_fit: Fit, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, points = tmp_path / "tan_delta.csv", tmp_path / "points.csv"
+    points.write_text("frequency_Hz,tan_delta,series\n0.01,0.3,ours\n", encoding="utf-8")
+    run = small_fit.directory.path
+    assert predict(run, out, "--frequencies-Hz", "1e-3", "0.1", "--measured", str(points)) == 0
+    assert ">ours<" in out.with_suffix(".svg").read_text(encoding="utf-8")
+    points.write_text("frequency_Hz\n0.01\n", encoding="utf-8")
+    capsys.readouterr()
+    assert predict(run, out, "--measured", str(points)) == 2
+    assert "column 'tan_delta' is missing" in capsys.readouterr().err
+
+
 def test_options_are_in_the_units_of_their_names(small_fit: Fit, tmp_path: Path) -> None:
     out = tmp_path / "tan_delta.csv"
     code = predict(
@@ -93,6 +107,25 @@ def test_strains_and_their_marks_are_in_table_and_draws(small_fit: Fit, tmp_path
         np.testing.assert_array_equal(draws["frozen_fails"], expected["frozen_fails"])
         np.testing.assert_allclose(draws["cycle_strain"], expected["cycle_strain"], rtol=1e-6)
         assert float(draws["hold_time"]) == 7200.0
+
+
+def test_an_evolving_microstructure_is_solved_at_chosen_points(
+    small_fit: Fit, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "tan_delta.csv"
+    options = ("--regimes", "1", "4", "--hold-time-h", "1", "--evolving", "1e-3", "0.1")
+    assert predict(small_fit.directory.path, out, *options) == 0
+    printed = capsys.readouterr().out
+    assert "Evolving: the hold of 1 h and 3 cycles after it are solved in time" in printed
+    table = pd.read_csv(tmp_path / "tan_delta_evolving.csv")
+    assert table["frequency_Hz"].tolist() == [1e-3, 0.1, 1e-3, 0.1]
+    assert table["median_stress_MPa"].tolist() == [1.0, 1.0, 4.0, 4.0]
+    assert (table["evolving_q50"] > table["frozen_q50"]).all()
+    with xr.open_dataset(tmp_path / "tan_delta_evolving.nc", engine="h5netcdf") as draws:
+        assert draws["tan_delta_evolving"].sizes == {"draw": 100, "regime": 2, "frequency": 2}
+    for suffix in (".csv", ".nc"):
+        assert str(tmp_path / f"tan_delta_evolving{suffix}") in printed
+    assert len(list(tmp_path.iterdir())) == 6
 
 
 def test_the_elastic_modulus_is_given_in_pascal(

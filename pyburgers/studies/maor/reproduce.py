@@ -18,6 +18,7 @@ from pyburgers.flow_law_tables.inputs import (
     with_curve_enthalpy,
 )
 from pyburgers.model.priors import PriorSet, default_priors, with_flow_law
+from pyburgers.predictions.measured_attenuation import MeasuredAttenuation
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forced_oscillation.experiment import (
     load_forced_oscillation,
@@ -105,7 +106,9 @@ def study_experiments() -> dict[str, Experiment]:
     return {**ice, **olivine}
 
 
-def reproduce(preset: str, out: Path, *, command: str) -> Outcome:
+def reproduce(
+    preset: str, out: Path, *, command: str, measured: MeasuredAttenuation | None = None
+) -> Outcome:
     """Fit the experiments of the study and write the page; continue where a call stopped.
 
     The page has the fits, attenuation as the ice fits predict it, what the treatment of the
@@ -120,6 +123,9 @@ def reproduce(preset: str, out: Path, *, command: str) -> Outcome:
         Folder of the page; the runs go into its subfolder ``runs``.
     command : str
         Command that regenerates the page, for the manifests.
+    measured : MeasuredAttenuation, optional
+        Points to draw over the spectra of ice, such as those of the paper's Fig. 6, which are not
+        public.
     """
     runs = out / "runs" / preset
     compile_programs([stan_directory() / f"{name}.stan" for name in PROGRAMS])
@@ -141,7 +147,7 @@ def reproduce(preset: str, out: Path, *, command: str) -> Outcome:
         title=f"Nonlinear Burgers fits of ice and olivine ({preset} preset)",
         command=command,
         extras=(
-            *study_sections(ice_fits, olivine_fits),
+            *study_sections(ice_fits, olivine_fits, measured),
             peak_stress_section(peak_stress),
             *comparison_sections(list(fits.values())),
         ),

@@ -1,0 +1,246 @@
+"""Attenuation while the microstructure evolves, solved in time, beside the frozen closed form.
+
+The hold and a few cycles after it are solved with grain size and fabric that follow the path
+strain. Spring and Kelvin element do not feel them, and have the compliance of the closed form; that
+of the dashpot is read off its strain over the cycles, as off a record: a cubic trend and harmonics
+are fitted. The time that a Kelvin element takes to settle into the cycles is left out that way, and
+with a frozen microstructure the two agree.
+
+A fluidity that grows within the record also leaves a strain in phase with the stress. Where that
+outweighs the elastic strain, strain lags by more than a quarter of a cycle, and tan(delta) is given
+as infinite.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+import xarray as xr
+
+from pyburgers.common.errors import InputError
+from pyburgers.common.units import UNITS
+from pyburgers.model.display import STRESS_UNIT
+from pyburgers.predictions.attenuation import attenuation_spectrum, flat_draws
+from pyburgers.predictions.imposed_stress import solve_imposed_stress
+from pyburgers.predictions.material import Material
+from pyburgers.predictions.stress_cycles import (
+    HOLD_TIME,
+    PAPER_REGIMES,
+    Regime,
+    checked_frequencies,
+    checked_hold_time,
+)
+from pyburgers.protocols.forced_oscillation.harmonics import CUBIC, fit_harmonics
+from pyburgers.protocols.stan_data import SolverOptions
+
+FloatArray = npt.NDArray[np.float64]
+
+EVOLVING_FREQUENCIES = (1e-4, 1e-3, 1e-2)
+"""Hz; what is solved where no frequencies are chosen."""
+
+CYCLES = 3
+"""Length of the record."""
+
+MAX_DRAWS = 100
+"""Draws that are solved, at most."""
+
+READINGS_PER_CYCLE = 64
+N_HARMONICS = 6
+"""Harmonics of the dashpot's strain: those beyond the fourth are small for n up to 5."""
+
+SOLVER = SolverOptions(tolerance=1e-9, max_num_steps=1_000_000)
+
+QUANTILES = (5, 50, 95)
+"""Percentages of `evolving_table`."""
+
+
+def evolving_attenuation(
+    material: Material,
+    frequencies: Sequence[float] | FloatArray = EVOLVING_FREQUENCIES,
+    regimes: Sequence[Regime] = PAPER_REGIMES,
+    *,
+    hold_time: float = HOLD_TIME,
+    cycles: int = CYCLES,
+    max_draws: int = MAX_DRAWS,
+) -> xr.Dataset:
+    """Solve hold and cycles with evolving microstructure, and compare with the frozen closed form.
+
+    Parameters
+    ----------
+    material : Material
+        Of `pyburgers.predictions.material.fitted_material`; its microstructure is that at the start
+        of the hold.
+    frequencies : array, shape (n_frequencies,)
+        Hz.
+    regimes : sequence of Regime
+        Imposed stresses.
+    hold_time : float
+        Seconds at the median stress before the cycles.
+    cycles : int
+        Cycles after the hold that tan(delta) is read off, at least 2.
+    max_draws : int
+        Evenly spaced draws that are solved, at most.
+
+    Returns
+    -------
+    Dataset
+        Dimensions draw, regime, frequency: ``tan_delta_frozen``, ``tan_delta_evolving``,
+        ``fluidity_ratio`` (loss compliance of the dashpot, evolving over frozen), and
+        ``path_strain``, ``grain_size`` (m) and ``fabric_factor`` at the end of the cycles.
+        Coordinates as of a spectrum, and ``cycles``; attributes of the material.
+
+    Raises
+    ------
+    InputError
+        If a number is out of range, or the Kelvin element not linear.
+    SamplingError
+        If the solver finds no solution.
+    """
+    frequency, hold = checked_frequencies(frequencies), checked_hold_time(hold_time)
+    for name, number, least in (("cycles", cycles, 2), ("max_draws", max_draws, 1)):
+        if number < least:
+            raise InputError(f"{name}: found {number}, expected at least {least}.")
+    parameters, size, fabric = material.thinned(max_draws)
+    frozen = attenuation_spectrum(
+        parameters,
+        frequency,
+        regimes,
+        temperature=material.temperature,
+        grain_size=size,
+        fabric_factor=fabric,
+        hold_time=hold,
+    )
+    omega = 2 * np.pi * frequency
+    kelvin = parameters["kelvin_modulus"][:, np.newaxis]
+    delay = omega * parameters["kelvin_viscosity"][:, np.newaxis]
+    elastic_loss = (delay / (kelvin**2 + delay**2))[:, np.newaxis]
+    frozen_loss = frozen["loss_compliance"].to_numpy()
+    found = {
+        name: np.empty(frozen_loss.shape)
+        for name in ("storage", "loss", "path_strain", "grain_size", "fabric_factor")
+    }
+    for k, regime in enumerate(regimes):
+        for j, one in enumerate(frequency):
+            readings = np.arange(cycles * READINGS_PER_CYCLE + 1) / (READINGS_PER_CYCLE * one)
+            solution = solve_imposed_stress(
+                parameters,
+                regime,
+                float(one),
+                readings,
+                temperature=material.temperature,
+                grain_size=size,
+                fabric_factor=fabric,
+                hold_time=hold,
+                evolving=True,
+                solver=SOLVER,
+            )
+            for draw, strain in enumerate(solution["dashpot_strain"]):
+                fit = fit_harmonics(
+                    readings, strain, period=1 / one, degree=CUBIC, n_harmonics=N_HARMONICS
+                )
+                found["storage"][draw, k, j] = fit.sine[0] / regime.amplitude
+                found["loss"][draw, k, j] = -fit.cosine[0] / regime.amplitude
+            for name in ("path_strain", "grain_size", "fabric_factor"):
+                found[name][:, k, j] = solution[name][:, -1]
+    storage = frozen["storage_compliance"].to_numpy() + found.pop("storage")
+    loss = elastic_loss + found["loss"]
+    in_phase = storage > 0
+    evolving = np.where(in_phase, loss / np.where(in_phase, storage, 1.0), np.inf)
+    values = {
+        "tan_delta_frozen": frozen["tan_delta"].to_numpy(),
+        "tan_delta_evolving": evolving,
+        "fluidity_ratio": found.pop("loss") / (frozen_loss - elastic_loss),
+        **found,
+    }
+    coordinates = ("frequency", "regime", "median_stress", "amplitude", "temperature", "hold_time")
+    return xr.Dataset(
+        {name: (("draw", "regime", "frequency"), value) for name, value in values.items()},
+        coords={name: frozen[name] for name in coordinates} | {"cycles": cycles},
+        attrs=dict(material.attributes),
+    )
+
+
+def evolving_table(comparison: xr.Dataset) -> pd.DataFrame:
+    """Quantiles of tan(delta) with frozen and evolving microstructure.
+
+    Parameters
+    ----------
+    comparison : Dataset
+        Of `evolving_attenuation`.
+
+    Returns
+    -------
+    DataFrame
+        A row for each regime and frequency. Columns median_stress_MPa, amplitude_MPa, frequency_Hz;
+        frozen_q5 to frozen_q95, evolving_q5 to evolving_q95, fluidity_ratio_q5 to _q95; medians
+        path_strain, grain_size_m, fabric_factor at the end of the cycles; cycles and draws.
+    """
+    n_draws, _, n_frequencies = flat_draws(comparison["tan_delta_frozen"]).shape
+    table = {
+        f"{name}_{STRESS_UNIT}": np.repeat(
+            comparison[name].to_numpy() / UNITS["stress"][STRESS_UNIT], n_frequencies
+        )
+        for name in ("median_stress", "amplitude")
+    }
+    table["frequency_Hz"] = np.tile(comparison["frequency"].to_numpy(), comparison["regime"].size)
+    for column, name in (
+        ("frozen", "tan_delta_frozen"),
+        ("evolving", "tan_delta_evolving"),
+        ("fluidity_ratio", "fluidity_ratio"),
+    ):
+        for percent, values in zip(QUANTILES, evolving_quantiles(comparison[name]), strict=True):
+            table[f"{column}_q{percent}"] = values.ravel()
+    for column, name in (
+        ("path_strain", "path_strain"),
+        ("grain_size_m", "grain_size"),
+        ("fabric_factor", "fabric_factor"),
+    ):
+        table[column] = evolving_quantiles(comparison[name])[1].ravel()
+    return pd.DataFrame(table).assign(cycles=int(comparison["cycles"]), draws=n_draws)
+
+
+def evolving_overview(comparison: xr.Dataset) -> pd.DataFrame:
+    """Return `evolving_table` for people: text, median with 5 and 95 % of the draws."""
+    frozen, evolving, ratio, strain = (
+        evolving_quantiles(comparison[name])
+        for name in ("tan_delta_frozen", "tan_delta_evolving", "fluidity_ratio", "path_strain")
+    )
+    return pd.DataFrame(
+        [
+            {
+                "regime": str(label),
+                "frequency (Hz)": f"{frequency:.3g}",
+                "tan δ, frozen": _text(frozen[:, k, j]),
+                "tan δ, evolving": _text(evolving[:, k, j]),
+                "dashpot faster, times": _text(ratio[:, k, j]),
+                "strain at the end (%)": f"{100 * strain[1, k, j]:.2g}",
+            }
+            for k, label in enumerate(comparison["regime"].to_numpy())
+            for j, frequency in enumerate(comparison["frequency"].to_numpy())
+        ]
+    )
+
+
+def evolving_sentence(comparison: xr.Dataset) -> str:
+    """Say how the two were compared."""
+    hours = float(comparison["hold_time"]) / UNITS["time"]["h"]
+    return (
+        f"Evolving: the hold of {hours:g} h and {int(comparison['cycles'])} cycles after it are "
+        f"solved in time for {comparison.sizes['draw']} draws, grain size and fabric following the "
+        "strain; tan δ is read off the strain of these cycles, less a cubic trend. Frozen: the "
+        "closed form, of the same draws. inf: strain lags by more than a quarter of a cycle."
+    )
+
+
+def evolving_quantiles(values: xr.DataArray) -> FloatArray:
+    """Quantiles over draws, some of which may be infinite; (3, n_regimes, n_frequencies)."""
+    found: FloatArray = np.quantile(
+        flat_draws(values), np.array(QUANTILES) / 100, axis=0, method="nearest"
+    )
+    return found
+
+
+def _text(quantiles: FloatArray) -> str:
+    low, median, high = quantiles
+    return f"{median:.3g} [{low:.3g}, {high:.3g}]"

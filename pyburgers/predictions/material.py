@@ -1,0 +1,197 @@
+"""What a prediction is about: draws of a fitted material, its state, and other things chosen."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from pyburgers.common.draws import evenly_spaced
+from pyburgers.common.errors import InputError
+from pyburgers.common.units import UNITS, number
+from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT
+from pyburgers.model.parameters import KELVIN_REFERENCES, PIEZOMETER, STANDARD_VALUES
+from pyburgers.predictions.assumptions import EVOLUTION
+from pyburgers.predictions.stress_cycles import BREAKDOWN, PARAMETER_NAMES
+from pyburgers.protocols.protocol import FittedTest
+
+FloatArray = npt.NDArray[np.float64]
+Microstructure = Literal["initial", "steady_state"]
+
+
+@dataclass(frozen=True, eq=False)
+class Material:
+    """Draws of a material, and the state in which the stresses find it.
+
+    Attributes
+    ----------
+    parameters : mapping of str to array, shape (n_chains, n_draws)
+        SI.
+    temperature : float
+        K.
+    grain_size, fabric_factor : array, shape (n_chains, n_draws)
+        m; 1 = isotropic.
+    chain, draw : array
+        Their numbers in the fit.
+    attributes : mapping of str to str
+        title, experiment, material, data_kind, microstructure and elastic_modulus (empty where it
+        is that of the fit).
+    """
+
+    parameters: Mapping[str, FloatArray]
+    temperature: float
+    grain_size: FloatArray
+    fabric_factor: FloatArray
+    chain: npt.NDArray[np.int64]
+    draw: npt.NDArray[np.int64]
+    attributes: Mapping[str, str]
+
+    def thinned(self, at_most: int) -> tuple[dict[str, FloatArray], FloatArray, FloatArray]:
+        """Return evenly spaced draws: parameters, grain size and fabric factor, shape (n,)."""
+        size, fabric = (
+            evenly_spaced(values.ravel(), at_most)
+            for values in (self.grain_size, self.fabric_factor)
+        )
+        parameters = {
+            name: evenly_spaced(values.ravel(), at_most) for name, values in self.parameters.items()
+        }
+        return parameters, size, fabric
+
+
+def fitted_material(
+    fit: FittedTest,
+    *,
+    microstructure: str = "initial",
+    temperature: float | None = None,
+    grain_size: float | None = None,
+    fabric_factor: float | None = None,
+    elastic_modulus: float | None = None,
+    elastic_modulus_sd: float = 0.0,
+    seed: int = 1,
+) -> Material:
+    """Return the material of a fit, in a chosen state.
+
+    Parameters
+    ----------
+    fit : FittedTest
+        A finished fit of one test, or what a joint fit says of one, such as ``fit["PIL40"]``.
+    microstructure : {"initial", "steady_state"}
+        Initial: the experiment's initial grain size, and F = 1. Steady state: each draw's own
+        steady-state grain size and fabric factor. A draw may reach it only at strains beyond the
+        test, and then it is an extrapolation, with wide bands. Where grain size follows a
+        piezometer the parameter is not a result of the fit but the number that its prior file
+        fixes; give `grain_size` for another.
+    temperature : float, optional
+        K; default the experiment's.
+    grain_size, fabric_factor : float, optional
+        Take the place of what `microstructure` says; m and 1.
+    elastic_modulus, elastic_modulus_sd : float, optional
+        Pa; mean and standard deviation of a log-normal distribution that takes the place of E_M,
+        of a test at constant rate mostly the stiffness of the apparatus.
+    seed : int
+        Of the draws of the elastic modulus.
+
+    Raises
+    ------
+    InputError
+        If `microstructure` is unknown, the modulus out of range, or the fit a joint one.
+    """
+    if microstructure not in get_args(Microstructure):
+        expected = " or ".join(map(repr, get_args(Microstructure)))
+        raise InputError(f"microstructure: found {microstructure!r}, expected {expected}.")
+    experiment = fit.experiment
+    draws = fit.posterior["posterior"].to_dataset().transpose("chain", "draw", ...)
+    names = (*PARAMETER_NAMES, BREAKDOWN, *KELVIN_REFERENCES, *KELVIN_REFERENCES.values())
+    parameters = {
+        name: draws[name].to_numpy().astype(np.float64)
+        for name in (*names, *EVOLUTION, *PIEZOMETER)
+        if name in draws
+    }
+    shape = parameters["maxwell_modulus"].shape
+    if elastic_modulus is not None:
+        parameters["maxwell_modulus"] = _modulus_draws(
+            elastic_modulus, elastic_modulus_sd, shape, seed
+        )
+    if microstructure == "initial":
+        size, fabric = np.full(shape, experiment.initial_grain_size), np.ones(shape)
+    else:
+        size, fabric = (
+            parameters[name] for name in ("steady_state_grain_size", "steady_state_fabric_factor")
+        )
+    given = experiment.temperature if temperature is None else temperature
+    described = _microstructure_text(microstructure, grain_size, fabric_factor)
+    modulus = _modulus_text(elastic_modulus, elastic_modulus_sd)
+    conditions = [f"{given:g} K", described]
+    conditions += [f"elastic modulus {modulus}"] if modulus else []
+    about = f"{experiment.material}, fitted to {experiment.provenance.kind} data"
+    return Material(
+        parameters=parameters,
+        temperature=given,
+        grain_size=size if grain_size is None else np.full(shape, grain_size),
+        fabric_factor=fabric if fabric_factor is None else np.full(shape, fabric_factor),
+        chain=draws["chain"].to_numpy(),
+        draw=draws["draw"].to_numpy(),
+        attributes={
+            "title": f"{experiment.id} ({about}): {', '.join(conditions)}",
+            "experiment": experiment.id,
+            "material": experiment.material,
+            "data_kind": experiment.provenance.kind,
+            "microstructure": described,
+            "elastic_modulus": modulus,
+        },
+    )
+
+
+def require_linear_kelvin_element(parameters: Mapping[str, npt.ArrayLike]) -> None:
+    """Refuse what has no closed form; a linear viscosity of all temperatures is taken as one.
+
+    Raises
+    ------
+    InputError
+        If the Kelvin element is a power law or its viscosity depends on temperature.
+    """
+    for name in KELVIN_REFERENCES:
+        if np.any(np.asarray(parameters.get(name, STANDARD_VALUES[name])) != STANDARD_VALUES[name]):
+            raise InputError(
+                f"{name}: found values other than {STANDARD_VALUES[name]:g}, expected a linear "
+                "Kelvin element of one viscosity because the spectrum in closed form needs it; "
+                "pyburgers.predictions.imposed_stress simulates the cycles of any other."
+            )
+
+
+def _modulus_draws(
+    mean: float, standard_deviation: float, shape: tuple[int, ...], seed: int
+) -> FloatArray:
+    """Draws of a log-normal elastic modulus, Pa."""
+    if not (np.isfinite(mean) and mean > 0):
+        raise InputError(f"elastic_modulus: found {mean:g} Pa, expected a positive modulus.")
+    if not (np.isfinite(standard_deviation) and standard_deviation >= 0):
+        raise InputError(
+            f"elastic_modulus_sd: found {standard_deviation:g} Pa, expected 0 or a positive number."
+        )
+    variance = np.log1p((standard_deviation / mean) ** 2)
+    normal = np.random.default_rng(seed).normal(size=shape)
+    return np.asarray(mean * np.exp(np.sqrt(variance) * normal - 0.5 * variance))
+
+
+def _modulus_text(mean: float | None, standard_deviation: float) -> str:
+    """Say in words what elastic modulus was given; empty where none was."""
+    if mean is None:
+        return ""
+    scatter = (
+        f" ± {number(standard_deviation / UNITS['stress']['GPa'])}" if standard_deviation else ""
+    )
+    return f"{number(mean / UNITS['stress']['GPa'])}{scatter} GPa"
+
+
+def _microstructure_text(
+    microstructure: str, grain_size: float | None, fabric_factor: float | None
+) -> str:
+    """Say in words what was frozen."""
+    text = f"{microstructure.replace('_', '-')} microstructure"
+    if grain_size is not None:
+        text += f", grain size {number(grain_size * LENGTH_FACTOR)} {LENGTH_UNIT}"
+    if fabric_factor is not None:
+        text += f", fabric factor {number(fabric_factor)}"
+    return text

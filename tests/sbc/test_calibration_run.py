@@ -1,7 +1,6 @@
 """`pyburgers sbc`: many data sets, resumed bit for bit, and errors of one sentence."""
 
 import json
-import re
 import signal
 import subprocess
 import sys
@@ -14,6 +13,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from conftest import ICE, Problem
+from refusals import assert_refused
 
 from pyburgers.cli.main import main
 from pyburgers.drawing.style import image
@@ -168,16 +168,6 @@ def test_a_killed_calibration_is_continued_with_more_data_sets_to_the_same_resul
     assert len(left) < 2 or not (out / "ranks.csv").is_file()
     assert main(command(small_problem, out, "--jobs", "1")) == 0
     assert contents(out) == outcomes
-
-
-def assert_refused(code: int, capsys: pytest.CaptureFixture[str], *words: str) -> None:
-    """Exit code 2 and one clear sentence on standard error."""
-    out, error = capsys.readouterr()
-    assert code == 2
-    assert out == ""
-    assert re.fullmatch(r"pyburgers: [^\n]+[.?]\n", error)
-    for word in words:
-        assert word in error
 
 
 @pytest.mark.parametrize("option", [("--seed", "2"), ("--draws", "21"), ("--chains", "3")])

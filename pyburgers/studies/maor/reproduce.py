@@ -13,9 +13,11 @@ from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.side_by_side import Task, fit_side_by_side
 from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress, flow_law_prior
 from pyburgers.flow_law_tables.inputs import (
+    PeakStressData,
     default_peak_stress_priors,
     load_peak_stress,
-    with_curve_enthalpy,
+    with_curve_flow_law,
+    without_test,
 )
 from pyburgers.model.priors import PriorSet, default_priors, with_flow_law
 from pyburgers.predictions.measured_attenuation import MeasuredAttenuation
@@ -51,7 +53,7 @@ PRESETS: Mapping[str, SamplerOptions] = MappingProxyType(
 """Sampler settings: `paper` has the chains and draws of the paper's Methods. Oscillating tests
 warm up as long as their protocol needs, which is less."""
 
-PROGRAMS = ("peak_stress", "imposed_stress")
+PROGRAMS = ("peaks", "peak_stress", "imposed_stress")
 """Stan programs of the study other than those of the fits, which compile them themselves, each
 while another one runs already."""
 
@@ -69,7 +71,7 @@ which is compared by standard deviations alone and therefore short under every p
 
 PEAK_STRESS_TABLE = "peak_stress_qi_goldsby_2021"
 HANDED_ON_RUN = f"{PEAK_STRESS_TABLE}_handed_on"
-"""Fit of the same table whose flow law that test gets: with the test's priors of Q_M and beta."""
+"""Fit of the same table without that test, whose flow law that test gets."""
 
 
 LONGEST_FIRST = (
@@ -149,8 +151,8 @@ def reproduce(
     runs = out / "runs" / preset
     compile_programs([stan_directory() / f"{name}.stan" for name in PROGRAMS])
     peak_stress, handed_on = (
-        _fit_peak_stress(runs / name, priors, command=command)
-        for name, priors in _peak_stress_priors().items()
+        _fit_peak_stress(runs / name, data, priors, command=command)
+        for name, (data, priors) in _peak_stress_problems().items()
     )
     problems = _problems(preset, handed_on)
     of_dunite = dunite_tasks(shipped_data_directory() / "dunite", PRESETS[preset])
@@ -182,19 +184,26 @@ def reproduce(
     return Outcome(page=page, fits=tuple(fits), peak_stress=peak_stress)
 
 
-def _peak_stress_priors() -> dict[str, PriorSet]:
-    """Priors of the two fits of the table, by the names of their runs: the second is handed on."""
+def _peak_stress_problems() -> dict[str, tuple[PeakStressData, PriorSet]]:
+    """Tables and priors of the two fits, by the names of their runs: the second is handed on.
+
+    It has the priors of the curve that gets it, and not the row that may be this curve itself.
+    """
+    folder = shipped_data_directory() / "ice"
+    table = load_peak_stress(folder / f"{PEAK_STRESS_TABLE}.toml")
+    others = without_test(table, load_experiment(folder / f"{COMBINED_TWIN}.toml"))
     weak = default_peak_stress_priors("ice")
     return {
-        PEAK_STRESS_TABLE: weak,
-        HANDED_ON_RUN: with_curve_enthalpy(weak, default_priors("ice")),
+        PEAK_STRESS_TABLE: (table, weak),
+        HANDED_ON_RUN: (others, with_curve_flow_law(weak, default_priors("ice"))),
     }
 
 
-def _fit_peak_stress(out: Path, priors: PriorSet, *, command: str) -> PeakStressFit:
-    logger.info(f"Fitting the flow law of measured peak stresses: {priors.title}.")
-    table = shipped_data_directory() / "ice" / f"{PEAK_STRESS_TABLE}.toml"
-    return fit_peak_stress(load_peak_stress(table), priors, out=out, command=command)
+def _fit_peak_stress(
+    out: Path, data: PeakStressData, priors: PriorSet, *, command: str
+) -> PeakStressFit:
+    logger.info(f"Fitting the flow law of {data.n_points} measured peak stresses: {priors.title}.")
+    return fit_peak_stress(data, priors, out=out, command=command)
 
 
 def _problems(preset: str, handed_on: PeakStressFit) -> dict[str, Task]:

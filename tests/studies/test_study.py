@@ -25,6 +25,7 @@ from pyburgers.protocols.forced_oscillation.experiment import OscillationExperim
 from pyburgers.protocols.forced_oscillation.response import oscillation_of
 from pyburgers.protocols.forward import simulate
 from pyburgers.report.page import write_report
+from pyburgers.studies.dunite import JOINT_RUN, ONE_RATE, STEPPED, TOGETHER
 from pyburgers.studies.maor import sections as maor_sections
 from pyburgers.studies.maor.attenuation import MICROSTRUCTURE_SENTENCE
 from pyburgers.studies.maor.coverage import coverage_table
@@ -256,7 +257,7 @@ def test_without_olivine_the_page_has_neither_preparation_nor_its_statements(
 
 
 def test_the_study_fits_every_experiment_and_shows_all_of_it(
-    programs: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    programs: None, joint: Fit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shown: dict[str, Any] = {}
 
@@ -264,9 +265,14 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
         return {name: made(problem, folder / name) for name, problem in problems.items()}
 
     def made(problem: Task, out: Path) -> Fit:
-        experiment, priors = problem.experiment, problem.priors
+        experiment, priors = problem.experiments[0], problem.priors
         assert priors.material == experiment.material
-        assert out == tmp_path / "runs" / "quick" / experiment.id
+        assert out.parent == tmp_path / "runs" / "quick"
+        if len(problem.experiments) > 1:
+            assert out.name == JOINT_RUN
+            assert [one.id for one in problem.experiments] == list(TOGETHER)
+            return joint
+        assert out.name == experiment.id
         if isinstance(experiment, OscillationExperiment):
             treatment = experiment.prepared.background
             assert experiment.id == f"olivine_{treatment}"
@@ -281,15 +287,19 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
     monkeypatch.setattr("pyburgers.studies.maor.reproduce.fit_side_by_side", quickly)
     monkeypatch.setattr("pyburgers.studies.maor.reproduce.write_report", written)
     outcome = reproduce("quick", tmp_path, command="make report")
+    measured = [ONE_RATE, *STEPPED, *joint.tests()]
     names = [*study_experiments(), COMBINED_RUN]
     assert outcome.fits[-1].priors.flow_law is not None
     assert all(fit.priors.flow_law is None for fit in outcome.fits[:-1])
     assert outcome.page == tmp_path / "index.html"
     for fits in (outcome.fits, shown["fits"]):
-        assert [fit.experiment.id for fit in fits] == names
+        assert [fit.experiment.id for fit in fits] == [*measured, *names]
+    assert shown["joints"] == [joint]
     assert shown["command"] == "make report"
     keys = [section.key for section in shown["extras"]]
     of_study = ["statements", "counterparts", "model", "attenuation", "preparation", "background"]
-    assert keys[:7] == [*of_study, "peak_stress"]
+    assert keys[0] == "rate_steps"
+    assert keys[1].startswith("joint_")
+    assert keys[2:9] == [*of_study, "peak_stress"]
     assert names[:-1] == ["PIL40", "PIL72", "PIL105", "olivine_removed", "olivine_kept"]
     assert outcome.peak_stress.data.id == PEAK_STRESS_TABLE

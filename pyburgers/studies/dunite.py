@@ -38,6 +38,7 @@ STEPPED: Mapping[str, tuple[str, Mapping[str, str]]] = MappingProxyType(
         "dunite_4580": ("dunite_4580", {}),
         "dunite_4581": ("dunite_4581", {}),
         "dunite_4581_kelvin_power_law": ("dunite_4581", {"kelvin": "power_law"}),
+        "dunite_4581_autocorrelated": ("dunite_4581", {"residuals": "autocorrelated"}),
     }
 )
 """Fits of tests with two steps of the rate: by name the test, and what is not the standard law.

@@ -57,7 +57,7 @@ def test_simulated_data_are_the_solution_at_a_prior_draw_with_noise(programs: No
 
 
 def test_a_simulated_record_is_prepared_as_the_measured_one_is(programs: None) -> None:
-    experiment = load_forced_oscillation(OLIVINE)
+    experiment = with_background(load_forced_oscillation(OLIVINE), "removed")
     truth = dict(experiment.true_parameters or {})
     rng = np.random.default_rng(2)
     simulated = simulate_data(experiment, truth, rng, source="the truth")
@@ -78,7 +78,7 @@ def test_the_trend_leaves_as_much_noise_as_the_likelihood_expects(programs: None
     # The log likelihood at the truth is stationary in the noise s, in the mean over records, if the
     # mean sum of squares is the power of s that its normalisation falls with. That mean is the sum
     # over records with one noisy point.
-    experiment = load_forced_oscillation(OLIVINE)
+    experiment = with_background(load_forced_oscillation(OLIVINE), "removed")
     truth = dict(experiment.true_parameters or {})
     quiet = simulate_data(
         experiment, {**truth, "stress_noise": 1.0}, np.random.default_rng(1), source="the truth"
@@ -156,7 +156,7 @@ def test_rhat_of_a_single_chain_compares_its_halves(
 
 
 def test_templates_must_have_points_and_a_removed_background() -> None:
-    record = load_forced_oscillation(OLIVINE)
+    record = with_background(load_forced_oscillation(OLIVINE), "removed")
     check_template(record)
     with pytest.raises(InputError, match=r"'kept', expected 'removed'"):
         check_template(with_background(record, "kept"))

@@ -59,6 +59,7 @@ def olivine(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Fit]:
 def few_prior_draws() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(maor_sections, "PRIOR_DRAWS", {"ice": 200, "olivine": 60})
+        patch.setattr("pyburgers.studies.maor.stress_floor.SOLVED_DRAWS", 2)
         yield
 
 
@@ -249,6 +250,6 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
     assert shown["command"] == "make report"
     keys = [section.key for section in shown["extras"]]
     of_study = ["statements", "counterparts", "attenuation", "preparation", "background"]
-    assert keys[:6] == [*of_study, "peak_stress"]
-    assert names[:-1] == ["PIL40", "PIL72", "PIL105", "olivine_removed", "olivine_kept"]
+    assert keys[:7] == [*of_study, "stress_floor", "peak_stress"]
+    assert names[:-1] == ["PIL40", "PIL72", "PIL105", "olivine_kept", "olivine_removed"]
     assert outcome.peak_stress.data.id == PEAK_STRESS_TABLE

@@ -102,7 +102,7 @@ class _OscillationTable(Table):
     stress_trend_degree: int | None = Field(
         None, ge=0, description="the degree of the polynomial trend of the stress"
     )
-    background: Background = Field("removed", description="what becomes of bias and drift")
+    background: Background = Field("kept", description="what becomes of bias and drift")
     spin_up_cycles: int = Field(2, ge=1, description="cycles ahead of the record")
 
 
@@ -245,7 +245,9 @@ def with_background(
     """
     settings = replace(experiment.settings, background=background)
     prepared = prepare(experiment.record, settings, experiment.id)
-    return replace(experiment, settings=settings, prepared=prepared)
+    others = [one for one in experiment.notices if one not in experiment.prepared.notices]
+    notices = (*others, *prepared.notices)
+    return replace(experiment, settings=settings, prepared=prepared, notices=notices)
 
 
 def _read_series(path: Path, data: _DataTable, name: str) -> tuple[FloatArray, ...]:

@@ -13,6 +13,7 @@ import numpy as np
 
 import pyburgers
 from pyburgers.drawing.style import image
+from pyburgers.predictions.assumptions import elastic_modulus_sentence, frozen_sentence
 from pyburgers.predictions.attenuation_figures import attenuation
 from pyburgers.predictions.attenuation_tables import overview_table, quantile_table
 
@@ -49,6 +50,9 @@ def main() -> None:
         low, high = at_one_millihertz.sel(regime=label).quantile([0.05, 0.95])
         print(f"{label}: tan(delta) at 1 mHz is {low:.3g} to {high:.3g} (90 %)")
     print(overview_table(spectrum).to_string(index=False))
+    # What it takes for granted, and where that fails.
+    print(frozen_sentence(spectrum))
+    print(elastic_modulus_sentence(spectrum))
 
     options.out.mkdir(parents=True, exist_ok=True)
     quantile_table(spectrum).to_csv(options.out / "attenuation.csv", index=False)

@@ -98,8 +98,9 @@ model {
       target += stress_log_density(stress_observed[points],
                                    to_vector(solution[strain_of_point[points], 1]),
                                    parameter[e][i_stress_noise()], correlated_residuals,
-                                   point_strain[points],
-                                   parameter[e][i_residual_correlation_strain()]);
+                                   point_strain[points], point_segment[points],
+                                   parameter[e][i_residual_correlation_strain()],
+                                   parameter[e][i_residual_correlated_share()]);
     }
   }
 }
@@ -125,6 +126,7 @@ generated quantities {
     array[point_end[e + 1] - point_end[e]] int points = part(point_end, e);
     real noise = parameter[e][i_stress_noise()];
     real correlation_strain = parameter[e][i_residual_correlation_strain()];
+    real share = parameter[e][i_residual_correlated_share()];
     array[strain_end[e + 1] - strain_end[e]] vector[n_states] solution
       = constant_rate_solution(parameter[e], prior_location[e], strain[part(strain_end, e)],
                                n_strains_in_segment[part(segment_end, e)],
@@ -133,15 +135,17 @@ generated quantities {
                                temperature[e], power_law_kelvin, tolerance, max_num_steps);
     stress_model[points] = to_vector(solution[strain_of_point[points], 1]);
     stress_replicated[points] = stress_model[points]
-                                + residuals_rng(point_strain[points], noise,
-                                                correlation_strain);
+                                + residuals_rng(point_strain[points], point_segment[points],
+                                                noise, correlation_strain, share);
     if (correlated_residuals) {
       vector[size(points)] residual = stress_observed[points] - stress_model[points];
       log_lik[points] = residual_log_densities(residual, noise, point_strain[points],
-                                               correlation_strain);
+                                               point_segment[points], correlation_strain,
+                                               share);
       log_lik_given_others[points]
         = residual_log_densities_given_others(residual, noise, point_strain[points],
-                                              correlation_strain);
+                                              point_segment[points], correlation_strain,
+                                              share);
     } else {
       for (i in points) {
         log_lik[i] = normal_lpdf(stress_observed[i] | stress_model[i], noise);

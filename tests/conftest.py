@@ -131,6 +131,7 @@ def programs() -> None:
                 for name in (
                     "imposed_stress",
                     "peak_stress",
+                    "peaks",
                     "reference/six_state",
                     "reference/six_state_oscillation",
                 )

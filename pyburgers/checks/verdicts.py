@@ -95,9 +95,9 @@ def _answer(kind: CheckKind, outcome: Outcome, reason: str) -> Verdict:
 
 
 def _reasons(results: Sequence[CheckResult]) -> str:
-    """Return what the first check found, and the names of the others."""
-    first, *others = results
-    sentence = first.sentence
+    """Return what the first check found, and the names of those that found something else."""
+    sentence = results[0].sentence
+    others = [result for result in results if result.sentence != sentence]
     if sentence[1:2].islower():  # not R-hat
         sentence = sentence[0].lower() + sentence[1:]
     more = f" Also: {', '.join(other.name for other in others)}." if others else ""

@@ -30,6 +30,7 @@ from pyburgers.predictions.evolving import (
     evolving_table,
 )
 from pyburgers.predictions.material import fitted_material
+from pyburgers.predictions.measured_attenuation import load_measured_attenuation
 from pyburgers.predictions.stress_cycles import HOLD_TIME, PAPER_REGIMES, Regime, regimes_named
 
 
@@ -94,6 +95,13 @@ def add_options(command: argparse.ArgumentParser) -> None:
         "test at constant rate is mostly the stiffness of the apparatus (ice has about 9.3e9)",
     )
     command.add_argument(
+        "--measured",
+        type=Path,
+        metavar="POINTS.csv",
+        help="measured attenuation to draw over it: columns frequency_Hz, tan_delta and, if you "
+        "like, tan_delta_sd and series",
+    )
+    command.add_argument(
         "--seed", type=int, default=1, help="of draws of the elastic modulus (default 1)"
     )
 
@@ -150,7 +158,8 @@ def _predict(fit: Fit, options: argparse.Namespace, out: Path) -> None:
             material, options.evolving or EVOLVING_FREQUENCIES, regimes, hold_time=hold_time
         )
     table = quantile_table(spectrum)
-    figure = attenuation(spectrum, spectrum.attrs["title"], comparison)
+    measured = None if options.measured is None else load_measured_attenuation(options.measured)
+    figure = attenuation(spectrum, spectrum.attrs["title"], comparison, measured)
     files = [out.with_suffix(suffix) for suffix in (".csv", ".nc", ".png", ".svg")]
     with writing(out):
         write_text(out, table.to_csv(index=False))

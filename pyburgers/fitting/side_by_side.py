@@ -3,8 +3,8 @@
 import logging
 import sys
 import tempfile
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from pyburgers.common.messages import messages_to
@@ -24,23 +24,26 @@ class Task:
 
     Attributes
     ----------
-    experiment : Experiment
-        A test with data.
+    experiments : tuple of Experiment
+        Tests with data; several are fitted together.
     priors : PriorSet
         Priors of every parameter.
     options : SamplerOptions
         Chains, iterations, seed; how many chains run side by side is set here.
+    pool : mapping of str to str
+        How parameters of several tests are pooled where it is not the default.
     """
 
-    experiment: Experiment
+    experiments: tuple[Experiment, ...]
     priors: PriorSet
     options: SamplerOptions
+    pool: Mapping[str, str] = field(default_factory=dict)
 
 
 def fit_side_by_side(
     tasks: Mapping[str, Task], folder: Path, *, jobs: int | None = None, command: str
 ) -> dict[str, Fit]:
-    """Fit several experiments, each in a process of its own; continue where a call stopped.
+    """Do several fits, each in a process of its own; continue where a call stopped.
 
     What the fits themselves say goes to standard error, a line each with the name of the fit
     before it.
@@ -79,8 +82,12 @@ def fit_side_by_side(
             priors_file = inputs / "priors.toml"
             save_priors(task.priors, priors_file)
             options = replace(task.options, parallel_chains=chains_each)
-            experiment_file = save_experiment(task.experiment, inputs)
-            calls[name] = (name, experiment_file, priors_file, folder / name, options, command)
+            files = []
+            for one in task.experiments:
+                (inputs / one.id).mkdir()
+                files.append(save_experiment(one, inputs / one.id))
+            pool = dict(task.pool)
+            calls[name] = (name, files, priors_file, pool, folder / name, options, command)
         done = completed(_fit_files, calls, processes=processes, folder=folder)
         for n_done, (name, _) in enumerate(done, start=1):
             logger.info(f"Fit {name} is done, {n_done} of {len(tasks)}.")
@@ -89,8 +96,9 @@ def fit_side_by_side(
 
 def _fit_files(
     name: str,
-    experiment_file: Path,
+    experiment_files: Sequence[Path],
     priors_file: Path,
+    pool: Mapping[str, str],
     out: Path,
     options: SamplerOptions,
     command: str,
@@ -98,8 +106,9 @@ def _fit_files(
     """Fit what two files hold, in a process of its own."""
     with messages_to(sys.stderr, name):
         fit(
-            load_experiment(experiment_file),
+            [load_experiment(file) for file in experiment_files],
             load_priors(priors_file),
+            pool=pool,
             out=out,
             options=options,
             command=command,

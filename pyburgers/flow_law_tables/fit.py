@@ -28,9 +28,10 @@ from pyburgers.flow_law_tables.inputs import (
     save_peak_stress,
     save_peak_stress_priors,
 )
+from pyburgers.flow_law_tables.softening import N_SOFTENING, SofteningPrior, softening_prior
 from pyburgers.model.flow_law_prior import FLOW_LAW_PRIOR_FILE, PRIOR_QUANTITIES, FlowLawPrior
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
-from pyburgers.model.priors import PriorSet
+from pyburgers.model.priors import PriorSet, default_priors
 from pyburgers.posterior.labelled_draws import (
     keep_posterior,
     label_draws,
@@ -50,6 +51,15 @@ FloatArray = npt.NDArray[np.float64]
 
 GROUP_TEMPERATURES = 2.0
 """Widest gap (K) between sorted temperatures of tests that are drawn together."""
+
+SOFTENING_FILE = "softening.json"
+"""Name of the saved prior of the softening in a run directory."""
+
+PEAK_SOFTENING = "peak_softening"
+"""ln(S_0/peak stress) at the mean conditions, among the predictions."""
+
+FLOW_RATE_OF_TEST = "log_flow_rate_of_test"
+"""ln(flow rate s) of another test at the mean conditions, among the predictions."""
 
 GRID_STRESSES = 30
 """Stresses at which each group's flow law is drawn."""
@@ -111,7 +121,11 @@ def peak_stress_coordinates(data: PeakStressData, priors: PriorSet) -> PlainCoor
 
 
 def peak_stress_data(
-    data: PeakStressData, priors: PriorSet, *, use_likelihood: bool = True
+    data: PeakStressData,
+    priors: PriorSet,
+    softening: SofteningPrior,
+    *,
+    use_likelihood: bool = True,
 ) -> StanData:
     """Return all data of `stan/peak_stress.stan`.
 
@@ -121,6 +135,8 @@ def peak_stress_data(
         The table.
     priors : PriorSet
         Priors of `pyburgers.flow_law_tables.inputs.FLOW_LAW_PARAMETERS` in SI.
+    softening : SofteningPrior
+        Prior of the softening at the peaks of the table.
     use_likelihood : bool
         False gives the prior.
     """
@@ -137,9 +153,11 @@ def peak_stress_data(
         "relative_stress_uncertainty": data.relative_stress_uncertainty.tolist(),
         "mean_temperature": mean.temperature,
         "mean_stress": mean.stress,
+        "mean_strain_rate": data.mean_strain_rate,
         "mean_grain_size": mean.grain_size,
         "use_likelihood": int(use_likelihood),
         **prior_block(priors, FLOW_LAW_PARAMETERS),
+        **softening.block,
         "n_coordinates": len(coordinates.quantities),
         "own_parameter": [place[name] for name in coordinates.parameters],
         "quantity": coordinates.quantity.tolist(),
@@ -151,7 +169,7 @@ def peak_stress_data(
     }
 
 
-WARMUP, TARGET_ACCEPTANCE = 500, 0.9
+WARMUP, TARGET_ACCEPTANCE = 500, 0.98
 """Defaults where the options leave them open; a gradient costs microseconds."""
 
 
@@ -163,16 +181,21 @@ class PeakStressFit(SampledFit):
     ----------
     directory, posterior, manifest
         As of every `SampledFit`; groups of the draws: posterior, sample_stats, log_likelihood (of
-        each ln(strain rate)), log_prior, posterior_predictive, predictions (strain rates by group
-        and stress), observed_data, constant_data.
+        each ln(peak stress)), log_prior, posterior_predictive, predictions (strain rates by group
+        and stress, of undeformed material and of peaks; softening; flow rate of another test),
+        observed_data,
+        constant_data.
     data : PeakStressData
         What was fitted.
     priors : PriorSet
         Priors of `pyburgers.flow_law_tables.inputs.FLOW_LAW_PARAMETERS` in SI.
+    softening : SofteningPrior
+        Prior of the softening at the peaks.
     """
 
     data: PeakStressData
     priors: PriorSet
+    softening: SofteningPrior
 
     def summary(self) -> pd.DataFrame:
         """Posterior table in SI units (`pyburgers.posterior.labelled_draws.summary_table`)."""
@@ -204,7 +227,14 @@ class PeakStressFit(SampledFit):
         posterior = load_posterior(run)
         if posterior is None:
             posterior = _build_posterior(run, data, priors)
-        return cls(run, posterior, {**manifest, "chains": run.chain_records()}, data, priors)
+        return cls(
+            run,
+            posterior,
+            {**manifest, "chains": run.chain_records()},
+            data,
+            priors,
+            SofteningPrior.load(run.path / SOFTENING_FILE),
+        )
 
 
 def fit_peak_stress(
@@ -212,11 +242,12 @@ def fit_peak_stress(
     priors: PriorSet,
     *,
     out: str | Path,
+    curve: PriorSet | None = None,
     options: SamplerOptions | None = None,
     use_likelihood: bool = True,
     command: str = "pyburgers.fit_peak_stress(...)",
 ) -> PeakStressFit:
-    """Fit ln(rate) = n ln(stress) - p ln(grain size) + Q_M (beta - 1/(R T)) with scatter.
+    """Fit a flow law and its scatter to peak stresses, softened as a curve's priors have it.
 
     Parameters
     ----------
@@ -226,6 +257,9 @@ def fit_peak_stress(
         Priors of `pyburgers.flow_law_tables.inputs.FLOW_LAW_PARAMETERS`.
     out : path
         Run directory. An earlier run with the same inputs there is continued.
+    curve : PriorSet, optional
+        Priors of every parameter of a curve, for the softening at the peaks
+        (`pyburgers.flow_law_tables.softening.softening_prior`); default those of the material.
     options : SamplerOptions, optional
         Chains, iterations, seed; the coordinates are always the plain ones.
     use_likelihood : bool
@@ -248,12 +282,15 @@ def fit_peak_stress(
         adapt_delta=options.adapt_delta or TARGET_ACCEPTANCE,
         coordinates="plain",
     )
-    stan_data = peak_stress_data(data, priors, use_likelihood=use_likelihood)
+    curve = default_priors(data.material) if curve is None else curve
+    softening = softening_prior(data, curve, seed=options.seed)
+    stan_data = peak_stress_data(data, priors, softening, use_likelihood=use_likelihood)
     model = load_program(stan_directory() / "peak_stress.stan")
     identity = fingerprint(stan_data, options, model.key)
     with run.claimed(identity):
         save_peak_stress(data, run.inputs)
         save_peak_stress_priors(priors, run.priors_file)
+        softening.save(run.path / SOFTENING_FILE)
         write_json(run.stan_data_file, stan_data)
         run.update_manifest(
             run_record(
@@ -277,7 +314,10 @@ def fit_peak_stress(
 
 
 def flow_law_prior(fit: PeakStressFit) -> FlowLawPrior:
-    """Return mean and covariance of the flow law's posterior (see `FlowLawPrior`).
+    """Return the flow law of another test (see `FlowLawPrior`) as the posterior has it.
+
+    It scatters about that of all tests as they do among each other, in ln(S_0) by the scatter of
+    ln(peak stress). Where this is one of single readings, not of samples, the prior is too wide.
 
     Raises
     ------
@@ -291,10 +331,9 @@ def flow_law_prior(fit: PeakStressFit) -> FlowLawPrior:
             "law is free."
         )
     draws = fit.posterior["posterior"].to_dataset()
+    of_test = fit.posterior["predictions"].to_dataset()[FLOW_RATE_OF_TEST]
     columns = [
-        np.log(all_draws(draws[REFERENCE_FLOW_RATE]))
-        if name == f"log_{REFERENCE_FLOW_RATE}"
-        else all_draws(draws[name])
+        all_draws(of_test if name == f"log_{REFERENCE_FLOW_RATE}" else draws[name])
         for name in PRIOR_QUANTITIES
     ]
     return FlowLawPrior(
@@ -304,6 +343,7 @@ def flow_law_prior(fit: PeakStressFit) -> FlowLawPrior:
         conditions=fit.data.mean_conditions,
         material=fit.data.material,
         source=f"{fit.data.id}: {fit.data.provenance.source}; its priors: {fit.priors.title}",
+        tests=fit.data.tests,
     )
 
 
@@ -315,7 +355,8 @@ def _draw_start(
     coordinates = peak_stress_coordinates(data, priors)
     rate = float(np.exp(rng.normal(np.mean(np.log(data.strain_rate)), 1.0)))
     return {
-        "coordinate": coordinates.at({**priors.sample(rng), REFERENCE_FLOW_RATE: rate}).tolist()
+        "coordinate": coordinates.at({**priors.sample(rng), REFERENCE_FLOW_RATE: rate}).tolist(),
+        "softening_coordinate": rng.standard_normal(N_SOFTENING).tolist(),
     }
 
 
@@ -329,12 +370,12 @@ def _build_posterior(run: RunDirectory, data: PeakStressData, priors: PriorSet) 
     }
     point = {"point": np.arange(data.n_points)}
     contents["observed_data"] = xr.Dataset(
-        {"log_strain_rate": ("point", np.log(data.strain_rate))}, coords=point
+        {"log_stress": ("point", np.log(data.stress))}, coords=point
     )
     contents["constant_data"] = xr.Dataset(
         {
             name: ("point", getattr(data, name), {"units": unit})
-            for name, unit in (("temperature", "K"), ("stress", "Pa"), ("grain_size", "m"))
+            for name, unit in (("temperature", "K"), ("strain_rate", "1/s"), ("grain_size", "m"))
         },
         coords=point,
     )
@@ -343,31 +384,39 @@ def _build_posterior(run: RunDirectory, data: PeakStressData, priors: PriorSet) 
 
 def _drawn_groups(chains: Draws, data: PeakStressData, priors: PriorSet) -> dict[str, xr.Dataset]:
     """Return the groups with dimensions chain and draw."""
-    draws = chains.dataset([p.name for p in FLOW_LAW_PARAMETERS] + [REFERENCE_FLOW_RATE])
-    label_draws(draws, (*FLOW_LAW_PARAMETERS, REFERENCE_FLOW_RATE_QUANTITY), priors)
+    shown = (*FLOW_LAW_PARAMETERS, REFERENCE_FLOW_RATE_QUANTITY)
+    draws = chains.dataset([quantity.name for quantity in shown])
+    label_draws(draws, shown, priors)
     point = {"point": np.arange(data.n_points)}
     at_points = {
         name: chains.dataset([name])[name].rename({f"{name}_dim_0": "point"}).assign_coords(point)
-        for name in ("log_lik", "log_rate_replicated")
+        for name in ("log_lik", "log_stress_replicated")
     }
-    rates = chains.dataset(["grid_strain_rate"])["grid_strain_rate"]
     lines = groups(data)
-    shape = (*rates.shape[:2], len(lines), GRID_STRESSES)
     predictions = xr.Dataset(
         {
-            "strain_rate": (
-                ("chain", "draw", "group", "position"),
-                rates.to_numpy().reshape(shape),
-                {"units": "1/s"},
-            ),
+            **{
+                name: (
+                    ("chain", "draw", "group", "position"),
+                    rates.reshape(*rates.shape[:2], len(lines), GRID_STRESSES),
+                    {"units": "1/s"},
+                )
+                for name in ("strain_rate", "peak_strain_rate")
+                for rates in (chains[f"grid_{name}"],)
+            },
+            **{
+                name: (("chain", "draw"), chains[name])
+                for name in (PEAK_SOFTENING, FLOW_RATE_OF_TEST)
+            },
+            "softening": (("chain", "draw", "slope"), chains["softening"]),
             "stress": (("group", "position"), np.array([g.stress for g in lines]), {"units": "Pa"}),
         }
     )
     return {
         "posterior": draws,
         "sample_stats": sample_stats(chains),
-        "log_likelihood": xr.Dataset({"log_strain_rate": at_points["log_lik"]}),
+        "log_likelihood": xr.Dataset({"log_stress": at_points["log_lik"]}),
         "log_prior": chains.dataset(["lprior"]),
-        "posterior_predictive": xr.Dataset({"log_strain_rate": at_points["log_rate_replicated"]}),
+        "posterior_predictive": xr.Dataset({"log_stress": at_points["log_stress_replicated"]}),
         "predictions": predictions,
     }

@@ -1,9 +1,7 @@
 """Tables of tests, one point each, and the priors of their flow law, from TOML files.
 
 A point is the peak stress of a test at a rate, temperature and grain size. A table is a TOML file
-beside a text file of columns, like an experiment; everything is converted to SI on reading. At its
-peak stress undeformed material flows at the imposed rate, so a table holds the flow law
-(`pyburgers.flow_law_tables.fit`).
+beside a text file of columns, like an experiment; everything is converted to SI on reading.
 """
 
 from collections.abc import Mapping
@@ -19,14 +17,12 @@ from pydantic import Field
 from pyburgers.common.columns import Column, TextFilesTable, read_columns, write_columns
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, read_toml, write_toml
-from pyburgers.model.flow_law_prior import Conditions
+from pyburgers.model.flow_law_prior import Conditions, PeakTest
 from pyburgers.model.parameters import PARAMETER_BY_NAME, Parameter
 from pyburgers.model.prior_families import PriorTable, check_beta, load_prior
-from pyburgers.model.priors import PriorFile, PriorSet, save_priors, shipped_prior_file
-from pyburgers.protocols.experiment import (
-    Provenance,
-    ProvenanceTable,
-)
+from pyburgers.model.priors import FLOW_LAW, PriorFile, PriorSet, save_priors, shipped_prior_file
+from pyburgers.protocols.experiment import Experiment, Provenance, ProvenanceTable
+from pyburgers.protocols.protocol import protocol_of
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -44,12 +40,31 @@ QUANTITIES: Mapping[str, str | None] = {
 }
 """Columns of every table, and what they are in `pyburgers.common.units.UNITS`."""
 
+UNCERTAINTY = "relative_stress_uncertainty"
+"""Column that a table may have."""
+
+COLUMNS = (*QUANTITIES, UNCERTAINTY)
+
 SI_UNITS: Mapping[str, str] = {
     "temperature": "K",
     "stress": "Pa",
     "strain_rate": "1/s",
     "grain_size": "m",
 }
+
+
+@dataclass(frozen=True)
+class PeakStrain:
+    """Strain at which the tests of a table peak.
+
+    Attributes
+    ----------
+    mean, sd : float
+        What is known of the mean over the tests: a value (fraction) and its standard deviation.
+    """
+
+    mean: float
+    sd: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,11 +76,13 @@ class PeakStressData:
     id, material : str
         Name of the table; the material names the default priors.
     temperature, stress, strain_rate, grain_size : array, shape (n_points,)
-        K, Pa, 1/s and m; all positive.
+        K, Pa at the peak, 1/s imposed and m at the start; all positive.
     relative_stress_uncertainty : array, shape (n_points,)
         Standard deviation of each stress as a fraction of it; 0 where it is taken as exact.
     provenance : Provenance
         Where the numbers come from.
+    peak_strain : PeakStrain or None
+        Where the peaks are, if it is stated.
     """
 
     id: str
@@ -76,6 +93,7 @@ class PeakStressData:
     grain_size: FloatArray
     relative_stress_uncertainty: FloatArray
     provenance: Provenance
+    peak_strain: PeakStrain | None = None
 
     @property
     def n_points(self) -> int:
@@ -84,12 +102,48 @@ class PeakStressData:
 
     @property
     def mean_conditions(self) -> Conditions:
-        """Means in which ln(strain rate) is linear: of 1/T, ln(stress) and ln(grain size)."""
+        """Means in which a flow law is linear: of 1/T, ln(stress) and ln(grain size)."""
         return Conditions(
             temperature=float(1 / np.mean(1 / self.temperature)),
             stress=float(np.exp(np.mean(np.log(self.stress)))),
             grain_size=float(np.exp(np.mean(np.log(self.grain_size)))),
         )
+
+    @property
+    def mean_strain_rate(self) -> float:
+        """Geometric mean (1/s)."""
+        return float(np.exp(np.mean(np.log(self.strain_rate))))
+
+    @property
+    def tests(self) -> tuple[PeakTest, ...]:
+        """The tests one by one."""
+        columns = (self.strain_rate, self.stress, self.temperature, self.grain_size)
+        return tuple(PeakTest(*map(float, row)) for row in zip(*columns, strict=True))
+
+
+def without_test(data: PeakStressData, experiment: Experiment) -> PeakStressData:
+    """Leave out the rows of a table that may be a test, so that they can be the prior of its curve.
+
+    Raises
+    ------
+    InputError
+        If the test has no peak, none of the rows may be it, or fewer than `LEAST_POINTS` are left.
+    """
+    test = protocol_of(experiment).peak_test(experiment)
+    if test is None:
+        raise InputError(
+            f"{experiment.id}: has no stress at a constant rate, expected a test that a table of "
+            "peak stresses can have."
+        )
+    kept = np.flatnonzero([not row.may_be(test) for row in data.tests])
+    if kept.size == data.n_points:
+        raise InputError(f"{data.id}: no row may be {experiment.id} with {test}, expected one.")
+    if kept.size < LEAST_POINTS:
+        raise InputError(
+            f"{data.id}: without {experiment.id} {kept.size} rows are left, expected at least "
+            f"{LEAST_POINTS}."
+        )
+    return replace(data, **{name: getattr(data, name)[kept] for name in COLUMNS})
 
 
 class _DataTable(TextFilesTable):
@@ -105,6 +159,11 @@ class _DataTable(TextFilesTable):
     relative_stress_uncertainty_column: Column | None = None
 
 
+class _PeakStrainTable(Table):
+    mean: float = Field(gt=0, lt=1, description="mean strain of the peaks, a fraction")
+    sd: float = Field(gt=0, lt=1, description="standard deviation of what is known of the mean")
+
+
 class _PeakStressFile(Table):
     id: str = Field(
         pattern=r"^[A-Za-z0-9._-]+$", description="the table's name, part of file names"
@@ -112,6 +171,7 @@ class _PeakStressFile(Table):
     material: str = Field(min_length=1, description="the material, such as ice")
     protocol: Literal["peak_stress"] = Field(description="the kind of table")
     data: _DataTable = Field(description="the table that says where the columns are")
+    peak_strain: _PeakStrainTable | None = None
     provenance: ProvenanceTable = Field(description="the table that says where data come from")
 
 
@@ -134,7 +194,7 @@ def load_peak_stress(path: str | Path) -> PeakStressData:
     data = file.data
     wanted = dict(QUANTITIES)
     if data.relative_stress_uncertainty_column is not None:
-        wanted["relative_stress_uncertainty"] = None
+        wanted[UNCERTAINTY] = None
     columns = {
         f"{name}_column": None if quantity is None else (f"{name}_unit", quantity)
         for name, quantity in wanted.items()
@@ -145,11 +205,13 @@ def load_peak_stress(path: str | Path) -> PeakStressData:
     if data.temperature_unit == "degC":
         values["temperature"] = values["temperature"] + ZERO_CELSIUS
     _check_values(source, values)
+    peak = file.peak_strain
     return PeakStressData(
         id=file.id,
         material=file.material,
-        **{"relative_stress_uncertainty": np.zeros(read[0].size), **values},
+        **{UNCERTAINTY: np.zeros(read[0].size), **values},
         provenance=Provenance(**file.provenance.model_dump()),
+        peak_strain=None if peak is None else PeakStrain(peak.mean, peak.sd),
     )
 
 
@@ -170,17 +232,18 @@ def save_peak_stress(data: PeakStressData, directory: Path) -> Path:
     Path
         The TOML file.
     """
-    names = [*SI_UNITS, "relative_stress_uncertainty"]
-    write_columns(directory / "peak_stress.csv", {name: getattr(data, name) for name in names})
+    columns = {name: getattr(data, name) for name in COLUMNS}
+    write_columns(directory / "peak_stress.csv", columns)
     table = {
         "id": data.id,
         "material": data.material,
         "protocol": "peak_stress",
         "data": {
             "file": "peak_stress.csv",
-            **{f"{name}_column": name for name in names},
+            **{f"{name}_column": name for name in COLUMNS},
             **{f"{name}_unit": unit for name, unit in SI_UNITS.items()},
         },
+        **({} if data.peak_strain is None else {"peak_strain": asdict(data.peak_strain)}),
         "provenance": asdict(data.provenance),
     }
     target = directory / "peak_stress.toml"
@@ -189,7 +252,10 @@ def save_peak_stress(data: PeakStressData, directory: Path) -> Path:
 
 
 def least_squares(data: PeakStressData) -> dict[str, tuple[float, float]]:
-    """Exponents by plain least squares of ln(strain rate), without any effect of temperature.
+    """Exponents across the peaks by plain least squares, without softening or temperature.
+
+    ln(stress), which is measured, is regressed on ln(strain rate), which is imposed, and on
+    ln(grain size).
 
     Parameters
     ----------
@@ -199,21 +265,26 @@ def least_squares(data: PeakStressData) -> dict[str, tuple[float, float]]:
     Returns
     -------
     dict
-        Value and standard error of stress_exponent and, where grain sizes differ,
+        Value and standard error (first order) of stress_exponent and, where grain sizes differ,
         grain_size_exponent.
     """
-    columns = {"stress_exponent": np.log(data.stress)}
+    columns = [np.ones(data.n_points), np.log(data.strain_rate)]
     if np.ptp(data.grain_size) > 0:
-        columns["grain_size_exponent"] = -np.log(data.grain_size)
-    log_rate = np.log(data.strain_rate)
-    design = np.column_stack([np.ones(data.n_points), *columns.values()])
-    coefficients, *_ = np.linalg.lstsq(design, log_rate, rcond=None)
-    residual = log_rate - design @ coefficients
+        columns.append(np.log(data.grain_size))
+    design = np.column_stack(columns)
+    log_stress = np.log(data.stress)
+    slopes, *_ = np.linalg.lstsq(design, log_stress, rcond=None)
+    residual = log_stress - design @ slopes
     variance = float(residual @ residual) / (data.n_points - design.shape[1])
-    errors = np.sqrt(variance * np.diag(np.linalg.inv(design.T @ design)))
-    return {
-        name: (float(coefficients[k]), float(errors[k])) for k, name in enumerate(columns, start=1)
-    }
+    covariance = variance * np.linalg.inv(design.T @ design)
+    n = 1 / slopes[1]
+    found = {"stress_exponent": (float(n), float(n**2 * np.sqrt(covariance[1, 1])))}
+    if len(columns) > 2:
+        p = slopes[2] * n
+        by_slopes = np.array([0.0, -p * n, n])
+        error = float(np.sqrt(by_slopes @ covariance @ by_slopes))
+        found["grain_size_exponent"] = (float(p), error)
+    return found
 
 
 def _check_values(source: Path, values: Mapping[str, FloatArray]) -> None:
@@ -222,7 +293,7 @@ def _check_values(source: Path, values: Mapping[str, FloatArray]) -> None:
     if n_points < LEAST_POINTS:
         raise InputError(f"{source}: found {n_points} rows, expected at least {LEAST_POINTS}.")
     for name, column in values.items():
-        lowest = 0.0 if name == "relative_stress_uncertainty" else np.nextafter(0.0, 1.0)
+        lowest = 0.0 if name == UNCERTAINTY else np.nextafter(0.0, 1.0)
         wrong = np.flatnonzero(column < lowest)
         if wrong.size > 0:
             wanted = "at least 0" if lowest == 0.0 else "more than 0"
@@ -230,7 +301,7 @@ def _check_values(source: Path, values: Mapping[str, FloatArray]) -> None:
                 f"{source}: data row {wrong[0] + 1}: the {name.replace('_', ' ')} is "
                 f"{column[wrong[0]]:g} in SI units, expected {wanted}."
             )
-    largest = float(values.get("relative_stress_uncertainty", np.zeros(1)).max())
+    largest = float(values.get(UNCERTAINTY, np.zeros(1)).max())
     if largest >= 1:
         raise InputError(
             f"{source}: found a relative stress uncertainty of {largest:g}, expected a fraction "
@@ -249,22 +320,19 @@ def _check_values(source: Path, values: Mapping[str, FloatArray]) -> None:
         )
 
 
-RATE_SCATTER = Parameter(
-    "rate_scatter", r"s_{\dot\epsilon}", "scatter of ln(strain rate)", "dimensionless", "1", "1"
+STRESS_SCATTER = Parameter(
+    "stress_scatter", r"s_\sigma", "scatter of ln(peak stress)", "dimensionless", "1", "1"
 )
-"""Standard deviation of ln(strain rate) between tests, beyond what known uncertainties explain."""
+"""Standard deviation of ln(peak stress) between tests, beyond what known uncertainties explain."""
 
 FLOW_LAW_PARAMETERS: tuple[Parameter, ...] = (
-    *(
-        PARAMETER_BY_NAME[name]
-        for name in ("stress_exponent", "grain_size_exponent", "activation_enthalpy", "beta")
-    ),
-    RATE_SCATTER,
+    *(PARAMETER_BY_NAME[name] for name in FLOW_LAW),
+    STRESS_SCATTER,
 )
 """Parameters of the fit, in the order of `stan/peak_stress.stan`."""
 
 
-class _RateScatterTable(PriorTable):
+class _StressScatterTable(PriorTable):
     family: Literal["half_normal"] = Field(description="the family of the prior")
 
 
@@ -273,7 +341,7 @@ class _ParameterTables(Table):
     grain_size_exponent: PriorTable = Field(description="a prior or a fixed value")
     activation_enthalpy: PriorTable = Field(description="a prior or a fixed value")
     beta: PriorTable = Field(description="a prior or a fixed value")
-    rate_scatter: _RateScatterTable = Field(description="a half-normal prior")
+    stress_scatter: _StressScatterTable = Field(description="a half-normal prior")
 
 
 class _PeakStressPriorFile(PriorFile):
@@ -333,11 +401,11 @@ def default_peak_stress_priors(material: str) -> PriorSet:
     return load_peak_stress_priors(file)
 
 
-def with_curve_enthalpy(priors: PriorSet, curve: PriorSet) -> PriorSet:
-    """Take the priors of Q_M and beta from those of a curve.
+def with_curve_flow_law(priors: PriorSet, curve: PriorSet) -> PriorSet:
+    """Take the priors of n, p, Q_M and beta from those of a curve.
 
-    A table at one temperature says little about either. Where its flow law is handed on to a curve,
-    in place of the curve's own priors of the flow law, they would be lost without this.
+    For a flow law that is handed on to a curve in place of the curve's own priors of these: what
+    they say is then kept, and agrees with the softening that is simulated with them.
 
     Parameters
     ----------
@@ -346,9 +414,9 @@ def with_curve_enthalpy(priors: PriorSet, curve: PriorSet) -> PriorSet:
     curve : PriorSet
         For a curve of the same material.
     """
-    taken = {name: curve[name] for name in ("activation_enthalpy", "beta")}
+    taken = {name: curve[name] for name in FLOW_LAW}
     return replace(
         priors,
         priors=MappingProxyType({**priors.priors, **taken}),
-        title=f"{priors.title}; Q_M and beta from {curve.title}",
+        title=f"{priors.title}; flow law from {curve.title}",
     )

@@ -29,6 +29,10 @@ FLOW_LAW_PRIOR_FILE = "flow_law_prior.json"
 
 GAS_CONSTANT = 8.314462618  # J/(mol K), as in stan/physics/flow_law.stan
 
+SAME_RATE, SAME_STRESS, SAME_GRAIN_SIZE, SAME_TEMPERATURE = 0.01, 0.05, 0.05, 5.0
+"""Differences up to which two records may be of one test: of logarithms, and in kelvin. A peak
+is read off noisy stresses, and the temperature of a sample is not that of the machine."""
+
 MOMENT_DRAWS = 20_000
 """Draws for the marginal moments of Q_M, which is not one of the quantities."""
 
@@ -52,6 +56,40 @@ class Conditions:
     grain_size: float
 
 
+@dataclass(frozen=True)
+class PeakTest:
+    """The peak of a test at constant strain rate.
+
+    Attributes
+    ----------
+    strain_rate, stress, temperature, grain_size : float
+        1/s imposed, Pa at the peak, K, m at the start.
+    """
+
+    strain_rate: float
+    stress: float
+    temperature: float
+    grain_size: float
+
+    def may_be(self, other: "PeakTest") -> bool:
+        """Whether two records may be of one test, given how they are rounded and reported."""
+        ratios = [
+            (self.strain_rate / other.strain_rate, SAME_RATE),
+            (self.stress / other.stress, SAME_STRESS),
+            (self.grain_size / other.grain_size, SAME_GRAIN_SIZE),
+        ]
+        return abs(self.temperature - other.temperature) <= SAME_TEMPERATURE and all(
+            abs(np.log(ratio)) <= same for ratio, same in ratios
+        )
+
+    def __str__(self) -> str:
+        """Return the conditions in words."""
+        return (
+            f"{self.strain_rate:.3g} 1/s, {self.stress / 1e6:.3g} MPa, {self.temperature:.4g} K "
+            f"and {self.grain_size * 1e3:.3g} mm"
+        )
+
+
 @dataclass(frozen=True, eq=False)
 class FlowLawPrior:
     """A multivariate normal of a flow law, for fits of other data of the same material.
@@ -71,6 +109,8 @@ class FlowLawPrior:
         What the flow law is of.
     source : str
         What it was fitted to.
+    tests : tuple of PeakTest
+        The same, test by test: none of them may be fitted with this prior.
     """
 
     quantities: tuple[str, ...]
@@ -79,6 +119,7 @@ class FlowLawPrior:
     conditions: Conditions
     material: str
     source: str
+    tests: tuple[PeakTest, ...] = ()
 
     def __eq__(self, other: object) -> bool:
         """Whether it is the same distribution of the same material, from the same source."""
@@ -200,6 +241,7 @@ class FlowLawPrior:
             "quantities": list(self.quantities),
             "mean": self.mean.tolist(),
             "covariance": self.covariance.tolist(),
+            "tests": [asdict(test) for test in self.tests],
             **asdict(self.conditions),
         }
 
@@ -225,6 +267,15 @@ class FlowLawPrior:
             ) from error
 
 
+class PeakTestTable(Table):
+    """A `PeakTest` in a file."""
+
+    strain_rate: float = Field(gt=0, description="imposed, in 1/s")
+    stress: float = Field(gt=0, description="at the peak, in Pa")
+    temperature: float = Field(gt=0, description="in kelvin")
+    grain_size: float = Field(gt=0, description="at the start, in m")
+
+
 class FlowLawTable(Table):
     """A `FlowLawPrior` in a file."""
 
@@ -235,6 +286,7 @@ class FlowLawTable(Table):
     temperature: float = Field(description="of the flow rate, in kelvin")
     stress: float = Field(description="of the flow rate, in Pa")
     grain_size: float = Field(description="of the flow rate, in m")
+    tests: list[PeakTestTable] = Field(description="the tests that it was fitted to")
 
     def flow_law_prior(self, material: str, where: str) -> FlowLawPrior:
         """Return the flow law of a material, checked; `where` is the file in messages."""
@@ -245,6 +297,7 @@ class FlowLawTable(Table):
             conditions=Conditions(self.temperature, self.stress, self.grain_size),
             material=material,
             source=self.source,
+            tests=tuple(PeakTest(**test.model_dump()) for test in self.tests),
         ).checked(where)
 
 

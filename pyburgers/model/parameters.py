@@ -167,6 +167,15 @@ VARIANT_PARAMETERS: tuple[Parameter, ...] = (
         "MPa",
         standard=0.0,
     ),
+    Parameter(
+        "residual_correlated_share",
+        r"w",
+        "share of residuals that correlate",
+        "dimensionless",
+        "1",
+        "1",
+        standard=1.0,
+    ),
 )
 """Parameters of variants (`docs/variants.md`), which a prior file may name."""
 

@@ -33,6 +33,7 @@ DEFAULT_KINDS: Mapping[str, Kind] = MappingProxyType(
         "critical_strain_fabric": "separate",
         "stress_noise": "separate",
         "residual_correlation_strain": "separate",
+        "residual_correlated_share": "separate",
     }
 )
 """Flow law and moduli are the material's, microstructure the sample's, noise the test's.

@@ -214,9 +214,9 @@ def check_variant(priors: PriorSet, experiment: Test) -> None:
     Raises
     ------
     InputError
-        If residuals are to correlate along strain in an oscillating test, or where two points
-        have the same strain, or if the grain size is to follow a piezometer that the material does
-        not have.
+        If residuals are to correlate along strain in an oscillating test, or in full where two
+        points have the same strain, or if the grain size is to follow a piezometer that the
+        material does not have.
     """
     check_piezometer(priors, experiment)
     if variant_of(priors, experiment).residuals == "independent":
@@ -227,10 +227,11 @@ def check_variant(priors: PriorSet, experiment: Test) -> None:
             f"only increases, found {experiment.protocol}, where strain goes back and forth."
         )
     same = np.flatnonzero(np.diff(experiment.position) == 0)
-    if same.size > 0:
+    if same.size > 0 and is_fixed_at(priors["residual_correlated_share"], 1.0):
         raise InputError(
-            f"{experiment.id}: residuals=autocorrelated needs points at different strains, found "
-            f"two at {experiment.position[same[0]]:g}; leave one out or average them."
+            f"{experiment.id}: residuals that all correlate (residual_correlated_share fixed at 1) "
+            f"need points at different strains, found two at {experiment.position[same[0]]:g}, "
+            "expected a share that is free or below 1."
         )
 
 
@@ -389,7 +390,10 @@ def _choose_residuals(priors: PriorSet, experiment: Test, choice: str) -> PriorS
     independent = is_fixed_at(priors[name], 0.0)
     if choice == "independent":
         return priors if independent else priors.exchanging(_fixed(name, 0.0, "independent"))
-    return priors.exchanging(priors_of_freed_parameters()[name]) if independent else priors
+    if not independent:
+        return priors
+    freed = priors_of_freed_parameters()
+    return priors.exchanging(freed[name], freed["residual_correlated_share"])
 
 
 _CHANGES = MappingProxyType(

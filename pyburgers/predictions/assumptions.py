@@ -3,7 +3,7 @@
 Grain size and fabric relax towards a steady state with strain, over the critical strains
 epsilon_c1 and epsilon_c2 (`stan/physics/microstructure.stan`). A spectrum in closed form takes them
 as frozen, which fails in a draw where the strain of the hold, or of one cycle, is more than a share
-of the smaller critical strain of what still evolves.
+of the smaller critical strain of what still evolves (`critical_strain`).
 """
 
 from collections.abc import Mapping
@@ -15,6 +15,7 @@ import xarray as xr
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import UNITS, number
 from pyburgers.model.parameters import PIEZOMETER
+from pyburgers.predictions.closed_forms import piezometer_grain_size
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -35,19 +36,25 @@ LIKELY = 0.5
 
 
 def critical_strain(
-    parameters: Mapping[str, npt.ArrayLike], grain_size: FloatArray, fabric_factor: FloatArray
+    parameters: Mapping[str, npt.ArrayLike],
+    grain_size: FloatArray,
+    fabric_factor: FloatArray,
+    median_stress: float,
 ) -> FloatArray:
     """Return the smaller critical strain of what evolves from a microstructure.
 
-    Grain size or fabric that is at its steady state does not evolve any more.
+    Grain size or fabric that is at its steady state does not evolve any more. What will change by
+    several times its own size does so in as many times less strain, and its critical strain is
+    divided by that number; grains under a piezometer at low stress are such a case.
 
     Parameters
     ----------
     parameters : mapping of str to array
-        `EVOLUTION`; with the reference grain size of a piezometer above 0 the grain size always
-        evolves.
+        `EVOLUTION`, and a piezometer if the grain size follows one.
     grain_size, fabric_factor : array, shape of the draws
         m and 1.
+    median_stress : float
+        Pa; what a piezometer is asked about.
 
     Returns
     -------
@@ -61,24 +68,36 @@ def critical_strain(
     """
     if any(name not in parameters for name in EVOLUTION):
         return np.full(grain_size.shape, np.nan)
-    of_grains, of_fabric, final_size, final_fabric, piezometer = (
-        np.asarray(parameters.get(name, 0.0), dtype=np.float64)
-        for name in (*EVOLUTION, PIEZOMETER[0])
-    )
-    for name, values in zip(
-        EVOLUTION, (of_grains, of_fabric, final_size, final_fabric), strict=True
-    ):
-        if values.shape != grain_size.shape:
+    values = {
+        name: np.asarray(parameters[name], dtype=np.float64)
+        for name in (*EVOLUTION, *PIEZOMETER)
+        if name in parameters
+    }
+    for name, of_draws in values.items():
+        if of_draws.shape != grain_size.shape:
             raise InputError(
-                f"parameters: {name!r} has the shape {values.shape}, expected {grain_size.shape}, "
-                "that of the draws."
+                f"parameters: {name!r} has the shape {of_draws.shape}, expected "
+                f"{grain_size.shape}, that of the draws."
             )
-    grains_evolve = (piezometer > 0) | (final_size != grain_size)
+    final_size = values["steady_state_grain_size"]
+    if PIEZOMETER[0] in values:
+        largest, exponent, floor = (values[name] for name in PIEZOMETER)
+        preferred = piezometer_grain_size(median_stress, largest, exponent, floor)
+        final_size = np.where(largest > 0, preferred, final_size)
     smaller: FloatArray = np.minimum(
-        np.where(grains_evolve, of_grains, np.inf),
-        np.where(final_fabric != fabric_factor, of_fabric, np.inf),
+        _relative(values["critical_strain_grain_size"], grain_size, final_size),
+        _relative(
+            values["critical_strain_fabric"], fabric_factor, values["steady_state_fabric_factor"]
+        ),
     )
     return smaller
+
+
+def _relative(critical: FloatArray, start: FloatArray, final: FloatArray) -> FloatArray:
+    """Critical strain over the relative change that is to come, where that is more than one."""
+    change = np.abs(final / start - 1.0)
+    values: FloatArray = np.where(change > 0, critical / np.maximum(1.0, change), np.inf)
+    return values
 
 
 def exceeds(strain: xr.DataArray, critical: xr.DataArray, share: float) -> xr.DataArray:
@@ -164,7 +183,8 @@ def frozen_limit_frequency(spectrum: xr.Dataset, share: float | None = None) -> 
         np.take_along_axis(values, index[..., np.newaxis], -1)[..., 0]
         for index in (last, following)
     )
-    with np.errstate(all="ignore"):  # outside, where the next line decides
+    # Outside the frequencies, where the next line decides.
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         part = before / (before - after)
         inside = np.exp(
             log_frequency[last] + part * (log_frequency[following] - log_frequency[last])
@@ -220,8 +240,9 @@ def frozen_sentence(spectrum: xr.Dataset) -> str:
         for label, value in zip(spectrum["regime"].to_numpy(), held, strict=True)
     )
     return (
-        f"{start} (median {number(round(float(np.median(critical)), 3))}). The hold strains by "
-        f"{strains} (medians). Where it fails in most draws, curves are pale and say little."
+        f"{start} (median {float(np.median(critical)):.2g}). The hold strains by "
+        f"{strains} (medians). Where it fails in most draws, curves are pale; a solution in time "
+        "with evolving microstructure (--evolving) says by how much they are off."
     )
 
 

@@ -130,7 +130,9 @@ def attenuation_spectrum(
     kelvin_stiffness = kelvin**2 + (omega * viscosity) ** 2
     storage = 1 / maxwell + kelvin / kelvin_stiffness
     kelvin_loss = omega * viscosity / kelvin_stiffness
-    by_regime: dict[str, list[FloatArray]] = {"fluidity": [], "hold": [], "cycle": []}
+    by_regime: dict[str, list[FloatArray]] = {
+        name: [] for name in ("fluidity", "hold", "cycle", "critical")
+    }
     for regime in regimes:
         sine = half_period(regime)
         rates = dashpot_rates(
@@ -146,6 +148,8 @@ def attenuation_spectrum(
         by_regime["hold"].append(hold_strain(draws, regime.median_stress, held, hold_time))
         amplitudes = regime.amplitude * storage, regime.amplitude * kelvin_loss
         by_regime["cycle"].append(cycle_strain(cycling, sine, *amplitudes, frequency))
+        critical = critical_strain(parameters, size, fabric, regime.median_stress)
+        by_regime["critical"].append(critical)
     background, hold = (np.stack(by_regime[name], axis=-1) for name in ("fluidity", "hold"))
     storage, loss = storage[..., np.newaxis, :], kelvin_loss[..., np.newaxis, :]
     loss = loss + background[..., np.newaxis] / omega
@@ -164,8 +168,8 @@ def attenuation_spectrum(
             "hold_strain": (regime_dimensions, hold, number_of_one),
             "cycle_strain": (dimensions, np.stack(by_regime["cycle"], axis=-2), number_of_one),
             "critical_strain": (
-                draw_dimensions,
-                critical_strain(parameters, size, fabric),
+                regime_dimensions,
+                np.stack(by_regime["critical"], axis=-1),
                 number_of_one,
             ),
         },

@@ -5,12 +5,14 @@ own.
 """
 
 from collections.abc import Sequence
+from itertools import cycle
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.container import ErrorbarContainer
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
@@ -31,8 +33,12 @@ from pyburgers.drawing.style import (
 from pyburgers.predictions.assumptions import likely_fails
 from pyburgers.predictions.attenuation import flat_draws
 from pyburgers.predictions.evolving import evolving_quantiles
+from pyburgers.predictions.measured_attenuation import MeasuredAttenuation
 
 FloatArray = npt.NDArray[np.float64]
+
+Handle = Patch | Line2D | ErrorbarContainer
+"""What a legend names."""
 
 FREQUENCY_LABEL = "frequency (Hz)"
 ATTENUATION_LABEL = r"attenuation $\tan\delta = Q^{-1}$ (–)"
@@ -49,9 +55,11 @@ THICK, THIN, PALE = 1.8, 1.0, 0.7
 
 HOLDING_LABEL = "_holding"
 EVOLVING_LABEL = "evolving, median and 90 %"
+BEYOND_LABEL = "evolving, lag over a quarter"
 FAILING_LABEL = "frozen microstructure fails"
 
 _COLOURS = (BLUE, GREEN, ORANGE, VERMILION, PURPLE, SKY_BLUE, BLACK)
+_MARKERS = "osD^v"
 _DASHES: tuple[Any, ...] = ("-", "--", "-.", ":", (0, (6, 1, 1, 1, 1, 1)))
 
 ATTENUATION_CAPTION = (
@@ -61,7 +69,8 @@ ATTENUATION_CAPTION = (
     "that falls with frequency; the dashpot flows faster at higher stress, so its background rises "
     "and may bury the peak. The microstructure is frozen as the title says; where that fails in "
     "most draws, because the hold or a cycle strains the material too much, lines are thin and "
-    "pale. Diamonds, where there are some, were solved in time with a microstructure that evolves."
+    "pale. Diamonds, where there are some, were solved in time with a microstructure that evolves; "
+    "triangles stand for strain that lags by more than a quarter of a cycle."
 )
 
 DRAWS_CAPTION = (
@@ -80,7 +89,12 @@ AMPLITUDE_CAPTION = (
 )
 
 
-def attenuation(spectrum: xr.Dataset, title: str, comparison: xr.Dataset | None = None) -> Figure:
+def attenuation(
+    spectrum: xr.Dataset,
+    title: str,
+    comparison: xr.Dataset | None = None,
+    measured: MeasuredAttenuation | None = None,
+) -> Figure:
     """Draw median and bands of attenuation against frequency, a colour for each regime.
 
     Parameters
@@ -91,6 +105,8 @@ def attenuation(spectrum: xr.Dataset, title: str, comparison: xr.Dataset | None 
         Heading.
     comparison : Dataset, optional
         Of `pyburgers.predictions.evolving.evolving_attenuation`, in the same regimes.
+    measured : MeasuredAttenuation, optional
+        Points to draw over it.
     """
     spectrum = spectrum.sortby("frequency")
     with style():
@@ -104,8 +120,32 @@ def attenuation(spectrum: xr.Dataset, title: str, comparison: xr.Dataset | None 
             Patch(color=BLACK, alpha=0.43, label="50 % of draws"),
             Patch(color=BLACK, alpha=0.18, label="90 % of draws"),
         ]
-        _legend_above(figure, [*lines, *areas, *_failing_handles(spectrum), *solved], title)
+        points = [] if measured is None else _draw_measured(axes, measured)
+        handles: list[Handle] = [*lines, *areas, *_failing_handles(spectrum), *solved, *points]
+        _legend_above(figure, handles, title)
     return figure
+
+
+def _draw_measured(axes: Axes, measured: MeasuredAttenuation) -> list[ErrorbarContainer]:
+    """Draw measured points with their bars, a marker for each series; return them."""
+    drawn = []
+    for marker, series in zip(cycle(_MARKERS), dict.fromkeys(measured.series), strict=False):
+        own = np.array([name == series for name in measured.series])
+        drawn.append(
+            axes.errorbar(
+                measured.frequency[own],
+                measured.tan_delta[own],
+                measured.standard_deviation[own],
+                fmt=marker,
+                color=BLACK,
+                markerfacecolor="white",
+                markersize=5.0,
+                linewidth=1.0,
+                label=series,
+                zorder=10,
+            )
+        )
+    return drawn
 
 
 def attenuation_draws(spectrum: xr.Dataset, title: str) -> Figure:
@@ -188,22 +228,36 @@ def amplitude_dependence(spectrum: xr.Dataset, title: str) -> Figure:
 
 
 def _draw_evolving(axes: Axes, comparison: xr.Dataset) -> list[Line2D]:
-    """Draw median and 90 % of draws of what was solved in time; return the legend."""
+    """Draw median and 90 % of draws of what was solved in time; return the legend.
+
+    What is infinite is drawn above all else, a median as a triangle.
+    """
     frequency = comparison["frequency"].to_numpy()
     quantiles = evolving_quantiles(comparison["tan_delta_evolving"])
-    quantiles = np.where(np.isfinite(quantiles), quantiles, axes.get_ylim()[1])
-    marks: dict[str, Any] = {"marker": "D", "markersize": 5.0, "linestyle": "none"}
+    finite = quantiles[np.isfinite(quantiles)]
+    above = 3.0 * max(axes.get_ylim()[1], finite.max(initial=0.0))
+    shown = np.where(np.isfinite(quantiles), quantiles, above)
+    given: dict[str, Any] = {"linestyle": "none", "markeredgecolor": BLACK}
+    diamond, triangle = (
+        {**given, "marker": marker, "markersize": size} for marker, size in (("D", 5.0), ("^", 8.0))
+    )
     for k in range(comparison["regime"].size):
-        low, median, high = quantiles[:, k]
+        low, median, high = shown[:, k]
         colour = _COLOURS[k % len(_COLOURS)]
         # Side by side, so that regimes with the same value are seen.
         at = frequency * (1.0 + 0.06 * k)
         axes.vlines(at, low, high, color=colour, linewidth=1.2)
-        axes.plot(at, median, **marks, color=colour, markeredgecolor=BLACK, label="_evolving")
-    return [Line2D([], [], **marks, color="#bbbbbb", markeredgecolor=BLACK, label=EVOLVING_LABEL)]
+        beyond = np.isinf(quantiles[1, k])
+        for marks, some in ((diamond, ~beyond), (triangle, beyond)):
+            if some.any():
+                axes.plot(at[some], median[some], **marks, color=colour, label="_evolving")
+    handles = [Line2D([], [], **diamond, color="#bbbbbb", label=EVOLVING_LABEL)]
+    if np.isinf(quantiles[1]).any():
+        handles.append(Line2D([], [], **triangle, color="#bbbbbb", label=BEYOND_LABEL))
+    return handles
 
 
-def _legend_above(figure: Figure, handles: Sequence[Patch | Line2D], title: str) -> None:
+def _legend_above(figure: Figure, handles: Sequence[Handle], title: str) -> None:
     """Put the heading, what the lines are and the legend above the panels."""
     legend = figure.legend(
         handles=list(handles),

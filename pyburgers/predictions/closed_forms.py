@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
+from pyburgers.common.units import UNITS
 from pyburgers.model.flow_law_prior import GAS_CONSTANT
 from pyburgers.predictions.stress_cycles import BREAKDOWN, Regime
 
@@ -72,6 +73,26 @@ def dashpot_rates(
         np.sign(relative) * np.abs(relative) ** exponent[..., np.newaxis]
     )
     return rates
+
+
+def piezometer_grain_size(
+    stress: float,
+    reference_grain_size: FloatArray,
+    exponent: FloatArray,
+    stress_floor: FloatArray,
+) -> FloatArray:
+    """Return the grain size that a stress wants, d_1 (sqrt(stress^2 + floor^2)/1 MPa)^-m.
+
+    Parameters
+    ----------
+    stress : float
+        Pa.
+    reference_grain_size, exponent, stress_floor : array, shape of the draws
+        d_1 (m), m, and Pa.
+    """
+    floored = np.hypot(stress, stress_floor) / UNITS["stress"]["MPa"]
+    size: FloatArray = reference_grain_size * floored**-exponent
+    return size
 
 
 def fluidity(rates: FloatArray, sine: FloatArray, amplitude: float) -> FloatArray:

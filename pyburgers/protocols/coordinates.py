@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -94,7 +95,8 @@ class PlainCoordinates:
 class Layout:
     """Which coordinate of a fit stands for what.
 
-    They stand in this order: the first test's, the other tests' own ones, centres, spreads.
+    They stand in this order: the first test's, the other tests' own ones, centres, spreads, errors
+    of what drives the tests.
 
     Attributes
     ----------
@@ -107,6 +109,8 @@ class Layout:
         Shared and partially pooled parameters among them.
     centre, spread : array of int, shape (n_partial,)
         Where centres and spreads of the latter stand.
+    errors : tuple of array of int
+        Where the errors of what drives each test stand.
     """
 
     names: tuple[str, ...]
@@ -115,6 +119,7 @@ class Layout:
     partial: tuple[str, ...]
     centre: IntArray
     spread: IntArray
+    errors: tuple[IntArray, ...]
 
     @property
     def n_tests(self) -> int:
@@ -124,7 +129,8 @@ class Layout:
     @property
     def size(self) -> int:
         """Number of coordinates."""
-        return int(self.position.max(initial=-1)) + 1 + 2 * len(self.partial)
+        n_errors = sum(own.size for own in self.errors)
+        return int(self.position.max(initial=-1)) + 1 + 2 * len(self.partial) + n_errors
 
     @property
     def pooled(self) -> list[int]:
@@ -140,7 +146,9 @@ class Layout:
         return [i for i, name in enumerate(self.names) if name not in others]
 
 
-def layout_of(names: Sequence[str], n_tests: int, pooling: Pooling) -> Layout:
+def layout_of(
+    names: Sequence[str], n_tests: int, pooling: Pooling, n_errors: Sequence[int] = ()
+) -> Layout:
     """Lay the coordinates of a fit out.
 
     Parameters
@@ -151,6 +159,8 @@ def layout_of(names: Sequence[str], n_tests: int, pooling: Pooling) -> Layout:
         Number of tests.
     pooling : Pooling
         How they hang together.
+    n_errors : sequence of int, optional
+        Errors of what drives each test; default none.
     """
     # One test shares with nobody.
     shared = pooling.of_kind("shared", names) if n_tests > 1 else ()
@@ -163,4 +173,6 @@ def layout_of(names: Sequence[str], n_tests: int, pooling: Pooling) -> Layout:
             position[e, i] = i if name in shared else following
             following += name not in shared
     centre = following + np.arange(len(partial))
-    return Layout(tuple(names), position, shared, partial, centre, centre + len(partial))
+    ends = following + 2 * len(partial) + np.cumsum([0, *(n_errors or [0] * n_tests)])
+    errors = tuple(np.arange(start, end) for start, end in pairwise(ends))
+    return Layout(tuple(names), position, shared, partial, centre, centre + len(partial), errors)

@@ -75,7 +75,12 @@ class Problem:
     @cached_property
     def layout(self) -> Layout:
         """Which coordinate stands for what."""
-        return layout_of(self.free, len(self.experiments), self.pooling)
+        return layout_of(
+            self.free,
+            len(self.experiments),
+            self.pooling,
+            [experiment.n_driving_errors for experiment in self.experiments],
+        )
 
     @property
     def is_single(self) -> bool:
@@ -232,6 +237,21 @@ def _check_test(experiment: Experiment, first: Experiment, priors: PriorSet) -> 
                 f"because a joint fit is of one {what}."
             )
     check_variant(priors, experiment)
+    _check_not_in_prior(experiment, priors)
+
+
+def _check_not_in_prior(experiment: Experiment, priors: PriorSet) -> None:
+    """Refuse a flow law as prior that the test itself has gone into."""
+    test = protocol_of(experiment).peak_test(experiment)
+    if test is None or priors.flow_law is None:
+        return
+    for row in priors.flow_law.tests:
+        if row.may_be(test):
+            raise InputError(
+                f"{experiment.id}: may be the test with {row} that its prior of the flow law was "
+                "fitted to, expected a flow law from other tests (pyburgers fit-peak-stress "
+                "--without EXPERIMENT.toml) so that no reading counts twice."
+            )
 
 
 def _with_shared(own: PriorSet, common: PriorSet, shared: Sequence[str]) -> PriorSet:

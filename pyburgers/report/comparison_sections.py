@@ -43,8 +43,9 @@ from pyburgers.model.display import (
     shown_quantity,
     unit_text,
 )
-from pyburgers.model.flow_law_prior import FlowLawPrior
+from pyburgers.model.flow_law_prior import GAS_CONSTANT, FlowLawPrior
 from pyburgers.model.priors import FLOW_LAW
+from pyburgers.protocols.experiment import Experiment
 from pyburgers.report.page import file_key, page_keys
 
 FloatArray = npt.NDArray[np.float64]
@@ -249,6 +250,7 @@ def flow_law_source_section(fits: Mapping[str, Fit]) -> tuple[PageSection, ...]:
             "Mean ± standard deviation. Where both together are wider than the curve alone, the "
             "curve's number was that of its own prior, which the other source replaces.",
             _agreement(draws["other source alone"][LOG_RATE], draws["curve alone"][LOG_RATE]),
+            _temperature_correction(law, experiment, draws["other source alone"]),
             *(synthetic if experiment.provenance.kind == "synthetic" else ()),
         ),
         tables=(
@@ -300,6 +302,22 @@ def _agreement(other: FloatArray, alone: FloatArray) -> str:
     return (
         f"The two sources disagree on the flow rate: they are {distance:.1f} of their joint "
         "standard deviations apart, so that both together bend other parameters of the curve."
+    )
+
+
+def _temperature_correction(
+    law: FlowLawPrior, experiment: Experiment, draws: Mapping[str, FloatArray]
+) -> str:
+    """State by how much the rate of another source changes up to the temperature of a test."""
+    change = (
+        draws["activation_enthalpy"]
+        / GAS_CONSTANT
+        * (1 / law.conditions.temperature - 1 / experiment.temperature)
+    )
+    return (
+        f"The other source's flow rate holds at {law.conditions.temperature:.1f} K, "
+        f"{experiment.id} was at {experiment.temperature:.1f} K: its activation enthalpy changes "
+        f"ln(flow rate) by {with_error(float(np.mean(change)), float(np.std(change)))} up to there."
     )
 
 

@@ -13,7 +13,13 @@ from pyburgers.common.units import number, with_error
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.drawing.panels import draw_band
 from pyburgers.drawing.style import BLUE, GREEN, ORANGE, PURPLE, VERMILION, style
-from pyburgers.flow_law_tables.fit import GROUP_TEMPERATURES, PeakStressFit, groups
+from pyburgers.flow_law_tables.fit import (
+    FLOW_RATE_OF_TEST,
+    GROUP_TEMPERATURES,
+    PEAK_SOFTENING,
+    PeakStressFit,
+    groups,
+)
 from pyburgers.flow_law_tables.inputs import FLOW_LAW_PARAMETERS, least_squares
 from pyburgers.model.display import (
     LENGTH_FACTOR,
@@ -22,7 +28,9 @@ from pyburgers.model.display import (
     STRESS_UNIT,
     shown_quantity,
 )
+from pyburgers.model.flow_law_prior import GAS_CONSTANT
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
+from pyburgers.protocols.coordinates import REFERENCE_FLOW_RATE
 from pyburgers.report.tables import checks_page_table, fixed_row, posterior_row
 
 FloatArray = npt.NDArray[np.float64]
@@ -45,13 +53,18 @@ def peak_stress_section(fit: PeakStressFit) -> PageSection:
         title=f"Flow law of {data.material} from peak stresses",
         paragraphs=(
             f"{data.n_points} tests ({data.provenance.kind} data: {data.provenance.source}), one "
-            "point each: at its peak stress undeformed material flows at the imposed rate. Fitted "
-            "is ln(strain rate) = n ln(stress) - p ln(grain size) + Q_M (beta - 1/(R T)) with "
-            "normal scatter.",
-            "Least squares has neither temperature nor priors: where it agrees with the posterior, "
-            "the table and not the prior decides the exponents. Q_M and beta are another matter "
-            "where all tests are at about one temperature: their widths are then those of their "
-            "priors, tied to each other by the measured rates.",
+            "point each: the rate is imposed, the peak stress is measured. Fitted is "
+            "ln(peak stress) = ln S_0 - h with normal scatter between tests, S_0 being the stress "
+            "at which undeformed material flows at the imposed rate, n ln S_0 = ln(strain rate) + "
+            "p ln(grain size) - Q_M (beta - 1/(R T)), and h the softening up to the peak.",
+            _softening_text(fit),
+            _temperature_text(fit),
+            "Least squares of ln(peak stress) on ln(strain rate) and ln(grain size) knows neither "
+            "softening nor temperature: its exponents are those across peaks. Where softening "
+            "grows with the rate, that of the flow law is smaller. Of Q_M and beta a table at "
+            "about one temperature says little: their widths are those of their priors, tied to "
+            "each other by the measured rates.",
+            _hand_over_text(fit),
         ),
         tables=(
             _table("posterior", "Posterior", flow_law_table(fit), fit.summary().reset_index()),
@@ -66,6 +79,57 @@ def peak_stress_section(fit: PeakStressFit) -> PageSection:
         figures=(PageFigure("flow_law", "Flow law", FLOW_LAW_CAPTION, partial(flow_law, fit)),),
         after_fits=True,
     )
+
+
+def _softening_text(fit: PeakStressFit) -> str:
+    """Say how much weaker than undeformed material the peaks are taken to be, and why."""
+    predictions = fit.posterior["predictions"].to_dataset()
+    softening = all_draws(predictions[PEAK_SOFTENING])
+    exponent = all_draws(fit.posterior["posterior"].to_dataset()["stress_exponent"])
+    low, middle, high = (number(100 * strain) for strain in fit.softening.peak_strain.round(4))
+    stated = fit.data.peak_strain
+    where = (
+        "The table does not state at what strain the peaks are"
+        if stated is None
+        else f"The table states peaks at {100 * stated.mean:.1f} ± {100 * stated.sd:.1f} % strain"
+    )
+    return (
+        f"{where}; the peaks simulated with the priors of a curve are at {middle} % ({low} to "
+        f"{high} %, 90 %). Of the softening the table tells nothing by itself: h and its change "
+        "with rate, stress and grain size are parameters, with those simulations as prior. At the "
+        f"mean conditions h = {_mean_and_sd(softening)}, in ln(strain rate) n h = "
+        f"{_mean_and_sd(exponent * softening)}."
+    )
+
+
+def _temperature_text(fit: PeakStressFit) -> str:
+    """State by how much rates are corrected for temperature within the table."""
+    enthalpy = all_draws(fit.posterior["posterior"].to_dataset()["activation_enthalpy"])
+    mean, temperature = fit.data.mean_conditions.temperature, fit.data.temperature
+    coldest, warmest = (
+        _mean_and_sd(enthalpy / GAS_CONSTANT * (1 / at - 1 / mean))
+        for at in (temperature.min(), temperature.max())
+    )
+    return (
+        f"The tests were at {temperature.min():.2f} to {temperature.max():.2f} K. The activation "
+        f"enthalpy brings them to {mean:.2f} K: ln(strain rate) changes by {coldest} for the "
+        f"coldest and {warmest} for the warmest."
+    )
+
+
+def _hand_over_text(fit: PeakStressFit) -> str:
+    """Say how well the flow rate is known, of all tests and of another one."""
+    log_rate = np.log(all_draws(fit.posterior["posterior"].to_dataset()[REFERENCE_FLOW_RATE]))
+    of_test = all_draws(fit.posterior["predictions"].to_dataset()[FLOW_RATE_OF_TEST])
+    return (
+        f"At the mean conditions ln(flow rate · s) is {_mean_and_sd(log_rate)} for the tests as a "
+        f"whole and {_mean_and_sd(of_test)} for another single one, which scatters about them: "
+        "the latter is what a curve can take as its prior."
+    )
+
+
+def _mean_and_sd(draws: FloatArray) -> str:
+    return with_error(float(np.mean(draws)), float(np.std(draws)))
 
 
 def flow_law_table(fit: PeakStressFit) -> pd.DataFrame:
@@ -136,18 +200,20 @@ GROUP_MARKERS = ("o", "s", "^", "D", "v")
 
 FLOW_LAW_CAPTION = (
     "Strain rate against peak stress, both on logarithmic axes, one point for each test. Lines are "
-    "the posterior median of the flow law at the grain size and mean temperature of each group of "
-    f"tests (temperatures with no gap wider than {GROUP_TEMPERATURES:g} K), bands hold 90 % of its "
-    "draws: they show how well the law is known, not how far single tests scatter about it, which "
-    "is the scatter in the table. The slope is the stress exponent n, the distance between groups "
-    "of different grain size the grain size exponent p."
+    "posterior medians at the grain size and mean temperature of each group of tests (temperatures "
+    f"with no gap wider than {GROUP_TEMPERATURES:g} K): full ones, with bands that hold 90 % of "
+    "the draws, of the rate at which tests peak at a stress; broken ones of the rate at which "
+    "undeformed material flows under it. The distance between the two is the softening up to the "
+    "peak; the slope of the broken ones is the stress exponent n. Bands show how well the peaks "
+    "are known, not how far single tests scatter about them, which is the scatter in the table."
 )
 
 
 def flow_law(fit: PeakStressFit) -> Figure:
-    """Draw points, and the flow law with its 90 % band, by grain size and temperature."""
+    """Draw points, peaks with their 90 % band and the flow law, by grain size and temperature."""
     data = fit.data
-    rates = all_draws(fit.posterior["predictions"].to_dataset()["strain_rate"])
+    predictions = fit.posterior["predictions"].to_dataset()
+    rates, of_peaks = (all_draws(predictions[name]) for name in ("strain_rate", "peak_strain_rate"))
     with style():
         figure = Figure(figsize=(6.4, 4.8), layout="constrained")
         axes = figure.subplots()
@@ -156,10 +222,17 @@ def flow_law(fit: PeakStressFit) -> Figure:
             draw_band(
                 axes,
                 group.stress * STRESS_FACTOR,
-                rates[:, k],
+                of_peaks[:, k],
                 colour,
                 f"{number(round(group.grain_size * LENGTH_FACTOR, 3))} {LENGTH_UNIT}, "
-                f"{group.temperature:.1f} K: flow law, 90 %",
+                f"{group.temperature:.1f} K: peaks, 90 %",
+            )
+            axes.plot(
+                group.stress * STRESS_FACTOR,
+                np.median(rates[:, k], axis=0),
+                linestyle="--",
+                color=colour,
+                label="undeformed",
             )
             spread = data.relative_stress_uncertainty[group.points]
             stress = data.stress[group.points] * STRESS_FACTOR

@@ -9,4 +9,5 @@ array[strain_end[n_tests + 1]] real<lower=0> strain;
 array[segment_end[n_tests + 1]] int<lower=0> n_strains_in_segment;
 array[point_end[n_tests + 1]] int<lower=1> strain_of_point; // among the strains of its test
 vector[point_end[n_tests + 1]] point_strain;
+array[point_end[n_tests + 1]] int<lower=0> point_segment; // of constant rate, of its test
 int<lower=0, upper=1> correlated_residuals; // 0: epsilon_r is 0 and residuals are independent

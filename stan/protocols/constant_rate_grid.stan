@@ -50,6 +50,9 @@
     }
     grid_stress_replicated[here]
       = grid_stress[here]
-        + residuals_rng(to_vector(grid_strain[here]), parameter[e][i_stress_noise()],
-                        parameter[e][i_residual_correlation_strain()]);
+        + residuals_rng(to_vector(grid_strain[here]),
+                        segment_of_outputs(n_grid_in_segment[part(segment_end, e)]),
+                        parameter[e][i_stress_noise()],
+                        parameter[e][i_residual_correlation_strain()],
+                        parameter[e][i_residual_correlated_share()]);
   }

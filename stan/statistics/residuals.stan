@@ -1,41 +1,58 @@
 /**
- * Residuals of the stress along strain: independent, or an Ornstein-Uhlenbeck process, whose
- * correlation falls off as exp(-|difference of strain|/epsilon_r). Their standard deviation is s
- * in both cases.
+ * Residuals of the stress along strain: independent, or the sum of a part that correlates and of one
+ * that does not. Their standard deviation is s in both cases.
  *
- * The process is a Markov one: given the residual before, earlier ones say nothing more, and given
- * both neighbours no other one does. Points are in the order of strain, no two at the same one.
+ * The correlated part is an Ornstein-Uhlenbeck process of variance w s^2, whose correlation falls
+ * off as exp(-|difference of strain|/epsilon_r); what the model misses is smooth. It starts anew in
+ * every segment of constant rate, where the model misses something else. The rest is the reading.
+ * The process is a Markov one, so that a filter (Kalman 1960, Journal of Basic Engineering 82,
+ * 35-45) carries what the readings before say about it. Points are in the order of strain; two may
+ * have the same one where w < 1.
  */
 
 /**
- * Standard deviation, over s, of a residual given its neighbour.
+ * Mean (Pa) and variance over s^2 of the correlated part at every point, given all before it.
  *
- * @param step difference of strain over epsilon_r
+ * @param residual Pa
+ * @param strain of the residuals, increasing or decreasing
+ * @param segment of constant rate that each is in
+ * @param correlation_strain epsilon_r
+ * @param share w
  */
-real conditional_spread(real step) {
-  return sqrt(-expm1(-2 * step));
+matrix correlated_part_given_before(vector residual, data vector strain,
+                                    data array[] int segment, real correlation_strain,
+                                    real share) {
+  int n = num_elements(residual);
+  matrix[n, 2] part;
+  for (i in 1 : n) {
+    if (i == 1 || segment[i] != segment[max(i - 1, 1)]) {
+      part[i] = [0, share];
+    } else {
+      real step = abs(strain[i] - strain[i - 1]) / correlation_strain;
+      real gain = part[i - 1, 2] / (part[i - 1, 2] + 1 - share);
+      part[i, 1] = exp(-step)
+                   * (part[i - 1, 1] + gain * (residual[i - 1] - part[i - 1, 1]));
+      part[i, 2] = exp(-2 * step) * (1 - gain) * part[i - 1, 2] - share * expm1(-2 * step);
+    }
+  }
+  return part;
 }
 
 /**
  * Log density of every residual given all those before it; their sum is the joint density.
  *
- * @param residual Pa
  * @param stress_noise s, Pa
- * @param strain of the residuals, increasing
- * @param correlation_strain epsilon_r
+ * @param residual and the others as for correlated_part_given_before()
  */
 vector residual_log_densities(vector residual, real stress_noise, data vector strain,
-                              real correlation_strain) {
+                              data array[] int segment, real correlation_strain, real share) {
   int n = num_elements(residual);
   vector[n] log_density;
+  matrix[n, 2] part = correlated_part_given_before(residual, strain, segment,
+                                                   correlation_strain, share);
   for (i in 1 : n) {
-    if (i == 1) {
-      log_density[i] = normal_lpdf(residual[i] | 0, stress_noise);
-    } else {
-      real step = (strain[i] - strain[i - 1]) / correlation_strain;
-      log_density[i] = normal_lpdf(residual[i] | exp(-step) * residual[i - 1],
-                                   stress_noise * conditional_spread(step));
-    }
+    log_density[i] = normal_lpdf(residual[i] | part[i, 1],
+                                 stress_noise * sqrt(part[i, 2] + 1 - share));
   }
   return log_density;
 }
@@ -44,45 +61,42 @@ vector residual_log_densities(vector residual, real stress_noise, data vector st
  * Joint log density of observed stresses.
  *
  * @param observed, predicted Pa
- * @param correlated 0: residuals are independent, and strain and epsilon_r have no effect
- * @param strain, correlation_strain see residual_log_densities()
+ * @param correlated 0: residuals are independent, and strain, epsilon_r and w have no effect
+ * @param stress_noise and the others as for residual_log_densities()
  */
 real stress_log_density(data vector observed, vector predicted, real stress_noise,
-                        data int correlated, data vector strain, real correlation_strain) {
+                        data int correlated, data vector strain, data array[] int segment,
+                        real correlation_strain, real share) {
   return correlated
-         ? sum(residual_log_densities(observed - predicted, stress_noise, strain,
-                                      correlation_strain))
+         ? sum(residual_log_densities(observed - predicted, stress_noise, strain, segment,
+                                      correlation_strain, share))
          : normal_lpdf(observed | predicted, stress_noise);
 }
 
 /**
  * Log density of every residual given all others, those after it too.
  *
+ * What those before and those after say about the correlated part is multiplied, its prior
+ * taken out once.
+ *
  * @param residual and the others as for residual_log_densities()
  */
 vector residual_log_densities_given_others(vector residual, real stress_noise,
-                                           data vector strain, real correlation_strain) {
+                                           data vector strain, data array[] int segment,
+                                           real correlation_strain, real share) {
   int n = num_elements(residual);
   vector[n] log_density;
+  matrix[n, 2] before = correlated_part_given_before(residual, strain, segment,
+                                                     correlation_strain, share);
+  matrix[n, 2] after = correlated_part_given_before(reverse(residual), reverse(strain),
+                                                    reverse(segment), correlation_strain,
+                                                    share);
   for (i in 1 : n) {
-    real precision = 0; // times s^2
-    real weighted = 0; // mean times precision
-    if (i > 1) {
-      real step = (strain[i] - strain[i - 1]) / correlation_strain;
-      real variance = square(conditional_spread(step));
-      precision += 1 / variance;
-      weighted += exp(-step) * residual[i - 1] / variance;
-    } else {
-      precision += 1;
-    }
-    if (i < n) {
-      real step = (strain[i + 1] - strain[i]) / correlation_strain;
-      real variance = square(conditional_spread(step));
-      precision += exp(-2 * step) / variance;
-      weighted += exp(-step) * residual[i + 1] / variance;
-    }
-    log_density[i] = normal_lpdf(residual[i] | weighted / precision,
-                                 stress_noise / sqrt(precision));
+    int j = n + 1 - i;
+    real precision = 1 / before[i, 2] + 1 / after[j, 2] - 1 / share;
+    real mean = (before[i, 1] / before[i, 2] + after[j, 1] / after[j, 2]) / precision;
+    log_density[i] = normal_lpdf(residual[i] | mean,
+                                 stress_noise * sqrt(1 / precision + 1 - share));
   }
   return log_density;
 }
@@ -91,20 +105,41 @@ vector residual_log_densities_given_others(vector residual, real stress_noise,
  * Random residuals, Pa.
  *
  * @param correlation_strain epsilon_r; 0: independent residuals
+ * @param strain and the others as for residual_log_densities()
  */
-vector residuals_rng(data vector strain, real stress_noise, real correlation_strain) {
+vector residuals_rng(data vector strain, data array[] int segment, real stress_noise,
+                     real correlation_strain, real share) {
   int n = num_elements(strain);
   vector[n] residual;
+  real part;
   for (i in 1 : n) {
-    if (i == 1 || correlation_strain == 0) {
+    if (correlation_strain == 0) {
       residual[i] = normal_rng(0, stress_noise);
     } else {
-      real step = (strain[i] - strain[i - 1]) / correlation_strain;
-      residual[i] = normal_rng(exp(-step) * residual[i - 1],
-                               stress_noise * conditional_spread(step));
+      if (i == 1 || segment[i] != segment[max(i - 1, 1)]) {
+        part = normal_rng(0, stress_noise * sqrt(share));
+      } else {
+        real step = (strain[i] - strain[i - 1]) / correlation_strain;
+        part = exp(-step) * part
+               + stress_noise * sqrt(-share * expm1(-2 * step)) * std_normal_rng();
+      }
+      residual[i] = part + stress_noise * sqrt(1 - share) * std_normal_rng();
     }
   }
   return residual;
+}
+
+/** Segment, from 1, of outputs that lie in segments one after the other. */
+array[] int segment_of_outputs(data array[] int n_in_segment) {
+  array[sum(n_in_segment)] int segment;
+  int before = 0;
+  for (k in 1 : size(n_in_segment)) {
+    for (i in 1 : n_in_segment[k]) {
+      segment[before + i] = k;
+    }
+    before += n_in_segment[k];
+  }
+  return segment;
 }
 
 /**

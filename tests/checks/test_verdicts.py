@@ -65,6 +65,13 @@ def test_what_one_check_cannot_tell_is_no_yes() -> None:
     assert failed[DESCRIPTION].outcome is NO
 
 
+def test_one_reason_of_several_checks_is_told_once() -> None:
+    few = [result("few", DESCRIPTION, CANNOT_TELL), result("few", DESCRIPTION, CANNOT_TELL)]
+    assert "Also" not in verdicts([*GOOD, *few])[DESCRIPTION].sentence
+    other = result("other", DESCRIPTION, CANNOT_TELL)
+    assert verdicts([*GOOD, *few, other])[DESCRIPTION].sentence.endswith(" Also: other.")
+
+
 def test_nothing_is_said_about_data_that_took_no_part() -> None:
     answers = verdicts(GOOD[:1])
     assert (answers[SAMPLING].outcome, answers[DESCRIPTION].outcome) == (YES, CANNOT_TELL)

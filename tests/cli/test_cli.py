@@ -443,4 +443,6 @@ def test_every_command_has_help(command: str, capsys: pytest.CaptureFixture[str]
     with pytest.raises(SystemExit) as stopped:
         main([command, "--help"])
     assert stopped.value.code == 0
-    assert capsys.readouterr().out.startswith(f"usage: pyburgers {command}")
+    out = capsys.readouterr().out
+    assert out.startswith(f"usage: pyburgers {command}")
+    assert "4 it was sampled well, but" in " ".join(out.split())

@@ -13,6 +13,7 @@ from pyburgers.cli.main import main
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.flow_law_prior import FlowLawPrior
 
+CURVE_PRIORS = str(ICE.parent / "priors" / "ice.toml")
 TABLE = str(ICE / "peak_stress_qi_goldsby_2021.toml")
 SHORT = ("--chains", "2", "--warmup", "200", "--draws", "400", "--seed", "2")
 
@@ -147,8 +148,10 @@ def test_a_table_is_fitted_with_figure_checks_and_a_prior_to_hand_on(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "run"
-    code = main(["fit-peak-stress", TABLE, "--out", str(out), *SHORT])
-    printed = capsys.readouterr().out
+    own = ("--without", str(ICE / "PIL40.toml"), "--curve-priors", CURVE_PRIORS)
+    code = main(["fit-peak-stress", TABLE, "--out", str(out), *own, *SHORT])
+    printed, told = capsys.readouterr()
+    assert "1 of 23 rows may be" in told
     checks = json.loads((out / "checks.json").read_text(encoding="utf-8"))["checks"]
     assert code == (0 if all(check["passed"] for check in checks) else 3)
     assert f"run directory: {out}" in printed
@@ -158,7 +161,9 @@ def test_a_table_is_fitted_with_figure_checks_and_a_prior_to_hand_on(
     manifest = json.loads((out / "manifest.json").read_text(encoding="utf-8"))
     assert manifest["sampler"]["draws"] == 400
     assert manifest["status"] == "complete"
-    assert FlowLawPrior.load(out / "flow_law_prior.json").mean.shape == (4,)
+    law = FlowLawPrior.load(out / "flow_law_prior.json")
+    assert law.mean.shape == (4,)
+    assert len(law.tests) == 22
 
 
 def test_bad_tables_priors_and_folders_are_refused(

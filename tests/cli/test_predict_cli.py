@@ -53,6 +53,20 @@ def test_a_prediction_is_a_table_all_draws_and_a_figure(
     assert len(list(tmp_path.iterdir())) == 4
 
 
+def test_measured_points_are_drawn_over_the_prediction(
+    small_fit: Fit, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, points = tmp_path / "tan_delta.csv", tmp_path / "points.csv"
+    points.write_text("frequency_Hz,tan_delta,series\n0.01,0.3,ours\n", encoding="utf-8")
+    run = small_fit.directory.path
+    assert predict(run, out, "--frequencies-Hz", "1e-3", "0.1", "--measured", str(points)) == 0
+    assert ">ours<" in out.with_suffix(".svg").read_text(encoding="utf-8")
+    points.write_text("frequency_Hz\n0.01\n", encoding="utf-8")
+    capsys.readouterr()
+    assert predict(run, out, "--measured", str(points)) == 2
+    assert "column 'tan_delta' is missing" in capsys.readouterr().err
+
+
 def test_options_are_in_the_units_of_their_names(small_fit: Fit, tmp_path: Path) -> None:
     out = tmp_path / "tan_delta.csv"
     code = predict(

@@ -17,7 +17,7 @@ from pyburgers.fitting.side_by_side import Task, fit_side_by_side
 def tasks(small_problem: Problem) -> dict[str, Task]:
     experiment, priors = small_problem.experiment, small_problem.priors
     return {
-        name: Task(replace(experiment, id=name), priors, replace(SMALL_RUN, seed=seed))
+        name: Task((replace(experiment, id=name),), priors, replace(SMALL_RUN, seed=seed))
         for name, seed in (("first", SMALL_RUN.seed), ("second", SMALL_RUN.seed + 1))
     }
 
@@ -46,7 +46,7 @@ def test_draws_and_runs_are_those_of_a_single_fit(
     # The same inputs in this process continue the run, which lacks nothing.
     before = found["first"].manifest["chains"]
     first = tasks["first"]
-    again = fit(first.experiment, first.priors, out=tmp_path / "first", options=first.options)
+    again = fit(first.experiments, first.priors, out=tmp_path / "first", options=first.options)
     assert again.manifest["chains"] == before
 
 

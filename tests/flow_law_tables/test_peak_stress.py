@@ -1,7 +1,7 @@
 """Tables of peak stresses and their priors: what is read, converted, written and refused."""
 
 from collections.abc import Callable
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,14 +11,19 @@ from conftest import ICE
 from pyburgers.common.errors import InputError
 from pyburgers.flow_law_tables.fit import groups
 from pyburgers.flow_law_tables.inputs import (
+    COLUMNS,
     FLOW_LAW_PARAMETERS,
+    PeakStrain,
     PeakStressData,
     default_peak_stress_priors,
     load_peak_stress,
     load_peak_stress_priors,
     save_peak_stress,
     save_peak_stress_priors,
+    without_test,
 )
+from pyburgers.model.flow_law_prior import PeakTest
+from pyburgers.protocols.protocol import load_experiment
 
 TABLE = """\
 id = "table-1"
@@ -69,6 +74,52 @@ def assert_one_sentence(error: InputError) -> str:
     assert "\n" not in text
     assert text.endswith((".", "?"))
     return text
+
+
+def test_a_stated_strain_of_the_peaks_is_read_and_saved(write: Write, tmp_path: Path) -> None:
+    stated = "[peak_strain]\nmean = 0.02\nsd = 0.004\n\n[provenance]"
+    data = load_peak_stress(write(("[provenance]", stated)))
+    assert data.peak_strain == PeakStrain(0.02, 0.004)
+    assert load_peak_stress(write()).peak_strain is None
+    (tmp_path / "copy").mkdir()
+    assert_equal(load_peak_stress(save_peak_stress(data, tmp_path / "copy")), data)
+    with pytest.raises(InputError, match="key 'mean' in \\[peak_strain\\]"):
+        load_peak_stress(write(("[provenance]", stated.replace("0.02", "2.0"))))
+
+
+def test_the_rows_of_a_curve_are_left_out() -> None:
+    table = load_peak_stress(ICE / "peak_stress_qi_goldsby_2021.toml")
+    curve = load_experiment(ICE / "PIL40.toml")
+    others = without_test(table, curve)
+    assert others.n_points == 22
+    np.testing.assert_allclose(np.setdiff1d(table.stress, others.stress), [8.03e6])
+    with pytest.raises(InputError, match=r"no row may be PIL40 with 0\.000169 1/s, .*expected"):
+        without_test(others, curve)
+    record = load_experiment(ICE.parent / "olivine" / "olivine_twin.toml")
+    with pytest.raises(InputError, match="has no stress at a constant rate"):
+        without_test(table, record)
+    few = replace(table, **{name: getattr(table, name)[7:10] for name in COLUMNS})
+    with pytest.raises(InputError, match="2 rows are left, expected at least 3"):
+        without_test(few, curve)
+
+
+@pytest.mark.parametrize(
+    ("change", "same"),
+    [
+        ({}, True),
+        ({"strain_rate": 1.005e-4}, True),
+        ({"stress": 7.3e6, "temperature": 260.0}, True),
+        ({"strain_rate": 1.03e-4}, False),
+        ({"stress": 8e6}, False),
+        ({"temperature": 255.0}, False),
+        ({"grain_size": 3e-4}, False),
+    ],
+)
+def test_records_that_differ_by_more_than_reporting_are_other_tests(
+    change: dict[str, float], same: bool
+) -> None:
+    one = PeakTest(strain_rate=1e-4, stress=7e6, temperature=263.0, grain_size=2.3e-4)
+    assert one.may_be(replace(one, **change)) is same
 
 
 def assert_equal(one: PeakStressData, other: PeakStressData) -> None:
@@ -161,7 +212,7 @@ def test_saved_priors_are_read_back_unchanged(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "expected"),
     [
-        ("[parameters.rate_scatter]", "[parameters.stress_noise]", "unknown key 'stress_noise'"),
+        ("[parameters.stress_scatter]", "[parameters.stress_noise]", "unknown key 'stress_noise'"),
         ('family = "half_normal"', 'family = "uniform"', "'half_normal'"),
         ("location = -7.29e-4", "location = 7.29e-4", "so the sign is a misprint"),
     ],

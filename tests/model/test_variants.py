@@ -34,7 +34,12 @@ from pyburgers.model.variants import (
     with_variant,
 )
 from pyburgers.posterior.labelled_draws import CORRELATED
-from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
+from pyburgers.protocols.constant_rate.experiment import (
+    ConstantRateExperiment,
+    RateSegment,
+    load_constant_rate,
+)
+from pyburgers.protocols.constant_rate.stan_data import segment_of_points
 from pyburgers.protocols.forward import check_parameters, simulate, simulate_data
 from pyburgers.protocols.protocol import load_experiment
 from pyburgers.protocols.stan_data import SolverOptions
@@ -77,8 +82,8 @@ def test_no_choice_changes_nothing(ice: ConstantRateExperiment, priors: PriorSet
     assert ModelVariant().short_text == "standard"
     data = one_test_data(ice, priors.resolved(1e7), solver=SolverOptions())
     (family,), (location,) = data["prior_family"], data["prior_location"]
-    assert family[len(PARAMETERS) :] == [0] * 9
-    assert location[len(PARAMETERS) :] == [1.0, 0.0, 1e6, 273.15, 0.0, 0.0, 1.0, 1e6, 0.0]
+    assert family[len(PARAMETERS) :] == [0] * 10
+    assert location[len(PARAMETERS) :] == [1.0, 0.0, 1e6, 273.15, 0.0, 0.0, 1.0, 1e6, 0.0, 1.0]
     assert max(data["own_parameter"]) == len(PARAMETERS)
 
 
@@ -264,14 +269,18 @@ def test_priors_without_a_law_cannot_follow_it(
         with_variant(constant, ice, {"fabric": "evolving"})
 
 
-def test_correlated_residuals_need_different_strains(
+def test_two_readings_at_one_strain_correlate_in_part(
     ice: ConstantRateExperiment, priors: PriorSet
 ) -> None:
-    changed = with_variant(priors, ice, {"residuals": "autocorrelated"})
     strain = ice.strain.copy()
     strain[4] = strain[3]
-    with pytest.raises(InputError, match="needs points at different strains, found two at"):
-        check_variant(changed, replace(ice, strain=strain))
+    twice = replace(ice, strain=strain)
+    changed = with_variant(priors, twice, {"residuals": "autocorrelated"})
+    assert {"residual_correlation_strain", "residual_correlated_share"} <= set(changed.free)
+    wholly = with_fixed(changed, {"residual_correlated_share": 1.0})
+    check_variant(wholly, ice)
+    with pytest.raises(InputError, match="need points at different strains, found two at"):
+        check_variant(wholly, twice)
 
 
 def test_command_line_refuses_a_wrong_variant_before_anything_runs(
@@ -294,6 +303,7 @@ VARIANT_TABLES = {
     "piezometer_exponent": '"fixed"\nvalue = 1.33\nunit = "1"',
     "piezometer_stress_floor": '"fixed"\nvalue = 1.0\nunit = "MPa"',
     "breakdown_stress": '"uniform"\nlower = 1.0\nupper = 50.0\nunit = "MPa"',
+    "residual_correlated_share": '"uniform"\nlower = 0.0\nupper = 1.0\nunit = "1"',
 }
 
 
@@ -363,6 +373,35 @@ def test_simulated_residuals_are_correlated(programs: None, ice: ConstantRateExp
     assert stats.kstest(np.ravel(whitened), "norm").pvalue > 1e-3
 
 
+def test_simulated_residuals_start_anew_at_a_step(
+    programs: None, ice: ConstantRateExperiment
+) -> None:
+    """Two readings at the strain of the step lie on its two sides."""
+    truth = ice.true_parameters
+    assert truth is not None
+    strain = np.array([0.02, 0.03, 0.03, 0.03, 0.04])
+    stepped = replace(
+        ice,
+        segments=(RateSegment(0.0, 1e-4), RateSegment(0.03, 1e-5)),
+        strain=strain,
+        stress=np.zeros(5),
+    )
+    assert segment_of_points(stepped).tolist() == [0, 0, 1, 1, 1]
+    values = dict(truth) | {"residual_correlation_strain": 0.05, "residual_correlated_share": 0.8}
+    clean = simulate(stepped, truth, at=strain)["stress_Pa"].to_numpy()[[0, 1, 1, 1, 2]]
+    residual = np.stack(
+        [
+            simulate_data(stepped, values, np.random.default_rng(seed), source="test").stress
+            for seed in range(300)
+        ]
+    )
+    found = np.cov((residual - clean).T / truth["stress_noise"])
+    distance = np.abs(strain[:, None] - strain)
+    together = np.equal.outer([0, 0, 1, 1, 1], [0, 0, 1, 1, 1])
+    expected = 0.8 * np.exp(-distance / 0.05) * together + 0.2 * np.eye(5)
+    np.testing.assert_allclose(found, expected, atol=5 / np.sqrt(150))
+
+
 @pytest.fixture(scope="module")
 def correlated_fit(
     programs: None, small_problem: Problem, tmp_path_factory: pytest.TempPathFactory
@@ -402,7 +441,11 @@ def test_leave_one_out_uses_the_density_given_all_others(correlated_fit: Fit) ->
     residual = experiment.stress - solution["stress_Pa"].to_numpy()
     distance = np.abs(experiment.strain[:, None] - experiment.strain)
     correlation = np.exp(-distance / values["residual_correlation_strain"])
-    covariance = values["stress_noise"] ** 2 * correlation
+    share = values["residual_correlated_share"]
+    assert 0 < share < 1
+    covariance = values["stress_noise"] ** 2 * (
+        share * correlation + (1 - share) * np.eye(residual.size)
+    )
     precision = np.linalg.inv(covariance)
     sd = np.diag(precision) ** -0.5
     given_others = stats.norm.logpdf(precision @ residual * sd**2, 0.0, sd)

@@ -14,8 +14,8 @@ from synthetic_fit import make_fit
 
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
-from pyburgers.predictions.attenuation import predict_attenuation
-from pyburgers.predictions.attenuation_figures import EVOLVING_LABEL, attenuation
+from pyburgers.predictions.attenuation import material_spectrum, predict_attenuation
+from pyburgers.predictions.attenuation_figures import BEYOND_LABEL, EVOLVING_LABEL, attenuation
 from pyburgers.predictions.evolving import (
     evolving_attenuation,
     evolving_overview,
@@ -267,6 +267,23 @@ def test_the_figure_shows_what_was_solved(fit: Fit, comparison: xr.Dataset) -> N
     for line, expected in zip(drawn, medians, strict=True):
         np.testing.assert_allclose(np.asarray(line.get_ydata(), dtype=np.float64), expected)
     assert EVOLVING_LABEL in [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+def test_what_is_infinite_is_drawn_above_all_else() -> None:
+    softer = ICE | {"activation_enthalpy": 59e3, "critical_strain_fabric": 2.0}
+    regimes = (PAPER_REGIMES[0], PAPER_REGIMES[3])
+    found = evolving_attenuation(material(softer), (1e-4,), regimes)
+    assert np.isinf(found["tan_delta_evolving"].to_numpy()).any()
+    frozen = material_spectrum(material(softer), (1e-4, 1e-3), regimes)
+    figure = attenuation(frozen, "", found)
+    (axes,) = figure.axes
+    triangles = [line for line in axes.lines if line.get_marker() == "^"]
+    assert triangles
+    heights = [np.asarray(line.get_ydata(), dtype=np.float64) for line in axes.lines]
+    highest = max(height[np.isfinite(height)].max(initial=0.0) for height in heights)
+    for line in triangles:
+        assert float(np.max(np.asarray(line.get_ydata(), dtype=np.float64))) == highest
+    assert BEYOND_LABEL in [text.get_text() for text in figure.legends[0].get_texts()]
 
 
 @pytest.mark.parametrize(

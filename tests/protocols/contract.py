@@ -11,6 +11,7 @@ from log_density import Program, program_with
 from page import Page
 from protocol_examples import EXAMPLES
 from same_contents import assert_equal
+from scipy import stats
 from stan_data import one_test_data, parameters_in
 
 from pyburgers.common.errors import InputError
@@ -166,7 +167,7 @@ def at_truth(experiment: Experiment) -> AtMode[Experiment]:
     reference = problem.protocol.reference.name
     found = simulate(experiment, values, at=experiment.position).attrs[reference]
     coordinate = problem.coordinates[0].at({**values, reference: found})
-    return at_mode(problem, Mode(values, coordinate), solver)
+    return at_mode(problem, Mode(values, coordinate, np.zeros(experiment.n_driving_errors)), solver)
 
 
 def program_in(experiment: Experiment, system: str, folder: Path) -> tuple[Program, FloatArray]:
@@ -178,7 +179,7 @@ def program_in(experiment: Experiment, system: str, folder: Path) -> tuple[Progr
         # Whatever the covariance, the posterior is the same.
         reference = protocol.chart.rescaled(reference, test, 0.04 * np.eye(centre.size))
     data = one_test_data(experiment, test.priors, solver=TIGHT, reference=reference)
-    return program_with(protocol.program, data, folder), centre
+    return program_with(protocol.program, data, folder), np.append(centre, test.mode.driving_error)
 
 
 def vector(columns: Mapping[str, float], name: str, size: int) -> FloatArray:
@@ -213,7 +214,8 @@ def test_the_density_is_prior_likelihood_and_jacobian(
             vector(columns, "log_lik", experiment.n_points), likelihood, rtol=1e-8, atol=1e-8
         )
         assert columns["lprior"] == pytest.approx(prior, rel=1e-8)
-        expected = prior + np.sum(likelihood) + columns["log_jacobian"]
+        errors = stats.norm.logpdf(point[point.size - experiment.n_driving_errors :])
+        expected = prior + np.sum(likelihood) + columns["log_jacobian"] + np.sum(errors)
         assert columns["lp__"] == pytest.approx(expected, rel=1e-7)
 
 

@@ -139,16 +139,19 @@ def peak_stress(programs: None, tmp_path_factory: pytest.TempPathFactory) -> Pea
     )
 
 
-def test_the_fit_of_the_measured_table_agrees_with_least_squares(
+def test_least_squares_of_the_measured_table_regress_what_was_measured(
     peak_stress: PeakStressFit,
 ) -> None:
+    # Of ln(rate), which was imposed, on the others it would be 3.54 and 0.58.
     table = least_squares_table(peak_stress)
-    published = {"stress_exponent": (3.54, 0.13), "grain_size_exponent": (0.58, 0.09)}
-    for name, (value, error) in published.items():
+    for name, (value, error) in {
+        "stress_exponent": (3.635, 0.136),
+        "grain_size_exponent": (0.578, 0.089),
+    }.items():
         assert table["least_squares"][name] == pytest.approx(value, abs=0.005)
         assert table["standard_error"][name] == pytest.approx(error, abs=0.005)
-        assert table["mean"][name] == pytest.approx(value, abs=0.1)
-        assert table["sd"][name] == pytest.approx(error, rel=0.2)
+        # How softening changes with the conditions is not known from the table.
+        assert table["sd"][name] > error
 
 
 def test_least_squares_leave_out_a_grain_size_that_never_changes(
@@ -157,7 +160,7 @@ def test_least_squares_leave_out_a_grain_size_that_never_changes(
     data = peak_stress.data
     same = replace(data, grain_size=np.full(data.n_points, 2.3e-4))
     assert set(least_squares(same)) == {"stress_exponent"}
-    exact = replace(data, strain_rate=data.stress**3 / data.grain_size**0.5 * 1e-25)
+    exact = replace(data, stress=(data.strain_rate * data.grain_size**0.5 * 1e25) ** (1 / 3))
     found = least_squares(exact)
     assert found["stress_exponent"] == pytest.approx((3.0, 0.0), abs=1e-10)
     assert found["grain_size_exponent"] == pytest.approx((0.5, 0.0), abs=1e-10)
@@ -183,6 +186,9 @@ def test_all_parts_are_on_the_page_and_in_files(
             assert (tmp_path / "tables" / f"{extra.key}_{table.name}.csv").is_file()
     assert "are a joint one from another source: the other source" in page.text
     assert "23 tests (measured data" in page.text
+    assert "The table states peaks at 3.0 ± 1.0 % strain" in page.text
+    assert "The tests were at 263.10 to 264.05 K." in page.text
+    assert "for another single one" in page.text
 
 
 def test_the_report_of_two_runs_of_one_experiment_compares_them(

@@ -23,9 +23,11 @@ data {
   vector<lower=0>[n_path_strains] path_strain;
   int<lower=1> n;
   vector[n] strain;
+  array[n] int segment;
   vector[n] residual;
   real<lower=0> stress_noise;
   real<lower=0> correlation_strain;
+  real<lower=0> correlated_share;
   int<lower=0> n_replications;
   real<lower=0> viscosity;
   real<lower=0> kelvin_stress_exponent;
@@ -81,10 +83,11 @@ generated quantities {
                                              critical_strain,
                                              grain_size_exponent / stress_exponent);
   }
-  vector[n] log_density = residual_log_densities(residual, stress_noise, strain,
-                                                 correlation_strain);
+  vector[n] log_density = residual_log_densities(residual, stress_noise, strain, segment,
+                                                 correlation_strain, correlated_share);
   vector[n] log_density_given_others
-    = residual_log_densities_given_others(residual, stress_noise, strain, correlation_strain);
+    = residual_log_densities_given_others(residual, stress_noise, strain, segment,
+                                          correlation_strain, correlated_share);
   array[n_replications] vector[n] replicated;
   real log_rate_factor_of_kelvin = log_kelvin_rate_factor(viscosity, kelvin_stress_exponent,
                                                           kelvin_activation_enthalpy,
@@ -92,7 +95,8 @@ generated quantities {
                                                           reference_temperature);
   vector[n_driving] kelvin_rate;
   for (i in 1 : n_replications) {
-    replicated[i] = residuals_rng(strain, stress_noise, correlation_strain);
+    replicated[i] = residuals_rng(strain, segment, stress_noise, correlation_strain,
+                                  correlated_share);
   }
   for (i in 1 : n_driving) {
     kelvin_rate[i] = linear_driving_stress(driving_stress[i], kelvin_stress_exponent,

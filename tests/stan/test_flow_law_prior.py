@@ -25,6 +25,7 @@ from pyburgers.model.flow_law_prior import (
     PRIOR_QUANTITIES,
     Conditions,
     FlowLawPrior,
+    PeakTest,
 )
 from pyburgers.model.priors import (
     FLOW_LAW,
@@ -37,6 +38,7 @@ from pyburgers.model.priors import (
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forced_oscillation.experiment import load_forced_oscillation
+from pyburgers.protocols.problem import problem_of
 from pyburgers.protocols.program_data import values_of_test
 from pyburgers.protocols.protocol import protocol_of
 from pyburgers.protocols.stan_data import SolverOptions
@@ -188,6 +190,30 @@ def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("peak_stress")
     flow_law().save(folder / FLOW_LAW_PRIOR_FILE)
     return folder
+
+
+def test_a_curve_is_not_fitted_with_a_flow_law_that_it_has_gone_into(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    row = PeakTest(strain_rate=1.69e-4, stress=8.03e6, temperature=263.47, grain_size=2.3e-4)
+    other = replace(row, strain_rate=8e-5)
+    for tests, refused in (((other, row), True), ((other,), False)):
+        law = replace(flow_law(), tests=tests)
+        law.save(tmp_path / FLOW_LAW_PRIOR_FILE)
+        assert FlowLawPrior.load(tmp_path / FLOW_LAW_PRIOR_FILE).tests == tests
+        priors = with_flow_law(default_priors("ice"), law, "test")
+        save_priors(priors, tmp_path / "priors.toml")
+        assert load_priors(tmp_path / "priors.toml") == priors
+        curve = load_constant_rate(ICE / "PIL40.toml")
+        if not refused:
+            problem_of([curve], priors)
+            continue
+        with pytest.raises(InputError, match=r"PIL40: may be the test with 0\.000169 1/s"):
+            problem_of([curve], priors)
+        command = ["fit", str(ICE / "PIL40.toml"), "--priors-from", str(tmp_path)]
+        assert main([*command, "--out", str(tmp_path / "run")]) == 2
+        assert "fit-peak-stress --without" in capsys.readouterr().err
+        assert not (tmp_path / "run").exists()
 
 
 FREE = {*FLOW_LAW, "maxwell_modulus", "stress_noise"}

@@ -1,4 +1,4 @@
-"""Flow law from peak stresses: least squares, known truths, priors, densities, run directory."""
+"""Flow law from peak stresses: known truths, priors, densities, hand-over, run directory."""
 
 import json
 from dataclasses import replace
@@ -22,32 +22,85 @@ from pyburgers.flow_law_tables.fit import (
     PeakStressFit,
     fit_peak_stress,
     flow_law_prior,
+    groups,
     peak_stress_coordinates,
     peak_stress_data,
 )
 from pyburgers.flow_law_tables.inputs import (
     FLOW_LAW_PARAMETERS,
+    PeakStrain,
     PeakStressData,
     default_peak_stress_priors,
+    least_squares,
     load_peak_stress,
+    with_curve_flow_law,
 )
+from pyburgers.flow_law_tables.softening import SofteningPrior, simulate_peaks
 from pyburgers.model.flow_law_prior import FLOW_LAW_PRIOR_FILE, FlowLawPrior
 from pyburgers.model.prior_families import Prior
-from pyburgers.model.priors import PriorSet
+from pyburgers.model.priors import FLOW_LAW, PriorSet, default_priors
 from pyburgers.protocols.experiment import Provenance
 from pyburgers.report.peak_stress_section import flow_law, flow_law_table
 from pyburgers.sampling.options import SamplerOptions
 
 FloatArray = npt.NDArray[np.float64]
 
+SOFTENING = SofteningPrior(
+    coefficients=np.array([[-3, 0.3, 0.8], [0.1, 0, 0.2], [-0.5, 0.1, 0], [0.2, 0, 0.3]]),
+    centre=np.log([3.5, 0.4]),
+    factor=np.tril(np.full((4, 4), 0.1)) + 0.2 * np.eye(4),
+    peak_strain=np.array([0.01, 0.02, 0.03]),
+    n_effective=100.0,
+)
+
 OPTIONS = SamplerOptions(chains=2, warmup=400, draws=1000, seed=3)
 TRUTH = {
-    "stress_exponent": 3.2,
-    "grain_size_exponent": 1.1,
-    "activation_enthalpy": 62e3,
-    "beta": -7e-4,
-    "rate_scatter": 0.1,
+    "maxwell_modulus": 4e9,
+    "kelvin_modulus": 5e9,
+    "kelvin_viscosity": 2.5e11,
+    "stress_exponent": 3.8,
+    "grain_size_exponent": 0.5,
+    "activation_enthalpy": 62.5e3,
+    "beta": -7.29e-4,
+    "steady_state_grain_size": 1e-4,
+    "steady_state_fabric_factor": 0.5,
+    "critical_strain_grain_size": 0.055,
+    "critical_strain_fabric": 0.25,
+    "stress_noise": 1e5,
 }
+"""Near the middle of the priors of ice, at stresses of laboratory tests."""
+
+SCATTER = 0.05
+
+LATE_PEAKS = {
+    "PIL40": {
+        "maxwell_modulus": 4.83e9,
+        "kelvin_modulus": 527e6,
+        "kelvin_viscosity": 2.4e10,
+        "stress_exponent": 3.779,
+        "grain_size_exponent": 0.55,
+        "activation_enthalpy": 62080.0,
+        "beta": -7.29e-4,
+        "steady_state_grain_size": 159e-6,
+        "steady_state_fabric_factor": 0.54,
+        "critical_strain_grain_size": 0.074,
+        "critical_strain_fabric": 0.112,
+    },
+    "PIL72": {
+        "maxwell_modulus": 2.84e9,
+        "kelvin_modulus": 589e6,
+        "kelvin_viscosity": 7.93e10,
+        "stress_exponent": 4.2,
+        "grain_size_exponent": 0.33,
+        "activation_enthalpy": 65680.0,
+        "beta": -7.29e-4,
+        "steady_state_grain_size": 82e-6,
+        "steady_state_fabric_factor": 0.37,
+        "critical_strain_grain_size": 0.083,
+        "critical_strain_fabric": 0.283,
+    },
+}
+"""Truths whose peaks come late, near 3 % strain, with softening in the upper tail of the priors."""
 
 
 def qi_and_goldsby() -> PeakStressData:
@@ -55,40 +108,67 @@ def qi_and_goldsby() -> PeakStressData:
 
 
 def made_up(n_points: int, *, uncertainty: float = 0.0, seed: int = 1) -> PeakStressData:
-    """Tests at wide ranges of temperature, stress and grain size with the scatter of `TRUTH`."""
+    """Peaks of the model at `TRUTH` with the scatter `SCATTER`, at all kinds of conditions."""
     rng = np.random.default_rng(seed)
-    temperature = rng.uniform(230, 270, n_points)
-    stress = np.exp(rng.uniform(np.log(1e6), np.log(2e7), n_points))
-    grain_size = np.exp(rng.uniform(np.log(5e-5), np.log(1e-3), n_points))
-    log_rate = oracle_log_rate(TRUTH, temperature, stress, grain_size)
-    measured = stress * np.exp(uncertainty * rng.normal(size=n_points))
+    temperature = rng.uniform(255, 268, n_points)
+    strain_rate = np.exp(rng.uniform(np.log(2e-5), np.log(5e-4), n_points))
+    grain_size = np.exp(rng.uniform(np.log(1.5e-4), np.log(6e-4), n_points))
+    peaks = simulate_peaks(
+        "ice", [TRUTH], strain_rate=strain_rate, grain_size=grain_size, temperature=temperature
+    )
+    deviation = np.hypot(SCATTER, uncertainty)
     return PeakStressData(
         id="made-up",
         material="ice",
         temperature=temperature,
-        stress=measured,
-        strain_rate=np.exp(log_rate + TRUTH["rate_scatter"] * rng.normal(size=n_points)),
+        stress=np.exp(peaks.log_stress[0] + deviation * rng.normal(size=n_points)),
+        strain_rate=strain_rate,
         grain_size=grain_size,
         relative_stress_uncertainty=np.full(n_points, uncertainty),
         provenance=Provenance("synthetic", "made up for a test"),
     )
 
 
-def oracle_log_rate(
-    values: dict[str, float], temperature: FloatArray, stress: FloatArray, grain_size: FloatArray
-) -> FloatArray:
-    """Return ln(strain rate s) by Eq. 1 with F = 1."""
-    arrhenius = values["beta"] - 1 / (oracle.GAS_CONSTANT * temperature)
-    log_rate: FloatArray = (
-        values["stress_exponent"] * np.log(stress)
-        - values["grain_size_exponent"] * np.log(grain_size)
-        + values["activation_enthalpy"] * arrhenius
+def peaks_of(truth: dict[str, float]) -> PeakStressData:
+    """Noise-free peaks of the model at the conditions of the published table."""
+    table = qi_and_goldsby()
+    peaks = simulate_peaks(
+        "ice",
+        [truth],
+        strain_rate=table.strain_rate,
+        grain_size=table.grain_size,
+        temperature=table.temperature,
     )
-    return log_rate
+    strain = float(np.exp(np.mean(np.log(peaks.strain))))
+    return replace(
+        table,
+        id="noise-free",
+        stress=np.exp(peaks.log_stress[0]),
+        provenance=Provenance("synthetic", "made for a test"),
+        peak_strain=PeakStrain(strain, 0.1 * strain),
+    )
 
 
-def posterior_draws(fit: PeakStressFit, name: str) -> FloatArray:
-    return all_draws(fit.posterior["posterior"].to_dataset()[name])
+def oracle_log_stress(
+    values: dict[str, float], softening: FloatArray, data: PeakStressData
+) -> FloatArray:
+    """Return ln(peak stress/Pa): Eq. 1 with F = 1, less what the peak is softened by."""
+    arrhenius = values["beta"] - 1 / (oracle.GAS_CONSTANT * data.temperature)
+    log_reference = (
+        np.log(data.strain_rate)
+        + values["grain_size_exponent"] * np.log(data.grain_size)
+        - values["activation_enthalpy"] * arrhenius
+    ) / values["stress_exponent"]
+    rate, grain_size = (np.log(x) - np.mean(np.log(x)) for x in (data.strain_rate, data.grain_size))
+    centre = np.mean(np.log(data.stress))
+    # ln(peak) = ln S_0 - h_1 - h_2 rate - h_3 (ln(peak) - centre) - h_4 grain size
+    others = softening[0] + softening[1] * rate + softening[3] * grain_size
+    log_stress: FloatArray = (log_reference - others + softening[2] * centre) / (1 + softening[2])
+    return log_stress
+
+
+def posterior_draws(fit: PeakStressFit, name: str, *, group: str = "posterior") -> FloatArray:
+    return all_draws(fit.posterior[group].to_dataset()[name])
 
 
 @pytest.fixture(scope="module")
@@ -97,20 +177,23 @@ def ice_fit(tmp_path_factory: pytest.TempPathFactory) -> PeakStressFit:
     return fit_peak_stress(qi_and_goldsby(), default_peak_stress_priors("ice"), out=out)
 
 
-def test_the_published_table_gives_the_exponents_of_least_squares(ice_fit: PeakStressFit) -> None:
+def test_the_peaks_of_the_published_table_have_the_exponents_of_least_squares(
+    ice_fit: PeakStressFit,
+) -> None:
     data = ice_fit.data
     design = np.column_stack(
-        [np.log(data.stress), -np.log(data.grain_size), np.ones(data.n_points)]
+        [np.log(data.strain_rate), np.log(data.grain_size), np.ones(data.n_points)]
     )
-    log_rate = np.log(data.strain_rate)
-    solution, (residual,), *_ = np.linalg.lstsq(design, log_rate)
-    variance = residual / (data.n_points - design.shape[1])
-    errors = np.sqrt(variance * np.diag(np.linalg.inv(design.T @ design)))
-    summary = ice_fit.summary()
-    for k, name in enumerate(("stress_exponent", "grain_size_exponent")):
-        assert summary["mean"][name] == pytest.approx(solution[k], abs=0.1)
-        assert summary["sd"][name] == pytest.approx(errors[k], rel=0.2)
-    assert summary["mean"]["rate_scatter"] == pytest.approx(np.sqrt(variance), rel=0.2)
+    log_stress = np.log(data.stress)
+    slopes, (residual,), *_ = np.linalg.lstsq(design, log_stress)
+    error = np.sqrt(residual / (data.n_points - 3) * np.linalg.inv(design.T @ design)[0, 0])
+    softening = posterior_draws(ice_fit, "softening", group="predictions")
+    slope = 1 / posterior_draws(ice_fit, "stress_exponent")
+    across_peaks = (slope - softening[:, 1]) / (1 + softening[:, 2])
+    assert across_peaks.mean() == pytest.approx(slopes[0], abs=0.5 * error)
+    assert across_peaks.std() == pytest.approx(error, rel=0.2)
+    scatter = np.sqrt(residual / (data.n_points - 3))
+    assert ice_fit.summary()["mean"]["stress_scatter"] == pytest.approx(scatter, rel=0.2)
     assert all(check.passed for check in ice_fit.checks())
 
 
@@ -120,30 +203,72 @@ def test_a_single_temperature_leaves_the_activation_enthalpy_open(ice_fit: PeakS
     assert summary["sd"]["beta"] > 0.7 * summary["prior_sd"]["beta"]
 
 
-def test_the_sampled_flow_rate_is_nearly_independent_of_the_exponents(
-    ice_fit: PeakStressFit,
-) -> None:
-    covariance = flow_law_prior(ice_fit).covariance
-    deviation = np.sqrt(np.diag(covariance))
-    correlation = covariance / np.outer(deviation, deviation)
-    assert np.abs(correlation[2, [0, 1, 3]]).max() < 0.2
-    assert float(ice_fit.posterior["sample_stats"]["n_steps"].mean()) < 16
-
-
-def test_wide_conditions_recover_the_whole_law(tmp_path: Path) -> None:
+def test_scattered_peaks_recover_the_whole_law(tmp_path: Path) -> None:
     fit = fit_peak_stress(
         made_up(60), default_peak_stress_priors("ice"), out=tmp_path / "run", options=OPTIONS
     )
-    for name, truth in TRUTH.items():
+    for name in FLOW_LAW:
         draws = posterior_draws(fit, name)
-        assert abs(draws.mean() - truth) < 3.3 * draws.std()
-    assert posterior_draws(fit, "activation_enthalpy").std() < 1e3
+        assert abs(draws.mean() - TRUTH[name]) < 3.3 * draws.std()
+    scatter = posterior_draws(fit, "stress_scatter")
+    assert abs(scatter.mean() - SCATTER) < 3.3 * scatter.std()
+    assert posterior_draws(fit, "activation_enthalpy").std() < 1e4
 
 
-def test_uncertain_stresses_are_no_scatter_of_the_rate(tmp_path: Path) -> None:
+def z_values(fit: PeakStressFit, truth: dict[str, float]) -> FloatArray:
+    """Distances of n and ln(flow rate) as handed on from the truth, in standard deviations."""
+    law = flow_law_prior(fit)
+    known = np.array([truth["stress_exponent"], float(law.log_flow_rate(truth))])
+    deviation = np.sqrt(np.diag(law.covariance))
+    distance: FloatArray = (law.mean[[0, 2]] - known) / deviation[[0, 2]]
+    return distance
+
+
+def test_noise_free_peaks_give_back_the_law(tmp_path: Path) -> None:
+    fit = fit_peak_stress(
+        peaks_of(TRUTH), default_peak_stress_priors("ice"), out=tmp_path / "run", options=OPTIONS
+    )
+    assert np.abs(z_values(fit, TRUTH)).max() < 0.7
+    assert abs(fit.summary()["mean"]["stress_exponent"] - TRUTH["stress_exponent"]) < 0.1
+
+
+@pytest.mark.parametrize(
+    ("name", "of_curve", "largest"),
+    [("PIL40", False, 2.0), ("PIL40", True, 3.0), ("PIL72", True, 2.0)],
+)
+def test_late_peaks_do_not_pass_their_softening_for_flow(
+    name: str, of_curve: bool, largest: float, tmp_path: Path
+) -> None:
+    # Taken for flow, softening puts ln(rate) at 0.4 to 0.6 above the truth, 9 to 13 of the
+    # standard deviations that would be handed on, and n of PIL40 at 4.43, 6 of them. The truth of
+    # PIL40 softens more than 19 in 20 materials of the priors, and its Q_M is 1.5 standard
+    # deviations off theirs: hence the wider limit where the priors of the curve count.
+    truth, table = LATE_PEAKS[name], peaks_of(LATE_PEAKS[name])
+    priors = default_peak_stress_priors("ice")
+    if of_curve:
+        priors = with_curve_flow_law(priors, default_priors("ice"))
+    short = replace(OPTIONS, draws=500)
+    fit = fit_peak_stress(table, priors, out=tmp_path / "run", options=short)
+    assert np.abs(z_values(fit, truth)).max() < largest
+    assert abs(z_values(fit, truth)[1]) < 1.5
+    across_peaks = least_squares(table)["stress_exponent"][0]
+    n = fit.summary()["mean"]["stress_exponent"]
+    assert abs(n - truth["stress_exponent"]) < 0.75 * abs(across_peaks - truth["stress_exponent"])
+
+
+def test_the_scatter_between_tests_is_in_the_prior_of_another_one(ice_fit: PeakStressFit) -> None:
+    law = flow_law_prior(ice_fit)
+    of_all = np.log(posterior_draws(ice_fit, "reference_flow_rate"))
+    n, scatter = (posterior_draws(ice_fit, k) for k in ("stress_exponent", "stress_scatter"))
+    expected = np.var(of_all) + np.mean((n * scatter) ** 2)
+    assert law.covariance[2, 2] == pytest.approx(expected, rel=0.05)
+    assert np.sqrt(law.covariance[2, 2]) > 0.18
+
+
+def test_uncertain_stresses_are_no_scatter_between_tests(tmp_path: Path) -> None:
     data = made_up(100, uncertainty=0.1, seed=2)
     priors = default_peak_stress_priors("ice")
-    short = replace(OPTIONS, warmup=300, draws=300)
+    short = replace(OPTIONS, draws=300)
     known = fit_peak_stress(data, priors, out=tmp_path / "known", options=short)
     ignored = fit_peak_stress(
         replace(data, relative_stress_uncertainty=np.zeros(100)),
@@ -151,10 +276,9 @@ def test_uncertain_stresses_are_no_scatter_of_the_rate(tmp_path: Path) -> None:
         out=tmp_path / "ignored",
         options=short,
     )
-    # 10 % of stress are n times as much of the rate.
-    total = np.hypot(TRUTH["rate_scatter"], 0.1 * TRUTH["stress_exponent"])
-    assert posterior_draws(ignored, "rate_scatter").mean() == pytest.approx(total, rel=0.2)
-    assert posterior_draws(known, "rate_scatter").mean() < 0.6 * total
+    total = np.hypot(SCATTER, 0.1)
+    assert posterior_draws(ignored, "stress_scatter").mean() == pytest.approx(total, rel=0.2)
+    assert posterior_draws(known, "stress_scatter").mean() < 0.7 * total
 
 
 def test_without_likelihood_the_draws_are_the_prior_s(tmp_path: Path) -> None:
@@ -192,20 +316,27 @@ def test_density_is_prior_plus_likelihood_plus_jacobian(
     coordinates = peak_stress_coordinates(data, priors)
     assert coordinates.replaced_parameter == replaced
     model = load_program(stan_directory() / "peak_stress.stan")
-    stan_data = peak_stress_data(data, priors)
+    stan_data = peak_stress_data(data, priors, SOFTENING)
+    z = np.array([0.3, -0.5, 1.2, 0.4])
 
     def at(coordinate: FloatArray) -> dict[str, FloatArray]:
-        return model.evaluate(stan_data, {"coordinate": coordinate.tolist()})
+        return model.evaluate(
+            stan_data, {"coordinate": coordinate.tolist(), "softening_coordinate": z.tolist()}
+        )
 
     centre = np.random.default_rng(5).normal(0.0, 0.3, len(coordinates.quantities))
     found = at(centre)
     values = {p.name: float(found[p.name]) for p in FLOW_LAW_PARAMETERS}
+    shift = np.log([values[name] for name in FLOW_LAW[:2]]) - SOFTENING.centre
+    w = SOFTENING.coefficients @ [1.0, *shift] + SOFTENING.factor @ z
+    h = np.exp(w[0])
+    np.testing.assert_allclose(found["softening"], [h, h * w[1], h * np.exp(w[2]), h * w[3]])
     log_prior = sum(float(priors[name].distribution().logpdf(values[name])) for name in priors.free)
     assert float(found["lprior"]) == pytest.approx(log_prior, rel=1e-9)
-    mean = oracle_log_rate(values, data.temperature, data.stress, data.grain_size)
-    deviation = np.hypot(values["rate_scatter"], 0.03 * values["stress_exponent"])
+    mean = oracle_log_stress(values, found["softening"], data)
+    deviation = np.hypot(values["stress_scatter"], 0.03)
     np.testing.assert_allclose(
-        found["log_lik"], stats.norm.logpdf(np.log(data.strain_rate), mean, deviation), rtol=1e-9
+        found["log_lik"], stats.norm.logpdf(np.log(data.stress), mean, deviation), rtol=1e-9
     )
     step = 1e-4
     jacobian = []
@@ -216,13 +347,25 @@ def test_density_is_prior_plus_likelihood_plus_jacobian(
     assert float(found["log_jacobian"]) == pytest.approx(log_determinant, abs=1e-5)
 
 
-def test_predictions_lie_on_the_law(ice_fit: PeakStressFit) -> None:
+def test_predictions_lie_on_the_law_and_on_the_peaks(ice_fit: PeakStressFit) -> None:
     predictions = ice_fit.posterior["predictions"].to_dataset()
-    rate = all_draws(predictions["strain_rate"])
+    rate, of_peak = (all_draws(predictions[k]) for k in ("strain_rate", "peak_strain_rate"))
     stress = predictions["stress"].to_numpy()
     slope = np.log(rate[..., -1] / rate[..., 0]) / np.log(stress[:, -1] / stress[:, 0])
     exponent = posterior_draws(ice_fit, "stress_exponent")
     np.testing.assert_allclose(slope, np.broadcast_to(exponent[:, None], slope.shape), rtol=1e-5)
+    # At the rate of a peak, the peak has the stress that it was asked for.
+    values = {p.name: posterior_draws(ice_fit, p.name)[7] for p in FLOW_LAW_PARAMETERS}
+    softening = posterior_draws(ice_fit, "softening", group="predictions")[7]
+    (group, _) = groups(ice_fit.data)
+    log_stress = oracle_log_stress(values, softening, ice_fit.data)
+    table = np.interp(
+        np.log(ice_fit.data.strain_rate[group.points]), np.log(of_peak[7, 0]), np.log(stress[0])
+    )
+    enthalpy = values["activation_enthalpy"] / oracle.GAS_CONSTANT / values["stress_exponent"]
+    warmer = 1 / ice_fit.data.temperature[group.points] - 1 / group.temperature
+    moved = enthalpy * warmer / (1 + softening[2])
+    np.testing.assert_allclose(log_stress[group.points], table + moved, atol=2e-4)
 
 
 def test_a_run_is_read_back_and_continued_without_sampling(
@@ -257,6 +400,8 @@ def test_the_flow_law_is_handed_on_as_json(ice_fit: PeakStressFit) -> None:
     prior = FlowLawPrior.load(ice_fit.directory.path / FLOW_LAW_PRIOR_FILE)
     assert prior.quantities[2] == "log_reference_flow_rate"
     np.testing.assert_array_equal(prior.mean, flow_law_prior(ice_fit).mean)
+    assert prior.tests == ice_fit.data.tests
+    assert len(prior.tests) == 23
     assert prior.mean[0] == pytest.approx(ice_fit.summary()["mean"]["stress_exponent"])
     assert np.sqrt(prior.covariance[1, 1]) == pytest.approx(
         ice_fit.summary()["sd"]["grain_size_exponent"]
@@ -275,7 +420,7 @@ def test_the_flow_law_is_handed_on_as_json(ice_fit: PeakStressFit) -> None:
         (
             '{"quantities": ["a", "b"], "mean": [1.0], "covariance": [[1.0]], "conditions": '
             '{"temperature": 1.0, "stress": 1.0, "grain_size": 1.0}, "material": "ice", '
-            '"source": "x"}',
+            '"source": "x", "tests": []}',
             r"found a mean of shape \(1,\)",
         ),
     ],
@@ -301,7 +446,7 @@ def test_a_fixed_parameter_is_sampled_around_but_not_handed_on(tmp_path: Path) -
 
 def test_table_and_figure_show_every_quantity_and_group(ice_fit: PeakStressFit) -> None:
     table = flow_law_table(ice_fit)
-    assert table["symbol"].tolist() == ["n", "p", "Q_M", "β", "s_ε̇", "ε̇_0"]
+    assert table["symbol"].tolist() == ["n", "p", "Q_M", "β", "s_σ", "ε̇_0"]
     figure = flow_law(ice_fit)
     (axes,) = figure.axes
     labels = axes.get_legend_handles_labels()[1]

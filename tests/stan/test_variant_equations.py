@@ -1,5 +1,6 @@
 """Variants of the model against independent solutions, densities and closed forms."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -209,6 +210,9 @@ def values_of_functions(
     strain: FloatArray,
     residual: FloatArray,
     correlation_strain: float,
+    *,
+    segment: Sequence[int] | None = None,
+    share: float = 1.0,
     replications: int = 0,
 ) -> dict[str, FloatArray]:
     return function_values(
@@ -217,6 +221,8 @@ def values_of_functions(
             **PHYSICS,
             "n": strain.size,
             "strain": strain.tolist(),
+            "segment": [1] * strain.size if segment is None else list(segment),
+            "correlated_share": share,
             "residual": residual.tolist(),
             "correlation_strain": correlation_strain,
             "n_replications": replications,
@@ -245,18 +251,37 @@ def test_kelvin_viscosity_is_converted_to_the_factor_of_masuti_and_barbot(
     np.testing.assert_allclose(found["kelvin_rate"], expected, rtol=1e-12)
 
 
-def covariance(strain: FloatArray, correlation_strain: float) -> FloatArray:
+def covariance(
+    strain: FloatArray, correlation_strain: float, segment: Sequence[int], share: float
+) -> FloatArray:
     distance = np.abs(strain[:, None] - strain)
-    matrix: FloatArray = 3e4**2 * np.exp(-distance / correlation_strain)
+    together = np.equal.outer(segment, segment)
+    correlated = share * np.exp(-distance / correlation_strain) * together
+    matrix: FloatArray = 3e4**2 * (correlated + (1 - share) * np.eye(strain.size))
     return matrix
 
 
+ONE_SEGMENT = [1] * 12
+TWO_SEGMENTS = [1] * 5 + [2] * 7
+
+
 @pytest.mark.parametrize("correlation_strain", [1e-4, 0.02, 0.5])
+@pytest.mark.parametrize(
+    ("segment", "share"), [(ONE_SEGMENT, 1.0), (TWO_SEGMENTS, 1.0), (TWO_SEGMENTS, 0.7)]
+)
 def test_densities_of_correlated_residuals_are_those_of_a_multivariate_normal(
-    correlation_strain: float, function_values: FunctionValues
+    correlation_strain: float, segment: list[int], share: float, function_values: FunctionValues
 ) -> None:
-    found = values_of_functions(function_values, IRREGULAR, RESIDUAL, correlation_strain)
-    dense = covariance(IRREGULAR, correlation_strain)
+    """Two readings at the strain of a step, and in the last case two more within a segment."""
+    strain = IRREGULAR.copy()
+    if segment == TWO_SEGMENTS:
+        strain[5] = strain[4]
+    if share < 1:
+        strain[9] = strain[8]
+    found = values_of_functions(
+        function_values, strain, RESIDUAL, correlation_strain, segment=segment, share=share
+    )
+    dense = covariance(strain, correlation_strain, segment, share)
     joint = stats.multivariate_normal.logpdf(RESIDUAL, np.zeros(RESIDUAL.size), dense)
     assert found["log_density"].sum() == pytest.approx(joint, rel=1e-9)
     for k in range(RESIDUAL.size):
@@ -275,13 +300,21 @@ def test_densities_of_correlated_residuals_are_those_of_a_multivariate_normal(
 def test_replicated_residuals_have_the_covariance(
     correlation_strain: float, function_values: FunctionValues
 ) -> None:
-    strain, n = np.array([0.01, 0.015, 0.04]), 20_000
+    strain, segment, n = np.array([0.01, 0.015, 0.015, 0.04]), [1, 1, 2, 2], 20_000
     found = values_of_functions(
-        function_values, strain, np.zeros(3), correlation_strain or 0.02, replications=n
+        function_values,
+        strain,
+        np.zeros(4),
+        correlation_strain,
+        segment=segment,
+        share=0.7,
+        replications=n,
     )
-    if correlation_strain == 0.0:
-        found = values_of_functions(function_values, strain, np.zeros(3), 0.0, replications=n)
-    expected = covariance(strain, correlation_strain) if correlation_strain else np.eye(3) * 9e8
+    expected = (
+        covariance(strain, correlation_strain, segment, 0.7)
+        if correlation_strain
+        else np.eye(4) * 9e8
+    )
     np.testing.assert_allclose(
         np.cov(found["replicated"].T), expected, atol=5 * 9e8 / np.sqrt(n / 2)
     )

@@ -1,15 +1,17 @@
 """Draws of the prior, solved by Stan, and what one number of the data makes of them."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy import stats
-from synthetic_fit import make_fit
+from synthetic_fit import make_fit, with_problem
 
 from pyburgers.cmdstan.program import Program
-from pyburgers.common.errors import SamplingError
+from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.fitting.fit import Fit
+from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, Conditions, FlowLawPrior
 from pyburgers.protocols.forward import simulate
 from pyburgers.studies.maor.before_data import (
     READING_ERROR,
@@ -110,3 +112,11 @@ def test_priors_without_any_solution_are_refused(
     monkeypatch.setattr(Program, "generate", failing)
     with pytest.raises(SamplingError, match="none of 3 draws from the prior has a solution"):
         prior_draws(fit, n_draws=3, seed=1)
+
+
+def test_joint_priors_of_the_flow_law_are_refused(fit: Fit) -> None:
+    conditions = Conditions(260.0, 5e6, 230e-6)
+    joint = FlowLawPrior(PRIOR_QUANTITIES, np.zeros(4), np.eye(4), conditions, "ice", "a test")
+    priors = replace(fit.priors, flow_law=joint)
+    with pytest.raises(InputError, match="found a joint prior of the flow law"):
+        prior_draws(with_problem(fit, fit.experiment, priors), n_draws=3, seed=1)

@@ -13,18 +13,22 @@ from page import Page
 from synthetic_fit import TRUTH, make_fit, with_problem
 from synthetic_olivine_fit import make_olivine_fit
 
+from pyburgers.cli.main import main
 from pyburgers.common.draws import all_draws
 from pyburgers.drawing.page_parts import PageSection
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.side_by_side import Task
 from pyburgers.predictions.attenuation import predict_attenuation
 from pyburgers.predictions.attenuation_tables import quantile_table
+from pyburgers.predictions.measured_attenuation import MeasuredAttenuation
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.protocols.forced_oscillation.response import oscillation_of
 from pyburgers.protocols.forward import simulate
 from pyburgers.report.page import write_report
+from pyburgers.studies.dunite import JOINT_RUN, ONE_RATE, STEPPED, TOGETHER
 from pyburgers.studies.maor import sections as maor_sections
 from pyburgers.studies.maor.attenuation import MICROSTRUCTURE_SENTENCE
+from pyburgers.studies.maor.coverage import coverage_table
 from pyburgers.studies.maor.olivine import background_section
 from pyburgers.studies.maor.reproduce import (
     COMBINED_RUN,
@@ -34,7 +38,7 @@ from pyburgers.studies.maor.reproduce import (
 )
 from pyburgers.studies.maor.sections import (
     SYNTHETIC_SENTENCE,
-    counterparts_section,
+    attenuation_section,
     study_sections,
     time_domain_table,
 )
@@ -103,7 +107,7 @@ def test_statements_stand_with_verdict_evidence_and_rule(
     page: Page, sections: tuple[PageSection, ...], folder: Path
 ) -> None:
     (table,) = sections[0].tables
-    assert len(table.shown) == 22
+    assert len(table.shown) == 23
     for row in table.shown.to_dict("records"):
         for cell in row.values():
             assert " ".join(str(cell).split()) in page.text
@@ -199,24 +203,61 @@ def test_without_a_kept_background_or_truth_there_is_no_true_state(
         assert table.shown["true value"].tolist()[-2:] == ["", ""]
 
 
-def test_counterparts_name_what_is_there(ice: dict[str, Fit], olivine: dict[str, Fit]) -> None:
-    (all_of_it,) = counterparts_section(ice, olivine).tables
-    papers = ["Fig. 3", "Fig. 4", "Fig. 5", "Fig. 6", "Fig. S3", "Table 1", "Table 2"]
-    assert all_of_it.shown["paper"].tolist() == papers
-    (of_ice,) = counterparts_section(ice, {}).tables
-    assert of_ice.shown["paper"].tolist() == [p for p in papers if p not in {"Fig. 5", "Table 2"}]
+def test_every_figure_table_and_claim_has_its_place(
+    page: Page, sections: tuple[PageSection, ...], ice: dict[str, Fit]
+) -> None:
+    table = {section.key: section for section in sections}["counterparts"].tables[0].shown
+    listed = set(table["paper"])
+    figures = {f"Fig. {name}" for name in ("1", "2", "3", "4", "5", "6", "S1", "S2", "S3", "S5")}
+    assert figures | {f"Table {name}" for name in ("1", "2", "S2", "S3")} <= listed
+    statements = sections[0].tables[0].shown
+    claims = table[table["on this page"].str.startswith("Statement by statement")]
+    assert claims["shows or says"].tolist() == statements["statement"].tolist()
+    assert claims["note"].tolist() == statements["verdict"].tolist()
+    points = table[table["shows or says"].str.contains("McCarthy")]
+    assert points["on this page"].tolist() == ["not on this page"]
+    assert "--measured" in points["note"].iloc[0]
+    of_ice = coverage_table(ice, {}, (), has_points=True)
+    assert not {"Fig. 5", "Fig. S5", "Table 2", "Table S3"} & set(of_ice["paper"])
+    points = of_ice[of_ice["shows or says"].str.contains("McCarthy")]
+    assert points["note"].tolist() == ["from the file that was given"]
+
+
+def test_the_model_is_drawn(folder: Path) -> None:
+    for name in ("circuit", "strain_parts", "flow_laws"):
+        assert (folder / "figures" / f"model_{name}.svg").is_file()
+
+
+def test_measured_points_are_drawn_over_the_spectra_of_ice(ice: dict[str, Fit]) -> None:
+    one = np.array([1.0])
+    points = MeasuredAttenuation(0.01 * one, 0.3 * one, 0.0 * one, ("McCarthy and Cooper",))
+    spectra = {name: predict_attenuation(fit) for name, fit in ice.items()}
+    section = attenuation_section(ice, spectra, points)
+    (first, *_) = section.figures
+    (legend,) = first.draw().legends
+    assert "McCarthy and Cooper" in [text.get_text() for text in legend.get_texts()]
+
+
+def test_points_that_cannot_be_read_stop_the_study_before_it_fits(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    points = tmp_path / "points.csv"
+    assert main(["reproduce", "--out", str(tmp_path / "page"), "--measured", str(points)]) == 2
+    assert "points.csv: cannot be read" in capsys.readouterr().err
+    assert not (tmp_path / "page").exists()
 
 
 def test_without_olivine_the_page_has_neither_preparation_nor_its_statements(
     ice: dict[str, Fit],
 ) -> None:
     sections = study_sections(ice, {})
-    assert [section.key for section in sections] == ["statements", "counterparts", "attenuation"]
+    keys = [section.key for section in sections]
+    assert keys == ["statements", "counterparts", "model", "attenuation"]
     assert not sections[0].tables[0].shown["statement"].str.contains("olivine").any()
 
 
 def test_the_study_fits_every_experiment_and_shows_all_of_it(
-    programs: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    programs: None, joint: Fit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shown: dict[str, Any] = {}
 
@@ -224,9 +265,14 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
         return {name: made(problem, folder / name) for name, problem in problems.items()}
 
     def made(problem: Task, out: Path) -> Fit:
-        experiment, priors = problem.experiment, problem.priors
+        experiment, priors = problem.experiments[0], problem.priors
         assert priors.material == experiment.material
-        assert out == tmp_path / "runs" / "quick" / experiment.id
+        assert out.parent == tmp_path / "runs" / "quick"
+        if len(problem.experiments) > 1:
+            assert out.name == JOINT_RUN
+            assert [one.id for one in problem.experiments] == list(TOGETHER)
+            return joint
+        assert out.name == experiment.id
         if isinstance(experiment, OscillationExperiment):
             treatment = experiment.prepared.background
             assert experiment.id == f"olivine_{treatment}"
@@ -241,15 +287,19 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
     monkeypatch.setattr("pyburgers.studies.maor.reproduce.fit_side_by_side", quickly)
     monkeypatch.setattr("pyburgers.studies.maor.reproduce.write_report", written)
     outcome = reproduce("quick", tmp_path, command="make report")
+    measured = [ONE_RATE, *STEPPED, *joint.tests()]
     names = [*study_experiments(), COMBINED_RUN]
     assert outcome.fits[-1].priors.flow_law is not None
     assert all(fit.priors.flow_law is None for fit in outcome.fits[:-1])
     assert outcome.page == tmp_path / "index.html"
     for fits in (outcome.fits, shown["fits"]):
-        assert [fit.experiment.id for fit in fits] == names
+        assert [fit.experiment.id for fit in fits] == [*measured, *names]
+    assert shown["joints"] == [joint]
     assert shown["command"] == "make report"
     keys = [section.key for section in shown["extras"]]
-    of_study = ["statements", "counterparts", "attenuation", "preparation", "background"]
-    assert keys[:7] == [*of_study, "stress_floor", "peak_stress"]
+    of_study = ["statements", "counterparts", "model", "attenuation", "preparation", "background"]
+    assert keys[0] == "rate_steps"
+    assert keys[1].startswith("joint_")
+    assert keys[2:10] == [*of_study, "stress_floor", "peak_stress"]
     assert names[:-1] == ["PIL40", "PIL72", "PIL105", "olivine_kept", "olivine_removed"]
     assert outcome.peak_stress.data.id == PEAK_STRESS_TABLE

@@ -53,7 +53,7 @@ def stress_strain(fit: FittedTest) -> Figure:
 
 def fitted_curve(fit: FittedTest) -> FittedCurve:
     """Gather the stress-strain curve as measured and as a fit has it."""
-    experiment = _experiment(fit)
+    experiment = constant_rate_test(fit)
     predictions = fit.posterior["predictions"].to_dataset()
     predicted = fit.posterior["model_response"]["stress"].median(("chain", "draw")).to_numpy()
     noise = float(fit.posterior["posterior"]["stress_noise"].mean()) * STRESS_FACTOR
@@ -93,7 +93,7 @@ SOFTENING_CAPTION = (
 
 def softening(fit: FittedTest) -> Figure:
     """Draw how grain size and fabric soften the material along strain."""
-    experiment = _experiment(fit)
+    experiment = constant_rate_test(fit)
     predictions = fit.posterior["predictions"].to_dataset()
     strain = predictions["strain"].to_numpy() * STRAIN_FACTOR
     by_grains, by_fabric = (
@@ -162,8 +162,14 @@ def _draw_share(axes: Axes, by_grains: FloatArray, by_fabric: FloatArray) -> Non
     axes.legend(loc="best")
 
 
-def _experiment(fit: FittedTest) -> ConstantRateExperiment:
-    """Return the experiment of a fit, which has to be of the kind that is drawn here."""
+def constant_rate_test(fit: FittedTest) -> ConstantRateExperiment:
+    """Return the experiment of a fit, which has to be a test at imposed strain rate.
+
+    Raises
+    ------
+    InputError
+        If it is not.
+    """
     if not isinstance(fit.experiment, ConstantRateExperiment):
         raise InputError(
             f"{fit.experiment.id}: found a test of protocol {fit.experiment.protocol!r}, expected "

@@ -9,6 +9,7 @@ import numpy.typing as npt
 from markupsafe import Markup
 
 from pyburgers.model.display import STRAIN_FACTOR, STRAIN_UNIT, STRESS_FACTOR, STRESS_UNIT
+from pyburgers.model.flow_law_prior import PeakTest
 from pyburgers.model.parameters import REFERENCE_STRESS_QUANTITY
 from pyburgers.protocols.constant_rate.experiment import (
     ConstantRateExperiment,
@@ -20,7 +21,7 @@ from pyburgers.protocols.constant_rate.figures import CONSTANT_RATE_FIGURES, fit
 from pyburgers.protocols.constant_rate.stan_data import (
     grid_block,
     reference_origin,
-    segment_of,
+    segment_of_points,
     tests_block,
 )
 from pyburgers.protocols.constant_rate.valley import ValleyChart
@@ -105,7 +106,7 @@ class ConstantRate(Protocol[ConstantRateExperiment]):
         return {
             "strain": (strain, "1"),
             "time": (experiment.time_at(strain), "s"),
-            "segment": (segment_of(experiment, strain).astype(np.float64), "1"),
+            "segment": (segment_of_points(experiment).astype(np.float64), "1"),
             **stated,
         }
 
@@ -117,8 +118,18 @@ class ConstantRate(Protocol[ConstantRateExperiment]):
         rng: np.random.Generator,
     ) -> ConstantRateExperiment:
         """Put stresses with residuals, which may correlate along strain, in the place of others."""
-        return replace(
-            experiment, stress=response + _draw_residuals(experiment.strain, values, rng)
+        return replace(experiment, stress=response + _draw_residuals(experiment, values, rng))
+
+    def peak_test(self, experiment: ConstantRateExperiment) -> PeakTest | None:
+        """Return the largest stress at the first rate."""
+        first = segment_of_points(experiment) == 0
+        if not first.any():
+            return None
+        return PeakTest(
+            strain_rate=experiment.segments[0].strain_rate,
+            stress=float(experiment.stress[first].max()),
+            temperature=experiment.temperature,
+            grain_size=experiment.initial_grain_size,
         )
 
     def without_point(
@@ -152,17 +163,20 @@ def _mantissa_and_exponent(number: float) -> tuple[str, str]:
 
 
 def _draw_residuals(
-    strain: FloatArray, values: Mapping[str, float], rng: np.random.Generator
+    experiment: ConstantRateExperiment, values: Mapping[str, float], rng: np.random.Generator
 ) -> FloatArray:
     """Residuals (Pa), shape (n_points,), as `stan/statistics/residuals.stan` describes them."""
-    residual: FloatArray = values["stress_noise"] * rng.standard_normal(strain.size)
+    noise, n = values["stress_noise"], experiment.n_points
     correlation_strain = values.get("residual_correlation_strain", 0.0)
-    if correlation_strain > 0:
-        step = np.diff(strain) / correlation_strain
-        correlation, spread = np.exp(-step), np.sqrt(-np.expm1(-2 * step))
-        for k in range(1, strain.size):
-            residual[k] = correlation[k - 1] * residual[k - 1] + spread[k - 1] * residual[k]
-    return residual
+    if correlation_strain == 0:
+        return np.asarray(noise * rng.standard_normal(n))
+    share = values.get("residual_correlated_share", 1.0)
+    part: FloatArray = np.sqrt(share) * rng.standard_normal(n)
+    step = np.diff(experiment.strain) / correlation_strain
+    correlation, spread = np.exp(-step), np.sqrt(-np.expm1(-2 * step))
+    for k in np.flatnonzero(np.diff(segment_of_points(experiment)) == 0):
+        part[k + 1] = correlation[k] * part[k] + spread[k] * part[k + 1]
+    return np.asarray(noise * (part + np.sqrt(1 - share) * rng.standard_normal(n)))
 
 
 PROTOCOL = ConstantRate()

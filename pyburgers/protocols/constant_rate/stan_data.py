@@ -64,6 +64,18 @@ def segment_of(experiment: ConstantRateExperiment, strain: FloatArray) -> npt.ND
     return np.searchsorted(steps, strain, side="left")
 
 
+def segment_of_points(experiment: ConstantRateExperiment) -> npt.NDArray[np.int64]:
+    """Segment of each observed point, from 0.
+
+    Of points at the strain of a rate step the first is the last one of the segment before, the
+    others are in the one that begins there.
+    """
+    strain, segment = experiment.strain, segment_of(experiment, experiment.strain)
+    steps = [segment.start_strain for segment in experiment.segments[1:]]
+    after_another = np.diff(strain, prepend=-1.0) == 0
+    return np.asarray(segment + (np.isin(strain, steps) & after_another))
+
+
 def tests_block(
     experiments: Sequence[ConstantRateExperiment], priors: Sequence[PriorSet]
 ) -> StanData:
@@ -79,6 +91,7 @@ def tests_block(
         "n_strains_in_segment": list(chain.from_iterable(counts for _, counts, _ in outputs)),
         "strain_of_point": np.concatenate([places + 1 for _, _, places in outputs]).tolist(),
         "point_strain": np.concatenate([strain[places] for strain, _, places in outputs]).tolist(),
+        "point_segment": np.concatenate([segment_of_points(e) for e in experiments]).tolist(),
         "stress_observed": np.concatenate([e.stress for e in experiments]).tolist(),
         "correlated_residuals": int(
             not all(is_fixed_at(own["residual_correlation_strain"], 0.0) for own in priors)

@@ -17,7 +17,7 @@ from scipy.special import softmax
 
 from pyburgers.cmdstan.program import Program, load_program
 from pyburgers.common.draws import all_draws
-from pyburgers.common.errors import SamplingError
+from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.problem import one_test
@@ -172,11 +172,18 @@ def prior_draws(fit: FittedTest, *, n_draws: int, seed: int) -> PriorDraws:
 
     Raises
     ------
+    InputError
+        If the priors of the flow law are joint.
     SamplingError
         If no draw has a solution.
     """
     rng = np.random.default_rng(seed)
     priors, protocol = fit.priors, protocol_of(fit.experiment)
+    if priors.flow_law is not None:
+        raise InputError(
+            f"{fit.experiment.id}: found a joint prior of the flow law, expected a prior for each "
+            "parameter by itself."
+        )
     values = {
         name: np.full(n_draws, prior.location)
         if prior.is_fixed

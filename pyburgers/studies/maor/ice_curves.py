@@ -8,7 +8,7 @@ from scipy.interpolate import CubicSpline
 
 from pyburgers.common.errors import SamplingError
 from pyburgers.model.display import STRAIN_FACTOR, STRESS_FACTOR, STRESS_UNIT
-from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.protocols.constant_rate.figures import constant_rate_test
 from pyburgers.protocols.forward import simulate
 from pyburgers.protocols.protocol import FittedTest
 from pyburgers.studies.maor.before_data import (
@@ -112,9 +112,7 @@ def _peak_strain(known: Mapping[str, Knowledge]) -> Statement:
 
 
 def _rate(one: Knowledge) -> float:
-    experiment = one.fit.experiment
-    assert isinstance(experiment, ConstantRateExperiment)  # ice
-    return experiment.segments[0].strain_rate
+    return constant_rate_test(one.fit).segments[0].strain_rate
 
 
 def _by_rate(known: Mapping[str, Knowledge]) -> tuple[str, str] | None:

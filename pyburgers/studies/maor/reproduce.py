@@ -13,11 +13,14 @@ from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.side_by_side import Task, fit_side_by_side
 from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress, flow_law_prior
 from pyburgers.flow_law_tables.inputs import (
+    PeakStressData,
     default_peak_stress_priors,
     load_peak_stress,
-    with_curve_enthalpy,
+    with_curve_flow_law,
+    without_test,
 )
 from pyburgers.model.priors import PriorSet, default_priors, with_flow_law
+from pyburgers.predictions.measured_attenuation import MeasuredAttenuation
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forced_oscillation.experiment import (
     load_forced_oscillation,
@@ -26,9 +29,17 @@ from pyburgers.protocols.forced_oscillation.experiment import (
 from pyburgers.protocols.forced_oscillation.preparation import Background
 from pyburgers.protocols.protocol import load_experiment
 from pyburgers.report.comparison_sections import comparison_sections
+from pyburgers.report.joint_section import joint_sections
 from pyburgers.report.page import write_report
 from pyburgers.report.peak_stress_section import peak_stress_section
 from pyburgers.sampling.options import SamplerOptions
+from pyburgers.studies.dunite import (
+    JOINT_RUN,
+    ONE_RATE,
+    STEPPED,
+    dunite_tasks,
+    rate_steps_section,
+)
 from pyburgers.studies.maor.sections import study_sections
 
 logger = logging.getLogger(__name__)
@@ -42,7 +53,7 @@ PRESETS: Mapping[str, SamplerOptions] = MappingProxyType(
 """Sampler settings: `paper` has the chains and draws of the paper's Methods. Oscillating tests
 warm up as long as their protocol needs, which is less."""
 
-PROGRAMS = ("peak_stress", "imposed_stress")
+PROGRAMS = ("peaks", "peak_stress", "imposed_stress")
 """Stan programs of the study other than those of the fits, which compile them themselves, each
 while another one runs already."""
 
@@ -60,10 +71,20 @@ which is compared by standard deviations alone and therefore short under every p
 
 PEAK_STRESS_TABLE = "peak_stress_qi_goldsby_2021"
 HANDED_ON_RUN = f"{PEAK_STRESS_TABLE}_handed_on"
-"""Fit of the same table whose flow law that test gets: with the test's priors of Q_M and beta."""
+"""Fit of the same table without that test, whose flow law that test gets."""
 
 
-LONGEST_FIRST = ("olivine_removed", "PIL40", "PIL72", COMBINED_RUN, "PIL105", "olivine_kept")
+LONGEST_FIRST = (
+    JOINT_RUN,
+    "olivine_removed",
+    *STEPPED,
+    "PIL40",
+    "PIL72",
+    COMBINED_RUN,
+    "PIL105",
+    "olivine_kept",
+    ONE_RATE,
+)
 """Order in which the fits begin, so that none is left over for one core at the end."""
 
 
@@ -76,7 +97,7 @@ class Outcome:
     page : Path
         The HTML page.
     fits : tuple of Fit
-        The fits it shows.
+        The fits it shows, of single tests and of the tests of the joint fit.
     peak_stress : PeakStressFit
         The flow law it shows.
     """
@@ -105,10 +126,13 @@ def study_experiments() -> dict[str, Experiment]:
     return {**ice, **olivine}
 
 
-def reproduce(preset: str, out: Path, *, command: str) -> Outcome:
+def reproduce(
+    preset: str, out: Path, *, command: str, measured: MeasuredAttenuation | None = None
+) -> Outcome:
     """Fit the experiments of the study and write the page; continue where a call stopped.
 
-    The page has the fits, attenuation as the ice fits predict it, what the treatment of the
+    The page has the fits, those of measured dunite first and with them which law describes steps
+    of the strain rate, attenuation as the ice fits predict it, what the treatment of the
     olivine record changes, the paper's statements, the flow law of measured peak stresses, and
     what that adds to one of the curves.
 
@@ -120,49 +144,66 @@ def reproduce(preset: str, out: Path, *, command: str) -> Outcome:
         Folder of the page; the runs go into its subfolder ``runs``.
     command : str
         Command that regenerates the page, for the manifests.
+    measured : MeasuredAttenuation, optional
+        Points to draw over the spectra of ice, such as those of the paper's Fig. 6, which are not
+        public.
     """
     runs = out / "runs" / preset
     compile_programs([stan_directory() / f"{name}.stan" for name in PROGRAMS])
     peak_stress, handed_on = (
-        _fit_peak_stress(runs / name, priors, command=command)
-        for name, priors in _peak_stress_priors().items()
+        _fit_peak_stress(runs / name, data, priors, command=command)
+        for name, (data, priors) in _peak_stress_problems().items()
     )
     problems = _problems(preset, handed_on)
-    begun = {name: problems[name] for name in LONGEST_FIRST}
+    of_dunite = dunite_tasks(shipped_data_directory() / "dunite", PRESETS[preset])
+    tasks = {**problems, **of_dunite}
+    begun = {name: tasks[name] for name in LONGEST_FIRST}
     found = fit_side_by_side(begun, runs, command=command)
-    fits = {name: found[name] for name in problems}
-    ice_fits = {name: fits[name] for name in ICE_TWINS}
+    joint = found[JOINT_RUN]
+    alone = {name: found[name] for name in of_dunite if name != JOINT_RUN}
+    fits = [*alone.values(), *joint.tests().values(), *(found[name] for name in problems)]
+    ice_fits = {name: found[name] for name in ICE_TWINS}
     olivine_fits: dict[str, Fit] = {
-        background: fits[name] for background, name in OLIVINE_RUNS.items()
+        background: found[name] for background, name in OLIVINE_RUNS.items()
     }
     page = write_report(
-        list(fits.values()),
+        fits,
         out,
-        title=f"Nonlinear Burgers fits of ice and olivine ({preset} preset)",
+        title=f"Nonlinear Burgers fits of dunite, ice and olivine ({preset} preset)",
         command=command,
+        joints=[joint],
         extras=(
-            *study_sections(ice_fits, olivine_fits),
+            rate_steps_section({name: found[name] for name in STEPPED}),
+            *joint_sections([joint], list(alone.values())),
+            *study_sections(ice_fits, olivine_fits, measured),
             peak_stress_section(peak_stress),
-            *comparison_sections(list(fits.values())),
+            *comparison_sections([joint, *fits]),
         ),
         jobs=None,
     )
-    return Outcome(page=page, fits=tuple(fits.values()), peak_stress=peak_stress)
+    return Outcome(page=page, fits=tuple(fits), peak_stress=peak_stress)
 
 
-def _peak_stress_priors() -> dict[str, PriorSet]:
-    """Priors of the two fits of the table, by the names of their runs: the second is handed on."""
+def _peak_stress_problems() -> dict[str, tuple[PeakStressData, PriorSet]]:
+    """Tables and priors of the two fits, by the names of their runs: the second is handed on.
+
+    It has the priors of the curve that gets it, and not the row that may be this curve itself.
+    """
+    folder = shipped_data_directory() / "ice"
+    table = load_peak_stress(folder / f"{PEAK_STRESS_TABLE}.toml")
+    others = without_test(table, load_experiment(folder / f"{COMBINED_TWIN}.toml"))
     weak = default_peak_stress_priors("ice")
     return {
-        PEAK_STRESS_TABLE: weak,
-        HANDED_ON_RUN: with_curve_enthalpy(weak, default_priors("ice")),
+        PEAK_STRESS_TABLE: (table, weak),
+        HANDED_ON_RUN: (others, with_curve_flow_law(weak, default_priors("ice"))),
     }
 
 
-def _fit_peak_stress(out: Path, priors: PriorSet, *, command: str) -> PeakStressFit:
-    logger.info(f"Fitting the flow law of measured peak stresses: {priors.title}.")
-    table = shipped_data_directory() / "ice" / f"{PEAK_STRESS_TABLE}.toml"
-    return fit_peak_stress(load_peak_stress(table), priors, out=out, command=command)
+def _fit_peak_stress(
+    out: Path, data: PeakStressData, priors: PriorSet, *, command: str
+) -> PeakStressFit:
+    logger.info(f"Fitting the flow law of {data.n_points} measured peak stresses: {priors.title}.")
+    return fit_peak_stress(data, priors, out=out, command=command)
 
 
 def _problems(preset: str, handed_on: PeakStressFit) -> dict[str, Task]:
@@ -177,14 +218,14 @@ def _problems(preset: str, handed_on: PeakStressFit) -> dict[str, Task]:
     """
     experiments = study_experiments()
     problems = {
-        name: Task(one, default_priors(one.material), _options(preset, name))
+        name: Task((one,), default_priors(one.material), _options(preset, name))
         for name, one in experiments.items()
     }
     combined = replace(experiments[COMBINED_TWIN], id=COMBINED_RUN)
     priors = with_flow_law(
         default_priors(combined.material), flow_law_prior(handed_on), HANDED_ON_RUN
     )
-    return {**problems, COMBINED_RUN: Task(combined, priors, PRESETS["quick"])}
+    return {**problems, COMBINED_RUN: Task((combined,), priors, PRESETS["quick"])}
 
 
 def _options(preset: str, name: str) -> SamplerOptions:

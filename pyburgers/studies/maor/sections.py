@@ -14,6 +14,7 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
+from pyburgers.model.display import STRESS_FACTOR, STRESS_UNIT
 from pyburgers.predictions import attenuation_figures
 from pyburgers.predictions.assumptions import elastic_modulus_sentence, frozen_sentence
 from pyburgers.predictions.attenuation import attenuation_spectrum, predict_attenuation
@@ -26,8 +27,10 @@ from pyburgers.predictions.evolving import (
 )
 from pyburgers.predictions.imposed_stress import simulated_phase_lag
 from pyburgers.predictions.material import fitted_material
+from pyburgers.predictions.measured_attenuation import MeasuredAttenuation
 from pyburgers.predictions.stress_cycles import PAPER_REGIMES, PARAMETER_NAMES
 from pyburgers.protocols.protocol import FittedTest
+from pyburgers.studies.maor import drawings
 from pyburgers.studies.maor.attenuation import (
     AMPLITUDE_REGIMES,
     MICROSTRUCTURE_SENTENCE,
@@ -36,6 +39,13 @@ from pyburgers.studies.maor.attenuation import (
     spectra_of,
 )
 from pyburgers.studies.maor.before_data import Datum, Knowledge, knowledge
+from pyburgers.studies.maor.coverage import coverage_section, coverage_table
+from pyburgers.studies.maor.flow_law import (
+    STRESSES,
+    flow_law_statement,
+    flow_laws,
+    flow_laws_table,
+)
 from pyburgers.studies.maor.ice import ice_statements
 from pyburgers.studies.maor.ice_curves import PEAK_STRESS
 from pyburgers.studies.maor.olivine import background_section, preparation_section
@@ -53,7 +63,7 @@ logger = logging.getLogger(__name__)
 CHECKED_FREQUENCIES = (1e-4, 1e-3, 1e-2)
 """Where the closed form is compared with simulations in time, Hz."""
 
-PRIOR_DRAWS = {"ice": 16_000, "olivine": 4_000}
+PRIOR_DRAWS = {"ice": 12_000, "olivine": 4_000}
 """Draws of the prior of each test, by material; a solution of an oscillation takes longer."""
 
 PRIOR_SEED = 1
@@ -65,15 +75,16 @@ SYNTHETIC_SENTENCE = (
     "nothing about nature."
 )
 
-STATEMENTS_KEY, COUNTERPARTS_KEY = "statements", "counterparts"
-ATTENUATION_KEY = "attenuation"
+STATEMENTS_KEY, MODEL_KEY, ATTENUATION_KEY = "statements", "model", "attenuation"
 
 
 FloatArray = npt.NDArray[np.float64]
 
 
 def study_sections(
-    ice_fits: Mapping[str, FittedTest], olivine_fits: Mapping[str, FittedTest]
+    ice_fits: Mapping[str, FittedTest],
+    olivine_fits: Mapping[str, FittedTest],
+    measured: MeasuredAttenuation | None = None,
 ) -> tuple[PageSection, ...]:
     """Predict attenuation, judge the paper's statements, and gather what the page shows of it.
 
@@ -83,6 +94,8 @@ def study_sections(
         Fits of constant rate tests by sample, at least one; the first is looked at most closely.
     olivine_fits : mapping of str to FittedTest
         Fits of one forced oscillation test by treatment of the background; may be empty.
+    measured : MeasuredAttenuation, optional
+        Points to draw over the spectra.
 
     Returns
     -------
@@ -103,8 +116,11 @@ def study_sections(
     logger.info("Comparing attenuation with simulations in time.")
     sections = [
         statements_section(statements, is_synthetic=is_synthetic),
-        counterparts_section(ice_fits, olivine_fits),
-        attenuation_section(ice_fits, {name: one.after for name, one in spectra.items()}),
+        coverage_section(
+            coverage_table(ice_fits, olivine_fits, statements, has_points=measured is not None)
+        ),
+        model_section(next(iter(ice_fits.values()))),
+        attenuation_section(ice_fits, {name: one.after for name, one in spectra.items()}, measured),
     ]
     if olivine_fits:
         logger.info("Comparing the two treatments of the olivine record.")
@@ -141,6 +157,7 @@ def paper_statements(
         *ice_statements(ice),
         *olivine_statements(olivine),
         *attenuation_statements(spectra),
+        *([flow_law_statement(ice)] if ice else []),
     )
 
 
@@ -180,59 +197,63 @@ def statements_section(statements: tuple[Statement, ...], *, is_synthetic: bool)
     )
 
 
-def counterparts_section(
-    ice_fits: Mapping[str, FittedTest], olivine_fits: Mapping[str, FittedTest]
-) -> PageSection:
-    """Return the list of the paper's figures and tables with where their counterparts are.
+def model_section(fit: FittedTest) -> PageSection:
+    """Return drawings of the model, and of its flow law beside others.
 
     Parameters
     ----------
-    ice_fits, olivine_fits : mapping of str to FittedTest
-        As for `study_sections`.
+    fit : FittedTest
+        Of a test at constant rate.
     """
-    ice = ", ".join(fit.experiment.id for fit in ice_fits.values())
-    olivine = ", ".join(fit.experiment.id for fit in olivine_fits.values())
-    first = next(iter(ice_fits))
-    rows = [
-        ("Fig. 3", "Stress-strain curves of ice and solutions", f"{ice}: Stress-strain curve"),
-        (
-            "Fig. 4",
-            "Chains and posteriors of the parameters",
-            f"{ice}: Prior and posterior, Trade-offs between quantities, Agreement of the chains",
-        ),
-        ("Fig. 6", "Attenuation under stress", f"Attenuation: figures of {ice}"),
-        ("Fig. S3", "Attenuation by amplitude", f"Attenuation: amplitude of the cycles, {first}"),
-        ("Table 1", "Priors of ice", f"{ice}: Priors and their sources, below Parameters"),
-    ]
-    if olivine_fits:
-        rows[2:2] = [("Fig. 5", "Forced oscillation of olivine", f"{olivine}; Preparation")]
-        rows.append(
-            (
-                "Table 2",
-                "Priors of olivine",
-                f"{olivine}: Priors and their sources, below Parameters",
-            )
-        )
-    table = pd.DataFrame(rows, columns=["paper", "shows", "on this page"])
+    name = fit.experiment.id
+    peak = PEAK_STRESS.observed(fit)
+    laws = flow_laws(fit, peak * STRESSES, shared_stress=peak)
+    table = flow_laws_table(laws)
     return PageSection(
-        key=COUNTERPARTS_KEY,
-        title="The paper's figures and tables on this page",
+        key=MODEL_KEY,
+        title="The model",
         paragraphs=(),
         tables=(
             PageTable(
-                "table",
-                "Counterparts",
+                "flow_laws",
+                f"Rate of the undeformed material by three flow laws, {name}",
+                _shown_laws(table),
                 table,
-                table,
-                words=("paper", "shows"),
-                sentences=("on this page",),
             ),
         ),
+        figures=(
+            PageFigure("circuit", "The circuit", drawings.CIRCUIT_CAPTION, drawings.circuit),
+            PageFigure(
+                "strain_parts",
+                f"What each element does in a test, {name}",
+                drawings.STRAIN_PARTS_CAPTION,
+                partial(drawings.strain_parts, fit),
+            ),
+            PageFigure(
+                "flow_laws",
+                f"Flow of the undeformed material, {name}",
+                drawings.FLOW_LAWS_CAPTION,
+                partial(drawings.flow_laws_figure, fit, laws),
+            ),
+        ),
+        after_fits=True,
     )
 
 
+def _shown_laws(table: pd.DataFrame) -> pd.DataFrame:
+    """Return a `pyburgers.studies.maor.flow_law.flow_laws_table` as text."""
+    shown = {f"stress ({STRESS_UNIT})": (table["stress_Pa"] * STRESS_FACTOR).map("{:.3g}".format)}
+    for column in table.columns[1:]:
+        shown[f"{column.removesuffix('_per_s').replace('_', ' ')} (1/s)"] = table[column].map(
+            "{:.2e}".format
+        )
+    return pd.DataFrame(shown)
+
+
 def attenuation_section(
-    fits: Mapping[str, FittedTest], spectra: Mapping[str, xr.Dataset]
+    fits: Mapping[str, FittedTest],
+    spectra: Mapping[str, xr.Dataset],
+    measured: MeasuredAttenuation | None = None,
 ) -> PageSection:
     """Return figures and tables of attenuation.
 
@@ -244,6 +265,8 @@ def attenuation_section(
         At least one.
     spectra : mapping of str to Dataset
         Spectra of the same fits (`pyburgers.predictions.attenuation.predict_attenuation`).
+    measured : MeasuredAttenuation, optional
+        Points to draw over them.
     """
     first, fit = next(iter(fits.items()))
     by_amplitude = predict_attenuation(fit, regimes=AMPLITUDE_REGIMES)
@@ -299,6 +322,7 @@ def attenuation_section(
                         spectrum,
                         spectrum.attrs["title"],
                         evolving if name == first else None,
+                        measured,
                     ),
                 )
                 for name, spectrum in spectra.items()

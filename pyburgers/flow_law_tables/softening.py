@@ -1,0 +1,305 @@
+"""How far a material has softened at the peak of a test, as priors of its curves have it.
+
+At its peak stress a test is weaker than undeformed material, and more so where more strain comes
+before the peak: the stress exponent seen across peaks is not that of the flow law. A table of peak
+stresses cannot tell the two apart, but the priors of the other parameters of a curve say how large
+the softening can be and how it changes with the conditions. That is simulated here, through Stan.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+
+from pyburgers.cmdstan.program import load_program
+from pyburgers.cmdstan.toolchain import stan_directory
+from pyburgers.common.atomic_files import write_json
+from pyburgers.common.errors import InputError, SamplingError
+from pyburgers.flow_law_tables.inputs import PeakStrain, PeakStressData, least_squares
+from pyburgers.model.parameters import PROGRAM_PARAMETERS
+from pyburgers.model.prior_families import is_fixed_at
+from pyburgers.model.priors import FLOW_LAW, PriorSet
+from pyburgers.protocols.program_data import given_parameters
+from pyburgers.protocols.stan_data import SolverOptions, StanData, solver_block
+
+FloatArray = npt.NDArray[np.float64]
+
+SOLVER = SolverOptions(tolerance=1e-6)
+
+N_SOFTENING = 4
+"""Numbers that describe the softening about the mean conditions."""
+
+STRAINS = np.geomspace(2e-4, 0.2, 80)
+"""Where stress is looked at for its peak; one that rises beyond 20 % strain has its peak there."""
+
+N_MATERIALS = 300
+"""Draws from the priors whose softening is simulated at all conditions."""
+
+N_CANDIDATES = 3000
+"""Draws of which those with a stated strain of the peak are taken."""
+
+LEAST_MATERIALS = 50
+"""Independent ones among those below which a stated strain contradicts the priors."""
+
+STEP = 1.5
+"""From the mean conditions of a table to those where softening is simulated as well, in standard
+deviations of the table's conditions along their principal axes."""
+
+LEAST_STEP = 0.05
+"""The same where a table has hardly any spread, in logarithms."""
+
+EXPONENT_ERRORS, EXPONENT_SPREAD = 3.0, (0.15, 0.5)
+"""Of ln n and ln p of simulated materials: the standard deviation is this multiple of the standard
+error across peaks, but not outside this range."""
+
+LEAST_SLOPE = 1e-3
+"""Of ln(softening) by ln(peak stress): it is positive, but for errors of the solver."""
+
+
+@dataclass(frozen=True, eq=False)
+class SofteningPrior:
+    """Softening s = ln(S_0/peak stress) about the mean conditions of a table.
+
+    With h_1 the softening at the mean conditions, and x the distance from them,
+
+        s = h_1 + h_2 x_rate + h_3 x_stress + h_4 x_grain_size
+
+    in ln(strain rate), ln(peak stress) and ln(grain size). The vector w = [ln h_1, h_2/h_1,
+    ln(h_3/h_1), h_4/h_1] is normal, with a mean that is linear in ln n and ln p.
+
+    Attributes
+    ----------
+    coefficients : array, shape (4, 3)
+        Mean of w by 1, ln n and ln p less `centre`.
+    centre : array, shape (2,)
+        Mean ln n and ln p of the simulated materials.
+    factor : array, shape (4, 4)
+        Lower Cholesky factor of the covariance of w.
+    peak_strain : array, shape (3,)
+        5 %, 50 % and 95 % quantile of the strain of the peak.
+    n_effective : float
+        Independent materials behind the numbers.
+    """
+
+    coefficients: FloatArray
+    centre: FloatArray
+    factor: FloatArray
+    peak_strain: FloatArray
+    n_effective: float
+
+    def save(self, path: Path) -> None:
+        """Write a JSON file that `load` reads."""
+        numbers = {name: np.asarray(value).tolist() for name, value in vars(self).items()}
+        write_json(path, numbers)
+
+    @classmethod
+    def load(cls, path: Path) -> Self:
+        """Read what `save` wrote."""
+        numbers = json.loads(path.read_text(encoding="utf-8"))
+        arrays = {k: np.array(v) for k, v in numbers.items() if k != "n_effective"}
+        return cls(**arrays, n_effective=numbers["n_effective"])
+
+    @property
+    def block(self) -> StanData:
+        """Data of `stan/peak_stress.stan`."""
+        return {
+            "softening_coefficients": self.coefficients.tolist(),
+            "softening_centre": self.centre.tolist(),
+            "softening_factor": self.factor.tolist(),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Peaks:
+    """Peaks of materials at conditions; arrays of shape (n_materials, n_conditions).
+
+    Attributes
+    ----------
+    log_stress : array
+        ln(peak stress/Pa).
+    strain : array
+        Of the peak.
+    softening : array
+        ln(S_0/peak stress).
+    """
+
+    log_stress: FloatArray
+    strain: FloatArray
+    softening: FloatArray
+
+
+def simulate_peaks(
+    material: str,
+    values: Sequence[Mapping[str, float]],
+    *,
+    strain_rate: FloatArray,
+    grain_size: FloatArray,
+    temperature: FloatArray,
+    peak_stress: FloatArray | None = None,
+) -> Peaks:
+    """Solve tests from rest to 20 % strain and find their peaks.
+
+    Parameters
+    ----------
+    material : str
+        Of the tests.
+    values : sequence of mapping
+        Parameters (SI) of each material by name.
+    strain_rate, grain_size, temperature : array, shape (n_conditions,)
+        1/s, m at the start, K.
+    peak_stress : array, shape (n_conditions,), optional
+        Pa; Q_M of each material is changed so that its test has this peak.
+
+    Raises
+    ------
+    SamplingError
+        If the solver finds no solution.
+    """
+    given = [given_parameters(material, one) for one in values]
+    wanted = np.zeros(strain_rate.size) if peak_stress is None else peak_stress
+    linear = all(is_fixed_at(one["kelvin_stress_exponent"], 1.0) for one in given)
+    found = load_program(stan_directory() / "peaks.stan").evaluate(
+        {
+            "n_materials": len(given),
+            "parameter": [[one[p.name].location for p in PROGRAM_PARAMETERS] for one in given],
+            "power_law_kelvin": int(not linear),
+            "n_conditions": strain_rate.size,
+            "strain_rate": strain_rate.tolist(),
+            "grain_size": grain_size.tolist(),
+            "temperature": temperature.tolist(),
+            "wanted_peak_stress": wanted.tolist(),
+            "n_strains": STRAINS.size,
+            "strain": STRAINS.tolist(),
+            **solver_block(SOLVER),
+        }
+    )
+    peaks = Peaks(found["log_peak_stress"], found["peak_strain"], found["softening"])
+    if not np.isfinite(peaks.log_stress).all():
+        raise SamplingError(
+            f"{material}: a test has no solution to {STRAINS[-1]:.0%} strain at some of the "
+            f"parameters; rates are {strain_rate.min():.2g} to {strain_rate.max():.2g} 1/s, check "
+            "the units of the table and the priors."
+        )
+    return peaks
+
+
+def softening_prior(data: PeakStressData, curve: PriorSet, *, seed: int) -> SofteningPrior:
+    """Simulate the softening at the peaks of a table with the priors of a curve.
+
+    Every material drawn has the mean peak stress of the table at its mean conditions: its Q_M is
+    changed to that. What the softening is at given n and p does not depend on their priors: they
+    are drawn where the table has them. Where the table states the strain of its peaks, it is that
+    of the materials.
+
+    Parameters
+    ----------
+    data : PeakStressData
+        The table.
+    curve : PriorSet
+        Priors of every parameter of a curve of the material.
+    seed : int
+        Of the draws.
+
+    Raises
+    ------
+    InputError
+        If next to no material has a peak at the strain that the table states.
+    SamplingError
+        If the solver finds no solution.
+    """
+    rng = np.random.default_rng(seed)
+    curve = curve.resolved(float(data.stress.max()))
+    if data.peak_strain is None:
+        materials, n_effective = _draw(data, curve, N_MATERIALS, rng), float(N_MATERIALS)
+    else:
+        materials, n_effective = _with_peaks_at(data, data.peak_strain, curve, rng)
+    axes, steps = _principal_axes(data)
+    shifts = np.vstack([np.zeros((1, 3)), *(side * steps[:, None] * axes for side in (1, -1))])
+    peaks = _peaks_about(data, materials, shifts)
+    softening = peaks.softening[:, :1]
+    above, below = np.split(peaks.softening[:, 1:], 2, axis=1)
+    slope = (above - below) / (2 * steps) @ axes / softening
+    w = np.column_stack(
+        [np.log(softening), slope[:, 0], np.log(np.maximum(slope[:, 1], LEAST_SLOPE)), slope[:, 2]]
+    )
+    exponents = np.log([[one[name] for name in FLOW_LAW[:2]] for one in materials])
+    centre = exponents.mean(axis=0)
+    design = np.column_stack([np.ones(len(materials)), exponents - centre])
+    fitted, *_ = np.linalg.lstsq(design, w, rcond=None)
+    return SofteningPrior(
+        coefficients=fitted.T,
+        centre=centre,
+        factor=np.linalg.cholesky(np.cov((w - design @ fitted).T)),
+        peak_strain=np.quantile(peaks.strain[:, 0], [0.05, 0.5, 0.95]),
+        n_effective=n_effective,
+    )
+
+
+def _draw(
+    data: PeakStressData, priors: PriorSet, n_materials: int, rng: np.random.Generator
+) -> list[dict[str, float]]:
+    """Draw parameters (SI) of materials, n and p about the exponents that a table has itself."""
+    drawn = {name: np.full(n_materials, prior.location) for name, prior in priors.priors.items()}
+    for name in priors.free:
+        drawn[name] = priors[name].distribution().rvs(size=n_materials, random_state=rng)
+    for name, (value, error) in least_squares(data).items():
+        if value > 0:
+            spread = np.clip(EXPONENT_ERRORS * error / value, *EXPONENT_SPREAD)
+            drawn[name] = value * np.exp(spread * rng.standard_normal(n_materials))
+    return [
+        dict(zip(drawn, map(float, row), strict=True)) for row in zip(*drawn.values(), strict=True)
+    ]
+
+
+def _with_peaks_at(
+    data: PeakStressData, peak_strain: PeakStrain, curve: PriorSet, rng: np.random.Generator
+) -> tuple[list[dict[str, float]], float]:
+    """Draw materials whose peaks are where the table states, and count the independent ones."""
+    candidates = _draw(data, curve, N_CANDIDATES, rng)
+    strain = _peaks_about(data, candidates, np.zeros((1, 3))).strain[:, 0]
+    distance = np.log(strain / peak_strain.mean) / (peak_strain.sd / peak_strain.mean)
+    weight = np.exp(-0.5 * distance**2)
+    n_effective = float(weight.sum()) ** 2 / max(float(weight @ weight), np.finfo(float).tiny)
+    if n_effective < LEAST_MATERIALS:
+        low, high = np.quantile(strain, [0.05, 0.95])
+        raise InputError(
+            f"{data.id}: key 'peak_strain': found {peak_strain.mean:g}, but nine in ten peaks of "
+            f"{curve.title!r} are at {low:.2g} to {high:.2g}, expected priors under which such a "
+            "peak is not next to impossible."
+        )
+    places = (rng.random() + np.arange(N_MATERIALS)) / N_MATERIALS * weight.sum()
+    chosen = np.minimum(np.searchsorted(np.cumsum(weight), places), N_CANDIDATES - 1)
+    return [candidates[k] for k in chosen], min(n_effective, N_MATERIALS)
+
+
+def _principal_axes(data: PeakStressData) -> tuple[FloatArray, FloatArray]:
+    """Directions, a row each, in which a table's conditions vary, and how far along each to go."""
+    conditions = np.log([data.strain_rate, data.stress, data.grain_size])
+    variance, directions = np.linalg.eigh(np.cov(conditions))
+    spread = np.sqrt(np.maximum(variance, 0.0))
+    return directions.T, np.maximum(STEP * spread, LEAST_STEP)
+
+
+def _peaks_about(
+    data: PeakStressData, materials: Sequence[Mapping[str, float]], shifts: FloatArray
+) -> Peaks:
+    """Find peaks of materials at distances from the mean conditions of a table.
+
+    Parameters
+    ----------
+    shifts : array, shape (n_conditions, 3)
+        Of ln(strain rate), ln(peak stress) and ln(grain size).
+    """
+    at, factors = data.mean_conditions, np.exp(shifts.T)
+    return simulate_peaks(
+        data.material,
+        materials,
+        strain_rate=data.mean_strain_rate * factors[0],
+        peak_stress=at.stress * factors[1],
+        grain_size=at.grain_size * factors[2],
+        temperature=np.full(len(shifts), at.temperature),
+    )

@@ -1,0 +1,172 @@
+"""Calibration of the hand-over from tables of peak stresses: whether its prior holds the truth.
+
+For each data set a material is drawn from the priors of a curve, the peaks of a table's tests are
+solved with it, all with the same parameters but for the scatter between tests, and the table is
+fitted. Ranked is the flow law of one more test of that scatter among draws of the prior that the
+fit hands on (`pyburgers.flow_law_tables.fit.flow_law_prior`).
+"""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from pyburgers.common.errors import SamplingError
+from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress, flow_law_prior
+from pyburgers.flow_law_tables.inputs import (
+    STRESS_SCATTER,
+    PeakStrain,
+    PeakStressData,
+    with_curve_flow_law,
+)
+from pyburgers.flow_law_tables.softening import simulate_peaks
+from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, FlowLawPrior
+from pyburgers.model.priors import PriorSet
+from pyburgers.protocols.experiment import Provenance
+from pyburgers.sampling.options import SamplerOptions
+
+FloatArray = npt.NDArray[np.float64]
+
+
+LARGEST_RATIO = 3.0
+"""Of the mean stress of a simulated table to that of its template, or the reverse: others are drawn
+again. That is a choice by data alone, which leaves the ranks of a right prior uniform."""
+
+PRIOR_ATTEMPTS = 1000
+"""Draws at which a simulation gives up."""
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedTable:
+    """A table of peak stresses whose truth is known.
+
+    Attributes
+    ----------
+    data : PeakStressData
+        Conditions of a template, stresses of the model with scatter.
+    values : dict of str to float
+        Parameters (SI) of the material.
+    offset : float
+        ln(flow rate) of one more test less that of the material.
+    """
+
+    data: PeakStressData
+    values: dict[str, float]
+    offset: float
+
+    def truth(self, law: FlowLawPrior) -> FloatArray:
+        """Quantities of a `FlowLawPrior`, shape (4,), of the one more test."""
+        log_rate = float(law.log_flow_rate(self.values)) + self.offset
+        known = {**self.values, PRIOR_QUANTITIES[2]: log_rate}
+        return np.array([known[name] for name in PRIOR_QUANTITIES])
+
+
+def simulate_table(
+    template: PeakStressData, priors: PriorSet, curve: PriorSet, *, seed: int
+) -> SimulatedTable:
+    """Draw materials and solve the peaks of a table's tests until they look like it.
+
+    Where the template states the strain of its peaks, the simulated table states its own, with the
+    same relative standard deviation.
+
+    Parameters
+    ----------
+    template : PeakStressData
+        Conditions of the tests.
+    priors : PriorSet
+        Of the fit of a table, for the scatter.
+    curve : PriorSet
+        Of every parameter of a curve, for the material.
+    seed : int
+        Of everything drawn.
+
+    Raises
+    ------
+    SamplingError
+        If no draw has stresses like those of the template.
+    """
+    rng = np.random.default_rng(seed)
+    for _ in range(PRIOR_ATTEMPTS):
+        values = curve.resolved(float(template.stress.max())).sample(rng)
+        scatter = priors[STRESS_SCATTER.name].sample(rng)
+        try:
+            peaks = simulate_peaks(
+                template.material,
+                [values],
+                strain_rate=template.strain_rate,
+                grain_size=template.grain_size,
+                temperature=template.temperature,
+            )
+        except SamplingError:
+            continue  # its stresses are not those of a laboratory either
+        deviation = np.hypot(scatter, template.relative_stress_uncertainty)
+        log_stress = peaks.log_stress[0] + deviation * rng.standard_normal(template.n_points)
+        level = np.mean(log_stress - np.log(template.stress))
+        if abs(level) <= np.log(LARGEST_RATIO):
+            break
+    else:
+        raise SamplingError(
+            f"{template.id}: none of {PRIOR_ATTEMPTS} draws from the priors has stresses like "
+            "those of the table; check the units and the bounds of the priors."
+        )
+    stated = None
+    if template.peak_strain is not None:
+        relative = template.peak_strain.sd / template.peak_strain.mean
+        mean = np.exp(np.mean(np.log(peaks.strain)) + relative * rng.standard_normal())
+        stated = PeakStrain(float(mean), float(relative * mean))
+    data = replace(
+        template,
+        id=f"{template.id}_simulated_{seed}",
+        stress=np.exp(log_stress),
+        provenance=Provenance("synthetic", f"pyburgers, a draw from the prior, seed {seed}"),
+        peak_strain=stated,
+    )
+    return SimulatedTable(
+        data, values, float(values["stress_exponent"] * scatter * rng.standard_normal())
+    )
+
+
+def rank_hand_over(
+    template: PeakStressData,
+    priors: PriorSet,
+    curve: PriorSet,
+    out: Path,
+    *,
+    seed: int,
+    options: SamplerOptions,
+    n_ranked: int,
+) -> tuple[dict[str, int], PeakStressFit]:
+    """Simulate a table, fit it, and rank one more test's flow law in the prior handed on.
+
+    Parameters
+    ----------
+    template, priors, curve, seed
+        As for `simulate_table`; the fit has the flow law's priors of the curve.
+    out : Path
+        Run directory of the fit.
+    options : SamplerOptions
+        Chains, iterations.
+    n_ranked : int
+        Draws of the prior that the truth is ranked among.
+
+    Returns
+    -------
+    ranks : dict of str to int
+        Draws below the truth, by quantity.
+    fit : PeakStressFit
+        Of the table.
+    """
+    table = simulate_table(template, priors, curve, seed=seed)
+    fit = fit_peak_stress(
+        table.data,
+        with_curve_flow_law(priors, curve),
+        out=out,
+        curve=curve,
+        options=replace(options, seed=seed),
+    )
+    law = flow_law_prior(fit)
+    rng = np.random.default_rng([seed, n_ranked])
+    draws = law.mean + rng.standard_normal((n_ranked, law.mean.size)) @ law.factor.T
+    below = np.sum(draws < table.truth(law), axis=0)
+    return dict(zip(law.quantities, map(int, below), strict=True)), fit

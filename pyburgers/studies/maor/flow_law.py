@@ -1,0 +1,172 @@
+"""The power law beside the hyperbolic sine of the paper's Eq. 2 and its linear limit."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from pyburgers.common.units import number
+from pyburgers.model.display import STRESS_FACTOR, STRESS_UNIT
+from pyburgers.predictions.closed_forms import dashpot_rates
+from pyburgers.predictions.stress_cycles import BREAKDOWN, PAPER_REGIMES, PARAMETER_NAMES, Regime
+from pyburgers.protocols.protocol import FittedTest
+from pyburgers.studies.maor.before_data import Knowledge, parameter_draws
+from pyburgers.studies.maor.ice_curves import PEAK_STRESS
+from pyburgers.studies.maor.statements import (
+    DOMINANT,
+    BoolArray,
+    Statement,
+    joined,
+    probability,
+)
+
+FloatArray = npt.NDArray[np.float64]
+
+STRESSES = np.geomspace(0.02, 2.0, 21)
+"""Stresses of the figure, over the peak stress of the test."""
+
+TABLED = (0.1, 0.25, 0.5, 1.0, 1.5)
+"""Those of the table."""
+
+STEEPEST = 20.0
+"""Largest stress exponent for which a hyperbolic sine of the same slope is found."""
+
+
+@dataclass(frozen=True, eq=False)
+class FlowLaws:
+    """Rates of the undeformed material by three laws, two of which share a point and its slope.
+
+    Attributes
+    ----------
+    stress : array, shape (n,)
+        Pa.
+    power_law, sinh, linear : array, shape (n_draws, n)
+        Rates (1/s) of the power law, of the hyperbolic sine (Eq. 2), and of its linear limit.
+    shared_stress : float
+        Where power law and hyperbolic sine have the same rate and slope (Pa).
+    breakdown_stress : array, shape (n_draws,)
+        σ_L of the hyperbolic sine (Pa).
+    """
+
+    stress: FloatArray
+    power_law: FloatArray
+    sinh: FloatArray
+    linear: FloatArray
+    shared_stress: float
+    breakdown_stress: FloatArray
+
+
+def flow_laws(fit: FittedTest, stress: FloatArray, *, shared_stress: float) -> FlowLaws:
+    """Compare the power law of every draw with the hyperbolic sine of the same rate and slope.
+
+    The slope of ln sinh(σ/σ_L) along ln σ is x coth x with x = σ/σ_L; where it is n decides σ_L.
+
+    Parameters
+    ----------
+    fit : FittedTest
+        Draws, of a power law.
+    stress : array, shape (n,)
+        Where rates are wanted (Pa).
+    shared_stress : float
+        Pa.
+    """
+    draws = {name: parameter_draws(fit, name) for name in PARAMETER_NAMES}
+    exponent = draws["stress_exponent"]
+    table = np.linspace(1e-3, STEEPEST, 20_001)
+    breakdown = shared_stress / np.interp(exponent, table / np.tanh(table), table)
+    zero, one = np.zeros(exponent.size), np.ones(exponent.size)
+    power_law, sinh, linear = (
+        _rates(fit, {**draws, **law}, np.append(stress, shared_stress))
+        for law in (
+            {BREAKDOWN: zero},
+            {BREAKDOWN: breakdown, "stress_exponent": one},
+            {BREAKDOWN: zero, "stress_exponent": one},
+        )
+    )
+    scale = (power_law[:, -1] / sinh[:, -1])[:, np.newaxis]
+    rates = (power_law[:, :-1], (scale * sinh)[:, :-1], (scale * linear)[:, :-1])
+    return FlowLaws(stress, *rates, shared_stress, breakdown)
+
+
+def _rates(fit: FittedTest, draws: Mapping[str, FloatArray], stress: FloatArray) -> FloatArray:
+    """Rates of the undeformed material, shape (n_draws, n)."""
+    largest = float(stress.max())
+    shape = draws["stress_exponent"].shape
+    return dashpot_rates(
+        draws,
+        Regime(0.0, largest),
+        stress / largest,
+        temperature=fit.experiment.temperature,
+        grain_size=np.full(shape, fit.experiment.initial_grain_size),
+        fabric_factor=np.ones(shape),
+    )
+
+
+def flow_laws_table(laws: FlowLaws) -> pd.DataFrame:
+    """Return median rates of the three laws at a few stresses, interpolated along logarithms.
+
+    Returns
+    -------
+    DataFrame
+        Columns stress_Pa, power_law_per_s, hyperbolic_sine_per_s, linear_per_s.
+    """
+    stress = laws.shared_stress * np.array(TABLED)
+
+    def at(rates: FloatArray) -> FloatArray:
+        medians = np.log(np.median(rates, axis=0))
+        found: FloatArray = np.exp(np.interp(np.log(stress), np.log(laws.stress), medians))
+        return found
+
+    return pd.DataFrame(
+        {
+            "stress_Pa": stress,
+            "power_law_per_s": at(laws.power_law),
+            "hyperbolic_sine_per_s": at(laws.sinh),
+            "linear_per_s": at(laws.linear),
+        }
+    )
+
+
+def flow_law_statement(known: Mapping[str, Knowledge]) -> Statement:
+    """Judge whether Eq. 2 could stand for the power law where attenuation is predicted.
+
+    Parameters
+    ----------
+    known : mapping of str to Knowledge
+        Tests at constant rate by sample, at least one.
+    """
+    stress = np.array([regime.median_stress for regime in PAPER_REGIMES])
+
+    def ratios(fit: FittedTest) -> FloatArray:
+        laws = flow_laws(fit, stress, shared_stress=PEAK_STRESS.observed(fit))
+        ratio: FloatArray = laws.sinh / laws.power_law
+        return ratio
+
+    def alike(fit: FittedTest) -> BoolArray:
+        near = np.abs(np.log(ratios(fit))) < np.log(DOMINANT)
+        return np.asarray(near.all(axis=1))
+
+    details = "; ".join(
+        f"{name} " + ", ".join(f"{ratio:.3g}" for ratio in np.median(ratios(one.fit), axis=0))
+        for name, one in known.items()
+    )
+    stresses = ", ".join(number(one * STRESS_FACTOR) for one in stress)
+    return Statement(
+        key="flow_law",
+        source="Eqs. 1, 2",
+        text="The hyperbolic sine and its linear limit at low stress (Eq. 2) may be replaced by "
+        "the power law (Eq. 1).",
+        evidence=joined(
+            [
+                "rate of the hyperbolic sine that has the rate and the slope of the fitted power "
+                f"law at the peak stress, over the power law's, at {stresses} {STRESS_UNIT}, "
+                f"medians: {details}"
+            ]
+        ),
+        beliefs={name: probability(one, alike) for name, one in known.items()},
+        rule="A draw counts if the two rates differ by less than a factor "
+        f"{DOMINANT:g} at each median stress of Fig. 6; a test at one rate cannot tell the laws "
+        "apart.",
+    )

@@ -1,0 +1,81 @@
+"""Peaks of the model and what has softened at them: against scipy, and as priors of a table."""
+
+from dataclasses import replace
+
+import numpy as np
+import oracle
+import pytest
+from conftest import ICE
+
+from pyburgers.common.errors import InputError, SamplingError
+from pyburgers.flow_law_tables import softening
+from pyburgers.flow_law_tables.inputs import PeakStrain, load_peak_stress
+from pyburgers.flow_law_tables.softening import simulate_peaks, softening_prior
+from pyburgers.model.priors import default_priors
+
+pytestmark = pytest.mark.usefixtures("programs")
+
+MATERIAL = {
+    "maxwell_modulus": 4.83e9,
+    "kelvin_modulus": 527e6,
+    "kelvin_viscosity": 2.4e10,
+    "stress_exponent": 3.779,
+    "grain_size_exponent": 0.55,
+    "activation_enthalpy": 62080.0,
+    "beta": -7.29e-4,
+    "steady_state_grain_size": 159e-6,
+    "steady_state_fabric_factor": 0.54,
+    "critical_strain_grain_size": 0.074,
+    "critical_strain_fabric": 0.112,
+}
+RATE, GRAIN_SIZE, TEMPERATURE = np.array([1.69e-4, 2e-5]), np.array([2.3e-4, 6e-4]), 260.0
+CONDITIONS = {
+    "strain_rate": RATE,
+    "grain_size": GRAIN_SIZE,
+    "temperature": np.full(2, TEMPERATURE),
+}
+
+
+def test_peaks_are_those_of_the_six_equations() -> None:
+    peaks = simulate_peaks("ice", [MATERIAL], **CONDITIONS)
+    strain = np.geomspace(1e-3, 0.2, 2000)
+    factor = oracle.rate_factor(MATERIAL, TEMPERATURE)
+    for k, (rate, grain_size) in enumerate(zip(RATE, GRAIN_SIZE, strict=True)):
+        stress = oracle.six_states(MATERIAL, TEMPERATURE, grain_size, [(0.0, rate)], strain)[0]
+        assert np.exp(peaks.log_stress[0, k]) == pytest.approx(stress.max(), rel=2e-5)
+        assert peaks.strain[0, k] == pytest.approx(strain[stress.argmax()], rel=0.01)
+        undeformed = (rate * grain_size**0.55 / factor) ** (1 / 3.779)
+        assert peaks.softening[0, k] == pytest.approx(np.log(undeformed / stress.max()), abs=2e-5)
+
+
+def test_a_wanted_peak_is_met_by_another_activation_enthalpy() -> None:
+    own = simulate_peaks("ice", [MATERIAL], **CONDITIONS)
+    moved = {**MATERIAL, "activation_enthalpy": 70e3}
+    met = simulate_peaks("ice", [moved], **CONDITIONS, peak_stress=np.exp(own.log_stress[0]))
+    np.testing.assert_allclose(met.log_stress, own.log_stress, atol=1.1e-4)
+    np.testing.assert_allclose(met.softening, own.softening, atol=1e-4)
+
+
+def test_a_test_without_solution_is_told() -> None:
+    with pytest.raises(SamplingError, match="has no solution to 20% strain"):
+        simulate_peaks("ice", [{**MATERIAL, "activation_enthalpy": 1e7}], **CONDITIONS)
+
+
+def test_the_prior_of_the_softening_is_that_of_materials_with_the_table_s_peak() -> None:
+    table = load_peak_stress(ICE / "peak_stress_qi_goldsby_2021.toml")
+    curve = default_priors("ice")
+    anywhere = softening_prior(replace(table, peak_strain=None), curve, seed=1)
+    late = softening_prior(table, curve, seed=1)
+    # Table 1's priors have their peaks before 2 % strain; three hundredths are stated.
+    assert anywhere.peak_strain[1] < 0.012
+    assert anywhere.peak_strain[1] < 0.5 * late.peak_strain[1]
+    assert late.coefficients[0, 0] > anywhere.coefficients[0, 0] + 0.2
+    assert softening.LEAST_MATERIALS < late.n_effective < anywhere.n_effective
+    for prior in (anywhere, late):
+        assert 0.02 < np.exp(prior.coefficients[0, 0]) < 0.12
+        assert 0.3 < prior.factor[0, 0] < 1.0
+    again = softening_prior(table, curve, seed=1)
+    np.testing.assert_array_equal(again.coefficients, late.coefficients)
+    impossible = replace(table, peak_strain=PeakStrain(0.15, 0.005))
+    with pytest.raises(InputError, match=r"key 'peak_strain': found 0\.15, but nine in ten peaks"):
+        softening_prior(impossible, curve, seed=1)

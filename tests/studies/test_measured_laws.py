@@ -1,0 +1,113 @@
+"""Measured dunite in the study: its fits, and what the page says about steps of the rate."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from conftest import DUNITE
+from synthetic_fit import make_fit, with_problem
+
+from pyburgers.checks.fit_checks import CheckKind, Outcome
+from pyburgers.checks.verdicts import Verdict
+from pyburgers.drawing.style import image
+from pyburgers.fitting.fit import Fit, SampledFit
+from pyburgers.model.variants import variant_of, with_variant
+from pyburgers.sampling.options import SamplerOptions
+from pyburgers.studies.dunite import (
+    JOINT_RUN,
+    ONE_RATE,
+    STEPPED,
+    TOGETHER,
+    LawsTried,
+    dunite_tasks,
+    rate_steps_section,
+)
+
+
+def test_measured_tests_are_fitted_alone_by_several_laws_and_together() -> None:
+    tasks = dunite_tasks(DUNITE, SamplerOptions())
+    assert list(tasks) == [ONE_RATE, *STEPPED, JOINT_RUN]
+    for name, task in tasks.items():
+        assert all(one.provenance.kind != "synthetic" for one in task.experiments)
+        assert [one.id for one in task.experiments] == (
+            list(TOGETHER) if name == JOINT_RUN else [name]
+        )
+    for name, (_, laws) in STEPPED.items():
+        record = variant_of(tasks[name].priors, tasks[name].experiments[0]).record()
+        assert {part: record[part] for part in laws} == laws
+    assert set(tasks[JOINT_RUN].pool.values()) == {"separate"}
+
+
+@pytest.fixture(scope="module")
+def fits(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Fit]:
+    """A standard fit and one with a law of its own, whose n is three times as uncertain."""
+    folder = tmp_path_factory.mktemp("runs")
+    standard = make_fit(folder / "A", name="A", kind="measured", draws=200)
+    other = make_fit(folder / "A", name="A", kind="measured", draws=200)
+    priors = with_variant(other.priors, other.experiment, {"residuals": "autocorrelated"})
+    other = with_problem(other, replace(other.experiment, id="A_other"), priors.resolved(8e6))
+    draws = other.posterior["posterior"].to_dataset()
+    n = draws["stress_exponent"]
+    other.posterior["posterior"] = draws.assign(stress_exponent=n.mean() + 3 * (n - n.mean()))
+    return {"A": standard, "A_other": other}
+
+
+def answer(monkeypatch: pytest.MonkeyPatch, described: Mapping[str, Outcome]) -> None:
+    """Decide what describes the data."""
+
+    def told(fit: SampledFit) -> dict[CheckKind, Verdict]:
+        assert isinstance(fit, Fit)
+        outcomes = (Outcome.YES, described[fit.experiment.id])
+        return {
+            kind: Verdict(kind, outcome, f"Because {outcome.value}.")
+            for kind, outcome in zip(CheckKind, outcomes, strict=True)
+        }
+
+    monkeypatch.setattr(SampledFit, "verdicts", told)
+
+
+def test_the_law_that_describes_is_named_with_the_width_of_n(
+    fits: dict[str, Fit], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answer(monkeypatch, {"A": Outcome.NO, "A_other": Outcome.YES})
+    section = rate_steps_section(fits)
+    told = section.paragraphs[1]
+    assert told.startswith("A: of 2 models, residuals=autocorrelated describes the data.")
+    assert "3.0 times as wide as with the standard model" in told
+    assert "not which physics is missing" in told
+    (table,) = section.tables
+    assert table.saved["sd_ratio"].tolist() == [1.0, pytest.approx(3.0)]
+    assert table.bad["describes the data?"] == [True, False]
+    assert table.shown["describes the data?"].tolist() == ["NO", "yes"]
+    (figure,) = section.figures
+    assert "residuals=autocorrelated" in figure.title
+    assert image(figure.draw(), "png").startswith(b"\x89PNG")
+
+
+def test_where_no_law_describes_the_page_says_so_and_why(
+    fits: dict[str, Fit], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answer(monkeypatch, {"A": Outcome.NO, "A_other": Outcome.CANNOT_TELL})
+    laws = LawsTried.of(fits)
+    told = laws.conclusion()
+    assert told.startswith("A: of 2 models none is shown to describe the data; the one that")
+    assert "too narrow by what it misses. Because " in told
+    assert laws.chosen == next(iter(laws.elpd))
+
+
+def test_a_test_with_a_single_fit_has_an_answer_but_no_comparison(
+    fits: dict[str, Fit], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answer(monkeypatch, {"A": Outcome.YES})
+    alone = LawsTried.of({"A": fits["A"]})
+    assert alone.conclusion().startswith("A: of one model, standard describes the data. With")
+    assert alone.table()["outcome"].tolist() == [""]
+
+
+def test_each_test_has_an_answer_of_its_own(fits: dict[str, Fit], tmp_path: Path) -> None:
+    second = make_fit(tmp_path, name="B", kind="measured", draws=100, seed=2)
+    section = rate_steps_section({**fits, "B": second})
+    assert [paragraph.split(":")[0] for paragraph in section.paragraphs[1:]] == ["A", "B"]
+    assert section.tables[0].shown["test"].tolist() == ["A", "A", "B"]
+    assert len(section.figures) == 2

@@ -195,7 +195,7 @@ def of_cycles(experiment: OscillationExperiment, n_cycles: int) -> OscillationEx
 @pytest.mark.parametrize("n_cycles", [2, 6])
 def test_the_likelihood_is_the_dense_one_with_the_trend_integrated_out(n_cycles: int) -> None:
     """The raw readings, with a covariance that holds any trend: no projection takes part."""
-    test = load_forced_oscillation(TWIN_FILE)
+    test = with_background(load_forced_oscillation(TWIN_FILE), "removed")
     if n_cycles < 6:
         test = of_cycles(test, n_cycles)
     prepared = test.prepared

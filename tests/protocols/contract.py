@@ -10,11 +10,11 @@ from conftest import resolved_priors, with_fixed
 from log_density import Program, program_with
 from page import Page
 from protocol_examples import EXAMPLES
+from refusals import refusal
 from same_contents import assert_equal
 from scipy import stats
 from stan_data import one_test_data, parameters_in
 
-from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.priors import default_priors
@@ -103,20 +103,11 @@ def test_a_bad_table_is_refused_by_name_in_one_sentence(
         good = table.read_text(encoding="utf-8")
         lines = BAD_TABLES[what](good.splitlines())
         table.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
-        assert_refused(path)
+        refusal(path)
         table.unlink()
-        assert_refused(path)
+        refusal(path)
         table.write_text(good, encoding="utf-8")
     assert load_experiment(path).n_points > 0
-
-
-def assert_refused(path: Path) -> None:
-    with pytest.raises(InputError) as caught:
-        load_experiment(path)
-    text = str(caught.value)
-    assert str(path.parent) in text
-    assert "\n" not in text
-    assert text.endswith((".", "?"))
 
 
 @cases("twins", "quick", of=lambda protocol: tuple(EXAMPLES[protocol].materials))

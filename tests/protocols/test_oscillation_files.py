@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refusals import refusal, written
 from same_contents import assert_equal
 
-from pyburgers.common.errors import InputError
 from pyburgers.protocols.forced_oscillation.experiment import (
     OscillationExperiment,
     load_forced_oscillation,
@@ -78,28 +78,10 @@ def write(tmp_path: Path) -> Write:
     """Write an experiment with replaced text and its data files; return the TOML's path."""
 
     def write(*replacements: tuple[str, str], **files: str) -> Path:
-        text = EXPERIMENT
-        for old, new in replacements:
-            assert old in text
-            text = text.replace(old, new, 1)
-        for name, content in {"strain": strain_csv(), "stress": stress_csv(), **files}.items():
-            (tmp_path / f"{name}.csv").write_text(content, encoding="utf-8")
-        path = tmp_path / "test.toml"
-        path.write_text(text, encoding="utf-8")
-        return path
+        series = {"strain": strain_csv(), "stress": stress_csv(), **files}
+        return written(tmp_path / "test.toml", EXPERIMENT, replacements, series)
 
     return write
-
-
-def message(path: Path) -> str:
-    """Message of the InputError that reading raises: one sentence on one line."""
-    with pytest.raises(InputError) as caught:
-        load_experiment(path)
-    text = str(caught.value)
-    assert "\n" not in text
-    assert text.endswith((".", "?"))
-    assert str(path.parent) in text
-    return text
 
 
 class TestReading:
@@ -184,7 +166,7 @@ class TestReading:
     ) -> None:
         path = write(("[data]", '[data]\ndata_root = "elsewhere"'))
         monkeypatch.delenv("PYBURGERS_DATA", raising=False)
-        assert "'strain_file' in [data]" in message(path)
+        assert "'strain_file' in [data]" in refusal(path)
         monkeypatch.setenv("PYBURGERS_DATA", str(tmp_path))
         assert load_experiment(path).n_points == 60
 
@@ -228,13 +210,13 @@ class TestBadInput:
         ],
     )
     def test_experiment_file(self, write: Write, old: str, new: str, fragments: list[str]) -> None:
-        text = message(write((old, new)))
+        text = refusal(write((old, new)))
         for fragment in fragments:
             assert fragment in text
 
     def test_no_data_table(self, write: Write) -> None:
         start, end = EXPERIMENT.index("[data]"), EXPERIMENT.index("[provenance]")
-        assert "'data' is missing" in message(write((EXPERIMENT[start:end], "")))
+        assert "'data' is missing" in refusal(write((EXPERIMENT[start:end], "")))
 
     def test_clocks_that_do_not_overlap(self, write: Write) -> None:
         lines = stress_csv().splitlines()
@@ -242,16 +224,16 @@ class TestBadInput:
             ",".join([repr(float(t) + 100), s, sd])
             for t, s, sd in (line.split(",") for line in lines[1:])
         ]
-        text = message(write(stress="\n".join([lines[0], *late])))
+        text = refusal(write(stress="\n".join([lines[0], *late])))
         assert "strain and stress clocks do not overlap" in text
 
     def test_a_clock_that_runs_backwards(self, write: Write) -> None:
         lines = strain_csv().splitlines()
-        text = message(write(strain="\n".join([*lines[:4], lines[3], *lines[4:]])))
+        text = refusal(write(strain="\n".join([*lines[:4], lines[3], *lines[4:]])))
         assert "the strain's clock, reading 4: found 20 s after 20 s" in text
 
     def test_an_uncertainty_of_zero(self, write: Write) -> None:
-        text = message(write(stress=stress_csv().replace(",4.02\n", ",0\n")))
+        text = refusal(write(stress=stress_csv().replace(",4.02\n", ",0\n")))
         assert "the stress's uncertainty, reading 3: found 0" in text
 
 

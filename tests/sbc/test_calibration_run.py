@@ -1,7 +1,6 @@
 """`pyburgers sbc`: many data sets, resumed bit for bit, and errors of one sentence."""
 
 import json
-import re
 import shutil
 import signal
 import subprocess
@@ -15,6 +14,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from conftest import ICE, Problem
+from refusals import assert_refused
 
 from pyburgers.cli.main import main
 from pyburgers.drawing.style import image
@@ -200,16 +200,6 @@ def test_an_unfinished_calibration_is_shown_as_far_as_it_has_come(
     whole = tmp_path / "whole"
     main(["sbc", "--results-of", str(finished), "--out", str(whole)])
     assert (whole / "ranks.csv").read_bytes() == outcomes["ranks.csv"]
-
-
-def assert_refused(code: int, capsys: pytest.CaptureFixture[str], *words: str) -> None:
-    """Exit code 2 and one clear sentence on standard error."""
-    out, error = capsys.readouterr()
-    assert code == 2
-    assert out == ""
-    assert re.fullmatch(r"pyburgers: [^\n]+[.?]\n", error)
-    for word in words:
-        assert word in error
 
 
 @pytest.mark.parametrize(

@@ -106,9 +106,10 @@ def test_the_page_holds_every_part_in_its_place(
 def test_statements_stand_with_verdict_evidence_and_rule(
     page: Page, sections: tuple[PageSection, ...], folder: Path
 ) -> None:
-    (table,) = sections[0].tables
-    assert len(table.shown) == 23
-    for row in table.shown.to_dict("records"):
+    table, grounds = sections[0].tables
+    assert len(table.shown) == len(grounds.shown) == 23
+    assert grounds.shown["rule"].str.endswith(".").all()
+    for row in [*table.shown.to_dict("records"), *grounds.shown.to_dict("records")]:
         for cell in row.values():
             assert " ".join(str(cell).split()) in page.text
     written = pd.read_csv(folder / "tables" / "statements_table.csv")
@@ -211,7 +212,7 @@ def test_every_figure_table_and_claim_has_its_place(
     figures = {f"Fig. {name}" for name in ("1", "2", "3", "4", "5", "6", "S1", "S2", "S3", "S5")}
     assert figures | {f"Table {name}" for name in ("1", "2", "S2", "S3")} <= listed
     statements = sections[0].tables[0].shown
-    claims = table[table["on this page"].str.startswith("Statement by statement")]
+    claims = table[table["on this page"] == "Statement by statement"]
     assert claims["shows or says"].tolist() == statements["statement"].tolist()
     assert claims["note"].tolist() == statements["verdict"].tolist()
     points = table[table["shows or says"].str.contains("McCarthy")]

@@ -45,10 +45,7 @@ def coverage_table(
         *_ice_rows(ids),
         *(_olivine_rows([fit.experiment.id for fit in olivine_fits.values()])),
         _points_row(has_points=has_points),
-        *(
-            (one.source, one.text, f"Statement by statement: {one.key}", str(one.verdict))
-            for one in statements
-        ),
+        *((one.source, one.text, "Statement by statement", str(one.verdict)) for one in statements),
     ]
     return pd.DataFrame(rows, columns=["paper", "shows or says", "on this page", "note"])
 

@@ -51,6 +51,7 @@ from pyburgers.studies.maor.ice_curves import PEAK_STRESS
 from pyburgers.studies.maor.olivine import background_section, preparation_section
 from pyburgers.studies.maor.olivine_statements import STRESS_AMPLITUDE, olivine_statements
 from pyburgers.studies.maor.statements import (
+    GROUNDS,
     VERDICTS_TEXT,
     Statement,
     Verdict,
@@ -187,11 +188,18 @@ def statements_section(statements: tuple[Statement, ...], *, is_synthetic: bool)
             PageTable(
                 "table",
                 "Statement by statement",
-                table,
+                table.drop(columns=list(GROUNDS)),
                 table,
                 words=("paper", "verdict", "prior", "prior and one number", "posterior", "of"),
-                sentences=("statement", "our posterior", "rule"),
+                sentences=("statement",),
                 bad={"verdict": [verdict is Verdict.DISAGREES for verdict in verdicts]},
+            ),
+            PageTable(
+                "grounds",
+                "What the verdicts rest on",
+                table[["statement", *GROUNDS]],
+                table[["statement", *GROUNDS]],
+                sentences=("statement", *GROUNDS),
             ),
         ),
     )

@@ -383,7 +383,7 @@ def test_simulate_writes_the_promised_columns(
     assert np.all(np.diff(time) > 0)
     twin = load_forced_oscillation(TWIN_FILE)
     assert set(twin.prepared.time) <= set(time)
-    np.testing.assert_allclose(table["strain"], twin.prepared.strain_fit.periodic(time))
+    np.testing.assert_allclose(table["strain"], twin.prepared.strain(time))
     assert (table["fabric_factor"] == 1).all()
     assert "warning" not in capsys.readouterr().err
 

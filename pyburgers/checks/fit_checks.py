@@ -40,7 +40,7 @@ class CheckedDraws:
     Attributes
     ----------
     posterior : DataTree
-        Labelled draws (`pyburgers.posterior.labelled_draws.build_posterior`).
+        Labelled draws (`pyburgers.posterior.build.build_posterior`).
     failures : tuple of ChainFailure
         Chains that did not finish.
     max_treedepth : int

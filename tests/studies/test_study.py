@@ -21,6 +21,7 @@ from pyburgers.fitting.side_by_side import Task
 from pyburgers.predictions.attenuation import predict_attenuation
 from pyburgers.predictions.attenuation_tables import quantile_table
 from pyburgers.predictions.measured_attenuation import MeasuredAttenuation
+from pyburgers.predictions.stress_cycles import PAPER_REGIMES
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.protocols.forced_oscillation.response import oscillation_of
 from pyburgers.protocols.forward import simulate
@@ -29,6 +30,7 @@ from pyburgers.studies.dunite import JOINT_RUN, ONE_RATE, STEPPED, TOGETHER
 from pyburgers.studies.maor import sections as maor_sections
 from pyburgers.studies.maor.attenuation import MICROSTRUCTURE_SENTENCE
 from pyburgers.studies.maor.coverage import coverage_table
+from pyburgers.studies.maor.elastic_modulus import ELASTIC_MODULUS_SENTENCE, ICE_MODULUS
 from pyburgers.studies.maor.olivine import background_section
 from pyburgers.studies.maor.reproduce import (
     COMBINED_RUN,
@@ -124,6 +126,21 @@ def test_the_page_says_what_verdicts_on_synthetic_data_mean(
     measured = {"PIL40": make_fit(tmp_path / "run", kind="measured", draws=100)}
     paragraphs = study_sections(measured, {})[0].paragraphs
     assert SYNTHETIC_SENTENCE not in paragraphs
+
+
+def test_one_modulus_of_ice_leaves_what_kelvin_element_and_dashpot_differ_by(
+    page: Page, folder: Path, ice: dict[str, Fit]
+) -> None:
+    written = pd.read_csv(folder / "tables" / "attenuation_elastic_modulus.csv")
+    assert written["sample"].unique().tolist() == list(ice)
+    for name, fit in ice.items():
+        rows = written[written["sample"] == name]
+        given = predict_attenuation(
+            fit, rows["frequency_Hz"].tolist(), PAPER_REGIMES[:1], elastic_modulus=ICE_MODULUS
+        )["tan_delta"]
+        np.testing.assert_allclose(rows["ice_q50"], given.median(("chain", "draw"))[0], rtol=1e-9)
+        assert (rows["ice_q50"] > rows["own_q50"]).all()
+    assert ELASTIC_MODULUS_SENTENCE in page.text
 
 
 def test_figures_and_tables_of_attenuation_are_files(folder: Path, ice: dict[str, Fit]) -> None:

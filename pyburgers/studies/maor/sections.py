@@ -40,6 +40,11 @@ from pyburgers.studies.maor.attenuation import (
 )
 from pyburgers.studies.maor.before_data import Datum, Knowledge, knowledge
 from pyburgers.studies.maor.coverage import coverage_section, coverage_table
+from pyburgers.studies.maor.elastic_modulus import (
+    ELASTIC_MODULUS_SENTENCE,
+    elastic_modulus_table,
+    shown_elastic_modulus,
+)
 from pyburgers.studies.maor.flow_law import (
     STRESSES,
     flow_law_statement,
@@ -280,6 +285,7 @@ def attenuation_section(
     by_amplitude = predict_attenuation(fit, regimes=AMPLITUDE_REGIMES)
     check = time_domain_table(fit)
     evolving = evolving_attenuation(fitted_material(fit))
+    modulus = elastic_modulus_table(fits)
     return PageSection(
         key=ATTENUATION_KEY,
         title="Attenuation",
@@ -290,7 +296,7 @@ def attenuation_section(
             "and 5 and 95 % of the draws; the CSV files hold all frequencies.",
             MICROSTRUCTURE_SENTENCE,
             *(f"{name}: {frozen_sentence(spectrum)}" for name, spectrum in spectra.items()),
-            elastic_modulus_sentence(spectra[first]),
+            f"{elastic_modulus_sentence(spectra[first])} {ELASTIC_MODULUS_SENTENCE}",
             f"{first}, frozen and evolving side by side. {evolving_sentence(evolving)}",
         ),
         tables=(
@@ -300,7 +306,8 @@ def attenuation_section(
                     f"tan δ of {name}",
                     overview_table(spectrum),
                     quantile_table(spectrum),
-                    words=("regime", "frozen microstructure"),
+                    words=("regime",),
+                    sentences=("frozen microstructure",),
                 )
                 for name, spectrum in spectra.items()
             ),
@@ -310,6 +317,13 @@ def attenuation_section(
                 evolving_overview(evolving),
                 evolving_table(evolving),
                 words=("regime",),
+            ),
+            PageTable(
+                "elastic_modulus",
+                f"Elastic modulus and attenuation at {PAPER_REGIMES[0].label}",
+                shown_elastic_modulus(modulus),
+                modulus,
+                words=("sample",),
             ),
             PageTable(
                 "time_domain",

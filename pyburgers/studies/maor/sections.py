@@ -62,6 +62,7 @@ from pyburgers.studies.maor.statements import (
     Verdict,
     statements_table,
 )
+from pyburgers.studies.maor.stress_floor import stress_floor_section
 
 logger = logging.getLogger(__name__)
 
@@ -132,6 +133,7 @@ def study_sections(
         sections += [
             preparation_section(olivine_fits),
             background_section(olivine_fits),
+            stress_floor_section(olivine_fits),
         ]
     return tuple(sections)
 

@@ -39,9 +39,9 @@ STRAIN_PARTS_CAPTION = (
 
 MEAN_SOLUTION_CAPTION = (
     "The line of the paper's Fig. 3: the solution at the posterior mean of all parameters "
-    "(dashed) over data, retrodictions and predictive band. The means of all parameters need not be a good "
-    "combination: where parameters trade off along a bent ridge, the line leaves the band although "
-    "the fit is good. The table of statements says by how much."
+    "(dashed) over data, retrodictions and predictive band. The means of all parameters need not "
+    "be a good combination: where parameters trade off along a bent ridge, the line leaves the "
+    "band although the fit is good. The table of statements says by how much."
 )
 
 FLOW_LAWS_CAPTION = (

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import logit
+from scipy.special import expit, logit
 
 from pyburgers.model.parameters import (
     REFERENCE_FLOW_RATE_QUANTITY,
@@ -89,6 +89,15 @@ class PlainCoordinates:
                 return above
             inside: FloatArray = logit((position - lower) / (upper - lower))
             return inside
+
+    def value(self, k: int, position: float) -> float:
+        """Quantity k (or its logarithm) at a coordinate, the inverse of `of_quantity`."""
+        lower, upper, scale = self.lower[k], self.upper[k], self.scale[k]
+        if np.isinf(lower):
+            return float(self.shift[k] + scale * position)
+        if np.isinf(upper):
+            return float(lower + scale * np.exp(position))
+        return float(lower + (upper - lower) * expit(position))
 
 
 @dataclass(frozen=True, eq=False)

@@ -33,6 +33,7 @@ from pyburgers.posterior.labelled_draws import (
     own_name,
     response_in,
 )
+from pyburgers.protocols.coordinates import CENTRE, SPREAD
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forward import simulate, simulate_data
 from pyburgers.protocols.problem import Problem, one_test
@@ -92,6 +93,8 @@ class Simulated:
     ----------
     problem : Problem
         The template with simulated responses; its tests' true parameters are the draw.
+    pooled : mapping of str to float
+        True centres (SI) and spreads of partially pooled parameters, as NAME[centre], NAME[spread].
     n_unsolvable : int
         Draws before it whose curve the solver could not compute.
     n_outside : int
@@ -99,6 +102,7 @@ class Simulated:
     """
 
     problem: Problem
+    pooled: Mapping[str, float]
     n_unsolvable: int
     n_outside: int
 
@@ -168,14 +172,8 @@ def check_template(problem: Problem) -> None:
     Raises
     ------
     InputError
-        If a parameter is partially pooled or has a prior that differs between the tests, or none is
-        free.
+        If a parameter has a prior that differs between the tests, or none is free.
     """
-    if problem.partial:
-        raise InputError(
-            f"--pool {problem.partial[0]}=partial: found in a calibration, expected shared or "
-            "separate."
-        )
     first = problem.priors[0]
     if not first.free:
         raise InputError(f"{first.title}: all parameters are fixed, expected a free one to rank.")
@@ -214,13 +212,11 @@ def simulate_from_prior(
     rng = np.random.default_rng(seed)
     n_unsolvable = n_outside = 0
     for _ in range(PRIOR_ATTEMPTS):
-        drawn = [priors.sample(rng) for priors in template.priors]
-        shared = {name: drawn[0][name] for name in template.shared}
+        drawn, pooled = _draw(template, rng)
         source = f"a draw from the prior, seed {seed}"
         simulated = []
         try:
-            for experiment, own in zip(template.experiments, drawn, strict=True):
-                values = {**own, **shared}
+            for experiment, values in zip(template.experiments, drawn, strict=True):
                 simulate(experiment, values, solver=SolverOptions())
                 simulated.append(simulate_data(experiment, values, rng, source=source))
         except SamplingError:
@@ -232,12 +228,33 @@ def simulate_from_prior(
             continue
         named = tuple(replace(one, id=f"{one.id}_simulated_{seed}") for one in simulated)
         problem = replace(template, experiments=named, given_priors=template.priors[0])
-        return Simulated(problem, n_unsolvable, n_outside)
+        return Simulated(problem, pooled, n_unsolvable, n_outside)
     raise SamplingError(
         f"{template.name}: none of {PRIOR_ATTEMPTS} draws from the prior has a finite solution"
         f"{'' if stress_range is None else ' with stresses in the range'} ({n_unsolvable} without "
         f"solution, {n_outside} outside the range); check the units and the bounds of the priors."
     )
+
+
+def _draw(
+    template: Problem, rng: np.random.Generator
+) -> tuple[list[dict[str, float]], dict[str, float]]:
+    """Draw the parameters of every test from the prior, and centres and spreads (`Simulated`)."""
+    drawn = [priors.sample(rng) for priors in template.priors]
+    pooled: dict[str, float] = {}
+    for name in template.shared:
+        for own in drawn[1:]:
+            own[name] = drawn[0][name]
+    for name in template.partial:
+        # The first test's draw is that of the centre: both have the same prior.
+        centre = drawn[0][name]
+        spread = template.pooling.spread_scales[name] * abs(float(rng.standard_normal()))
+        pooled |= {own_name(name, CENTRE): centre, own_name(name, SPREAD): spread}
+        for own, coordinates in zip(drawn, template.coordinates, strict=True):
+            k = coordinates.parameters.index(name)
+            middle = float(coordinates.of_quantity(k, centre))
+            own[name] = coordinates.value(k, middle + spread * float(rng.standard_normal()))
+    return drawn, pooled
 
 
 def replicate(
@@ -279,8 +296,7 @@ def replicate(
             return replace(done, failure=str(error))
         done = _with_fit(done, result)
         if not done.failed_checks:
-            ranks = rank_truth(result, simulated.problem, template, plan.n_ranked)
-            return replace(done, ranks=ranks)
+            return replace(done, ranks=rank_truth(result, simulated, template, plan.n_ranked))
     return done
 
 
@@ -351,15 +367,17 @@ def largest_rhat(posterior: xr.DataTree) -> float:
     return float(np.max([value.item() for value in rhat.data_vars.values()]))
 
 
-def rank_truth(result: Fit, problem: Problem, template: Problem, n_thinned: int) -> dict[str, int]:
+def rank_truth(
+    result: Fit, simulated: Simulated, template: Problem, n_thinned: int
+) -> dict[str, int]:
     """Count the thinned draws of a fit that lie below the truth, for every ranked quantity.
 
     Parameters
     ----------
     result : Fit
-        Fit of the problem.
-    problem : Problem
-        Simulated, with its true parameters.
+        Fit of the simulated problem.
+    simulated : Simulated
+        With its true parameters.
     template : Problem
         What it was simulated from: its tests are driven by what drove the simulation, and give the
         names.
@@ -367,7 +385,7 @@ def rank_truth(result: Fit, problem: Problem, template: Problem, n_thinned: int)
         Draws to keep.
     """
     draws = result.posterior["posterior"].to_dataset()
-    solver = SolverOptions(**result.manifest["solver"])
+    solver, problem = SolverOptions(**result.manifest["solver"]), simulated.problem
     truths = [
         _at_truth(experiment, driven, solver)
         for experiment, driven in zip(problem.experiments, template.experiments, strict=True)
@@ -384,6 +402,7 @@ def rank_truth(result: Fit, problem: Problem, template: Problem, n_thinned: int)
                 for name, value in truth.items()
                 if own_name(name, experiment.id) in found
             }
+    ranked |= {name: (name, value) for name, value in simulated.pooled.items()}
     values = {name: (draws[column], value) for column, (name, value) in ranked.items()}
     total = sum(truth[LOG_LIKELIHOOD] for truth in truths)
     likelihood = response_in(result.posterior, "log_likelihood").sum("point")

@@ -189,7 +189,7 @@ def calibrate(
         Data sets, seeds, sampler.
     pool : mapping of str to str, optional
         How parameters of several tests are pooled where it is not the default
-        (`pyburgers.model.pooling.pooling_of`), never partially.
+        (`pyburgers.model.pooling.pooling_of`).
     jobs : int, optional
         Processes; default one for each core. Each runs one chain at a time.
     command : str

@@ -12,7 +12,7 @@ from stan_data import one_test_data
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.errors import InputError, SamplingError
-from pyburgers.fitting.fit import Fit
+from pyburgers.fitting.fit import Fit, fit_problem
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import default_priors
 from pyburgers.posterior.labelled_draws import convergence_table
@@ -25,13 +25,14 @@ from pyburgers.protocols.forced_oscillation.preparation import Background, prepa
 from pyburgers.protocols.forward import simulate, simulate_data
 from pyburgers.protocols.problem import Problem, one_test, problem_of
 from pyburgers.protocols.program_data import given_parameters
-from pyburgers.protocols.protocol import protocol_of
+from pyburgers.protocols.protocol import load_experiment, protocol_of
 from pyburgers.protocols.stan_data import REFERENCE_SOLVER
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sbc.data_sets import (
     LOG_LIKELIHOOD,
     RHAT_LIMIT,
     DataSetPlan,
+    Simulated,
     calibration_priors,
     check_template,
     largest_rhat,
@@ -41,6 +42,7 @@ from pyburgers.sbc.data_sets import (
 )
 
 SHARED_EXPONENT = {"all": "separate", "stress_exponent": "shared"}
+TEMPLATES = ICE.parent / "calibration"
 OLIVINE = ICE.parent / "olivine" / "olivine_twin.toml"
 
 
@@ -67,7 +69,7 @@ def test_simulated_data_are_the_solution_at_a_prior_draw_with_noise(programs: No
 
 
 def test_a_simulated_record_is_prepared_as_the_measured_one_is(programs: None) -> None:
-    experiment = load_forced_oscillation(OLIVINE)
+    experiment = with_background(load_forced_oscillation(OLIVINE), "removed")
     truth = dict(experiment.true_parameters or {})
     rng = np.random.default_rng(2)
     simulated = simulate_data(experiment, truth, rng, source="the truth")
@@ -88,7 +90,7 @@ def test_the_trend_leaves_as_much_noise_as_the_likelihood_expects(programs: None
     # The log likelihood at the truth is stationary in the noise s, in the mean over records, if the
     # mean sum of squares is the power of s that its normalisation falls with. That mean is the sum
     # over records with one noisy point.
-    experiment = load_forced_oscillation(OLIVINE)
+    experiment = with_background(load_forced_oscillation(OLIVINE), "removed")
     truth = dict(experiment.true_parameters or {})
     sure = np.full_like(experiment.record.strain, 1e-12)
     experiment = replace(experiment, record=replace(experiment.record, strain_uncertainty=sure))
@@ -164,6 +166,60 @@ def test_tests_of_a_joint_template_share_what_is_shared(programs: None) -> None:
     assert simulated.problem.pooling == template.pooling
 
 
+def test_partially_pooled_parameters_lie_about_their_centre(programs: None) -> None:
+    """On the real line, where the spread is that of the tests."""
+    pair = [load_constant_rate(ICE / f"{name}.toml") for name in ("PIL40", "PIL72")]
+    pooling = pooling_of({"all": "separate", "stress_exponent": "partial:0.3"})
+    template = problem_of(pair, calibration_priors("ice"), pooling)
+    check_template(template)
+    coordinates = template.coordinates[0]
+    k = coordinates.parameters.index("stress_exponent")
+    distances, spreads = [], []
+    for seed in range(60):
+        simulated = simulate_from_prior(template, seed=seed)
+        centre, spread = (
+            simulated.pooled[f"stress_exponent[{owner}]"] for owner in ("centre", "spread")
+        )
+        spreads.append(spread)
+        for test in simulated.problem.experiments:
+            drawn = (test.true_parameters or {})["stress_exponent"]
+            distance = coordinates.of_quantity(k, drawn) - coordinates.of_quantity(k, centre)
+            distances.append(float(distance) / spread)
+    assert stats.kstest(distances, "norm").pvalue > 0.01
+    assert stats.kstest(spreads, stats.halfnorm(scale=0.3).cdf).pvalue > 0.01
+
+
+def test_every_quantity_of_a_joint_fit_is_ranked(tmp_path: Path, programs: None) -> None:
+    """Under the names of the templates, which data sets have in common."""
+    pair = [load_constant_rate(ICE / f"{name}.toml") for name in ("PIL40", "PIL72")]
+    free = ("maxwell_modulus", "activation_enthalpy", "stress_noise")
+    truth = dict(pair[0].true_parameters or {})
+    priors = calibration_priors("ice")
+    priors = with_fixed(priors, {name: truth[name] for name in priors.free if name not in free})
+    pooling = pooling_of(
+        {"all": "separate", "activation_enthalpy": "shared", "maxwell_modulus": "partial"}
+    )
+    template = problem_of(pair, priors, pooling)
+    simulated = simulate_from_prior(template, seed=2)
+    options = SamplerOptions(chains=1, warmup=50, draws=40)
+    result = fit_problem(simulated.problem, out=tmp_path, options=options, command="test")
+    ranks = rank_truth(result, simulated, template, 39)
+    own = ("maxwell_modulus", "stress_noise", "reference_stress")
+    assert set(ranks) == {
+        "activation_enthalpy",
+        "maxwell_modulus[centre]",
+        "maxwell_modulus[spread]",
+        *(f"{name}[{test.id}]" for name in own for test in pair),
+        LOG_LIKELIHOOD,
+    }
+    draws = result.posterior["posterior"].to_dataset()
+    second = simulated.problem.experiments[1]
+    drawn = draws[f"stress_noise[{second.id}]"].to_numpy().ravel()
+    kept = drawn[np.linspace(0, drawn.size - 1, 39).astype(int)]
+    below = int(np.sum(kept < (second.true_parameters or {})["stress_noise"]))
+    assert ranks["stress_noise[PIL72]"] == below
+
+
 @pytest.mark.parametrize("background", ["removed", "kept"])
 def test_strains_are_simulated_too_and_their_errors_are_known(
     background: Background, programs: None
@@ -224,12 +280,13 @@ def test_ranks_count_the_draws_below_the_truth(small_fit: Fit) -> None:
     truth = small_fit.experiment.true_parameters
     assert truth is not None
     draws = small_fit.posterior["posterior"].to_dataset()["maxwell_modulus"].to_numpy().ravel()
-    ranks = rank_truth(small_fit, small_fit.problem, small_fit.problem, draws.size)
+    simulated = Simulated(small_fit.problem, {}, 0, 0)
+    ranks = rank_truth(small_fit, simulated, small_fit.problem, draws.size)
     assert ranks["maxwell_modulus"] == int(np.sum(draws < truth["maxwell_modulus"]))
     assert set(ranks) == {*small_fit.priors.free, "reference_stress", LOG_LIKELIHOOD}
     high = replace(small_fit.experiment, true_parameters={**truth, "maxwell_modulus": 1e12})
     problem = replace(small_fit.problem, experiments=(high,))
-    ranks = rank_truth(small_fit, problem, problem, 50)
+    ranks = rank_truth(small_fit, replace(simulated, problem=problem), problem, 50)
     assert ranks["maxwell_modulus"] == 50
     assert ranks[LOG_LIKELIHOOD] == 0  # such a modulus fits far worse than any draw
 
@@ -255,9 +312,6 @@ def test_templates_need_data_and_priors_that_are_the_same_for_all_tests() -> Non
     pair = [load_constant_rate(ICE / f"{name}.toml") for name in ("PIL40", "PIL105")]
     with pytest.raises(InputError, match=r"stress_noise is a share of the largest stress"):
         check_template(problem_of(pair, default_priors("ice"), pooling_of(SHARED_EXPONENT)))
-    partial = pooling_of({"stress_exponent": "partial"})
-    with pytest.raises(InputError, match=r"stress_exponent=partial.* expected shared or separate"):
-        check_template(problem_of(pair, calibration_priors("ice"), partial))
     known = dict.fromkeys(calibration_priors("ice").free, 1.0)
     with pytest.raises(InputError, match=r"all parameters are fixed"):
         check_template(problem_of(pair, with_fixed(calibration_priors("ice"), known)))
@@ -274,3 +328,15 @@ def test_calibrations_use_the_priors_of_the_paper_with_noise_that_is_never_next_
             ]
             assert (same[0] == same[1]) == (name != "stress_noise"), name
         assert not any(prior.relative_to_max_stress for prior in found.priors.values())
+
+
+@pytest.mark.parametrize("file", sorted(TEMPLATES.glob("*.toml")), ids=lambda file: file.stem)
+def test_shipped_templates_can_be_simulated(file: Path, programs: None) -> None:
+    template = one_test(
+        experiment := load_experiment(file), calibration_priors(experiment.material)
+    )
+    check_template(template)
+    simulated = simulate_from_prior(template, seed=1, stress_range=(1e6, 1e9))
+    (test,) = simulated.problem.experiments
+    assert 1e6 <= test.largest_stress <= 1e9
+    assert test.n_points == experiment.n_points

@@ -69,7 +69,7 @@ def run_one(seed: int, file: Path, scratch: Path) -> None:
     write_json(file, content)
 
 
-def report(files: list[Path], planned: int) -> str:
+def report(files: list[Path], planned: int, seed: int) -> str:
     """Return the verdicts on the data sets that are done, as Markdown."""
     done = [json.loads(file.read_text(encoding="utf-8")) for file in files]
     ranked = [one for one in done if one["failure"] is None]
@@ -96,7 +96,7 @@ def report(files: list[Path], planned: int) -> str:
             f"- Without ranks: {len(done) - len(ranked)}"
             + "".join(f"; seed {one['seed']}: {one['failure']}" for one in done if one["failure"]),
             f"- Fits that failed a check of the sampling and are ranked all the same: {n_failed}.",
-            f"- Command: `python benchmarks/hand_over.py --simulations {planned}`",
+            f"- Command: `python benchmarks/hand_over.py --simulations {planned} --seed {seed}`",
             "",
             *("| " + " | ".join(map(str, row)) + " |" for row in rows),
             "",
@@ -124,8 +124,11 @@ def main() -> None:
             run_one(seed, file, options.out / "scratch")
             done = [one for one in files if one.is_file()]
             if "ranks" in file.read_text(encoding="utf-8"):
-                write_text(options.out / "calibration.md", report(done, options.simulations))
-    text = report([one for one in files if one.is_file()], options.simulations)
+                write_text(
+                    options.out / "calibration.md", report(done, options.simulations, options.seed)
+                )
+    done = [one for one in files if one.is_file()]
+    text = report(done, options.simulations, options.seed)
     write_text(options.out / "calibration.md", text)
     print(text)
 

@@ -69,9 +69,9 @@ class SofteningPrior:
 
         s = h_1 + h_2 x_rate + h_3 x_stress + h_4 x_grain_size
 
-    in ln(strain rate), ln(peak stress) and ln(grain size). The vector w = [ln h_1, -ln(1 - h_2/h_1),
-    ln(h_3/h_1), ln(0.1 + h_4/h_1)], whose distributions are hardly skewed, is normal, with a mean
-    that is linear in ln n and ln p.
+    in ln(strain rate), ln(peak stress) and ln(grain size). The vector
+    w = [ln h_1, -ln(1 - h_2/h_1), ln(h_3/h_1), ln(0.1 + h_4/h_1)], whose distributions are hardly
+    skewed, is normal, with a mean that is linear in ln n and ln p.
 
     Attributes
     ----------

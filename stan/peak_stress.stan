@@ -9,9 +9,9 @@
 //   ln(peak stress) = ln S_0 - s + scatter,
 //   s = h_1 + h_2 x_rate + h_3 x_stress + h_4 x_grain_size,
 //
-// and [ln h_1, -ln(1 - h_2/h_1), ln(h_3/h_1), ln(0.1 + h_4/h_1)] is normal about values linear in
-// ln n and ln p, as the priors of a curve have it by simulation (peaks.stan). The scatter, between
-// tests, is that of the stress; its known relative uncertainty u adds the variance u^2.
+// and [ln h_1, h_2/h_1, ln(h_3/h_1), h_4/h_1] is normal about values linear in ln n and ln p, as
+// the priors of a curve have it by simulation (peaks.stan). The scatter, between tests, is that of
+// the stress; its known relative uncertainty u adds the variance u^2.
 //
 // All values are SI. In place of Q_M, or of beta where Q_M cannot be replaced, what the table fixes
 // is sampled: ln(flow rate) at the mean conditions plus n h_1, which is about the mean of ln(strain
@@ -49,8 +49,7 @@ functions {
                                               log(grain_size_exponent) - centre[2]]'
                               + factor * coordinate;
     real mean_softening = exp(w[h_mean()]);
-    return mean_softening * [1, 1 - exp(-w[h_rate()]), exp(w[h_stress()]),
-                             exp(w[h_grain_size()]) - 0.1]';
+    return mean_softening * [1, w[h_rate()], exp(w[h_stress()]), w[h_grain_size()]]';
   }
 
   /**

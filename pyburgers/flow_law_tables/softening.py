@@ -56,9 +56,8 @@ EXPONENT_ERRORS, EXPONENT_SPREAD = 3.0, (0.15, 0.5)
 """Of ln n and ln p of simulated materials: the standard deviation is this multiple of the standard
 error across peaks, but not outside this range."""
 
-LEAST_SLOPE = 0.02
-"""Of the slopes of ln(softening) in the form that they have the logarithm taken of: all but one in
-some hundred materials are above it."""
+LEAST_SLOPE = 1e-3
+"""Of ln(softening) by ln(peak stress): it is positive, but for errors of the solver."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,9 +68,8 @@ class SofteningPrior:
 
         s = h_1 + h_2 x_rate + h_3 x_stress + h_4 x_grain_size
 
-    in ln(strain rate), ln(peak stress) and ln(grain size). The vector
-    w = [ln h_1, -ln(1 - h_2/h_1), ln(h_3/h_1), ln(0.1 + h_4/h_1)], whose distributions are hardly
-    skewed, is normal, with a mean that is linear in ln n and ln p.
+    in ln(strain rate), ln(peak stress) and ln(grain size). The vector w = [ln h_1, h_2/h_1,
+    ln(h_3/h_1), h_4/h_1] is normal, with a mean that is linear in ln n and ln p.
 
     Attributes
     ----------
@@ -226,12 +224,7 @@ def softening_prior(data: PeakStressData, curve: PriorSet, *, seed: int) -> Soft
     above, below = np.split(peaks.softening[:, 1:], 2, axis=1)
     slope = (above - below) / (2 * steps) @ axes / softening
     w = np.column_stack(
-        [
-            np.log(softening),
-            -np.log(np.maximum(1.0 - slope[:, 0], LEAST_SLOPE)),
-            np.log(np.maximum(slope[:, 1], LEAST_SLOPE)),
-            np.log(np.maximum(0.1 + slope[:, 2], LEAST_SLOPE)),
-        ]
+        [np.log(softening), slope[:, 0], np.log(np.maximum(slope[:, 1], LEAST_SLOPE)), slope[:, 2]]
     )
     exponents = np.log([[one[name] for name in FLOW_LAW[:2]] for one in materials])
     centre = exponents.mean(axis=0)

@@ -62,9 +62,12 @@ def main() -> None:
     summary = fit.summary()
     print(summary[["unit", "mean", "sd", "q5", "q95", "prior_sd", "rhat"]].to_string())
 
-    # Do not use the numbers before every check has passed.
-    for check in fit.checks():
-        print("passed" if check.passed else "FAILED", check.sentence)
+    # Two questions; do not use the numbers before both are a yes.
+    for verdict in fit.verdicts().values():
+        print(verdict.kind.value, verdict.outcome.value.upper())
+        for check in fit.checks():
+            if check.check.kind is verdict.kind:
+                print(f"  {check.outcome.value}: {check.sentence}")
 
     # The draws themselves are labelled arrays (chain, draw).
     draws = fit.posterior["posterior"].to_dataset()

@@ -8,6 +8,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from pyburgers.checks.fit_checks import Outcome
     from pyburgers.common.errors import InputError, PyburgersError, SamplingError, ToolchainError
     from pyburgers.comparison.by_points import compare
     from pyburgers.comparison.by_tests import compare_by_test
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from pyburgers.sampling.options import SamplerOptions
 
 _NAMES = {
+    "checks.fit_checks": ("Outcome",),
     "common.errors": ("InputError", "PyburgersError", "SamplingError", "ToolchainError"),
     "comparison.by_points": ("Comparison", "compare"),
     "comparison.by_tests": ("ComparisonByTest", "compare_by_test"),
@@ -74,6 +76,7 @@ __all__ = [
     "JointFit",
     "ModelVariant",
     "OscillationExperiment",
+    "Outcome",
     "PeakStressData",
     "PeakStressFit",
     "PriorSet",

@@ -32,9 +32,14 @@ data {
 transformed data {
   int n_points = point_end[n_tests + 1];
   int n_grid = grid_end[n_tests + 1];
+  int n_errors = error_end[n_tests + 1];
+  array[n_errors] int strain_error_position; // among the coordinates
   array[n_tests] vector[n_parameters()] prior_mass
     = prior_log_masses(prior_family, prior_location, prior_scale, prior_lower, prior_upper);
   array[n_tests] vector[n_record()] record; // what the shifts want to know of a test
+  for (i in 1 : n_errors) {
+    strain_error_position[i] = n_coordinates - n_errors + i;
+  }
   for (e in 1 : n_tests) {
     array[point_end[e + 1] - point_end[e]] int points = part(point_end, e);
     // Mean of the grain size that the observed stresses want, over d_0, less 1.
@@ -80,7 +85,8 @@ transformed parameters {
                                      parameter[e][i_beta()]);
     log_jacobian += pooled[n_parameters() + 1] + plain[size(own) + 1]
                     + mapped[n_parameters() + 1];
-    log_pooling += pooled[n_parameters() + 2];
+    log_pooling += pooled[n_parameters() + 2]
+                   + std_normal_lpdf(coordinate[strain_error_position[part(error_end, e)]]);
   }
 #include statistics/prior_density.stan
 }
@@ -90,12 +96,14 @@ model {
     for (e in 1 : n_tests) {
       array[point_end[e + 1] - point_end[e]] int points = part(point_end, e);
       array[size(points)] vector[3] solution
-        = forced_oscillation_solution(parameter[e], prior_location[e], tau[points],
-                                      start_tau[e], first_tau[e], period[e], strain_sine[e],
-                                      strain_cosine[e], background[e], background_range[e],
-                                      initial_grain_size[e], temperature[e], start_stress[e],
-                                      stress_scale[e], strain_scale[e], power_law_kelvin,
-                                      tolerance, max_num_steps);
+        = driven_solution(parameter[e], prior_location[e], tau[points], start_tau[e],
+                          first_tau[e], period[e], strain_sine[e], strain_cosine[e],
+                          background[e], background_range[e],
+                          strain_error[part(error_end, e)],
+                          coordinate[strain_error_position[part(error_end, e)]],
+                          initial_grain_size[e], temperature[e], start_stress[e],
+                          stress_scale[e], strain_scale[e], power_law_kelvin, tolerance,
+                          max_num_steps);
       vector[size(points)] stress = to_vector(solution[ : , 1]);
       real noise = parameter[e][i_stress_noise()];
       stress -= trend_shape[points] * (trend_fit[points]' * (stress - stress_observed[points]));
@@ -132,12 +140,13 @@ generated quantities {
     array[size(every_tau)] int order = sort_indices_asc(every_tau);
     array[size(every_tau)] vector[3] solution;
     solution[order]
-      = forced_oscillation_solution(parameter[e], prior_location[e], every_tau[order],
-                                    start_tau[e], first_tau[e], period[e], strain_sine[e],
-                                    strain_cosine[e], background[e], background_range[e],
-                                    initial_grain_size[e], temperature[e], start_stress[e],
-                                    stress_scale[e], strain_scale[e], power_law_kelvin,
-                                    tolerance, max_num_steps);
+      = driven_solution(parameter[e], prior_location[e], every_tau[order], start_tau[e],
+                        first_tau[e], period[e], strain_sine[e], strain_cosine[e],
+                        background[e], background_range[e],
+                        strain_error[part(error_end, e)],
+                        coordinate[strain_error_position[part(error_end, e)]], initial_grain_size[e],
+                        temperature[e], start_stress[e], stress_scale[e], strain_scale[e],
+                        power_law_kelvin, tolerance, max_num_steps);
     stress_model[points] = to_vector(solution[1 : size(points), 1]);
     trend[e] = trend_fit[points]' * (stress_model[points] - stress_observed[points]);
     stress_model[points] -= trend_shape[points] * trend[e];

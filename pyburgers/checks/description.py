@@ -109,14 +109,18 @@ def check_size(draws: CheckedDraws) -> Finding:
         f"{row['root_mean_square']})"
         for name, row in sizes.iterrows()
     )
-    left = f"What the model leaves over is {sentence}"
+    correlated = any(CORRELATED in one.group.children for one in family.tests.values())
+    left = f"What the model leaves over is {sentence}" + (
+        ", and part of it correlates: it is misfit, told as such" if correlated else ""
+    )
+    note = f"{left[0].lower()}{left[1:]}"
     compared = family.table.index.isin((OVER_READING_ERROR, SEGMENT_SPREAD), "discrepancy")
     if not compared.any():
-        return Finding(
-            Outcome.YES, sizes, f"{left}; no reading error is stated to compare it with."
-        )
+        meaning = f"{left}; no reading error is stated to compare it with."
+        return Finding(Outcome.YES, sizes, meaning, note=note)
     judged = _finding(draws, (OVER_READING_ERROR, SEGMENT_SPREAD), _tell_size)
-    return judged._replace(meaning=f"{left}; {judged.meaning[0].lower()}{judged.meaning[1:]}")
+    meaning = f"{left}; {judged.meaning[0].lower()}{judged.meaning[1:]}"
+    return judged._replace(meaning=meaning, note=note)
 
 
 def _finding(draws: CheckedDraws, discrepancies: tuple[str, ...], tell: Tell) -> Finding:

@@ -40,7 +40,7 @@ class CheckedDraws:
     Attributes
     ----------
     posterior : DataTree
-        Labelled draws (`pyburgers.posterior.labelled_draws.build_posterior`).
+        Labelled draws (`pyburgers.posterior.build.build_posterior`).
     failures : tuple of ChainFailure
         Chains that did not finish.
     max_treedepth : int
@@ -56,7 +56,8 @@ class Finding(NamedTuple):
     """What a check found: the answer, the numbers behind it, what they mean, and what to do.
 
     The meaning is a sentence for a non-specialist, without full stop where a remedy follows. What
-    makes draws unusable says so: nothing can be concluded from them about the data.
+    makes draws unusable says so: nothing can be concluded from them about the data. A note goes
+    into a verdict that is a yes.
     """
 
     outcome: Outcome
@@ -64,6 +65,7 @@ class Finding(NamedTuple):
     meaning: str
     remedy: str = ""
     unusable: bool = False
+    note: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,6 +114,7 @@ class CheckResult:
     meaning: str
     remedy: str = ""
     unusable: bool = False
+    note: str = ""
 
     @property
     def passed(self) -> bool:

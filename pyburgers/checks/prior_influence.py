@@ -33,6 +33,9 @@ SENSITIVE = 0.05
 PULL = 0.05
 """Shift of the mean, in standard deviations for a doubled weight, that counts as a pull."""
 
+CLOSE = 1.0
+"""Prior standard deviations from the prior's median within which nothing disagrees with it."""
+
 FAR_OUT = 2.0
 """Prior standard deviations from the prior's median at which a posterior counts as far out."""
 
@@ -58,8 +61,10 @@ THRESHOLDS_TEXT = (
     f"per doubling of the weight of prior or data; from {SENSITIVE:g} on, that part matters. Only "
     "the prior matters: this number is your prior. Only the data: the data decide. Both matter: "
     "prior and data disagree where they pull the mean in opposite directions by at least "
-    f"{PULL:g} standard deviations each, else both decide. Neither: this number is your prior "
-    f"where the posterior is at least {AS_WIDE:g} times as wide as it, else prior and data agree. "
+    f"{PULL:g} standard deviations each and the posterior is not close to the prior's median, that "
+    f"is within {CLOSE:g} of its standard deviations, else both decide. Neither: this number is "
+    f"your prior where the posterior is at least {AS_WIDE:g} times as wide as it, else prior and "
+    "data agree. "
     "A uniform prior has no slope, so that it counts as not mattering; its bounds are not scaled, "
     "and a posterior that leans on one is held there by the prior whatever the table says. All "
     "priors count together: along a trade-off that the data leave open, a quantity can be set by "
@@ -116,7 +121,8 @@ class Influence:
         if not data_matter:
             as_wide = self.width is not None and self.width >= AS_WIDE
             return Origin.PRIOR if as_wide else Origin.AGREEMENT
-        opposed = self.prior_pull * self.likelihood_pull < 0
+        close = self.distance is not None and abs(self.distance) < CLOSE
+        opposed = self.prior_pull * self.likelihood_pull < 0 and not close
         if opposed and min(abs(self.prior_pull), abs(self.likelihood_pull)) >= PULL:
             return Origin.DISAGREEMENT
         return Origin.BOTH

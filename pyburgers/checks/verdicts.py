@@ -87,7 +87,8 @@ def _verdict(kind: CheckKind, results: Sequence[CheckResult]) -> Verdict:
         found = [result for result in asked if result.outcome is outcome]
         if found:
             return _answer(kind, outcome, _reasons(found))
-    return _answer(kind, Outcome.YES, f"all {len(asked)} checks of it passed.")
+    notes = "".join(f"; {result.note}" for result in asked if result.note)
+    return _answer(kind, Outcome.YES, f"all {len(asked)} checks of it passed{notes}.")
 
 
 def _answer(kind: CheckKind, outcome: Outcome, reason: str) -> Verdict:

@@ -5,13 +5,19 @@ import logging
 from pathlib import Path
 from typing import Any
 
-from pyburgers.cli.shared import add_sampler_options, command_line, print_checks, sampler_options
+from pyburgers.cli.shared import (
+    add_model_options,
+    add_sampler_options,
+    command_line,
+    print_checks,
+    sampler_options,
+)
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import fit
 from pyburgers.model.flow_law_prior import load_flow_law_of_run
 from pyburgers.model.pooling import parse_pooling
 from pyburgers.model.priors import PriorSet, default_priors, load_priors, with_flow_law
-from pyburgers.model.variants import CHOICES, parse_choices, with_variant
+from pyburgers.model.variants import parse_choices, with_variant
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.protocol import load_experiment
 from pyburgers.protocols.stan_data import SolverOptions
@@ -24,15 +30,7 @@ logger = logging.getLogger(__name__)
 def add_options(command: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
     command.add_argument("experiments", type=Path, nargs="+", metavar="EXPERIMENT.toml")
-    command.add_argument(
-        "--pool",
-        action="append",
-        default=[],
-        metavar="NAME=HOW",
-        help="of a joint fit, what its experiments have of a parameter (or of all): shared, one "
-        "value; separate, a value for each; partial or partial:SCALE, values around a common "
-        "centre with a spread whose prior has this scale; may be repeated",
-    )
+    add_model_options(command)
     command.add_argument("--priors", type=Path, help="prior file (default: the material's)")
     command.add_argument(
         "--priors-from",
@@ -42,14 +40,6 @@ def add_options(command: argparse.ArgumentParser) -> None:
     )
     command.add_argument(
         "--out", type=Path, help="run directory (default: runs/ID, of a joint fit runs/ID+ID)"
-    )
-    command.add_argument(
-        "--variant",
-        action="append",
-        default=[],
-        metavar="PART=LAW",
-        help="another law for a part of the model, such as kelvin=power_law; may be repeated: "
-        + ", ".join(f"{part}={'|'.join(laws)}" for part, laws in CHOICES.items()),
     )
     add_sampler_options(command)
     command.add_argument(

@@ -1,20 +1,39 @@
 """`pyburgers sbc`: simulation-based calibration."""
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 
-from pyburgers.cli.shared import add_sampler_options, command_line, exit_code, sampler_options
+from pyburgers.cli.shared import (
+    add_model_options,
+    add_sampler_options,
+    command_line,
+    exit_code,
+    sampler_options,
+)
+from pyburgers.common.errors import InputError
+from pyburgers.common.units import UNITS
 from pyburgers.drawing.style import write_images
+from pyburgers.model.pooling import parse_pooling
 from pyburgers.model.priors import load_priors
+from pyburgers.model.variants import parse_choices, with_variant
 from pyburgers.protocols.protocol import load_experiment
-from pyburgers.sbc.data_sets import calibration_priors
+from pyburgers.sbc.data_sets import LONGER, calibration_priors
 from pyburgers.sbc.results import (
     count_sentences,
     rank_differences,
     save_calibration,
     shown_verdict_table,
 )
-from pyburgers.sbc.run import N_RANKED, SHORT_RUN, CalibrationPlan, calibrate
+from pyburgers.sbc.run import (
+    N_RANKED,
+    REFITS,
+    SHORT_RUN,
+    Calibration,
+    CalibrationPlan,
+    calibrate,
+    load_calibration,
+)
 
 CALIBRATION_OPTIONS = ("chains", "warmup", "draws", "seed", "adapt_delta", "coordinates")
 """Settings of the sampler that a calibration takes."""
@@ -22,16 +41,42 @@ CALIBRATION_OPTIONS = ("chains", "warmup", "draws", "seed", "adapt_delta", "coor
 
 def add_options(command: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    command.add_argument("experiment", type=Path, metavar="TEMPLATE.toml")
+    command.add_argument("experiments", type=Path, nargs="*", metavar="TEMPLATE.toml")
+    add_model_options(command)
     command.add_argument(
         "--priors",
         type=Path,
         help="prior file (default: the material's in data/priors/calibration, or its own)",
     )
-    command.add_argument("--out", type=Path, help="default: calibrations/ID")
-    command.add_argument("--simulations", type=int, default=200, help="data sets, default 200")
+    command.add_argument("--out", type=Path, help="default: calibrations/ID, or ID+ID")
+    command.add_argument(
+        "--simulations",
+        type=int,
+        default=200,
+        help="data sets, default 200; fixed with the first one",
+    )
     command.add_argument(
         "--ranked-draws", type=int, default=N_RANKED, help=f"of each fit, default {N_RANKED}"
+    )
+    command.add_argument(
+        "--refits",
+        type=int,
+        default=REFITS,
+        help=f"repetitions, {LONGER} times as long each, of a fit that has not converged; default "
+        f"{REFITS}",
+    )
+    command.add_argument(
+        "--stress-range",
+        type=float,
+        nargs=2,
+        metavar=("LOW", "HIGH"),
+        help="replace data sets whose largest stress lies outside these (MPa)",
+    )
+    command.add_argument(
+        "--results-of",
+        type=Path,
+        metavar="FOLDER",
+        help="fit nothing: write the results of a calibration as far as it has come",
     )
     command.add_argument("--jobs", type=int, help="processes, default one for each core")
     add_sampler_options(command, CALIBRATION_OPTIONS, SHORT_RUN)
@@ -39,24 +84,50 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
-    template = load_experiment(options.experiment)
+    if options.results_of is not None:
+        calibration = load_calibration(options.results_of)
+        return _write(calibration, options.out or options.results_of)
+    if not options.experiments:
+        raise InputError("found no template, expected one (or --results-of FOLDER).")
+    templates = [load_experiment(path) for path in options.experiments]
+    first = templates[0]
     priors = (
-        calibration_priors(template.material)
+        calibration_priors(first.material)
         if options.priors is None
         else load_priors(options.priors)
     )
-    sampler = sampler_options(options, CALIBRATION_OPTIONS)
-    out = options.out or Path("calibrations") / template.id
-    command = command_line()
+    out = options.out or Path("calibrations") / "+".join(template.id for template in templates)
     calibration = calibrate(
-        template,
-        priors,
+        templates,
+        with_variant(priors, first, parse_choices(options.variant)),
         out=out,
-        plan=CalibrationPlan(options.simulations, options.seed, options.ranked_draws, sampler),
+        plan=CalibrationPlan(
+            simulations=options.simulations,
+            seed=options.seed,
+            n_ranked=options.ranked_draws,
+            sampler=sampler_options(options, CALIBRATION_OPTIONS),
+            refits=options.refits,
+            stress_range=_in_pa(options.stress_range),
+        ),
+        pool=parse_pooling(options.pool),
         jobs=options.jobs,
-        command=command,
+        command=command_line(),
     )
-    save_calibration(calibration, out, command=command)
+    return _write(calibration, out)
+
+
+def _in_pa(stress_range: Sequence[float] | None) -> tuple[float, float] | None:
+    """Stresses that were given in MPa."""
+    if stress_range is None:
+        return None
+    low, high = (stress * UNITS["stress"]["MPa"] for stress in stress_range)
+    return low, high
+
+
+def _write(calibration: Calibration, out: Path) -> int:
+    """Write and print what a calibration found; return the exit code."""
+    out.mkdir(parents=True, exist_ok=True)
+    save_calibration(calibration, out)
     if calibration.ranks:
         write_images(rank_differences(calibration), out / "ranks.png")
         print(shown_verdict_table(calibration).to_string(index=False))

@@ -11,6 +11,7 @@ from pathlib import Path
 from pyburgers.checks.fit_checks import CheckKind, CheckResult, Outcome
 from pyburgers.checks.verdicts import verdicts
 from pyburgers.common.errors import InputError
+from pyburgers.model.variants import CHOICES
 from pyburgers.report.tables import checks_table
 from pyburgers.sampling.options import SamplerOptions
 
@@ -20,6 +21,27 @@ EXIT_NOT_DESCRIBED = 4
 """The posterior was sampled well, but the model is not shown to describe the data."""
 SAMPLER_OPTIONS = tuple(field.name for field in fields(SamplerOptions))
 DEFAULT_OPTIONS = SamplerOptions()
+
+
+def add_model_options(command: argparse.ArgumentParser) -> None:
+    """Add the options that choose laws of the model, and what tests share."""
+    command.add_argument(
+        "--pool",
+        action="append",
+        default=[],
+        metavar="NAME=HOW",
+        help="of a joint fit, what its experiments have of a parameter (or of all): shared, one "
+        "value; separate, a value for each; partial or partial:SCALE, values around a common "
+        "centre with a spread whose prior has this scale; may be repeated",
+    )
+    command.add_argument(
+        "--variant",
+        action="append",
+        default=[],
+        metavar="PART=LAW",
+        help="another law for a part of the model, such as kelvin=power_law; may be repeated: "
+        + ", ".join(f"{part}={'|'.join(laws)}" for part, laws in CHOICES.items()),
+    )
 
 
 def add_sampler_options(

@@ -202,7 +202,7 @@ class ComparisonByTest:
     results : mapping of str to LeaveOneTestOut
         By name, in order of falling total.
     weights : array, shape (n_fits,)
-        Stacking weights in the same order, as of `pyburgers.comparison.by_points.Comparison`, with
+        Stacking weights in the same order, as of `Comparison`, with
         tests in the place of points.
     variants : mapping of str to str
         Variant of the model by name of the fit.

@@ -84,9 +84,10 @@ def overview_table(spectrum: xr.Dataset) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Text. Columns regime, one for each of at most `OVERVIEW_FREQUENCIES` frequencies with
-        median and 5 and 95 % of the draws, Debye peak: the share of draws that have one, and
-        frozen microstructure: where it fails (`pyburgers.predictions.assumptions`).
+        Text. Columns regime, frozen microstructure: where it fails
+        (`pyburgers.predictions.assumptions`), one for each of at most `OVERVIEW_FREQUENCIES`
+        frequencies with median and 5 and 95 % of the draws, and Debye peak: the share of draws
+        that have one.
     """
     frequency = spectrum["frequency"].to_numpy()
     n_shown = min(OVERVIEW_FREQUENCIES, frequency.size)
@@ -98,13 +99,13 @@ def overview_table(spectrum: xr.Dataset) -> pd.DataFrame:
         [
             {
                 "regime": str(label),
+                "frozen microstructure": frozen[k],
                 **{
                     f"{frequency[i]:.3g} Hz": f"{median[k, i]:.3g} [{low[k, i]:.3g}, "
                     f"{high[k, i]:.3g}]"
                     for i in shown
                 },
                 "Debye peak": f"{100 * share[k]:.0f} % of draws",
-                "frozen microstructure": frozen[k],
             }
             for k, label in enumerate(spectrum["regime"].to_numpy())
         ]

@@ -19,7 +19,7 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.common.errors import InputError
-from pyburgers.common.units import UNITS
+from pyburgers.common.units import UNITS, number
 from pyburgers.model.display import STRESS_UNIT
 from pyburgers.predictions.attenuation import attenuation_spectrum, flat_draws
 from pyburgers.predictions.imposed_stress import solve_imposed_stress
@@ -98,9 +98,9 @@ def evolving_attenuation(
         If the solver finds no solution.
     """
     frequency, hold = checked_frequencies(frequencies), checked_hold_time(hold_time)
-    for name, number, least in (("cycles", cycles, 2), ("max_draws", max_draws, 1)):
-        if number < least:
-            raise InputError(f"{name}: found {number}, expected at least {least}.")
+    for name, given, least in (("cycles", cycles, 2), ("max_draws", max_draws, 1)):
+        if given < least:
+            raise InputError(f"{name}: found {given}, expected at least {least}.")
     parameters, size, fabric = material.thinned(max_draws)
     frozen = attenuation_spectrum(
         parameters,
@@ -214,7 +214,7 @@ def evolving_overview(comparison: xr.Dataset) -> pd.DataFrame:
                 "tan δ, frozen": _text(frozen[:, k, j]),
                 "tan δ, evolving": _text(evolving[:, k, j]),
                 "dashpot faster, times": _text(ratio[:, k, j]),
-                "strain at the end (%)": f"{100 * strain[1, k, j]:.2g}",
+                "strain at the end (%)": number(float(f"{100 * strain[1, k, j]:.2g}")),
             }
             for k, label in enumerate(comparison["regime"].to_numpy())
             for j, frequency in enumerate(comparison["frequency"].to_numpy())

@@ -2,10 +2,11 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import logit
+from scipy.special import expit, logit
 
 from pyburgers.model.parameters import (
     REFERENCE_FLOW_RATE_QUANTITY,
@@ -89,12 +90,22 @@ class PlainCoordinates:
             inside: FloatArray = logit((position - lower) / (upper - lower))
             return inside
 
+    def value(self, k: int, position: float) -> float:
+        """Quantity k (or its logarithm) at a coordinate, the inverse of `of_quantity`."""
+        lower, upper, scale = self.lower[k], self.upper[k], self.scale[k]
+        if np.isinf(lower):
+            return float(self.shift[k] + scale * position)
+        if np.isinf(upper):
+            return float(lower + scale * np.exp(position))
+        return float(lower + (upper - lower) * expit(position))
+
 
 @dataclass(frozen=True, eq=False)
 class Layout:
     """Which coordinate of a fit stands for what.
 
-    They stand in this order: the first test's, the other tests' own ones, centres, spreads.
+    They stand in this order: the first test's, the other tests' own ones, centres, spreads, errors
+    of what drives the tests.
 
     Attributes
     ----------
@@ -107,6 +118,8 @@ class Layout:
         Shared and partially pooled parameters among them.
     centre, spread : array of int, shape (n_partial,)
         Where centres and spreads of the latter stand.
+    errors : tuple of array of int
+        Where the errors of what drives each test stand.
     """
 
     names: tuple[str, ...]
@@ -115,6 +128,7 @@ class Layout:
     partial: tuple[str, ...]
     centre: IntArray
     spread: IntArray
+    errors: tuple[IntArray, ...]
 
     @property
     def n_tests(self) -> int:
@@ -124,7 +138,8 @@ class Layout:
     @property
     def size(self) -> int:
         """Number of coordinates."""
-        return int(self.position.max(initial=-1)) + 1 + 2 * len(self.partial)
+        n_errors = sum(own.size for own in self.errors)
+        return int(self.position.max(initial=-1)) + 1 + 2 * len(self.partial) + n_errors
 
     @property
     def pooled(self) -> list[int]:
@@ -140,7 +155,9 @@ class Layout:
         return [i for i, name in enumerate(self.names) if name not in others]
 
 
-def layout_of(names: Sequence[str], n_tests: int, pooling: Pooling) -> Layout:
+def layout_of(
+    names: Sequence[str], n_tests: int, pooling: Pooling, n_errors: Sequence[int] = ()
+) -> Layout:
     """Lay the coordinates of a fit out.
 
     Parameters
@@ -151,6 +168,8 @@ def layout_of(names: Sequence[str], n_tests: int, pooling: Pooling) -> Layout:
         Number of tests.
     pooling : Pooling
         How they hang together.
+    n_errors : sequence of int, optional
+        Errors of what drives each test; default none.
     """
     # One test shares with nobody.
     shared = pooling.of_kind("shared", names) if n_tests > 1 else ()
@@ -163,4 +182,6 @@ def layout_of(names: Sequence[str], n_tests: int, pooling: Pooling) -> Layout:
             position[e, i] = i if name in shared else following
             following += name not in shared
     centre = following + np.arange(len(partial))
-    return Layout(tuple(names), position, shared, partial, centre, centre + len(partial))
+    ends = following + 2 * len(partial) + np.cumsum([0, *(n_errors or [0] * n_tests)])
+    errors = tuple(np.arange(start, end) for start, end in pairwise(ends))
+    return Layout(tuple(names), position, shared, partial, centre, centre + len(partial), errors)

@@ -110,6 +110,11 @@ class Experiment(ABC):
         """Number of data points; zero for an experiment that can only be simulated."""
         return len(self.response)
 
+    @property
+    def n_driving_errors(self) -> int:
+        """Number of uncertain numbers in what drives the test, which are inferred with it."""
+        return 0
+
 
 class ProvenanceTable(Table):
     """The table [provenance]."""

@@ -75,7 +75,12 @@ class Problem:
     @cached_property
     def layout(self) -> Layout:
         """Which coordinate stands for what."""
-        return layout_of(self.free, len(self.experiments), self.pooling)
+        return layout_of(
+            self.free,
+            len(self.experiments),
+            self.pooling,
+            [experiment.n_driving_errors for experiment in self.experiments],
+        )
 
     @property
     def is_single(self) -> bool:

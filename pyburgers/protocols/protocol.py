@@ -82,10 +82,13 @@ class Mode:
         Every parameter in SI.
     coordinate : array, shape (n_coordinates,)
         Plain coordinates.
+    driving_error : array, shape (n_driving_errors,)
+        Errors of what drives the test, standardised.
     """
 
     values: Mapping[str, float]
     coordinate: FloatArray
+    driving_error: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -249,7 +252,10 @@ class Protocol(ABC, Generic[E]):
 
     @abstractmethod
     def without_data(self, experiment: E) -> E:
-        """Return the test as one that can only be simulated, as far as the program allows it."""
+        """Return the test as one that can only be simulated, as far as the program allows it.
+
+        What drives it is taken as known.
+        """
 
     @abstractmethod
     def reference_origin(self, experiment: E) -> tuple[float, float]:
@@ -316,14 +322,17 @@ class Protocol(ABC, Generic[E]):
         """Return the peak of a test as tables of peak stresses have it, if it has one."""
         return None
 
-    def check_template(self, experiment: E) -> None:
-        """Check that data of a test can be simulated as the program assumes them.
+    def driving_error(self, experiment: E, true: E) -> FloatArray:
+        """Return the standardised errors of what drives a test, shape (n_driving_errors,).
 
-        Raises
-        ------
-        InputError
-            If they cannot.
+        Parameters
+        ----------
+        experiment : Experiment
+            A simulated test.
+        true : Experiment
+            The same test driven by what drove the simulation.
         """
+        return np.zeros(experiment.n_driving_errors)
 
     def without_point(self, experiment: E, point: int) -> E:
         """Return the test without one of its points, counted from 0.

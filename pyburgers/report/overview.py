@@ -109,12 +109,12 @@ def entry_of(
         "data": fit.experiment.provenance.kind,
         "model": fit.variant.short_text,
         **_answers_text(answered, checks),
-        CONFLICT_COLUMN: _conflicts_text(influences),
         "stress exponent n": _mean_sd(fit, "stress_exponent", 1.0),
         f"residual {noise.symbol} ({noise.display_unit})": _mean_sd(
             fit, noise.name, noise.display_factor
         ),
         "data in 90 % band": f"{100.0 * coverage(fit.posterior):.0f} %",
+        CONFLICT_COLUMN: _conflicts_text(influences),
         **_times(fit),
     }
     is_synthetic = fit.experiment.provenance.kind == "synthetic"

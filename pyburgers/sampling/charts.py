@@ -144,7 +144,7 @@ def at_mode(problem: Problem, mode: Mode, solver: SolverOptions) -> AtMode[Any]:
     """
     model = load_program(problem.protocol.program)
     data = program_data(problem, solver=solver)
-    position = {"coordinate": mode.coordinate.tolist()}
+    position = np.append(mode.coordinate, mode.driving_error)
     (experiment,), (priors,), (coordinates,) = (
         problem.experiments,
         problem.priors,
@@ -157,8 +157,10 @@ def at_mode(problem: Problem, mode: Mode, solver: SolverOptions) -> AtMode[Any]:
         mode,
         data,
         solution=lambda at: solve(experiment, mode.values, at, solver=solver),
-        generated=lambda **changes: model.evaluate({**data, **changes}, position),
-        curvature=lambda **changes: curvature_at(model, {**data, **changes}, mode.coordinate),
+        generated=lambda **changes: model.evaluate(
+            {**data, **changes}, {"coordinate": position.tolist()}
+        ),
+        curvature=lambda **changes: curvature_at(model, {**data, **changes}, position),
     )
 
 
@@ -194,6 +196,8 @@ def _chart_at(
         reference, centre[places] = chart.reference(test)
         references.insert(0, reference)
     centre[layout.position[:, layout.pooled]] = 0.0
+    for own, places in zip(mode.tests, layout.errors, strict=True):
+        centre[places] = own.driving_error
     pooled = np.array([own.coordinate[layout.pooled] for own in mode.tests])
     log_spread = np.maximum(mode.coordinate[layout.spread], np.log(LEAST_SPREAD))
     pooling = np.array([mode.coordinate[layout.centre], log_spread])

@@ -69,10 +69,18 @@ def draw_initial_values(problem: Problem, *, seed: int, chain: int) -> dict[str,
     )
 
 
-def position_of(problem: Problem, plain: Sequence[FloatArray], spreads: FloatArray) -> FloatArray:
-    """Return coordinates from plain ones of each test and spreads over their scales."""
+def position_of(
+    problem: Problem,
+    plain: Sequence[FloatArray],
+    spreads: FloatArray,
+    errors: Sequence[FloatArray] = (),
+) -> FloatArray:
+    """Return coordinates from plain ones of each test and spreads over their scales.
+
+    Errors of what drives the tests are 0 where none are given.
+    """
     layout = problem.layout
-    position = np.empty(layout.size)
+    position = np.zeros(layout.size)
     # The first test comes last, so that shared coordinates are its own.
     for own, places in zip(reversed(plain), reversed(layout.position), strict=True):
         position[places] = own
@@ -84,6 +92,8 @@ def position_of(problem: Problem, plain: Sequence[FloatArray], spreads: FloatArr
         position[layout.spread[h]] = np.log(spreads[h])
         spread = spreads[h] * problem.pooling.spread_scales[name]
         position[layout.position[:, i]] = (numbers - centre) / spread
+    for places, error in zip(layout.errors, errors, strict=False):
+        position[places] = error
     return position
 
 
@@ -164,17 +174,24 @@ def find_mode(problem: Problem, *, seed: int, solver: SolverOptions) -> ProblemM
         draw_initial_values(problem, seed=seed, chain=start) for start in range(1, N_STARTS + 1)
     )
     if not problem.is_single:
-        single = [find_mode(one, seed=seed, solver=solver).coordinate for one in problem.alone()]
-        together = position_of(problem, single, np.ones(len(problem.partial)))
+        single = [find_mode(one, seed=seed, solver=solver).tests[0] for one in problem.alone()]
+        together = position_of(
+            problem,
+            [own.coordinate for own in single],
+            np.ones(len(problem.partial)),
+            [own.driving_error for own in single],
+        )
         starts = chain([{"coordinate": together.tolist()}], starts)
     model = load_program(problem.protocol.program)
     variables = model.climb(program_data(problem, solver=solver), starts, seed=seed)
     coordinate = np.atleast_1d(variables["coordinate"])
     plain = _plain_of_tests(problem, coordinate, variables["log_reference"])
     values = variables["parameter"]
-    return ProblemMode(
-        tuple(Mode(values_of_test(values, e), own) for e, own in enumerate(plain)), coordinate
+    modes = (
+        Mode(values_of_test(values, e), own, coordinate[places])
+        for e, (own, places) in enumerate(zip(plain, problem.layout.errors, strict=True))
     )
+    return ProblemMode(tuple(modes), coordinate)
 
 
 def _plain_of_tests(

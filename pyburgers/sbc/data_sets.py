@@ -25,12 +25,18 @@ from pyburgers.checks.fit_checks import (
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError, SamplingError
-from pyburgers.fitting.fit import Fit, fit
+from pyburgers.fitting.fit import Fit, fit_problem
 from pyburgers.model.priors import PriorSet, default_priors, load_priors, shipped_prior_files
-from pyburgers.posterior.labelled_draws import convergence_table, free_parameters, response_in
+from pyburgers.posterior.labelled_draws import (
+    convergence_table,
+    free_parameters,
+    own_name,
+    response_in,
+)
+from pyburgers.protocols.coordinates import CENTRE, SPREAD
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forward import simulate, simulate_data
-from pyburgers.protocols.problem import one_test
+from pyburgers.protocols.problem import Problem, one_test
 from pyburgers.protocols.program_data import given_parameters, program_data
 from pyburgers.protocols.protocol import protocol_of
 from pyburgers.protocols.stan_data import (
@@ -44,8 +50,11 @@ LOG_LIKELIHOOD = "log_likelihood"
 """Ranked beside the parameters: it sees errors that no single parameter shows (Modrák et al.
 2023, Bayesian Analysis 20, 461-488)."""
 
-PRIOR_ATTEMPTS = 100
-"""Draws from the prior without solution, one after the other, at which a calibration gives up."""
+PRIOR_ATTEMPTS = 1000
+"""Draws from the prior, one after the other, of which none is of use, at which it gives up."""
+
+LONGER = 4
+"""Factor on the iterations of a fit that is repeated, and on how closely it keeps its target."""
 
 RHAT_LIMIT = 1.05
 """Largest R-hat of a fit of a calibration: its chains are short, so that 1.01 is passed by chance.
@@ -55,20 +64,47 @@ CHECKS = (check_chains, check_divergences, check_treedepth, check_energy, check_
 """Checks of a fit that short chains can pass."""
 
 
+@dataclass(frozen=True)
+class DataSetPlan:
+    """How a data set is made, fitted and ranked.
+
+    Attributes
+    ----------
+    n_ranked : int
+        Draws of the fit among which the truth is ranked: evenly spaced, few enough to be nearly
+        independent.
+    refits : int
+        How often a fit that has not converged is repeated, each time `LONGER` as long.
+    stress_range : tuple of two floats, or None
+        Least and largest stress (Pa): data sets whose largest |stress| lies outside are replaced.
+        That looks at the data alone, so that the ranks of the others stay uniform.
+    """
+
+    n_ranked: int
+    refits: int
+    stress_range: tuple[float, float] | None
+
+
 @dataclass(frozen=True, eq=False)
 class Simulated:
     """Data simulated at a draw from the prior.
 
     Attributes
     ----------
-    experiment : Experiment
-        The template with simulated stresses; its true parameters are the draw.
+    problem : Problem
+        The template with simulated responses; its tests' true parameters are the draw.
+    pooled : mapping of str to float
+        True centres (SI) and spreads of partially pooled parameters, as NAME[centre], NAME[spread].
     n_unsolvable : int
         Draws before it whose curve the solver could not compute.
+    n_outside : int
+        Data sets before it whose stresses lay outside the range.
     """
 
-    experiment: Experiment
+    problem: Problem
+    pooled: Mapping[str, float]
     n_unsolvable: int
+    n_outside: int
 
 
 @dataclass(frozen=True)
@@ -81,19 +117,22 @@ class Replication:
         Of this data set.
     ranks : mapping of str to int
         Number of thinned draws below the true value, for each free parameter, the reference
-        quantity and the log likelihood; empty where the fit failed.
+        quantity and the log likelihood; of several tests those of one as NAME[TEST]. Empty where
+        the fit failed or did not converge.
     n_draws : int
         Thinned draws; ranks go from 0 to this.
-    n_unsolvable : int
+    n_unsolvable, n_outside : int
         See `Simulated`.
+    n_refits : int
+        Longer fits after the first.
     failure : str or None
         Why there is no fit.
     failed_checks : tuple of str
-        Names of the checks of convergence that the fit failed.
+        Names of the checks of convergence that the last fit failed.
     divergences : int
-        Of the fit.
+        Of the last fit.
     rhat, least_ess : float or None
-        Largest R-hat and least bulk effective sample size of the fit.
+        Largest R-hat and least bulk effective sample size of the last fit.
     coordinates : str or None
         Coordinates of the fit.
     """
@@ -102,6 +141,8 @@ class Replication:
     ranks: Mapping[str, int]
     n_draws: int
     n_unsolvable: int
+    n_outside: int = 0
+    n_refits: int = 0
     failure: str | None = None
     failed_checks: tuple[str, ...] = ()
     divergences: int = 0
@@ -113,8 +154,8 @@ class Replication:
 def calibration_priors(material: str) -> PriorSet:
     """Return the priors that a material's program is calibrated with.
 
-    Those in ``data/priors/calibration``, which are narrowed so that draws look like laboratory
-    tests, or the material's own where there are none.
+    Those in ``data/priors/calibration``, whose noise is never next to none, or the material's own
+    where there are none.
 
     Raises
     ------
@@ -125,24 +166,30 @@ def calibration_priors(material: str) -> PriorSet:
     return load_priors(files[material]) if material in files else default_priors(material)
 
 
-def check_template(experiment: Experiment) -> None:
-    """Check that data of an experiment can be simulated as the program assumes them.
+def check_template(problem: Problem) -> None:
+    """Check that data of a problem can be simulated as the program assumes them.
 
     Raises
     ------
     InputError
-        If it has no points, or its protocol cannot simulate such data.
+        If a parameter has a prior that differs between the tests, or none is free.
     """
-    if experiment.n_points == 0:
-        raise InputError(
-            f"{experiment.id}: the experiment has no data, expected a [data] table whose points "
-            "the simulated data sets take over."
-        )
-    protocol_of(experiment).check_template(experiment)
+    first = problem.priors[0]
+    if not first.free:
+        raise InputError(f"{first.title}: all parameters are fixed, expected a free one to rank.")
+    for own in problem.priors[1:]:
+        differing = [name for name in first.free if own[name] != first[name]]
+        if differing:
+            raise InputError(
+                f"{first.title}: the prior of {differing[0]} is a share of the largest stress of "
+                "each test, expected one in a unit, because simulated stresses differ."
+            )
 
 
-def simulate_from_prior(experiment: Experiment, priors: PriorSet, *, seed: int) -> Simulated:
-    """Draw parameters from the prior and simulate the experiment's data.
+def simulate_from_prior(
+    template: Problem, *, seed: int, stress_range: tuple[float, float] | None = None
+) -> Simulated:
+    """Draw parameters from the prior and simulate the data of every test of a problem.
 
     A draw without a solution within the limits of the solver that fits use
     (`pyburgers.protocols.stan_data.SolverOptions`) is replaced by the next one: the sampler
@@ -150,82 +197,149 @@ def simulate_from_prior(experiment: Experiment, priors: PriorSet, *, seed: int) 
 
     Parameters
     ----------
-    experiment : Experiment
-        Protocol and points.
-    priors : PriorSet
-        Resolved priors.
+    template : Problem
+        Protocol, points, resolved priors, shared parameters.
     seed : int
         Decides the draw and the noise.
+    stress_range : tuple of two floats, optional
+        See `DataSetPlan`.
 
     Raises
     ------
     SamplingError
-        If none of `PRIOR_ATTEMPTS` draws has a solution.
+        If none of `PRIOR_ATTEMPTS` draws has a solution with stresses in the range.
     """
     rng = np.random.default_rng(seed)
-    for n_unsolvable in range(PRIOR_ATTEMPTS):
-        values = priors.sample(rng)
+    n_unsolvable = n_outside = 0
+    for _ in range(PRIOR_ATTEMPTS):
+        drawn, pooled = _draw(template, rng)
         source = f"a draw from the prior, seed {seed}"
+        simulated = []
         try:
-            simulate(experiment, values, solver=SolverOptions())
-            simulated = simulate_data(experiment, values, rng, source=source)
+            for experiment, values in zip(template.experiments, drawn, strict=True):
+                simulate(experiment, values, solver=SolverOptions())
+                simulated.append(simulate_data(experiment, values, rng, source=source))
         except SamplingError:
-            continue  # counted by n_unsolvable
-        named = replace(simulated, id=f"{experiment.id}_simulated_{seed}")
-        return Simulated(named, n_unsolvable)
+            n_unsolvable += 1
+            continue
+        low, high = stress_range or (0.0, np.inf)
+        if not all(low <= one.largest_stress <= high for one in simulated):
+            n_outside += 1
+            continue
+        named = tuple(replace(one, id=f"{one.id}_simulated_{seed}") for one in simulated)
+        problem = replace(template, experiments=named, given_priors=template.priors[0])
+        return Simulated(problem, pooled, n_unsolvable, n_outside)
     raise SamplingError(
-        f"{experiment.id}: none of {PRIOR_ATTEMPTS} draws from the prior has a finite solution; "
-        "check the units and the bounds of the priors."
+        f"{template.name}: none of {PRIOR_ATTEMPTS} draws from the prior has a finite solution"
+        f"{'' if stress_range is None else ' with stresses in the range'} ({n_unsolvable} without "
+        f"solution, {n_outside} outside the range); check the units and the bounds of the priors."
     )
 
 
+def _draw(
+    template: Problem, rng: np.random.Generator
+) -> tuple[list[dict[str, float]], dict[str, float]]:
+    """Draw the parameters of every test from the prior, and centres and spreads (`Simulated`)."""
+    drawn = [priors.sample(rng) for priors in template.priors]
+    pooled: dict[str, float] = {}
+    for name in template.shared:
+        for own in drawn[1:]:
+            own[name] = drawn[0][name]
+    for name in template.partial:
+        # The first test's draw is that of the centre: both have the same prior.
+        centre = drawn[0][name]
+        spread = template.pooling.spread_scales[name] * abs(float(rng.standard_normal()))
+        pooled |= {own_name(name, CENTRE): centre, own_name(name, SPREAD): spread}
+        for own, coordinates in zip(drawn, template.coordinates, strict=True):
+            k = coordinates.parameters.index(name)
+            middle = float(coordinates.of_quantity(k, centre))
+            own[name] = coordinates.value(k, middle + spread * float(rng.standard_normal()))
+    return drawn, pooled
+
+
 def replicate(
-    experiment: Experiment,
-    priors: PriorSet,
-    out: Path,
-    *,
-    seed: int,
-    options: SamplerOptions,
-    n_thinned: int,
+    template: Problem, out: Path, *, seed: int, options: SamplerOptions, plan: DataSetPlan
 ) -> Replication:
-    """Simulate one data set, fit it, and rank the true values.
+    """Simulate one data set, fit it until it has converged, and rank the true values.
+
+    A fit that has not converged after its longest try is not ranked: its draws are not those of the
+    posterior.
 
     Parameters
     ----------
-    experiment : Experiment
-        Protocol and points.
-    priors : PriorSet
-        Resolved priors, the same for all data sets.
+    template : Problem
+        Protocol, points, resolved priors, the same for all data sets.
     out : Path
-        Run directory of the fit.
+        Folder for run directories of fits.
     seed : int
         Of the data set and of the fit.
     options : SamplerOptions
-        Chains, iterations, target.
-    n_thinned : int
-        Draws to keep: evenly spaced, few enough to be nearly independent.
+        Chains, iterations, target of the first fit.
+    plan : DataSetPlan
+        Ranks, repetitions, range of the stress.
     """
-    simulated = simulate_from_prior(experiment, priors, seed=seed)
-    try:
-        result = fit(simulated.experiment, priors, out=out, options=replace(options, seed=seed))
-    except SamplingError as error:
-        return Replication(seed, {}, n_thinned, simulated.n_unsolvable, failure=str(error))
-    least_ess = float(convergence_table(result.posterior)["ess_bulk"].min())
-    rhat = largest_rhat(result.posterior)
-    return Replication(
-        seed=seed,
-        ranks=rank_truth(result, simulated.experiment, n_thinned),
-        n_draws=n_thinned,
-        n_unsolvable=simulated.n_unsolvable,
-        failed_checks=(
-            *(one.name for one in run_checks(result.checked_draws, CHECKS) if not one.passed),
-            *(["R-hat"] if not rhat <= RHAT_LIMIT else []),
-            *(["independent draws"] if not least_ess >= n_thinned else []),
-        ),
+    simulated = simulate_from_prior(template, seed=seed, stress_range=plan.stress_range)
+    done = Replication(
+        seed, {}, plan.n_ranked, simulated.n_unsolvable, simulated.n_outside, failure="not fitted"
+    )
+    for n_refits in range(plan.refits + 1):
+        longer = lengthened(replace(options, seed=seed), n_refits)
+        done = replace(done, n_refits=n_refits)
+        try:
+            result = fit_problem(
+                simulated.problem,
+                out=out / f"fit_{n_refits}",
+                options=longer,
+                command=f"pyburgers sbc, data set {seed}",
+            )
+        except SamplingError as error:
+            return replace(done, failure=str(error))
+        done = _with_fit(done, result)
+        if not done.failed_checks:
+            return replace(done, ranks=rank_truth(result, simulated, template, plan.n_ranked))
+    return done
+
+
+def _with_fit(done: Replication, result: Fit) -> Replication:
+    """Note how a fit has gone."""
+    return replace(
+        done,
+        failure=None,
+        failed_checks=not_converged(result, done.n_draws),
         divergences=int(result.posterior["sample_stats"]["diverging"].sum()),
-        rhat=rhat,
-        least_ess=least_ess,
+        rhat=largest_rhat(result.posterior),
+        least_ess=float(convergence_table(result.posterior)["ess_bulk"].min()),
         coordinates=result.manifest["coordinates"]["system"],
+    )
+
+
+def lengthened(options: SamplerOptions, n_refits: int) -> SamplerOptions:
+    """Return settings of a repetition: longer, and with steps that diverge less.
+
+    Parameters
+    ----------
+    options : SamplerOptions
+        Of the first fit, with numbers for warm-up and target.
+    n_refits : int
+        Which repetition; 0 is the first fit.
+    """
+    assert options.warmup is not None
+    assert options.adapt_delta is not None
+    return replace(
+        options,
+        warmup=options.warmup * LONGER**n_refits,
+        draws=options.draws * LONGER**n_refits,
+        adapt_delta=1 - (1 - options.adapt_delta) / LONGER**n_refits,
+    )
+
+
+def not_converged(result: Fit, n_ranked: int) -> tuple[str, ...]:
+    """Return the names of the checks of convergence that a fit failed."""
+    least_ess = float(convergence_table(result.posterior)["ess_bulk"].min())
+    return (
+        *(one.name for one in run_checks(result.checked_draws, CHECKS) if not one.passed),
+        *([] if largest_rhat(result.posterior) <= RHAT_LIMIT else ["R-hat"]),
+        *([] if least_ess >= n_ranked else ["independent draws"]),
     )
 
 
@@ -253,43 +367,67 @@ def largest_rhat(posterior: xr.DataTree) -> float:
     return float(np.max([value.item() for value in rhat.data_vars.values()]))
 
 
-def rank_truth(result: Fit, experiment: Experiment, n_thinned: int) -> dict[str, int]:
+def rank_truth(
+    result: Fit, simulated: Simulated, template: Problem, n_thinned: int
+) -> dict[str, int]:
     """Count the thinned draws of a fit that lie below the truth, for every ranked quantity.
 
     Parameters
     ----------
     result : Fit
-        Fit of the experiment.
-    experiment : Experiment
+        Fit of the simulated problem.
+    simulated : Simulated
         With its true parameters.
+    template : Problem
+        What it was simulated from: its tests are driven by what drove the simulation, and give the
+        names.
     n_thinned : int
         Draws to keep.
     """
     draws = result.posterior["posterior"].to_dataset()
-    truth = _at_truth(experiment, SolverOptions(**result.manifest["solver"]))
-    log_likelihood = response_in(result.posterior, "log_likelihood").sum("point")
-    ranked = {
-        **{name: draws[name] for name in free_parameters(result.posterior)},
-        LOG_LIKELIHOOD: log_likelihood,
-    }
+    solver, problem = SolverOptions(**result.manifest["solver"]), simulated.problem
+    truths = [
+        _at_truth(experiment, driven, solver)
+        for experiment, driven in zip(problem.experiments, template.experiments, strict=True)
+    ]
+    found = free_parameters(result.posterior)
+    # Place of the true value, and the name to rank it by.
+    ranked = {name: (name, truth[name]) for truth in truths[:1] for name in truth if name in found}
+    if not problem.is_single:
+        for experiment, driven, truth in zip(
+            problem.experiments, template.experiments, truths, strict=True
+        ):
+            ranked |= {
+                own_name(name, experiment.id): (own_name(name, driven.id), value)
+                for name, value in truth.items()
+                if own_name(name, experiment.id) in found
+            }
+    ranked |= {name: (name, value) for name, value in simulated.pooled.items()}
+    values = {name: (draws[column], value) for column, (name, value) in ranked.items()}
+    total = sum(truth[LOG_LIKELIHOOD] for truth in truths)
+    likelihood = response_in(result.posterior, "log_likelihood").sum("point")
+    values[LOG_LIKELIHOOD] = (likelihood, total)
     ranks = {}
-    for name, values in ranked.items():
-        flat = all_draws(values)
+    for name, (drawn, truth_of_name) in values.items():
+        flat = all_draws(drawn)
         kept = flat[np.linspace(0, flat.size - 1, n_thinned).astype(int)]
-        ranks[name] = int(np.sum(kept < truth[name]))
+        ranks[name] = int(np.sum(kept < truth_of_name))
     return ranks
 
 
-def _at_truth(experiment: Experiment, solver: SolverOptions) -> dict[str, float]:
+def _at_truth(
+    experiment: Experiment, driven: Experiment, solver: SolverOptions
+) -> dict[str, float]:
     """Return true parameters, reference quantity and log likelihood of simulated data."""
     values = experiment.true_parameters
     assert values is not None  # simulated
+    protocol = protocol_of(experiment)
     given = given_parameters(experiment.material, values)
     data = program_data(one_test(experiment, given), solver=solver)
-    draw = load_program(protocol_of(experiment).program).evaluate(data)
-    reference = protocol_of(experiment).reference.name
+    error = protocol.driving_error(experiment, driven)
+    draw = load_program(protocol.program).evaluate(data, {"coordinate": error.tolist()})
     return {
         **values,
-        reference: float(np.exp(draw["log_reference"][0])),
+        protocol.reference.name: float(np.exp(draw["log_reference"][0])),
         LOG_LIKELIHOOD: float(draw["log_lik"].sum()),
     }

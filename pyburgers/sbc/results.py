@@ -12,15 +12,18 @@ from matplotlib.figure import Figure
 
 from pyburgers.common.atomic_files import write_text
 from pyburgers.drawing.style import BLACK, BLUE, GREY, SKY_BLUE, VERMILION, few_ticks, style
-from pyburgers.model.display import shown_quantity
-from pyburgers.sbc.data_sets import LOG_LIKELIHOOD, RHAT_LIMIT
+from pyburgers.model.display import STRESS_FACTOR, STRESS_UNIT, shown_quantity
+from pyburgers.sbc.data_sets import LOG_LIKELIHOOD, LONGER, RHAT_LIMIT
 from pyburgers.sbc.rank_uniformity import VERDICTS_TEXT, RankBands, RankVerdict, counts_at_most
 from pyburgers.sbc.run import Calibration
 
 
 def ranked_label(name: str) -> str:
     """Plain words for a ranked quantity."""
-    return "log likelihood" if name == LOG_LIKELIHOOD else shown_quantity(name).label
+    if name == LOG_LIKELIHOOD:
+        return "log likelihood"
+    quantity, _, test = name.partition("[")
+    return shown_quantity(quantity).label + (f" [{test}" if test else "")
 
 
 def verdict_table(calibration: Calibration) -> pd.DataFrame:
@@ -67,14 +70,17 @@ def rank_table(calibration: Calibration) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Columns seed, unsolvable_draws, coordinates, divergences, rhat, least_ess, failed_checks,
-        failure, then the rank of each quantity (missing where there is no fit).
+        Columns seed, unsolvable_draws, outside_draws, refits, coordinates, divergences, rhat,
+        least_ess, failed_checks, failure, then the rank of each quantity (missing where no fit has
+        converged).
     """
     return pd.DataFrame(
         [
             {
                 "seed": one.seed,
                 "unsolvable_draws": one.n_unsolvable,
+                "outside_draws": one.n_outside,
+                "refits": one.n_refits,
                 "coordinates": one.coordinates,
                 "divergences": one.divergences,
                 "rhat": one.rhat,
@@ -90,39 +96,49 @@ def rank_table(calibration: Calibration) -> pd.DataFrame:
 
 def count_sentences(calibration: Calibration) -> tuple[str, ...]:
     """Say how many data sets, unphysical draws, lost fits and failed checks there were."""
-    done, ranked = calibration.replications, calibration.ranked
+    done, ranked, plan = calibration.replications, calibration.ranked, calibration.plan
     n_unsolvable = sum(one.n_unsolvable for one in done)
-    n_drawn = n_unsolvable + len(done)
-    failed = Counter(name for one in ranked for name in one.failed_checks)
-    n_failed = sum(bool(one.failed_checks) for one in ranked)
+    n_outside = sum(one.n_outside for one in done)
+    n_drawn = n_unsolvable + n_outside + len(done)
+    unconverged = [one for one in done if one.failure is None and not one.ranks]
+    failed = Counter(name for one in unconverged for name in one.failed_checks)
+    by_name = ", ".join(f"{name} {count}" for name, count in sorted(failed.items()))
     sentences = [
         "All data are synthetic: they were made with known parameters and say nothing of nature.",
-        f"{len(done)} data sets like {calibration.template.id}, {len(ranked)} of them fitted; the "
-        f"truth is ranked among {calibration.plan.n_ranked} draws of each fit.",
+        f"{len(done)} of {plan.simulations} data sets like {calibration.template.name} are done "
+        f"(the number was fixed before the first), {len(ranked)} of them ranked: the truth among "
+        f"{plan.n_ranked} draws of each fit.",
         f"Unphysical draws: {n_unsolvable} of {n_drawn} draws from the prior had no finite "
         "solution within the solver's step limit and were replaced by the next ones.",
-        f"Fits without any chain: {len(done) - len(ranked)}; they have no ranks.",
+        f"Fits without any chain: {sum(one.failure is not None for one in done)}; they have no "
+        "ranks.",
+        f"Fits that had not converged and were repeated {LONGER} times as long: "
+        f"{sum(one.n_refits > 0 for one in done)}; still not converged and not ranked: "
+        f"{len(unconverged)}{f' ({by_name})' if by_name else ''}. The limit of R-hat is "
+        f"{RHAT_LIMIT} for these short chains, and as many effective draws are wanted as are "
+        "ranked.",
     ]
-    by_name = ", ".join(f"{name} {count}" for name, count in sorted(failed.items()))
-    return (
-        *sentences,
-        f"Fits that failed a check of convergence: {n_failed}{f' ({by_name})' if by_name else ''}; "
-        f"they are ranked all the same. The limit of R-hat is {RHAT_LIMIT} for these short chains, "
-        "and as many effective draws are wanted as are ranked.",
-    )
+    if plan.stress_range is not None:
+        low, high = (STRESS_FACTOR * stress for stress in plan.stress_range)
+        sentences.append(
+            f"Data sets whose largest stress lay outside {low:g} to {high:g} {STRESS_UNIT}: "
+            f"{n_outside}; they were replaced. That looks at the data alone, so that the ranks of "
+            "the others stay uniform."
+        )
+    return tuple(sentences)
 
 
-def calibration_text(calibration: Calibration, command: str) -> str:
+def calibration_text(calibration: Calibration) -> str:
     """Return counts, verdicts and how to repeat them as Markdown."""
     table = shown_verdict_table(calibration)
     rows = [list(table.columns), ["---"] * len(table.columns), *table.to_numpy().tolist()]
     return "\n".join(
         [
-            f"# Calibration of the fit of {calibration.template.id}",
+            f"# Calibration of the fit of {calibration.template.name}",
             "",
             *(f"- {sentence}" for sentence in count_sentences(calibration)),
-            f"- Priors: {calibration.priors.title}.",
-            f"- Command: `{command}`",
+            f"- Priors: {calibration.template.priors[0].title}.",
+            f"- Command: `{calibration.command}`",
             "",
             *(_table_row(row) for row in rows),
             "",
@@ -136,7 +152,7 @@ def _table_row(cells: Sequence[str]) -> str:
     return f"| {' | '.join(cells)} |"
 
 
-def save_calibration(calibration: Calibration, folder: Path, *, command: str) -> None:
+def save_calibration(calibration: Calibration, folder: Path) -> None:
     """Write ``verdicts.csv``, ``ranks.csv`` and ``calibration.md``.
 
     Parameters
@@ -145,12 +161,10 @@ def save_calibration(calibration: Calibration, folder: Path, *, command: str) ->
         What to write.
     folder : Path
         An existing folder.
-    command : str
-        What regenerates it.
     """
     write_text(folder / "verdicts.csv", verdict_table(calibration).to_csv(index=False))
     write_text(folder / "ranks.csv", rank_table(calibration).to_csv(index=False))
-    write_text(folder / "calibration.md", calibration_text(calibration, command))
+    write_text(folder / "calibration.md", calibration_text(calibration))
 
 
 COLUMNS = 4
@@ -182,7 +196,7 @@ def rank_differences(calibration: Calibration) -> Figure:
         figure.supylabel("difference from uniform", fontsize=10.0)
         n_unsolvable = sum(one.n_unsolvable for one in calibration.replications)
         figure.suptitle(
-            f"{calibration.template.id}: {len(calibration.ranked)} data sets from the prior, "
+            f"{calibration.template.name}: {len(calibration.ranked)} data sets from the prior, "
             f"{n_unsolvable} draws without solution",
             x=0.01,
             horizontalalignment="left",
@@ -225,4 +239,7 @@ def _draw(axes: Axes, ranks: list[int], verdict: RankVerdict, bands: RankBands) 
 
 
 def _heading(name: str) -> str:
-    return "log likelihood" if name == LOG_LIKELIHOOD else f"${shown_quantity(name).symbol}$"
+    if name == LOG_LIKELIHOOD:
+        return "log likelihood"
+    quantity, _, test = name.partition("[")
+    return f"${shown_quantity(quantity).symbol}$" + (f" [{test}" if test else "")

@@ -1,23 +1,27 @@
 """Simulation-based calibration over processes: many data sets, each a small file, resumable.
 
-The folder of a calibration holds ``manifest.json``, ``inputs/`` (template and priors) and
+The folder of a calibration holds ``manifest.json``, ``inputs/`` (templates and priors) and
 ``simulations/simulation_SEED.json``, one for each data set, written when its fit is done; the same
-command continues with those that are missing.
+command continues with those that are missing. The number of data sets is fixed with the first one:
+nobody can stop, or go on, because of what the ranks look like.
 """
 
 import json
 import logging
+import math
 import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.atomic_files import sha256_of_json, write_json
 from pyburgers.common.errors import InputError
 from pyburgers.common.processes import completed, number_of_processes
 from pyburgers.common.toml_files import read_text
+from pyburgers.model.pooling import SEPARATE, pooling_from, pooling_of
 from pyburgers.model.priors import PriorSet, load_priors, save_priors
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.problem import Problem, problem_of
@@ -26,9 +30,9 @@ from pyburgers.protocols.protocol import load_experiment, save_experiment
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.charts import check_coordinates
 from pyburgers.sampling.options import INDECISIVE, SamplerOptions
-from pyburgers.sampling.run import files_in, origin_record
+from pyburgers.sampling.run import files_in, origin_record, problem_record
 from pyburgers.sampling.run_directory import RunDirectory
-from pyburgers.sbc.data_sets import Replication, check_template, replicate
+from pyburgers.sbc.data_sets import DataSetPlan, Replication, check_template, replicate
 from pyburgers.sbc.rank_uniformity import RankBands, RankVerdict, judge_ranks, rank_bands
 
 logger = logging.getLogger(__name__)
@@ -41,6 +45,9 @@ SHORT_RUN = SamplerOptions(chains=2, warmup=300, draws=400, parallel_chains=1)
 
 N_RANKED = 99
 
+REFITS = 1
+"""Default of the repetitions of a fit that has not converged."""
+
 SIMULATIONS = "simulations"
 """Folder of the data sets."""
 
@@ -52,19 +59,25 @@ class CalibrationPlan:
     Attributes
     ----------
     simulations : int
-        Data sets. A larger number continues a calibration of fewer.
+        Data sets, fixed with the first one.
     seed : int
         Seed of the first data set; the others follow on, by 1.
     n_ranked : int
         Draws of each fit among which the truth is ranked.
     sampler : SamplerOptions
-        Of each fit; its seed is that of the data set.
+        Of each first fit; its seed is that of the data set.
+    refits : int
+        How often a fit that has not converged is repeated, each time longer.
+    stress_range : tuple of two floats, or None
+        Least and largest stress (Pa): data sets whose largest |stress| lies outside are replaced.
     """
 
     simulations: int = 200
     seed: int = 1
     n_ranked: int = N_RANKED
     sampler: SamplerOptions = SHORT_RUN
+    refits: int = REFITS
+    stress_range: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         """Check the values.
@@ -79,9 +92,21 @@ class CalibrationPlan:
             ("simulations", self.simulations, 1, 10**6),
             ("seed", self.seed, 0, 2**31 - 1 - self.simulations),
             ("ranked_draws", self.n_ranked, 3, draws),
+            ("refits", self.refits, 0, 5),
         ):
             if not least <= value <= most:
                 raise InputError(f"{name} is {value}, expected a number from {least} to {most}.")
+        low, high = self.stress_range or (0.0, math.inf)
+        if not 0 <= low < high:
+            raise InputError(
+                f"stress_range is {low:g} to {high:g} Pa, expected two stresses of which the "
+                "second is larger."
+            )
+
+    @property
+    def data_set(self) -> DataSetPlan:
+        """How each data set is made, fitted and ranked."""
+        return DataSetPlan(self.n_ranked, self.refits, self.stress_range)
 
     @property
     def seeds(self) -> range:
@@ -91,33 +116,34 @@ class CalibrationPlan:
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """A finished calibration.
+    """A calibration, finished or as far as it has come.
 
     Attributes
     ----------
-    template : Experiment
-        Protocol and points of the data sets.
-    priors : PriorSet
-        What the truths were drawn from.
+    template : Problem
+        Protocol and points of the data sets, shared parameters, and the priors that truths were
+        drawn from.
     plan : CalibrationPlan
         Data sets, seeds, sampler.
     replications : tuple of Replication
-        One for each data set, by seed.
+        One for each data set that is done, by seed.
+    command : str
+        What regenerates or continues it.
     """
 
-    template: Experiment
-    priors: PriorSet
+    template: Problem
     plan: CalibrationPlan
     replications: tuple[Replication, ...]
+    command: str
 
     @cached_property
     def ranked(self) -> tuple[Replication, ...]:
-        """Data sets with a fit."""
-        return tuple(one for one in self.replications if one.failure is None)
+        """Data sets with a fit that has converged."""
+        return tuple(one for one in self.replications if one.ranks)
 
     @cached_property
     def ranks(self) -> dict[str, list[int]]:
-        """Ranks of each quantity over the data sets with a fit."""
+        """Ranks of each quantity over the data sets that are ranked."""
         names = self.ranked[0].ranks if self.ranked else ()
         return {name: [one.ranks[name] for one in self.ranked] for name in names}
 
@@ -139,11 +165,12 @@ class Calibration:
 
 
 def calibrate(
-    template: Experiment,
+    templates: Experiment | Sequence[Experiment],
     priors: PriorSet,
     *,
     out: Path,
     plan: CalibrationPlan,
+    pool: Mapping[str, str] | None = None,
     jobs: int | None = None,
     command: str = "pyburgers.calibrate(...)",
 ) -> Calibration:
@@ -151,14 +178,18 @@ def calibrate(
 
     Parameters
     ----------
-    template : Experiment
-        Protocol and points; its stresses serve to resolve a relative noise prior.
+    templates : Experiment or sequence of Experiment
+        Protocol and points, of several tests those of a joint fit; stresses serve to resolve a
+        relative noise prior.
     priors : PriorSet
         What truths are drawn from and fits use.
     out : Path
         Folder of the calibration. An earlier one with the same inputs there is continued.
     plan : CalibrationPlan
         Data sets, seeds, sampler.
+    pool : mapping of str to str, optional
+        How parameters of several tests are pooled where it is not the default
+        (`pyburgers.model.pooling.pooling_of`).
     jobs : int, optional
         Processes; default one for each core. Each runs one chain at a time.
     command : str
@@ -171,30 +202,67 @@ def calibrate(
     SamplingError
         If the priors have no solvable draws, or a process was killed.
     """
-    check_template(template)
-    problem = problem_of([template], priors)
+    tests = [templates] if isinstance(templates, Experiment) else list(templates)
+    problem = problem_of(tests, priors, pooling_of(pool) if len(tests) > 1 else SEPARATE)
+    check_template(problem)
     check_coordinates(problem, plan.sampler.coordinates)
     jobs = number_of_processes(jobs, plan.simulations)
     sampler = plan.sampler.suited_to(problem.protocol)
     plan = replace(plan, sampler=replace(sampler, parallel_chains=1))
-    (priors,) = problem.priors
-    if not priors.free:
-        raise InputError(f"{priors.title}: all parameters are fixed, expected a free one to rank.")
     identity = _fingerprint(problem, plan, load_program(problem.protocol.program).key)
     run = RunDirectory(out)
     with run.claimed(identity, ("inputs", SIMULATIONS)):
-        save_experiment(template, run.inputs)
-        save_priors(priors, run.priors_file)
-        run.update_manifest(_record(run, template, priors, plan, command))
+        for test in tests:
+            folder = run.test_file(test.id).parent
+            folder.mkdir(parents=True, exist_ok=True)
+            save_experiment(test, folder)
+        save_priors(problem.priors[0], run.priors_file)
+        run.update_manifest(_record(run, problem, plan, command))
         missing = [seed for seed in plan.seeds if not simulation_file(run, seed).is_file()]
         n_found = plan.simulations - len(missing)
         if n_found:
             logger.info(f"{n_found} of {plan.simulations} data sets are there already.")
         _run_missing(run, missing, plan, jobs)
         run.update_manifest({"status": "complete"})
-    return Calibration(
-        template, priors, plan, tuple(_read_replication(run, seed) for seed in plan.seeds)
+    return Calibration(problem, plan, _replications(run, plan), command)
+
+
+def load_calibration(folder: Path) -> Calibration:
+    """Return a calibration as far as it has come.
+
+    Raises
+    ------
+    InputError
+        If the folder holds none.
+    """
+    run = RunDirectory(folder)
+    manifest = run.read_manifest()
+    if manifest.get("kind") != CALIBRATION_KIND:
+        raise InputError(f"{folder}: holds no calibration, expected a folder of pyburgers sbc.")
+    content = manifest["plan"]
+    limits = content["stress_range"]
+    plan = CalibrationPlan(
+        **{
+            **content,
+            "sampler": SamplerOptions(**content["sampler"]),
+            "stress_range": None if limits is None else tuple(limits),
+        }
     )
+    return Calibration(
+        _template(run, manifest), plan, _replications(run, plan), manifest["command"]
+    )
+
+
+def _template(run: RunDirectory, manifest: Mapping[str, Any]) -> Problem:
+    """Read what data sets are simulated from."""
+    tests = [load_experiment(run.test_file(name)) for name in manifest["experiments"]]
+    return problem_of(tests, load_priors(run.priors_file), pooling_from(manifest["pooling"]))
+
+
+def _replications(run: RunDirectory, plan: CalibrationPlan) -> tuple[Replication, ...]:
+    """Read the data sets that are done."""
+    files = (simulation_file(run, seed) for seed in plan.seeds)
+    return tuple(_read_replication(file) for file in files if file.is_file())
 
 
 def simulation_file(run: RunDirectory, seed: int) -> Path:
@@ -214,7 +282,8 @@ def _fingerprint(problem: Problem, plan: CalibrationPlan, program_key: str) -> s
             "kind": CALIBRATION_KIND,
             "data": program_data(problem, solver=SolverOptions()),
             "seed": plan.seed,
-            "n_ranked": plan.n_ranked,
+            "simulations": plan.simulations,
+            "data_set": asdict(plan.data_set),
             "sampler": sampler,
             "program": program_key,
         }
@@ -222,17 +291,13 @@ def _fingerprint(problem: Problem, plan: CalibrationPlan, program_key: str) -> s
 
 
 def _record(
-    run: RunDirectory,
-    template: Experiment,
-    priors: PriorSet,
-    plan: CalibrationPlan,
-    command: str,
+    run: RunDirectory, problem: Problem, plan: CalibrationPlan, command: str
 ) -> dict[str, object]:
     """Note what will run: command, settings, versions, hashes of the inputs."""
     return {
         "kind": CALIBRATION_KIND,
-        "template": template.id,
-        "priors": priors.title,
+        **problem_record(problem),
+        "priors": problem.priors[0].title,
         **origin_record(run, command, files_in(run.inputs)),
         "plan": asdict(plan),
         "solver": asdict(SolverOptions()),
@@ -265,18 +330,19 @@ def _replicate_into(path: Path, seed: int, plan: CalibrationPlan) -> str:
     run = RunDirectory(path)
     scratch = run.new_scratch()
     replication = replicate(
-        load_experiment(run.inputs / "experiment.toml"),
-        load_priors(run.priors_file),
+        _template(run, run.read_manifest()),
         scratch,
         seed=seed,
         options=plan.sampler,
-        n_thinned=plan.n_ranked,
+        plan=plan.data_set,
     )
     write_json(simulation_file(run, seed), asdict(replication))
     shutil.rmtree(scratch)
-    return "no fit" if replication.failure is not None else "ranked"
+    if replication.failure is not None:
+        return "no fit"
+    return "ranked" if replication.ranks else "not converged"
 
 
-def _read_replication(run: RunDirectory, seed: int) -> Replication:
-    content = json.loads(read_text(simulation_file(run, seed)))
+def _read_replication(file: Path) -> Replication:
+    content = json.loads(read_text(file))
     return Replication(**{**content, "failed_checks": tuple(content["failed_checks"])})

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from pyburgers.checks.fit_checks import Outcome
+from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.common.units import with_error
 from pyburgers.comparison.by_points import compare
 from pyburgers.comparison.pairs import Pair, PairOutcome
@@ -38,6 +38,7 @@ STEPPED: Mapping[str, tuple[str, Mapping[str, str]]] = MappingProxyType(
         "dunite_4580": ("dunite_4580", {}),
         "dunite_4581": ("dunite_4581", {}),
         "dunite_4581_kelvin_power_law": ("dunite_4581", {"kelvin": "power_law"}),
+        "dunite_4581_autocorrelated": ("dunite_4581", {"residuals": "autocorrelated"}),
     }
 )
 """Fits of tests with two steps of the rate: by name the test, and what is not the standard law.
@@ -170,12 +171,8 @@ class LawsTried:
 
     @property
     def describing(self) -> list[str]:
-        """Fits that were sampled well and whose model describes the data."""
-        return [
-            name
-            for name, fit in self.fits.items()
-            if all(verdict.outcome is Outcome.YES for verdict in fit.verdicts().values())
-        ]
+        """Fits whose model describes the data."""
+        return [name for name, fit in self.fits.items() if fit.describes_data is Outcome.YES]
 
     @property
     def chosen(self) -> str:
@@ -195,23 +192,26 @@ class LawsTried:
             )
         name, model = self.standard.experiment.id, fit.variant.short_text
         tried = f"{n_fits} models" if n_fits > 1 else "one model"
-        if not able:
-            answers = fit.verdicts().values()
-            doubt = next(one.sentence for one in answers if one.outcome is not Outcome.YES)
-            best = "the one that predicts best is" if n_fits > 1 else "that is"
-            return (
-                f"{name}: of {tried} none is shown to describe the data; {best} {model}, with "
-                f"{width}, too narrow by what it misses. {doubt}"
+        answers = fit.verdicts()
+        if able:
+            listed = ", ".join(self.fits[one].variant.short_text for one in able)
+            verb = "describes" if len(able) == 1 else "describe"
+            said = [f"{name}: of {tried}, {listed} {verb} the data. With {model}, {width}."]
+        else:
+            best = "The one that predicts best is" if n_fits > 1 else "It is"
+            said = [
+                f"{name}: of {tried}, none is shown to describe the data. {best} {model}, with "
+                f"{width}, an interval that leaves out what the model misses.",
+                answers[CheckKind.DESCRIPTION].sentence,
+            ]
+        if answers[CheckKind.SAMPLING].outcome is not Outcome.YES:
+            said.append(answers[CheckKind.SAMPLING].sentence)
+        if fit.variant.residuals == "autocorrelated":
+            said.append(
+                "Correlated residuals say how far a smooth misfit may have moved n, not which "
+                "physics is missing."
             )
-        caveat = (
-            " Correlated residuals say how far a smooth misfit may have moved n, not which physics "
-            "is missing."
-            if fit.variant.residuals == "autocorrelated"
-            else ""
-        )
-        listed = ", ".join(self.fits[one].variant.short_text for one in able)
-        verb = "describes" if len(able) == 1 else "describe"
-        return f"{name}: of {tried}, {listed} {verb} the data. With {model}, {width}.{caveat}"
+        return " ".join(said)
 
     def table(self) -> pd.DataFrame:
         """Return what each model says of n and how it predicts.

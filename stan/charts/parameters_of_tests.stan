@@ -3,4 +3,6 @@
   vector[n_pooled] pooled_spread // of partially pooled parameters, on the real line
     = spread_scale .* exp(log_spread_reference + coordinate[spread_position]);
   real log_jacobian = 0; // ln |d(parameters, centres and spreads)/d(coordinates)|
-  real log_pooling = 0; // log density of partially pooled parameters given centres and spreads
+  // Log density of partially pooled parameters given centres and spreads, and of errors of the
+  // driving strain.
+  real log_pooling = 0;

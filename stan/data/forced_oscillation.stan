@@ -7,6 +7,10 @@ array[n_tests] vector[n_harmonics] strain_cosine;
 int<lower=0> n_background; // 0: the background is removed
 array[n_tests] vector[n_background] background; // d strain/d tau, coefficients of a polynomial
 array[n_tests] vector[2] background_range; // middle and half of the record
+// Errors of the driving strain, standard normal, the last coordinates: what one unit of each adds
+// to sines, cosines and background. None where the strain is known well enough.
+array[n_tests + 1] int<lower=0> error_end;
+matrix[error_end[n_tests + 1], 2 * n_harmonics + n_background] strain_error;
 array[n_tests] real start_tau; // of the spin-up
 array[n_tests] real start_stress; // Pa
 array[n_tests] real first_tau; // of the record

@@ -29,19 +29,6 @@ real kelvin_viscosity_at(real viscosity, real activation_enthalpy, data real tem
 }
 
 /**
- * ln of the pre-exponential factor A_K, in Pa^-n_K s^-1: the parametrisation of Masuti and Barbot.
- *
- * @param viscosity eta_K at q_0 and T_0, Pa s
- * @param stress_exponent n_K
- * @param activation_enthalpy Q_K, J/mol
- */
-real log_kelvin_rate_factor(real viscosity, real stress_exponent, real activation_enthalpy,
-                            data real reference_stress, data real reference_temperature) {
-  return (1 - stress_exponent) * log(reference_stress) - log(viscosity)
-         + activation_enthalpy / (gas_constant() * reference_temperature);
-}
-
-/**
  * Driving stress at which a linear element of the viscosity eta_K creeps as fast as the power law
  * does at the driving stress q: q |q/q_0|^(n_K - 1), both in some unit U.
  *

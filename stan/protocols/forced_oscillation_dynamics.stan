@@ -39,7 +39,7 @@ real grain_size_unit() { return 100; }
  * @param background_range middle and half of the record, in periods
  * @param first_tau start of the record: before it the background keeps the rate it has there
  */
-real oscillating_rate(real tau, data vector sine, data vector cosine, data vector background,
+real oscillating_rate(real tau, vector sine, vector cosine, vector background,
                       data vector background_range, data real first_tau) {
   real rate = 0;
   real position = ((tau > first_tau ? tau : first_tau) - background_range[1])
@@ -102,8 +102,8 @@ vector forced_oscillation_rates(real rate, int evolves, vector state, real kelvi
 vector forced_oscillation_rhs(real tau, vector state, real stiffness, real kelvin_fluidity,
                               real kelvin_decay, real stress_exponent,
                               real grain_size_exponent, real log_dashpot_rate,
-                              real inverse_critical_strain, data vector sine,
-                              data vector cosine, data vector background,
+                              real inverse_critical_strain, vector sine,
+                              vector cosine, vector background,
                               data vector background_range, data real first_tau,
                               data real stress_scale, data real strain_scale,
                               data real unit, data vector piezometer) {
@@ -127,8 +127,8 @@ vector forced_oscillation_power_law_kelvin_rhs(real tau, vector state, real stif
                                                real stress_exponent, real grain_size_exponent,
                                                real log_dashpot_rate,
                                                real inverse_critical_strain,
-                                               data vector sine, data vector cosine,
-                                               data vector background,
+                                               vector sine, vector cosine,
+                                               vector background,
                                                data vector background_range,
                                                data real first_tau, data real stress_scale,
                                                data real strain_scale,
@@ -156,8 +156,8 @@ vector forced_oscillation_hyperbolic_sine_rhs(real tau, vector state, real stiff
                                               real stress_exponent, real grain_size_exponent,
                                               real log_dashpot_rate,
                                               real inverse_critical_strain,
-                                              data vector sine, data vector cosine,
-                                              data vector background,
+                                              vector sine, vector cosine,
+                                              vector background,
                                               data vector background_range,
                                               data real first_tau, data real stress_scale,
                                               data real strain_scale,
@@ -202,8 +202,8 @@ vector forced_oscillation_hyperbolic_sine_rhs(real tau, vector state, real stiff
 array[] vector forced_oscillation_solution(vector parameter, data vector constant,
                                            data array[] real tau, data real start_tau,
                                            data real first_tau, data real period,
-                                           data vector sine, data vector cosine,
-                                           data vector background,
+                                           vector sine, vector cosine,
+                                           vector background,
                                            data vector background_range,
                                            data real initial_grain_size,
                                            data real temperature, data real start_stress,
@@ -278,4 +278,39 @@ array[] vector forced_oscillation_solution(vector parameter, data vector constan
                       grain_size_unit() * initial_grain_size]';
   }
   return solution;
+}
+
+/**
+ * As forced_oscillation_solution(), with errors of the driving strain.
+ *
+ * Without any the strain is data, which spares the solver their sensitivities.
+ *
+ * @param sine, cosine, background most probable values
+ * @param error_factor what one unit of each error adds to sine, cosine and background: a row each
+ * @param error standardised errors
+ */
+array[] vector driven_solution(vector parameter, data vector constant, data array[] real tau,
+                               data real start_tau, data real first_tau, data real period,
+                               data vector sine, data vector cosine, data vector background,
+                               data vector background_range, data matrix error_factor,
+                               vector error, data real initial_grain_size,
+                               data real temperature, data real start_stress,
+                               data real stress_scale, data real strain_scale,
+                               data int power_law_kelvin, data real tolerance,
+                               data int max_num_steps) {
+  int n = num_elements(sine);
+  vector[cols(error_factor)] change = error_factor' * error;
+  if (num_elements(error) == 0) {
+    return forced_oscillation_solution(parameter, constant, tau, start_tau, first_tau, period,
+                                       sine, cosine, background, background_range,
+                                       initial_grain_size, temperature, start_stress,
+                                       stress_scale, strain_scale, power_law_kelvin, tolerance,
+                                       max_num_steps);
+  }
+  return forced_oscillation_solution(parameter, constant, tau, start_tau, first_tau, period,
+                                     sine + change[1 : n], cosine + change[n + 1 : 2 * n],
+                                     background + tail(change, num_elements(background)), background_range,
+                                     initial_grain_size, temperature, start_stress,
+                                     stress_scale, strain_scale, power_law_kelvin, tolerance,
+                                     max_num_steps);
 }

@@ -29,6 +29,7 @@ from pyburgers.checks.discrepancies import (
 from pyburgers.checks.fit_checks import CheckedDraws, CheckKind, CheckResult, Outcome, run_checks
 from pyburgers.checks.registry import CHECKS
 from pyburgers.checks.verdicts import verdicts_record
+from pyburgers.posterior.labelled_draws import CORRELATED
 
 FloatArray = npt.NDArray[np.float64]
 CHAINS, DRAWS, POINTS = 2, 500, 50
@@ -214,6 +215,10 @@ def test_the_share_of_the_variance_that_is_left_is_told() -> None:
     share = result.table["share_of_variance"].item()
     assert share == pytest.approx(np.mean(residual**2) / np.var(residual), rel=0.02)
     assert "no reading error is stated" in result.sentence
+    assert f"{share:.2%} of the variance" in result.note
+    assert "correlates" not in result.note
+    own = groups(residual) | {CORRELATED: xr.Dataset()}
+    assert "part of it correlates: it is misfit" in check_size(draws_of(one=own)).note
 
 
 def test_places_are_told_on_the_clock_of_the_protocol() -> None:

@@ -185,6 +185,15 @@ def test_a_posterior_far_from_its_prior_is_a_conflict_and_says_how_far() -> None
     assert text.startswith("Prior and data disagree about pre-exponent ln(A)/Q (+2.7 prior sd)")
 
 
+def test_opposite_pulls_close_to_the_middle_of_a_prior_are_no_conflict() -> None:
+    near, far = influence_of(1.2, 1.0)["beta"], influence_of(8.0, 1.0)["beta"]
+    assert near.prior_pull * near.likelihood_pull < 0
+    assert near.distance == pytest.approx(0.6, abs=0.01)
+    assert near.origin == "prior and data both decide"
+    assert not near.is_conflict
+    assert far.origin == "prior and data disagree"
+
+
 def test_a_posterior_inside_its_prior_is_no_conflict() -> None:
     found = influence_of(-1.2, 0.01)
     assert found["beta"].distance == pytest.approx(-1.2, abs=0.01)

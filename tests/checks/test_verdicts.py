@@ -1,5 +1,7 @@
 """The two verdicts: one question each, never answered beyond what the checks could tell."""
 
+from dataclasses import replace
+
 import pandas as pd
 import pytest
 
@@ -63,6 +65,13 @@ def test_what_one_check_cannot_tell_is_no_yes() -> None:
     assert answers[DESCRIPTION].outcome is CANNOT_TELL
     failed = verdicts([*GOOD, *(result(o.value, DESCRIPTION, o) for o in (CANNOT_TELL, NO))])
     assert failed[DESCRIPTION].outcome is NO
+
+
+def test_a_yes_holds_what_the_checks_want_to_be_known_beside_it() -> None:
+    noted = replace(result("size", DESCRIPTION, YES), note="a tenth is left over")
+    answer = verdicts([*GOOD, noted])[DESCRIPTION]
+    assert answer.outcome is YES
+    assert answer.sentence.endswith("all 2 checks of it passed; a tenth is left over.")
 
 
 def test_one_reason_of_several_checks_is_told_once() -> None:

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from conftest import ICE, Problem
+from refusals import assert_refused
 
 from pyburgers.checks.registry import CHECKS
 from pyburgers.cli.main import COMMANDS, main
@@ -76,16 +77,6 @@ def parameters(tmp_path: Path) -> Parameters:
         return path
 
     return parameters
-
-
-def assert_refused(code: int, capsys: pytest.CaptureFixture[str], *words: str) -> None:
-    """Exit code 2 and one clear sentence on standard error."""
-    out, error = capsys.readouterr()
-    assert code == 2
-    assert out == ""
-    assert re.fullmatch(r"pyburgers: [^\n]+[.?]\n", error)
-    for word in words:
-        assert word in error
 
 
 BAD_INPUT = {

@@ -8,6 +8,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 from conftest import ICE, copy_of
+from refusals import assert_refused
 
 from pyburgers.cli.main import main
 from pyburgers.fitting.fit import Fit
@@ -16,16 +17,6 @@ from pyburgers.model.flow_law_prior import FlowLawPrior
 CURVE_PRIORS = str(ICE.parent / "priors" / "ice.toml")
 TABLE = str(ICE / "peak_stress_qi_goldsby_2021.toml")
 SHORT = ("--chains", "2", "--warmup", "200", "--draws", "400", "--seed", "2")
-
-
-def assert_refused(code: int, capsys: pytest.CaptureFixture[str], *words: str) -> None:
-    """Exit code 2 and one clear sentence on standard error."""
-    out, error = capsys.readouterr()
-    assert code == 2
-    assert out == ""
-    assert re.fullmatch(r"pyburgers: [^\n]+[.?]\n", error)
-    for word in words:
-        assert word in error
 
 
 def test_a_comparison_is_a_table_points_a_record_and_a_figure(

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refusals import refusal
 from scipy import stats
 
 from pyburgers.common.errors import InputError
@@ -68,15 +69,6 @@ def edit(tmp_path: Path) -> Edit:
         return path
 
     return edit
-
-
-def message(path: Path) -> str:
-    with pytest.raises(InputError) as caught:
-        load_priors(path)
-    text = str(caught.value)
-    assert "\n" not in text
-    assert str(path) in text
-    return text
 
 
 class TestShipped:
@@ -291,7 +283,7 @@ class TestBadInput:
     def test_parameter_table(
         self, edit: Edit, parameter: str, table: str | None, fragments: list[str]
     ) -> None:
-        text = message(edit(parameter, table))
+        text = refusal(edit(parameter, table), load_priors)
         for fragment in fragments:
             assert fragment in text
 
@@ -308,7 +300,7 @@ class TestBadInput:
     def test_the_printed_sign_of_beta_is_refused_with_the_reason(
         self, edit: Edit, table: str
     ) -> None:
-        text = message(edit("beta", table))
+        text = refusal(edit("beta", table), load_priors)
         for fragment in ("[parameters.beta]", "1e35", "misprint", "-7.29e-4"):
             assert fragment in text
 
@@ -316,14 +308,16 @@ class TestBadInput:
         path = edit(
             "beta", "", ("[parameters.beta]", "[parameters.betta]\nfamily='fixed'\nunit=''")
         )
-        assert "unknown parameter 'betta' in [parameters], did you mean 'beta'?" in message(path)
+        assert "unknown parameter 'betta' in [parameters], did you mean 'beta'?" in refusal(
+            path, load_priors
+        )
 
     def test_unknown_key_at_the_top(self, edit: Edit) -> None:
         path = edit("beta", NORMAL.format(-7e-4, 1e-6, "mol/J"), ("title =", "tittle ="))
-        assert "unknown key 'tittle', did you mean 'title'?" in message(path)
+        assert "unknown key 'tittle', did you mean 'title'?" in refusal(path, load_priors)
 
     def test_missing_file(self, tmp_path: Path) -> None:
-        assert "does not exist" in message(tmp_path / "none.toml")
+        assert "does not exist" in refusal(tmp_path / "none.toml", load_priors)
 
 
 def test_priors_compare_by_value_whatever_the_unit_written() -> None:

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refusals import refusal, written
 from same_contents import assert_equal
 
-from pyburgers.common.errors import InputError
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
 from pyburgers.protocols.protocol import load_experiment, protocol_of, save_experiment
 
@@ -58,27 +58,9 @@ def write(tmp_path: Path) -> Write:
     """Write an experiment with replaced text and its data files; return the TOML's path."""
 
     def write(*replacements: tuple[str, str], text: str = EXPERIMENT, **files: str | None) -> Path:
-        for old, new in replacements:
-            assert old in text
-            text = text.replace(old, new, 1)
-        for name, content in {"curve": curve(), **files}.items():
-            if content is not None:
-                (tmp_path / f"{name}.csv").write_text(content, encoding="utf-8")
-        path = tmp_path / "test.toml"
-        path.write_text(text, encoding="utf-8")
-        return path
+        return written(tmp_path / "test.toml", text, replacements, {"curve": curve(), **files})
 
     return write
-
-
-def message(path: Path) -> str:
-    """Message of the InputError that reading raises: one sentence on one line."""
-    with pytest.raises(InputError) as caught:
-        load_experiment(path)
-    text = str(caught.value)
-    assert "\n" not in text
-    assert text.endswith((".", "?"))
-    return text
 
 
 class TestReading:
@@ -146,7 +128,7 @@ class TestReading:
     ) -> None:
         path = write(("[data]", '[data]\ndata_root = "elsewhere"'))
         monkeypatch.delenv("PYBURGERS_DATA", raising=False)
-        assert "elsewhere" in message(path)
+        assert "elsewhere" in refusal(path)
         monkeypatch.setenv("PYBURGERS_DATA", str(tmp_path))
         assert load_constant_rate(path).n_points == 12
 
@@ -257,7 +239,7 @@ class TestBadInput:
     )
     def test_experiment_file(self, write: Write, old: str, new: str, fragments: list[str]) -> None:
         path = write((old, new))
-        text = message(path)
+        text = refusal(path)
         for fragment in (str(path), *fragments):
             assert fragment in text
 
@@ -278,25 +260,25 @@ class TestBadInput:
     )
     def test_data_file(self, write: Write, content: str, fragments: list[str]) -> None:
         path = write(curve=content)
-        text = message(path)
+        text = refusal(path)
         assert str(path) in text or str(path.with_name("curve.csv")) in text
         for fragment in fragments:
             assert fragment in text
 
     def test_missing_experiment_file(self, tmp_path: Path) -> None:
-        assert str(tmp_path / "none.toml") in message(tmp_path / "none.toml")
+        assert str(tmp_path / "none.toml") in refusal(tmp_path / "none.toml")
 
     def test_a_folder_in_place_of_a_file(self, tmp_path: Path) -> None:
-        assert "is a folder" in message(tmp_path)
+        assert "is a folder" in refusal(tmp_path)
 
     def test_binary_data_file(self, write: Write) -> None:
         path = write()
         path.with_name("curve.csv").write_bytes(b"\xff\xfe\x00strain")
-        assert "not UTF-8" in message(path)
+        assert "not UTF-8" in refusal(path)
 
     def test_points_beyond_the_end(self, write: Write) -> None:
         path = write(("[[segments]]", "final_strain = 0.1\n[[segments]]"))
-        assert "row 12: found strain 0.11, expected 0 to 0.1" in message(path)
+        assert "row 12: found strain 0.11, expected 0 to 0.1" in refusal(path)
 
     def test_points_outside_their_segment(self, write: Write) -> None:
         path = write(
@@ -306,20 +288,20 @@ class TestBadInput:
             second=curve((4, 11)),
             curve=curve((1, 2)),
         )
-        text = message(path)
+        text = refusal(path)
         assert "second.csv" in text
         assert "found strain 0.04" in text
 
     def test_no_data_and_no_end(self, write: Write) -> None:
         start, end = EXPERIMENT.index("[data]"), EXPERIMENT.index("[provenance]")
-        assert "'final_strain'" in message(write(text=EXPERIMENT[:start] + EXPERIMENT[end:]))
+        assert "'final_strain'" in refusal(write(text=EXPERIMENT[:start] + EXPERIMENT[end:]))
 
     def test_unknown_true_parameter(self, write: Write) -> None:
         path = write(
             ('"measured"', '"synthetic"'),
             ("[metadata]", "[true_parameters]\nbetta = 1\n[metadata]"),
         )
-        assert "'betta' in [true_parameters], did you mean 'beta'?" in message(path)
+        assert "'betta' in [true_parameters], did you mean 'beta'?" in refusal(path)
 
 
 class TestSaving:
@@ -391,31 +373,31 @@ class TestRowsOfATable:
         assert_equal(load_experiment(save_experiment(original, copy)), original)
 
     def test_no_such_sample(self, write: Write) -> None:
-        text = message(write(OF_A, ('"A"', '"C"'), curve=TABLE))
+        text = refusal(write(OF_A, ('"A"', '"C"'), curve=TABLE))
         assert "key 'rows': found 'C' for column 'sample', expected one" in text
         assert text.endswith("curve.csv holds: A, B.")
 
     def test_no_such_column(self, write: Write) -> None:
-        text = message(write(OF_A, ("sample = ", "name = "), curve=TABLE))
+        text = refusal(write(OF_A, ("sample = ", "name = "), curve=TABLE))
         assert "key 'rows': column 'name' is not in" in text
 
     def test_no_header(self, write: Write) -> None:
-        text = message(write(OF_A, ("[data]", "[data]\nheader = false"), curve=TABLE))
+        text = refusal(write(OF_A, ("[data]", "[data]\nheader = false"), curve=TABLE))
         assert "key 'rows': found column 'sample', expected none" in text
 
     def test_a_number_with_a_fraction_names_no_row(self, write: Write) -> None:
-        text = message(write(OF_A, ('"A"', "1.5"), curve=TABLE))
+        text = refusal(write(OF_A, ('"A"', "1.5"), curve=TABLE))
         assert "key 'sample' in [data.rows]: found 1.5, expected text, or a whole number" in text
 
     def test_a_line_is_named_as_it_stands_in_the_file(self, write: Write) -> None:
         path = write(OF_A, curve=TABLE.replace("A,2,8,4.0", "A,2,8,four"))
-        assert "line 6, column 'stress': found 'four'" in message(path)
+        assert "line 6, column 'stress': found 'four'" in refusal(path)
 
     def test_rows_of_some_segments_only(self, write: Write) -> None:
         path = write(OF_A, PARTS[0], curve=TABLE)
-        assert "key 'rows' in [[segments]]: expected it in every one" in message(path)
+        assert "key 'rows' in [[segments]]: expected it in every one" in refusal(path)
 
     def test_rows_of_segments_that_have_files(self, write: Write) -> None:
         parts = [(old, f'{new}\nfile = "curve.csv"') for old, new in PARTS]
         path = write(*parts, ('[data]\nfile = "curve.csv"', "[data]"), curve=TABLE)
-        assert "and with it one 'file' in [data]" in message(path)
+        assert "and with it one 'file' in [data]" in refusal(path)

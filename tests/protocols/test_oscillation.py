@@ -13,6 +13,7 @@ from pyburgers.protocols.forced_oscillation.preparation import (
     OscillationRecord,
     OscillationSettings,
     prepare,
+    strain_shares,
 )
 
 FloatArray = npt.NDArray[np.float64]
@@ -140,6 +141,61 @@ class TestChoices:
         )
         np.testing.assert_allclose(there.stress, here.stress)
         assert there.start == here.start + 1000
+
+
+def noisy(strain_sd: float, n_stress: int, seed: int) -> OscillationRecord:
+    """A record with noise as large as stated, 4 MPa in the stress."""
+    rng, record = np.random.default_rng(seed), make_record()
+    time = np.linspace(6.0, 2380.0, n_stress)
+    stress = 150e6 - 3e3 * time + oscillating_stress_at(time)
+    return replace(
+        record,
+        strain=record.strain + strain_sd * rng.standard_normal(record.strain.size),
+        strain_uncertainty=np.full(record.strain.size, strain_sd),
+        stress_time=time,
+        stress=stress + 4e6 * rng.standard_normal(n_stress),
+        stress_uncertainty=np.full(n_stress, 4e6),
+    )
+
+
+class TestErrorsOfTheStrain:
+    @pytest.mark.parametrize("background", ["removed", "kept"])
+    def test_they_have_the_covariance_of_repeated_records(self, background: Background) -> None:
+        """What drives the model in 400 records with other noise; no formula of the fit is used."""
+        settings = replace(TestBackground.DEGREES, background=background)
+        found = [prepare(noisy(1e-4, 30, seed), settings, "test") for seed in range(400)]
+        driving = np.array(
+            [[*one.strain_sine, *one.strain_cosine, *one.background_rate] for one in found]
+        )
+        error = found[0].strain_error
+        assert len(error) == (6 if background == "removed" else 8)
+        expected = np.sqrt(np.diag(error.T @ error))
+        np.testing.assert_allclose(driving.std(axis=0), expected, rtol=0.15)
+        np.testing.assert_allclose(
+            np.corrcoef(driving[:, :6].T),
+            (error.T @ error)[:6, :6] / np.outer(expected[:6], expected[:6]),
+            atol=0.2,
+        )
+
+    def test_their_share_is_that_of_the_variances(self) -> None:
+        """1e-4 with 30 stresses: about as uncertain as the stress itself."""
+        prepared = prepare(noisy(1e-4, 30, 1), TestBackground.DEGREES, "test")
+        oscillation, _ = strain_shares(prepared.strain_fit, prepared.stress_fit)
+        strain = 1e-4 / 2e-3 / np.sqrt(prepared.strain_fit.n_points / 2)
+        stress = 4e6 / 50e6 / np.sqrt(30 / 2)
+        assert oscillation == pytest.approx((strain / stress) ** 2, rel=0.4)
+
+    def test_those_that_count_for_next_to_nothing_are_left_out(self) -> None:
+        kept = replace(TestBackground.DEGREES, background="kept")
+        sizes = {
+            (sd, settings.background): len(prepare(noisy(sd, 30, 1), settings, "t").strain_error)
+            for sd in (1e-4, 1e-5, 1e-7)
+            for settings in (TestBackground.DEGREES, kept)
+        }
+        assert sizes[1e-4, "removed"] == 6
+        assert sizes[1e-4, "kept"] == 8
+        assert sizes[1e-5, "removed"] == 0
+        assert sizes[1e-7, "kept"] == 0
 
 
 class TestClocks:

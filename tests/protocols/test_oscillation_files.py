@@ -5,14 +5,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refusals import refusal, written
 from same_contents import assert_equal
 
-from pyburgers.common.errors import InputError
 from pyburgers.protocols.forced_oscillation.experiment import (
     OscillationExperiment,
     load_forced_oscillation,
     with_background,
 )
+from pyburgers.protocols.forced_oscillation.preparation import REMOVED_NOTICE
 from pyburgers.protocols.protocol import load_experiment, save_experiment
 
 EXPERIMENT = """\
@@ -52,6 +53,8 @@ stress_exponent = 3.2
 
 Write = Callable[..., Path]
 
+REMOVED = ("period_s = 300.0", 'period_s = 300.0\nbackground = "removed"')
+
 
 def strain_csv(last: float = 1500.0) -> str:
     time = np.arange(0.0, last, 10.0)
@@ -75,28 +78,10 @@ def write(tmp_path: Path) -> Write:
     """Write an experiment with replaced text and its data files; return the TOML's path."""
 
     def write(*replacements: tuple[str, str], **files: str) -> Path:
-        text = EXPERIMENT
-        for old, new in replacements:
-            assert old in text
-            text = text.replace(old, new, 1)
-        for name, content in {"strain": strain_csv(), "stress": stress_csv(), **files}.items():
-            (tmp_path / f"{name}.csv").write_text(content, encoding="utf-8")
-        path = tmp_path / "test.toml"
-        path.write_text(text, encoding="utf-8")
-        return path
+        series = {"strain": strain_csv(), "stress": stress_csv(), **files}
+        return written(tmp_path / "test.toml", EXPERIMENT, replacements, series)
 
     return write
-
-
-def message(path: Path) -> str:
-    """Message of the InputError that reading raises: one sentence on one line."""
-    with pytest.raises(InputError) as caught:
-        load_experiment(path)
-    text = str(caught.value)
-    assert "\n" not in text
-    assert text.endswith((".", "?"))
-    assert str(path.parent) in text
-    return text
 
 
 class TestReading:
@@ -116,7 +101,7 @@ class TestReading:
         assert experiment.notices == ()
 
     def test_the_stress_is_the_prepared_one(self, write: Write) -> None:
-        experiment = load_forced_oscillation(write())
+        experiment = load_forced_oscillation(write(REMOVED))
         assert experiment.stress is experiment.prepared.stress
         assert experiment.n_points == experiment.prepared.time.size == 60
         np.testing.assert_allclose(
@@ -131,7 +116,7 @@ class TestReading:
         assert settings.period == pytest.approx(300, rel=1e-5)
         assert settings.strain_trend_degree == 1
         assert settings.stress_trend_degree is not None
-        assert settings.background == "removed"
+        assert settings.background == "kept"
         assert experiment.spin_up_cycles == 2
 
     def test_what_is_given_is_used(self, write: Write) -> None:
@@ -153,7 +138,11 @@ class TestReading:
 
     def test_the_table_oscillation_may_be_missing(self, write: Write) -> None:
         path = write(("[oscillation]\nperiod_s = 300.0\n", ""))
-        assert load_forced_oscillation(path).settings.background == "removed"
+        assert load_forced_oscillation(path).settings.background == "kept"
+
+    def test_a_removed_background_has_a_warning(self, write: Write) -> None:
+        assert load_forced_oscillation(write()).notices == ()
+        assert load_forced_oscillation(write(REMOVED)).notices == (REMOVED_NOTICE,)
 
     def test_columns_by_number_of_a_file_between_spaces(self, write: Write) -> None:
         rows = [line.split(",") for line in stress_csv().splitlines()[1:]]
@@ -177,7 +166,7 @@ class TestReading:
     ) -> None:
         path = write(("[data]", '[data]\ndata_root = "elsewhere"'))
         monkeypatch.delenv("PYBURGERS_DATA", raising=False)
-        assert "'strain_file' in [data]" in message(path)
+        assert "'strain_file' in [data]" in refusal(path)
         monkeypatch.setenv("PYBURGERS_DATA", str(tmp_path))
         assert load_experiment(path).n_points == 60
 
@@ -221,13 +210,13 @@ class TestBadInput:
         ],
     )
     def test_experiment_file(self, write: Write, old: str, new: str, fragments: list[str]) -> None:
-        text = message(write((old, new)))
+        text = refusal(write((old, new)))
         for fragment in fragments:
             assert fragment in text
 
     def test_no_data_table(self, write: Write) -> None:
         start, end = EXPERIMENT.index("[data]"), EXPERIMENT.index("[provenance]")
-        assert "'data' is missing" in message(write((EXPERIMENT[start:end], "")))
+        assert "'data' is missing" in refusal(write((EXPERIMENT[start:end], "")))
 
     def test_clocks_that_do_not_overlap(self, write: Write) -> None:
         lines = stress_csv().splitlines()
@@ -235,16 +224,16 @@ class TestBadInput:
             ",".join([repr(float(t) + 100), s, sd])
             for t, s, sd in (line.split(",") for line in lines[1:])
         ]
-        text = message(write(stress="\n".join([lines[0], *late])))
+        text = refusal(write(stress="\n".join([lines[0], *late])))
         assert "strain and stress clocks do not overlap" in text
 
     def test_a_clock_that_runs_backwards(self, write: Write) -> None:
         lines = strain_csv().splitlines()
-        text = message(write(strain="\n".join([*lines[:4], lines[3], *lines[4:]])))
+        text = refusal(write(strain="\n".join([*lines[:4], lines[3], *lines[4:]])))
         assert "the strain's clock, reading 4: found 20 s after 20 s" in text
 
     def test_an_uncertainty_of_zero(self, write: Write) -> None:
-        text = message(write(stress=stress_csv().replace(",4.02\n", ",0\n")))
+        text = refusal(write(stress=stress_csv().replace(",4.02\n", ",0\n")))
         assert "the stress's uncertainty, reading 3: found 0" in text
 
 
@@ -262,15 +251,16 @@ class TestSaving:
 
 class TestWithBackground:
     def test_there_and_back(self, write: Write) -> None:
-        removed = load_forced_oscillation(write())
+        removed = load_forced_oscillation(write(REMOVED))
+        assert removed.notices == (REMOVED_NOTICE,)
         kept = with_background(removed, "kept")
+        assert kept.notices == ()
         assert kept.settings.background == kept.prepared.background == "kept"
         np.testing.assert_array_equal(kept.stress, kept.record.stress)
         assert kept.settings.period == removed.settings.period
         assert_equal(with_background(kept, "removed"), removed)
 
     def test_it_is_what_the_file_would_give(self, write: Write) -> None:
-        changed = with_background(load_forced_oscillation(write()), "kept")
-        path = write(("period_s = 300.0", 'period_s = 300.0\nbackground = "kept"'))
-        read: OscillationExperiment = load_forced_oscillation(path)
+        changed = with_background(load_forced_oscillation(write()), "removed")
+        read: OscillationExperiment = load_forced_oscillation(write(REMOVED))
         assert_equal(changed, read)

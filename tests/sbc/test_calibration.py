@@ -1,17 +1,19 @@
 """Calibration: simulated data are the program's, and truths are ranked among draws."""
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from conftest import ICE, resolved_priors
+from conftest import ICE, resolved_priors, with_fixed
 from scipy import stats
 from stan_data import one_test_data
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.errors import InputError, SamplingError
-from pyburgers.fitting.fit import Fit
+from pyburgers.fitting.fit import Fit, fit_problem
+from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import default_priors
 from pyburgers.posterior.labelled_draws import convergence_table
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
@@ -19,36 +21,46 @@ from pyburgers.protocols.forced_oscillation.experiment import (
     load_forced_oscillation,
     with_background,
 )
-from pyburgers.protocols.forced_oscillation.preparation import prepare
+from pyburgers.protocols.forced_oscillation.preparation import Background, prepare
 from pyburgers.protocols.forward import simulate, simulate_data
+from pyburgers.protocols.problem import Problem, one_test, problem_of
 from pyburgers.protocols.program_data import given_parameters
-from pyburgers.protocols.protocol import protocol_of
+from pyburgers.protocols.protocol import load_experiment, protocol_of
 from pyburgers.protocols.stan_data import REFERENCE_SOLVER
+from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sbc.data_sets import (
     LOG_LIKELIHOOD,
     RHAT_LIMIT,
+    DataSetPlan,
+    Simulated,
     calibration_priors,
     check_template,
     largest_rhat,
     rank_truth,
+    replicate,
     simulate_from_prior,
 )
 
+SHARED_EXPONENT = {"all": "separate", "stress_exponent": "shared"}
+TEMPLATES = ICE.parent / "calibration"
 OLIVINE = ICE.parent / "olivine" / "olivine_twin.toml"
 
 
 def test_simulated_data_are_the_solution_at_a_prior_draw_with_noise(programs: None) -> None:
     experiment = load_constant_rate(ICE / "PIL40.toml")
     priors = resolved_priors(experiment)
-    simulated = simulate_from_prior(experiment, priors, seed=4)
-    again = simulate_from_prior(experiment, priors, seed=4)
-    np.testing.assert_array_equal(simulated.experiment.response, again.experiment.response)
-    assert simulated.experiment.provenance.kind == "synthetic"
-    truth = simulated.experiment.true_parameters
+    template = one_test(experiment, priors)
+    simulated = simulate_from_prior(template, seed=4)
+    (test,), (again,) = (
+        one.problem.experiments for one in (simulated, simulate_from_prior(template, seed=4))
+    )
+    np.testing.assert_array_equal(test.response, again.response)
+    assert test.provenance.kind == "synthetic"
+    truth = test.true_parameters
     assert truth is not None
     solution = simulate(experiment, truth, at=np.unique(experiment.strain))
     stress = np.interp(experiment.strain, solution["strain"], solution["stress_Pa"])
-    deviation = (simulated.experiment.response - stress) / truth["stress_noise"]
+    deviation = (test.response - stress) / truth["stress_noise"]
     # A sum of 61 squares of standard normal numbers.
     assert stats.chi2(experiment.n_points).cdf(float(np.sum(deviation**2))) == pytest.approx(
         0.5, abs=0.4999
@@ -57,7 +69,7 @@ def test_simulated_data_are_the_solution_at_a_prior_draw_with_noise(programs: No
 
 
 def test_a_simulated_record_is_prepared_as_the_measured_one_is(programs: None) -> None:
-    experiment = load_forced_oscillation(OLIVINE)
+    experiment = with_background(load_forced_oscillation(OLIVINE), "removed")
     truth = dict(experiment.true_parameters or {})
     rng = np.random.default_rng(2)
     simulated = simulate_data(experiment, truth, rng, source="the truth")
@@ -78,8 +90,10 @@ def test_the_trend_leaves_as_much_noise_as_the_likelihood_expects(programs: None
     # The log likelihood at the truth is stationary in the noise s, in the mean over records, if the
     # mean sum of squares is the power of s that its normalisation falls with. That mean is the sum
     # over records with one noisy point.
-    experiment = load_forced_oscillation(OLIVINE)
+    experiment = with_background(load_forced_oscillation(OLIVINE), "removed")
     truth = dict(experiment.true_parameters or {})
+    sure = np.full_like(experiment.record.strain, 1e-12)
+    experiment = replace(experiment, record=replace(experiment.record, strain_uncertainty=sure))
     quiet = simulate_data(
         experiment, {**truth, "stress_noise": 1.0}, np.random.default_rng(1), source="the truth"
     )
@@ -93,14 +107,14 @@ def test_the_trend_leaves_as_much_noise_as_the_likelihood_expects(programs: None
     step = 0.1
     loss = (log_likelihood(-step) - log_likelihood(step)) / (2 * step)
     noise = truth["stress_noise"] * quiet.prepared.relative_uncertainty
-    squares = 0.0
+    # Over the readings, without their own weighted trend.
+    position = 2 * (quiet.prepared.time - quiet.prepared.time[0]) / np.ptp(quiet.prepared.time) - 1
+    degree, squares = quiet.prepared.stress_fit.degree, 0.0
     for one in np.eye(quiet.n_points):
-        record = replace(quiet.record, stress=quiet.record.stress + noise * one)
-        left = prepare(record, quiet.settings, quiet.id).stress - quiet.stress
-        squares += float(np.sum((left / noise) ** 2))
-    # Not to the last digit: the trend is fitted beside harmonics, to which it is not orthogonal.
-    assert squares == pytest.approx(loss, abs=0.1)
-    assert squares < quiet.n_points - 1
+        trend = np.polyval(np.polyfit(position, noise * one, degree, w=1 / noise), position)
+        squares += float(np.sum((one - trend / noise) ** 2))
+    assert squares == pytest.approx(loss, abs=0.02)
+    assert squares == pytest.approx(quiet.n_points - degree - 1)
 
 
 def test_draws_without_solution_are_counted_and_replaced(
@@ -118,25 +132,161 @@ def test_draws_without_solution_are_counted_and_replaced(
         return simulate(*arguments, **options)
 
     monkeypatch.setattr("pyburgers.sbc.data_sets.simulate", solve_from_the_third_on)
-    simulated = simulate_from_prior(experiment, priors, seed=4)
-    assert simulated.n_unsolvable == 2
+    template = one_test(experiment, priors)
+    simulated = simulate_from_prior(template, seed=4)
+    assert (simulated.n_unsolvable, simulated.n_outside) == (2, 0)
     rng = np.random.default_rng(4)
     third = [priors.sample(rng) for _ in range(3)][2]
-    assert simulated.experiment.true_parameters == third
+    assert simulated.problem.experiments[0].true_parameters == third
     refused = 10**6
-    with pytest.raises(SamplingError, match=r"none of 100 draws from the prior .* bounds"):
-        simulate_from_prior(experiment, priors, seed=4)
+    with pytest.raises(SamplingError, match=r"none of 1000 draws from the prior .* bounds"):
+        simulate_from_prior(template, seed=4)
+
+
+def test_data_sets_outside_the_range_are_counted_and_replaced(programs: None) -> None:
+    experiment = load_constant_rate(ICE / "PIL40.toml")
+    template = one_test(experiment, calibration_priors("ice"))
+    largest, outside = [], 0
+    for seed in range(12):
+        simulated = simulate_from_prior(template, seed=seed, stress_range=(5e6, 20e6))
+        largest.append(simulated.problem.experiments[0].largest_stress)
+        outside += simulated.n_outside
+    assert 5e6 <= min(largest) < max(largest) <= 20e6
+    assert outside > 12  # half of the draws of Table 1 lie above 70 MPa
+
+
+def test_tests_of_a_joint_template_share_what_is_shared(programs: None) -> None:
+    experiments = [load_constant_rate(ICE / f"{name}.toml") for name in ("PIL40", "PIL72")]
+    template = problem_of(experiments, calibration_priors("ice"), pooling_of(SHARED_EXPONENT))
+    simulated = simulate_from_prior(template, seed=3)
+    first, second = (one.true_parameters or {} for one in simulated.problem.experiments)
+    assert template.shared
+    for name in template.free:
+        assert (first[name] == second[name]) == (name in template.shared)
+    assert simulated.problem.pooling == template.pooling
+
+
+def test_partially_pooled_parameters_lie_about_their_centre(programs: None) -> None:
+    """On the real line, where the spread is that of the tests."""
+    pair = [load_constant_rate(ICE / f"{name}.toml") for name in ("PIL40", "PIL72")]
+    pooling = pooling_of({"all": "separate", "stress_exponent": "partial:0.3"})
+    template = problem_of(pair, calibration_priors("ice"), pooling)
+    check_template(template)
+    coordinates = template.coordinates[0]
+    k = coordinates.parameters.index("stress_exponent")
+    distances, spreads = [], []
+    for seed in range(60):
+        simulated = simulate_from_prior(template, seed=seed)
+        centre, spread = (
+            simulated.pooled[f"stress_exponent[{owner}]"] for owner in ("centre", "spread")
+        )
+        spreads.append(spread)
+        for test in simulated.problem.experiments:
+            drawn = (test.true_parameters or {})["stress_exponent"]
+            distance = coordinates.of_quantity(k, drawn) - coordinates.of_quantity(k, centre)
+            distances.append(float(distance) / spread)
+    assert stats.kstest(distances, "norm").pvalue > 0.01
+    assert stats.kstest(spreads, stats.halfnorm(scale=0.3).cdf).pvalue > 0.01
+
+
+def test_every_quantity_of_a_joint_fit_is_ranked(tmp_path: Path, programs: None) -> None:
+    """Under the names of the templates, which data sets have in common."""
+    pair = [load_constant_rate(ICE / f"{name}.toml") for name in ("PIL40", "PIL72")]
+    free = ("maxwell_modulus", "activation_enthalpy", "stress_noise")
+    truth = dict(pair[0].true_parameters or {})
+    priors = calibration_priors("ice")
+    priors = with_fixed(priors, {name: truth[name] for name in priors.free if name not in free})
+    pooling = pooling_of(
+        {"all": "separate", "activation_enthalpy": "shared", "maxwell_modulus": "partial"}
+    )
+    template = problem_of(pair, priors, pooling)
+    simulated = simulate_from_prior(template, seed=2)
+    options = SamplerOptions(chains=1, warmup=50, draws=40)
+    result = fit_problem(simulated.problem, out=tmp_path, options=options, command="test")
+    ranks = rank_truth(result, simulated, template, 39)
+    own = ("maxwell_modulus", "stress_noise", "reference_stress")
+    assert set(ranks) == {
+        "activation_enthalpy",
+        "maxwell_modulus[centre]",
+        "maxwell_modulus[spread]",
+        *(f"{name}[{test.id}]" for name in own for test in pair),
+        LOG_LIKELIHOOD,
+    }
+    draws = result.posterior["posterior"].to_dataset()
+    second = simulated.problem.experiments[1]
+    drawn = draws[f"stress_noise[{second.id}]"].to_numpy().ravel()
+    kept = drawn[np.linspace(0, drawn.size - 1, 39).astype(int)]
+    below = int(np.sum(kept < (second.true_parameters or {})["stress_noise"]))
+    assert ranks["stress_noise[PIL72]"] == below
+
+
+@pytest.mark.parametrize("background", ["removed", "kept"])
+def test_strains_are_simulated_too_and_their_errors_are_known(
+    background: Background, programs: None
+) -> None:
+    template = with_background(load_forced_oscillation(OLIVINE), background)
+    record = replace(template.record, strain_uncertainty=np.full_like(template.record.strain, 1e-4))
+    template = replace(
+        template, record=record, prepared=prepare(record, template.settings, template.id)
+    )
+    truth = dict(template.true_parameters or {})
+    simulated = simulate_data(template, truth, np.random.default_rng(5), source="the truth")
+    strain = template.prepared.strain_fit
+    noise = simulated.record.strain - strain.periodic(record.strain_time)
+    noise -= strain.trend(record.strain_time)
+    assert np.std(noise) == pytest.approx(1e-4, rel=0.2)
+    assert simulated.prepared.start_stress == template.prepared.start_stress
+    error = protocol_of(simulated).driving_error(simulated, template)
+    assert error.size == (6 if background == "removed" else 8)
+    assert 0.1 < np.sqrt(np.mean(error**2)) < 2.5
+    change = error @ simulated.prepared.strain_error
+    for part, name in zip(
+        np.split(change, [3, 6]), ("strain_sine", "strain_cosine", "background_rate"), strict=True
+    ):
+        true = getattr(template.prepared, name)
+        np.testing.assert_allclose(
+            getattr(simulated.prepared, name) + part, true, atol=1e-9 * np.abs(true).max()
+        )
+
+
+def test_a_fit_that_does_not_converge_is_repeated_longer_and_never_ranked(
+    small_fit: Fit, tmp_path: Path, programs: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lengths: list[tuple[int, int | None, float | None]] = []
+
+    def fitted(problem: Problem, *, out: Path, options: SamplerOptions, command: str) -> Fit:
+        lengths.append((options.draws, options.warmup, options.adapt_delta))
+        return small_fit
+
+    monkeypatch.setattr("pyburgers.sbc.data_sets.fit_problem", fitted)
+    monkeypatch.setattr("pyburgers.sbc.data_sets.not_converged", lambda *_: ("divergences",))
+    template = one_test(load_constant_rate(ICE / "PIL40.toml"), calibration_priors("ice"))
+    done = replicate(
+        template,
+        tmp_path,
+        seed=1,
+        options=SamplerOptions(warmup=100, draws=50, adapt_delta=0.8),
+        plan=DataSetPlan(n_ranked=19, refits=2, stress_range=None),
+    )
+    assert lengths == [
+        (50, 100, 0.8),
+        (200, 400, pytest.approx(0.95)),
+        (800, 1600, pytest.approx(0.9875)),
+    ]
+    assert (done.ranks, done.n_refits, done.failed_checks) == ({}, 2, ("divergences",))
 
 
 def test_ranks_count_the_draws_below_the_truth(small_fit: Fit) -> None:
     truth = small_fit.experiment.true_parameters
     assert truth is not None
     draws = small_fit.posterior["posterior"].to_dataset()["maxwell_modulus"].to_numpy().ravel()
-    ranks = rank_truth(small_fit, small_fit.experiment, draws.size)
+    simulated = Simulated(small_fit.problem, {}, 0, 0)
+    ranks = rank_truth(small_fit, simulated, small_fit.problem, draws.size)
     assert ranks["maxwell_modulus"] == int(np.sum(draws < truth["maxwell_modulus"]))
     assert set(ranks) == {*small_fit.priors.free, "reference_stress", LOG_LIKELIHOOD}
     high = replace(small_fit.experiment, true_parameters={**truth, "maxwell_modulus": 1e12})
-    ranks = rank_truth(small_fit, high, 50)
+    problem = replace(small_fit.problem, experiments=(high,))
+    ranks = rank_truth(small_fit, replace(simulated, problem=problem), problem, 50)
     assert ranks["maxwell_modulus"] == 50
     assert ranks[LOG_LIKELIHOOD] == 0  # such a modulus fits far worse than any draw
 
@@ -155,18 +305,38 @@ def test_rhat_of_a_single_chain_compares_its_halves(
     assert not caplog.records
 
 
-def test_templates_must_have_points_and_a_removed_background() -> None:
-    record = load_forced_oscillation(OLIVINE)
-    check_template(record)
-    with pytest.raises(InputError, match=r"'kept', expected 'removed'"):
-        check_template(with_background(record, "kept"))
+def test_templates_need_data_and_priors_that_are_the_same_for_all_tests() -> None:
     empty = replace(load_constant_rate(ICE / "PIL40.toml"), strain=np.empty(0), stress=np.empty(0))
     with pytest.raises(InputError, match=r"no data, expected a \[data\] table"):
-        check_template(empty)
+        problem_of([empty], default_priors("ice"))
+    pair = [load_constant_rate(ICE / f"{name}.toml") for name in ("PIL40", "PIL105")]
+    with pytest.raises(InputError, match=r"stress_noise is a share of the largest stress"):
+        check_template(problem_of(pair, default_priors("ice"), pooling_of(SHARED_EXPONENT)))
+    known = dict.fromkeys(calibration_priors("ice").free, 1.0)
+    with pytest.raises(InputError, match=r"all parameters are fixed"):
+        check_template(problem_of(pair, with_fixed(calibration_priors("ice"), known)))
 
 
-def test_a_material_without_narrowed_priors_is_calibrated_with_its_own() -> None:
+def test_calibrations_use_the_priors_of_the_paper_with_noise_that_is_never_next_to_none() -> None:
     assert calibration_priors("dunite") == default_priors("dunite")
-    narrowed = calibration_priors("ice")
-    assert narrowed["stress_exponent"].upper < default_priors("ice")["stress_exponent"].upper
-    assert not any(prior.relative_to_max_stress for prior in narrowed.priors.values())
+    for material in ("ice", "olivine"):
+        found, paper = calibration_priors(material), default_priors(material)
+        for name in paper.free:
+            same = [
+                (prior.family, prior.location, prior.scale, prior.lower, prior.upper)
+                for prior in (found[name], paper[name])
+            ]
+            assert (same[0] == same[1]) == (name != "stress_noise"), name
+        assert not any(prior.relative_to_max_stress for prior in found.priors.values())
+
+
+@pytest.mark.parametrize("file", sorted(TEMPLATES.glob("*.toml")), ids=lambda file: file.stem)
+def test_shipped_templates_can_be_simulated(file: Path, programs: None) -> None:
+    template = one_test(
+        experiment := load_experiment(file), calibration_priors(experiment.material)
+    )
+    check_template(template)
+    simulated = simulate_from_prior(template, seed=1, stress_range=(1e6, 1e9))
+    (test,) = simulated.problem.experiments
+    assert 1e6 <= test.largest_stress <= 1e9
+    assert test.n_points == experiment.n_points

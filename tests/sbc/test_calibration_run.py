@@ -1,7 +1,7 @@
 """`pyburgers sbc`: many data sets, resumed bit for bit, and errors of one sentence."""
 
 import json
-import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -14,11 +14,13 @@ import numpy as np
 import pandas as pd
 import pytest
 from conftest import ICE, Problem
+from refusals import assert_refused
 
 from pyburgers.cli.main import main
 from pyburgers.drawing.style import image
 from pyburgers.model.priors import default_priors
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
+from pyburgers.protocols.problem import problem_of
 from pyburgers.sbc.data_sets import Replication
 from pyburgers.sbc.results import (
     calibration_text,
@@ -45,20 +47,32 @@ def made_up(width: float, *, n: int = 100) -> Calibration:
             ranks={"stress_exponent": found[k], "log_likelihood": right[k]},
             n_draws=99,
             n_unsolvable=int(k == 3),
-            failed_checks=("divergences",) if k < 4 else (),
-            divergences=2 if k < 4 else 0,
+            n_outside=2 if k == 5 else 0,
+            n_refits=int(k < 4),
             rhat=1.01,
             least_ess=200.0,
             coordinates="valley",
         )
-        for k in range(n - 1)
+        for k in range(n - 2)
     ]
+    slow = Replication(
+        seed=n - 1,
+        ranks={},
+        n_draws=99,
+        n_unsolvable=0,
+        n_refits=1,
+        failed_checks=("divergences",),
+        divergences=2,
+        rhat=1.01,
+        least_ess=200.0,
+        coordinates="valley",
+    )
     lost = Replication(seed=n, ranks={}, n_draws=99, n_unsolvable=0, failure="No chain finished.")
     return Calibration(
-        load_constant_rate(ICE / "PIL40.toml"),
-        default_priors("ice"),
-        CalibrationPlan(simulations=n),
-        (*done, lost),
+        problem_of([load_constant_rate(ICE / "PIL40.toml")], default_priors("ice")),
+        CalibrationPlan(simulations=n + 1, stress_range=(1e6, 1e8)),
+        (*done, slow, lost),
+        "pyburgers sbc x",
     )
 
 
@@ -78,18 +92,21 @@ def test_a_posterior_that_is_too_narrow_fails_and_a_right_one_passes() -> None:
 def test_lost_fits_unphysical_draws_and_failed_checks_are_shown() -> None:
     calibration = made_up(1.0)
     text = " ".join(count_sentences(calibration))
-    assert "100 data sets like PIL40, 99 of them fitted" in text
-    assert "1 of 101 draws from the prior had no finite solution" in text
+    assert "100 of 101 data sets like PIL40 are done" in text
+    assert "98 of them ranked" in text
+    assert "1 of 103 draws from the prior had no finite solution" in text
     assert "Fits without any chain: 1" in text
-    assert "check of convergence: 4 (divergences 4)" in text
-    page = calibration_text(calibration, "pyburgers sbc x")
+    assert "4 times as long: 5; still not converged and not ranked: 1 (divergences 1)" in text
+    assert "outside 1 to 100 MPa: 2;" in text
+    page = calibration_text(calibration)
     for sentence in count_sentences(calibration):
         assert sentence in page
     assert "| stress exponent |" in page
     assert "`pyburgers sbc x`" in page
     table = rank_table(calibration)
     assert table["failure"].notna().sum() == 1
-    assert table["stress_exponent"].notna().sum() == 99
+    assert table["stress_exponent"].notna().sum() == 98
+    assert table["refits"].sum() == 5
     assert image(rank_differences(calibration), "png").startswith(b"\x89PNG")
 
 
@@ -143,19 +160,19 @@ def test_every_data_set_is_a_file_and_the_manifest_says_how_to_repeat_it(
     assert manifest["status"] == "complete"
     assert manifest["plan"]["sampler"]["draws"] == 20
     assert set(manifest["hashes"]) == {
-        "inputs/experiment.csv",
-        "inputs/experiment.toml",
+        f"inputs/tests/{manifest['experiments'][0]}/experiment.csv",
+        f"inputs/tests/{manifest['experiments'][0]}/experiment.toml",
         "inputs/priors.toml",
     }
     assert {"cmdstan", "pyburgers"} <= set(manifest["versions"])
     assert "Unphysical draws: 0 of 3" in (finished / "calibration.md").read_text(encoding="utf-8")
 
 
-def test_a_killed_calibration_is_continued_with_more_data_sets_to_the_same_result(
+def test_a_killed_calibration_is_continued_to_the_same_result(
     small_problem: Problem, outcomes: dict[str, bytes], tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
-    arguments = command(small_problem, out, "--jobs", "1", "--simulations", "2")
+    arguments = command(small_problem, out, "--jobs", "1")
     killed = subprocess.Popen([sys.executable, "-m", "pyburgers.cli.main", *arguments])
     first = out / "simulations" / "simulation_000001.json"
     deadline = time.monotonic() + 120
@@ -170,17 +187,31 @@ def test_a_killed_calibration_is_continued_with_more_data_sets_to_the_same_resul
     assert contents(out) == outcomes
 
 
-def assert_refused(code: int, capsys: pytest.CaptureFixture[str], *words: str) -> None:
-    """Exit code 2 and one clear sentence on standard error."""
-    out, error = capsys.readouterr()
-    assert code == 2
-    assert out == ""
-    assert re.fullmatch(r"pyburgers: [^\n]+[.?]\n", error)
-    for word in words:
-        assert word in error
+def test_an_unfinished_calibration_is_shown_as_far_as_it_has_come(
+    finished: Path, outcomes: dict[str, bytes], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    part = tmp_path / "part"
+    shutil.copytree(finished, part)
+    (part / "simulations" / "simulation_000003.json").unlink()
+    out = tmp_path / "shown"
+    main(["sbc", "--results-of", str(part), "--out", str(out)])
+    assert "2 of 3 data sets" in capsys.readouterr().out
+    assert pd.read_csv(out / "ranks.csv")["seed"].tolist() == [1, 2]
+    whole = tmp_path / "whole"
+    main(["sbc", "--results-of", str(finished), "--out", str(whole)])
+    assert (whole / "ranks.csv").read_bytes() == outcomes["ranks.csv"]
 
 
-@pytest.mark.parametrize("option", [("--seed", "2"), ("--draws", "21"), ("--chains", "3")])
+@pytest.mark.parametrize(
+    "option",
+    [
+        ("--seed", "2"),
+        ("--draws", "21"),
+        ("--chains", "3"),
+        ("--simulations", "4"),
+        ("--refits", "2"),
+    ],
+)
 def test_another_configuration_in_the_same_folder_is_refused(
     option: tuple[str, str],
     small_problem: Problem,
@@ -204,4 +235,7 @@ def test_bad_numbers_and_files_are_refused(
     ):
         assert_refused(main(command(small_problem, out, *options)), capsys, words)
     assert_refused(main(["sbc", str(tmp_path / "none.toml")]), capsys, "does not exist")
+    assert_refused(main(["sbc"]), capsys, "found no template")
+    outside = command(small_problem, out, "--stress-range", "5", "1")
+    assert_refused(main(outside), capsys, "stress_range is 5e+06 to 1e+06 Pa")
     assert not out.exists()

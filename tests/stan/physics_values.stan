@@ -89,10 +89,6 @@ generated quantities {
     = residual_log_densities_given_others(residual, stress_noise, strain, segment,
                                           correlation_strain, correlated_share);
   array[n_replications] vector[n] replicated;
-  real log_rate_factor_of_kelvin = log_kelvin_rate_factor(viscosity, kelvin_stress_exponent,
-                                                          kelvin_activation_enthalpy,
-                                                          reference_stress,
-                                                          reference_temperature);
   vector[n_driving] kelvin_rate;
   for (i in 1 : n_replications) {
     replicated[i] = residuals_rng(strain, segment, stress_noise, correlation_strain,

@@ -13,7 +13,7 @@ import pytest
 from conftest import ICE, FunctionValues, resolved_priors
 from default_chains import sampled
 from scipy.integrate import quad, simpson
-from scipy.stats import multivariate_normal
+from scipy.stats import multivariate_normal, norm
 from stan_data import one_test_data
 from stan_values import CHARTS
 
@@ -32,7 +32,8 @@ from pyburgers.protocols.forced_oscillation.preparation import (
 )
 from pyburgers.protocols.forced_oscillation.stan_data import ShearedReference
 from pyburgers.protocols.forward import simulate
-from pyburgers.protocols.program_data import solve
+from pyburgers.protocols.problem import one_test
+from pyburgers.protocols.program_data import given_parameters, program_data, solve
 from pyburgers.protocols.protocol import protocol_of
 from pyburgers.protocols.stan_data import REFERENCE_SOLVER
 
@@ -194,7 +195,7 @@ def of_cycles(experiment: OscillationExperiment, n_cycles: int) -> OscillationEx
 @pytest.mark.parametrize("n_cycles", [2, 6])
 def test_the_likelihood_is_the_dense_one_with_the_trend_integrated_out(n_cycles: int) -> None:
     """The raw readings, with a covariance that holds any trend: no projection takes part."""
-    test = load_forced_oscillation(TWIN_FILE)
+    test = with_background(load_forced_oscillation(TWIN_FILE), "removed")
     if n_cycles < 6:
         test = of_cycles(test, n_cycles)
     prepared = test.prepared
@@ -224,6 +225,50 @@ def test_a_kept_background_leaves_the_stress_as_it_is() -> None:
     draw = solve(twin, truth(), twin.prepared.time, solver=REFERENCE_SOLVER)
     np.testing.assert_array_equal(draw["stress_model"], draw["grid_stress"])
     np.testing.assert_array_equal(draw["grid_oscillating_stress"], draw["grid_stress"])
+
+
+def with_strain_noise(experiment: OscillationExperiment, strain_sd: float) -> OscillationExperiment:
+    """The test with another standard deviation of its strains, as stated."""
+    spread = np.full_like(experiment.record.strain, strain_sd)
+    record = replace(experiment.record, strain_uncertainty=spread)
+    prepared = prepare(record, experiment.settings, "test")
+    return replace(experiment, record=record, prepared=prepared)
+
+
+def test_errors_of_the_strain_change_what_drives_the_model(twin: OscillationExperiment) -> None:
+    test = with_strain_noise(twin, 1e-4)
+    prepared = test.prepared
+    error = np.random.default_rng(2).standard_normal(test.n_driving_errors)
+    data = program_data(
+        one_test(test, given_parameters("olivine", truth())), solver=REFERENCE_SOLVER
+    )
+    found = load_program(protocol_of(test).program).evaluate(data, {"coordinate": error.tolist()})
+    sine, cosine, background = np.split(error @ prepared.strain_error, [3, 6])
+    changed = replace(
+        prepared,
+        strain_sine=prepared.strain_sine + sine,
+        strain_cosine=prepared.strain_cosine + cosine,
+        background_rate=prepared.background_rate + background,
+        strain_error=prepared.strain_error[:0],
+    )
+    # The start of the spin-up and the units of the states are those of the strain as fitted.
+    by_hand = {
+        **data,
+        "strain_sine": [changed.strain_sine.tolist()],
+        "strain_cosine": [changed.strain_cosine.tolist()],
+        "background": [(changed.background_rate * PERIOD).tolist()[: data["n_background"]]],
+        "error_end": [0, 0],
+        "strain_error": [],
+        "n_coordinates": 0,
+    }
+    expected = load_program(protocol_of(test).program).evaluate(by_hand)
+    size = np.abs(expected["stress_model"]).max()
+    np.testing.assert_allclose(
+        found["stress_model"], expected["stress_model"], atol=1e-7 * size, rtol=0
+    )
+    assert found["log_pooling"] == pytest.approx(norm.logpdf(error).sum(), rel=1e-9)
+    unchanged = solve(test, truth(), prepared.time, solver=REFERENCE_SOLVER)["stress_model"]
+    assert np.abs(found["stress_model"] - unchanged).max() > 1e-3 * size
 
 
 def test_without_background_more_spin_up_changes_nothing() -> None:
@@ -338,7 +383,7 @@ def test_simulate_writes_the_promised_columns(
     assert np.all(np.diff(time) > 0)
     twin = load_forced_oscillation(TWIN_FILE)
     assert set(twin.prepared.time) <= set(time)
-    np.testing.assert_allclose(table["strain"], twin.prepared.strain_fit.periodic(time))
+    np.testing.assert_allclose(table["strain"], twin.prepared.strain(time))
     assert (table["fabric_factor"] == 1).all()
     assert "warning" not in capsys.readouterr().err
 

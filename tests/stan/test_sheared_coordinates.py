@@ -21,12 +21,13 @@ from pyburgers.cmdstan.program import load_program
 from pyburgers.common.errors import InputError
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.prior_families import Prior
-from pyburgers.model.priors import PriorSet
+from pyburgers.model.priors import PriorSet, load_priors
 from pyburgers.protocols.coordinates import REFERENCE_FLOW_RATE
 from pyburgers.protocols.forced_oscillation.experiment import (
     OscillationExperiment,
     load_forced_oscillation,
     with_background,
+    with_known_strain,
 )
 from pyburgers.protocols.forced_oscillation.preparation import Background, prepare
 from pyburgers.protocols.forced_oscillation.sheared import SHIFTED_BY, find_sheared
@@ -37,7 +38,7 @@ from pyburgers.protocols.protocol import Mode, protocol_of
 from pyburgers.protocols.stan_data import PLAIN, SolverOptions, StanData, solver_block
 from pyburgers.sampling.charts import ChosenChart, at_mode, choose_chart, curvature_at
 from pyburgers.sampling.starts import find_mode
-from pyburgers.sbc.data_sets import calibration_priors, simulate_from_prior
+from pyburgers.sbc.data_sets import simulate_from_prior
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
@@ -58,11 +59,14 @@ FREE = (
     "critical_strain_grain_size",
     "stress_noise",
 )
+NARROW_PRIORS = Path(__file__).parents[1] / "data" / "narrow_olivine_priors.toml"
+"""Those of Table 2 narrowed about the shipped twin."""
+
 SHEARED_SYSTEMS = {"plain": None, "sheared": REFERENCE}
 
 
 def twin_with(background: Background) -> OscillationExperiment:
-    return with_background(load_forced_oscillation(TWIN_FILE), background)
+    return with_known_strain(with_background(load_forced_oscillation(TWIN_FILE), background))
 
 
 @pytest.fixture(params=["removed", "kept"])
@@ -72,7 +76,7 @@ def twin(request: pytest.FixtureRequest) -> OscillationExperiment:
 
 @pytest.fixture(params=["removed", "kept"])
 def short(request: pytest.FixtureRequest) -> OscillationExperiment:
-    return short_twin(request.param)
+    return with_known_strain(short_twin(request.param))
 
 
 def truth_in(experiment: OscillationExperiment, priors: PriorSet) -> Mode:
@@ -90,7 +94,8 @@ def truth_in(experiment: OscillationExperiment, priors: PriorSet) -> Mode:
         values, experiment.temperature, np.array(scale), grain_size, np.ones(())
     )
     coordinates = plain_coordinates(experiment, priors)
-    return Mode(values, coordinates.at({**values, REFERENCE_FLOW_RATE: float(rate)}))
+    at = coordinates.at({**values, REFERENCE_FLOW_RATE: float(rate)})
+    return Mode(values, at, np.empty(0))
 
 
 def model_of(experiment: OscillationExperiment) -> CompiledProgram:
@@ -237,14 +242,14 @@ def assert_coordinates_work(
 
 @pytest.mark.parametrize("name", FREE)
 def test_coordinates_suit_whichever_parameter_is_fixed(name: str, tmp_path: Path) -> None:
-    experiment = short_twin("kept")
+    experiment = with_known_strain(short_twin("kept"))
     assert experiment.true_parameters is not None
     priors = with_fixed(resolved_priors(experiment), {name: experiment.true_parameters[name]})
     assert_coordinates_work(experiment, priors, tmp_path)
 
 
 def test_coordinates_suit_a_flow_law_without_grain_size(tmp_path: Path) -> None:
-    experiment = short_twin("kept")
+    experiment = with_known_strain(short_twin("kept"))
     truth = experiment.true_parameters
     assert truth is not None
     # The same flow at the grain size of the start.
@@ -316,7 +321,7 @@ def chart_from(data: StanData, experiment: OscillationExperiment, priors: PriorS
 @pytest.mark.parametrize("case", UNSUITED)
 def test_priors_that_do_not_suit_fall_back_to_plain_ones(case: str) -> None:
     changed, word = UNSUITED[case]
-    experiment = short_twin("kept")
+    experiment = with_known_strain(short_twin("kept"))
     priors = with_priors(resolved_priors(experiment), changed)
     found = chart_at_truth(experiment, priors, "auto")
     assert found.name == "plain"
@@ -327,13 +332,13 @@ def test_priors_that_do_not_suit_fall_back_to_plain_ones(case: str) -> None:
 
 def test_a_record_without_loss_does_not_suit() -> None:
     """Noise can turn the lag of a hardly dissipating sample around."""
-    experiment = short_twin("kept")
+    experiment = with_known_strain(short_twin("kept"))
     record = experiment.record
     angle = 2 * np.pi / 300.0 * record.stress_time + 0.6
     elastic = replace(record, stress=100e6 + 50e6 * np.sin(angle))
     prepared = prepare(elastic, experiment.settings, experiment.id)
     assert prepared.stress_fit.phase()[0] < prepared.strain_fit.phase()[0]
-    backwards = replace(experiment, record=elastic, prepared=prepared)
+    backwards = with_known_strain(replace(experiment, record=elastic, prepared=prepared))
     found = chart_at_truth(backwards, resolved_priors(backwards), "auto")
     assert found.name == "plain"
     assert "stress is not ahead of the strain" in found.reason
@@ -360,9 +365,11 @@ def test_a_record_whose_loss_is_all_the_dashpots_is_smooth_in_its_coordinates(
 ) -> None:
     """There the solver's error spoils differences of gradients, and the log density, first."""
     template = twin_with("removed")
-    priors = calibration_priors("olivine").resolved(template.largest_stress)
-    experiment = simulate_from_prior(template, priors, seed=1).experiment
-    assert isinstance(experiment, OscillationExperiment)
+    priors = load_priors(NARROW_PRIORS)
+    simulated = simulate_from_prior(one_test(template, priors), seed=1)
+    (drawn,) = simulated.problem.experiments
+    assert isinstance(drawn, OscillationExperiment)
+    experiment = with_known_strain(drawn)
     truth = experiment.true_parameters
     assert truth is not None
     relaxation = truth["kelvin_viscosity"] / truth["kelvin_modulus"]
@@ -395,7 +402,7 @@ def test_a_record_whose_loss_is_all_the_dashpots_is_smooth_in_its_coordinates(
 
 
 def test_the_twin_is_sampled_in_sheared_coordinates() -> None:
-    experiment = short_twin("removed")
+    experiment = with_known_strain(short_twin("removed"))
     found = chart_at_truth(experiment, resolved_priors(experiment), "auto")
     assert (found.name, found.block["coordinate_system"]) == ("sheared", 2)
     assert found.covariance is not None
@@ -405,7 +412,7 @@ def test_the_twin_is_sampled_in_sheared_coordinates() -> None:
 
 
 def test_without_likelihood_coordinates_stay_plain() -> None:
-    experiment = short_twin("kept")
+    experiment = with_known_strain(short_twin("kept"))
     priors = resolved_priors(experiment)
     data = one_test_data(experiment, priors, solver=SAMPLING, use_likelihood=False)
     found = chart_from(data, experiment, priors)
@@ -442,7 +449,7 @@ def test_without_likelihood_draws_have_the_priors_marginals(
     priors_of: Callable[[OscillationExperiment], PriorSet],
     tmp_path: Path,
 ) -> None:
-    experiment = short_twin("kept")
+    experiment = with_known_strain(short_twin("kept"))
     priors = priors_of(experiment)
     data = one_test_data(
         experiment,

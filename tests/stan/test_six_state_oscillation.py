@@ -15,6 +15,7 @@ from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.forced_oscillation.experiment import (
     load_forced_oscillation,
     with_background,
+    with_known_strain,
 )
 from pyburgers.protocols.forced_oscillation.preparation import Background
 from pyburgers.protocols.problem import plain_coordinates
@@ -52,7 +53,7 @@ def log_jacobian_of_bounds(priors: PriorSet, values: dict[str, float]) -> float:
 def test_both_forms_have_the_same_likelihood(
     background: Background, factors: dict[str, float], tmp_path: Path
 ) -> None:
-    experiment = with_background(load_forced_oscillation(TWIN), background)
+    experiment = with_known_strain(with_background(load_forced_oscillation(TWIN), background))
     assert experiment.true_parameters is not None
     values = {name: v * factors.get(name, 1.0) for name, v in experiment.true_parameters.items()}
     priors = resolved_priors(experiment)

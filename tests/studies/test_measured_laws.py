@@ -53,12 +53,16 @@ def fits(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Fit]:
     return {"A": standard, "A_other": other}
 
 
-def answer(monkeypatch: pytest.MonkeyPatch, described: Mapping[str, Outcome]) -> None:
+def answer(
+    monkeypatch: pytest.MonkeyPatch,
+    described: Mapping[str, Outcome],
+    sampled: Outcome = Outcome.YES,
+) -> None:
     """Decide what describes the data."""
 
     def told(fit: SampledFit) -> dict[CheckKind, Verdict]:
         assert isinstance(fit, Fit)
-        outcomes = (Outcome.YES, described[fit.experiment.id])
+        outcomes = (sampled, described[fit.experiment.id])
         return {
             kind: Verdict(kind, outcome, f"Because {outcome.value}.")
             for kind, outcome in zip(CheckKind, outcomes, strict=True)
@@ -91,9 +95,18 @@ def test_where_no_law_describes_the_page_says_so_and_why(
     answer(monkeypatch, {"A": Outcome.NO, "A_other": Outcome.CANNOT_TELL})
     laws = LawsTried.of(fits)
     told = laws.conclusion()
-    assert told.startswith("A: of 2 models none is shown to describe the data; the one that")
-    assert "too narrow by what it misses. Because " in told
+    assert told.startswith("A: of 2 models, none is shown to describe the data. The one that")
+    assert "an interval that leaves out what the model misses. Because " in told
     assert laws.chosen == next(iter(laws.elpd))
+
+
+def test_a_law_that_describes_is_told_with_its_doubtful_sampling(
+    fits: dict[str, Fit], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answer(monkeypatch, {"A": Outcome.YES, "A_other": Outcome.NO}, sampled=Outcome.CANNOT_TELL)
+    told = LawsTried.of(fits).conclusion()
+    assert "standard describes the data" in told
+    assert told.endswith("Because cannot tell.")
 
 
 def test_a_test_with_a_single_fit_has_an_answer_but_no_comparison(

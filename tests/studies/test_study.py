@@ -21,6 +21,7 @@ from pyburgers.fitting.side_by_side import Task
 from pyburgers.predictions.attenuation import predict_attenuation
 from pyburgers.predictions.attenuation_tables import quantile_table
 from pyburgers.predictions.measured_attenuation import MeasuredAttenuation
+from pyburgers.predictions.stress_cycles import PAPER_REGIMES
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.protocols.forced_oscillation.response import oscillation_of
 from pyburgers.protocols.forward import simulate
@@ -29,6 +30,7 @@ from pyburgers.studies.dunite import JOINT_RUN, ONE_RATE, STEPPED, TOGETHER
 from pyburgers.studies.maor import sections as maor_sections
 from pyburgers.studies.maor.attenuation import MICROSTRUCTURE_SENTENCE
 from pyburgers.studies.maor.coverage import coverage_table
+from pyburgers.studies.maor.elastic_modulus import ELASTIC_MODULUS_SENTENCE, ICE_MODULUS
 from pyburgers.studies.maor.olivine import background_section
 from pyburgers.studies.maor.reproduce import (
     COMBINED_RUN,
@@ -63,6 +65,7 @@ def olivine(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Fit]:
 def few_prior_draws() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(maor_sections, "PRIOR_DRAWS", {"ice": 200, "olivine": 60})
+        patch.setattr("pyburgers.studies.maor.stress_floor.SOLVED_DRAWS", 2)
         yield
 
 
@@ -105,9 +108,10 @@ def test_the_page_holds_every_part_in_its_place(
 def test_statements_stand_with_verdict_evidence_and_rule(
     page: Page, sections: tuple[PageSection, ...], folder: Path
 ) -> None:
-    (table,) = sections[0].tables
-    assert len(table.shown) == 23
-    for row in table.shown.to_dict("records"):
+    table, grounds = sections[0].tables
+    assert len(table.shown) == len(grounds.shown) == 23
+    assert grounds.shown["rule"].str.endswith(".").all()
+    for row in [*table.shown.to_dict("records"), *grounds.shown.to_dict("records")]:
         for cell in row.values():
             assert " ".join(str(cell).split()) in page.text
     written = pd.read_csv(folder / "tables" / "statements_table.csv")
@@ -122,6 +126,21 @@ def test_the_page_says_what_verdicts_on_synthetic_data_mean(
     measured = {"PIL40": make_fit(tmp_path / "run", kind="measured", draws=100)}
     paragraphs = study_sections(measured, {})[0].paragraphs
     assert SYNTHETIC_SENTENCE not in paragraphs
+
+
+def test_one_modulus_of_ice_leaves_what_kelvin_element_and_dashpot_differ_by(
+    page: Page, folder: Path, ice: dict[str, Fit]
+) -> None:
+    written = pd.read_csv(folder / "tables" / "attenuation_elastic_modulus.csv")
+    assert written["sample"].unique().tolist() == list(ice)
+    for name, fit in ice.items():
+        rows = written[written["sample"] == name]
+        given = predict_attenuation(
+            fit, rows["frequency_Hz"].tolist(), PAPER_REGIMES[:1], elastic_modulus=ICE_MODULUS
+        )["tan_delta"]
+        np.testing.assert_allclose(rows["ice_q50"], given.median(("chain", "draw"))[0], rtol=1e-9)
+        assert (rows["ice_q50"] > rows["own_q50"]).all()
+    assert ELASTIC_MODULUS_SENTENCE in page.text
 
 
 def test_figures_and_tables_of_attenuation_are_files(folder: Path, ice: dict[str, Fit]) -> None:
@@ -210,7 +229,7 @@ def test_every_figure_table_and_claim_has_its_place(
     figures = {f"Fig. {name}" for name in ("1", "2", "3", "4", "5", "6", "S1", "S2", "S3", "S5")}
     assert figures | {f"Table {name}" for name in ("1", "2", "S2", "S3")} <= listed
     statements = sections[0].tables[0].shown
-    claims = table[table["on this page"].str.startswith("Statement by statement")]
+    claims = table[table["on this page"] == "Statement by statement"]
     assert claims["shows or says"].tolist() == statements["statement"].tolist()
     assert claims["note"].tolist() == statements["verdict"].tolist()
     points = table[table["shows or says"].str.contains("McCarthy")]
@@ -223,7 +242,7 @@ def test_every_figure_table_and_claim_has_its_place(
 
 
 def test_the_model_is_drawn(folder: Path) -> None:
-    for name in ("circuit", "strain_parts", "flow_laws"):
+    for name in ("circuit", "strain_parts", "mean_solution", "flow_laws"):
         assert (folder / "figures" / f"model_{name}.svg").is_file()
 
 
@@ -299,6 +318,6 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
     of_study = ["statements", "counterparts", "model", "attenuation", "preparation", "background"]
     assert keys[0] == "rate_steps"
     assert keys[1].startswith("joint_")
-    assert keys[2:9] == [*of_study, "peak_stress"]
-    assert names[:-1] == ["PIL40", "PIL72", "PIL105", "olivine_removed", "olivine_kept"]
+    assert keys[2:10] == [*of_study, "stress_floor", "peak_stress"]
+    assert names[:-1] == ["PIL40", "PIL72", "PIL105", "olivine_kept", "olivine_removed"]
     assert outcome.peak_stress.data.id == PEAK_STRESS_TABLE

@@ -136,7 +136,8 @@ def short_twin(background: Background) -> OscillationExperiment:
         for name in ("stress_time", "stress", "stress_uncertainty")
     }
     record = replace(full.record, **strain, **stress)
-    return replace(full, record=record, prepared=prepare(record, full.settings, full.id))
+    prepared = prepare(record, replace(full.settings, start_stress=None), full.id)
+    return replace(full, record=record, settings=prepared.settings, prepared=prepared)
 
 
 class ForcedOscillationExample(Example[OscillationExperiment]):

@@ -152,7 +152,7 @@ def make_fit(
     seed: int = 1,
     **changes: Any,
 ) -> Fit:
-    """Make a fit with the groups of `pyburgers.posterior.labelled_draws.build_posterior`.
+    """Make a fit with the groups of `pyburgers.posterior.build.build_posterior`.
 
     Parameters
     ----------

@@ -78,6 +78,11 @@ class OscillationExperiment(Experiment):
         return self.stress
 
     @property
+    def n_driving_errors(self) -> int:
+        """Number of the errors of the driving strain that take part."""
+        return len(self.prepared.strain_error)
+
+    @property
     def largest_stress(self) -> float:
         """Largest |σ| (Pa) that the model is compared with."""
         return float(np.max(np.abs(self.stress)))
@@ -102,7 +107,10 @@ class _OscillationTable(Table):
     stress_trend_degree: int | None = Field(
         None, ge=0, description="the degree of the polynomial trend of the stress"
     )
-    background: Background = Field("removed", description="what becomes of bias and drift")
+    background: Background = Field("kept", description="what becomes of bias and drift")
+    start_stress_Pa: float | None = Field(  # noqa: N815 - a key with its unit
+        None, description="where the model starts with the background kept (default: the bias)"
+    )
     spin_up_cycles: int = Field(2, ge=1, description="cycles ahead of the record")
 
 
@@ -173,6 +181,7 @@ def load_forced_oscillation(path: str | Path) -> OscillationExperiment:
         strain_trend_degree=file.oscillation.strain_trend_degree,
         stress_trend_degree=file.oscillation.stress_trend_degree,
         background=file.oscillation.background,
+        start_stress=file.oscillation.start_stress_Pa,
     )
     prepared = prepare(record, wanted, str(path))
     return OscillationExperiment(
@@ -221,13 +230,15 @@ def save_forced_oscillation(experiment: OscillationExperiment, directory: Path) 
             f"{name}_unit": unit,
             f"{name}_uncertainty_column": "uncertainty",
         }
-    oscillation = {
+    oscillation: dict[str, Any] = {
         "period_s": settings.period,
         "strain_trend_degree": settings.strain_trend_degree,
         "stress_trend_degree": settings.stress_trend_degree,
         "background": settings.background,
         "spin_up_cycles": experiment.spin_up_cycles,
     }
+    if settings.start_stress is not None:
+        oscillation["start_stress_Pa"] = settings.start_stress
     return write_experiment(experiment, directory, {"oscillation": oscillation, "data": data})
 
 
@@ -243,9 +254,18 @@ def with_background(
     background : {"removed", "kept"}
         See `pyburgers.protocols.forced_oscillation.preparation.OscillationSettings`.
     """
-    settings = replace(experiment.settings, background=background)
+    settings = replace(experiment.settings, background=background, start_stress=None)
     prepared = prepare(experiment.record, settings, experiment.id)
-    return replace(experiment, settings=settings, prepared=prepared)
+    others = [one for one in experiment.notices if one not in experiment.prepared.notices]
+    notices = (*others, *prepared.notices)
+    return replace(experiment, settings=prepared.settings, prepared=prepared, notices=notices)
+
+
+def with_known_strain(experiment: OscillationExperiment) -> OscillationExperiment:
+    """Return the same test with its driving strain taken as known, whatever its uncertainty."""
+    prepared = experiment.prepared
+    known = replace(prepared, strain_error=prepared.strain_error[:0])
+    return replace(experiment, prepared=known)
 
 
 def _read_series(path: Path, data: _DataTable, name: str) -> tuple[FloatArray, ...]:

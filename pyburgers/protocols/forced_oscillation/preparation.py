@@ -5,6 +5,7 @@ subtracted, and the derivative of the sinusoid drives the model, whose stress is
 measured one. Here the sinusoid has its second and third harmonics.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal, TypeVar
@@ -24,6 +25,21 @@ from pyburgers.protocols.forced_oscillation.harmonics import (
 
 FloatArray = npt.NDArray[np.float64]
 Background = Literal["removed", "kept"]
+
+REMOVED_NOTICE = (
+    "The background is removed, as in the paper: the model oscillates about zero stress, where the "
+    "piezometer asks for grains as large as its stress floor allows, so that grain size, and what "
+    'hangs on it, follows that floor and not the material; background = "kept" recovers known '
+    "truths."
+)
+"""Warning of a record without its bias and drift."""
+
+NEGLIGIBLE_SHARE = 0.01
+"""Share of the errors of the strain below which it is taken as known: standard deviations of what
+the stress tells come out too small by half of it."""
+
+LEAST_RESIDUAL = 1e-12
+"""Of the variance of the residuals over the stated one, below which there is no noise at all."""
 
 MIN_CYCLES = 2
 """Cycles that a record needs: with fewer, trend and oscillation cannot be told apart."""
@@ -67,16 +83,21 @@ class OscillationSettings:
         Seconds; None estimates it from the strain.
     strain_trend_degree, stress_trend_degree : int or None
         Degrees of the polynomials; None chooses them by an information criterion.
-    background : {"removed", "kept"}
-        With "removed" only the oscillating parts are used, as in the paper: the trends of strain
-        and stress, constants included, are subtracted. With "kept" the rate of the strain's trend
-        drives the model too, and the stress keeps its bias and its drift.
+    background : {"kept", "removed"}
+        With "kept" the rate of the strain's trend drives the model too, and the stress keeps its
+        bias and its drift. With "removed" only the oscillating parts are used, as in the paper: the
+        trends of strain and stress, constants included, are subtracted. That is another state of
+        the material, from which the truth is not recovered (docs/model.md): a notice says so.
+    start_stress : float or None
+        Stress (Pa) at which the model starts, ahead of the record, where the background is kept;
+        None takes the bias of the stress at the start of the record.
     """
 
     period: float | None = None
     strain_trend_degree: int | None = None
     stress_trend_degree: int | None = None
-    background: Background = "removed"
+    background: Background = "kept"
+    start_stress: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +112,8 @@ class PreparedOscillation:
         Fits of the two series; the first drives the model.
     background : {"removed", "kept"}
         Whether trends drive the model and stay in the stress.
+    start_stress : float
+        Stress (Pa) at which the model starts; 0 where the background is removed.
     start : float
         Time (s) of the first strain or stress reading that is used.
     time : array, shape (n_points,)
@@ -102,6 +125,10 @@ class PreparedOscillation:
     background_rate : array, shape (n_background,)
         Coefficients (1/s) of powers 0, 1, ... of (t - t_middle)/t_half in the driving strain
         rate; zeros where the background is removed.
+    strain_error : array, shape (n_errors, 6 + n_background)
+        What one standard deviation of each of the independent errors of the strain's fit adds to
+        `strain_sine`, `strain_cosine` and `background_rate`. Errors of the harmonics, or of the
+        background, are left out where their share (`strain_shares`) is below `NEGLIGIBLE_SHARE`.
     t_middle, t_half : float
         Middle and half length (s) of the strain record.
     notices : tuple of str
@@ -112,6 +139,7 @@ class PreparedOscillation:
     strain_fit: HarmonicFit
     stress_fit: HarmonicFit
     background: Background
+    start_stress: float
     start: float
     time: FloatArray
     stress: FloatArray
@@ -119,6 +147,7 @@ class PreparedOscillation:
     strain_sine: FloatArray
     strain_cosine: FloatArray
     background_rate: FloatArray
+    strain_error: FloatArray
     t_middle: float
     t_half: float
     notices: tuple[str, ...]
@@ -131,6 +160,7 @@ class PreparedOscillation:
             strain_trend_degree=self.strain_fit.degree,
             stress_trend_degree=self.stress_fit.degree,
             background=self.background,
+            start_stress=self.start_stress if self.background == "kept" else None,
         )
 
     @property
@@ -227,22 +257,30 @@ def prepare(
     strain_fit = _fit(where, strain, period, settings.strain_trend_degree)
     stress_fit = _fit(where, used, period, settings.stress_trend_degree)
     kept = settings.background == "kept"
-    slope = _powers_of_rate(strain_fit)
+    if settings.start_stress is not None and not kept:
+        raise InputError(
+            f"{where}: found a start_stress of {settings.start_stress:g} Pa with the background "
+            "removed, expected one only with the background kept."
+        )
+    start = float(min(strain.time[0], used.time[0]))
+    slope = _powers_of_rate(strain_fit.trend_coefficients, strain_fit.t_half)
     return PreparedOscillation(
         period=period,
         strain_fit=strain_fit,
         stress_fit=stress_fit,
         background=settings.background,
-        start=float(min(strain.time[0], used.time[0])),
+        start_stress=_start_stress(settings, stress_fit, start),
+        start=start,
         time=used.time,
         stress=used.value if kept else used.value - stress_fit.trend(used.time),
         uncertainty=used.uncertainty,
         strain_sine=strain_fit.sine,
         strain_cosine=strain_fit.cosine,
         background_rate=slope if kept else np.zeros_like(slope),
+        strain_error=_strain_error(strain_fit, stress_fit, kept=kept),
         t_middle=strain_fit.t_middle,
         t_half=strain_fit.t_half,
-        notices=_notices(stress.time.size - used.time.size),
+        notices=_notices(stress.time.size - used.time.size, settings.background),
     )
 
 
@@ -314,10 +352,80 @@ def _fit(where: str, series: _Series, period: float, degree: int | None) -> Harm
     return _named(where, series, fit)
 
 
-def _powers_of_rate(fit: HarmonicFit) -> FloatArray:
-    """Rate of a trend (1/s) as coefficients of powers of the scaled time."""
-    slope: FloatArray = legendre.legder(fit.trend_coefficients).astype(np.float64)
-    return np.asarray(legendre.leg2poly(slope), dtype=np.float64) / fit.t_half
+def _start_stress(settings: OscillationSettings, stress_fit: HarmonicFit, start: float) -> float:
+    """Stress (Pa) at which the model starts."""
+    if settings.background == "removed":
+        return 0.0
+    if settings.start_stress is not None:
+        return settings.start_stress
+    return float(stress_fit.trend(np.array([start]))[0])
+
+
+def _powers_of_rate(trend: FloatArray, t_half: float) -> FloatArray:
+    """Rate (1/s) of a trend, given by its Legendre coefficients, as powers of the scaled time."""
+    slope: FloatArray = legendre.legder(trend).astype(np.float64)
+    powers = np.asarray(legendre.leg2poly(slope), dtype=np.float64)
+    # Zeros at its end have been dropped.
+    return np.pad(powers, (0, slope.size - powers.size)) / t_half
+
+
+def strain_shares(strain_fit: HarmonicFit, stress_fit: HarmonicFit) -> tuple[float, float]:
+    """Return how much the errors of the strain count beside those of the stress.
+
+    The noise of the stress is that of the residuals, as it is when the model is fitted.
+
+    Returns
+    -------
+    oscillation : float
+        Variance of the strain's fundamental over that of the stress's, both relative.
+    background : float
+        Variance of the mean strain rate over that of the mean stress, both relative: as it counts
+        in a linear dashpot, which is more than in a power law.
+    """
+    freedom = stress_fit.n_points - stress_fit.coefficients.size
+    residual = max(stress_fit.chi_square / freedom, LEAST_RESIDUAL)
+    trends = stress_fit.degree + 1, strain_fit.degree + 1
+    bias = np.eye(trends[0])[0]
+    # From end to end: twice the Legendre polynomials of odd degree.
+    rise = (np.arange(trends[1]) % 2).astype(np.float64)
+    slow, fast = (
+        _relative_variance(fit.trend_coefficients, fit.covariance[:n, :n], direction)
+        for fit, n, direction in (
+            (strain_fit, trends[1], rise),
+            (stress_fit, trends[0], bias),
+        )
+    )
+    oscillation = _relative_variance_of_fundamental(strain_fit) / (
+        _relative_variance_of_fundamental(stress_fit) * residual
+    )
+    return oscillation, slow / (fast * residual)
+
+
+def _relative_variance(values: FloatArray, covariance: FloatArray, direction: FloatArray) -> float:
+    """Variance of a linear function over its square; infinite where it is 0."""
+    square = float(direction @ values) ** 2
+    return float(direction @ covariance @ direction) / square if square > 0 else math.inf
+
+
+def _relative_variance_of_fundamental(fit: HarmonicFit) -> float:
+    """Variance of the fundamental, as a complex number, over its square."""
+    amplitude, error = fit.amplitude()
+    return (error / amplitude) ** 2 + fit.phase()[1] ** 2
+
+
+def _strain_error(strain_fit: HarmonicFit, stress_fit: HarmonicFit, *, kept: bool) -> FloatArray:
+    """See `PreparedOscillation.strain_error`."""
+    n_trend, n_coefficients = strain_fit.degree + 1, strain_fit.coefficients.size
+    oscillation, background = strain_shares(strain_fit, stress_fit)
+    used = np.zeros(n_coefficients, dtype=bool)
+    used[n_trend:] = oscillation >= NEGLIGIBLE_SHARE
+    # The slope of the trend drives the model, never its constant.
+    used[1:n_trend] = kept and background >= NEGLIGIBLE_SHARE
+    n_errors = np.count_nonzero(used)
+    error = np.zeros((n_errors, n_coefficients))
+    error[:, used] = np.linalg.cholesky(strain_fit.covariance[np.ix_(used, used)]).T
+    rates = [_powers_of_rate(row[:n_trend], strain_fit.t_half) for row in error]
+    return np.hstack([error[:, n_trend:], np.reshape(rates, (n_errors, max(1, n_trend - 1)))])
 
 
 def _named(where: str, series: _Series, compute: Callable[[], T]) -> T:
@@ -328,8 +436,13 @@ def _named(where: str, series: _Series, compute: Callable[[], T]) -> T:
         raise InputError(f"{where}: {series.name}: {error}") from None
 
 
-def _notices(n_left_out: int) -> tuple[str, ...]:
-    """Sentences about readings that are not used; they name no file."""
-    if n_left_out == 0:
-        return ()
-    return (f"{count_points(n_left_out)} of the stress outside the strain record left out.",)
+def _notices(n_left_out: int, background: Background) -> tuple[str, ...]:
+    """Sentences about what was left out; they name no file."""
+    notices = []
+    if n_left_out > 0:
+        notices.append(
+            f"{count_points(n_left_out)} of the stress outside the strain record left out."
+        )
+    if background == "removed":
+        notices.append(REMOVED_NOTICE)
+    return tuple(notices)

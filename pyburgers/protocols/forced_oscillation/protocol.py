@@ -8,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 from markupsafe import Markup
 
-from pyburgers.common.errors import InputError
 from pyburgers.drawing.page_parts import PageTable
 from pyburgers.model.display import STRAIN_FACTOR, STRESS_FACTOR, STRESS_UNIT
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
@@ -16,9 +15,15 @@ from pyburgers.protocols.forced_oscillation.experiment import (
     OscillationExperiment,
     load_forced_oscillation,
     save_forced_oscillation,
+    with_known_strain,
 )
 from pyburgers.protocols.forced_oscillation.figures import OSCILLATION_FIGURES, fitted_curve
-from pyburgers.protocols.forced_oscillation.preparation import prepare
+from pyburgers.protocols.forced_oscillation.preparation import (
+    NEGLIGIBLE_SHARE,
+    PreparedOscillation,
+    prepare,
+    strain_shares,
+)
 from pyburgers.protocols.forced_oscillation.response import response_page_table
 from pyburgers.protocols.forced_oscillation.sheared import ShearedChart
 from pyburgers.protocols.forced_oscillation.stan_data import (
@@ -74,8 +79,11 @@ class ForcedOscillation(Protocol[OscillationExperiment]):
     curve = staticmethod(fitted_curve)
 
     def without_data(self, experiment: OscillationExperiment) -> OscillationExperiment:
-        """Return the test as it is: what drives it and what it starts from come from its record."""
-        return experiment
+        """Return the test driven by the strain as it was fitted.
+
+        What drives it and what it starts from come from its record.
+        """
+        return with_known_strain(experiment)
 
     def prediction_grid(self, experiment: OscillationExperiment) -> FloatArray:
         """Return evenly spaced times."""
@@ -117,29 +125,44 @@ class ForcedOscillation(Protocol[OscillationExperiment]):
         values: Mapping[str, float],
         rng: np.random.Generator,
     ) -> OscillationExperiment:
-        """Put stresses with noise in the place of others, and prepare them as measured ones.
+        """Put stresses and strains with noise in the place of others, prepared as measured ones.
 
-        Period and degrees are those of the test.
+        Period, degrees and the stress where the model starts are those of the test, and its fitted
+        strain is the true one.
         """
-        template = experiment.prepared
+        template, strain_time = experiment.prepared, experiment.record.strain_time
         noise = values["stress_noise"] * template.relative_uncertainty
+        strain = template.strain_fit.periodic(strain_time) + template.strain_fit.trend(strain_time)
+        strain_noise = experiment.record.strain_uncertainty
         record = replace(
             experiment.record,
+            strain=strain + strain_noise * rng.standard_normal(strain.size),
             stress_time=template.time,
             stress=response + noise * rng.standard_normal(response.size),
             stress_uncertainty=template.uncertainty,
         )
-        prepared = prepare(record, experiment.settings, experiment.id)
-        return replace(experiment, record=record, prepared=prepared)
+        # Where the model starts, too: simulated data have no bias before they are there.
+        settings = template.settings
+        prepared = prepare(record, settings, experiment.id)
+        return replace(experiment, record=record, settings=settings, prepared=prepared)
 
-    def check_template(self, experiment: OscillationExperiment) -> None:
-        """Refuse a record that keeps its background."""
-        if experiment.settings.background == "kept":
-            raise InputError(
-                f"{experiment.id}: the background is 'kept', expected 'removed': with it the model "
-                "starts from the observed bias, which simulated data do not have before they are "
-                "there."
-            )
+    def driving_error(
+        self, experiment: OscillationExperiment, true: OscillationExperiment
+    ) -> FloatArray:
+        """Return the errors of the strain's fit, in a test that knows the true strain."""
+        found, wanted = (
+            np.concatenate([one.strain_sine, one.strain_cosine, one.background_rate])
+            for one in (experiment.prepared, true.prepared)
+        )
+        error = experiment.prepared.strain_error
+        if len(error) == 0:
+            return np.empty(0)
+        size = np.sqrt(np.sum(error**2, axis=0))
+        used = size > 0
+        solved: FloatArray = np.linalg.lstsq(
+            (error[:, used] / size[used]).T, (wanted - found)[used] / size[used]
+        )[0]
+        return solved
 
     def facts(self, experiment: OscillationExperiment) -> Sequence[tuple[str, str]]:
         """Return period, amplitude, treatment of the background, cycles and number of points."""
@@ -157,6 +180,7 @@ class ForcedOscillation(Protocol[OscillationExperiment]):
         return (
             ("Period", f"{prepared.period:g} s"),
             ("Strain amplitude", f"{amplitude * STRAIN_FACTOR:.3g} %"),
+            ("Errors of the strain", _strain_error_text(prepared)),
             ("Background", background),
             (
                 "Cycles",
@@ -172,6 +196,18 @@ class ForcedOscillation(Protocol[OscillationExperiment]):
     def tables(self, fit: FittedTest) -> tuple[PageTable, ...]:
         """Return amplitude and phase lag of the stress, of the record and replicated."""
         return (response_page_table(fit),)
+
+
+def _strain_error_text(prepared: PreparedOscillation) -> str:
+    """Say which errors of the driving strain take part."""
+    shares = strain_shares(prepared.strain_fit, prepared.stress_fit)
+    parts = ["oscillation", "background"] if prepared.background == "kept" else ["oscillation"]
+    said = [
+        f"of its {part} {'left out' if share < NEGLIGIBLE_SHARE else 'inferred'} ({share:.2g} of "
+        "the variance of the stress)"
+        for part, share in zip(parts, shares, strict=False)
+    ]
+    return ", ".join(said)
 
 
 def _time_grid(experiment: OscillationExperiment, per_cycle: int) -> FloatArray:

@@ -59,6 +59,10 @@ def tests_block(
         "n_background": n_background,
         "background": _padded([record["background"] for record in records], n_background),
         "background_range": [record["background_range"] for record in records],
+        "error_end": ends(len(record["strain_error"]) for record in records),
+        "strain_error": [
+            row for record in records for row in _error_rows(record, n_harmonics, n_background)
+        ],
         "stress_observed": np.concatenate([e.stress for e in experiments]).tolist(),
         "tau": np.concatenate([record["tau"] for record in records]).tolist(),
         "relative_noise": np.concatenate([record["relative_noise"] for record in records]).tolist(),
@@ -68,6 +72,15 @@ def tests_block(
             for name in ("trend_shape", "trend_fit")
         },
     }
+
+
+def _error_rows(record: dict[str, Any], n_harmonics: int, n_background: int) -> list[list[float]]:
+    """Errors of sine, cosine and background, each with zeros behind it."""
+    own = record["strain_sine"].size
+    parts = np.split(record["strain_error"], [own, 2 * own], axis=1)
+    sizes = (n_harmonics, n_harmonics, n_background)
+    padded = [_padded(list(part), size) for part, size in zip(parts, sizes, strict=True)]
+    return [[*sine, *cosine, *background] for sine, cosine, background in zip(*padded, strict=True)]
 
 
 def _padded(rows: Sequence[FloatArray], size: int) -> list[list[float]]:
@@ -92,14 +105,20 @@ def _record(experiment: OscillationExperiment) -> dict[str, Any]:
     amplitude = float(prepared.stress_fit.amplitude()[0])
     lag = prepared.stress_fit.phase()[0] - prepared.strain_fit.phase()[0]
     compliance = float(np.hypot(sine, cosine)) / amplitude
+    harmonics_error, background_error = np.split(
+        prepared.strain_error, [2 * prepared.strain_sine.size], axis=1
+    )
     return {
         "period": period,
         "strain_sine": prepared.strain_sine,
         "strain_cosine": prepared.strain_cosine,
         "background": prepared.background_rate * period if kept else np.empty(0),
         "background_range": [prepared.t_middle / period, prepared.t_half / period],
+        "strain_error": np.hstack(
+            [harmonics_error, background_error * period if kept else background_error[:, :0]]
+        ),
         "start_tau": float(np.floor(first_tau + phase)) - phase - experiment.spin_up_cycles,
-        "start_stress": bias if kept else 0.0,
+        "start_stress": prepared.start_stress,
         "first_tau": first_tau,
         "stress_scale": max(amplitude, abs(bias)) if kept else amplitude,
         "strain_scale": float(np.hypot(sine, cosine)),

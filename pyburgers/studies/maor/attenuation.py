@@ -272,14 +272,15 @@ def _frozen(spectra: Mapping[str, Spectra]) -> Statement:
         return np.asarray(~(fails.reshape(-1, fails.shape[-2] * fails.shape[-1]) > 0).any(axis=1))
 
     def limits(spectrum: xr.Dataset) -> str:
-        return ", ".join(frozen_limit_texts(spectrum))
+        texts = zip(spectrum["regime"].to_numpy(), frozen_limit_texts(spectrum), strict=True)
+        return ", ".join(f"at {label} {text.replace(';', ' and')}" for label, text in texts)
 
     return _judge(
         spectra,
         key="frozen",
         text="Attenuation may be taken as that of a frozen microstructure.",
         event=holds,
-        lead=f"at {_STRESSES}, by the median of the draws",
+        lead="by the median of the draws",
         detail=limits,
         rule="A draw counts if neither the hold at the median stress nor one cycle strains more "
         f"than {100 * CRITICAL_SHARE:g} % of the smaller critical strain, in every regime and at "

@@ -78,8 +78,7 @@ def _value(known: Mapping[str, Knowledge], name: str) -> Statement:
         return (
             f"the central 90 % of the draws are [{rounded(low, sd)}, {rounded(high, sd)}], with "
             f"mean {rounded(float(draws.mean()), sd)}; the standard deviation is {sd:.2g}, "
-            f"{by_prior:.2g} under the prior and {by_peak:.2g} with the peak stress alone, which "
-            "has it from the priors of the rest of the flow law"
+            f"{by_prior:.2g} under the prior and {by_peak:.2g} with the peak stress alone"
         )
 
     return Statement(
@@ -89,8 +88,8 @@ def _value(known: Mapping[str, Knowledge], name: str) -> Statement:
         evidence=joined(words(one) for one in known.values()),
         beliefs={key: probability(one, about) for key, one in known.items()},
         rule=f"A draw counts if it is within {number(tolerance)} of {number(value)}. What the "
-        "peak stress and the priors of the other parameters of the flow law narrow is in the "
-        "middle probability and not credited to the curve.",
+        "peak stress narrows by itself, n through the priors of Q_M and β, is not credited to the "
+        "curve.",
     )
 
 

@@ -40,6 +40,11 @@ from pyburgers.studies.maor.attenuation import (
 )
 from pyburgers.studies.maor.before_data import Datum, Knowledge, knowledge
 from pyburgers.studies.maor.coverage import coverage_section, coverage_table
+from pyburgers.studies.maor.elastic_modulus import (
+    ELASTIC_MODULUS_SENTENCE,
+    elastic_modulus_table,
+    shown_elastic_modulus,
+)
 from pyburgers.studies.maor.flow_law import (
     STRESSES,
     flow_law_statement,
@@ -51,11 +56,13 @@ from pyburgers.studies.maor.ice_curves import PEAK_STRESS
 from pyburgers.studies.maor.olivine import background_section, preparation_section
 from pyburgers.studies.maor.olivine_statements import STRESS_AMPLITUDE, olivine_statements
 from pyburgers.studies.maor.statements import (
+    GROUNDS,
     VERDICTS_TEXT,
     Statement,
     Verdict,
     statements_table,
 )
+from pyburgers.studies.maor.stress_floor import stress_floor_section
 
 logger = logging.getLogger(__name__)
 
@@ -126,6 +133,7 @@ def study_sections(
         sections += [
             preparation_section(olivine_fits),
             background_section(olivine_fits),
+            stress_floor_section(olivine_fits),
         ]
     return tuple(sections)
 
@@ -185,11 +193,18 @@ def statements_section(statements: tuple[Statement, ...], *, is_synthetic: bool)
             PageTable(
                 "table",
                 "Statement by statement",
-                table,
+                table.drop(columns=list(GROUNDS)),
                 table,
                 words=("paper", "verdict", "prior", "prior and one number", "posterior", "of"),
-                sentences=("statement", "our posterior", "rule"),
+                sentences=("statement",),
                 bad={"verdict": [verdict is Verdict.DISAGREES for verdict in verdicts]},
+            ),
+            PageTable(
+                "grounds",
+                "What the verdicts rest on",
+                table[["statement", *GROUNDS]],
+                table[["statement", *GROUNDS]],
+                sentences=("statement", *GROUNDS),
             ),
         ),
     )
@@ -226,6 +241,12 @@ def model_section(fit: FittedTest) -> PageSection:
                 f"What each element does in a test, {name}",
                 drawings.STRAIN_PARTS_CAPTION,
                 partial(drawings.strain_parts, fit),
+            ),
+            PageFigure(
+                "mean_solution",
+                f"The solution at the posterior mean, {name}",
+                drawings.MEAN_SOLUTION_CAPTION,
+                partial(drawings.mean_solution, fit),
             ),
             PageFigure(
                 "flow_laws",
@@ -270,6 +291,7 @@ def attenuation_section(
     by_amplitude = predict_attenuation(fit, regimes=AMPLITUDE_REGIMES)
     check = time_domain_table(fit)
     evolving = evolving_attenuation(fitted_material(fit))
+    modulus = elastic_modulus_table(fits)
     return PageSection(
         key=ATTENUATION_KEY,
         title="Attenuation",
@@ -280,7 +302,7 @@ def attenuation_section(
             "and 5 and 95 % of the draws; the CSV files hold all frequencies.",
             MICROSTRUCTURE_SENTENCE,
             *(f"{name}: {frozen_sentence(spectrum)}" for name, spectrum in spectra.items()),
-            elastic_modulus_sentence(spectra[first]),
+            f"{elastic_modulus_sentence(spectra[first])} {ELASTIC_MODULUS_SENTENCE}",
             f"{first}, frozen and evolving side by side. {evolving_sentence(evolving)}",
         ),
         tables=(
@@ -290,7 +312,8 @@ def attenuation_section(
                     f"tan δ of {name}",
                     overview_table(spectrum),
                     quantile_table(spectrum),
-                    words=("regime", "frozen microstructure"),
+                    words=("regime",),
+                    sentences=("frozen microstructure",),
                 )
                 for name, spectrum in spectra.items()
             ),
@@ -300,6 +323,13 @@ def attenuation_section(
                 evolving_overview(evolving),
                 evolving_table(evolving),
                 words=("regime",),
+            ),
+            PageTable(
+                "elastic_modulus",
+                f"Elastic modulus and attenuation at {PAPER_REGIMES[0].label}",
+                shown_elastic_modulus(modulus),
+                modulus,
+                words=("sample",),
             ),
             PageTable(
                 "time_domain",

@@ -26,6 +26,9 @@ BoolArray = npt.NDArray[np.bool_]
 LIKELY, UNLIKELY = 0.9, 0.1
 """Probabilities above and below which a statement is taken as right and as wrong."""
 
+GROUNDS = ("our posterior", "rule")
+"""Columns of the table of statements that say what verdicts rest on."""
+
 GAIN = 3.0
 """Factor by which data have to change the odds of a statement to have had a part in its verdict."""
 
@@ -244,7 +247,7 @@ def statements_table(statements: Iterable[Statement]) -> pd.DataFrame:
         )
     columns = [
         *("paper", "statement", "verdict", "prior", "prior and one number", "posterior"),
-        *("effective draws", "of", "our posterior", "rule"),
+        *("effective draws", "of", *GROUNDS),
     ]
     return pd.DataFrame(rows, columns=columns)
 

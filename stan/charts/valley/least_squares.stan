@@ -4,8 +4,8 @@
  * What the other parameters ask for is a vector `asked`: p/n, ln(d_ss/d_0), then the left-hand side
  * of (*) at the pins, less ln S_0 where that is given. The same at the reference point is the end
  * of `reference`, which starts with u_1, u_2, 1 - F_ss, ln S_0 and ln s; steps go along the path
- * from there. Columns of pins, knots and bounds are those of charts/valley/pins.stan; weights count
- * by a `precision`, that of the noise here over the one at the reference point.
+ * from there. Columns of pins, knots and bounds are those of charts/valley/pins.stan; weights are
+ * those at the noise here. Where `stress_given` is 1, ln S_0 is.
  */
 
 /** Gauss-Newton steps along the path from the reference point. */
@@ -32,8 +32,7 @@ int n_reference() { return 7; }
 
 /** What is asked for at a part of the way from the reference point. */
 vector asked_along_path(real part_of_way, vector asked, data vector reference) {
-  return tail(reference, rows(asked))
-         + part_of_way * (asked - tail(reference, rows(asked)));
+  return part_of_way * asked + (1 - part_of_way) * tail(reference, rows(asked));
 }
 
 /**
@@ -48,9 +47,8 @@ matrix rest_of_strength(real u, vector asked, data vector strain, data matrix bo
   return rest;
 }
 
-/** Values less their weighted mean: what is left of them where ln S_0 takes up the mean; all of
- * them where ln S_0 is given. */
-vector centred(vector values, data vector weight, data int stress_given) {
+/** Values less their weighted mean, which ln S_0 takes up unless it is given. */
+vector centred(vector values, vector weight, data int stress_given) {
   if (stress_given) {
     return values;
   }
@@ -63,21 +61,18 @@ vector centred(vector values, data vector weight, data int stress_given) {
  * Full steps overshoot where the curve softens within a few percent of strain, and what they end at
  * is then as good as random in the other coordinates.
  */
-real limited_step(real step) {
-  return step / hypot(1, step);
-}
+real limited_step(real step) { return step / hypot(1, step); }
 
 /**
  * Middle of the places along u_1: the solution with a softening by fabric that is linear in
  * strain, as it is where epsilon_c2 is large.
  *
  * @param linear softening by fabric at an amplitude of 1, centred()
- * @param stress_given 1: ln S_0 is given
  * @return u_1 and its standard deviation
  */
-vector middle_grain_strain(vector asked, data vector reference, data vector linear,
-                           data vector strain, data vector weight, real precision,
-                           data int stress_given, data matrix bounds) {
+vector middle_grain_strain(vector asked, data vector reference, vector linear,
+                           data vector strain, vector weight, data int stress_given,
+                           data matrix bounds) {
   real u = reference[1];
   real amplitude = 0;
   real c11;
@@ -86,17 +81,18 @@ vector middle_grain_strain(vector asked, data vector reference, data vector line
   for (k in 1 : n_valley_steps() + 1) {
     // The last pass is for the standard deviation, at full weight.
     int is_last = k > n_valley_steps();
-    real f = is_last ? 1 : k * 1.0 / n_valley_steps();
-    real trust = is_last ? precision : softened_share() * precision;
+    real f = fmin(1, k * 1.0 / n_valley_steps());
+    vector[rows(strain)] trusted = (is_last ? 1 : softened_share()) * weight;
     matrix[rows(strain), 2] rest = rest_of_strength(u, asked_along_path(f, asked, reference),
                                                     strain, bounds);
-    vector[rows(strain)] by_u = trust * weight .* centred(rest[ : , 2], weight, stress_given);
-    c11 = trust * dot_product(weight .* linear, linear) + amplitude_precision();
+    vector[rows(strain)] by_u = trusted .* centred(rest[ : , 2], trusted, stress_given);
+    vector[rows(strain)] by_amplitude = trusted .* linear;
+    c11 = dot_product(by_amplitude, linear) + amplitude_precision();
     c12 = dot_product(by_u, linear);
     c22 = dot_product(by_u, rest[ : , 2]) + bounded_parameter_precision();
     if (!is_last) {
       vector[rows(strain)] left = rest[ : , 1] - amplitude * linear;
-      real g1 = trust * dot_product(weight .* linear, left) - amplitude_precision() * amplitude;
+      real g1 = dot_product(by_amplitude, left) - amplitude_precision() * amplitude;
       real g2 = dot_product(by_u, left) + 1 - 2 * inv_logit(u);
       real determinant = c11 * c22 - square(c12);
       amplitude += (c22 * g1 - c12 * g2) / determinant;
@@ -118,15 +114,13 @@ vector middle_grain_strain(vector asked, data vector reference, data vector line
  * @return solution after the step, the Gauss-Newton matrix (1, 1), (1, 2), (2, 2), and the misfit
  *   before the step
  */
-vector fabric_step(vector solved, vector rest, data vector strain, data vector weight,
-                   real precision, data int stress_given, data matrix bounds) {
+vector fabric_step(vector solved, vector rest, data vector strain, vector weight,
+                   data int stress_given, data matrix bounds) {
   matrix[rows(strain), 3] softening = fabric_softening(solved[1], solved[2], strain, bounds);
   vector[rows(strain)] left = centred(rest - softening[ : , 1], weight, stress_given);
-  vector[rows(strain)] weighted = precision * weight .* left;
-  vector[rows(strain)] by_u = precision * weight
-                              .* centred(softening[ : , 2], weight, stress_given);
-  vector[rows(strain)] by_amplitude = precision * weight
-                                      .* centred(softening[ : , 3], weight, stress_given);
+  vector[rows(strain)] weighted = weight .* left;
+  vector[rows(strain)] by_u = weight .* centred(softening[ : , 2], weight, stress_given);
+  vector[rows(strain)] by_amplitude = weight .* centred(softening[ : , 3], weight, stress_given);
   real c11 = dot_product(by_u, softening[ : , 2]) + bounded_parameter_precision();
   real c12 = dot_product(by_u, softening[ : , 3]);
   real c22 = dot_product(by_amplitude, softening[ : , 3]) + amplitude_precision();
@@ -150,8 +144,8 @@ vector fabric_step(vector solved, vector rest, data vector strain, data vector w
  * @return F_ss, its precision, the misfit left, and -ln F at the last pin
  */
 vector solve_fabric_factor(real total_softening, real u_2, vector rest, int n_steps,
-                           data vector strain, data vector weight, real precision,
-                           data int stress_given, data matrix bounds) {
+                           data vector strain, vector weight, data int stress_given,
+                           data matrix bounds) {
   real growth = fabric_growth(u_2, strain, bounds);
   real amplitude = -expm1(-total_softening) / growth;
   real factor_precision;
@@ -166,10 +160,10 @@ vector solve_fabric_factor(real total_softening, real u_2, vector rest, int n_st
     }
     softening = fabric_softening(u_2, amplitude, strain, bounds);
     left = centred(rest - softening[ : , 1], weight, stress_given);
-    by_amplitude = precision * weight .* centred(softening[ : , 3], weight, stress_given);
+    by_amplitude = weight .* centred(softening[ : , 3], weight, stress_given);
     factor_precision = dot_product(by_amplitude, softening[ : , 3]) + amplitude_precision();
     step = dot_product(by_amplitude, left) / factor_precision;
-    misfit = precision * dot_product(weight .* left, left) - factor_precision * square(step);
+    misfit = dot_product(weight .* left, left) - factor_precision * square(step);
     amplitude += step;
   }
   return [1 - amplitude, factor_precision, misfit,
@@ -182,10 +176,8 @@ vector solve_fabric_factor(real total_softening, real u_2, vector rest, int n_st
  * @param strength left-hand side of (*) less ln F + (p/n) ln(d/d_0), at the pins
  * @param reference_log_stress ln S_0 at the reference point
  */
-vector solve_reference_stress(vector strength, data vector weight, real precision,
-                              data real reference_log_stress) {
-  real total = precision * sum(weight) + reference_stress_precision();
-  return [(precision * dot_product(weight, strength)
-           + reference_stress_precision() * reference_log_stress) / total,
-          total]';
+vector solve_reference_stress(vector strength, vector weight, data real reference_log_stress) {
+  real total = sum(weight) + reference_stress_precision();
+  return [(dot_product(weight, strength) + reference_stress_precision() * reference_log_stress)
+          / total, total]';
 }

@@ -23,7 +23,7 @@ real log_density_of_bounded(real u) {
  * Offset from the middle at a place: places are a standard deviation apart near the middle and
  * outer_spacing() further out.
  *
- * @return the away, ln of its derivative by the place
+ * @return the offset, ln of its derivative by the place
  */
 vector offset_at(real place, real standard_deviation) {
   real further = hypot(standard_deviation, outer_spacing()) - standard_deviation;
@@ -58,9 +58,9 @@ vector place_of_quantile(real log_odds, vector log_density) {
   int n = rows(log_density);
   vector[n + 1] log_mass; // below the first place, between places, above the last
   vector[n] bend; // log odds at the places
-  vector[n + 1] slope;
-  real place;
-  real derivative;
+  vector[n] x;
+  vector[n + 1] slope = rep_vector(1 / outer_spacing(), n + 1);
+  vector[n] turn;
   log_mass[1] = log_density[1];
   log_mass[n + 1] = log_density[n];
   for (k in 2 : n) {
@@ -73,27 +73,19 @@ vector place_of_quantile(real log_odds, vector log_density) {
   for (k in 1 : n) {
     bend[k] = log_sum_exp(head(log_mass, k)) - log_sum_exp(tail(log_mass, n + 1 - k));
   }
-  slope = rep_vector(1 / outer_spacing(), n + 1);
-  for (k in 2 : n) {
-    slope[k] = 1 / (bend[k] - bend[k - 1] + 1e-3); // no steeper than numbers can follow
-  }
-  place = -n_places() + slope[1] * (log_odds - bend[1]);
-  derivative = slope[1];
-  for (k in 1 : n) {
-    real x = (log_odds - bend[k]) / bend_width();
-    place += (slope[k + 1] - slope[k]) * bend_width() * log1p_exp(x);
-    derivative += (slope[k + 1] - slope[k]) * inv_logit(x);
-  }
-  return [place, log(derivative)]';
+  // No steeper than numbers can follow.
+  slope[2 : n] = inv(tail(bend, n - 1) - head(bend, n - 1) + 1e-3);
+  turn = tail(slope, n) - head(slope, n);
+  x = (log_odds - bend) / bend_width();
+  return [slope[1] * (log_odds - bend[1]) - n_places()
+          + bend_width() * dot_product(turn, log1p_exp(x)),
+          log(slope[1] + dot_product(turn, inv_logit(x)))]';
 }
 
 /** Weights of the places in the interpolation of solutions. */
 vector interpolation_weights(real place) {
-  vector[2 * n_places() + 1] distance;
-  for (k in 1 : rows(distance)) {
-    distance[k] = place - (k - n_places() - 1);
-  }
-  return softmax(-2 * square(distance));
+  int n = n_places();
+  return softmax(-2 * square(place - linspaced_vector(2 * n + 1, -n, n)));
 }
 
 /** Where most of a normal density's mass above 0 lies, as the argument of log1p_exp(). */

@@ -19,11 +19,9 @@
  *  - F_ss is centred and scaled by the solution for (ln S_0, F_ss) at this u_1 and u_2;
  *  - ln S_0 is centred and scaled by the solution at this microstructure, which is linear.
  *
- * In a joint fit ln S_0 can follow from shared parameters; the conditional densities are then those
- * at this ln S_0.
- *
- * A quantile function passes from one arm to another as far as the density does: it does not care
- * how many arms there are, and has no branches between which it would have to jump.
+ * In a joint fit ln S_0 can follow from shared parameters and is then given. A quantile function
+ * passes from one arm of the valley to another as far as the density does, without branches between
+ * which it would have to jump.
  *
  * The widths of these four, of the Maxwell modulus and of the Kelvin viscosity grow with the
  * stress noise s as far as the data, not the prior, set them; few points leave s, and with it the
@@ -60,35 +58,35 @@ real log_fit(real misfit) {
  * @return u_1, ln of its derivative by the log odds, u_2 and amplitude of the solution
  */
 vector grain_strain_at_quantile(real log_odds, vector middle, vector asked,
-                                data vector reference, data vector strain, data vector weight,
-                                real precision, data int stress_given, data matrix bounds) {
+                                data vector reference, data vector strain, vector weight,
+                                data int stress_given, data matrix bounds) {
   int n = n_places();
-  vector[2] fabric_at_middle = [reference[2], reference[3]]';
+  vector[rows(strain)] softened = softened_share() * weight;
+  vector[2] solved = [reference[2], reference[3]]';
+  vector[2] at_middle;
   real range = bounds[3, 2] - bounds[3, 1];
   matrix[2, 2 * n + 1] fabric;
   vector[2 * n + 1] log_density;
   vector[2] place;
   vector[2] away;
   vector[rows(strain)] rest;
-  vector[2] solved;
   for (k in 1 : n_valley_steps()) {
     real f = k * 1.0 / n_valley_steps();
     rest = col(rest_of_strength(reference[1] + f * (middle[1] - reference[1]),
                                 asked_along_path(f, asked, reference), strain, bounds), 1);
-    fabric_at_middle = head(fabric_step(fabric_at_middle, rest, strain, weight,
-                                        softened_share() * precision, stress_given, bounds), 2);
+    solved = head(fabric_step(solved, rest, strain, softened, stress_given, bounds), 2);
   }
+  at_middle = solved;
   for (sign in {-1, 1}) {
-    solved = fabric_at_middle;
+    solved = at_middle;
     for (k in (sign < 0 ? 0 : 1) : n) {
       int i = n + 1 + sign * k;
       vector[6] step;
       real determinant;
       away = offset_at(sign * k, middle[2]);
       rest = col(rest_of_strength(middle[1] + away[1], asked, strain, bounds), 1);
-      solved = head(fabric_step(solved, rest, strain, weight, softened_share() * precision,
-                                stress_given, bounds), 2);
-      step = fabric_step(solved, rest, strain, weight, precision, stress_given, bounds);
+      solved = head(fabric_step(solved, rest, strain, softened, stress_given, bounds), 2);
+      step = fabric_step(solved, rest, strain, weight, stress_given, bounds);
       determinant = step[3] * step[5] - square(step[4]);
       fabric[ : , i] = solved;
       log_density[i] = log_fit(step[6] + square(distance_beyond(
@@ -103,10 +101,9 @@ vector grain_strain_at_quantile(real log_odds, vector middle, vector asked,
   rest = col(rest_of_strength(middle[1] + away[1], asked, strain, bounds), 1);
   solved = fabric * interpolation_weights(place[1]);
   for (k in 1 : 2) {
-    solved = head(fabric_step(solved, rest, strain, weight, softened_share() * precision,
-                              stress_given, bounds), 2);
+    solved = head(fabric_step(solved, rest, strain, softened, stress_given, bounds), 2);
   }
-  return [middle[1] + away[1], away[2] + place[2], solved[1], solved[2]]';
+  return append_row([middle[1] + away[1], away[2] + place[2]]', solved);
 }
 
 /**
@@ -122,8 +119,8 @@ vector grain_strain_at_quantile(real log_odds, vector middle, vector asked,
  *   deviation
  */
 vector fabric_strain_at_quantile(real log_odds, vector middle, real total_softening,
-                                 vector rest, data vector strain, data vector weight,
-                                 real precision, data int stress_given, data matrix bounds) {
+                                 vector rest, data vector strain, vector weight,
+                                 data int stress_given, data matrix bounds) {
   int n = n_places();
   real range = bounds[3, 2] - bounds[3, 1];
   vector[2 * n + 1] total;
@@ -138,7 +135,7 @@ vector fabric_strain_at_quantile(real log_odds, vector middle, real total_soften
       real c;
       away = offset_at(sign * k, middle[2]);
       factor = solve_fabric_factor(total_before, middle[1] + away[1], rest, 1, strain, weight,
-                                   precision, stress_given, bounds);
+                                   stress_given, bounds);
       c = 1 / (range * sqrt(factor[2]));
       total_before = factor[4];
       total[i] = factor[4];
@@ -150,8 +147,8 @@ vector fabric_strain_at_quantile(real log_odds, vector middle, real total_soften
   place = place_of_quantile(log_odds, with_prior(log_density, middle[1], middle[2]));
   away = offset_at(place[1], middle[2]);
   factor = solve_fabric_factor(dot_product(total, interpolation_weights(place[1])),
-                               middle[1] + away[1], rest, 2, strain, weight, precision,
-                               stress_given, bounds);
+                               middle[1] + away[1], rest, 2, strain, weight, stress_given,
+                               bounds);
   return [middle[1] + away[1], away[2] + place[2], (factor[1] - bounds[3, 1]) / range,
           1 / (range * sqrt(factor[2]))]';
 }
@@ -161,38 +158,37 @@ vector fabric_strain_at_quantile(real log_odds, vector middle, real total_soften
  *
  * @param coordinate in this order: remainders of ln S_0 and F_ss, log odds of the quantiles of u_1
  *   and u_2
- * @param asked, reference, precision see charts/valley/least_squares.stan
- * @param strain of the pins
- * @param weight of the pins for u_1
- * @param fine_weight that for the others
+ * @param asked, reference see charts/valley/least_squares.stan
+ * @param pin, bounds see charts/valley/pins.stan
+ * @param precision of the noise here over that at the reference point
  * @param stress_given 1: ln S_0 is given, its remainder and the one returned have no effect
- * @param bounds see charts/valley/pins.stan
  * @return (ln S_0, u_F, u_1, u_2), then ln |d(these)/d(coordinate)|
  */
 vector softening_from_coordinates(vector coordinate, vector asked, data vector reference,
-                                  data vector strain, data vector weight,
-                                  data vector fine_weight, real precision,
-                                  data int stress_given, data matrix bounds) {
+                                  data matrix pin, real precision, data int stress_given,
+                                  data matrix bounds) {
+  vector[rows(pin)] weight = precision * col(pin, 5);
+  vector[rows(pin)] fine_weight = precision * col(pin, 6);
   vector[2] middle = middle_grain_strain(asked, reference,
-                                         -centred(strain, weight, stress_given) / max(strain),
-                                         strain, weight, precision, stress_given, bounds);
-  vector[4] grain = grain_strain_at_quantile(coordinate[3], middle, asked, reference, strain,
-                                             weight, precision, stress_given, bounds);
-  vector[rows(strain)] rest = col(rest_of_strength(grain[1], asked, strain, bounds), 1);
-  vector[6] step = fabric_step(grain[3 : 4], rest, strain, fine_weight, precision, stress_given,
+    -centred(col(pin, 1), weight, stress_given) / max(col(pin, 1)), col(pin, 1), weight,
+    stress_given, bounds);
+  vector[4] grain = grain_strain_at_quantile(coordinate[3], middle, asked, reference,
+                                             col(pin, 1), weight, stress_given, bounds);
+  vector[rows(pin)] rest = col(rest_of_strength(grain[1], asked, col(pin, 1), bounds), 1);
+  vector[6] step = fabric_step(grain[3 : 4], rest, col(pin, 1), fine_weight, stress_given,
                                bounds);
   vector[4] fabric = fabric_strain_at_quantile(coordinate[4],
     [grain[3], 1 / sqrt(step[3] - square(step[4]) / step[5])]',
-    -fabric_softening(grain[3], grain[4], strain, bounds)[rows(strain), 1], rest, strain,
-    fine_weight, precision, stress_given, bounds);
+    -fabric_softening(grain[3], grain[4], col(pin, 1), bounds)[rows(pin), 1], rest, col(pin, 1),
+    fine_weight, stress_given, bounds);
   vector[2] factor = bounded_from_remainder(fabric[3], fabric[4], coordinate[2]);
   real log_jacobian = grain[2] + fabric[2] + factor[2];
   real log_stress = 0;
   if (!stress_given) {
     real amplitude = 1 - bounds[3, 1] - (bounds[3, 2] - bounds[3, 1]) * inv_logit(factor[1]);
     vector[2] stress = solve_reference_stress(
-      rest - col(fabric_softening(fabric[1], amplitude, strain, bounds), 1), fine_weight,
-      precision, reference[4]);
+      rest - col(fabric_softening(fabric[1], amplitude, col(pin, 1), bounds), 1), fine_weight,
+      reference[4]);
     log_stress = stress[1] + coordinate[1] / sqrt(stress[2]);
     log_jacobian -= 0.5 * log(stress[2]);
   }
@@ -213,21 +209,17 @@ vector softening_from_coordinates(vector coordinate, vector asked, data vector r
  * @return plain coordinate, and ln of its derivative by the displacement
  */
 vector plain_from_straightened(real displacement, data real reference, data real linear_from) {
+  real sign = linear_from > 0 ? 1 : -1;
+  real c = sign * linear_from;
+  real x;
   if (linear_from == 0) {
     return [reference + displacement, 0]';
-  } else {
-    real sign = linear_from > 0 ? 1 : -1;
-    real c = linear_from > 0 ? linear_from : -linear_from;
-    real x = log(expm1(exp(sign * reference) / c)) + sign * displacement;
-    return [sign * log(c * log1p_exp(x)), log_inv_logit(x) - log(log1p_exp(x))]';
   }
+  x = log(expm1(exp(sign * reference) / c)) + sign * displacement;
+  return [sign * log(c * log1p_exp(x)), log_inv_logit(x) - log(log1p_exp(x))]';
 }
 
-/**
- * What parameters ask for at the pins: `asked` of charts/valley/least_squares.stan.
- *
- * @param log_stress ln S_0
- */
+/** What parameters ask for at the pins: `asked` of charts/valley/least_squares.stan. */
 vector asked_of_pins(vector parameter, data int stress_given, real log_stress,
                      data real initial_grain_size, data matrix knot, data matrix pin) {
   vector[rows(pin)] log_strength = log_strength_at_pins(knot, pin,
@@ -318,8 +310,7 @@ vector plain_from_valley(vector coordinate, vector given, data array[] int place
     [stress_given ? 0 : coordinate[flow], coordinate[solved[3]], coordinate[solved[1]],
      coordinate[solved[2]]]',
     asked_of_pins(parameter, stress_given, log_stress, conditions[2], knot, pin), reference,
-    col(pin, 1), col(pin, 5), col(pin, 6), exp(-2 * log_noise_ratio), stress_given,
-    quantity[solved, i_lower() : i_upper()]);
+    pin, exp(-2 * log_noise_ratio), stress_given, quantity[solved, i_lower() : i_upper()]);
   plain[solved] = softening[{3, 4, 2}];
   log_jacobian += softening[5];
   if (!stress_given) {

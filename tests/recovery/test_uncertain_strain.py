@@ -1,0 +1,78 @@
+"""Records whose strain is as uncertain as their stress: intervals are as wide as they should be."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from conftest import ICE, with_fixed
+
+from pyburgers.cmdstan.program import load_program
+from pyburgers.model.priors import default_priors
+from pyburgers.protocols.forced_oscillation.experiment import (
+    OscillationExperiment,
+    load_forced_oscillation,
+    with_known_strain,
+)
+from pyburgers.protocols.forced_oscillation.preparation import prepare, strain_shares
+from pyburgers.protocols.forward import simulate_data
+from pyburgers.protocols.problem import problem_of
+from pyburgers.protocols.program_data import program_data
+from pyburgers.protocols.stan_data import SolverOptions
+from pyburgers.sampling.charts import laplace_metric
+
+pytestmark = [pytest.mark.usefixtures("programs"), pytest.mark.slow]
+
+TWIN = ICE.parent / "olivine" / "olivine_twin.toml"
+FREE = ("kelvin_modulus", "kelvin_viscosity")
+RECORDS = 60
+
+
+def template() -> OscillationExperiment:
+    """The twin with 30 strains of standard deviation 1e-4 and 37 stresses."""
+    twin = load_forced_oscillation(TWIN)
+    strains, stresses = slice(None, None, 7), slice(None, None, 2)
+    record = replace(
+        twin.record,
+        strain_time=twin.record.strain_time[strains],
+        strain=twin.record.strain[strains],
+        strain_uncertainty=np.full_like(twin.record.strain[strains], 1e-4),
+        stress_time=twin.record.stress_time[stresses],
+        stress=twin.record.stress[stresses],
+        stress_uncertainty=twin.record.stress_uncertainty[stresses],
+    )
+    return replace(twin, record=record, prepared=prepare(record, twin.settings, twin.id))
+
+
+def deviations(experiment: OscillationExperiment) -> list[float]:
+    """Distances of the truth from the mode, in standard deviations there."""
+    truth = dict(experiment.true_parameters or {})
+    priors = default_priors("olivine")
+    known = {name: truth[name] for name in priors.free if name not in FREE}
+    problem = problem_of([experiment], with_fixed(priors, known))
+    model = load_program(problem.protocol.program)
+    data = program_data(problem, solver=SolverOptions(tolerance=1e-8))
+    (coordinates,) = problem.coordinates
+    at_truth = coordinates.at(truth)
+    start = np.append(at_truth, np.zeros(experiment.n_driving_errors))
+    found = model.climb(data, [{"coordinate": start.tolist()}], seed=1)
+    mode = np.asarray(found["coordinate"], dtype=np.float64)
+    covariance = laplace_metric(model, data, mode)
+    places = [coordinates.quantities.index(name) for name in FREE]
+    return [float((mode[k] - at_truth[k]) / np.sqrt(covariance[k, k])) for k in places]
+
+
+def test_intervals_are_as_wide_as_errors_of_the_strain_make_them() -> None:
+    """Root mean squares of 120 standardised errors: 1 with errors of the strain, more without."""
+    original = template()
+    truth = dict(original.true_parameters or {})
+    assert strain_shares(original.prepared.strain_fit, original.prepared.stress_fit)[0] > 0.3
+    found: dict[str, list[float]] = {"inferred": [], "ignored": []}
+    for seed in range(RECORDS):
+        record = simulate_data(original, truth, np.random.default_rng(seed), source="the twin")
+        assert record.n_driving_errors == 6
+        found["inferred"] += deviations(record)
+        found["ignored"] += deviations(with_known_strain(record))
+    spread = {name: float(np.sqrt(np.mean(np.square(z)))) for name, z in found.items()}
+    print(spread, np.std(found["inferred"][::2]), np.std(found["inferred"][1::2]))
+    assert spread["inferred"] == pytest.approx(1.0, abs=0.2)  # three standard errors
+    assert spread["ignored"] > 1.25

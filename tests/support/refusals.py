@@ -1,0 +1,48 @@
+"""Bad input is refused with one sentence; and text files of input with something replaced."""
+
+import re
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import pytest
+
+from pyburgers.common.errors import InputError
+from pyburgers.protocols.protocol import load_experiment
+
+
+def refusal(path: Path, load: Callable[[Path], object] = load_experiment) -> str:
+    """Message of the InputError that reading a file raises: one sentence that names its folder."""
+    with pytest.raises(InputError) as caught:
+        load(path)
+    text = str(caught.value)
+    assert "\n" not in text
+    assert text.endswith((".", "?"))
+    assert str(path.parent) in text
+    return text
+
+
+def assert_refused(code: int, capsys: pytest.CaptureFixture[str], *words: str) -> None:
+    """Exit code 2 of a command and one clear sentence on standard error."""
+    out, error = capsys.readouterr()
+    assert code == 2
+    assert out == ""
+    assert re.fullmatch(r"pyburgers: [^\n]+[.?]\n", error)
+    for word in words:
+        assert word in error
+
+
+def written(
+    path: Path,
+    text: str,
+    replacements: tuple[tuple[str, str], ...],
+    files: Mapping[str, str | None],
+) -> Path:
+    """Write a TOML file, each replacement made once, and data files beside it that are not None."""
+    for old, new in replacements:
+        assert old in text
+        text = text.replace(old, new, 1)
+    for name, content in files.items():
+        if content is not None:
+            (path.parent / f"{name}.csv").write_text(content, encoding="utf-8")
+    path.write_text(text, encoding="utf-8")
+    return path

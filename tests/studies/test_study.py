@@ -242,7 +242,7 @@ def test_every_figure_table_and_claim_has_its_place(
 
 
 def test_the_model_is_drawn(folder: Path) -> None:
-    for name in ("circuit", "strain_parts", "flow_laws"):
+    for name in ("circuit", "strain_parts", "mean_solution", "flow_laws"):
         assert (folder / "figures" / f"model_{name}.svg").is_file()
 
 

@@ -243,6 +243,12 @@ def model_section(fit: FittedTest) -> PageSection:
                 partial(drawings.strain_parts, fit),
             ),
             PageFigure(
+                "mean_solution",
+                f"The solution at the posterior mean, {name}",
+                drawings.MEAN_SOLUTION_CAPTION,
+                partial(drawings.mean_solution, fit),
+            ),
+            PageFigure(
                 "flow_laws",
                 f"Flow of the undeformed material, {name}",
                 drawings.FLOW_LAWS_CAPTION,

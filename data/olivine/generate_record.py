@@ -199,7 +199,7 @@ initial_grain_size_m = {truth.initial_grain_size!r}
 
 [oscillation]
 period_s = {truth.period!r}
-background = "removed"
+background = "kept"
 spin_up_cycles = 2
 
 [data]

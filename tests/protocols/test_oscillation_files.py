@@ -13,6 +13,7 @@ from pyburgers.protocols.forced_oscillation.experiment import (
     load_forced_oscillation,
     with_background,
 )
+from pyburgers.protocols.forced_oscillation.preparation import REMOVED_NOTICE
 from pyburgers.protocols.protocol import load_experiment, save_experiment
 
 EXPERIMENT = """\
@@ -51,6 +52,8 @@ stress_exponent = 3.2
 """
 
 Write = Callable[..., Path]
+
+REMOVED = ("period_s = 300.0", 'period_s = 300.0\nbackground = "removed"')
 
 
 def strain_csv(last: float = 1500.0) -> str:
@@ -98,7 +101,7 @@ class TestReading:
         assert experiment.notices == ()
 
     def test_the_stress_is_the_prepared_one(self, write: Write) -> None:
-        experiment = load_forced_oscillation(write())
+        experiment = load_forced_oscillation(write(REMOVED))
         assert experiment.stress is experiment.prepared.stress
         assert experiment.n_points == experiment.prepared.time.size == 60
         np.testing.assert_allclose(
@@ -113,7 +116,7 @@ class TestReading:
         assert settings.period == pytest.approx(300, rel=1e-5)
         assert settings.strain_trend_degree == 1
         assert settings.stress_trend_degree is not None
-        assert settings.background == "removed"
+        assert settings.background == "kept"
         assert experiment.spin_up_cycles == 2
 
     def test_what_is_given_is_used(self, write: Write) -> None:
@@ -135,7 +138,11 @@ class TestReading:
 
     def test_the_table_oscillation_may_be_missing(self, write: Write) -> None:
         path = write(("[oscillation]\nperiod_s = 300.0\n", ""))
-        assert load_forced_oscillation(path).settings.background == "removed"
+        assert load_forced_oscillation(path).settings.background == "kept"
+
+    def test_a_removed_background_has_a_warning(self, write: Write) -> None:
+        assert load_forced_oscillation(write()).notices == ()
+        assert load_forced_oscillation(write(REMOVED)).notices == (REMOVED_NOTICE,)
 
     def test_columns_by_number_of_a_file_between_spaces(self, write: Write) -> None:
         rows = [line.split(",") for line in stress_csv().splitlines()[1:]]
@@ -244,15 +251,16 @@ class TestSaving:
 
 class TestWithBackground:
     def test_there_and_back(self, write: Write) -> None:
-        removed = load_forced_oscillation(write())
+        removed = load_forced_oscillation(write(REMOVED))
+        assert removed.notices == (REMOVED_NOTICE,)
         kept = with_background(removed, "kept")
+        assert kept.notices == ()
         assert kept.settings.background == kept.prepared.background == "kept"
         np.testing.assert_array_equal(kept.stress, kept.record.stress)
         assert kept.settings.period == removed.settings.period
         assert_equal(with_background(kept, "removed"), removed)
 
     def test_it_is_what_the_file_would_give(self, write: Write) -> None:
-        changed = with_background(load_forced_oscillation(write()), "kept")
-        path = write(("period_s = 300.0", 'period_s = 300.0\nbackground = "kept"'))
-        read: OscillationExperiment = load_forced_oscillation(path)
+        changed = with_background(load_forced_oscillation(write()), "removed")
+        read: OscillationExperiment = load_forced_oscillation(write(REMOVED))
         assert_equal(changed, read)

@@ -69,7 +69,7 @@ def test_simulated_data_are_the_solution_at_a_prior_draw_with_noise(programs: No
 
 
 def test_a_simulated_record_is_prepared_as_the_measured_one_is(programs: None) -> None:
-    experiment = load_forced_oscillation(OLIVINE)
+    experiment = with_background(load_forced_oscillation(OLIVINE), "removed")
     truth = dict(experiment.true_parameters or {})
     rng = np.random.default_rng(2)
     simulated = simulate_data(experiment, truth, rng, source="the truth")
@@ -90,7 +90,7 @@ def test_the_trend_leaves_as_much_noise_as_the_likelihood_expects(programs: None
     # The log likelihood at the truth is stationary in the noise s, in the mean over records, if the
     # mean sum of squares is the power of s that its normalisation falls with. That mean is the sum
     # over records with one noisy point.
-    experiment = load_forced_oscillation(OLIVINE)
+    experiment = with_background(load_forced_oscillation(OLIVINE), "removed")
     truth = dict(experiment.true_parameters or {})
     sure = np.full_like(experiment.record.strain, 1e-12)
     experiment = replace(experiment, record=replace(experiment.record, strain_uncertainty=sure))

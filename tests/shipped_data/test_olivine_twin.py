@@ -15,7 +15,9 @@ from pyburgers.predictions.imposed_stress import phase_lag
 from pyburgers.protocols.forced_oscillation.experiment import (
     OscillationExperiment,
     load_forced_oscillation,
+    with_background,
 )
+from pyburgers.protocols.forward import simulate
 
 OLIVINE = Path(__file__).parents[2] / "data" / "olivine"
 
@@ -224,3 +226,20 @@ class TestPreparation:
         )
         assert abs(noisy.radians - clean.radians) < 2 * noisy.standard_error
         assert 0.3 < clean.radians < 0.8
+
+
+@pytest.mark.parametrize("floor", [1e5, 1e6, 1e7])
+def test_grain_size_hangs_on_the_stress_floor_where_the_background_is_removed(
+    twin: OscillationExperiment, programs: None, floor: float
+) -> None:
+    """With it kept, grains hardly change, whatever the piezometer would want at zero stress."""
+    assert twin.settings.background == "kept"
+    assert twin.notices == ()
+    values = {**dict(twin.true_parameters or {}), "piezometer_stress_floor": floor}
+    kept, removed = (
+        simulate(with_background(twin, background), values)["grain_size_m"].iloc[-1]
+        for background in ("kept", "removed")
+    )
+    assert kept == pytest.approx(14.1e-6, rel=0.01)
+    assert removed > 3 * kept
+    assert removed == pytest.approx({1e5: 298e-6, 1e6: 126e-6, 1e7: 46e-6}[floor], rel=0.02)

@@ -195,7 +195,7 @@ def of_cycles(experiment: OscillationExperiment, n_cycles: int) -> OscillationEx
 @pytest.mark.parametrize("n_cycles", [2, 6])
 def test_the_likelihood_is_the_dense_one_with_the_trend_integrated_out(n_cycles: int) -> None:
     """The raw readings, with a covariance that holds any trend: no projection takes part."""
-    test = load_forced_oscillation(TWIN_FILE)
+    test = with_background(load_forced_oscillation(TWIN_FILE), "removed")
     if n_cycles < 6:
         test = of_cycles(test, n_cycles)
     prepared = test.prepared
@@ -383,7 +383,7 @@ def test_simulate_writes_the_promised_columns(
     assert np.all(np.diff(time) > 0)
     twin = load_forced_oscillation(TWIN_FILE)
     assert set(twin.prepared.time) <= set(time)
-    np.testing.assert_allclose(table["strain"], twin.prepared.strain_fit.periodic(time))
+    np.testing.assert_allclose(table["strain"], twin.prepared.strain(time))
     assert (table["fabric_factor"] == 1).all()
     assert "warning" not in capsys.readouterr().err
 

@@ -27,9 +27,11 @@ from pyburgers.protocols.constant_rate.experiment import (
     RateSegment,
     load_constant_rate,
 )
-from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
+from pyburgers.protocols.forced_oscillation.experiment import (
+    load_forced_oscillation,
+    with_background,
+)
 from pyburgers.protocols.forward import simulate
-from pyburgers.protocols.protocol import load_experiment
 from pyburgers.protocols.stan_data import SolverOptions
 
 FloatArray = npt.NDArray[np.float64]
@@ -116,8 +118,7 @@ def test_solutions_agree_with_scipy(breakdown: float, others: dict[str, float]) 
 
 
 def test_an_oscillating_test_agrees_with_scipy() -> None:
-    twin = load_experiment(OLIVINE)
-    assert isinstance(twin, OscillationExperiment)
+    twin = with_background(load_forced_oscillation(OLIVINE), "removed")
     assert twin.true_parameters is not None
     prepared = twin.prepared
     parameters = {**twin.true_parameters, "breakdown_stress": 0.3 * twin.largest_stress}

@@ -23,10 +23,12 @@ from pyburgers.protocols.constant_rate.experiment import (
     RateSegment,
     load_constant_rate,
 )
-from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
+from pyburgers.protocols.forced_oscillation.experiment import (
+    load_forced_oscillation,
+    with_background,
+)
 from pyburgers.protocols.forward import simulate
 from pyburgers.protocols.program_data import solve
-from pyburgers.protocols.protocol import load_experiment
 from pyburgers.protocols.stan_data import REFERENCE_SOLVER
 
 FloatArray = npt.NDArray[np.float64]
@@ -139,8 +141,7 @@ def test_stress_slope_is_that_of_the_solution() -> None:
 
 
 def test_oscillating_test_with_a_power_law_kelvin_element_agrees_with_scipy() -> None:
-    twin = load_experiment(OLIVINE)
-    assert isinstance(twin, OscillationExperiment)
+    twin = with_background(load_forced_oscillation(OLIVINE), "removed")
     assert twin.true_parameters is not None
     parameters = dict(twin.true_parameters) | {
         "kelvin_stress_exponent": 2.5,
@@ -149,7 +150,6 @@ def test_oscillating_test_with_a_power_law_kelvin_element_agrees_with_scipy() ->
         "kelvin_reference_temperature": 1400.0,
     }
     prepared = twin.prepared
-    assert prepared.background == "removed"
     imposed = oracle.OscillatingStrain(
         prepared.period,
         prepared.strain_sine.tolist(),

@@ -7,7 +7,12 @@ from synthetic_fit import make_fit
 from synthetic_olivine_fit import normal, redrawn
 
 from pyburgers.fitting.fit import Fit
-from pyburgers.studies.maor.drawings import circuit, flow_laws_figure, strain_parts
+from pyburgers.studies.maor.drawings import (
+    circuit,
+    flow_laws_figure,
+    mean_solution,
+    strain_parts,
+)
 from pyburgers.studies.maor.flow_law import (
     STRESSES,
     FlowLaws,
@@ -77,6 +82,15 @@ def test_the_strains_of_the_elements_add_up(fit: Fit) -> None:
     assert list(names) == ["spring $E_M$", "Kelvin element", "power-law dashpot"]
     assert "strain" in below.get_xlabel()
     assert "MPa" in above.get_ylabel()
+
+
+def test_the_solution_at_the_mean_is_drawn_over_the_data(fit: Fit) -> None:
+    (axes,) = mean_solution(fit).axes
+    lines = {line.get_label(): line for line in axes.lines}
+    solution = fit.posterior["posterior_mean_solution"]["stress"]
+    drawn = lines["solution at the posterior mean"].get_ydata()
+    assert drawn == pytest.approx(solution.to_numpy() * 1e-6)
+    assert "strain" in axes.get_xlabel()
 
 
 def test_the_circuit_and_the_laws_are_labelled(fit: Fit, laws: FlowLaws) -> None:

@@ -65,6 +65,7 @@ def olivine(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Fit]:
 def few_prior_draws() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(maor_sections, "PRIOR_DRAWS", {"ice": 200, "olivine": 60})
+        patch.setattr("pyburgers.studies.maor.stress_floor.SOLVED_DRAWS", 2)
         yield
 
 
@@ -241,7 +242,7 @@ def test_every_figure_table_and_claim_has_its_place(
 
 
 def test_the_model_is_drawn(folder: Path) -> None:
-    for name in ("circuit", "strain_parts", "flow_laws"):
+    for name in ("circuit", "strain_parts", "mean_solution", "flow_laws"):
         assert (folder / "figures" / f"model_{name}.svg").is_file()
 
 
@@ -317,6 +318,6 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
     of_study = ["statements", "counterparts", "model", "attenuation", "preparation", "background"]
     assert keys[0] == "rate_steps"
     assert keys[1].startswith("joint_")
-    assert keys[2:9] == [*of_study, "peak_stress"]
-    assert names[:-1] == ["PIL40", "PIL72", "PIL105", "olivine_removed", "olivine_kept"]
+    assert keys[2:10] == [*of_study, "stress_floor", "peak_stress"]
+    assert names[:-1] == ["PIL40", "PIL72", "PIL105", "olivine_kept", "olivine_removed"]
     assert outcome.peak_stress.data.id == PEAK_STRESS_TABLE

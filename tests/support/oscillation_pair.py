@@ -8,6 +8,7 @@ from conftest import ICE
 from pyburgers.protocols.forced_oscillation.experiment import (
     OscillationExperiment,
     load_forced_oscillation,
+    with_background,
 )
 from pyburgers.protocols.forced_oscillation.preparation import prepare
 from pyburgers.protocols.forward import simulate_data
@@ -19,7 +20,7 @@ SMALLER, WARMER = 0.8, 40.0
 
 def oscillation_pair(until: float = np.inf) -> list[OscillationExperiment]:
     """Solutions at the truth of the olivine twin, with noise, up to a time (s)."""
-    twin = load_forced_oscillation(TWIN_FILE)
+    twin = with_background(load_forced_oscillation(TWIN_FILE), "removed")
     assert twin.true_parameters is not None
     record, made = twin.record, []
     for number, (factor, warmer) in enumerate([(1.0, 0.0), (SMALLER, WARMER)]):

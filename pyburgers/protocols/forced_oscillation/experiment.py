@@ -107,7 +107,7 @@ class _OscillationTable(Table):
     stress_trend_degree: int | None = Field(
         None, ge=0, description="the degree of the polynomial trend of the stress"
     )
-    background: Background = Field("removed", description="what becomes of bias and drift")
+    background: Background = Field("kept", description="what becomes of bias and drift")
     start_stress_Pa: float | None = Field(  # noqa: N815 - a key with its unit
         None, description="where the model starts with the background kept (default: the bias)"
     )
@@ -256,7 +256,9 @@ def with_background(
     """
     settings = replace(experiment.settings, background=background, start_stress=None)
     prepared = prepare(experiment.record, settings, experiment.id)
-    return replace(experiment, settings=prepared.settings, prepared=prepared)
+    others = [one for one in experiment.notices if one not in experiment.prepared.notices]
+    notices = (*others, *prepared.notices)
+    return replace(experiment, settings=prepared.settings, prepared=prepared, notices=notices)
 
 
 def with_known_strain(experiment: OscillationExperiment) -> OscillationExperiment:

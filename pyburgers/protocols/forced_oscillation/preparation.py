@@ -26,6 +26,14 @@ from pyburgers.protocols.forced_oscillation.harmonics import (
 FloatArray = npt.NDArray[np.float64]
 Background = Literal["removed", "kept"]
 
+REMOVED_NOTICE = (
+    "The background is removed, as in the paper: the model oscillates about zero stress, where the "
+    "piezometer asks for grains as large as its stress floor allows, so that grain size, and what "
+    'hangs on it, follows that floor and not the material; background = "kept" recovers known '
+    "truths."
+)
+"""Warning of a record without its bias and drift."""
+
 NEGLIGIBLE_SHARE = 0.01
 """Share of the errors of the strain below which it is taken as known: standard deviations of what
 the stress tells come out too small by half of it."""
@@ -75,10 +83,11 @@ class OscillationSettings:
         Seconds; None estimates it from the strain.
     strain_trend_degree, stress_trend_degree : int or None
         Degrees of the polynomials; None chooses them by an information criterion.
-    background : {"removed", "kept"}
-        With "removed" only the oscillating parts are used, as in the paper: the trends of strain
-        and stress, constants included, are subtracted. With "kept" the rate of the strain's trend
-        drives the model too, and the stress keeps its bias and its drift.
+    background : {"kept", "removed"}
+        With "kept" the rate of the strain's trend drives the model too, and the stress keeps its
+        bias and its drift. With "removed" only the oscillating parts are used, as in the paper: the
+        trends of strain and stress, constants included, are subtracted. That is another state of
+        the material, from which the truth is not recovered (docs/model.md): a notice says so.
     start_stress : float or None
         Stress (Pa) at which the model starts, ahead of the record, where the background is kept;
         None takes the bias of the stress at the start of the record.
@@ -87,7 +96,7 @@ class OscillationSettings:
     period: float | None = None
     strain_trend_degree: int | None = None
     stress_trend_degree: int | None = None
-    background: Background = "removed"
+    background: Background = "kept"
     start_stress: float | None = None
 
 
@@ -271,7 +280,7 @@ def prepare(
         strain_error=_strain_error(strain_fit, stress_fit, kept=kept),
         t_middle=strain_fit.t_middle,
         t_half=strain_fit.t_half,
-        notices=_notices(stress.time.size - used.time.size),
+        notices=_notices(stress.time.size - used.time.size, settings.background),
     )
 
 
@@ -427,8 +436,13 @@ def _named(where: str, series: _Series, compute: Callable[[], T]) -> T:
         raise InputError(f"{where}: {series.name}: {error}") from None
 
 
-def _notices(n_left_out: int) -> tuple[str, ...]:
-    """Sentences about readings that are not used; they name no file."""
-    if n_left_out == 0:
-        return ()
-    return (f"{count_points(n_left_out)} of the stress outside the strain record left out.",)
+def _notices(n_left_out: int, background: Background) -> tuple[str, ...]:
+    """Sentences about what was left out; they name no file."""
+    notices = []
+    if n_left_out > 0:
+        notices.append(
+            f"{count_points(n_left_out)} of the stress outside the strain record left out."
+        )
+    if background == "removed":
+        notices.append(REMOVED_NOTICE)
+    return tuple(notices)

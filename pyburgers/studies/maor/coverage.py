@@ -68,7 +68,12 @@ def _ice_rows(ids: Sequence[str]) -> list[tuple[str, str, str, str]]:
             "The model: flow of the undeformed material",
             "fitted as a variant: --variant maxwell=hyperbolic_sine",
         ),
-        ("Fig. 3", "Stress-strain curves of ice and solutions", f"{ice}: Stress-strain curve", ""),
+        (
+            "Fig. 3",
+            "Stress-strain curves of ice and solutions",
+            f"{ice}: Stress-strain curve; The model: the solution at the posterior mean",
+            "curves are drawn with the predictive median; the paper's line is that at the mean",
+        ),
         ("Fig. 4", "Chains and posteriors of the parameters", f"{first}: {_POSTERIOR}", ""),
         ("Fig. 6", "Attenuation under stress", f"Attenuation: figures of {ice}", ""),
         (

@@ -6,9 +6,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pyburgers.common.draws import central_band
-from pyburgers.drawing.panels import LINES_AND_AREAS, draw_band_panel
-from pyburgers.drawing.style import BLACK, BLUE, GREEN, ORANGE, VERMILION, style
+from pyburgers.drawing.panels import (
+    LINES_AND_AREAS,
+    draw_band_panel,
+    draw_curve,
+    legend_above,
+)
+from pyburgers.drawing.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILION, style
 from pyburgers.model.display import STRAIN_FACTOR, STRAIN_UNIT, STRESS_FACTOR, STRESS_UNIT
+from pyburgers.protocols.constant_rate.figures import fitted_curve
 from pyburgers.protocols.protocol import FittedTest
 from pyburgers.studies.maor.before_data import parameter_draws, prediction_draws
 from pyburgers.studies.maor.flow_law import FlowLaws
@@ -29,6 +35,13 @@ STRAIN_PARTS_CAPTION = (
     "the Kelvin element and the dashpot; stress peaks where the dashpot carries almost the whole "
     "imposed rate while grain size and fabric have begun to weaken it. Lines are medians over the "
     "posterior, areas hold 90 % of draws."
+)
+
+MEAN_SOLUTION_CAPTION = (
+    "The line of the paper's Fig. 3: the solution at the posterior mean of all parameters "
+    "(dashed) over data, retrodictions and predictive band. The means of all parameters need not "
+    "be a good combination: where parameters trade off along a bent ridge, the line leaves the "
+    "band although the fit is good. The table of statements says by how much."
 )
 
 FLOW_LAWS_CAPTION = (
@@ -134,6 +147,27 @@ def strain_parts(fit: FittedTest) -> Figure:
         below.set_yscale("log")
         below.set_ylim(bottom=1e-3)
         figure.suptitle(f"{fit.experiment.title}\n{LINES_AND_AREAS}", fontsize=10)
+    return figure
+
+
+def mean_solution(fit: FittedTest) -> Figure:
+    """Draw the solution at the posterior mean over data and predictive band."""
+    solution = fit.posterior["posterior_mean_solution"].to_dataset()["stress"]
+    with style():
+        figure = Figure(figsize=(8.0, 5.0), layout="constrained")
+        axes = figure.subplots()
+        curve = fitted_curve(fit)
+        draw_curve(axes, curve)
+        axes.plot(
+            solution["strain"] * STRAIN_FACTOR,
+            solution * STRESS_FACTOR,
+            color=PURPLE,
+            linestyle="--",
+            linewidth=1.6,
+            label="solution at the posterior mean",
+        )
+        axes.set_xlabel(curve.position_label)
+        legend_above(figure, [axes])
     return figure
 
 

@@ -60,9 +60,9 @@ while another one runs already."""
 ICE_TWINS = ("PIL40", "PIL72", "PIL105")
 
 OLIVINE_RUNS: Mapping[Background, str] = MappingProxyType(
-    {"removed": "olivine_removed", "kept": "olivine_kept"}
+    {"kept": "olivine_kept", "removed": "olivine_removed"}
 )
-"""Names of the fits of the olivine record by treatment of its background, the paper's first."""
+"""Names of the fits of the olivine record by treatment of its background, the paper's last."""
 
 
 COMBINED_TWIN, COMBINED_RUN = "PIL40", "PIL40_with_peak_stress"

@@ -62,6 +62,7 @@ from pyburgers.studies.maor.statements import (
     Verdict,
     statements_table,
 )
+from pyburgers.studies.maor.stress_floor import stress_floor_section
 
 logger = logging.getLogger(__name__)
 
@@ -132,6 +133,7 @@ def study_sections(
         sections += [
             preparation_section(olivine_fits),
             background_section(olivine_fits),
+            stress_floor_section(olivine_fits),
         ]
     return tuple(sections)
 
@@ -239,6 +241,12 @@ def model_section(fit: FittedTest) -> PageSection:
                 f"What each element does in a test, {name}",
                 drawings.STRAIN_PARTS_CAPTION,
                 partial(drawings.strain_parts, fit),
+            ),
+            PageFigure(
+                "mean_solution",
+                f"The solution at the posterior mean, {name}",
+                drawings.MEAN_SOLUTION_CAPTION,
+                partial(drawings.mean_solution, fit),
             ),
             PageFigure(
                 "flow_laws",

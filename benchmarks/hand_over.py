@@ -69,7 +69,7 @@ def run_one(seed: int, file: Path, scratch: Path) -> None:
     write_json(file, content)
 
 
-def report(files: list[Path], planned: int) -> str:
+def report(files: list[Path], planned: int, seed: int) -> str:
     """Return the verdicts on the data sets that are done, as Markdown."""
     done = [json.loads(file.read_text(encoding="utf-8")) for file in files]
     ranked = [one for one in done if one["failure"] is None]
@@ -96,7 +96,7 @@ def report(files: list[Path], planned: int) -> str:
             f"- Without ranks: {len(done) - len(ranked)}"
             + "".join(f"; seed {one['seed']}: {one['failure']}" for one in done if one["failure"]),
             f"- Fits that failed a check of the sampling and are ranked all the same: {n_failed}.",
-            f"- Command: `python benchmarks/hand_over.py --simulations {planned}`",
+            f"- Command: `python benchmarks/hand_over.py --simulations {planned} --seed {seed}`",
             "",
             *("| " + " | ".join(map(str, row)) + " |" for row in rows),
             "",
@@ -106,11 +106,30 @@ def report(files: list[Path], planned: int) -> str:
     )
 
 
+def rank_table(files: list[Path]) -> pd.DataFrame:
+    """Return every data set that is done: seed, failed checks, failure, and its ranks."""
+    done = [json.loads(file.read_text(encoding="utf-8")) for file in files]
+    return pd.DataFrame(
+        [
+            {
+                "seed": one["seed"],
+                "failed_checks": "; ".join(one.get("failed_checks", [])),
+                "failure": one["failure"],
+                **one.get("ranks", {}),
+            }
+            for one in done
+        ]
+    )
+
+
 def main() -> None:
     """Do the data sets that are missing, then write the report."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--simulations", type=int, default=100)
     parser.add_argument("--seed", type=int, default=1, help="of the first data set")
+    parser.add_argument(
+        "--report-only", action="store_true", help="write the report of the data sets that are done"
+    )
     parser.add_argument("--out", type=Path, default=ROOT / "reports" / "calibration" / "hand_over")
     options = parser.parse_args()
     folder = options.out / "simulations"
@@ -120,13 +139,17 @@ def main() -> None:
         for seed in range(options.seed, options.seed + options.simulations)
     ]
     for seed, file in enumerate(files, start=options.seed):
-        if not file.is_file():
+        if not file.is_file() and not options.report_only:
             run_one(seed, file, options.out / "scratch")
             done = [one for one in files if one.is_file()]
             if "ranks" in file.read_text(encoding="utf-8"):
-                write_text(options.out / "calibration.md", report(done, options.simulations))
-    text = report([one for one in files if one.is_file()], options.simulations)
+                write_text(
+                    options.out / "calibration.md", report(done, options.simulations, options.seed)
+                )
+    done = [one for one in files if one.is_file()]
+    text = report(done, options.simulations, options.seed)
     write_text(options.out / "calibration.md", text)
+    write_text(options.out / "ranks.csv", rank_table(done).to_csv(index=False))
     print(text)
 
 

@@ -169,7 +169,7 @@ def peak_stress_data(
     }
 
 
-WARMUP, TARGET_ACCEPTANCE = 500, 0.98
+WARMUP, TARGET_ACCEPTANCE = 1000, 0.99
 """Defaults where the options leave them open; a gradient costs microseconds."""
 
 

@@ -137,7 +137,7 @@ def joint_entry(key: str, name: str, joint: Fit) -> Entry:
     answered = verdicts(checks)
     kinds = [test.provenance.kind for test in joint.problem.experiments]
     row = {
-        "experiment": f"{joint.problem.name}, fitted together",
+        "experiment": f"{joint.problem.name.replace('+', ' + ')}, fitted together",
         "data": ", ".join(dict.fromkeys(kinds)),
         "model": joint.variant.short_text,
         **_answers_text(answered, checks),

@@ -108,10 +108,13 @@ def test_page_shows_joint_and_separate_fits(
         tmp_path / "report",
         title="joint",
         command="test",
+        joints=[joint],
         extras=[joint_section("PIL40+other", joint, separate)],
     ).read_text(encoding="utf-8")
     assert "Joint fit PIL40+other" in page
     assert "What pooling bought" in page
+    assert "PIL40 + other, fitted together" in page
+    assert page.count('href="#joint_PIL40_other"') >= 1
     assert (tmp_path / "report" / "tables" / "joint_PIL40_other_pooling.csv").is_file()
     for name in ("curves", "intervals"):
         assert (tmp_path / "report" / "figures" / f"joint_PIL40_other_{name}.svg").is_file()

@@ -17,6 +17,7 @@ from types import MappingProxyType
 import numpy as np
 import pytest
 from conftest import ICE
+from independent_table import TRUTHS
 
 from pyburgers.comparison.by_points import compare
 from pyburgers.comparison.pairs import Pair, PairOutcome
@@ -35,9 +36,8 @@ from pyburgers.sampling.options import SamplerOptions
 SEEDS = range(1, 11)
 OPTIONS = SamplerOptions(chains=2, warmup=250, draws=250, adapt_delta=0.9)
 
-TRUTH: Mapping[str, float] = MappingProxyType(
-    dict(load_constant_rate(ICE / "PIL40.toml").true_parameters or {})
-)
+TRUTH: Mapping[str, float] = TRUTHS["fast"]
+"""A material whose Kelvin element counts, at about the stresses of PIL40."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Contrast:
     made_by, rival
         Choices of variants.
     truth
-        True parameters (SI) other than those of PIL40.
+        True parameters (SI) other than `TRUTH`.
     stepped
         Whether the rate steps; else it is that of PIL40.
     """
@@ -75,7 +75,7 @@ def stepped_test() -> ConstantRateExperiment:
 
 
 def linear_beta() -> float:
-    """Beta of a linear dashpot that flows as fast at 7 MPa as that of PIL40 does."""
+    """Beta of a linear dashpot that flows as fast at 7 MPa as that of the power law does."""
     moved = (TRUTH["stress_exponent"] - 1) * np.log(7e6) / TRUTH["activation_enthalpy"]
     return float(TRUTH["beta"] + moved)
 

@@ -4,6 +4,7 @@ from types import MappingProxyType
 
 import numpy as np
 from conftest import ICE
+from independent_table import TRUTHS
 
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
 from pyburgers.protocols.forward import simulate_data
@@ -20,13 +21,12 @@ COMMON = MappingProxyType(
         "beta": -7.29e-4,
     }
 )
-"""Flow law and moduli of all tests; microstructure and noise are those of the shipped twins."""
+"""Flow law and moduli of all tests; microstructure and noise are those of the independent table."""
 
 
 def with_common_flow_law(name: str) -> ConstantRateExperiment:
     """The strains of a shipped twin with stresses of the common flow law."""
     twin = load_constant_rate(ICE / f"{name}.toml")
-    assert twin.true_parameters is not None
     rng = np.random.default_rng([20261120, NAMES.index(name)])
-    values = {**twin.true_parameters, **COMMON}
+    values = {**dict(zip(NAMES, TRUTHS.values(), strict=True))[name], **COMMON}
     return simulate_data(twin, values, rng, source="a common flow law")

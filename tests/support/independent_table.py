@@ -5,7 +5,7 @@ Tests at one strain rate, at 260 K and an initial grain size of 230 um.
 
 from types import MappingProxyType
 
-COMMON = MappingProxyType({"beta": -7.29e-4, "stress_noise": 1.0})
+COMMON = MappingProxyType({"beta": -7.29e-4, "stress_noise": 0.1e6})
 
 TRUTHS = MappingProxyType(
     {

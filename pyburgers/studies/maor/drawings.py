@@ -12,7 +12,7 @@ from pyburgers.drawing.panels import (
     draw_curve,
     legend_above,
 )
-from pyburgers.drawing.style import BLACK, BLUE, GREEN, ORANGE, VERMILION, style
+from pyburgers.drawing.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILION, style
 from pyburgers.model.display import STRAIN_FACTOR, STRAIN_UNIT, STRESS_FACTOR, STRESS_UNIT
 from pyburgers.protocols.constant_rate.figures import fitted_curve
 from pyburgers.protocols.protocol import FittedTest
@@ -161,7 +161,7 @@ def mean_solution(fit: FittedTest) -> Figure:
         axes.plot(
             solution["strain"] * STRAIN_FACTOR,
             solution * STRESS_FACTOR,
-            color=VERMILION,
+            color=PURPLE,
             linestyle="--",
             linewidth=1.6,
             label="solution at the posterior mean",

@@ -13,6 +13,7 @@ from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
 from pyburgers.protocols.constant_rate.stan_data import ValleyReference
+from pyburgers.protocols.problem import plain_coordinates
 from pyburgers.protocols.stan_data import SolverOptions
 
 FloatArray = npt.NDArray[np.float64]
@@ -68,3 +69,28 @@ def test_log_jacobian_is_that_of_the_map(program: Program) -> None:
         sign, logarithm = np.linalg.slogdet(jacobian / scale[:, None])
         assert sign != 0
         assert columns["log_jacobian"] == pytest.approx(logarithm + np.log(scale).sum(), abs=1e-5)
+
+
+def test_the_elastic_rise_stays_when_the_kelvin_element_becomes_a_second_spring(
+    tmp_path: Path,
+) -> None:
+    experiment = load_constant_rate(ICE / "PIL40.toml")
+    priors = resolved_priors(experiment)
+    valley = valley_of(experiment, priors)
+    program = program_for(experiment, priors, valley, tmp_path)
+    names = plain_coordinates(experiment, priors).parameters
+    rise = np.argmax(experiment.stress > experiment.stress.max() / 2)
+
+    def rise_and_modulus(viscosity_coordinate: float) -> tuple[float, float]:
+        coordinate = np.zeros(SIZE)
+        coordinate[names.index("kelvin_viscosity")] = viscosity_coordinate
+        columns = program.columns_at({"coordinate": coordinate.tolist()})
+        assert viscosity_coordinate == 0 or parameter_in(columns, "kelvin_viscosity") < 2e10
+        return columns[f"stress_model.{rise + 1}"], parameter_in(columns, "maxwell_modulus")
+
+    stress, modulus = rise_and_modulus(0.0)
+    for viscosity_coordinate in (-5.5, -6.5):
+        other_stress, other_modulus = rise_and_modulus(viscosity_coordinate)
+        assert other_modulus > 1.05 * modulus
+        # To the accuracy of a Kelvin element under a stress that grows in proportion to time.
+        assert other_stress == pytest.approx(stress, rel=0.01)

@@ -200,7 +200,8 @@ vector softening_from_coordinates(vector coordinate, vector asked, data vector r
  *
  * Data can push a parameter against its lower bound (the Kelvin modulus of ice). There the plain
  * coordinate is logarithmic and runs away; ln(c log1p_exp(x)) is linear in the parameter above c.
- * Of the Maxwell modulus they fix the inverse, to which elastic strain is proportional.
+ * Of the Maxwell modulus they fix the inverse, to which elastic strain is proportional, and that
+ * only together with what the Kelvin element adds (loading_compliance()).
  *
  * @param displacement from the reference point, in the straightened coordinate
  * @param reference plain coordinate of the reference point
@@ -233,7 +234,39 @@ vector asked_of_pins(vector parameter, data int stress_given, real log_stress,
 }
 
 /**
- * What charts/valley/least_squares.stan wants to know of the reference point.
+ * Time within the elastic rise of the reference curve: it has half its stress at the first pin.
+ *
+ * @return time (s)
+ */
+real time_of_loading(data matrix knot) {
+  int first_pin = 1;
+  real time = knot[1, 1];
+  int k = 1;
+  while (knot[first_pin, 3] == 0) {
+    first_pin += 1;
+  }
+  while (knot[k, 2] < 0.5 * knot[first_pin, 2]) {
+    k += 1;
+    time += knot[k, 1];
+  }
+  return time;
+}
+
+/**
+ * Compliance of a Kelvin element under a stress that has grown in proportion to time.
+ *
+ * It is that of its spring long after the Kelvin time, and that of its dashpot long before it.
+ *
+ * @return Kelvin strain over stress (1/Pa)
+ */
+real loading_compliance(real kelvin_modulus, real kelvin_viscosity, real time) {
+  real x = time * kelvin_modulus / kelvin_viscosity;
+  return (1 + expm1(-x) / x) / kelvin_modulus;
+}
+
+/**
+ * What charts/valley/least_squares.stan wants to know of the reference point, with the time of
+ * loading and the compliance of the Kelvin element by then.
  *
  * @param parameter at the reference point
  * @param coordinate plain coordinates there, and the others as for plain_from_valley()
@@ -243,10 +276,13 @@ vector valley_reference(data vector parameter, data vector coordinate, data arra
                         data matrix pin) {
   real log_stress = log_reference_stress_at(parameter, conditions[1], conditions[2],
                                             conditions[3]);
+  real loading = time_of_loading(knot);
   return append_row([coordinate[place[i_critical_strain_grain_size()]],
                      coordinate[place[i_critical_strain_fabric()]],
                      1 - parameter[i_steady_state_fabric_factor()], log_stress,
-                     log(parameter[i_stress_noise()])]',
+                     log(parameter[i_stress_noise()]), loading,
+                     loading_compliance(parameter[i_kelvin_modulus()],
+                                        parameter[i_kelvin_viscosity()], loading)]',
                     asked_of_pins(parameter, replaced_parameter == 0, log_stress, conditions[2],
                                   knot, pin));
 }
@@ -291,12 +327,22 @@ vector plain_from_valley(vector coordinate, vector given, data array[] int place
                           quantity[i]);
   }
   log_noise_ratio = log(parameter[i_stress_noise()]) - reference[5];
-  for (k in 1 : num_elements(given)) {
+  // From the last to the first: the Maxwell modulus follows the Kelvin element.
+  for (from_last in 1 : num_elements(given)) {
+    int k = num_elements(given) + 1 - from_last;
     int i = place[k];
     if (i > 0 && i != flow && i != solved[1] && i != solved[2] && i != solved[3]) {
       real log_width = guide[i, 3] * log_noise_ratio;
-      vector[2] straight = plain_from_straightened(coordinate[i] * exp(log_width), guide[i, 1],
-                                                   guide[i, 2]);
+      real displacement = coordinate[i] * exp(log_width);
+      vector[2] straight;
+      if (k == i_maxwell_modulus() && guide[i, 2] < 0) {
+        // The curve fixes what both springs give together in the elastic rise.
+        displacement -= quantity[i, i_scale()] / guide[i, 2]
+                        * (loading_compliance(parameter[i_kelvin_modulus()],
+                                              parameter[i_kelvin_viscosity()], reference[6])
+                           - reference[7]);
+      }
+      straight = plain_from_straightened(displacement, guide[i, 1], guide[i, 2]);
       plain[i] = straight[1];
       log_jacobian += straight[2] + log_width;
       parameter[k] = bounded_from_real(plain[i], quantity[i]);

@@ -234,22 +234,20 @@ vector asked_of_pins(vector parameter, data int stress_given, real log_stress,
 }
 
 /**
- * Time within the elastic rise of the reference curve: it has half its stress at the first pin.
+ * Middle of the elastic rise of the reference curve, where the spring takes half of the imposed
+ * rate or more.
  *
+ * @param elastic_rate of the stress, if the spring took all of it (Pa/s)
  * @return time (s)
  */
-real time_of_loading(data matrix knot) {
-  int first_pin = 1;
-  real time = knot[1, 1];
-  int k = 1;
-  while (knot[first_pin, 3] == 0) {
-    first_pin += 1;
-  }
-  while (knot[k, 2] < 0.5 * knot[first_pin, 2]) {
+real middle_of_rise(data matrix knot, data real elastic_rate) {
+  real end = knot[1, 1];
+  int k = 2;
+  while (k < rows(knot) && knot[k, 2] - knot[k - 1, 2] > 0.5 * elastic_rate * knot[k, 1]) {
+    end += knot[k, 1];
     k += 1;
-    time += knot[k, 1];
   }
-  return time;
+  return 0.5 * end;
 }
 
 /**
@@ -265,8 +263,8 @@ real loading_compliance(real kelvin_modulus, real kelvin_viscosity, real time) {
 }
 
 /**
- * What charts/valley/least_squares.stan wants to know of the reference point, with the time of
- * loading and the compliance of the Kelvin element by then.
+ * What charts/valley/least_squares.stan wants to know of the reference point, with the middle of
+ * the elastic rise and the compliance of the Kelvin element by then.
  *
  * @param parameter at the reference point
  * @param coordinate plain coordinates there, and the others as for plain_from_valley()
@@ -276,7 +274,7 @@ vector valley_reference(data vector parameter, data vector coordinate, data arra
                         data matrix pin) {
   real log_stress = log_reference_stress_at(parameter, conditions[1], conditions[2],
                                             conditions[3]);
-  real loading = time_of_loading(knot);
+  real loading = middle_of_rise(knot, parameter[i_maxwell_modulus()] * conditions[1]);
   return append_row([coordinate[place[i_critical_strain_grain_size()]],
                      coordinate[place[i_critical_strain_fabric()]],
                      1 - parameter[i_steady_state_fabric_factor()], log_stress,

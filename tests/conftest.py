@@ -14,6 +14,7 @@ import filelock
 import numpy as np
 import numpy.typing as npt
 import pytest
+from independent_table import TRUTHS
 from matplotlib.figure import Figure
 
 from pyburgers.cmdstan.program import compile_programs, load_program
@@ -26,6 +27,7 @@ from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment,
 from pyburgers.protocols.constant_rate.stan_data import ValleyReference
 from pyburgers.protocols.constant_rate.valley import find_valley
 from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.forward import simulate_data
 from pyburgers.protocols.problem import problem_of
 from pyburgers.protocols.protocol import protocols, save_experiment
 from pyburgers.protocols.stan_data import SolverOptions
@@ -87,14 +89,21 @@ def resolved_priors(experiment: Experiment) -> PriorSet:
 
 
 def write_problem(folder: Path, *, free: set[str], max_strain: float, stride: int) -> Problem:
-    """Write the first part of PIL40, thinned, with all but a few parameters fixed at the truth."""
-    full = load_constant_rate(ICE / "PIL40.toml")
-    assert full.true_parameters is not None
+    """Write the first part of a test, thinned, with all but a few parameters fixed at the truth.
+
+    Strains and rate are those of PIL40; of the material, elements and flow law show in that part.
+    """
+    full = simulate_data(
+        load_constant_rate(ICE / "PIL40.toml"),
+        TRUTHS["fast"],
+        np.random.default_rng(40),
+        source="a small problem",
+    )
     kept = np.flatnonzero(full.strain <= max_strain)[::stride]
     experiment = replace(
         full, strain=full.strain[kept], stress=full.stress[kept], final_strain=max_strain
     )
-    known = {name: value for name, value in full.true_parameters.items() if name not in free}
+    known = {name: value for name, value in TRUTHS["fast"].items() if name not in free}
     folder.mkdir()
     experiment_file = save_experiment(experiment, folder)
     save_priors(with_fixed(default_priors("ice"), known), folder / "priors.toml")
@@ -171,7 +180,7 @@ def sketched(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture(scope="session")
-def small_problem(tmp_path_factory: pytest.TempPathFactory) -> Problem:
+def small_problem(programs: None, tmp_path_factory: pytest.TempPathFactory) -> Problem:
     """Three parameters and a short curve: a fit takes a second or two."""
     return write_problem(
         tmp_path_factory.mktemp("small") / "inputs",

@@ -243,13 +243,21 @@ def completed(
 def _kill_workers() -> None:
     """Kill this process's workers and the programs that they run."""
     found = []
-    # All are stopped first: they start no more, and the pool ends the others when one is killed.
+    # All are stopped first: the pool ends the others when one is killed.
     for worker in active_children():
         with suppress(psutil.NoSuchProcess):
-            process = psutil.Process(worker.pid)
-            process.suspend()
-            found += [process, *process.children(recursive=True)]
+            found += _stopped(psutil.Process(worker.pid))
     _kill(found)
+
+
+def _stopped(process: psutil.Process) -> list[psutil.Process]:
+    """Stop a process, then what it has started, so that none starts another unseen."""
+    process.suspend()
+    found = [process]
+    for child in process.children():
+        with suppress(psutil.NoSuchProcess):  # it ended by itself in the meantime
+            found += _stopped(child)
+    return found
 
 
 def _kill(processes: Iterable[psutil.Process]) -> None:
@@ -269,7 +277,9 @@ def _end_with_parent() -> None:
 
     def watch() -> None:
         wait([parent.sentinel])
-        _kill(psutil.Process().children(recursive=True))
+        for child in psutil.Process().children():
+            with suppress(psutil.NoSuchProcess):
+                _kill(_stopped(child))
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()

@@ -286,7 +286,9 @@ class FlowLawTable(Table):
     temperature: float = Field(description="of the flow rate, in kelvin")
     stress: float = Field(description="of the flow rate, in Pa")
     grain_size: float = Field(description="of the flow rate, in m")
-    tests: list[PeakTestTable] = Field(description="the tests that it was fitted to")
+    tests: list[PeakTestTable] = Field(
+        default=[], description="the tests that it was fitted to, if it is a fit"
+    )
 
     def flow_law_prior(self, material: str, where: str) -> FlowLawPrior:
         """Return the flow law of a material, checked; `where` is the file in messages."""

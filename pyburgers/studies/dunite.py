@@ -196,7 +196,10 @@ class LawsTried:
         if able:
             listed = ", ".join(self.fits[one].variant.short_text for one in able)
             verb = "describes" if len(able) == 1 else "describe"
-            said = [f"{name}: of {tried}, {listed} {verb} the data. With {model}, {width}."]
+            said = [
+                f"{name}: of {tried}, {listed} {verb} the data as far as the "
+                f"checks see. With {model}, {width}."
+            ]
         else:
             best = "The one that predicts best is" if n_fits > 1 else "It is"
             said = [

@@ -77,7 +77,7 @@ def test_the_law_that_describes_is_named_with_the_width_of_n(
     answer(monkeypatch, {"A": Outcome.NO, "A_other": Outcome.YES})
     section = rate_steps_section(fits)
     told = section.paragraphs[1]
-    assert told.startswith("A: of 2 models, residuals=autocorrelated describes the data.")
+    assert told.startswith("A: of 2 models, residuals=autocorrelated describes the data as far as")
     assert "3.0 times as wide as with the standard model" in told
     assert "not which physics is missing" in told
     (table,) = section.tables
@@ -114,7 +114,7 @@ def test_a_test_with_a_single_fit_has_an_answer_but_no_comparison(
 ) -> None:
     answer(monkeypatch, {"A": Outcome.YES})
     alone = LawsTried.of({"A": fits["A"]})
-    assert alone.conclusion().startswith("A: of one model, standard describes the data. With")
+    assert alone.conclusion().startswith("A: of one model, standard describes the data as far as")
     assert alone.table()["outcome"].tolist() == [""]
 
 

@@ -384,6 +384,40 @@ class Program:
                 raise Unsolved("The program has no solution at some of the draws.")
             return read_draws(outputs)
 
+    def generate_at(
+        self, data: Mapping[str, object], name: str, points: FloatArray, digits: int | None = None
+    ) -> tuple[npt.NDArray[np.bool_], list[Draws]]:
+        """Compute generated quantities at points where the program does not stop.
+
+        Parameters
+        ----------
+        data, name, points
+            As for `gradients`.
+        digits : int, optional
+            As for `generate`.
+
+        Returns
+        -------
+        solved : array of bool, shape (n_points,)
+        parts : list of Draws
+            Of one chain each; together they hold the solved points in their order.
+        """
+        names = [f"sampler{k}__" for k in range(7)]
+        names += [f"{name}.{k + 1}" for k in range(points.shape[1])]
+        solved, parts, waiting = np.zeros(len(points), dtype=bool), [], [np.arange(len(points))]
+        while waiting:
+            some = waiting.pop()
+            rows = pd.DataFrame(np.pad(points[some], ((0, 0), (7, 0))), columns=names)
+            with tempfile.TemporaryDirectory(prefix="pyburgers-") as folder:
+                file = Path(folder) / "points.csv"
+                rows.to_csv(file, index=False, float_format=f"%.{ALL_DIGITS}g")
+                try:
+                    parts.append(self.generate(data, [file], seed=1, digits=digits))
+                    solved[some] = True
+                except Unsolved:  # at which of them is not said: halves, until one is alone
+                    waiting += np.array_split(some, 2)[::-1] if some.size > 1 else []
+        return solved, parts
+
     def _run(
         self, folder: Path, method: Sequence[str], *, seed: int, failure: str, tolerated: str = ""
     ) -> None:

@@ -10,19 +10,16 @@ what it samples.
 
 import json
 import logging
-import tempfile
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
 import xarray as xr
 from scipy.optimize import brentq
 from scipy.special import expit
 from scipy.stats import multivariate_normal
 
-from pyburgers.cmdstan.program import ALL_DIGITS, Program, Unsolved, load_program, read_draws
+from pyburgers.cmdstan.program import ALL_DIGITS, Program, load_program, read_draws
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.comparison.results import LogIntegral
 from pyburgers.fitting.fit import Fit
@@ -32,9 +29,6 @@ from pyburgers.protocols.stan_data import REFERENCE_SOLVER, StanData, solver_blo
 logger = logging.getLogger(__name__)
 
 FloatArray = npt.NDArray[np.float64]
-
-SAMPLER_COLUMNS = 7
-"""Columns of CmdStan's chain files ahead of the parameters."""
 
 DRAWS_PER_DIMENSION = 4
 """Least number of draws for each dimension that a proposal is fitted to."""
@@ -94,30 +88,11 @@ def log_density_at(program: Program, data: StanData, points: FloatArray) -> Floa
     points : array, shape (n_points, n_coordinates)
         Coordinates.
     """
-    try:
-        found = _generated(program, data, points)
-    except Unsolved:
-        if len(points) == 1:
-            return np.array([-np.inf])
-        return np.concatenate(
-            [log_density_at(program, data, part) for part in np.array_split(points, 2)]
-        )
+    solved, parts = program.generate_at(data, "coordinate", points, ALL_DIGITS)
+    found = np.full(len(points), -np.inf)
+    if parts:
+        found[solved] = np.concatenate([part["log_density"][0] for part in parts])
     return np.where(np.isnan(found), -np.inf, found)
-
-
-def _generated(program: Program, data: StanData, points: FloatArray) -> FloatArray:
-    """Log density of points that all have one, from generated quantities."""
-    names = [
-        *(f"sampler_{k}__" for k in range(SAMPLER_COLUMNS)),
-        *(f"coordinate.{k + 1}" for k in range(points.shape[1])),
-    ]
-    columns = np.hstack([np.zeros((len(points), SAMPLER_COLUMNS)), points])
-    with tempfile.TemporaryDirectory(prefix="pyburgers-") as folder:
-        file = Path(folder) / "points.csv"
-        pd.DataFrame(columns, columns=names).to_csv(file, index=False, float_format="%.17g")
-        found: FloatArray
-        (found,) = program.generate(data, [file], seed=1, digits=ALL_DIGITS)["log_density"]
-        return found
 
 
 def log_integral(

@@ -257,7 +257,7 @@ class LawsTried:
 
 
 def _shown(table: pd.DataFrame) -> pd.DataFrame:
-    """Return `variants_table` as text."""
+    """Return tables of `LawsTried` as text."""
     noise = PARAMETER_BY_NAME["stress_noise"]
     errors = [with_error(*pair) for pair in zip(table["n_mean"], table["n_sd"], strict=True)]
     elpd = [

@@ -10,6 +10,7 @@ import numpy.typing as npt
 import oracle
 import pytest
 from conftest import ICE, with_fixed
+from independent_table import TRUTHS
 from scipy import stats
 
 from pyburgers.cmdstan.program import load_program
@@ -72,34 +73,7 @@ TRUTH = {
 
 SCATTER = 0.05
 
-LATE_PEAKS = {
-    "PIL40": {
-        "maxwell_modulus": 4.83e9,
-        "kelvin_modulus": 527e6,
-        "kelvin_viscosity": 2.4e10,
-        "stress_exponent": 3.779,
-        "grain_size_exponent": 0.55,
-        "activation_enthalpy": 62080.0,
-        "beta": -7.29e-4,
-        "steady_state_grain_size": 159e-6,
-        "steady_state_fabric_factor": 0.54,
-        "critical_strain_grain_size": 0.074,
-        "critical_strain_fabric": 0.112,
-    },
-    "PIL72": {
-        "maxwell_modulus": 2.84e9,
-        "kelvin_modulus": 589e6,
-        "kelvin_viscosity": 7.93e10,
-        "stress_exponent": 4.2,
-        "grain_size_exponent": 0.33,
-        "activation_enthalpy": 65680.0,
-        "beta": -7.29e-4,
-        "steady_state_grain_size": 82e-6,
-        "steady_state_fabric_factor": 0.37,
-        "critical_strain_grain_size": 0.083,
-        "critical_strain_fabric": 0.283,
-    },
-}
+LATE_PEAKS = {"PIL40": TRUTHS["fast"], "PIL72": TRUTHS["middle"]}
 """Truths whose peaks come late, near 3 % strain, with softening in the upper tail of the priors."""
 
 

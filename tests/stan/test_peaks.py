@@ -6,6 +6,7 @@ import numpy as np
 import oracle
 import pytest
 from conftest import ICE
+from independent_table import TRUTHS
 
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.flow_law_tables import softening
@@ -15,19 +16,7 @@ from pyburgers.model.priors import default_priors
 
 pytestmark = pytest.mark.usefixtures("programs")
 
-MATERIAL = {
-    "maxwell_modulus": 4.83e9,
-    "kelvin_modulus": 527e6,
-    "kelvin_viscosity": 2.4e10,
-    "stress_exponent": 3.779,
-    "grain_size_exponent": 0.55,
-    "activation_enthalpy": 62080.0,
-    "beta": -7.29e-4,
-    "steady_state_grain_size": 159e-6,
-    "steady_state_fabric_factor": 0.54,
-    "critical_strain_grain_size": 0.074,
-    "critical_strain_fabric": 0.112,
-}
+MATERIAL = TRUTHS["fast"]
 RATE, GRAIN_SIZE, TEMPERATURE = np.array([1.69e-4, 2e-5]), np.array([2.3e-4, 6e-4]), 260.0
 CONDITIONS = {
     "strain_rate": RATE,

@@ -8,7 +8,7 @@ import pytest
 from scipy import stats
 from synthetic_fit import make_fit, with_problem
 
-from pyburgers.cmdstan.program import Program
+from pyburgers.cmdstan.program import Program, Unsolved
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, Conditions, FlowLawPrior
@@ -88,7 +88,7 @@ def test_a_draw_without_solution_is_left_out_and_counted(
     def failing_at_one(program: Program, data: object, files: list[Path], **options: int) -> object:
         rows = np.loadtxt(files[0], delimiter=",", skiprows=1, ndmin=2)
         if (rows[:, 7] == bad).any():
-            raise SamplingError("no solution at some draw")
+            raise Unsolved("no solution at some draw")
         return solve(program, data, files, **options)  # type: ignore[arg-type]
 
     whole = prior_draws(fit, n_draws=8, seed=2)
@@ -107,7 +107,7 @@ def test_priors_without_any_solution_are_refused(
     programs: None, fit: Fit, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def failing(*_: object, **__: object) -> None:
-        raise SamplingError("no solution")
+        raise Unsolved("no solution")
 
     monkeypatch.setattr(Program, "generate", failing)
     with pytest.raises(SamplingError, match="none of 3 draws from the prior has a solution"):

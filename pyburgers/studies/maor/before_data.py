@@ -4,18 +4,15 @@ Draws of the prior are solved by the test's Stan program. Weighed by the likelih
 the data, such as the peak stress, they are draws of what is known from that number alone.
 """
 
-import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
 import xarray as xr
 from scipy.special import softmax
 
-from pyburgers.cmdstan.program import Program, load_program
+from pyburgers.cmdstan.program import load_program
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.model.priors import PriorSet
@@ -23,7 +20,7 @@ from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.problem import one_test
 from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.protocol import FittedTest, protocol_of
-from pyburgers.protocols.stan_data import SolverOptions, StanData
+from pyburgers.protocols.stan_data import SolverOptions
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -35,9 +32,6 @@ READING_ERROR = 0.02
 
 UNCUT = 50.0
 """Half a range of a prior, in its standard deviations, that cuts nothing off."""
-
-SAMPLER_COLUMNS = 7
-"""Columns ahead of the parameters in a file of draws."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,14 +191,21 @@ def prior_draws(fit: FittedTest, *, n_draws: int, seed: int) -> PriorDraws:
     )
     grid = protocol.prediction_grid(fit.experiment)
     data = program_data(problem, solver=SolverOptions(), grids=[grid])
-    solved = _solved(load_program(protocol.program), data, rows, list(protocol.grid_quantities))
-    response = next(iter(solved.values()))
-    kept = np.isfinite(response).all(axis=1)
+    kept, parts = load_program(protocol.program).generate_at(data, "coordinate", rows)
+    response = next(iter(protocol.grid_quantities))
+    finite = np.array(
+        [np.isfinite(row).all() for part in parts for row in part[response][0]], dtype=bool
+    )
+    kept[kept] = finite
     if not kept.any():
         raise SamplingError(
             f"{fit.experiment.id}: none of {n_draws} draws from the prior has a solution; "
             "check the units and the bounds of the priors."
         )
+    solved = {
+        column: np.concatenate([part[column][0] for part in parts])[finite]
+        for column in protocol.grid_quantities
+    }
     clock = protocol.clock.name
     dimensions = ("chain", "draw", clock)
     labels = {"chain": [1], "draw": np.flatnonzero(kept)}
@@ -214,7 +215,7 @@ def prior_draws(fit: FittedTest, *, n_draws: int, seed: int) -> PriorDraws:
         ),
         "predictions": xr.Dataset(
             {
-                name: (dimensions, solved[column][None, kept], {"units": unit})
+                name: (dimensions, solved[column][None], {"units": unit})
                 for column, (name, unit) in protocol.grid_quantities.items()
             },
             {**labels, clock: grid},
@@ -246,29 +247,3 @@ def _each_by_itself(priors: PriorSet) -> PriorSet:
                 replace(prior, lower=max(prior.lower, lower), upper=min(prior.upper, upper))
             )
     return priors.exchanging(*changed)
-
-
-def _solved(
-    program: Program, data: StanData, rows: FloatArray, variables: list[str]
-) -> dict[str, FloatArray]:
-    """Solve draws given by their coordinates; NaN where one has no solution.
-
-    The program does not say which draw it stops at, so that halves are solved until it is alone.
-    """
-    with tempfile.TemporaryDirectory(prefix="pyburgers-") as folder:
-        file = Path(folder) / "prior.csv"
-        names = [f"sampler{k}__" for k in range(SAMPLER_COLUMNS)]
-        names += [f"coordinate.{k}" for k in range(1, rows.shape[1] + 1)]
-        filled = np.hstack([np.zeros((len(rows), SAMPLER_COLUMNS)), rows])
-        pd.DataFrame(filled, columns=names).to_csv(file, index=False)
-        try:
-            draws = program.generate(data, [file], seed=1)
-            return {name: draws[name][0] for name in variables}
-        except SamplingError:
-            if len(rows) == 1:
-                return {name: np.full((1, data["grid_end"][-1]), np.nan) for name in variables}
-    middle = len(rows) // 2
-    first, last = (
-        _solved(program, data, half, variables) for half in (rows[:middle], rows[middle:])
-    )
-    return {name: np.concatenate([first[name], last[name]]) for name in variables}

@@ -279,6 +279,19 @@ def replicate(
         Ranks, repetitions, range of the stress.
     """
     simulated = simulate_from_prior(template, seed=seed, stress_range=plan.stress_range)
+    return fit_and_rank(simulated, template, out, seed=seed, options=options, plan=plan)
+
+
+def fit_and_rank(
+    simulated: Simulated,
+    template: Problem,
+    out: Path,
+    *,
+    seed: int,
+    options: SamplerOptions,
+    plan: DataSetPlan,
+) -> Replication:
+    """Fit simulated data until the fit has converged, and rank the true values: see `replicate`."""
     done = Replication(
         seed, {}, plan.n_ranked, simulated.n_unsolvable, simulated.n_outside, failure="not fitted"
     )
@@ -290,7 +303,7 @@ def replicate(
                 simulated.problem,
                 out=out / f"fit_{n_refits}",
                 options=longer,
-                command=f"pyburgers sbc, data set {seed}",
+                command=f"a calibration, data set {seed}",
             )
         except SamplingError as error:
             return replace(done, failure=str(error))

@@ -32,6 +32,7 @@ from pyburgers.posterior.labelled_draws import (
     free_parameters,
     own_name,
     response_in,
+    sampled_draws,
 )
 from pyburgers.protocols.coordinates import CENTRE, SPREAD
 from pyburgers.protocols.experiment import Experiment
@@ -369,7 +370,7 @@ def largest_rhat(posterior: xr.DataTree) -> float:
     float
         NaN where draws of a quantity never moved.
     """
-    draws = posterior["posterior"].to_dataset()[free_parameters(posterior)]
+    draws = sampled_draws(posterior)
     if draws.sizes["chain"] == 1:
         half = draws.sizes["draw"] // 2
         parts = (draws.isel(draw=slice(k * half, (k + 1) * half)) for k in range(2))

@@ -4,7 +4,7 @@
  * Priors, fixed values and `parameter` in the programs have this order. Those of variants have
  * standard values that leave them without effect (docs/variants.md).
  */
-int n_parameters() { return 22; }
+int n_parameters() { return 26; }
 
 int i_maxwell_modulus() { return 1; } // E_M, Pa
 int i_kelvin_modulus() { return 2; } // E_K, Pa
@@ -34,3 +34,9 @@ int i_piezometer_stress_floor() { return 20; } // sigma_f, Pa
 // Of variants
 int i_breakdown_stress() { return 21; } // sigma_L, Pa; 0: the dashpot is a power law
 int i_residual_correlated_share() { return 22; } // w, of the variance of residuals
+
+// Of readings of strain (loading histories)
+int i_strain_noise() { return 23; } // s_e, standard deviation of the residuals of strain
+int i_residual_correlation_time() { return 24; } // tau_r, s
+int i_strain_offset() { return 25; } // strain read where the strain is 0
+int i_apparatus_compliance() { return 26; } // C, 1/Pa, strain of the apparatus over stress

@@ -44,7 +44,7 @@ MAY_BE_ZERO = frozenset(
 )
 """Parameters that may be fixed at zero."""
 
-UNSIGNED = frozenset({"beta", "activation_enthalpy"})
+UNSIGNED = frozenset({"beta", "activation_enthalpy", "modulus_temperature_coefficient"})
 """Parameters whose priors may reach below zero."""
 
 BOUNDED_AWAY_FROM_ZERO = frozenset(

@@ -44,7 +44,9 @@ MAY_BE_ZERO = frozenset(
 )
 """Parameters that may be fixed at zero."""
 
-UNSIGNED = frozenset({"beta", "activation_enthalpy", "strain_offset"})
+UNSIGNED = frozenset(
+    {"beta", "activation_enthalpy", "modulus_temperature_coefficient", "strain_offset"}
+)
 """Parameters whose priors may reach below zero."""
 
 BOUNDED_AWAY_FROM_ZERO = frozenset(

@@ -138,7 +138,7 @@ def _finding(draws: CheckedDraws, discrepancies: tuple[str, ...], tell: Tell) ->
     if outcome is Outcome.YES:
         return Finding(outcome, table, told.good)
     if outcome is Outcome.CANNOT_TELL:
-        few = f"{family.n_draws} draws are too few to tell whether it is chance: "
+        few = f"{family.n_replicates} draws are too few to tell whether it is chance: "
         return Finding(outcome, table, few + told.bad, "raise --draws")
     return Finding(outcome, table, told.bad, told.remedy)
 

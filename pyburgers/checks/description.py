@@ -158,8 +158,8 @@ def _tell_coverage(leftover: Leftover, family: Family, row: Row) -> Told:
 def _tell_trend(leftover: Leftover, family: Family, row: Row) -> Told:
     run, where = _run(leftover)
     found = (
-        f"neighbouring residuals of {leftover.name} correlate with {row['found']:.2f} (at most "
-        f"{row['at_most']:.2f} expected of a correct model)"
+        f"signed ranks of neighbouring residuals of {leftover.name} correlate with "
+        f"{row['found']:.2f} (at most {row['at_most']:.2f} expected of a correct model)"
     )
     return Told(
         f"No trend: {found}.",

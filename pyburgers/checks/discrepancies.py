@@ -279,7 +279,7 @@ def _numbers(
     joined = np.diff(segment) == 0
     trend, spread = segment_parts(residuals, segment, position)
     found = {
-        AUTOCORRELATION: autocorrelation(residuals, joined),
+        AUTOCORRELATION: autocorrelation(signed_ranks(residuals), joined),
         RUN: longest_runs(residuals, joined),
         LARGEST: largest_residual(residuals),
         SEGMENT_TREND: trend.max(axis=0),
@@ -322,6 +322,27 @@ def autocorrelation(residuals: FloatArray, joined: BoolArray) -> FloatArray:
     pairs = residuals[..., 1:] * residuals[..., :-1]
     found: FloatArray = pairs @ joined / np.maximum((residuals**2).sum(-1), TINY)
     return found
+
+
+def signed_ranks(residuals: FloatArray) -> FloatArray:
+    """Rank of the size of each residual, from 1, over the number of residuals, with its sign.
+
+    A few bad readings hold most of the squares and hide how the others go together; no rank is
+    more than 1.7 times the root mean square of all.
+
+    Parameters
+    ----------
+    residuals : array, shape (..., n)
+
+    Returns
+    -------
+    array, shape (..., n)
+    """
+    order = np.abs(residuals).argsort(axis=-1)
+    ranks = np.empty_like(residuals)
+    every = np.arange(1.0, residuals.shape[-1] + 1) / residuals.shape[-1]
+    np.put_along_axis(ranks, order, np.broadcast_to(every, order.shape), axis=-1)
+    return np.copysign(ranks, residuals)
 
 
 def longest_runs(residuals: FloatArray, joined: BoolArray) -> FloatArray:

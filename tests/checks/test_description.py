@@ -25,6 +25,7 @@ from pyburgers.checks.discrepancies import (
     longest_run,
     longest_runs,
     segment_parts,
+    signed_ranks,
 )
 from pyburgers.checks.fit_checks import CheckedDraws, CheckKind, CheckResult, Outcome, run_checks
 from pyburgers.checks.registry import CHECKS
@@ -246,8 +247,19 @@ def test_pairs_across_a_step_of_the_rate_do_not_count() -> None:
     # Signs that change from point to point within segments, and never where these meet.
     zigzag = np.tile([1.0, -1.0, -1.0, 1.0], 10)
     segment = np.arange(40.0) // 2
+    zigzag *= np.linspace(1.0, 1.5, 40)  # no two of one size
     joined = check_residual_trend(draws_of(one=groups(zigzag, segment=segment)))
     assert joined.table["found"].item() == pytest.approx(-0.5, abs=0.01)
+
+
+def test_a_few_bad_readings_do_not_hide_a_wave() -> None:
+    residual = np.sin(np.linspace(0.0, 15.0, POINTS)) + 0.5 * white(3)
+    residual[:3] = [12.0, -7.0, 9.0]
+    np.testing.assert_allclose(signed_ranks(residual[:5]), np.array([5, -3, 4, 1, 2]) / 5)
+    joined = np.ones(POINTS - 1, dtype=bool)
+    assert autocorrelation(residual, joined) < 0
+    assert autocorrelation(signed_ranks(residual), joined) > 0.5
+    assert "residual trend" in failed(draws_of(one=groups(residual, segment=np.zeros(POINTS))))
 
 
 def test_segments_share_out_what_is_left() -> None:

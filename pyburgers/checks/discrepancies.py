@@ -33,10 +33,10 @@ from pyburgers.protocols.protocol import Protocol, protocols
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
-LEVEL = 0.005
-"""Family probability at which a discrepancy counts. Simulated fits of correct models have it as
-often as it says (`benchmarks/check_sizes.py`); half of 1 in 100 keeps the upper confidence limit of
-their number below 1 in 100, too."""
+LEVEL = 0.003
+"""Family probability at which a discrepancy counts. Simulated fits of correct models have it about
+as often as it says (`benchmarks/check_sizes.py`); it is well below 1 in 100 so that the upper
+confidence limit of such a count is, too."""
 
 READING_ERROR_FACTOR = 1.5
 """Reading errors are seldom known better: residuals may be as much larger than the stated one."""

@@ -324,7 +324,7 @@ def test_the_mean_at_which_a_check_fails_is_told() -> None:
 
 def test_few_correct_models_fail() -> None:
     model = LinearModel.of_polynomials(POINTS, steps=1, degree=3)
-    assert_few_fail(model.fits(100, seed=9, draws=300), 100)
+    assert_few_fail(model.fits(60, seed=9, draws=400), 60)
 
 
 @pytest.mark.slow

@@ -163,10 +163,11 @@ def test_labelled_draws_that_were_not_noted_are_gathered_again(copy: Path, small
     """A killed process may have written them without noting their hash."""
     entry("posterior_sha256", None)(copy / "manifest.json")
     cut(copy / "posterior.nc")
-    loaded = Fit.load(copy)
-    for name in ("posterior", "sample_stats"):
-        assert loaded.posterior[name].equals(small_fit.posterior[name])
-    assert Fit.load(copy).posterior["posterior"].equals(small_fit.posterior["posterior"])
+    for _ in range(2):
+        loaded = Fit.load(copy)
+        for name in ("posterior", "sample_stats"):
+            again, first = (fit.posterior[name].to_dataset() for fit in (loaded, small_fit))
+            assert again.equals(first)
 
 
 def test_a_folder_of_another_kind_is_told(

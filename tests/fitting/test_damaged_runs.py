@@ -5,8 +5,8 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
-import h5py
 import pytest
+import xarray as xr
 from conftest import SMALL_RUN, Problem, copy_of
 from refusals import assert_refused
 
@@ -19,7 +19,11 @@ Damage = Callable[[Path], None]
 
 def text(content: str) -> Damage:
     """Give a file another content."""
-    return lambda file: file.write_text(content, encoding="utf-8") and None
+
+    def damage(file: Path) -> None:
+        file.write_text(content, encoding="utf-8")
+
+    return damage
 
 
 def cut(file: Path) -> None:
@@ -62,8 +66,10 @@ def without(name: str) -> Damage:
 
 def other_draws(file: Path) -> None:
     """Move all draws of a parameter in the labelled ones."""
-    with h5py.File(file, "r+") as content:
-        content["posterior"]["maxwell_modulus"][...] *= 1.01
+    with xr.open_datatree(file, engine="h5netcdf") as opened:
+        tree = opened.load()
+    tree["posterior"]["maxwell_modulus"] *= 1.01
+    tree.to_netcdf(file, engine="h5netcdf")
 
 
 DRAWS, TIMING = "chains/chain_2/draws.csv", "chains/chain_2/timing.json"

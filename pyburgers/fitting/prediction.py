@@ -164,6 +164,7 @@ def predict_test(
         fitted_to=source.problem.name,
         cautions=(
             *source.cautions,
+            *_fitted_itself(source, experiment),
             *_beyond(source, experiment, posterior),
             *_unsolved(int(np.sum(~solved)), kept.size),
         ),
@@ -327,16 +328,24 @@ def _tree(
     parameters = xr.Dataset(
         {name: (("chain", "draw"), one[np.newaxis]) for name, one in own.items()}, labels
     )
-    parameters[protocol.reference.name] = ("chain", "draw"), np.exp(drawn["log_reference"][..., 0])
-    label_draws(
-        parameters, (*(p for p in PROGRAM_PARAMETERS if p.name in own), protocol.reference), priors
-    )
+    label_draws(parameters, (p for p in PROGRAM_PARAMETERS if p.name in own), priors)
     on_grid = drawn.dataset(list(protocol.grid_quantities)).assign_coords(chain=[1])
     groups = {"posterior": parameters, "predictions": grid_group(on_grid, experiment)}
     if experiment.n_points > 0:
         at_points = drawn_at_points(drawn, {"chain": [1]}, protocol.response)
         groups |= groups_at_points(at_points, experiment)
     return xr.DataTree.from_dict(groups)
+
+
+def _fitted_itself(source: Source, experiment: Experiment) -> list[str]:
+    """Say whether the data of a test took part in the fit."""
+    fitted = any(
+        experiment.n_points > 0 and np.array_equal(experiment.response, one.response)
+        for one in source.problem.experiments
+    )
+    if not fitted:
+        return []
+    return [f"{experiment.id} is part of the fit, so that its data are no test of the prediction."]
 
 
 def _beyond(source: Source, experiment: Experiment, posterior: xr.DataTree) -> list[str]:

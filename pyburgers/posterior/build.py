@@ -13,7 +13,13 @@ from pyburgers.cmdstan.program import Program, load_program
 from pyburgers.common.errors import SamplingError
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.priors import PriorSet
-from pyburgers.posterior.groups import drawn_at_points, grid_group, groups_at_points, point_groups
+from pyburgers.posterior.groups import (
+    PRIOR_DENSITY,
+    drawn_at_points,
+    grid_group,
+    groups_at_points,
+    point_groups,
+)
 from pyburgers.posterior.labelled_draws import (
     OF_ALL_TESTS,
     TESTS,
@@ -79,6 +85,7 @@ def build_posterior(run: RunDirectory, problem: Problem) -> xr.DataTree:
     ).assign_coords(chains)
     stats = stats_with_solver(fit, checked, chains, use_likelihood=manifest["use_likelihood"])
     at_points = drawn_at_points(fit, chains, protocol.response)
+    at_points[PRIOR_DENSITY] = fit.dataset([PRIOR_DENSITY])[PRIOR_DENSITY].assign_coords(chains)
     draws = _draws_of_tests(fit, problem, chains)
     ends, grid_ends = data["point_end"], data["grid_end"]
     tests = {}

@@ -13,9 +13,12 @@ from pyburgers.protocols.protocol import Quantity, protocol_of
 GIVEN_OTHERS = "log_lik_given_others"
 """Name in programs; empty where residuals are independent."""
 
+PRIOR_DENSITY = "lprior"
+"""Log density of the priors in programs; draws of a prediction have none."""
+
 
 def drawn_at_points(fit: Draws, chains: Mapping[str, list[int]], response: Quantity) -> xr.Dataset:
-    """Draws at the points of a program's data, and of its prior density.
+    """Draws at the points of a program's data.
 
     Parameters
     ----------
@@ -29,15 +32,14 @@ def drawn_at_points(fit: Draws, chains: Mapping[str, list[int]], response: Quant
     Returns
     -------
     Dataset, dimensions chain, draw, point
-        responses without noise and replicated, log_lik, `GIVEN_OTHERS` where residuals are
-        correlated, and lprior.
+        responses without noise and replicated, log_lik, and `GIVEN_OTHERS` where residuals are
+        correlated.
     """
     names = [f"{response.name}_model", f"{response.name}_replicated", "log_lik"]
     if GIVEN_OTHERS in fit:
         names.append(GIVEN_OTHERS)
     columns = {name: fit.dataset([name])[name].rename({f"{name}_dim_0": "point"}) for name in names}
-    lprior = fit.dataset(["lprior"])["lprior"]
-    drawn = xr.Dataset({**columns, "lprior": lprior}).assign_coords(chains)
+    drawn = xr.Dataset(columns).assign_coords(chains)
     return drawn.assign_coords(point=np.arange(drawn.sizes["point"]))
 
 
@@ -72,7 +74,7 @@ def point_groups(at_points: xr.Dataset, experiments: Sequence[Experiment]) -> di
     Parameters
     ----------
     at_points : Dataset
-        From `drawn_at_points`, all points of the tests.
+        From `drawn_at_points`, all points of the tests; of a fit with `PRIOR_DENSITY`.
     experiments : sequence of Experiment
         The tests.
     """
@@ -82,12 +84,13 @@ def point_groups(at_points: xr.Dataset, experiments: Sequence[Experiment]) -> di
     points = {"point": np.arange(observed.size)}
     groups = {
         "log_likelihood": xr.Dataset({name: at_points["log_lik"]}),
-        "log_prior": xr.Dataset({"lprior": at_points["lprior"]}),
         "posterior_predictive": xr.Dataset({name: at_points[f"{name}_replicated"]}),
         "observed_data": xr.Dataset(
             {name: ("point", observed, {"units": response.si_unit})}, points
         ),
     }
+    if PRIOR_DENSITY in at_points:
+        groups["log_prior"] = xr.Dataset({PRIOR_DENSITY: at_points[PRIOR_DENSITY]})
     if GIVEN_OTHERS in at_points:
         groups[CORRELATED] = xr.Dataset({name: at_points[GIVEN_OTHERS]})
     return groups

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+import numpy.typing as npt
 import xarray as xr
 
 from pyburgers.common.units import UNITS, number
@@ -38,10 +39,11 @@ def conditions(experiment: Experiment, predictions: xr.Dataset) -> Ranges:
         Its labelled solutions along the clock, of a fit or of a prediction.
     """
     protocol = protocol_of(experiment)
-    median = {
-        column: predictions[name].median(("chain", "draw")).to_numpy().astype(np.float64)
-        for column, (name, _) in protocol.grid_quantities.items()
-    }
+    median: dict[str, npt.NDArray[np.float64]] = {}
+    for column, (name, _) in protocol.grid_quantities.items():
+        values = predictions[name].median(("chain", "draw")).to_numpy().astype(np.float64)
+        # An oscillating response without its trend stands for the whole one, too.
+        median |= {column: values, f"grid_{name}": values}
     clock = protocol.clock.name
     median[f"grid_{clock}"] = predictions[clock].to_numpy()
     solution = protocol.solution(experiment, median)
@@ -76,7 +78,7 @@ def outside(target: Ranges, fitted: Sequence[Ranges]) -> tuple[str, ...]:
 
 
 def _range(low: float, high: float, factor: float) -> str:
-    low_text, high_text = (number(float(f"{end / factor:.3g}")) for end in (low, high))
+    low_text, high_text = (number(float(f"{end / factor:.4g}")) for end in (low, high))
     if low == 0:
         return f"up to {high_text}"
     return low_text if low_text == high_text else f"{low_text} to {high_text}"

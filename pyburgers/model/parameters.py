@@ -177,6 +177,78 @@ VARIANT_PARAMETERS: tuple[Parameter, ...] = (
         standard=1.0,
     ),
     Parameter(
+        "relaxation_time_decades",
+        r"\delta_\tau",
+        "width of the band of relaxation times in decades",
+        "dimensionless",
+        "1",
+        "1",
+        standard=0.0,
+    ),
+    Parameter(
+        "relaxation_exponent",
+        r"\alpha",
+        "exponent of the band of relaxation times",
+        "dimensionless",
+        "1",
+        "1",
+        standard=0.5,
+    ),
+    Parameter(
+        "peak_strength",
+        r"\Delta_P",
+        "relaxation strength of the peak",
+        "dimensionless",
+        "1",
+        "1",
+        standard=0.0,
+    ),
+    Parameter(
+        "peak_time_decades",
+        r"\delta_P",
+        "decades from the peak to the longest relaxation time",
+        "dimensionless",
+        "1",
+        "1",
+        standard=0.0,
+    ),
+    Parameter(
+        "peak_width",
+        r"\sigma_P",
+        "width of the peak in ln(relaxation time)",
+        "dimensionless",
+        "1",
+        "1",
+        standard=1.0,
+    ),
+    Parameter(
+        "andrade_exponent",
+        r"a",
+        "exponent of Andrade creep",
+        "dimensionless",
+        "1",
+        "1",
+        standard=0.0,
+    ),
+    Parameter(
+        "kelvin_grain_size_exponent",
+        r"m_K",
+        "grain size exponent of relaxation times",
+        "dimensionless",
+        "1",
+        "1",
+        standard=0.0,
+    ),
+    Parameter(
+        "kelvin_reference_grain_size",
+        r"d_K",
+        "grain size of the Kelvin viscosity",
+        "length",
+        "m",
+        "um",
+        standard=1e-5,
+    ),
+    Parameter(
         "modulus_temperature_coefficient",
         r"a_E",
         "relative change of the Maxwell modulus with temperature",
@@ -248,10 +320,15 @@ KELVIN_REFERENCES: Mapping[str, str] = MappingProxyType(
 )
 """Where the Kelvin viscosity varies by the first, the second says for what it is given."""
 
+CONSTANTS = frozenset({*KELVIN_REFERENCES.values(), *PIEZOMETER})
+"""Parameters that are never inferred."""
+
 GIVEN_TOGETHER: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         **{name: (reference,) for name, reference in KELVIN_REFERENCES.items()},
         PIEZOMETER[0]: PIEZOMETER[1:],
+        "relaxation_time_decades": ("relaxation_exponent",),
+        "peak_strength": ("peak_time_decades", "peak_width"),
     }
 )
 """Where the first is not left without effect, the others have to be given too."""

@@ -53,6 +53,8 @@ BOUNDED_AWAY_FROM_ZERO = frozenset(
         "critical_strain_grain_size",
         "critical_strain_fabric",
         "breakdown_stress",
+        "relaxation_exponent",
+        "peak_width",
     }
 )
 """Parameters that divide: at zero the model breaks down, so priors may not pile up there.
@@ -73,6 +75,12 @@ LIMITS: Mapping[str, tuple[Literal["lower", "upper"], float, str]] = MappingProx
             1.0,
             "at most 1, the value of an isotropic fabric",
         ),
+        "relaxation_exponent": (
+            "upper",
+            1.0,
+            "at most 1 because the integrals of the band need it",
+        ),
+        "andrade_exponent": ("upper", 1.0, "at most 1, the value of a dashpot"),
     }
 )
 """Bounds of parameters that have some beside their sign, and why."""

@@ -4,7 +4,7 @@
  * Priors, fixed values and `parameter` in the programs have this order. Those of variants have
  * standard values that leave them without effect (docs/variants.md).
  */
-int n_parameters() { return 26; }
+int n_parameters() { return 34; }
 
 int i_maxwell_modulus() { return 1; } // E_M, Pa
 int i_kelvin_modulus() { return 2; } // E_K, Pa
@@ -38,3 +38,13 @@ int i_modulus_temperature_coefficient() { return 23; } // a_E, 1/K; E_M(T) = E_M
 int i_modulus_reference_temperature() { return 24; } // T_E, K, always fixed
 int i_attenuation_scatter() { return 25; } // s_Q, of ln(tan delta)
 int i_modulus_scatter() { return 26; } // s_G, of ln(modulus)
+
+// Of laws of the Kelvin part, physics/relaxation.stan
+int i_relaxation_time_decades() { return 27; } // log10(tau_H/tau_L); 0: one relaxation time
+int i_relaxation_exponent() { return 28; } // alpha of the band
+int i_peak_strength() { return 29; } // Delta_P, over 1/E_M; 0: no peak
+int i_peak_time_decades() { return 30; } // log10(tau_H/tau_P)
+int i_peak_width() { return 31; } // sigma_P, of ln(tau)
+int i_andrade_exponent() { return 32; } // a; 0: the part is no Andrade creep
+int i_kelvin_grain_size_exponent() { return 33; } // m_K, of relaxation times
+int i_kelvin_reference_grain_size() { return 34; } // d_K, m, always fixed

@@ -177,6 +177,78 @@ VARIANT_PARAMETERS: tuple[Parameter, ...] = (
         standard=1.0,
     ),
     Parameter(
+        "modulus_temperature_coefficient",
+        r"a_E",
+        "relative change of the Maxwell modulus with temperature",
+        "inverse temperature",
+        "1/K",
+        "1e-6/K",
+        standard=0.0,
+    ),
+    Parameter(
+        "modulus_reference_temperature",
+        r"T_E",
+        "temperature of the Maxwell modulus",
+        "temperature",
+        "K",
+        "K",
+        standard=300.0,
+    ),
+    Parameter(
+        "attenuation_scatter",
+        r"s_Q",
+        "scatter of ln tan delta",
+        "dimensionless",
+        "1",
+        "1",
+        standard=0.0,
+    ),
+    Parameter(
+        "modulus_scatter",
+        r"s_G",
+        "scatter of ln modulus",
+        "dimensionless",
+        "1",
+        "1",
+        standard=0.0,
+    ),
+    Parameter(
+        "strain_noise",
+        r"s_\epsilon",
+        "strain residual",
+        "strain",
+        "fraction",
+        "percent",
+        standard=1.0,
+    ),
+    Parameter(
+        "residual_correlation_time",
+        r"\tau_r",
+        "correlation time of residuals",
+        "time",
+        "s",
+        "h",
+        standard=0.0,
+    ),
+    Parameter(
+        "strain_offset",
+        r"\epsilon_0",
+        "strain read at zero strain",
+        "strain",
+        "fraction",
+        "percent",
+        standard=0.0,
+    ),
+    Parameter(
+        "apparatus_compliance",
+        r"C",
+        "compliance of the apparatus",
+        "compliance",
+        "1/Pa",
+        "1/GPa",
+        standard=0.0,
+    ),
+    Parameter(
         "relaxation_time_decades",
         r"\delta_\tau",
         "width of the band of relaxation times in decades",
@@ -248,42 +320,6 @@ VARIANT_PARAMETERS: tuple[Parameter, ...] = (
         "um",
         standard=1e-5,
     ),
-    Parameter(
-        "modulus_temperature_coefficient",
-        r"a_E",
-        "relative change of the Maxwell modulus with temperature",
-        "inverse temperature",
-        "1/K",
-        "1e-6/K",
-        standard=0.0,
-    ),
-    Parameter(
-        "modulus_reference_temperature",
-        r"T_E",
-        "temperature of the Maxwell modulus",
-        "temperature",
-        "K",
-        "K",
-        standard=300.0,
-    ),
-    Parameter(
-        "attenuation_scatter",
-        r"s_Q",
-        "scatter of ln tan delta",
-        "dimensionless",
-        "1",
-        "1",
-        standard=0.0,
-    ),
-    Parameter(
-        "modulus_scatter",
-        r"s_G",
-        "scatter of ln modulus",
-        "dimensionless",
-        "1",
-        "1",
-        standard=0.0,
-    ),
 )
 """Parameters of variants (`docs/variants.md`), which a prior file may name."""
 
@@ -302,25 +338,16 @@ PIEZOMETER = (
 )
 """What the piezometer of a material is given by; without a grain size it has none."""
 
-CONSTANTS = frozenset(
-    {
-        "kelvin_reference_stress",
-        "kelvin_reference_temperature",
-        "modulus_reference_temperature",
-        *PIEZOMETER,
-    }
-)
-"""Parameters that are never inferred."""
-
 KELVIN_REFERENCES: Mapping[str, str] = MappingProxyType(
     {
         "kelvin_stress_exponent": "kelvin_reference_stress",
         "kelvin_activation_enthalpy": "kelvin_reference_temperature",
+        "kelvin_grain_size_exponent": "kelvin_reference_grain_size",
     }
 )
 """Where the Kelvin viscosity varies by the first, the second says for what it is given."""
 
-CONSTANTS = frozenset({*KELVIN_REFERENCES.values(), *PIEZOMETER})
+CONSTANTS = frozenset({*KELVIN_REFERENCES.values(), "modulus_reference_temperature", *PIEZOMETER})
 """Parameters that are never inferred."""
 
 GIVEN_TOGETHER: Mapping[str, tuple[str, ...]] = MappingProxyType(

@@ -1,6 +1,5 @@
 """Chain files of a run -> labelled draws: of each test, and of all tests together."""
 
-import json
 import logging
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -74,7 +73,7 @@ def build_posterior(run: RunDirectory, problem: Problem) -> xr.DataTree:
     files = run.draws_files()
     chains = {"chain": list(run.finished_chains())}
     grids = [protocol.prediction_grid(experiment) for experiment in experiments]
-    data = json.loads(run.stan_data_file.read_text(encoding="utf-8"))
+    data = run.read_stan_data()
     fit = read_draws(files)
     logger.info("Solving every draw again at the reference tolerance.")
     data = with_grids(data, experiments, grids)

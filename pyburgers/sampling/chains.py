@@ -14,7 +14,8 @@ from typing import Any, TextIO
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from pyburgers.cmdstan.program import Program, read_draws
+from pyburgers.cmdstan.draw_files import read_draws
+from pyburgers.cmdstan.program import Program
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.processes import Running, cores, side_by_side
 from pyburgers.sampling.options import SamplerOptions

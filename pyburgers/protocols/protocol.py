@@ -36,7 +36,7 @@ FloatArray = npt.NDArray[np.float64]
 
 E = TypeVar("E", bound=Experiment)
 
-NAMES = ("constant_rate", "forced_oscillation")
+NAMES = ("constant_rate", "forced_oscillation", "attenuation")
 """Of all protocols, in files, and of their folders."""
 
 
@@ -212,6 +212,8 @@ class Protocol(ABC, Generic[E]):
         Coordinates other than the plain ones.
     points_together : str or None
         Why single points cannot be left out; None where they can.
+    remedy : str or None
+        What to try where a fit misses the shape; None where it is told from segments and laws.
     figures : tuple of FigureRecipe
         What a page shows of a fit beside the figures of its posterior, the curve first.
     reference_text : Markup
@@ -229,6 +231,7 @@ class Protocol(ABC, Generic[E]):
     solver: ClassVar[SolverOptions] = SolverOptions()
     chart: ClassVar[Chart[Any] | None] = None
     points_together: ClassVar[str | None] = None
+    remedy: ClassVar[str | None] = None
     figures: ClassVar[tuple[FigureRecipe[FittedTest], ...]]
     reference_text: ClassVar[Markup]
 
@@ -285,15 +288,16 @@ class Protocol(ABC, Generic[E]):
     def solution(self, experiment: E, draw: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
         """Return the columns of a solution from the variables of the program and ``grid_CLOCK``.
 
-        They are time_s, strain, stress_Pa, kelvin_strain, grain_size_m and fabric_factor, those of
-        clock and response among them.
+        They are those of clock and response, and time_s, strain, stress_Pa, kelvin_strain,
+        grain_size_m and fabric_factor where the test has them.
         """
 
     @abstractmethod
     def observed_positions(self, experiment: E) -> dict[str, tuple[FloatArray, str]]:
         """Return where the points lie along the test, by quantity, with its SI unit.
 
-        One more, ``reading_error``, is the standard deviation of the response where it is stated.
+        Further ones: ``reading_error``, the standard deviation of the response where it is stated,
+        and ``typical_error``, by which residuals are weighed where it is not and they differ.
         """
 
     @abstractmethod
@@ -317,6 +321,25 @@ class Protocol(ABC, Generic[E]):
         rng : Generator
             Gives the noise.
         """
+
+    def check_priors(self, experiment: E, priors: PriorSet) -> None:
+        """Check that a test can be fitted with priors (`InputError`); most can with any."""
+
+    def place_text(self, along: xr.Dataset, first: int, last: int) -> str:
+        """Return where readings lie, such as ``strain 5.1 to 6 %``.
+
+        Parameters
+        ----------
+        along : Dataset
+            What `observed_positions` gives.
+        first, last : int
+            Of the readings, from 0.
+        """
+        clock = self.clock
+        ends = clock.display_factor * along[clock.name].to_numpy()[[first, last]]
+        start, end = (f"{v:.3g}" for v in ends)
+        span = start if start == end else f"{start} to {end}"
+        return f"{clock.name} {span} {clock.display_unit}"
 
     def peak_test(self, experiment: E) -> PeakTest | None:
         """Return the peak of a test as tables of peak stresses have it, if it has one."""

@@ -1,0 +1,107 @@
+/**
+ * Attenuation and modulus of the circuit under small or large stress cycles, microstructure
+ * frozen: the closed form of docs/model.md, for axial and for shear cycles.
+ *
+ * Parameters are axial. Strain that keeps the volume has three times the axial compliance in
+ * shear, whatever the mechanism; elastic strain has 1/G = 2 (1 + nu)/E, or 1/G = 3/E - 1/(3 K).
+ * A row of `conversion` says which holds: 1/modulus = c_1/E_M - c_2, other compliances times c_3.
+ */
+
+/** Elastic modulus at a temperature, E_M [1 + a_E (T - T_E)]; T of every reading. */
+vector maxwell_modulus_at(vector parameter, data vector temperature) {
+  return parameter[i_maxwell_modulus()]
+         * (1
+            + parameter[i_modulus_temperature_coefficient()]
+              * (temperature - parameter[i_modulus_reference_temperature()]));
+}
+
+/**
+ * ln of the fluidity of the dashpot (axial, 1/(Pa s)) in every reading.
+ *
+ * @param regime of every reading, from 1
+ * @param median_stress, amplitude of every regime, axial equivalents, Pa
+ * @param node_end, node nodes of every regime: columns sine and weight
+ */
+vector log_fluidity(vector parameter, data vector temperature, data real grain_size,
+                    data array[] int regime, data vector median_stress,
+                    data vector amplitude, data array[] int node_end, data matrix node) {
+  vector[num_elements(amplitude)] of_stress;
+  vector[num_elements(temperature)] log_factor;
+  for (r in 1 : num_elements(amplitude)) {
+    array[node_end[r + 1] - node_end[r]] int here = part(node_end, r);
+    of_stress[r] = log_fluidity_of_stress(median_stress[r], amplitude[r],
+                                          parameter[i_stress_exponent()],
+                                          parameter[i_breakdown_stress()], node[here, 1],
+                                          node[here, 2]);
+  }
+  for (i in 1 : num_elements(temperature)) {
+    log_factor[i] = log_rate_factor(parameter[i_activation_enthalpy()], parameter[i_beta()],
+                                    temperature[i]);
+  }
+  return of_stress[regime] + log_factor
+         - parameter[i_grain_size_exponent()] * log(grain_size);
+}
+
+/**
+ * Storage and loss compliance (columns, 1/Pa) of the Kelvin element in every reading.
+ *
+ * @param frequency angular, rad/s
+ * @param constants entries of the parameters that are never inferred
+ */
+matrix kelvin_compliance(vector parameter, data vector constants, data vector frequency,
+                         data vector temperature) {
+  matrix[num_elements(frequency), 2] compliance;
+  for (i in 1 : num_elements(frequency)) {
+    real ratio = frequency[i]
+                 * kelvin_viscosity_at(parameter[i_kelvin_viscosity()],
+                                       parameter[i_kelvin_activation_enthalpy()],
+                                       temperature[i],
+                                       constants[i_kelvin_reference_temperature()])
+                 / parameter[i_kelvin_modulus()];
+    compliance[i, 1] = 1 / (parameter[i_kelvin_modulus()] * (1 + square(ratio)));
+    compliance[i, 2] = ratio * compliance[i, 1];
+  }
+  return compliance;
+}
+
+/**
+ * ln(tan delta), then ln(modulus / Pa), of every reading; the modulus is 1/|J|.
+ *
+ * @param conversion see above
+ * @param log_of_fluidity value of log_fluidity()
+ */
+vector log_tan_delta_and_modulus(vector parameter, data vector constants,
+                                 data vector frequency, data vector temperature,
+                                 data vector conversion, vector log_of_fluidity) {
+  int n = num_elements(frequency);
+  matrix[n, 2] kelvin = kelvin_compliance(parameter, constants, frequency, temperature);
+  vector[n] storage = conversion[1] ./ maxwell_modulus_at(parameter, temperature)
+                      - conversion[2] + conversion[3] * kelvin[ : , 1];
+  vector[n] loss = conversion[3] * (kelvin[ : , 2] + exp(log_of_fluidity) ./ frequency);
+  return append_row(log(loss) - log(storage), -0.5 * log(square(storage) + square(loss)));
+}
+
+/**
+ * Standard deviation of the logarithm of every reading: scatter, and the stated error.
+ *
+ * @param log_reading of the model
+ * @param quantity of each: 1 tan delta, 2 modulus
+ * @param stated_error of tan delta itself, and of ln(modulus)
+ */
+vector reading_spread(vector parameter, vector log_reading, data array[] int quantity,
+                      data vector stated_error) {
+  vector[2] scatter = [parameter[i_attenuation_scatter()], parameter[i_modulus_scatter()]]';
+  vector[num_elements(log_reading)] stated = stated_error;
+  for (i in 1 : num_elements(log_reading)) {
+    if (quantity[i] == 1 && stated_error[i] > 0) {
+      stated[i] = stated_error[i] * exp(-log_reading[i]);
+    }
+  }
+  return sqrt(square(scatter[quantity]) + square(stated));
+}
+
+/** Log density of one reading, or of what it says where it is an upper limit. */
+real log_reading_density(data real observed, data int is_limit, real log_reading, real spread) {
+  return is_limit ? normal_lcdf(observed | log_reading, spread)
+         : normal_lpdf(observed | log_reading, spread);
+}

@@ -73,19 +73,18 @@ model {
                                                  node_end[regime_end[e] + 1 : regime_end[e + 1] + 1],
                                                  node));
       array[point_end[e + 1] - point_end[e]] int points = part(point_end, e);
-      vector[size(points)] modelled = of_rows[reading[points]];
-      vector[size(points)] spread = reading_spread(parameter[e], modelled,
-                                                   quantity_of_point[points],
-                                                   stated_error[points]);
+      vector[2 * size(points)] law = log_reading_law(parameter[e], of_rows[reading[points]],
+                                                     quantity_of_point[points],
+                                                     stated_error[points]);
       for (i in 1 : size(points)) {
         target += log_reading_density(log_reading_observed[points[i]], is_limit[points[i]],
-                                      modelled[i], spread[i]);
+                                      law[i], law[size(points) + i]);
       }
     }
   }
 }
 generated quantities {
-  // What would be read without noise: the limit, where the model lies below one.
+  // What would be read without scatter: the stated error or the limit, where the model lies below.
   vector[n_points] log_reading_model;
   vector[n_points] log_reading_replicated;
   vector[n_points] log_lik;
@@ -115,11 +114,10 @@ generated quantities {
     vector[2 * size(on_grid)] of_grid
       = log_tan_delta_and_modulus(parameter[e], prior_location[e], grid_frequency[on_grid],
                                   grid_temperature[on_grid], conversion[e], grid_log_fluidity);
-    vector[size(points)] modelled = of_rows[reading[points]];
-    vector[size(points)] spread = reading_spread(parameter[e], modelled,
-                                                 quantity_of_point[points],
-                                                 stated_error[points]);
-    vector[size(on_grid)] grid_spread;
+    vector[2 * size(points)] law = log_reading_law(parameter[e], of_rows[reading[points]],
+                                                   quantity_of_point[points],
+                                                   stated_error[points]);
+    vector[2 * size(on_grid)] grid_law;
     for (j in 1 : size(on_grid)) {
       grid_log_reading[on_grid[j]] = of_grid[j + (grid_quantity[on_grid[j]] - 1) * size(on_grid)];
       grid_log_relaxation_time[on_grid[j]]
@@ -131,18 +129,18 @@ generated quantities {
     }
     grid_log_maxwell_time[on_grid]
       = -log(maxwell_modulus_at(parameter[e], grid_temperature[on_grid])) - grid_log_fluidity;
-    grid_spread = reading_spread(parameter[e], grid_log_reading[on_grid],
-                                 grid_quantity[on_grid], grid_stated_error[on_grid]);
+    grid_law = log_reading_law(parameter[e], grid_log_reading[on_grid], grid_quantity[on_grid],
+                               grid_stated_error[on_grid]);
     for (j in 1 : size(on_grid)) {
-      grid_log_reading_replicated[on_grid[j]] = normal_rng(grid_log_reading[on_grid[j]],
-                                                           grid_spread[j]);
+      grid_log_reading_replicated[on_grid[j]] = normal_rng(grid_law[j],
+                                                           grid_law[size(on_grid) + j]);
     }
     for (i in 1 : size(points)) {
       int k = points[i];
-      log_reading_model[k] = fmax(modelled[i], log_limit[k]);
-      log_reading_replicated[k] = fmax(normal_rng(modelled[i], spread[i]), log_limit[k]);
-      log_lik[k] = log_reading_density(log_reading_observed[k], is_limit[k], modelled[i],
-                                       spread[i]);
+      log_reading_model[k] = fmax(law[i], log_limit[k]);
+      log_reading_replicated[k] = fmax(normal_rng(law[i], law[size(points) + i]), log_limit[k]);
+      log_lik[k] = log_reading_density(log_reading_observed[k], is_limit[k], law[i],
+                                       law[size(points) + i]);
     }
     if (use_likelihood) {
       log_density += sum(log_lik[points]);

@@ -82,26 +82,33 @@ vector log_tan_delta_and_modulus(vector parameter, data vector constants,
 }
 
 /**
- * Standard deviation of the logarithm of every reading: scatter, and the stated error.
+ * Centre (first half) and standard deviation (second half) of the logarithms of readings.
+ *
+ * A reading of tan delta = Q with a stated error e is about hypot(Q, e), which is Q unless the
+ * error drowns it, and its logarithm has the error e/hypot(Q, e): near those of |Q + e z| for a
+ * standard normal z. Scatter comes on top. The stated error of a modulus is that of its logarithm.
  *
  * @param log_reading of the model
  * @param quantity of each: 1 tan delta, 2 modulus
  * @param stated_error of tan delta itself, and of ln(modulus)
  */
-vector reading_spread(vector parameter, vector log_reading, data array[] int quantity,
-                      data vector stated_error) {
+vector log_reading_law(vector parameter, vector log_reading, data array[] int quantity,
+                       data vector stated_error) {
+  int n = num_elements(log_reading);
   vector[2] scatter = [parameter[i_attenuation_scatter()], parameter[i_modulus_scatter()]]';
-  vector[num_elements(log_reading)] stated = stated_error;
-  for (i in 1 : num_elements(log_reading)) {
+  vector[n] centre = log_reading;
+  vector[n] stated = stated_error;
+  for (i in 1 : n) {
     if (quantity[i] == 1 && stated_error[i] > 0) {
-      stated[i] = stated_error[i] * exp(-log_reading[i]);
+      centre[i] = 0.5 * log_sum_exp(2 * log_reading[i], 2 * log(stated_error[i]));
+      stated[i] = stated_error[i] * exp(-centre[i]);
     }
   }
-  return sqrt(square(scatter[quantity]) + square(stated));
+  return append_row(centre, sqrt(square(scatter[quantity]) + square(stated)));
 }
 
 /** Log density of one reading, or of what it says where it is an upper limit. */
-real log_reading_density(data real observed, data int is_limit, real log_reading, real spread) {
-  return is_limit ? normal_lcdf(observed | log_reading, spread)
-         : normal_lpdf(observed | log_reading, spread);
+real log_reading_density(data real observed, data int is_limit, real centre, real spread) {
+  return is_limit ? normal_lcdf(observed | centre, spread)
+         : normal_lpdf(observed | centre, spread);
 }

@@ -238,6 +238,7 @@ def test_simulated_readings_have_scatter_and_stated_errors() -> None:
     protocol, rng = protocol_of(twin), np.random.default_rng(1)
     truth = np.append(np.full(36, np.log(0.2)), np.full(36, np.log(5e9)))
     drawn = [protocol.with_noise(twin, truth, twin.true_parameters, rng) for _ in range(200)]
+    truth[:36] = np.log(np.hypot(0.2, 0.004))
     left = np.array([one.response - truth for one in drawn])
     wanted = np.hypot(0.04, 0.004 / 0.2), 0.01
     for part, spread in zip((left[:, :36], left[:, 36:]), wanted, strict=True):

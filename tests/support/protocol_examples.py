@@ -271,13 +271,12 @@ class AttenuationExample(Example[AttenuationExperiment]):
         tan_delta, modulus = attenuation_oracle.log_readings(
             experiment, values, experiment.conditions.period, rows
         )
-        limited = np.maximum(tan_delta, np.log(np.maximum(readings.limit, 1e-300)))
+        error = readings.tan_delta_error
+        centre = np.log(np.hypot(np.exp(tan_delta), error))
+        limited = np.maximum(centre, np.log(np.maximum(readings.limit, 1e-300)))
         np.testing.assert_allclose(response, np.append(limited, modulus), rtol=1e-9)
-        spread = np.hypot(
-            values["attenuation_scatter"], readings.tan_delta_error / np.exp(tan_delta)
-        )
+        law = stats.norm(centre, np.hypot(values["attenuation_scatter"], error / np.exp(centre)))
         observed = np.log(np.maximum(readings.tan_delta, readings.limit))
-        law = stats.norm(tan_delta, spread)
         moduli = stats.norm.logpdf(
             np.log(readings.modulus),
             modulus,

@@ -182,9 +182,12 @@ class Attenuation(Protocol[AttenuationExperiment]):
         readings = experiment.readings
         n = readings.tan_delta.size
         tan_delta, modulus = np.exp(response[:n]), np.exp(response[n:])
+        # As in stan/protocols/attenuation_response.stan.
+        tan_delta = np.hypot(tan_delta, readings.tan_delta_error)
+        relative_error = readings.modulus_error / readings.modulus
         spreads = (
             np.hypot(values.get("attenuation_scatter", 0.0), readings.tan_delta_error / tan_delta),
-            np.hypot(values.get("modulus_scatter", 0.0), readings.modulus_error / modulus),
+            np.hypot(values.get("modulus_scatter", 0.0), relative_error),
         )
         tan_delta, modulus = (
             one * np.exp(spread * rng.standard_normal(one.size))
@@ -194,7 +197,7 @@ class Attenuation(Protocol[AttenuationExperiment]):
             readings,
             tan_delta=tan_delta,
             modulus=modulus,
-            modulus_error=readings.modulus_error * modulus / readings.modulus,
+            modulus_error=relative_error * modulus,
         )
         return replace(experiment, readings=noisy)
 

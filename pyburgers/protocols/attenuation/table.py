@@ -111,7 +111,7 @@ class Readings:
     @property
     def is_limit(self) -> npt.NDArray[np.bool_]:
         """Whether the attenuation of a row is an upper limit, shape (n_rows,)."""
-        return self.tan_delta <= self.limit
+        return (self.limit > 0) & (self.tan_delta <= self.limit)
 
 
 NO_READINGS = Readings(*[np.empty(0)] * 5)

@@ -7,7 +7,6 @@ point whose weights have too heavy a tail (Pareto k above 0.7) is flagged, and c
 earnest: the fit is repeated without it.
 """
 
-import json
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -221,7 +220,7 @@ def _log_likelihood_of(again: Fit, experiment: Experiment) -> FloatArray:
     run = again.directory
     # Only the test is exchanged: the coordinates of the draws are those of the other fit.
     data = {
-        **json.loads(run.stan_data_file.read_text(encoding="utf-8")),
+        **run.read_stan_data(),
         **tests_block(one_test(experiment, again.priors), use_likelihood=True),
         **solver_block(REFERENCE_SOLVER),
     }

@@ -35,6 +35,7 @@ from pyburgers.protocols.problem import Problem, problem_of
 from pyburgers.protocols.protocol import load_experiment
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.chains import ChainFailure, missing_chains
+from pyburgers.sampling.manifest import FitManifest
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run import run_chains, tighten_solver
 from pyburgers.sampling.run_directory import RunDirectory
@@ -259,13 +260,16 @@ class Fit(SampledFit):
         Raises
         ------
         InputError
-            If it is not a run of one or several tests or has no finished chain.
+            If it is not a run of one or several tests, has no finished chain, or a file of it was
+            damaged or has changed.
         """
         run = RunDirectory(Path(path))
-        manifest = run.read_manifest()
-        if "experiments" not in manifest:
+        found = run.read_manifest()
+        if "kind" in found or ("experiments" not in found and run.finished_chains()):
             raise InputError(f"{path}: is not a fit of tests, expected a run of pyburgers fit.")
         run.require_a_chain()
+        manifest = run.read_manifest(FitManifest)
+        run.require_unchanged()
         problem = problem_of(
             [load_experiment(run.test_file(name)) for name in manifest["experiments"]],
             load_priors(run.priors_file),

@@ -212,6 +212,42 @@ VARIANT_PARAMETERS: tuple[Parameter, ...] = (
         "1",
         standard=0.0,
     ),
+    Parameter(
+        "strain_noise",
+        r"s_\epsilon",
+        "strain residual",
+        "strain",
+        "fraction",
+        "percent",
+        standard=1.0,
+    ),
+    Parameter(
+        "residual_correlation_time",
+        r"\tau_r",
+        "correlation time of residuals",
+        "time",
+        "s",
+        "h",
+        standard=0.0,
+    ),
+    Parameter(
+        "strain_offset",
+        r"\epsilon_0",
+        "strain read at zero strain",
+        "strain",
+        "fraction",
+        "percent",
+        standard=0.0,
+    ),
+    Parameter(
+        "apparatus_compliance",
+        r"C",
+        "compliance of the apparatus",
+        "compliance",
+        "1/Pa",
+        "1/GPa",
+        standard=0.0,
+    ),
 )
 """Parameters of variants (`docs/variants.md`), which a prior file may name."""
 

@@ -18,7 +18,7 @@ import xarray as xr
 from scipy.special import logsumexp
 
 from pyburgers.cmdstan.program import Draws
-from pyburgers.common.atomic_files import write_atomically
+from pyburgers.common.atomic_files import sha256_of_file, write_bytes
 from pyburgers.model.parameters import REFERENCE_QUANTITIES, Parameter
 from pyburgers.model.priors import PriorSet
 from pyburgers.sampling.run_directory import RunDirectory
@@ -52,6 +52,9 @@ CORRELATED = "log_likelihood_given_others"
 
 OF_ALL_TESTS = "log_likelihood_of_all_tests"
 """Group of the log likelihood of the data of all tests, which only tests of a joint fit have."""
+
+DRIVING_ERRORS = "driving_errors"
+"""Group of the errors of what drives the tests, which only tests have where these are sampled."""
 
 TESTS = "tests"
 """Group that holds the groups of every test of a joint fit."""
@@ -145,13 +148,17 @@ def keep_posterior(
     if clock is not None:
         for test in tree[TESTS].children.values() if TESTS in tree.children else (tree,):
             test.attrs["clock"] = clock
-    write_atomically(run.posterior_file, lambda path: tree.to_netcdf(path, engine="h5netcdf"))
+    # In memory first: where the disk is full, HDF5 brings the process down.
+    content = bytes(tree.to_netcdf(engine="h5netcdf"))
+    run.update_manifest({"posterior_sha256": None})
+    write_bytes(run.posterior_file, content)
+    run.update_manifest({"posterior_sha256": sha256_of_file(run.posterior_file)})
     return tree
 
 
 def load_posterior(run: RunDirectory) -> xr.DataTree | None:
-    """Labelled draws of a run, or None where they do not cover all finished chains yet."""
-    if not run.posterior_file.is_file():
+    """Labelled draws of a run, or None where they are not complete or lack a finished chain."""
+    if not run.posterior_file.is_file() or run.read_manifest().get("posterior_sha256") is None:
         return None
     with xr.open_datatree(run.posterior_file, engine="h5netcdf") as opened:
         tree = opened.load()
@@ -187,8 +194,16 @@ def free_parameters(posterior: xr.DataTree) -> list[str]:
     return [str(name) for name in dataset.data_vars if not dataset[name].attrs["fixed"]]
 
 
+def sampled_draws(posterior: xr.DataTree) -> xr.Dataset:
+    """Draws of all that was sampled: `free_parameters`, and errors of what drives the tests."""
+    draws = posterior["posterior"].to_dataset()[free_parameters(posterior)]
+    if DRIVING_ERRORS in posterior.children:
+        return draws.merge(posterior[DRIVING_ERRORS].to_dataset())
+    return draws
+
+
 def convergence_table(posterior: xr.DataTree) -> pd.DataFrame:
-    """R-hat and effective sample sizes, a row for each sampled quantity.
+    """R-hat and effective sample sizes, a row for each of `sampled_draws`.
 
     Returns
     -------
@@ -196,7 +211,7 @@ def convergence_table(posterior: xr.DataTree) -> pd.DataFrame:
         Index parameter; columns rhat (NaN of a single chain), ess_bulk, ess_tail (Vehtari et al.
         2021, rank-normalised).
     """
-    draws = posterior["posterior"].to_dataset()[free_parameters(posterior)]
+    draws = sampled_draws(posterior)
     alone = draws.sizes["chain"] == 1
     with np.errstate(invalid="ignore", divide="ignore"):  # draws that never moved
         columns = {

@@ -85,7 +85,13 @@ class Leftover:
     def place(self, first: int, last: int) -> str:
         """Return where readings lie, such as ``strain 5.1 to 6 %``."""
         along = self.group["constant_data"].to_dataset()
-        return self.protocol.place_text(along, first, last)
+        said = self.protocol.place_text(along, first, last)
+        if said is not None:
+            return said
+        clock = self.protocol.clock
+        start, end = (f"{v:.3g}" for v in clock.display_factor * self.position[[first, last]])
+        span = start if start == end else f"{start} to {end}"
+        return f"{clock.name} {span} {clock.display_unit}"
 
 
 @dataclass(frozen=True, eq=False)

@@ -325,21 +325,9 @@ class Protocol(ABC, Generic[E]):
     def check_priors(self, experiment: E, priors: PriorSet) -> None:
         """Check that a test can be fitted with priors (`InputError`); most can with any."""
 
-    def place_text(self, along: xr.Dataset, first: int, last: int) -> str:
-        """Return where readings lie, such as ``strain 5.1 to 6 %``.
-
-        Parameters
-        ----------
-        along : Dataset
-            What `observed_positions` gives.
-        first, last : int
-            Of the readings, from 0.
-        """
-        clock = self.clock
-        ends = clock.display_factor * along[clock.name].to_numpy()[[first, last]]
-        start, end = (f"{v:.3g}" for v in ends)
-        span = start if start == end else f"{start} to {end}"
-        return f"{clock.name} {span} {clock.display_unit}"
+    def place_text(self, along: xr.Dataset, first: int, last: int) -> str | None:
+        """Return where readings lie (two, from 0, of `observed_positions`) if no clock says it."""
+        return None
 
     def peak_test(self, experiment: E) -> PeakTest | None:
         """Return the peak of a test as tables of peak stresses have it, if it has one."""

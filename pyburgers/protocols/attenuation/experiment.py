@@ -210,10 +210,11 @@ def load_attenuation(path: str | Path) -> AttenuationExperiment:
     readings = _readings(path, data, found, n_rows)
     increasing = "period" if periods == "period_column" else "frequency"
     check_table(conditions, readings, order, str(source), increasing)
+    by_period = np.lexsort((conditions.period, conditions.spectrum))
     return AttenuationExperiment(
         **shared_values(path, file),
-        conditions=conditions,
-        readings=readings,
+        conditions=conditions.ordered(by_period),
+        readings=readings.ordered(by_period),
         elasticity=_elasticity(path, file.attenuation),
         notices=tuple(dict.fromkeys([*file.notices, *_notices(conditions, readings)])),
     )

@@ -1,7 +1,7 @@
 """Tables of attenuation and modulus in SI units: conditions of every row, what was read there."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Literal
 
@@ -38,6 +38,10 @@ class Conditions:
     temperature: FloatArray
     median_stress: FloatArray
     amplitude: FloatArray
+
+    def ordered(self, rows: IntArray) -> "Conditions":
+        """Return some rows in their order."""
+        return Conditions(*(getattr(self, column.name)[rows] for column in fields(self)))
 
     @property
     def n_rows(self) -> int:
@@ -107,6 +111,11 @@ class Readings:
     limit: FloatArray
     modulus: FloatArray
     modulus_error: FloatArray
+
+    def ordered(self, rows: IntArray) -> "Readings":
+        """Return some rows in their order."""
+        columns = (getattr(self, column.name) for column in fields(self))
+        return Readings(*(column[rows] if column.size else column for column in columns))
 
     @property
     def is_limit(self) -> npt.NDArray[np.bool_]:

@@ -9,6 +9,7 @@ functions {
 #include physics/parameters.stan
 #include physics/flow_law.stan
 #include physics/kelvin_element.stan
+#include physics/relaxation.stan
 #include physics/stress_cycles.stan
 #include statistics/priors.stan
 #include charts/plain.stan
@@ -65,8 +66,8 @@ model {
       array[row_end[e + 1] - row_end[e]] int here = part(row_end, e);
       array[regime_end[e + 1] - regime_end[e]] int regimes = part(regime_end, e);
       vector[2 * size(here)] of_rows
-        = log_tan_delta_and_modulus(parameter[e], prior_location[e], frequency[here],
-                                    row_temperature[here], conversion[e],
+        = log_tan_delta_and_modulus(parameter[e], frequency[here], row_temperature[here],
+                                    initial_grain_size[e], conversion[e],
                                     log_fluidity(parameter[e], row_temperature[here],
                                                  initial_grain_size[e], regime[here],
                                                  median_stress[regimes], amplitude[regimes],
@@ -92,7 +93,7 @@ generated quantities {
   real log_density = lprior + log_jacobian + log_pooling;
   vector[n_grid] grid_log_reading; // ln(tan delta) or ln(modulus / Pa)
   vector[n_grid] grid_log_reading_replicated;
-  vector[n_grid] grid_log_relaxation_time; // of the Kelvin element, ln s
+  vector[n_grid] grid_log_relaxation_time; // the longest of the Kelvin part, ln s
   vector[n_grid] grid_log_maxwell_time; // 1/(E_M B), ln s
   for (e in 1 : n_tests) {
     array[row_end[e + 1] - row_end[e]] int here = part(row_end, e);
@@ -101,8 +102,8 @@ generated quantities {
     array[grid_end[e + 1] - grid_end[e]] int on_grid = part(grid_end, e);
     array[size(regimes) + 1] int nodes = node_end[regime_end[e] + 1 : regime_end[e + 1] + 1];
     vector[2 * size(here)] of_rows
-      = log_tan_delta_and_modulus(parameter[e], prior_location[e], frequency[here],
-                                  row_temperature[here], conversion[e],
+      = log_tan_delta_and_modulus(parameter[e], frequency[here], row_temperature[here],
+                                  initial_grain_size[e], conversion[e],
                                   log_fluidity(parameter[e], row_temperature[here],
                                                initial_grain_size[e], regime[here],
                                                median_stress[regimes], amplitude[regimes],
@@ -112,21 +113,18 @@ generated quantities {
                      grid_regime[on_grid], median_stress[regimes], amplitude[regimes], nodes,
                      node);
     vector[2 * size(on_grid)] of_grid
-      = log_tan_delta_and_modulus(parameter[e], prior_location[e], grid_frequency[on_grid],
-                                  grid_temperature[on_grid], conversion[e], grid_log_fluidity);
+      = log_tan_delta_and_modulus(parameter[e], grid_frequency[on_grid],
+                                  grid_temperature[on_grid], initial_grain_size[e],
+                                  conversion[e], grid_log_fluidity);
     vector[2 * size(points)] law = log_reading_law(parameter[e], of_rows[reading[points]],
                                                    quantity_of_point[points],
                                                    stated_error[points]);
     vector[2 * size(on_grid)] grid_law;
     for (j in 1 : size(on_grid)) {
       grid_log_reading[on_grid[j]] = of_grid[j + (grid_quantity[on_grid[j]] - 1) * size(on_grid)];
-      grid_log_relaxation_time[on_grid[j]]
-        = log(kelvin_viscosity_at(parameter[e][i_kelvin_viscosity()],
-                                  parameter[e][i_kelvin_activation_enthalpy()],
-                                  grid_temperature[on_grid[j]],
-                                  prior_location[e][i_kelvin_reference_temperature()])
-              / parameter[e][i_kelvin_modulus()]);
     }
+    grid_log_relaxation_time[on_grid]
+      = log_relaxation_times(parameter[e], grid_temperature[on_grid], initial_grain_size[e]);
     grid_log_maxwell_time[on_grid]
       = -log(maxwell_modulus_at(parameter[e], grid_temperature[on_grid])) - grid_log_fluidity;
     grid_law = log_reading_law(parameter[e], grid_log_reading[on_grid], grid_quantity[on_grid],

@@ -42,39 +42,29 @@ vector log_fluidity(vector parameter, data vector temperature, data real grain_s
          - parameter[i_grain_size_exponent()] * log(grain_size);
 }
 
-/**
- * Storage and loss compliance (columns, 1/Pa) of the Kelvin element in every reading.
- *
- * @param frequency angular, rad/s
- * @param constants entries of the parameters that are never inferred
- */
-matrix kelvin_compliance(vector parameter, data vector constants, data vector frequency,
-                         data vector temperature) {
-  matrix[num_elements(frequency), 2] compliance;
-  for (i in 1 : num_elements(frequency)) {
-    real ratio = frequency[i]
-                 * kelvin_viscosity_at(parameter[i_kelvin_viscosity()],
-                                       parameter[i_kelvin_activation_enthalpy()],
-                                       temperature[i],
-                                       constants[i_kelvin_reference_temperature()])
-                 / parameter[i_kelvin_modulus()];
-    compliance[i, 1] = 1 / (parameter[i_kelvin_modulus()] * (1 + square(ratio)));
-    compliance[i, 2] = ratio * compliance[i, 1];
+/** ln of the longest relaxation time of the Kelvin part in every reading, ln s. */
+vector log_relaxation_times(vector parameter, data vector temperature, data real grain_size) {
+  vector[num_elements(temperature)] log_time;
+  for (i in 1 : num_elements(temperature)) {
+    log_time[i] = log_relaxation_time(parameter, temperature[i], grain_size);
   }
-  return compliance;
+  return log_time;
 }
 
 /**
  * ln(tan delta), then ln(modulus / Pa), of every reading; the modulus is 1/|J|.
  *
+ * @param frequency angular, rad/s
  * @param conversion see above
  * @param log_of_fluidity value of log_fluidity()
  */
-vector log_tan_delta_and_modulus(vector parameter, data vector constants,
-                                 data vector frequency, data vector temperature,
+vector log_tan_delta_and_modulus(vector parameter, data vector frequency,
+                                 data vector temperature, data real grain_size,
                                  data vector conversion, vector log_of_fluidity) {
   int n = num_elements(frequency);
-  matrix[n, 2] kelvin = kelvin_compliance(parameter, constants, frequency, temperature);
+  matrix[n, 2] kelvin
+    = kelvin_compliance(log(frequency)
+                        + log_relaxation_times(parameter, temperature, grain_size), parameter);
   vector[n] storage = conversion[1] ./ maxwell_modulus_at(parameter, temperature)
                       - conversion[2] + conversion[3] * kelvin[ : , 1];
   vector[n] loss = conversion[3] * (kelvin[ : , 2] + exp(log_of_fluidity) ./ frequency);

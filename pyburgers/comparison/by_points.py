@@ -23,7 +23,7 @@ from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.comparison.results import Comparison, LeaveOneOut
 from pyburgers.comparison.same_data import check_same_data, stacking_weights, tests_of
 from pyburgers.fitting.fit import Fit, fit
-from pyburgers.posterior.build import GIVEN_OTHERS
+from pyburgers.posterior.groups import GIVEN_OTHERS
 from pyburgers.posterior.labelled_draws import (
     pointwise_log_density,
     relative_efficiency,

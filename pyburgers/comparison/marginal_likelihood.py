@@ -18,7 +18,8 @@ from scipy.optimize import brentq
 from scipy.special import expit
 from scipy.stats import multivariate_normal
 
-from pyburgers.cmdstan.program import ALL_DIGITS, Program, load_program, read_draws
+from pyburgers.cmdstan.draw_files import read_draws
+from pyburgers.cmdstan.program import ALL_DIGITS, Program, load_program
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.comparison.results import LogIntegral
 from pyburgers.fitting.fit import Fit

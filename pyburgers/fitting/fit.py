@@ -25,6 +25,7 @@ from pyburgers.checks.verdicts import Verdict, verdicts, verdicts_record
 from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import nearest
+from pyburgers.fitting.prediction import Prediction, Source, predict_test
 from pyburgers.model.pooling import SEPARATE, pooling_from, pooling_of
 from pyburgers.model.priors import PriorSet, load_priors
 from pyburgers.model.variants import ModelVariant, variant_of
@@ -230,6 +231,26 @@ class Fit(SampledFit):
         """Return a sentence for each test in which prior and data disagree."""
         said = {name: conflict_sentence(found) for name, found in self.influences().items()}
         return tuple(f"{name}: {text}" for name, text in said.items() if text is not None)
+
+    def predict(
+        self,
+        experiment: Experiment,
+        *,
+        draws: int | None = None,
+        separate_from: str | None = None,
+        seed: int = 1,
+    ) -> Prediction:
+        """Say what another test does, from the draws (`pyburgers.fitting.prediction`).
+
+        Parameters
+        ----------
+        experiment, draws, separate_from, seed
+            As for `pyburgers.fitting.prediction.predict_test`, which says what is raised.
+        """
+        found = self.verdicts().values()
+        cautions = tuple(one.sentence for one in found if one.outcome is not Outcome.YES)
+        source = Source(self.problem, self.tests(), self.posterior, cautions)
+        return predict_test(source, experiment, draws=draws, separate_from=separate_from, seed=seed)
 
     def summary(self) -> pd.DataFrame:
         """Posterior table in SI units, of one test with the priors beside it.

@@ -14,7 +14,8 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.checks.fit_checks import CHAIN_CHECKS, CheckResult, run_checks
-from pyburgers.cmdstan.program import Draws, load_program, read_draws
+from pyburgers.cmdstan.draw_files import Draws, read_draws
+from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.atomic_files import write_json
 from pyburgers.common.draws import all_draws

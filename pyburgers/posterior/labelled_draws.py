@@ -17,7 +17,7 @@ import pandas as pd
 import xarray as xr
 from scipy.special import logsumexp
 
-from pyburgers.cmdstan.program import Draws
+from pyburgers.cmdstan.draw_files import Draws
 from pyburgers.common.atomic_files import sha256_of_file, write_bytes
 from pyburgers.model.parameters import REFERENCE_QUANTITIES, Parameter
 from pyburgers.model.priors import PriorSet

@@ -329,6 +329,13 @@ class Protocol(ABC, Generic[E]):
         """Return where readings lie (two, from 0, of `observed_positions`) if no clock says it."""
         return None
 
+    def reading_noise(self, experiment: E, values: Mapping[str, FloatArray]) -> FloatArray:
+        """Return standard deviations of the readings (SI), shape (n_draws, n_points).
+
+        Values are draws of parameters, those of the noise among them, shape (n_draws,).
+        """
+        return np.repeat(values[self.noise][:, np.newaxis], experiment.n_points, axis=1)
+
     def peak_test(self, experiment: E) -> PeakTest | None:
         """Return the peak of a test as tables of peak stresses have it, if it has one."""
         return None

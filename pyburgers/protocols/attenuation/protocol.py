@@ -139,13 +139,7 @@ class Attenuation(Protocol[AttenuationExperiment]):
         place = experiment.position
         period, spectrum, quantity = experiment.conditions.at(place)
         rows = experiment.conditions.first_rows[spectrum]
-        readings = experiment.readings
-        stated = np.concatenate(
-            [
-                readings.tan_delta_error / np.maximum(readings.tan_delta, readings.limit),
-                readings.modulus_error / readings.modulus,
-            ]
-        )
+        stated = _stated_errors(experiment)
         has_errors = stated.size > 0 and bool(np.all(stated > 0))
         return {
             "place": (place, "1"),
@@ -201,6 +195,20 @@ class Attenuation(Protocol[AttenuationExperiment]):
         )
         return replace(experiment, readings=noisy)
 
+    def reading_noise(
+        self, experiment: AttenuationExperiment, values: Mapping[str, FloatArray]
+    ) -> FloatArray:
+        """Return scatter and stated error of the logarithm of every reading together."""
+        n = experiment.readings.tan_delta.size
+        scatter = np.stack(
+            [
+                values["attenuation_scatter" if point < n else "modulus_scatter"]
+                for point in range(experiment.n_points)
+            ],
+            axis=-1,
+        )
+        return np.asarray(np.hypot(scatter, _stated_errors(experiment)))
+
     def facts(self, experiment: AttenuationExperiment) -> Sequence[tuple[str, str]]:
         """Return cycles, stresses, temperatures and number of readings."""
         conditions, readings = experiment.conditions, experiment.readings
@@ -238,6 +246,17 @@ class Attenuation(Protocol[AttenuationExperiment]):
     def tables(self, fit: FittedTest) -> tuple[PageTable, ...]:
         """Return what is left over by temperature."""
         return (rms_table(fit),)
+
+
+def _stated_errors(experiment: AttenuationExperiment) -> FloatArray:
+    """Stated errors of the logarithms of readings, 0 where there are none, shape (n_points,)."""
+    readings = experiment.readings
+    return np.concatenate(
+        [
+            readings.tan_delta_error / np.maximum(readings.tan_delta, readings.limit),
+            readings.modulus_error / readings.modulus,
+        ]
+    )
 
 
 def _range_text(values: FloatArray) -> str:

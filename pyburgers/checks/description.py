@@ -188,6 +188,7 @@ def _tell_segment(leftover: Leftover, family: Family, row: Row) -> Told:
     where = _segment_name(leftover, points)
     x, y = leftover.position[points], leftover.residual[points]
     line = y if x.size < 3 or np.ptp(x) == 0 else np.polyval(np.polyfit(x, y, 1), x)
+    line = line / leftover.weight[points]
     offset = (
         f"a straight line through the residuals of {leftover.name}, {where}, starts "
         f"{_beside(leftover, line[0])} and ends {_beside(leftover, line[-1])}"
@@ -207,10 +208,10 @@ def _tell_largest(leftover: Leftover, family: Family, row: Row) -> Told:
     where = leftover.place(point, point)
     others = np.sqrt(np.mean(np.delete(sizes, point) ** 2)) if sizes.size > 1 else 0.0
     beyond = int(np.sum(sizes > row["at_most"] * others))
+    off = _beside(leftover, leftover.residual[point] / leftover.weight[point])
     far = (
-        f"the reading of {leftover.name} at {where} lies "
-        f"{_beside(leftover, leftover.residual[point])}, {row['found']:.1f} times the root mean "
-        f"square of the others (at most {row['at_most']:.1f} expected of a correct model)"
+        f"the reading of {leftover.name} at {where} lies {off}, {row['found']:.1f} times the root "
+        f"mean square of the others (at most {row['at_most']:.1f} expected of a correct model)"
     )
     if beyond > 1:
         bad = f"{beyond} readings lie too far off: {far}"
@@ -252,7 +253,11 @@ def _sizes(leftover: Leftover) -> dict[str, object]:
     """Share of the variance of the data that is left over, and its size in display units."""
     squares = float((leftover.observed**2).mean())
     data = response_in(leftover.group, "observed_data").to_numpy()
-    variance = float(np.var(data))
+    along = leftover.group["constant_data"].to_dataset()
+    quantity = along["quantity"].to_numpy() if "quantity" in along else np.zeros(data.size)
+    of_quantity = quantity == np.unique(quantity)[:, np.newaxis]
+    mean = (of_quantity * data).sum(axis=1) / of_quantity.sum(axis=1)
+    variance = float(np.mean((leftover.weight * (data - mean @ of_quantity)) ** 2))
     response = leftover.protocol.response
     return {
         "share_of_variance": squares / variance if variance > 0 else np.nan,

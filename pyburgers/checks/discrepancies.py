@@ -63,6 +63,8 @@ class Leftover:
     observed, replicated : array, shape (draws, n)
         Residuals of the data and of replicated ones, SI; where readings have errors of their own,
         over these, times their mean.
+    weight : array, shape (n,)
+        What they are multiplied by for that; 1 where errors do not differ.
     discrepancies : dict of str to (array, array), each of shape (draws,)
         Numbers of the data and of the replicates; large ones speak against the model.
     """
@@ -74,6 +76,7 @@ class Leftover:
     segment: npt.NDArray[np.int64]
     observed: FloatArray
     replicated: FloatArray
+    weight: FloatArray
     discrepancies: dict[str, tuple[FloatArray, FloatArray]] = field(repr=False)
 
     @property
@@ -251,7 +254,7 @@ def _leftover(name: str, group: xr.DataTree) -> Leftover:
     pairs |= {each: (of_data[each], of_replicates[each]) for each in of_data}
     if error is not None:
         pairs[OVER_READING_ERROR] = _over_reading_error(observed / error.mean())
-    return Leftover(name, group, protocol, position, segment, observed, replicated, pairs)
+    return Leftover(name, group, protocol, position, segment, observed, replicated, weight, pairs)
 
 
 def _numbers(

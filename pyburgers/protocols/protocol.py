@@ -297,7 +297,8 @@ class Protocol(ABC, Generic[E]):
         """Return where the points lie along the test, by quantity, with its SI unit.
 
         Further ones: ``reading_error``, the standard deviation of the response where it is stated,
-        and ``typical_error``, by which residuals are weighed where it is not and they differ.
+        and ``typical_error``, by which residuals are weighed where it is not and they differ; and
+        ``quantity``, where readings are of several that do not compare.
         """
 
     @abstractmethod

@@ -14,7 +14,8 @@ from conftest import DUNITE, ICE
 from numpy.polynomial import Polynomial
 from scipy import stats
 
-from pyburgers.protocols.attenuation.experiment import AttenuationExperiment, load_attenuation
+from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
+from pyburgers.protocols.attenuation.files import load_attenuation
 from pyburgers.protocols.constant_rate.experiment import (
     ConstantRateExperiment,
     RateSegment,

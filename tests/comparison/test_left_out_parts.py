@@ -24,13 +24,13 @@ TWIN = load_attenuation(ICE / "attenuation_twin.toml")
 
 
 def log_evidence(table: AttenuationExperiment, truth: Mapping[str, float]) -> float:
-    """Log marginal likelihood where the Kelvin modulus alone is unknown."""
-    prior = default_priors("ice", "attenuation")["kelvin_modulus"].distribution()
-    moduli = truth["kelvin_modulus"] * np.linspace(0.9, 1.1, 401)
+    """Log marginal likelihood where the activation enthalpy alone is unknown."""
+    prior = default_priors("ice", "attenuation")["activation_enthalpy"].distribution()
+    enthalpies = truth["activation_enthalpy"] * np.linspace(0.995, 1.005, 121)
     rows = np.arange(table.conditions.n_rows)
     logarithms = []
-    for modulus in moduli:
-        values = {**truth, "kelvin_modulus": float(modulus)}
+    for enthalpy in enthalpies:
+        values = {**truth, "activation_enthalpy": float(enthalpy)}
         tan_delta, of_modulus = attenuation_oracle.log_readings(
             table, values, table.conditions.period, rows
         )
@@ -39,9 +39,9 @@ def log_evidence(table: AttenuationExperiment, truth: Mapping[str, float]) -> fl
             np.maximum(centre, np.log(np.maximum(table.readings.limit, 1e-300))), of_modulus
         )
         likelihood = AttenuationExample().log_likelihood(table, values, response)
-        logarithms.append(float(np.sum(likelihood) + prior.logpdf(modulus)))
+        logarithms.append(float(np.sum(likelihood) + prior.logpdf(enthalpy)))
     largest = float(logsumexp(logarithms))
-    return largest + float(np.log(trapezoid(np.exp(np.array(logarithms) - largest), moduli)))
+    return largest + float(np.log(trapezoid(np.exp(np.array(logarithms) - largest), enthalpies)))
 
 
 @pytest.mark.usefixtures("programs")
@@ -49,7 +49,7 @@ def test_temperatures_are_left_out_one_by_one(tmp_path: Path) -> None:
     assert TWIN.true_parameters is not None
     truth = dict(TWIN.true_parameters)
     priors = default_priors("ice", "attenuation")
-    known = {name: truth[name] for name in priors.free if name != "kelvin_modulus"}
+    known = {name: truth[name] for name in priors.free if name != "activation_enthalpy"}
     result = fit(
         TWIN,
         with_fixed(priors, known),

@@ -16,6 +16,7 @@ from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 import xarray as xr
 from markupsafe import Markup
 from pydantic import ConfigDict, Field
@@ -36,7 +37,7 @@ FloatArray = npt.NDArray[np.float64]
 
 E = TypeVar("E", bound=Experiment)
 
-NAMES = ("constant_rate", "forced_oscillation")
+NAMES = ("constant_rate", "forced_oscillation", "loading_history")
 """Of all protocols, in files, and of their folders."""
 
 
@@ -197,7 +198,7 @@ class Protocol(ABC, Generic[E]):
     clock : Quantity
         Along which the test is driven and solutions are given.
     response : Quantity
-        What is observed; the program names it in ``NAME_replicated`` and ``grid_NAME``.
+        What is observed; the program names it in ``NAME_model`` and ``NAME_replicated``.
     noise : str
         Parameter that is the standard deviation of its readings.
     reference : Parameter
@@ -231,6 +232,14 @@ class Protocol(ABC, Generic[E]):
     points_together: ClassVar[str | None] = None
     figures: ClassVar[tuple[FigureRecipe[FittedTest], ...]]
     reference_text: ClassVar[Markup]
+
+    @property
+    def read(self) -> tuple[Quantity, ...]:
+        """What is read: of more than one quantity `observed_positions` says of which each point is.
+
+        The program gives the solution of each in ``grid_NAME``.
+        """
+        return (self.response,)
 
     @property
     def program(self) -> Path:
@@ -293,8 +302,40 @@ class Protocol(ABC, Generic[E]):
     def observed_positions(self, experiment: E) -> dict[str, tuple[FloatArray, str]]:
         """Return where the points lie along the test, by quantity, with its SI unit.
 
-        One more, ``reading_error``, is the standard deviation of the response where it is stated.
+        One more, ``reading_error``, is the standard deviation of the response where it is stated,
+        another, ``quantity``, the number in `read` of what is read, where that is several.
         """
+
+    def simulated_positions(self, experiment: E) -> FloatArray:
+        """Return where (SI) a solution has to be given for `response_in`, not decreasing."""
+        return np.unique(experiment.position)
+
+    def response_in(self, experiment: E, solution: pd.DataFrame) -> FloatArray:
+        """Return the response (SI) of every point, shape (n_points,), from a solution.
+
+        Parameters
+        ----------
+        experiment : Experiment
+            Where the points lie.
+        solution : DataFrame
+            At `simulated_positions`, see `pyburgers.protocols.forward.simulate`.
+        """
+        found: FloatArray = np.interp(
+            experiment.position, solution[self.clock.column], solution[self.response.column]
+        )
+        return found
+
+    def priors_of(self, experiments: Sequence[E], priors: PriorSet) -> tuple[PriorSet, ...]:
+        """Return priors for each of some tests, with what their files and readings add.
+
+        Parameters
+        ----------
+        experiments : sequence of Experiment
+            Tests that are fitted together.
+        priors : PriorSet
+            Of all tests.
+        """
+        return tuple(priors for _ in experiments)
 
     @abstractmethod
     def with_noise(

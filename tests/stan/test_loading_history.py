@@ -117,8 +117,8 @@ def test_creep_and_recovery_of_a_linear_body_have_the_closed_form() -> None:
 
 def test_relaxation_of_a_power_law_body_has_the_closed_form() -> None:
     values = ICE | {
-        "kelvin_modulus": 1e16,
-        "kelvin_viscosity": 1e19,
+        "kelvin_modulus": 1e19,
+        "kelvin_viscosity": 1e22,
         "steady_state_grain_size": GRAIN_SIZE,
         "steady_state_fabric_factor": 1.0,
     }
@@ -215,7 +215,7 @@ def test_strains_add_up() -> None:
 
 def test_the_strain_of_a_stress_gives_that_stress_back() -> None:
     """Strain readings so dense that straight lines between them are good to 1e-8 of strain."""
-    load = [leg("stress", 0.0, 10.0, 0.0, 6e5), leg("stress", 10.0, 3010.0, 6e6)]
+    load = [leg("stress", 0.0, 10.0, 0.0, 3e5), leg("stress", 10.0, 3010.0, 3e6)]
     dense = np.union1d(np.geomspace(1e-2, 3e3, 1000), np.linspace(1.0, 3e3, 4000))
     time = [np.linspace(0.0, 10.0, 400), 10.0 + dense]
     stress, strain, *_ = solve(ICE, load, time)

@@ -55,6 +55,7 @@ class LoadingHistory(Experiment):
 
     protocol: ClassVar[str] = "loading_history"
     laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType({})
+    residual_correlation: ClassVar[str] = "residual_correlation_time"
     stages: tuple[Stage, ...]
     time: FloatArray
     reading_stage: IntArray

@@ -210,8 +210,8 @@ def _tell_largest(leftover: Leftover, family: Family, row: Row) -> Told:
     beyond = int(np.sum(sizes > row["at_most"] * others))
     far = (
         f"the reading of {leftover.name} at {where} lies "
-        f"{_beside(leftover, leftover.residual[point], point)}, {row['found']:.1f} times the root mean "
-        f"square of the others (at most {row['at_most']:.1f} expected of a correct model)"
+        f"{_beside(leftover, leftover.residual[point], point)}, {row['found']:.1f} times the root "
+        f"mean square of the others (at most {row['at_most']:.1f} expected of a correct model)"
     )
     if beyond > 1:
         bad = f"{beyond} readings lie too far off: {far}"

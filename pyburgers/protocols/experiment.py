@@ -77,7 +77,9 @@ class Experiment(ABC):
     """
 
     protocol: ClassVar[str]
-    laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType({})
+    laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType(
+        {"kelvin": ("linear", "power_law")}
+    )
     residual_correlation: ClassVar[str] = "residual_correlation_strain"
     id: str
     material: str

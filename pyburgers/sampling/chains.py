@@ -15,8 +15,9 @@ from typing import Any, TextIO
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from pyburgers.cmdstan.program import Program, read_draws
-from pyburgers.common.atomic_files import write_json, write_text
+from pyburgers.cmdstan.draw_files import read_draws
+from pyburgers.cmdstan.program import Program
+from pyburgers.common.atomic_files import write_text
 from pyburgers.common.processes import Running, cores, side_by_side
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run_directory import RunDirectory
@@ -300,8 +301,7 @@ def _keep_chain(run: RunDirectory, one: _Chain, n_draws: int) -> ChainFailure | 
     finished.mkdir()
     (scratch / "draws.csv").rename(finished / "draws.csv")
     running.console.rename(finished / "console.txt")
-    write_json(finished / "timing.json", {"wall_seconds": running.seconds})
-    run.keep_chain(one.identifier, finished)
+    run.keep_chain(one.identifier, finished, wall_seconds=running.seconds)
     shutil.rmtree(scratch)
     return None
 

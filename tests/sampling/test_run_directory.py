@@ -91,7 +91,7 @@ def test_the_same_inputs_may_come_back_and_find_what_was_finished(tmp_path: Path
         for chain in (10, 2):
             folder = run.new_scratch()
             (folder / "draws.csv").write_text(str(chain), encoding="utf-8")
-            run.keep_chain(chain, folder)
+            run.keep_chain(chain, folder, wall_seconds=1.5)
     with run.claimed("abc"):
         assert run.finished_chains() == (2, 10)
         assert run.draws_file(10).read_text(encoding="utf-8") == "10"

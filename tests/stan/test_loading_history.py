@@ -7,6 +7,7 @@ from typing import Any
 import history_oracle
 import numpy as np
 import numpy.typing as npt
+import oracle
 import pytest
 from history_oracle import DASHPOT, KELVIN, PATH, STRAIN, STRESS
 
@@ -87,7 +88,7 @@ def solve(
 
 def viscosity(values: Mapping[str, float]) -> float:
     """Of a linear dashpot, Pa s."""
-    return 1 / history_oracle.oracle.rate_factor(values, TEMPERATURE)
+    return 1 / oracle.rate_factor(values, TEMPERATURE)
 
 
 def test_creep_and_recovery_of_a_linear_body_have_the_closed_form() -> None:
@@ -126,10 +127,7 @@ def test_relaxation_of_a_power_law_body_has_the_closed_form() -> None:
     times = [np.array([1.0]), 1.0 + np.geomspace(1e-2, 1e5 - 1, 60)]
     found = solve(values, legs, times)[0]
     n = values["stress_exponent"]
-    factor = (
-        history_oracle.oracle.rate_factor(values, TEMPERATURE)
-        * GRAIN_SIZE ** -values["grain_size_exponent"]
-    )
+    factor = oracle.rate_factor(values, TEMPERATURE) * GRAIN_SIZE ** -values["grain_size_exponent"]
     expected = (
         8e6 ** (1 - n) + (n - 1) * values["maxwell_modulus"] * factor * (times[1] - 1.0)
     ) ** (1 / (1 - n))
@@ -183,7 +181,7 @@ MATERIALS: Mapping[str, Mapping[str, float]] = {
 def test_random_histories_agree_with_an_independent_solver(material: str) -> None:
     """100 of the standard material: 0.1 % is asked for, much less is found."""
     rng = np.random.default_rng(18)
-    values = ICE | MATERIALS[material]
+    values = {**ICE, **MATERIALS[material]}
     for _ in range(100 if material == "standard" else 8):
         legs, times = random_history(rng)
         found = solve(values, legs, times, tolerance=1e-10)

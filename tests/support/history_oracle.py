@@ -38,11 +38,12 @@ def history(
         duration = leg.end_time - leg.start_time
         since = np.minimum(wanted - leg.start_time, duration)
         solved = solve_ivp(
-            lambda _, y, leg=leg: _rates(y, parameters, leg),
+            _rates,
             (0.0, duration),
             state,
             method="LSODA",
             rtol=1e-11,
+            args=(parameters, leg),
             atol=1e-13 * np.array([1e8, 1, 1, 1, 1, 1e-3, 1]),
             t_eval=(outputs := np.unique(np.append(since, duration))),
         )
@@ -63,7 +64,9 @@ def _deform(state: FloatArray, parameters: Mapping[str, float], path: float) -> 
         state[row] = steady + (state[row] - steady) * np.exp(-path / parameters[critical])
 
 
-def _rates(state: FloatArray, parameters: Mapping[str, float], leg: Leg) -> FloatArray:
+def _rates(
+    _time: float, state: FloatArray, parameters: Mapping[str, float], leg: Leg
+) -> FloatArray:
     """Rates of all states in a leg."""
     stress, grains, fabric = state[STRESS], state[GRAINS], state[FABRIC]
     apparatus = parameters.get("apparatus_compliance", 0.0)

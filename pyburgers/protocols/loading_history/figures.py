@@ -103,8 +103,8 @@ def fitted_curve(fit: FittedTest) -> FittedCurve:
 
 RESPONSE_CAPTION = (
     "The same solutions as the field draws them; lines are posterior medians, areas hold 90 % of "
-    "draws, one colour for each stage. (a) Stress against strain. (b) Strain rate against strain on a "
-    "logarithmic scale: a minimum is where hardening of the Kelvin element ends and softening wins; "
+    "draws, a colour for each stage. (a) Stress against strain. (b) Strain rate against strain on "
+    "a logarithmic scale: a minimum is where the Kelvin element is exhausted and softening wins; "
     "rates of recovery, which run backwards, are drawn dashed. (c) What was read in each stage, "
     "against the time since the stage began on a logarithmic scale, over its value at the end of "
     "the stage: relaxation and transient creep are seen from their first readings on."
@@ -197,7 +197,7 @@ def _main(experiment: LoadingHistory) -> _Shown:
 
 
 def _curve(fit: FittedTest, shown: _Shown) -> FittedCurve:
-    """A quantity along time as read and as a fit has it, in display units."""
+    """Gather a quantity along time as read and as a fit has it, in display units."""
     experiment = loading_history_test(fit)
     unit, seconds = time_unit(experiment)
     predictions = fit.posterior["predictions"].to_dataset()

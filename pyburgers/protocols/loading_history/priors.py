@@ -5,8 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from pyburgers.common.errors import InputError
 from pyburgers.model.parameters import PARAMETER_BY_NAME
-from pyburgers.model.prior_families import Prior, fixed_prior
+from pyburgers.model.prior_families import Prior, fixed_prior, is_fixed_at
 from pyburgers.model.priors import PriorSet, priors_of_freed_parameters
 from pyburgers.model.variants import with_variant
 from pyburgers.protocols.loading_history.experiment import LoadingHistory, Stated
@@ -28,7 +29,18 @@ def priors_of(experiments: Sequence[LoadingHistory], priors: PriorSet) -> tuple[
         Tests with readings.
     priors : PriorSet
         Of all of them.
+
+    Raises
+    ------
+    InputError
+        If residuals are to correlate along strain.
     """
+    for experiment in experiments:
+        if not is_fixed_at(priors["residual_correlation_strain"], 0.0):
+            raise InputError(
+                f"{experiment.id}: residuals of a loading history correlate in time, found a prior "
+                "of residual_correlation_strain, expected one of residual_correlation_time."
+            )
     reads_strain = any(e.response_is_strain.any() for e in experiments)
     reads_stress = any((~e.response_is_strain).any() for e in experiments)
     return tuple(
@@ -65,7 +77,7 @@ def _of_file(priors: PriorSet, experiment: LoadingHistory) -> PriorSet:
 
 
 def _stated_prior(name: str, stated: Stated) -> Prior:
-    """Normal prior of a number that a file states, cut at zero where it cannot be negative."""
+    """Return the normal prior of a stated number, cut at zero where it cannot be negative."""
     parameter, source = PARAMETER_BY_NAME[name], "stated with the test"
     if stated.sd == 0:
         return fixed_prior(parameter, stated.value, source)

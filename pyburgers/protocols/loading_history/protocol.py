@@ -56,8 +56,9 @@ class LoadingHistoryProtocol(Protocol[LoadingHistory]):
     target_acceptance = 0.9
     figures = LOADING_HISTORY_FIGURES
     reference_text = Markup(
-        "The reference flow rate <i>ε̇</i><sub>0</sub>, at which the undeformed material flows under "
-        "the largest stress of the test, follows from the other parameters, and so does its prior."
+        "The reference flow rate <i>ε̇</i><sub>0</sub>, at which the undeformed material flows "
+        "under the largest stress of the test, follows from the other parameters, and so does its "
+        "prior."
     )
 
     load = staticmethod(load_loading_history)
@@ -169,7 +170,7 @@ class LoadingHistoryProtocol(Protocol[LoadingHistory]):
 
 
 def _time_grid(experiment: LoadingHistory, shape: FloatArray) -> FloatArray:
-    """Times spread in the same way over every stage, from its start to its end: both count.
+    """Spread times in the same way over every stage, from its start to its end: both count.
 
     The start of a later stage is so the second of two equal times, behind a jump of the stress.
     """
@@ -184,7 +185,7 @@ def _time_grid(experiment: LoadingHistory, shape: FloatArray) -> FloatArray:
 def _draw_residuals(
     experiment: LoadingHistory, values: Mapping[str, float], rng: np.random.Generator
 ) -> FloatArray:
-    """Residuals (Pa or fraction), shape (n_points,), as `stan/statistics/residuals.stan` has them."""
+    """Residuals (Pa or fraction), shape (n_points,), as `stan/statistics/residuals.stan` says."""
     is_strain, n = experiment.response_is_strain, experiment.n_points
     noise = np.where(is_strain, values.get("strain_noise", 0.0), values["stress_noise"])
     correlation_time = values.get("residual_correlation_time", 0.0)

@@ -134,7 +134,7 @@ def _times_in_legs(
     times: Sequence[FloatArray],
     places: Sequence[IntArray],
 ) -> tuple[list[float], list[int]]:
-    """Times since the start of their leg over its duration, and their number in each leg."""
+    """Return times since the start of their leg over its duration, and their number in each."""
     shares: list[float] = []
     counts: list[int] = []
     for experiment, time, place in zip(experiments, times, places, strict=True):

@@ -40,7 +40,6 @@ FloatArray = npt.NDArray[np.float64]
 RecordProperty = Callable[[str, object], None]
 pytestmark = pytest.mark.usefixtures("programs")
 
-TIGHT = SolverOptions(tolerance=1e-11, max_num_steps=1_000_000)
 COLUMNS = ["time_s", "strain", "stress_Pa", "kelvin_strain", "grain_size_m", "fabric_factor"]
 
 
@@ -169,7 +168,9 @@ def program_in(experiment: Experiment, system: str, folder: Path) -> tuple[Progr
         reference, centre = protocol.chart.reference(test)
         # Whatever the covariance, the posterior is the same.
         reference = protocol.chart.rescaled(reference, test, 0.04 * np.eye(centre.size))
-    data = one_test_data(experiment, test.priors, solver=TIGHT, reference=reference)
+    data = one_test_data(
+        experiment, test.priors, solver=EXAMPLES[experiment.protocol].tight, reference=reference
+    )
     return program_with(protocol.program, data, folder), np.append(centre, test.mode.driving_error)
 
 

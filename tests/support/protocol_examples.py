@@ -30,6 +30,7 @@ from pyburgers.protocols.forced_oscillation.preparation import Background, prepa
 from pyburgers.protocols.forced_oscillation.stan_data import START_MARGIN
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.loading_history.stan_data import leg_of_times
+from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.options import SamplerOptions
 
 FloatArray = npt.NDArray[np.float64]
@@ -58,6 +59,8 @@ class Example(ABC, Generic[E]):
         Of a fit in earnest.
     certain : tuple of str or None
         Parameters whose truth a fit in earnest has inside its central 95 %; None for all.
+    tight : SolverOptions
+        With which densities are compared.
     divergences : int
         Draws of a fit in earnest that may diverge.
     """
@@ -69,6 +72,7 @@ class Example(ABC, Generic[E]):
     few: ClassVar[tuple[str, ...]]
     options: ClassVar[SamplerOptions]
     certain: ClassVar[tuple[str, ...] | None] = None
+    tight: ClassVar[SolverOptions] = SolverOptions(tolerance=1e-11, max_num_steps=1_000_000)
     divergences: ClassVar[int] = 0
 
     @abstractmethod
@@ -235,6 +239,8 @@ class LoadingHistoryExample(Example[LoadingHistory]):
         }
     )
     few = ("kelvin_modulus", "activation_enthalpy", "stress_noise")
+    # Readings of strain are good to a thousandth of the whole.
+    tight = SolverOptions(tolerance=1e-13, max_num_steps=1_000_000)
     options = SamplerOptions(chains=4, draws=1000, seed=20261122)
 
     def load(self, name: str) -> LoadingHistory:

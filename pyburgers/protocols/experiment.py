@@ -19,7 +19,7 @@ import numpy.typing as npt
 from pydantic import Field
 
 from pyburgers.common.errors import InputError
-from pyburgers.common.toml_files import Table, nearest, write_toml
+from pyburgers.common.toml_files import NAME, Table, nearest, write_toml
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 
 FloatArray = npt.NDArray[np.float64]
@@ -60,6 +60,8 @@ class Experiment(ABC):
         (`pyburgers.model.variants.CHOICES`): any of a part that is not named. A constant as well.
     parts_name : str
         What the parts of a test are, in the plural. A constant as well.
+    residual_correlation : str
+        Parameter along which residuals may correlate: over strain or over time. A constant as well.
     id, material : str
         Sample and material; the material names the default priors.
     temperature : float
@@ -81,6 +83,7 @@ class Experiment(ABC):
         {"kelvin": ("linear", "power_law")}
     )
     parts_name: ClassVar[str] = "parts"
+    residual_correlation: ClassVar[str] = "residual_correlation_strain"
     id: str
     material: str
     temperature: float
@@ -232,10 +235,10 @@ def write_experiment(experiment: Experiment, directory: Path, own: Mapping[str, 
 
 def _check_conditions(path: Path, file: ExperimentFile) -> None:
     """Check everything that needs no data file."""
-    if not re.fullmatch(r"[A-Za-z0-9._-]+", file.id):
+    if not re.fullmatch(NAME, file.id):
         raise InputError(
-            f"{path}: key 'id': found {file.id!r}, expected letters, digits, '.', '_' or '-', "
-            "because it names files."
+            f"{path}: key 'id': found {file.id!r}, expected at most 100 letters, digits, '.', '_' "
+            "or '-', the first a letter, digit or '_', because it names files."
         )
     if not 50 <= file.temperature_K <= 3000:
         hint = "; it looks like degrees Celsius, add 273.15" if file.temperature_K < 50 else ""

@@ -11,6 +11,7 @@ from markupsafe import Markup
 
 from pyburgers.common.errors import InputError
 from pyburgers.drawing.page_parts import PageTable
+from pyburgers.model.display import Quantity
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.model.prior_families import is_fixed_at
 from pyburgers.model.priors import PriorSet
@@ -23,7 +24,7 @@ from pyburgers.protocols.attenuation.stan_data import (
     tests_block,
 )
 from pyburgers.protocols.attenuation.table import MODULUS, NO_READINGS
-from pyburgers.protocols.protocol import FittedTest, Protocol, Quantity
+from pyburgers.protocols.protocol import FittedTest, Protocol
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -74,6 +75,14 @@ class Attenuation(Protocol[AttenuationExperiment]):
     tests_block = staticmethod(tests_block)
     grid_block = staticmethod(grid_block)
     curve = staticmethod(fitted_curve)
+
+    @property
+    def read(self) -> tuple[Quantity, ...]:
+        """Attenuation and modulus, both as logarithms."""
+        return (
+            replace(self.response, display_unit="in ln tan δ"),
+            replace(self.response, display_unit="in ln modulus"),
+        )
 
     def check_priors(self, experiment: AttenuationExperiment, priors: PriorSet) -> None:
         """Ask for what the likelihood and a dashpot without known stress need.

@@ -11,6 +11,7 @@ from pyburgers.cmdstan.draw_files import Draws
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.draws import all_draws, evenly_spaced
 from pyburgers.common.errors import InputError, SamplingError
+from pyburgers.model.display import unit_text
 from pyburgers.model.parameters import PARAMETER_BY_NAME, PROGRAM_PARAMETERS, STANDARD_VALUES
 from pyburgers.model.prior_families import Prior, fixed_prior
 from pyburgers.model.priors import PriorSet
@@ -30,7 +31,17 @@ FloatArray = npt.NDArray[np.float64]
 BOX_MARGIN = 0.5
 """Range of a parameter's draws by which the bounds of its coordinate lie outside them."""
 
-RESIDUAL_CORRELATION = ("residual_correlation_strain", "residual_correlated_share")
+RESIDUAL_CORRELATION = (
+    "residual_correlation_strain",
+    "residual_correlation_time",
+    "residual_correlated_share",
+)
+
+OF_A_TEST = ("apparatus_compliance", "strain_offset")
+"""Parameters of a test and its apparatus, which say nothing of another one."""
+
+NEGLIGIBLE_NOISE = 1.0
+"""Noise (Pa) of a stress that has none: programs want some."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,6 +145,8 @@ def predict_test(
     rng = np.random.default_rng(seed)
     protocol = protocol_of(experiment)
     kept, values, notes = _values(source, draws, separate_from, rng)
+    values = {**values, **_of_the_file(experiment, kept.size, rng)}
+    values, noise_notes = _with_noises(values, source.problem, experiment)
     priors, law_notes = _with_laws(
         _holding(values, source.problem.priors[0]), source.problem, experiment
     )
@@ -148,15 +161,13 @@ def predict_test(
     grid = protocol.prediction_grid(experiment)
     data = program_data(problem, solver=REFERENCE_SOLVER, grids=[grid])
     solved, found = load_program(protocol.program).generate_at(data, "coordinate", rows, seed=seed)
-    drawn, solved = _finite(found, solved, next(iter(protocol.grid_quantities)))
+    drawn, solved = _finite(found, solved, list(protocol.grid_quantities))
     if not solved.any():
         raise SamplingError(
             f"{experiment.id}: no solution at any of {kept.size} draws, expected one; the "
             "conditions of the test may lie too far from those that were fitted."
         )
     posterior = _tree(drawn, kept[solved], values, solved, experiment, priors)
-    noise = PARAMETER_BY_NAME[protocol.noise]
-    scatter = float(posterior["posterior"][protocol.noise].mean()) * noise.display_factor
     prediction = Prediction(
         experiment=experiment,
         priors=priors,
@@ -168,12 +179,7 @@ def predict_test(
             *_beyond(source, experiment, posterior),
             *_unsolved(int(np.sum(~solved)), kept.size),
         ),
-        notes=(
-            *notes,
-            *law_notes,
-            f"New readings scatter by the {noise.label} of the fit, {scatter:.3g} "
-            f"{noise.display_unit} on average.",
-        ),
+        notes=(*notes, *law_notes, *noise_notes),
     )
     posterior.attrs = {
         "title": prediction.title,
@@ -241,6 +247,52 @@ def _of_a_new_test(
     return np.array([plain.value(k, position) for position in real])
 
 
+def _of_the_file(
+    experiment: Experiment, n_draws: int, rng: np.random.Generator
+) -> dict[str, FloatArray]:
+    """Return what belongs to a test and its apparatus (SI): as its file states it, or none."""
+    stated = {prior.parameter: prior for prior in protocol_of(experiment).stated_priors(experiment)}
+    return {
+        name: np.array([stated[name].sample(rng) for _ in range(n_draws)])
+        if name in stated
+        else np.full(n_draws, STANDARD_VALUES[name])
+        for name in OF_A_TEST
+    }
+
+
+def _with_noises(
+    values: Mapping[str, FloatArray], fitted: Problem, experiment: Experiment
+) -> tuple[dict[str, FloatArray], list[str]]:
+    """Return values with the noise of new readings: that of the fit, a stated one, or none.
+
+    Raises
+    ------
+    InputError
+        If there are readings whose noise nobody knows.
+    """
+    found, notes = dict(values), []
+    n_draws = len(next(iter(values.values())))
+    for name, stated in protocol_of(experiment).noises(experiment).items():
+        noise = PARAMETER_BY_NAME[name]
+        if name in fitted.free:
+            size, origin = float(values[name].mean()), "of the fit"
+        elif stated is not None:
+            size, origin = stated, "that the file of the test states"
+            found[name] = np.full(n_draws, stated)
+        elif experiment.n_points > 0:
+            raise InputError(
+                f"{experiment.id}: the fit has no {noise.label} and the file states none, expected "
+                "an uncertainty of the readings in [data]."
+            )
+        else:
+            found[name] = np.full(n_draws, STANDARD_VALUES.get(name, NEGLIGIBLE_NOISE))
+            notes.append(f"The fit has no {noise.label}, so that new readings have no noise here.")
+            continue
+        shown = f"{size * noise.display_factor:.3g} {unit_text(noise)}"
+        notes.append(f"New readings scatter by the {noise.label} {origin}, {shown} on average.")
+    return found, notes
+
+
 def _holding(values: Mapping[str, FloatArray], fitted: PriorSet) -> PriorSet:
     """Return bounds around draws, so that every draw has coordinates; what never varies is fixed.
 
@@ -284,26 +336,25 @@ def _with_laws(
             for name in RESIDUAL_CORRELATION
         )
         priors = priors.exchanging(*standard)
-        notes.append("Noise of new readings is independent here, in the fit it is correlated.")
     own = {} if laws.grain_size == "evolving" else {"grain_size": laws.grain_size}
     priors = with_variant(priors, experiment, own)
     here = variant_of(priors, experiment).record()
     notes += [
-        f"The {part.replace('_', ' ')} is {here[part]} in such a test, {law} in the fit."
+        f"{part.replace('_', ' ').capitalize()}: {here[part]} in such a test, {law} in the fit."
         for part, law in laws.record().items()
-        if part != "residuals" and here[part] != law
+        if here[part] != law
     ]
     return priors, notes
 
 
 def _finite(
-    parts: Sequence[Draws], solved: npt.NDArray[np.bool_], response: str
+    parts: Sequence[Draws], solved: npt.NDArray[np.bool_], names: Sequence[str]
 ) -> tuple[Draws, npt.NDArray[np.bool_]]:
-    """Put parts together without draws that have no finite response on the grid."""
+    """Put parts together without draws that are not finite in all of some variables."""
     if not parts:
         return Draws({}, np.empty((1, 0, 0))), solved
     joined = Draws(parts[0].variables, np.concatenate([part.values for part in parts], axis=1))
-    finite = np.isfinite(joined[response][0]).all(axis=-1)
+    finite = np.all([np.isfinite(joined[name][0]).all(axis=-1) for name in names], axis=0)
     solved = solved.copy()
     solved[solved] = finite
     return Draws(joined.variables, joined.values[:, finite]), solved

@@ -28,6 +28,7 @@ from pyburgers.drawing.page_parts import FigureRecipe, PageTable
 from pyburgers.drawing.panels import FittedCurve
 from pyburgers.model.flow_law_prior import PeakTest
 from pyburgers.model.parameters import Parameter
+from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.chart import Chart
 from pyburgers.protocols.experiment import Experiment
@@ -256,6 +257,27 @@ class Protocol(ABC, Generic[E]):
             Gives the noise.
         """
 
+    def stated_priors(self, experiment: E) -> tuple[Prior, ...]:
+        """Return priors of what belongs to a test itself, as far as its file states some."""
+        return ()
+
+    def noises(self, experiment: E) -> Mapping[str, float | None]:
+        """Return the parameters that are noise of readings of a test, and their stated errors."""
+        return {self.noise: None}
+
+    def as_history(self, experiment: E) -> Experiment:
+        """Return a test as a loading history, which can be fitted together with any other.
+
+        Raises
+        ------
+        InputError
+            If it is none.
+        """
+        raise InputError(
+            f"{experiment.id}: a test of the protocol {self.name} cannot be fitted together with "
+            f"tests of other protocols, expected tests of {self.name} alone."
+        )
+
     def reading_noise(self, experiment: E, values: Mapping[str, FloatArray]) -> FloatArray:
         """Return standard deviations of the readings (SI), shape (n_draws, n_points).
 
@@ -316,6 +338,19 @@ class _ProtocolTable(Table):
     model_config = ConfigDict(extra="ignore")
 
     protocol: str = Field(description="the kind of test")
+
+
+def of_one_protocol(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
+    """Return tests as they are, or as loading histories where their protocols differ.
+
+    Raises
+    ------
+    InputError
+        If one of several protocols cannot be a loading history.
+    """
+    if len({experiment.protocol for experiment in experiments}) == 1:
+        return tuple(experiments)
+    return tuple(protocol_of(experiment).as_history(experiment) for experiment in experiments)
 
 
 @cache

@@ -14,9 +14,8 @@ from pyburgers.predictions.other_test_figures import PREDICTION_CAPTION, predict
 from pyburgers.predictions.other_tests import score_sentence, score_table
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.protocol import load_experiment
-from pyburgers.studies.dunite import ONE_RATE
 
-PREDICTED = ("dunite_4581", ONE_RATE)
+PREDICTED = ("dunite_4581", "dunite_4506")
 """Tests of other samples, with grains nine times as large: one with the slower rates, one hotter
 or colder than each that is fitted."""
 

@@ -12,7 +12,8 @@ from protocol_examples import TWIN_FILE
 
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
-from pyburgers.fitting.prediction import Prediction, Source, predict_test
+from pyburgers.fitting.new_test import Source
+from pyburgers.fitting.prediction import Prediction, predict_test
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import PriorSet
 from pyburgers.predictions.other_test_figures import prediction_figure

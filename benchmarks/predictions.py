@@ -3,7 +3,7 @@
 Truths from priors; for each a short constant-rate test with a step of the rate and noise, its fit,
 and the creep test that the same truth gives, predicted from the fit:
 
-    python benchmarks/predictions.py         # 50 twins, about 10 minutes on two cores
+    python benchmarks/predictions.py         # 50 twins, minutes on two idle cores
 """
 
 import argparse
@@ -37,8 +37,7 @@ from pyburgers.sampling.options import SamplerOptions
 EXPLANATION = """# Predicted creep
 
 Written by `python benchmarks/predictions.py`; do not edit. All tests are **synthetic**. Truths come
-from the priors of ice, with the microstructure known (its priors fixed at the truth of PIL40) and
-elements and flow law free. Each gives a constant-rate test of {points} points to {final:g} % strain
+from the priors of ice, with {free} free and the rest known (fixed at the truth of PIL40). Each gives a constant-rate test of {points} points to {final:g} % strain
 with one step of the rate and noise of {noise:g} % of the largest stress. It is fitted ({chains}
 chains of {warmup} + {draws} iterations), and the fit predicts a creep test of the same truth:
 {stress:g} MPa for {time:g} h, then {lower:g} MPa as long. Whether the true strain lies in the bands
@@ -50,17 +49,12 @@ them left out because R-hat was above {rhat:g}.
 `expected` is the range that holds 95 % of such counts if every band had its nominal probability.
 """
 
-FREE = (
-    "maxwell_modulus",
-    "kelvin_modulus",
-    "kelvin_viscosity",
-    "stress_exponent",
-    "activation_enthalpy",
-    "stress_noise",
-)
+FREE = ("kelvin_viscosity", "stress_exponent", "activation_enthalpy", "stress_noise")
+"""As few as let elements and flow law matter, so that many twins can be fitted."""
+
 NOISE = 0.01
 STRESS, LOWER_STRESS, STAGE_TIME = 3e6, 1.5e6, 1800.0
-OPTIONS = SamplerOptions(chains=2, warmup=200, draws=250, parallel_chains=1)
+OPTIONS = SamplerOptions(chains=2, warmup=100, draws=100, parallel_chains=1)
 WORST_RHAT = 1.05
 SHARES = (0.02, 1.0)
 """Of a stage, where its strain is looked at."""
@@ -73,7 +67,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--runs", type=Path, help="folder that keeps the fits; default: none")
     options = parser.parse_args()
-    template, priors = constant_rate_template(), known_microstructure()
+    template, priors = constant_rate_template(), mostly_known()
     rows, left_out = [], 0
     with tempfile.TemporaryDirectory() as scratch:
         folder = options.runs or Path(scratch)
@@ -93,6 +87,7 @@ def main() -> None:
             rows += hits(fitted, truth)
     table = coverage(pd.DataFrame(rows))
     text = EXPLANATION.format(
+        free=", ".join(PARAMETER_BY_NAME[name].label for name in FREE),
         points=template.n_points,
         final=100 * template.final_strain,
         noise=100 * NOISE,
@@ -114,7 +109,7 @@ def main() -> None:
 def constant_rate_template() -> ConstantRateExperiment:
     """Return a short test with a step of the rate; its stresses do not matter."""
     twin = load_constant_rate(ROOT / "data" / "ice" / "PIL40.toml")
-    strain = np.concatenate([np.geomspace(5e-4, 0.02, 20), np.linspace(0.0205, 0.03, 20)])
+    strain = np.concatenate([np.geomspace(5e-4, 0.02, 10), np.linspace(0.021, 0.03, 6)])
     return replace(
         twin,
         segments=(RateSegment(0.0, 1e-4), RateSegment(0.02, 2e-5)),
@@ -124,8 +119,8 @@ def constant_rate_template() -> ConstantRateExperiment:
     )
 
 
-def known_microstructure() -> PriorSet:
-    """Return the priors of ice with a known microstructure."""
+def mostly_known() -> PriorSet:
+    """Return the priors of ice with all but a few parameters known."""
     twin = load_constant_rate(ROOT / "data" / "ice" / "PIL40.toml")
     assert twin.true_parameters is not None
     fixed = (

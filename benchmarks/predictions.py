@@ -37,12 +37,13 @@ from pyburgers.sampling.options import SamplerOptions
 EXPLANATION = """# Predicted creep
 
 Written by `python benchmarks/predictions.py`; do not edit. All tests are **synthetic**. Truths come
-from the priors of ice, with {free} free and the rest known (fixed at the truth of PIL40). Each gives a constant-rate test of {points} points to {final:g} % strain
-with one step of the rate and noise of {noise:g} % of the largest stress. It is fitted ({chains}
-chains of {warmup} + {draws} iterations), and the fit predicts a creep test of the same truth:
-{stress:g} MPa for {time:g} h, then {lower:g} MPa as long. Whether the true strain lies in the bands
-of the solution is counted at the ends of both stages and early in each, {n} twins, {left_out} of
-them left out because R-hat was above {rhat:g}.
+from the priors of ice, with {free} free
+and the rest known (fixed at the truth of PIL40). Each gives a constant-rate test of {points} points
+to {final:g} % strain with one step of the rate and noise of {noise:g} % of the largest stress. It
+is fitted ({chains} chains of {warmup} + {draws} iterations), and the fit predicts a creep test of
+the same truth: {stress:g} MPa for {time:g} h, then {lower:g} MPa as long. Whether the true strain
+lies in the bands of the solution is counted at the ends of both stages and early in each, {n}
+twins, {left_out} of them left out because R-hat was above {rhat:g}.
 
 {table}
 
@@ -55,7 +56,7 @@ FREE = ("kelvin_viscosity", "stress_exponent", "activation_enthalpy", "stress_no
 NOISE = 0.01
 STRESS, LOWER_STRESS, STAGE_TIME = 3e6, 1.5e6, 1800.0
 OPTIONS = SamplerOptions(chains=2, warmup=100, draws=100, parallel_chains=1)
-WORST_RHAT = 1.05
+WORST_RHAT = 1.1
 SHARES = (0.02, 1.0)
 """Of a stage, where its strain is looked at."""
 

@@ -97,6 +97,10 @@ class Leftover:
 
     def place(self, first: int, last: int) -> str:
         """Return where readings lie, such as ``strain 5.1 to 6 %``."""
+        along = self.group["constant_data"].to_dataset()
+        said = self.protocol.place_text(along, first, last)
+        if said is not None:
+            return said
         clock = self.protocol.clock
         start, end = (f"{v:.3g}" for v in clock.display_factor * self.position[[first, last]])
         span = start if start == end else f"{start} to {end}"
@@ -253,8 +257,9 @@ def _leftover(name: str, group: xr.DataTree) -> Leftover:
         else np.zeros(position.size, dtype=np.int64)
     )
     error = along["reading_error"].to_numpy() if "reading_error" in along else None
+    spread = along["typical_error"].to_numpy() if "typical_error" in along else error
     observed, replicated = (_by_draw(values - model) for values in (data, replicas))
-    weight = _of_one_size(replicated, quantity) if error is None else error.mean() / error
+    weight = _of_one_size(replicated, quantity) if spread is None else spread.mean() / spread
     observed, replicated = observed * weight, replicated * weight
     kinds = np.unique(quantity)
     weight_of = {

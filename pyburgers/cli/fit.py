@@ -19,7 +19,8 @@ from pyburgers.model.pooling import parse_pooling
 from pyburgers.model.priors import PriorSet, default_priors, load_priors, with_flow_law
 from pyburgers.model.variants import parse_choices, with_variant
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.protocol import load_experiment, of_one_protocol
+from pyburgers.protocols.problem import of_one_protocol
+from pyburgers.protocols.protocol import load_experiment
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.report.joint_section import pooling_table, shown_pooling_table
 from pyburgers.report.tables import parameter_table
@@ -84,4 +85,8 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _priors_for(experiment: Experiment, path: Path | None) -> PriorSet:
-    return default_priors(experiment.material) if path is None else load_priors(path)
+    return (
+        default_priors(experiment.material, experiment.protocol)
+        if path is None
+        else load_priors(path)
+    )

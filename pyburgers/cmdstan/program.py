@@ -299,6 +299,7 @@ class Program:
             with closing(side_by_side(starting, at_once=cores())) as looks:
                 for _, ended in looks:
                     for one in ended:
+                        one.require_not_killed()
                         if one.failed:
                             raise SamplingError(
                                 f"Generated quantities failed: {one.console_tail()}"
@@ -365,6 +366,7 @@ class Program:
             output_options=[f"diagnostic_file={folder / TRACE}"],
         )
         running.wait()
+        running.require_not_killed()
         if running.failed and not (tolerated and tolerated in running.printed()):
             raise SamplingError(f"{failure}: {running.console_tail()}")
 

@@ -11,8 +11,9 @@ from pyburgers.common.draws import all_draws
 from pyburgers.drawing.panels import draw_data
 from pyburgers.drawing.style import BLUE, ORANGE, VERMILION, style
 from pyburgers.fitting.prediction import Prediction
+from pyburgers.model.display import Quantity
 from pyburgers.predictions.other_tests import answers, read_quantities
-from pyburgers.protocols.protocol import Quantity, protocol_of
+from pyburgers.protocols.protocol import protocol_of
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -12,9 +12,10 @@ from pyburgers.common.draws import all_draws, evenly_spaced
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import count_points
 from pyburgers.fitting.prediction import Prediction
+from pyburgers.model.display import Quantity
 from pyburgers.posterior.labelled_draws import response_in
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.protocol import Quantity, protocol_of
+from pyburgers.protocols.protocol import protocol_of
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -13,10 +13,9 @@ from pyburgers.model.parameters import Parameter
 from pyburgers.model.pooling import SEPARATE, Pooling
 from pyburgers.model.priors import FLOW_LAW, PriorSet
 from pyburgers.model.variants import check_variant
-from pyburgers.protocols.chart import Mode
-from pyburgers.protocols.coordinates import Layout, PlainCoordinates, layout_of
+from pyburgers.protocols.coordinates import Layout, Mode, PlainCoordinates, layout_of
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.protocol import Protocol, of_one_protocol, protocol_of
+from pyburgers.protocols.protocol import Protocol, protocol_of
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -183,6 +182,19 @@ def problem_of(
     return problem
 
 
+def of_one_protocol(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
+    """Return tests as they are, or as loading histories where their protocols differ.
+
+    Raises
+    ------
+    InputError
+        If one of several protocols cannot be a loading history.
+    """
+    if len({experiment.protocol for experiment in experiments}) == 1:
+        return tuple(experiments)
+    return tuple(protocol_of(experiment).as_history(experiment) for experiment in experiments)
+
+
 def plain_coordinates(experiment: Experiment, priors: PriorSet) -> PlainCoordinates:
     """Choose origin and size of every free parameter and what the reference quantity replaces."""
     protocol = protocol_of(experiment)
@@ -240,6 +252,7 @@ def _check_test(experiment: Experiment, first: Experiment, priors: PriorSet) -> 
             f"{first.material} like {first.id}, because a joint fit is of one material."
         )
     check_variant(priors, experiment)
+    protocol_of(experiment).check_priors(experiment, priors)
     _check_not_in_prior(experiment, priors)
 
 

@@ -6,7 +6,7 @@ from `Protocol`, and its name in `NAMES`.
 
 import typing
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
@@ -26,11 +26,12 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, read_toml
 from pyburgers.drawing.page_parts import FigureRecipe, PageTable
 from pyburgers.drawing.panels import FittedCurve
+from pyburgers.model.display import Quantity
 from pyburgers.model.flow_law_prior import PeakTest
 from pyburgers.model.parameters import Parameter
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet
-from pyburgers.protocols.chart import Chart
+from pyburgers.protocols.coordinates import Layout, Mode, PlainCoordinates
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.stan_data import SolverOptions, StanData
 
@@ -38,36 +39,92 @@ FloatArray = npt.NDArray[np.float64]
 
 E = TypeVar("E", bound=Experiment)
 
-NAMES = ("constant_rate", "forced_oscillation", "loading_history")
+NAMES = ("constant_rate", "forced_oscillation", "loading_history", "attenuation")
 """Of all protocols, in files, and of their folders."""
 
 
-@dataclass(frozen=True)
-class Quantity:
-    """A quantity along which, or of which, tests of a protocol are.
+class ChartUnsuited(Exception):  # noqa: N818 - an outcome with a reason, not an error
+    """A chart does not apply to a test and its priors; the message says why."""
+
+
+@dataclass(frozen=True, eq=False)
+class AtMode(Generic[E]):
+    """A test by itself at its posterior mode, and what a chart may ask its Stan program there.
+
+    Attributes
+    ----------
+    experiment, priors
+        The test and its resolved priors.
+    coordinates : PlainCoordinates
+        What its plain coordinates stand for.
+    mode : Mode
+        The mode.
+    data : dict
+        Data of the program in plain coordinates.
+    solution : callable
+        Receives positions on the clock (SI), returns the solution there
+        (`pyburgers.protocols.program_data.solve`).
+    generated, curvature : callable
+        Receive changed entries of the data; return every variable of the program, and the Hessian
+        of minus the log density by the plain coordinates.
+    """
+
+    experiment: E
+    priors: PriorSet
+    coordinates: PlainCoordinates
+    mode: Mode
+    data: StanData
+    solution: Callable[[FloatArray], dict[str, FloatArray]]
+    generated: Callable[..., dict[str, FloatArray]]
+    curvature: Callable[..., FloatArray]
+
+
+class Chart(ABC, Generic[E]):
+    """Coordinates of a protocol other than the plain ones, set up at the posterior mode.
+
+    Only the speed of a run depends on them, not its result.
 
     Attributes
     ----------
     name : str
-        Name of its dimension or variable in draws.
-    column : str
-        Its column in tables of solutions and points.
-    si_unit, display_unit : str
-        Of stored values, and of figures and tables.
-    display_factor : float
-        From the one to the other.
+        As in the option ``--coordinates`` (`docs/coordinates.md`).
+    curvature_tolerance : float or None
+        Tolerance of the solver for curvatures; None takes that of the run.
+    solved : tuple of str
+        Parameters that every test must have of its own.
     """
 
-    name: str
-    column: str
-    si_unit: str
-    display_unit: str
-    display_factor: float
+    name: ClassVar[str]
+    solved: ClassVar[tuple[str, ...]] = ()
+    curvature_tolerance: ClassVar[float | None] = None
 
-    @property
-    def label(self) -> str:
-        """Name and display unit."""
-        return f"{self.name} ({self.display_unit})"
+    @abstractmethod
+    def reference(self, test: AtMode[E]) -> tuple[Any, FloatArray]:
+        """Set the chart up at the mode of a test.
+
+        Returns
+        -------
+        reference
+            What the chart is set up with.
+        centre : array, shape (n_coordinates,)
+            Where the mode lies in it.
+
+        Raises
+        ------
+        ChartUnsuited
+            If priors or record do not suit.
+        """
+
+    def rescaled(self, reference: Any, test: AtMode[E], covariance: FloatArray) -> Any:
+        """Return the reference, set up further with the posterior's covariance in the chart."""
+        return reference
+
+    @abstractmethod
+    def block(self, references: Sequence[Any], layout: Layout) -> StanData:
+        """Return the data of the chart, given what tests are set up with; none: plain coordinates.
+
+        `pyburgers.protocols.program_data.chart_block` adds what all charts have in common.
+        """
 
 
 class FittedTest(typing.Protocol):
@@ -111,6 +168,8 @@ class Protocol(ABC, Generic[E]):
         Coordinates other than the plain ones.
     points_together : str or None
         Why single points cannot be left out; None where they can.
+    remedy : str or None
+        What to try where a fit misses the shape; None where it is told from segments and laws.
     figures : tuple of FigureRecipe
         What a page shows of a fit beside the figures of its posterior, the curve first.
     reference_text : Markup
@@ -128,6 +187,7 @@ class Protocol(ABC, Generic[E]):
     solver: ClassVar[SolverOptions] = SolverOptions()
     chart: ClassVar[Chart[Any] | None] = None
     points_together: ClassVar[str | None] = None
+    remedy: ClassVar[str | None] = None
     figures: ClassVar[tuple[FigureRecipe[FittedTest], ...]]
     reference_text: ClassVar[Markup]
 
@@ -192,16 +252,17 @@ class Protocol(ABC, Generic[E]):
     def solution(self, experiment: E, draw: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
         """Return the columns of a solution from the variables of the program and ``grid_CLOCK``.
 
-        They are time_s, strain, stress_Pa, kelvin_strain, grain_size_m and fabric_factor, those of
-        clock and response among them.
+        They are those of clock and response, and time_s, strain, stress_Pa, kelvin_strain,
+        grain_size_m and fabric_factor where the test has them.
         """
 
     @abstractmethod
     def observed_positions(self, experiment: E) -> dict[str, tuple[FloatArray, str]]:
         """Return where the points lie along the test, by quantity, with its SI unit.
 
-        One more, ``reading_error``, is the standard deviation of the response where it is stated,
-        another, ``quantity``, the number in `read` of what is read, where that is several.
+        Further ones: ``reading_error``, the standard deviation of the response where it is stated,
+        ``typical_error``, by which residuals are weighed where it is not and they differ, and
+        ``quantity``, the number in `read` of what is read, where that is several.
         """
 
     def simulated_positions(self, experiment: E) -> FloatArray:
@@ -266,28 +327,21 @@ class Protocol(ABC, Generic[E]):
         return {self.noise: None}
 
     def as_history(self, experiment: E) -> Experiment:
-        """Return a test as a loading history, which can be fitted together with any other.
-
-        Raises
-        ------
-        InputError
-            If it is none.
-        """
+        """Return a test as a loading history (`InputError` if it is none), to go with any other."""
         raise InputError(
             f"{experiment.id}: a test of the protocol {self.name} cannot be fitted together with "
             f"tests of other protocols, expected tests of {self.name} alone."
         )
 
-    def reading_noise(self, experiment: E, values: Mapping[str, FloatArray]) -> FloatArray:
-        """Return standard deviations of the readings (SI), shape (n_draws, n_points).
+    def check_priors(self, experiment: E, priors: PriorSet) -> None:
+        """Check that a test can be fitted with priors (`InputError`); most can with any."""
 
-        Parameters
-        ----------
-        experiment : Experiment
-            With data.
-        values : mapping of str to array, shape (n_draws,)
-            Parameters, those of the noise among them.
-        """
+    def place_text(self, along: xr.Dataset, first: int, last: int) -> str | None:
+        """Return where readings lie (two, from 0, of `observed_positions`) if no clock says it."""
+        return None
+
+    def reading_noise(self, experiment: E, values: Mapping[str, FloatArray]) -> FloatArray:
+        """Return standard deviations of readings (SI), (n_draws, n_points), from parameters."""
         return np.repeat(values[self.noise][:, np.newaxis], experiment.n_points, axis=1)
 
     def peak_test(self, experiment: E) -> PeakTest | None:
@@ -340,19 +394,6 @@ class _ProtocolTable(Table):
     protocol: str = Field(description="the kind of test")
 
 
-def of_one_protocol(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
-    """Return tests as they are, or as loading histories where their protocols differ.
-
-    Raises
-    ------
-    InputError
-        If one of several protocols cannot be a loading history.
-    """
-    if len({experiment.protocol for experiment in experiments}) == 1:
-        return tuple(experiments)
-    return tuple(protocol_of(experiment).as_history(experiment) for experiment in experiments)
-
-
 @cache
 def protocols() -> Mapping[str, Protocol[Any]]:
     """Return every protocol by its name."""
@@ -397,16 +438,9 @@ def load_experiment(path: str | Path) -> Experiment:
 
 
 def save_experiment(experiment: Experiment, directory: Path) -> Path:
-    """Write a self-contained copy in SI units.
+    """Write a self-contained copy in SI units into an existing folder.
 
     `load_experiment` reads back exactly equal contents, notices included.
-
-    Parameters
-    ----------
-    experiment : Experiment
-        What to write.
-    directory : Path
-        An existing folder.
 
     Returns
     -------

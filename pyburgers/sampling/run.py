@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 
 from pyburgers.cmdstan.program import Program, load_program
-from pyburgers.cmdstan.toolchain import find_cmdstan, toolchain
+from pyburgers.cmdstan.toolchain import cmdstan_version, compiler_version, find_cmdstan
 from pyburgers.common.atomic_files import (
     sha256_of_file,
     sha256_of_json,
     write_atomically,
     write_json,
 )
-from pyburgers.common.errors import SamplingError
+from pyburgers.common.errors import SamplingError, SystemFailureError, ToolchainError
 from pyburgers.common.toml_files import read_json
 from pyburgers.model.priors import save_priors
 from pyburgers.model.variants import variant_of
@@ -163,6 +163,8 @@ def complete_chains(
     ------
     SamplingError
         If no chain finished, now or before.
+    SystemFailureError
+        If the system ended them all.
     """
     wanted = range(1, options.chains + 1)
     missing = [chain for chain in wanted if chain not in run.finished_chains()]
@@ -182,7 +184,8 @@ def complete_chains(
         }
     )
     if not run.finished_chains():
-        raise SamplingError(f"No chain finished: {failures[0].reason}")
+        kind = SystemFailureError if all(one.by_system for one in failures) else SamplingError
+        raise kind(f"No chain finished: {failures[0].reason}")
     return failures
 
 
@@ -350,10 +353,13 @@ def files_in(folder: Path) -> list[Path]:
 def software_versions() -> dict[str, str | None]:
     """Return the versions of what makes the draws, for manifests."""
     found = find_cmdstan()
-    tools = toolchain(found) if found is not None else None
+    try:
+        compiler = compiler_version()
+    except ToolchainError:
+        compiler = None  # compiled programs run without it
     return {
         "python": platform.python_version(),
         **{package: version(package) for package in PACKAGES},
-        "cmdstan": tools.cmdstan_version if tools else None,
-        "compiler": tools.compiler if tools else None,
+        "cmdstan": None if found is None else cmdstan_version(found),
+        "compiler": compiler,
     }

@@ -244,6 +244,10 @@ class RunDirectory:
 
     def _refuse_others(self, fingerprint: str) -> None:
         """Raise where the directory holds something else; nothing is written."""
+        if len(str(self.path).splitlines()) > 1 or "\0" in str(self.path):
+            raise InputError(
+                f"{str(self.path)!r}: has a line break or a zero byte in its path, expected none."
+            )
         try:
             if self.manifest_file.is_file():
                 found = self.read_manifest().get("fingerprint")

@@ -23,8 +23,7 @@ from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forced_oscillation.experiment import load_forced_oscillation
 from pyburgers.protocols.forward import simulate_data
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
-from pyburgers.protocols.problem import problem_of
-from pyburgers.protocols.protocol import of_one_protocol
+from pyburgers.protocols.problem import of_one_protocol, problem_of
 from pyburgers.report.joint_section import joint_sections
 from pyburgers.report.page import write_report
 from pyburgers.sampling.options import SamplerOptions

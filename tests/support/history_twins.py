@@ -68,6 +68,8 @@ def history_twin(
     solution = history_oracle.history(values, GRAIN_SIZE, legs_of(stages), times)
     stage = np.repeat(np.arange(len(stages)), shape.size)
     is_strain = np.array([s.driven == "stress" for s in stages])[stage]
+    if not is_strain.any():
+        values = {**values, "residual_correlation_time": 0.0}
     exact = np.where(is_strain, solution[history_oracle.STRAIN], solution[history_oracle.STRESS])
     time = np.concatenate(times)
     factor = np.linalg.cholesky(residual_covariance(values, time, stage, is_strain))
@@ -95,12 +97,13 @@ def residual_covariance(
     stage: npt.NDArray[np.int64],
     is_strain: npt.NDArray[np.bool_],
 ) -> FloatArray:
-    """Covariance of the residuals of readings: correlated in time where strain is read at all."""
+    """Covariance of the residuals of readings, which may correlate in time."""
     noise = np.where(is_strain, values.get("strain_noise", 1.0), values["stress_noise"])
     together = np.equal.outer(stage, stage)
-    share = values.get("residual_correlated_share", 1.0) if is_strain.any() else 0.0
+    correlation_time = values.get("residual_correlation_time", 0.0)
+    share = values.get("residual_correlated_share", 1.0) if correlation_time > 0 else 0.0
     since = np.abs(np.subtract.outer(time, time))
-    correlation = share * np.exp(-since / values.get("residual_correlation_time", 1.0))
+    correlation = share * np.exp(-since / (correlation_time or 1.0))
     covariance: FloatArray = np.outer(noise, noise) * (
         together * correlation + (1 - share) * np.eye(time.size)
     )

@@ -20,18 +20,20 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.checks.fit_checks import CheckedDraws, Outcome
-from pyburgers.checks.refits import (
+from pyburgers.checks.refits import refitted_means, refitted_residuals, scale_of
+from pyburgers.checks.residual_numbers import (
     TINY,
-    refitted_means,
-    refitted_residuals,
-    scale_of,
+    autocorrelation,
+    largest_residual,
+    longest_runs,
+    segment_parts,
+    signed_ranks,
 )
 from pyburgers.common.draws import TAIL
 from pyburgers.posterior.labelled_draws import CORRELATED, TESTS, response_in
 from pyburgers.protocols.protocol import Protocol, protocols
 
 FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 LEVEL = 0.003
 """Family probability at which a discrepancy counts. Simulated fits of correct models have it about
@@ -66,9 +68,13 @@ class Leftover:
         Of the readings on the clock (SI), not decreasing.
     segment : array of int, shape (n,)
         Part of the test that each reading belongs to, from 0.
+    quantity : array of int, shape (n,)
+        What each reading is of: number in the protocol's `read`.
     observed : array, shape (draws, n)
         Residuals of the data, SI; where readings have errors of their own, over these, times their
-        mean.
+        mean. Of several quantities each is weighed by what replicates leave over of it.
+    weight : array, shape (n,)
+        What residuals are multiplied by for that; 1 where they do not differ.
     discrepancies : dict of str to (array, array)
         Numbers of the data, shape (draws,), and of replicated data that are fitted as the data
         were, shape (replicates, their draws); large ones speak against the model.
@@ -79,7 +85,9 @@ class Leftover:
     protocol: Protocol[Any]
     position: FloatArray
     segment: npt.NDArray[np.int64]
+    quantity: npt.NDArray[np.int64]
     observed: FloatArray
+    weight: FloatArray
     discrepancies: dict[str, tuple[FloatArray, FloatArray]] = field(repr=False)
 
     @property
@@ -88,8 +96,17 @@ class Leftover:
         mean: FloatArray = self.observed.mean(axis=0)
         return mean
 
+    def size_text(self, size: float, quantity: int) -> str:
+        """Return a size of residuals of a quantity (SI) in its display unit."""
+        read = self.protocol.read[quantity]
+        return f"{size * read.display_factor:.3g} {read.display_unit}"
+
     def place(self, first: int, last: int) -> str:
         """Return where readings lie, such as ``strain 5.1 to 6 %``."""
+        along = self.group["constant_data"].to_dataset()
+        said = self.protocol.place_text(along, first, last)
+        if said is not None:
+            return said
         clock = self.protocol.clock
         start, end = (f"{v:.3g}" for v in clock.display_factor * self.position[[first, last]])
         span = start if start == end else f"{start} to {end}"
@@ -222,29 +239,47 @@ def _leftover(name: str, group: xr.DataTree) -> Leftover:
         for part in ("observed_data", "model_response", "posterior_predictive")
     )
     along = group["constant_data"].to_dataset()
-    protocol = next(p for p in protocols().values() if p.clock.name in group["predictions"].dims)
+    protocol = next(
+        p
+        for p in protocols().values()
+        if p.clock.name in group["predictions"].dims and p.response.name == data.name
+    )
     position = along[protocol.clock.name].to_numpy()
     segment = (
         along["segment"].to_numpy().astype(np.int64)
         if "segment" in along
         else np.zeros(position.size, dtype=np.int64)
     )
+    quantity = (
+        along["quantity"].to_numpy().astype(np.int64)
+        if "quantity" in along
+        else np.zeros(position.size, dtype=np.int64)
+    )
     error = along["reading_error"].to_numpy() if "reading_error" in along else None
-    weight = np.ones(position.size) if error is None else error.mean() / error
-    observed, replicated = (_by_draw(values - model) * weight for values in (data, replicas))
+    spread = along["typical_error"].to_numpy() if "typical_error" in along else error
+    observed, replicated = (_by_draw(values - model) for values in (data, replicas))
+    weight = _of_one_size(replicated, quantity) if spread is None else spread.mean() / spread
+    observed, replicated = observed * weight, replicated * weight
     of_replicas = _by_draw(replicas)
     band = np.quantile(of_replicas, (TAIL, 1.0 - TAIL), axis=0)
     means = refitted_means(observed, replicated, correlated=CORRELATED in group.children)
     band_beside = (band - _by_draw(model).mean(axis=0)) * weight
     refits = _numbers_of_refits(observed, means, segment, position)
-    refits[OUTSIDE] = _outside(means / scale_of(means, observed), band_beside)[:, None]
+    refits[OUTSIDE] = _outside(means / scale_of(means), band_beside)[:, None]
     found = _numbers(observed, segment, position)
     found[OUTSIDE] = np.full(len(observed), _outside(observed.mean(axis=0), band_beside))
     if error is not None:
         found[OVER_READING_ERROR] = np.sqrt(((observed / error.mean()) ** 2).mean(axis=1))
         refits[OVER_READING_ERROR] = _sizes_of_errors(len(means), position.size)
     pairs = {each: (found[each], refits[each]) for each in found}
-    return Leftover(name, group, protocol, position, segment, observed, pairs)
+    return Leftover(name, group, protocol, position, segment, quantity, observed, weight, pairs)
+
+
+def _of_one_size(replicated: FloatArray, quantity: npt.NDArray[np.int64]) -> FloatArray:
+    """Weights of readings, shape (n,), that make residuals of all quantities as large."""
+    sizes = {k: float(np.sqrt((replicated[:, quantity == k] ** 2).mean())) for k in set(quantity)}
+    largest = max(sizes.values())
+    return np.array([largest / max(sizes[k], TINY) for k in quantity])
 
 
 def _numbers_of_refits(
@@ -303,133 +338,3 @@ def _sizes_of_errors(n_replicates: int, n: int) -> FloatArray:
     squares = np.random.default_rng(n).chisquare(n, (n_replicates, 1))
     sizes: FloatArray = READING_ERROR_FACTOR * np.sqrt(squares / n)
     return sizes
-
-
-def autocorrelation(residuals: FloatArray, joined: BoolArray) -> FloatArray:
-    """Lag-1 autocorrelation about zero.
-
-    Parameters
-    ----------
-    residuals : array, shape (..., n)
-        Along the clock.
-    joined : array of bool, shape (n - 1,)
-        Whether a point and the next one are of one segment, and so count as a pair.
-
-    Returns
-    -------
-    array, shape (...,)
-    """
-    pairs = residuals[..., 1:] * residuals[..., :-1]
-    found: FloatArray = pairs @ joined / np.maximum((residuals**2).sum(-1), TINY)
-    return found
-
-
-def signed_ranks(residuals: FloatArray) -> FloatArray:
-    """Rank of the size of each residual, from 1, over the number of residuals, with its sign.
-
-    A few bad readings hold most of the squares and hide how the others go together; no rank is
-    more than 1.7 times the root mean square of all.
-
-    Parameters
-    ----------
-    residuals : array, shape (..., n)
-
-    Returns
-    -------
-    array, shape (..., n)
-    """
-    order = np.abs(residuals).argsort(axis=-1)
-    ranks = np.empty_like(residuals)
-    every = np.arange(1.0, residuals.shape[-1] + 1) / residuals.shape[-1]
-    np.put_along_axis(ranks, order, np.broadcast_to(every, order.shape), axis=-1)
-    return np.copysign(ranks, residuals)
-
-
-def longest_runs(residuals: FloatArray, joined: BoolArray) -> FloatArray:
-    """Length of the longest run of residuals of one sign in one segment.
-
-    Parameters
-    ----------
-    residuals : array, shape (draws, n)
-        Along the clock.
-    joined : array of bool, shape (n - 1,)
-        As for `autocorrelation`.
-
-    Returns
-    -------
-    array, shape (draws,)
-    """
-    positive = residuals > 0
-    run = np.ones(residuals.shape[0])
-    longest = run.copy()
-    for i, together in enumerate(joined, start=1):
-        goes_on = together & (positive[:, i] == positive[:, i - 1])
-        run = np.where(goes_on, run + 1, 1)
-        np.maximum(longest, run, out=longest)
-    return longest
-
-
-def longest_run(residuals: FloatArray, joined: BoolArray) -> tuple[int, int]:
-    """Return the first and the last point, from 0, of the longest run of one sign in one segment.
-
-    Parameters
-    ----------
-    residuals : array, shape (n,)
-        Along the clock.
-    joined : array of bool, shape (n - 1,)
-        As for `autocorrelation`.
-    """
-    ends = np.flatnonzero((np.diff(residuals > 0) != 0) | ~joined) + 1
-    edges = np.concatenate([[0], ends, [residuals.size]])
-    longest = int(np.diff(edges).argmax())
-    return int(edges[longest]), int(edges[longest + 1]) - 1
-
-
-def largest_residual(residuals: FloatArray) -> FloatArray:
-    """Largest residual over the root mean square of the others, shape (draws,)."""
-    squares = residuals**2
-    largest = squares.max(axis=1)
-    others = np.maximum(squares.sum(axis=1) - largest, TINY)
-    found: FloatArray = np.sqrt(largest * max(1, squares.shape[1] - 1) / others)
-    return found
-
-
-def segment_parts(
-    residuals: FloatArray, segment: npt.NDArray[np.int64], position: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """How much of a test's residuals each segment holds, as a straight line and in all.
-
-    Parameters
-    ----------
-    residuals : array, shape (draws, n)
-        Along the clock.
-    segment, position : array, shape (n,)
-        Of the readings.
-
-    Returns
-    -------
-    trend : array, shape (segments, draws)
-        Sum of squares of the straight line through the residuals of the segment, over the mean
-        square of all.
-    spread : array, shape (segments, draws)
-        Mean square of the segment over that of all.
-    """
-    squares = residuals**2
-    mean_square = np.maximum(squares.mean(axis=1), TINY)
-    trend, spread = [], []
-    for one in np.unique(segment):
-        here = segment == one
-        line = _line_basis(position[here])
-        trend.append(((residuals[:, here] @ line) ** 2).sum(axis=1) / mean_square)
-        spread.append(squares[:, here].mean(axis=1) / mean_square)
-    return np.stack(trend), np.stack(spread)
-
-
-def _line_basis(position: FloatArray) -> FloatArray:
-    """Orthonormal columns that span straight lines at positions, shape (n, 1 or 2)."""
-    level: FloatArray = np.full((position.size, 1), position.size**-0.5)
-    slope = position - position.mean()
-    length = np.linalg.norm(slope)
-    if length == 0 or position.size < 3:
-        return level
-    return np.column_stack([level, slope / length])

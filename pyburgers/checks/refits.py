@@ -13,6 +13,8 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
+from pyburgers.checks.residual_numbers import TINY
+
 FloatArray = npt.NDArray[np.float64]
 
 MOST_REPLICATES = 2000
@@ -23,9 +25,6 @@ DRAWS_OF_REFIT = 20
 
 CHUNK = 2_000_000
 """Numbers held at a time."""
-
-TINY = 1e-100
-"""Keeps residuals that are exactly 0 from a division by 0."""
 
 
 def evenly(n_draws: int, wanted: int) -> npt.NDArray[np.int64]:
@@ -48,7 +47,7 @@ def refitted_means(observed: FloatArray, noise: FloatArray, *, correlated: bool)
     noise : array, shape (draws, n)
         Residuals of the replicated data of each draw, at this draw.
     correlated : bool
-        Whether residuals correlate in the model; else V is a multiple of the identity.
+        Whether residuals correlate in the model; else V is diagonal.
 
     Returns
     -------
@@ -57,8 +56,7 @@ def refitted_means(observed: FloatArray, noise: FloatArray, *, correlated: bool)
     mean = observed.mean(axis=0)
     deviation = observed - mean
     away = (noise - deviation)[evenly(len(noise), MOST_REPLICATES)]
-    n = mean.size
-    factor = np.sqrt(max(float(np.mean(noise**2)), TINY)) * np.eye(n)
+    factor = np.diag(np.sqrt(np.maximum(np.mean(noise**2, axis=0), TINY)))
     if correlated:
         factor = np.linalg.cholesky(noise.T @ noise / len(noise) + 1e-6 * factor**2)
     whitened = np.linalg.solve(factor, deviation.T)
@@ -69,15 +67,15 @@ def refitted_means(observed: FloatArray, noise: FloatArray, *, correlated: bool)
     return np.asarray(away - (away - mean) @ gain.T, dtype=np.float64)
 
 
-def scale_of(means: FloatArray, observed: FloatArray) -> FloatArray:
-    """Size of what replicates leave over that of the data, with which noise and widths go.
+def scale_of(means: FloatArray) -> FloatArray:
+    """Size of what each replicate leaves over that of all, with which its noise and widths go.
 
     Returns
     -------
     array, shape (replicates, 1)
     """
-    of_data = np.sqrt(max(float(np.mean(observed.mean(axis=0) ** 2)), TINY))
-    size: FloatArray = np.sqrt(np.mean(means**2, axis=1, keepdims=True)) / of_data
+    squares = np.mean(means**2, axis=1, keepdims=True)
+    size: FloatArray = np.sqrt(squares / max(float(squares.mean()), TINY))
     return size
 
 
@@ -97,7 +95,7 @@ def refitted_residuals(observed: FloatArray, means: FloatArray) -> Iterator[Floa
         All replicates in turn.
     """
     deviation = (observed - observed.mean(axis=0))[evenly(len(observed), DRAWS_OF_REFIT)]
-    scale = scale_of(means, observed)
+    scale = scale_of(means)
     step = max(1, CHUNK // deviation.size)
     for start in range(0, len(means), step):
         part = slice(start, start + step)

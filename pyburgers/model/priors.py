@@ -1,6 +1,7 @@
 """Sets of priors: of all parameters for one material, and their TOML files."""
 
 import importlib.resources
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -31,6 +32,8 @@ from pyburgers.model.prior_families import (
     is_fixed_at,
     load_prior,
 )
+
+logger = logging.getLogger(__name__)
 
 FLOW_LAW = ("stress_exponent", "grain_size_exponent", "activation_enthalpy", "beta")
 """Parameters that a joint prior of the flow law is about."""
@@ -139,6 +142,14 @@ def with_flow_law(priors: PriorSet, flow_law: FlowLawPrior, where: str) -> Prior
     )
 
 
+def note_other_material(priors: PriorSet, material: str) -> None:
+    """Log a note where priors are not of the material of a test."""
+    if priors.material != material:
+        logger.info(
+            f"note: {priors.title!r} are priors of {priors.material}, the data are of {material}."
+        )
+
+
 class PriorFile(Table):
     """Keys that prior files of all kinds share."""
 
@@ -243,20 +254,24 @@ def save_priors(
     write_toml(path, table)
 
 
-def default_priors(material: str) -> PriorSet:
+def default_priors(material: str, protocol: str | None = None) -> PriorSet:
     """Return the priors that come with the package for a material.
 
     Parameters
     ----------
     material : str
         For example ``"ice"``.
+    protocol : str, optional
+        Kind of test that they are for: some kinds have priors of their own, such as of the
+        material's elastic modulus where others see the apparatus.
 
     Raises
     ------
     InputError
         If there are none; the message names the materials that have some.
     """
-    return load_priors(shipped_prior_file(material))
+    own = {} if protocol is None else shipped_prior_files(protocol)
+    return load_priors(own.get(material) or shipped_prior_file(material))
 
 
 def shipped_prior_file(material: str, folder: str = ".", *, of: str = "") -> Path:

@@ -15,7 +15,8 @@ import numpy.typing as npt
 
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import nearest
-from pyburgers.model.parameters import KELVIN_REFERENCES, PARAMETER_BY_NAME, PIEZOMETER
+from pyburgers.model.kelvin_laws import KelvinLaw, changes_for, kelvin_law
+from pyburgers.model.parameters import PARAMETER_BY_NAME, PIEZOMETER
 from pyburgers.model.prior_families import Prior, fixed_prior, is_fixed_at
 from pyburgers.model.priors import PriorSet, priors_of_freed_parameters
 
@@ -46,6 +47,10 @@ class Test(Protocol):
         """Laws that such tests can be fitted with, by part: any of a part that is not named."""
 
     @property
+    def residual_correlation(self) -> str:
+        """Parameter along which residuals may correlate: over strain or over time."""
+
+    @property
     def temperature(self) -> float:
         """Kelvin."""
 
@@ -72,8 +77,9 @@ class ModelVariant:
 
     Attributes
     ----------
-    kelvin : {"linear", "power_law"}
-        Dashpot of the Kelvin element.
+    kelvin : {"linear", "power_law", "extended", "extended_peak", "andrade"}
+        Kelvin element with a linear or power-law dashpot, or a band of relaxation times, one with
+        a peak on top, or Andrade creep (`pyburgers.model.kelvin_laws`).
     maxwell : {"power_law", "linear", "hyperbolic_sine"}
         Dashpot of the Maxwell element.
     grain_size : {"evolving", "constant", "piezometric"}
@@ -82,10 +88,10 @@ class ModelVariant:
     fabric : {"evolving", "constant"}
         Crystal fabric; oscillating tests have a constant one.
     residuals : {"independent", "autocorrelated"}
-        Of the stress, from point to point or along strain.
+        From point to point, or along strain or time.
     """
 
-    kelvin: Literal["linear", "power_law"] = "linear"
+    kelvin: KelvinLaw = "linear"
     maxwell: Literal["power_law", "linear", "hyperbolic_sine"] = "power_law"
     grain_size: Literal["evolving", "constant", "piezometric"] = "evolving"
     fabric: Literal["evolving", "constant"] = "evolving"
@@ -98,7 +104,7 @@ class ModelVariant:
     @property
     def text(self) -> str:
         """Every choice in words."""
-        words = {"kelvin": "Kelvin dashpot", "maxwell": "Maxwell dashpot"}
+        words = {"kelvin": "Kelvin part", "maxwell": "Maxwell dashpot"}
         return ", ".join(
             f"{words.get(part, part)} {choice}".replace("_", " ")
             for part, choice in self.record().items()
@@ -190,15 +196,14 @@ def with_variant(priors: PriorSet, experiment: Test, choices: Mapping[str, str])
 
 def variant_of(priors: PriorSet, experiment: Test) -> ModelVariant:
     """Tell from the priors which laws a fit of an experiment uses."""
-    linear_kelvin = is_fixed_at(priors["kelvin_stress_exponent"], 1.0)
     linear_maxwell = is_fixed_at(priors["stress_exponent"], 1.0)
     has_breakdown = not is_fixed_at(priors["breakdown_stress"], 0.0)
     constant_fabric = not _allows(experiment, "fabric", "evolving") or is_fixed_at(
         priors["steady_state_fabric_factor"], 1.0
     )
-    independent = is_fixed_at(priors["residual_correlation_strain"], 0.0)
+    independent = is_fixed_at(priors[experiment.residual_correlation], 0.0)
     return ModelVariant(
-        kelvin="linear" if linear_kelvin else "power_law",
+        kelvin=kelvin_law(priors.priors, experiment.id),
         maxwell="hyperbolic_sine"
         if has_breakdown
         else ("linear" if linear_maxwell else "power_law"),
@@ -214,12 +219,18 @@ def check_variant(priors: PriorSet, experiment: Test) -> None:
     Raises
     ------
     InputError
-        If residuals are to correlate along strain in an oscillating test, or in full where two
-        points have the same strain, or if the grain size is to follow a piezometer that the
-        material does not have.
+        If the Kelvin part follows a law that tests of the kind cannot be fitted with, if residuals
+        are to correlate along strain in an oscillating test, or in full where two points have the
+        same strain, or if the grain size is to follow a piezometer that the material does not have.
     """
     check_piezometer(priors, experiment)
-    if variant_of(priors, experiment).residuals == "independent":
+    variant = variant_of(priors, experiment)
+    if not _allows(experiment, "kelvin", variant.kelvin):
+        raise InputError(
+            f"{experiment.id}: kelvin={variant.kelvin} is not for tests of the protocol "
+            f"{experiment.protocol}, expected {' or '.join(experiment.laws['kelvin'])}."
+        )
+    if variant.residuals == "independent":
         return
     if not _allows(experiment, "residuals", "autocorrelated"):
         raise InputError(
@@ -272,8 +283,11 @@ def _grain_size_law(
 ) -> Literal["evolving", "constant", "piezometric"]:
     """Tell the law of the grain size.
 
-    Where it may evolve towards a size of its own, it does unless that is the size at the start.
+    Tests of some kinds know a constant one alone. Where it may evolve towards a size of its own, it
+    does unless that is the size at the start.
     """
+    if not _allows(experiment, "grain_size", "piezometric"):
+        return "constant"
     if not _allows(experiment, "grain_size", "evolving"):
         frozen = is_fixed_at(priors["critical_strain_grain_size"], NO_EVOLUTION)
         return "constant" if frozen else "piezometric"
@@ -291,26 +305,14 @@ def _fixed(name: str, value: float, choice: str) -> Prior:
 
 
 def _choose_kelvin(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
-    exponent = "kelvin_stress_exponent"
-    linear = is_fixed_at(priors[exponent], 1.0)
-    if choice == "linear":
-        return priors if linear else priors.exchanging(_fixed(exponent, 1.0, "kelvin=linear"))
-    if not linear:
-        return priors
-    references = {
-        "kelvin_reference_stress": float(
-            f"{REFERENCE_STRESS_SHARE * _largest_stress(experiment):.0e}"
-        ),
-        "kelvin_reference_temperature": experiment.temperature,
-    }
-    return priors.exchanging(
-        priors_of_freed_parameters()[exponent],
-        *(
-            _fixed(name, references[name], "kelvin=power_law")
-            for name in KELVIN_REFERENCES.values()
-            if name not in priors.priors
-        ),
-    )
+    references = {"kelvin_reference_temperature": experiment.temperature}
+    if choice == "power_law":
+        stress = REFERENCE_STRESS_SHARE * _largest_stress(experiment)
+        references["kelvin_reference_stress"] = float(f"{stress:.0e}")
+    else:
+        references["kelvin_reference_grain_size"] = experiment.initial_grain_size
+    freed = priors_of_freed_parameters()
+    return priors.exchanging(*changes_for(choice, priors.priors, freed, references, experiment.id))
 
 
 def _choose_maxwell(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
@@ -386,14 +388,27 @@ def _choose_fabric(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
 
 
 def _choose_residuals(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
-    name = "residual_correlation_strain"
+    """Free the correlation of residuals, or fix it at none.
+
+    The median of a correlation time is a tenth of the time between first and last reading.
+    """
+    name = experiment.residual_correlation
     independent = is_fixed_at(priors[name], 0.0)
+    in_time = name == "residual_correlation_time"
     if choice == "independent":
-        return priors if independent else priors.exchanging(_fixed(name, 0.0, "independent"))
+        # In time residuals correlate unless priors say otherwise.
+        said = not in_time or name in priors.priors
+        return (
+            priors if independent and said else priors.exchanging(_fixed(name, 0.0, "independent"))
+        )
     if not independent:
         return priors
     freed = priors_of_freed_parameters()
-    return priors.exchanging(freed[name], freed["residual_correlated_share"])
+    correlation = freed[name]
+    if in_time and experiment.n_points > 1:
+        tenth = float(f"{0.1 * np.ptp(experiment.position):.0e}")
+        correlation = replace(correlation, location=tenth)
+    return priors.exchanging(correlation, freed["residual_correlated_share"])
 
 
 _CHANGES = MappingProxyType(

@@ -19,16 +19,18 @@ from pyburgers.checks.description import (
 )
 from pyburgers.checks.discrepancies import (
     LEVEL,
-    autocorrelation,
     discrepancies_of,
     family_probability,
+)
+from pyburgers.checks.fit_checks import CheckedDraws, CheckKind, CheckResult, Outcome, run_checks
+from pyburgers.checks.registry import CHECKS
+from pyburgers.checks.residual_numbers import (
+    autocorrelation,
     longest_run,
     longest_runs,
     segment_parts,
     signed_ranks,
 )
-from pyburgers.checks.fit_checks import CheckedDraws, CheckKind, CheckResult, Outcome, run_checks
-from pyburgers.checks.registry import CHECKS
 from pyburgers.checks.verdicts import verdicts_record
 from pyburgers.posterior.labelled_draws import CORRELATED
 
@@ -229,8 +231,8 @@ def test_places_are_told_on_the_clock_of_the_protocol() -> None:
 
 def test_correlated_residuals_pass_where_replicates_are_correlated() -> None:
     rng = np.random.default_rng(2)
-    residual = correlated(rng, 0.8, POINTS)
-    replicated = correlated(rng, 0.8, CHAINS, DRAWS, POINTS)
+    residual = correlated(rng, 0.9, POINTS)
+    replicated = correlated(rng, 0.9, CHAINS, DRAWS, POINTS)
     assert check_residual_trend(draws_of(one=groups(residual))).outcome is Outcome.NO
     assert failed(draws_of(one=groups(residual, replicated))) == {}
 

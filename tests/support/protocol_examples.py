@@ -6,13 +6,18 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, ClassVar, Generic, TypeVar
 
+import attenuation_oracle
+import history_oracle
 import numpy as np
 import numpy.typing as npt
 import oracle
 from conftest import DUNITE, ICE
+from history_twins import history_twin, residual_covariance
 from numpy.polynomial import Polynomial
 from scipy import stats
 
+from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
+from pyburgers.protocols.attenuation.files import load_attenuation
 from pyburgers.protocols.constant_rate.experiment import (
     ConstantRateExperiment,
     RateSegment,
@@ -26,6 +31,9 @@ from pyburgers.protocols.forced_oscillation.experiment import (
 )
 from pyburgers.protocols.forced_oscillation.preparation import Background, prepare
 from pyburgers.protocols.forced_oscillation.stan_data import START_MARGIN
+from pyburgers.protocols.loading_history.experiment import LoadingHistory
+from pyburgers.protocols.loading_history.stan_data import leg_of_times
+from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.options import SamplerOptions
 
 FloatArray = npt.NDArray[np.float64]
@@ -42,6 +50,8 @@ class Example(ABC, Generic[E]):
     ----------
     twins : tuple of str
         Synthetic tests with their truth.
+    columns : tuple of str
+        Of a solution.
     measured : tuple of str
         Tests whose columns are not part of the project.
     quick : tuple of str
@@ -54,17 +64,28 @@ class Example(ABC, Generic[E]):
         Of a fit in earnest.
     certain : tuple of str or None
         Parameters whose truth a fit in earnest has inside its central 95 %; None for all.
+    tight : SolverOptions
+        With which densities are compared.
     divergences : int
         Draws of a fit in earnest that may diverge.
     """
 
     twins: ClassVar[tuple[str, ...]]
+    columns: ClassVar[tuple[str, ...]] = (
+        "time_s",
+        "strain",
+        "stress_Pa",
+        "kelvin_strain",
+        "grain_size_m",
+        "fabric_factor",
+    )
     measured: ClassVar[tuple[str, ...]] = ()
     quick: ClassVar[tuple[str, ...]]
     materials: ClassVar[Mapping[str, Mapping[str, float]]] = MappingProxyType({"truth": {}})
     few: ClassVar[tuple[str, ...]]
     options: ClassVar[SamplerOptions]
     certain: ClassVar[tuple[str, ...] | None] = None
+    tight: ClassVar[SolverOptions] = SolverOptions(tolerance=1e-11, max_num_steps=1_000_000)
     divergences: ClassVar[int] = 0
 
     @abstractmethod
@@ -218,7 +239,110 @@ class ForcedOscillationExample(Example[OscillationExperiment]):
         return found
 
 
+class LoadingHistoryExample(Example[LoadingHistory]):
+    """Creep, loading and unloading, relaxation, and all of it in one test."""
+
+    twins = ("creep", "load and unload", "relaxation", "mixed")
+    quick = ("mixed, short",)
+    materials = MappingProxyType(
+        {
+            "truth": {},
+            "hardening": {"steady_state_fabric_factor": 1.5},
+            "compliant apparatus": {"apparatus_compliance": 2e-10},
+        }
+    )
+    few = ("kelvin_modulus", "activation_enthalpy", "stress_noise")
+    # Readings of strain are good to a thousandth of the whole.
+    tight = SolverOptions(tolerance=1e-13, max_num_steps=1_000_000)
+    options = SamplerOptions(chains=4, draws=1000, seed=20261122)
+
+    def load(self, name: str) -> LoadingHistory:
+        return history_twin("mixed", 16) if name in self.quick else history_twin(name, 100)
+
+    def solution(
+        self, experiment: LoadingHistory, values: Mapping[str, float], at: FloatArray
+    ) -> dict[str, FloatArray]:
+        legs = leg_of_times(experiment, at)
+        state = history_oracle.history(
+            values,
+            experiment.initial_grain_size,
+            experiment.legs,
+            [at[legs == k] for k in range(len(experiment.legs))],
+        )
+        names = ("stress_Pa", "strain", "kelvin_strain", "grain_size_m", "fabric_factor")
+        return dict(zip(names, state[[0, 1, 2, 5, 6]], strict=True))
+
+    def log_likelihood(
+        self, experiment: LoadingHistory, values: Mapping[str, float], response: FloatArray
+    ) -> FloatArray:
+        covariance = residual_covariance(
+            values, experiment.time, experiment.reading_stage, experiment.response_is_strain
+        )
+        factor = np.linalg.cholesky(covariance)
+        scaled = np.linalg.solve(factor, experiment.reading - response)
+        return np.asarray(stats.norm.logpdf(scaled) - np.log(np.diag(factor)))
+
+
+class AttenuationExample(Example[AttenuationExperiment]):
+    """Tables of ice about two median stresses, and of measured olivine."""
+
+    twins = ("ice",)
+    measured = ("A1802",)
+    quick = ("ice",)
+    columns = ("place", "is_modulus", "period_s", "temperature_K", "log_reading")
+    materials = MappingProxyType(
+        {
+            "truth": {},
+            "linear dashpot": {"stress_exponent": 1.0, "beta": -2e-5},
+            "hyperbolic sine": {"breakdown_stress": 1.5e6, "stress_exponent": 2.7},
+        }
+    )
+    few = ("kelvin_modulus", "activation_enthalpy", "attenuation_scatter")
+    options = SamplerOptions(seed=20261120)
+
+    def load(self, name: str) -> AttenuationExperiment:
+        if name == "ice":
+            return load_attenuation(ICE / "attenuation_twin.toml")
+        return load_attenuation(ICE.parent / "olivine" / f"attenuation_{name}.toml")
+
+    def solution(
+        self, experiment: AttenuationExperiment, values: Mapping[str, float], at: FloatArray
+    ) -> dict[str, FloatArray]:
+        period, spectrum, quantity = experiment.conditions.at(at)
+        row = experiment.conditions.first_rows[spectrum]
+        found = attenuation_oracle.log_readings(experiment, values, period, row)
+        return {"log_reading": found[quantity, np.arange(at.size)]}
+
+    def log_likelihood(
+        self,
+        experiment: AttenuationExperiment,
+        values: Mapping[str, float],
+        response: FloatArray,
+    ) -> FloatArray:
+        """The model's readings are the oracle's: those of the program stop at a limit."""
+        readings, rows = experiment.readings, np.arange(experiment.conditions.n_rows)
+        tan_delta, modulus = attenuation_oracle.log_readings(
+            experiment, values, experiment.conditions.period, rows
+        )
+        error = readings.tan_delta_error
+        centre = np.log(np.hypot(np.exp(tan_delta), error))
+        limited = np.maximum(centre, np.log(np.maximum(readings.limit, 1e-300)))
+        np.testing.assert_allclose(response, np.append(limited, modulus), rtol=1e-9)
+        law = stats.norm(centre, np.hypot(values["attenuation_scatter"], error / np.exp(centre)))
+        observed = np.log(np.maximum(readings.tan_delta, readings.limit))
+        moduli = stats.norm.logpdf(
+            np.log(readings.modulus),
+            modulus,
+            np.hypot(values["modulus_scatter"], readings.modulus_error / readings.modulus),
+        )
+        return np.append(
+            np.where(readings.is_limit, law.logcdf(observed), law.logpdf(observed)), moduli
+        )
+
+
 EXAMPLES: Mapping[str, Example[Any]] = {
     "constant_rate": ConstantRateExample(),
     "forced_oscillation": ForcedOscillationExample(),
+    "loading_history": LoadingHistoryExample(),
+    "attenuation": AttenuationExample(),
 }

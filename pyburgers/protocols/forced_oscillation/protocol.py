@@ -9,7 +9,7 @@ import numpy.typing as npt
 from markupsafe import Markup
 
 from pyburgers.drawing.page_parts import PageTable
-from pyburgers.model.display import STRAIN_FACTOR, STRESS_FACTOR, STRESS_UNIT
+from pyburgers.model.display import STRAIN_FACTOR, STRESS_FACTOR, STRESS_UNIT, Quantity
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.protocols.forced_oscillation.experiment import (
     OscillationExperiment,
@@ -31,7 +31,7 @@ from pyburgers.protocols.forced_oscillation.stan_data import (
     reference_origin,
     tests_block,
 )
-from pyburgers.protocols.protocol import FittedTest, Protocol, Quantity
+from pyburgers.protocols.protocol import FittedTest, Protocol
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -145,6 +145,13 @@ class ForcedOscillation(Protocol[OscillationExperiment]):
         settings = template.settings
         prepared = prepare(record, settings, experiment.id)
         return replace(experiment, record=record, settings=settings, prepared=prepared)
+
+    def reading_noise(
+        self, experiment: OscillationExperiment, values: Mapping[str, FloatArray]
+    ) -> FloatArray:
+        """Return what the noise is for each reading, by its stated error."""
+        noise: FloatArray = values[self.noise][:, np.newaxis]
+        return noise * experiment.prepared.relative_uncertainty
 
     def driving_error(
         self, experiment: OscillationExperiment, true: OscillationExperiment

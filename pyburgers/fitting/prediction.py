@@ -1,0 +1,224 @@
+"""What draws of a fit say of another test: its response, solved for every draw."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from pyburgers.cmdstan.draw_files import Draws
+from pyburgers.cmdstan.program import load_program
+from pyburgers.common.errors import InputError, SamplingError
+from pyburgers.fitting.new_test import (
+    Source,
+    holding,
+    of_the_file,
+    values_for,
+    with_laws,
+    with_noises,
+)
+from pyburgers.model.parameters import PROGRAM_PARAMETERS
+from pyburgers.model.priors import PriorSet
+from pyburgers.posterior.groups import drawn_at_points, grid_group, groups_at_points
+from pyburgers.posterior.labelled_draws import label_draws
+from pyburgers.protocols.conditions import conditions, outside
+from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.problem import one_test
+from pyburgers.protocols.program_data import program_data
+from pyburgers.protocols.protocol import protocol_of
+from pyburgers.protocols.stan_data import REFERENCE_SOLVER
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """A test as draws of a fit predict it, to be looked at as a fit is.
+
+    Attributes
+    ----------
+    experiment : Experiment
+        The test.
+    priors : PriorSet
+        Which parameters have a value, and which of them vary between draws; no prior of anything.
+    posterior : DataTree
+        Groups posterior (the parameters of the test, SI) and predictions (along its clock); where
+        the test has data, model_response, posterior_predictive, log_likelihood, observed_data and
+        constant_data as of a fit. One chain; ``fit_draw`` counts the draws of all chains of the
+        fit. The attributes say what `cautions` and `notes` do.
+    fitted_to : str
+        Names of the tests behind the draws, joined.
+    cautions : tuple of str
+        What may make it worthless: verdicts on the fit that are not yes, extrapolation.
+    notes : tuple of str
+        Where parameters and noise come from.
+    """
+
+    experiment: Experiment
+    priors: PriorSet
+    posterior: xr.DataTree
+    fitted_to: str
+    cautions: tuple[str, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def title(self) -> str:
+        """What is predicted from what."""
+        about = f"{self.experiment.id} ({self.experiment.material}"
+        return f"{about}, {self.experiment.temperature:g} K) predicted from {self.fitted_to}"
+
+
+def predict_test(
+    source: Source,
+    experiment: Experiment,
+    *,
+    draws: int | None = None,
+    separate_from: str | None = None,
+    seed: int = 1,
+) -> Prediction:
+    """Solve a test for draws of a fit.
+
+    Parameters
+    ----------
+    source : Source
+        The draws.
+    experiment : Experiment
+        What is driven; without data there are bands and no points.
+    draws : int, optional
+        How many, evenly spaced; default all.
+    separate_from : str, optional
+        Of a joint fit, the test that separate parameters are taken from; default each in turn.
+    seed : int
+        Of noise, and of the values of partially pooled parameters.
+
+    Raises
+    ------
+    InputError
+        If the test is of another material, cannot have the laws of the fit, or `separate_from` is
+        no test of the fit.
+    SamplingError
+        If no draw has a solution.
+    """
+    first = source.problem.experiments[0]
+    if experiment.material != first.material:
+        raise InputError(
+            f"{experiment.id}: is of the material {experiment.material}, expected "
+            f"{first.material} like {first.id}, which the draws are fitted to."
+        )
+    if draws is not None and draws < 1:
+        raise InputError(f"draws: found {draws}, expected at least 1.")
+    rng = np.random.default_rng(seed)
+    protocol = protocol_of(experiment)
+    kept, values, notes = values_for(source, draws, separate_from, rng)
+    values = {**values, **of_the_file(experiment, kept.size, rng)}
+    values, noise_notes = with_noises(values, source.problem, experiment)
+    priors, law_notes = with_laws(
+        holding(values, source.problem.priors[0]), source.problem, experiment
+    )
+    problem = one_test(experiment, priors)
+    (coordinates,) = problem.coordinates
+    rows = np.column_stack(
+        [
+            *(coordinates.of_quantity(k, values[name]) for k, name in enumerate(priors.free)),
+            rng.standard_normal((kept.size, experiment.n_driving_errors)),
+        ]
+    )
+    grid = protocol.prediction_grid(experiment)
+    data = program_data(problem, solver=REFERENCE_SOLVER, grids=[grid])
+    solved, found = load_program(protocol.program).generate_at(data, "coordinate", rows, seed=seed)
+    drawn, solved = _finite(found, solved, list(protocol.grid_quantities))
+    if not solved.any():
+        raise SamplingError(
+            f"{experiment.id}: no solution at any of {kept.size} draws, expected one; the "
+            "conditions of the test may lie too far from those that were fitted."
+        )
+    posterior = _tree(drawn, kept[solved], values, solved, experiment, priors)
+    prediction = Prediction(
+        experiment=experiment,
+        priors=priors,
+        posterior=posterior,
+        fitted_to=source.problem.name,
+        cautions=(
+            *source.cautions,
+            *_fitted_itself(source, experiment),
+            *_beyond(source, experiment, posterior),
+            *_unsolved(int(np.sum(~solved)), kept.size),
+        ),
+        notes=(*notes, *law_notes, *noise_notes),
+    )
+    posterior.attrs = {
+        "title": prediction.title,
+        "experiment": experiment.id,
+        "fitted_to": prediction.fitted_to,
+        "cautions": "\n".join(prediction.cautions),
+        "notes": "\n".join(prediction.notes),
+        "clock": protocol.clock.name,
+    }
+    return prediction
+
+
+def _finite(
+    parts: Sequence[Draws], solved: npt.NDArray[np.bool_], names: Sequence[str]
+) -> tuple[Draws, npt.NDArray[np.bool_]]:
+    """Put parts together without draws that are not finite in all of some variables."""
+    if not parts:
+        return Draws({}, np.empty((1, 0, 0))), solved
+    joined = Draws(parts[0].variables, np.concatenate([part.values for part in parts], axis=1))
+    finite = np.all([np.isfinite(joined[name][0]).all(axis=-1) for name in names], axis=0)
+    solved = solved.copy()
+    solved[solved] = finite
+    return Draws(joined.variables, joined.values[:, finite]), solved
+
+
+def _tree(
+    drawn: Draws,
+    kept: npt.NDArray[np.int64],
+    values: Mapping[str, FloatArray],
+    solved: npt.NDArray[np.bool_],
+    experiment: Experiment,
+    priors: PriorSet,
+) -> xr.DataTree:
+    """Label what was solved as the draws of a fit are."""
+    protocol = protocol_of(experiment)
+    labels = {"chain": [1], "draw": np.arange(kept.size), "fit_draw": ("draw", kept)}
+    fixed = {name: prior.location for name, prior in priors.priors.items() if prior.is_fixed}
+    own = {
+        name: np.full(kept.size, fixed[name]) if name in fixed else values[name][solved]
+        for name in priors.priors
+    }
+    parameters = xr.Dataset(
+        {name: (("chain", "draw"), one[np.newaxis]) for name, one in own.items()}, labels
+    )
+    label_draws(parameters, (p for p in PROGRAM_PARAMETERS if p.name in own), priors)
+    on_grid = drawn.dataset(list(protocol.grid_quantities)).assign_coords(chain=[1])
+    groups = {"posterior": parameters, "predictions": grid_group(on_grid, experiment)}
+    if experiment.n_points > 0:
+        at_points = drawn_at_points(drawn, {"chain": [1]}, protocol.response)
+        groups |= groups_at_points(at_points, experiment)
+    return xr.DataTree.from_dict(groups)
+
+
+def _fitted_itself(source: Source, experiment: Experiment) -> list[str]:
+    """Say whether the data of a test took part in the fit."""
+    fitted = any(
+        experiment.n_points > 0 and np.array_equal(experiment.response, one.response)
+        for one in source.problem.experiments
+    )
+    if not fitted:
+        return []
+    return [f"{experiment.id} is part of the fit, so that its data are no test of the prediction."]
+
+
+def _beyond(source: Source, experiment: Experiment, posterior: xr.DataTree) -> list[str]:
+    """Say where a test leaves the conditions that were fitted."""
+    fitted = [
+        conditions(test.experiment, test.posterior["predictions"].to_dataset())
+        for test in source.tests.values()
+    ]
+    beyond = outside(conditions(experiment, posterior["predictions"].to_dataset()), fitted)
+    return [f"Beyond what was fitted: {'; '.join(beyond)}."] if beyond else []
+
+
+def _unsolved(number: int, total: int) -> list[str]:
+    return [f"{number} of {total} draws have no solution and are left out."] if number else []

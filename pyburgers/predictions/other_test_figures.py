@@ -1,0 +1,94 @@
+"""Figure of what a fit predicts of another test."""
+
+import textwrap
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from pyburgers.common.draws import all_draws
+from pyburgers.drawing.panels import draw_data
+from pyburgers.drawing.style import BLUE, ORANGE, VERMILION, style
+from pyburgers.fitting.prediction import Prediction
+from pyburgers.model.display import Quantity
+from pyburgers.predictions.other_tests import answers, read_quantities
+from pyburgers.protocols.protocol import protocol_of
+
+FloatArray = npt.NDArray[np.float64]
+
+TITLE_WIDTH = 95
+"""Letters in a line above the panel."""
+
+PREDICTION_CAPTION = (
+    "The response of a test that took no part in the fit: predictive median (line), the areas that "
+    "hold 50 % and 90 % of solutions for single draws (dark and light blue), and the band that "
+    "should hold 90 % of new readings, noise of the fit included (orange). Circles, where there "
+    "are some, are the readings of the test."
+)
+
+
+def prediction_figure(prediction: Prediction) -> Figure:
+    """Draw bands of the solution and of new readings, data where the test has some, and cautions.
+
+    Each quantity that the test answers with has a panel. What may make the prediction worthless
+    stands in the title.
+    """
+    shown = answers(prediction)
+    with style():
+        figure = Figure(figsize=(8.0, 1.6 + 3.6 * len(shown)), layout="constrained")
+        panels = figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
+        for axes, quantity in zip(panels, shown, strict=True):
+            _draw(axes, prediction, quantity)
+        said = [
+            line
+            for sentence in (prediction.title, *prediction.cautions)
+            for line in textwrap.wrap(sentence, TITLE_WIDTH)
+        ]
+        figure.suptitle("\n".join(said), fontsize=9, x=0.01, ha="left")
+        panels[0].legend(loc="best")
+        panels[-1].set_xlabel(protocol_of(prediction.experiment).clock.label)
+    return figure
+
+
+def _draw(axes: Axes, prediction: Prediction, quantity: Quantity) -> None:
+    """Draw bands of a quantity, and data where there are some."""
+    experiment = prediction.experiment
+    clock, factor = protocol_of(experiment).clock, quantity.display_factor
+    predictions = prediction.posterior["predictions"].to_dataset()
+    position = predictions[clock.name].to_numpy() * clock.display_factor
+    solved, new = (
+        all_draws(predictions[name]) * factor
+        for name in (quantity.name, f"{quantity.name}_replicated")
+    )
+    _fill(axes, position, new, 90, ORANGE, 0.35, "90 % of new readings")
+    _fill(axes, position, solved, 90, BLUE, 0.25, "90 % of solutions")
+    _fill(axes, position, solved, 50, BLUE, 0.45, "50 % of solutions")
+    median = np.median(solved, axis=0)
+    axes.plot(position, median, color=VERMILION, linewidth=1.6, label="predictive median")
+    own = np.array([name == quantity.name for name in read_quantities(experiment)], dtype=bool)
+    if own.any():
+        draw_data(
+            axes,
+            experiment.position[own] * clock.display_factor,
+            experiment.response[own] * factor,
+            None,
+            f"{experiment.provenance.kind} data",
+        )
+    axes.margins(x=0.01)
+    axes.set_ylabel(quantity.label)
+
+
+def _fill(
+    axes: Axes,
+    position: FloatArray,
+    draws: FloatArray,
+    percent: int,
+    colour: str,
+    opacity: float,
+    label: str,
+) -> None:
+    """Fill the central part of draws."""
+    tail = (1 - percent / 100) / 2
+    low, high = np.quantile(draws, [tail, 1 - tail], axis=0)
+    axes.fill_between(position, low, high, color=colour, alpha=opacity, linewidth=0, label=label)

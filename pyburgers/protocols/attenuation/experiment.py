@@ -1,0 +1,121 @@
+"""Tables of attenuation and modulus as tests."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import ClassVar, Self
+
+import numpy as np
+
+from pyburgers.common.errors import InputError
+from pyburgers.protocols.attenuation.table import (
+    Conditions,
+    Elasticity,
+    FloatArray,
+    Readings,
+)
+from pyburgers.protocols.experiment import Experiment
+
+UNSTATED_STRESS = 1e6
+"""Axial stress (Pa) at which the flow rate of a linear dashpot is sampled where none is stated."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class AttenuationExperiment(Experiment):
+    """One specimen's table of attenuation and modulus in SI units.
+
+    `temperature` is that of the sampled flow rate; rows have temperatures of their own.
+
+    Attributes
+    ----------
+    conditions : Conditions
+        Of every row.
+    readings : Readings
+        What was read there.
+    elasticity : Elasticity
+        Whether cycles are axial or of shear, and what relates the two.
+    """
+
+    protocol: ClassVar[str] = "attenuation"
+    laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType(
+        {
+            "kelvin": ("linear", "extended", "extended_peak", "andrade"),
+            "grain_size": ("constant",),
+            "fabric": ("constant",),
+            "residuals": ("independent",),
+        }
+    )
+    parts_name: ClassVar[str] = "temperatures"
+    conditions: Conditions
+    readings: Readings
+    elasticity: Elasticity
+
+    @property
+    def parts(self) -> Mapping[str, int]:
+        """Readings at each temperature, the hottest first."""
+        temperature = self.conditions.temperature
+        quantities = 2 if self.readings.modulus.size else 1
+        return MappingProxyType(
+            {
+                _temperature_name(own): quantities * int(np.sum(temperature == own))
+                for own in np.unique(temperature)[::-1]
+            }
+        )
+
+    def without_part(self, name: str) -> Self:
+        """Return the table without a temperature."""
+        if name not in self.parts:
+            return super().without_part(name)
+        names = np.array([_temperature_name(own) for own in self.conditions.temperature])
+        kept = np.flatnonzero(names != name)
+        if kept.size == 0:
+            raise InputError(f"{self.id}: has no other temperature than {name}, expected several.")
+        return replace(
+            self,
+            conditions=self.conditions.ordered(kept),
+            readings=self.readings.ordered(kept),
+        )
+
+    @property
+    def position(self) -> FloatArray:
+        """Places of the readings: spectra of attenuation, then of modulus."""
+        place = self.conditions.place
+        return np.concatenate(
+            [
+                place[: self.readings.tan_delta.size],
+                place[: self.readings.modulus.size] + self.conditions.n_spectra,
+            ]
+        )
+
+    @property
+    def response(self) -> FloatArray:
+        """ln(tan delta), or ln of its limit, then ln(modulus / Pa)."""
+        recorded = np.maximum(self.readings.tan_delta, self.readings.limit)
+        return np.asarray(np.log(np.concatenate([recorded, self.readings.modulus])))
+
+    @property
+    def amplitude_is_stated(self) -> bool:
+        """Whether the amplitude of the stress is known."""
+        return bool(np.all(self.conditions.amplitude > 0))
+
+    @property
+    def largest_stress(self) -> float:
+        """Largest axial equivalent of a stress (Pa) in a cycle."""
+        if not self.amplitude_is_stated:
+            return UNSTATED_STRESS
+        stress = self.conditions.median_stress + self.conditions.amplitude
+        return float(stress.max() * self.elasticity.stress_factor)
+
+    @property
+    def title(self) -> str:
+        """Sample, material and kind of data; below them temperatures and periods."""
+        period, temperature = self.conditions.period, self.conditions.temperature
+        return (
+            f"{self.id}: {self.material}, {self.provenance.kind} data\n"
+            f"{temperature.min():g} to {temperature.max():g} K, periods {period.min():.3g} to "
+            f"{period.max():.3g} s, {self.elasticity.deformation} cycles"
+        )
+
+
+def _temperature_name(temperature: float) -> str:
+    return f"{temperature:g}K"

@@ -47,7 +47,7 @@ def changed_tables(draw: st.DrawFn, table: Mapping[str, Any]) -> dict[str, Any]:
                 container[key] = draw(VALUES)
             case "number":
                 container[key] = draw(NUMBERS)
-            case "scaled" if isinstance(container[key], float | int):
+            case "scaled" if isinstance(container[key], float):
                 container[key] = container[key] * draw(st.sampled_from([-1, 0, 1e-3, 1e3, 1e12]))
             case "delete":
                 del container[key]

@@ -16,6 +16,7 @@ from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 import xarray as xr
 from markupsafe import Markup
 from pydantic import ConfigDict, Field
@@ -25,10 +26,12 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, read_toml
 from pyburgers.drawing.page_parts import FigureRecipe, PageTable
 from pyburgers.drawing.panels import FittedCurve
+from pyburgers.model.display import Quantity
 from pyburgers.model.flow_law_prior import PeakTest
 from pyburgers.model.parameters import Parameter
+from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet
-from pyburgers.protocols.coordinates import Layout, PlainCoordinates
+from pyburgers.protocols.coordinates import Layout, Mode, PlainCoordinates
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.stan_data import SolverOptions, StanData
 
@@ -36,59 +39,12 @@ FloatArray = npt.NDArray[np.float64]
 
 E = TypeVar("E", bound=Experiment)
 
-NAMES = ("constant_rate", "forced_oscillation", "attenuation")
+NAMES = ("constant_rate", "forced_oscillation", "loading_history", "attenuation")
 """Of all protocols, in files, and of their folders."""
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """A quantity along which, or of which, tests of a protocol are.
-
-    Attributes
-    ----------
-    name : str
-        Name of its dimension or variable in draws.
-    column : str
-        Its column in tables of solutions and points.
-    si_unit, display_unit : str
-        Of stored values, and of figures and tables.
-    display_factor : float
-        From the one to the other.
-    """
-
-    name: str
-    column: str
-    si_unit: str
-    display_unit: str
-    display_factor: float
-
-    @property
-    def label(self) -> str:
-        """Name and display unit."""
-        return f"{self.name} ({self.display_unit})"
 
 
 class ChartUnsuited(Exception):  # noqa: N818 - an outcome with a reason, not an error
     """A chart does not apply to a test and its priors; the message says why."""
-
-
-@dataclass(frozen=True, eq=False)
-class Mode:
-    """The highest density found, on the real line of the plain coordinates.
-
-    Attributes
-    ----------
-    values : mapping of str to float
-        Every parameter in SI.
-    coordinate : array, shape (n_coordinates,)
-        Plain coordinates.
-    driving_error : array, shape (n_driving_errors,)
-        Errors of what drives the test, standardised.
-    """
-
-    values: Mapping[str, float]
-    coordinate: FloatArray
-    driving_error: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,7 +153,7 @@ class Protocol(ABC, Generic[E]):
     clock : Quantity
         Along which the test is driven and solutions are given.
     response : Quantity
-        What is observed; the program names it in ``NAME_replicated`` and ``grid_NAME``.
+        What is observed; the program names it in ``NAME_model`` and ``NAME_replicated``.
     noise : str
         Parameter that is the standard deviation of its readings.
     reference : Parameter
@@ -234,6 +190,14 @@ class Protocol(ABC, Generic[E]):
     remedy: ClassVar[str | None] = None
     figures: ClassVar[tuple[FigureRecipe[FittedTest], ...]]
     reference_text: ClassVar[Markup]
+
+    @property
+    def read(self) -> tuple[Quantity, ...]:
+        """What is read: of more than one quantity `observed_positions` says of which each point is.
+
+        The program gives the solution of each in ``grid_NAME``.
+        """
+        return (self.response,)
 
     @property
     def program(self) -> Path:
@@ -297,8 +261,40 @@ class Protocol(ABC, Generic[E]):
         """Return where the points lie along the test, by quantity, with its SI unit.
 
         Further ones: ``reading_error``, the standard deviation of the response where it is stated,
-        and ``typical_error``, by which residuals are weighed where it is not and they differ.
+        ``typical_error``, by which residuals are weighed where it is not and they differ, and
+        ``quantity``, the number in `read` of what is read, where that is several.
         """
+
+    def simulated_positions(self, experiment: E) -> FloatArray:
+        """Return where (SI) a solution has to be given for `response_in`, not decreasing."""
+        return np.unique(experiment.position)
+
+    def response_in(self, experiment: E, solution: pd.DataFrame) -> FloatArray:
+        """Return the response (SI) of every point, shape (n_points,), from a solution.
+
+        Parameters
+        ----------
+        experiment : Experiment
+            Where the points lie.
+        solution : DataFrame
+            At `simulated_positions`, see `pyburgers.protocols.forward.simulate`.
+        """
+        found: FloatArray = np.interp(
+            experiment.position, solution[self.clock.column], solution[self.response.column]
+        )
+        return found
+
+    def priors_of(self, experiments: Sequence[E], priors: PriorSet) -> tuple[PriorSet, ...]:
+        """Return priors for each of some tests, with what their files and readings add.
+
+        Parameters
+        ----------
+        experiments : sequence of Experiment
+            Tests that are fitted together.
+        priors : PriorSet
+            Of all tests.
+        """
+        return tuple(priors for _ in experiments)
 
     @abstractmethod
     def with_noise(
@@ -322,6 +318,21 @@ class Protocol(ABC, Generic[E]):
             Gives the noise.
         """
 
+    def stated_priors(self, experiment: E) -> tuple[Prior, ...]:
+        """Return priors of what belongs to a test itself, as far as its file states some."""
+        return ()
+
+    def noises(self, experiment: E) -> Mapping[str, float | None]:
+        """Return the parameters that are noise of readings of a test, and their stated errors."""
+        return {self.noise: None}
+
+    def as_history(self, experiment: E) -> Experiment:
+        """Return a test as a loading history (`InputError` if it is none), to go with any other."""
+        raise InputError(
+            f"{experiment.id}: a test of the protocol {self.name} cannot be fitted together with "
+            f"tests of other protocols, expected tests of {self.name} alone."
+        )
+
     def check_priors(self, experiment: E, priors: PriorSet) -> None:
         """Check that a test can be fitted with priors (`InputError`); most can with any."""
 
@@ -330,10 +341,7 @@ class Protocol(ABC, Generic[E]):
         return None
 
     def reading_noise(self, experiment: E, values: Mapping[str, FloatArray]) -> FloatArray:
-        """Return standard deviations of the readings (SI), shape (n_draws, n_points).
-
-        Values are draws of parameters, those of the noise among them, shape (n_draws,).
-        """
+        """Return standard deviations of readings (SI), (n_draws, n_points), from parameters."""
         return np.repeat(values[self.noise][:, np.newaxis], experiment.n_points, axis=1)
 
     def peak_test(self, experiment: E) -> PeakTest | None:
@@ -430,16 +438,9 @@ def load_experiment(path: str | Path) -> Experiment:
 
 
 def save_experiment(experiment: Experiment, directory: Path) -> Path:
-    """Write a self-contained copy in SI units.
+    """Write a self-contained copy in SI units into an existing folder.
 
     `load_experiment` reads back exactly equal contents, notices included.
-
-    Parameters
-    ----------
-    experiment : Experiment
-        What to write.
-    directory : Path
-        An existing folder.
 
     Returns
     -------

@@ -116,6 +116,11 @@ class Experiment(ABC):
         return len(self.response)
 
     @property
+    def temperatures(self) -> FloatArray:
+        """All temperatures (K) of the test, in any order."""
+        return np.array([self.temperature])
+
+    @property
     def n_driving_errors(self) -> int:
         """Number of uncertain numbers in what drives the test, which are inferred with it."""
         return 0

@@ -63,6 +63,11 @@ class AttenuationExperiment(Experiment):
     elasticity: Elasticity
 
     @property
+    def temperatures(self) -> FloatArray:
+        """Temperatures of the rows."""
+        return self.conditions.temperature
+
+    @property
     def position(self) -> FloatArray:
         """Places of the readings: spectra of attenuation, then of modulus."""
         place = self.conditions.place

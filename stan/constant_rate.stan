@@ -96,7 +96,8 @@ model {
                                  segment_rate[part(segment_end, e)], initial_grain_size[e],
                                  temperature[e], power_law_kelvin, tolerance, max_num_steps);
       target += stress_log_density(stress_observed[points],
-                                   to_vector(solution[strain_of_point[points], 1]),
+                                   stress_reading_factor(parameter[e])
+                                   * to_vector(solution[strain_of_point[points], 1]),
                                    parameter[e][i_stress_noise()], correlated_residuals,
                                    point_strain[points], point_segment[points],
                                    parameter[e][i_residual_correlation_strain()],
@@ -105,6 +106,7 @@ model {
   }
 }
 generated quantities {
+  // All stresses as the load cell reads them.
   vector[n_points] stress_model; // Pa
   vector[n_points] stress_replicated; // Pa
   vector[n_points] log_lik; // of each point given those before it
@@ -133,7 +135,8 @@ generated quantities {
                                segment_start[part(segment_end, e)],
                                segment_rate[part(segment_end, e)], initial_grain_size[e],
                                temperature[e], power_law_kelvin, tolerance, max_num_steps);
-    stress_model[points] = to_vector(solution[strain_of_point[points], 1]);
+    stress_model[points] = stress_reading_factor(parameter[e])
+                           * to_vector(solution[strain_of_point[points], 1]);
     stress_replicated[points] = stress_model[points]
                                 + residuals_rng(point_strain[points], point_segment[points],
                                                 noise, correlation_strain, share);

@@ -148,9 +148,10 @@ def _all_draws(
     first = draws[problem.experiments[0].id]
     variables = {name: first[name] for name in problem.shared}
     own = [name for name in problem.free if name not in problem.shared]
-    for test, of_test in draws.items():
+    for e, of_test in enumerate(draws.values()):
         variables |= {
-            own_name(name, test): of_test[name] for name in (*own, problem.protocol.reference.name)
+            own_name(name, problem.owner(name, e)): of_test[name]
+            for name in (*own, problem.protocol.reference.name)
         }
     if problem.partial:
         pooled = fit.dataset(["pooled_centre", "pooled_spread"]).assign_coords(chains)

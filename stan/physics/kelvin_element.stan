@@ -21,7 +21,7 @@
  * @param activation_enthalpy Q_K, J/mol
  * @return Pa s
  */
-real kelvin_viscosity_at(real viscosity, real activation_enthalpy, data real temperature,
+real kelvin_viscosity_at(real viscosity, real activation_enthalpy, real temperature,
                          data real reference_temperature) {
   return viscosity
          * exp(activation_enthalpy / gas_constant()

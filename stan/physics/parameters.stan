@@ -4,7 +4,7 @@
  * Priors, fixed values and `parameter` in the programs have this order. Those of variants have
  * standard values that leave them without effect (docs/variants.md).
  */
-int n_parameters() { return 22; }
+int n_parameters() { return 24; }
 
 int i_maxwell_modulus() { return 1; } // E_M, Pa
 int i_kelvin_modulus() { return 2; } // E_K, Pa
@@ -34,3 +34,17 @@ int i_piezometer_stress_floor() { return 20; } // sigma_f, Pa
 // Of variants
 int i_breakdown_stress() { return 21; } // sigma_L, Pa; 0: the dashpot is a power law
 int i_residual_correlated_share() { return 22; } // w, of the variance of residuals
+
+// Of the conditions of a test; 0 where they are taken as known
+int i_temperature_error() { return 23; } // true less stated temperature, K
+int i_stress_calibration_error() { return 24; } // c: the load cell reads 1 + c times the stress
+
+/** Temperature of a test (K): the stated one and its error. */
+real true_temperature(vector parameter, data real stated) {
+  return stated + parameter[i_temperature_error()];
+}
+
+/** What a load cell reads over the stress, 1 + c. */
+real stress_reading_factor(vector parameter) {
+  return 1 + parameter[i_stress_calibration_error()];
+}

@@ -1,45 +1,74 @@
 """How often the checks of the description fail a correct model: at most in 1 of 100 fits.
 
-The model is linear, so that the posterior of every data set is exact: the responses vary as those
-of finished runs do, about one solution each. `docs/checks.md` holds what came out.
+The model is linear, so that the posterior of every data set is exact. The responses vary as those
+of finished runs do, about one solution each, or are straight lines: few parameters, many readings,
+where a posterior follows the data least. For each level of the family probability
+(`pyburgers.checks.discrepancies.LEVEL`) the share of fits that it fails is printed with its upper
+confidence limit. `docs/checks.md` holds what came out.
 
-    PYTHONPATH=tests/support python benchmarks/check_sizes.py 2000 RUN...
+    PYTHONPATH=tests/support python benchmarks/check_sizes.py 1500 RUN...
 """
 
 import argparse
+import logging
 from collections import Counter
 from pathlib import Path
 
+import numpy as np
+import numpy.typing as npt
 import xarray as xr
 from linear_fits import LinearModel
+from scipy.stats import beta
 
-from pyburgers.checks.fit_checks import CheckKind, Outcome
-from pyburgers.checks.registry import CHECKS
+from pyburgers.checks.discrepancies import LEVEL, discrepancies_of
 
-DESCRIPTION = [one for one in CHECKS if one.kind is CheckKind.DESCRIPTION]
+LEVELS = (0.01, 0.02, 0.03, 0.04, 0.05, 0.06, 0.08, 0.1)
+DRAWS = 600
+CONFIDENCE = 0.975
+
+logger = logging.getLogger("check_sizes")
 
 
-def failures(model: LinearModel, n_fits: int, seed: int) -> Counter[str]:
-    """Count fits that fail each check, and any of them."""
-    counts: Counter[str] = Counter()
-    for draws in model.fits(n_fits, seed):
-        failed = [one.name for one in DESCRIPTION if one(draws).outcome is Outcome.NO]
-        counts.update(failed)
-        counts["any"] += bool(failed)
-    return counts
+def family_probabilities(
+    model: LinearModel, n_fits: int, seed: int
+) -> tuple[npt.NDArray[np.float64], Counter[str]]:
+    """Least family probability of each fit, and which discrepancies are beyond `LEVEL`."""
+    least, beyond = [], Counter[str]()
+    for draws in model.fits(n_fits, seed, draws=DRAWS):
+        family = discrepancies_of(draws).table["family_probability"]
+        least.append(float(family.min()))
+        beyond.update(family[family <= LEVEL].index.get_level_values("discrepancy"))
+    return np.array(least), beyond
+
+
+def upper_limit(count: int, n: int) -> float:
+    """Clopper and Pearson's upper confidence limit of a share."""
+    return 1.0 if count == n else float(beta.ppf(CONFIDENCE, count + 1, n - count))
+
+
+def models(runs: list[Path]) -> dict[str, LinearModel]:
+    """Linear models like those of runs, and straight lines."""
+    found = {"a straight line": LinearModel.of_polynomials(100, steps=0, degree=1)}
+    for run in runs:
+        with xr.open_datatree(run / "posterior.nc", engine="h5netcdf") as posterior:
+            found[run.name] = LinearModel.like(posterior.load())
+    return found
 
 
 def main() -> None:
-    """Print a line for each run."""
+    """Print a line for each model and level."""
+    logging.basicConfig(level=logging.INFO, format="%(message)s")
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("fits", type=int)
-    parser.add_argument("runs", type=Path, nargs="+")
+    parser.add_argument("runs", type=Path, nargs="*")
     options = parser.parse_args()
-    for number, run in enumerate(options.runs):
-        with xr.open_datatree(run / "posterior.nc", engine="h5netcdf") as posterior:
-            model = LinearModel.like(posterior.load())
-        counts = failures(model, options.fits, number)
-        print(run.name, options.fits, dict(counts), flush=True)
+    for number, (name, model) in enumerate(models(options.runs).items()):
+        least, beyond = family_probabilities(model, options.fits, number)
+        logger.info(f"{name}: {model.position.size} readings, at {LEVEL}: {dict(beyond)}")
+        for level in LEVELS:
+            count = int(np.sum(least <= level))
+            limit = upper_limit(count, least.size)
+            logger.info(f"  {level}: {count} of {least.size}, upper limit {limit:.2%}")
 
 
 if __name__ == "__main__":

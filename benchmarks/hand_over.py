@@ -1,15 +1,20 @@
 """Calibrate what a table of peak stresses hands on (python benchmarks/hand_over.py).
 
 Tables like that of Qi and Goldsby (2021) are simulated from Table 1's priors and fitted; the flow
-law of one more test is ranked in the prior handed on (pyburgers.sbc.hand_over). Each data set is a
+law of one more test is ranked in the prior handed on (pyburgers.sbc.hand_over). With --curves the
+row of PIL40 is left out, and curves of the one more test, taken like PIL40, are fitted with the
+prior handed on and their parameters ranked; all tables come first. Each table and each curve is a
 file that is written when it is done: the same command continues. Synthetic throughout.
 """
 
 import argparse
 import json
 import shutil
-from dataclasses import replace
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -17,19 +22,28 @@ from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.flow_law_tables.inputs import (
     STRESS_SCATTER,
+    PeakStressData,
     default_peak_stress_priors,
     load_peak_stress,
+    without_test,
 )
+from pyburgers.model.flow_law_prior import FlowLawPrior
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet, default_priors
+from pyburgers.protocols.protocol import load_experiment
 from pyburgers.sampling.options import SamplerOptions
-from pyburgers.sbc.hand_over import rank_hand_over
+from pyburgers.sbc.data_sets import DataSetPlan, calibration_priors
+from pyburgers.sbc.hand_over import rank_curve, rank_hand_over, simulate_table
 from pyburgers.sbc.rank_uniformity import VERDICTS_TEXT, judge_ranks, rank_bands
 
 ROOT = Path(__file__).parents[1]
 TABLE = ROOT / "data" / "ice" / "peak_stress_qi_goldsby_2021.toml"
-OPTIONS = SamplerOptions(chains=2, warmup=500, draws=500)
-N_RANKED = 99
+CURVE = ROOT / "data" / "ice" / "PIL40.toml"
+OF_TABLE = SamplerOptions(
+    chains=4, warmup=1000, draws=1000, adapt_delta=0.99, parallel_chains=1, coordinates="plain"
+)
+OF_CURVE = SamplerOptions(chains=2, warmup=300, draws=400, adapt_delta=0.9, parallel_chains=1)
+PLAN = DataSetPlan(n_ranked=99, refits=1, stress_range=None)
 
 SCATTER = Prior.of_family(
     STRESS_SCATTER.name,
@@ -39,6 +53,9 @@ SCATTER = Prior.of_family(
     source="About twice the scatter of the measured table, so that tables look like it",
 )
 
+Record = dict[str, Any]
+DoOne = Callable[[int, Path], Record]
+
 
 def priors_of_tables() -> PriorSet:
     """Weak priors of a table with a scatter that laboratory tests have."""
@@ -46,36 +63,141 @@ def priors_of_tables() -> PriorSet:
     return replace(weak, priors={**weak.priors, STRESS_SCATTER.name: SCATTER})
 
 
-def run_one(seed: int, file: Path, scratch: Path) -> None:
-    """Do one data set and write its file."""
-    content: dict[str, object] = {"seed": seed, "failure": None}
-    try:
-        ranks, fit = rank_hand_over(
-            load_peak_stress(TABLE),
+@dataclass(frozen=True)
+class Stage:
+    """Fits of one kind, a file each.
+
+    Attributes
+    ----------
+    kind : str
+        What is fitted.
+    among : str
+        What the truth is ranked among.
+    folder : Path
+        Of the files.
+    seeds : range
+        Planned.
+    do_one : callable
+        Does the one with a seed, with a folder for its runs.
+    """
+
+    kind: str
+    among: str
+    folder: Path
+    seeds: range
+    do_one: DoOne
+
+    def file(self, seed: int) -> Path:
+        """Return where the outcome of a seed is."""
+        return self.folder / f"{self.kind}_{seed:06d}.json"
+
+    def run(self, scratch: Path, written: Callable[[], None]) -> None:
+        """Do what is missing."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        for seed in self.seeds:
+            if self.file(seed).is_file():
+                continue
+            try:
+                record = {"seed": seed, "failure": None, **self.do_one(seed, scratch)}
+            except (InputError, SamplingError) as error:
+                record = {"seed": seed, "failure": str(error), "ranks": {}, "n_refits": 0}
+            shutil.rmtree(scratch, ignore_errors=True)
+            write_json(self.file(seed), record)
+            written()
+
+    @property
+    def done(self) -> list[Record]:
+        """Outcomes that are there."""
+        files = (self.file(seed) for seed in self.seeds)
+        return [json.loads(f.read_text(encoding="utf-8")) for f in files if f.is_file()]
+
+
+def law_file(folder: Path, seed: int) -> Path:
+    """Return where the law is that a table has handed on."""
+    return folder / f"law_{seed:06d}.json"
+
+
+def do_table(template: PeakStressData, folder: Path) -> DoOne:
+    """Return what simulates and fits a table like a template."""
+
+    def do_one(seed: int, scratch: Path) -> Record:
+        ranked = rank_hand_over(
+            template,
             priors_of_tables(),
             default_priors("ice"),
             scratch,
             seed=seed,
-            options=OPTIONS,
-            n_ranked=N_RANKED,
+            options=OF_TABLE,
+            plan=PLAN,
         )
-        content |= {
-            "ranks": ranks,
-            "failed_checks": [check.name for check in fit.checks() if not check.passed],
+        ranked.law.save(law_file(folder, seed))
+        return {
+            "ranks": ranked.ranks,
+            "n_refits": ranked.n_refits,
+            "failed_checks": ranked.failed_checks,
         }
-    except (InputError, SamplingError) as error:
-        content["failure"] = str(error)
-    shutil.rmtree(scratch, ignore_errors=True)
-    write_json(file, content)
+
+    return do_one
 
 
-def report(files: list[Path], planned: int, seed: int) -> str:
-    """Return the verdicts on the data sets that are done, as Markdown."""
-    done = [json.loads(file.read_text(encoding="utf-8")) for file in files]
-    ranked = [one for one in done if one["failure"] is None]
+def do_curve(template: PeakStressData, tables: Stage) -> DoOne:
+    """Return what simulates and fits a curve with the prior that its table has handed on."""
+
+    def do_one(seed: int, scratch: Path) -> Record:
+        table = json.loads(tables.file(seed).read_text(encoding="utf-8"))
+        if not table["ranks"]:
+            raise InputError(f"table {seed} has handed nothing on.")
+        done = rank_curve(
+            simulate_table(template, priors_of_tables(), default_priors("ice"), seed=seed),
+            FlowLawPrior.load(law_file(tables.folder, seed)),
+            load_experiment(CURVE),
+            calibration_priors("ice"),
+            scratch,
+            seed=seed,
+            options=OF_CURVE,
+            plan=PLAN,
+        )
+        return asdict(done)
+
+    return do_one
+
+
+def rows(table: pd.DataFrame) -> list[str]:
+    """Return a table as lines of Markdown."""
+    cells = [list(map(str, table)), ["---"] * table.shape[1], *table.to_numpy().tolist()]
+    return ["| " + " | ".join(map(str, row)) + " |" for row in cells]
+
+
+def section(stage: Stage) -> list[str]:
+    """Return counts and verdicts of a stage as lines of Markdown."""
+    done = stage.done
+    ranked = [one for one in done if one["ranks"]]
+    lost = [one for one in done if one["failure"]]
+    unconverged = [one for one in done if not one["ranks"] and not one["failure"]]
+    lines = [
+        f"## {stage.kind.capitalize()}s",
+        "",
+        f"- {len(done)} of {len(stage.seeds)} planned are done (the number was fixed before the "
+        f"first); {len(ranked)} are ranked, the truth among {PLAN.n_ranked} draws of "
+        f"{stage.among}.",
+        f"- Repeated longer because a check of the sampling failed: "
+        f"{sum(one['n_refits'] > 0 for one in done)}; still failed and not ranked: "
+        + (
+            "; ".join(
+                f"seed {one['seed']}: {', '.join(one['failed_checks'])}" for one in unconverged
+            )
+            or "none"
+        )
+        + ".",
+        "- Without a fit: "
+        + ("; ".join(f"seed {one['seed']}: {one['failure']}" for one in lost) or "none."),
+        "",
+    ]
+    if not ranked:
+        return lines
     names = list(ranked[0]["ranks"])
     ranks = {name: [one["ranks"][name] for one in ranked] for name in names}
-    verdicts = judge_ranks(ranks, rank_bands(len(ranked), N_RANKED, len(names)))
+    verdicts = judge_ranks(ranks, rank_bands(len(ranked), PLAN.n_ranked, len(names)))
     table = pd.DataFrame(
         {
             "quantity": names,
@@ -85,37 +207,36 @@ def report(files: list[Path], planned: int, seed: int) -> str:
             "in words": [verdicts[name].sentence for name in names],
         }
     )
-    n_failed = sum(bool(one["failed_checks"]) for one in ranked)
-    rows = [list(map(str, table)), ["---"] * table.shape[1], *table.to_numpy().tolist()]
+    return [*lines, *rows(table), ""]
+
+
+def report(stages: Sequence[Stage], command: str) -> str:
+    """Return the verdicts on what is done, as Markdown."""
     return "\n".join(
         [
             "# Calibration of the flow law handed on by a table of peak stresses",
             "",
-            f"- {len(done)} of {planned} planned simulated tables are done; {len(ranked)} have "
-            f"ranks among {N_RANKED} draws of the prior handed on. All data are synthetic.",
-            f"- Without ranks: {len(done) - len(ranked)}"
-            + "".join(f"; seed {one['seed']}: {one['failure']}" for one in done if one["failure"]),
-            f"- Fits that failed a check of the sampling and are ranked all the same: {n_failed}.",
-            f"- Command: `python benchmarks/hand_over.py --simulations {planned} --seed {seed}`",
+            "All data are synthetic.",
             "",
-            *("| " + " | ".join(map(str, row)) + " |" for row in rows),
-            "",
+            *(line for stage in stages for line in section(stage)),
             VERDICTS_TEXT,
+            "",
+            f"Command: `{command}`",
             "",
         ]
     )
 
 
-def rank_table(files: list[Path]) -> pd.DataFrame:
-    """Return every data set that is done: seed, failed checks, failure, and its ranks."""
-    done = [json.loads(file.read_text(encoding="utf-8")) for file in files]
+def rank_table(done: Sequence[Record]) -> pd.DataFrame:
+    """Return every outcome: seed, longer fits, failed checks, failure, and its ranks."""
     return pd.DataFrame(
         [
             {
                 "seed": one["seed"],
+                "refits": one["n_refits"],
                 "failed_checks": "; ".join(one.get("failed_checks", [])),
                 "failure": one["failure"],
-                **one.get("ranks", {}),
+                **one["ranks"],
             }
             for one in done
         ]
@@ -123,34 +244,36 @@ def rank_table(files: list[Path]) -> pd.DataFrame:
 
 
 def main() -> None:
-    """Do the data sets that are missing, then write the report."""
+    """Do what is missing; write the report after each."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--simulations", type=int, default=100)
     parser.add_argument("--seed", type=int, default=1, help="of the first data set")
-    parser.add_argument(
-        "--report-only", action="store_true", help="write the report of the data sets that are done"
-    )
+    parser.add_argument("--curves", action="store_true", help="fit curves of one more test, too")
     parser.add_argument("--out", type=Path, default=ROOT / "reports" / "calibration" / "hand_over")
     options = parser.parse_args()
-    folder = options.out / "simulations"
-    folder.mkdir(parents=True, exist_ok=True)
-    files = [
-        folder / f"simulation_{seed:06d}.json"
-        for seed in range(options.seed, options.seed + options.simulations)
-    ]
-    for seed, file in enumerate(files, start=options.seed):
-        if not file.is_file() and not options.report_only:
-            run_one(seed, file, options.out / "scratch")
-            done = [one for one in files if one.is_file()]
-            if "ranks" in file.read_text(encoding="utf-8"):
-                write_text(
-                    options.out / "calibration.md", report(done, options.simulations, options.seed)
-                )
-    done = [one for one in files if one.is_file()]
-    text = report(done, options.simulations, options.seed)
-    write_text(options.out / "calibration.md", text)
-    write_text(options.out / "ranks.csv", rank_table(done).to_csv(index=False))
-    print(text)
+    template = load_peak_stress(TABLE)
+    if options.curves:
+        template = without_test(template, load_experiment(CURVE))
+    folder: Path = options.out / "simulations"
+    seeds = range(options.seed, options.seed + options.simulations)
+    tables = Stage("table", "the prior handed on", folder, seeds, do_table(template, folder))
+    stages = [tables]
+    if options.curves:
+        do_one = do_curve(template, tables)
+        stages.append(Stage("curve", "the posterior", folder, seeds, do_one))
+    out: Path = options.out
+    arguments = f"--simulations {options.simulations} --seed {options.seed}"
+    command = f"python benchmarks/hand_over.py {arguments}{' --curves' if options.curves else ''}"
+
+    def write() -> None:
+        write_text(out / "calibration.md", report(stages, command))
+        for stage in stages:
+            write_text(out / f"{stage.kind}s.csv", rank_table(stage.done).to_csv(index=False))
+
+    for stage in stages:
+        stage.run(out / "scratch", write)
+    write()
+    sys.stdout.write(report(stages, command))
 
 
 if __name__ == "__main__":

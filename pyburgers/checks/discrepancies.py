@@ -233,10 +233,11 @@ def _leftover(name: str, group: xr.DataTree) -> Leftover:
     error = along["reading_error"].to_numpy() if "reading_error" in along else None
     weight = np.ones(position.size) if error is None else error.mean() / error
     observed, replicated = (_by_draw(values - model) * weight for values in (data, replicas))
-    low, high = (replicas.quantile(q, ("chain", "draw")).to_numpy() for q in (TAIL, 1.0 - TAIL))
+    of_replicas = _by_draw(replicas)
+    low, high = np.quantile(of_replicas, (TAIL, 1.0 - TAIL), axis=0)
     outside = [
         ((each < low) | (each > high)).mean(axis=1)
-        for each in (data.to_numpy()[np.newaxis], _by_draw(replicas))
+        for each in (data.to_numpy()[np.newaxis], of_replicas)
     ]
     pairs = {OUTSIDE: (np.repeat(outside[0], len(outside[1])), outside[1])}
     of_data, of_replicates = (

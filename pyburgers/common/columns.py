@@ -3,7 +3,7 @@
 import csv
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -84,6 +84,7 @@ def read_columns(
     *,
     where: Path,
     file_key: str,
+    may_be_empty: Container[str] = (),
 ) -> list[FloatArray]:
     """Read columns of a delimited text file.
 
@@ -100,11 +101,13 @@ def read_columns(
         The TOML file, for messages.
     file_key : str
         The key in it that names `source`, for messages.
+    may_be_empty : container of str
+        Those of `columns` whose cells may be empty.
 
     Returns
     -------
     list of array, shape (n_rows,)
-        The columns in the order asked for, finite, in SI.
+        The columns in the order asked for, in SI, finite but for NaN in empty cells.
 
     Raises
     ------
@@ -129,16 +132,24 @@ def read_columns(
     for key, factor in zip(columns, factors, strict=True):
         column = getattr(data, key)
         index = _index(column, names, len(rows[0][1]), f"{where}: key {key!r} in [data]", source)
-        cells = np.array([_cell(source, line, row, index, column) for line, row in rows])
+        gaps = key in may_be_empty
+        cells = np.array([_cell(source, line, row, index, column, gaps) for line, row in rows])
         found.append(cells * factor)
     return found
 
 
 def write_columns(path: Path, columns: Mapping[str, Sequence[float] | FloatArray]) -> None:
-    """Write columns with a header, separated by commas, that read back to the same numbers."""
+    """Write columns with a header, separated by commas, that read back to the same numbers.
+
+    The cells of NaN are empty.
+    """
     rows = zip(*(np.asarray(column).tolist() for column in columns.values()), strict=True)
-    lines = [",".join(columns), *(",".join(map(repr, row)) for row in rows)]
+    lines = [",".join(columns), *(",".join(map(_written, row)) for row in rows)]
     write_text(path, "\n".join(lines) + "\n")
+
+
+def _written(number: float) -> str:
+    return "" if math.isnan(number) else repr(number)
 
 
 def _rows(text: str, separator: Separator) -> list[tuple[int, list[str]]]:
@@ -195,11 +206,15 @@ def _index(column: str | int, names: list[str] | None, n_cells: int, where: str,
     return column - 1
 
 
-def _cell(path: Path, line: int, row: list[str], index: int, column: str | int) -> float:
-    """Return the number in one cell."""
+def _cell(
+    path: Path, line: int, row: list[str], index: int, column: str | int, may_be_empty: bool
+) -> float:
+    """Return the number in one cell, NaN for one that is empty and may be."""
     place = f"{path}: line {line}, column {column!r}"
     if index >= len(row):
         raise InputError(f"{place}: the row ends before this column.")
+    if may_be_empty and not row[index]:
+        return math.nan
     try:
         value = float(row[index])
     except ValueError:

@@ -12,6 +12,7 @@ from typing import SupportsIndex
 UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
     {
         "stress": {"Pa": 1.0, "MPa": 1e6, "GPa": 1e9},
+        "compliance": {"1/Pa": 1.0, "1/GPa": 1e-9},
         "viscosity": {"Pa s": 1.0, "MPa s": 1e6, "GPa s": 1e9},
         "strain": {"fraction": 1.0, "percent": 1e-2},
         "strain rate": {"1/s": 1.0, "1e-6/s": 1e-6},
@@ -21,6 +22,7 @@ UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
         "inverse molar energy": {"mol/J": 1.0, "mol/kJ": 1e-3},
         "temperature": {"K": 1.0},
         "relative error": {"1": 1.0, "percent": 1e-2},
+        "inverse temperature": {"1/K": 1.0, "1e-6/K": 1e-6},
         "dimensionless": {"1": 1.0},
     }
 )

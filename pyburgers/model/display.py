@@ -19,7 +19,7 @@ _GREEK = {
     r"\dot\epsilon": "ε̇",
     r"\epsilon": "ε",
 }
-_UNIT_TEXT = {"1": "–", "um": "µm", "1e-6/s": "10⁻⁶/s", "percent": "%"}
+_UNIT_TEXT = {"1": "–", "um": "µm", "1e-6/s": "10⁻⁶/s", "1e-6/K": "10⁻⁶/K", "percent": "%"}
 
 
 def shown_quantity(name: str) -> Parameter:

@@ -174,7 +174,7 @@ class FlowLawPrior:
                 return {
                     "stress_exponent": float(n),
                     "grain_size_exponent": float(p),
-                    "activation_enthalpy": float(self._activation_enthalpy(n, p, log_rate, beta)),
+                    "activation_enthalpy": float(self.activation_enthalpy(n, p, log_rate, beta)),
                     "beta": float(beta),
                 }
 
@@ -182,7 +182,7 @@ class FlowLawPrior:
         """Mean and standard deviation of n, p, Q_M (J/mol) and beta (mol/J) each by itself."""
         rng = np.random.default_rng(0)
         draws = self.mean + rng.standard_normal((MOMENT_DRAWS, self.mean.size)) @ self.factor.T
-        enthalpy = self._activation_enthalpy(*draws.T)
+        enthalpy = self.activation_enthalpy(*draws.T)
         spread = np.sqrt(np.diag(self.covariance))
         return {
             "stress_exponent": (float(self.mean[0]), float(spread[0])),
@@ -208,7 +208,7 @@ class FlowLawPrior:
         )
         return log_rate
 
-    def _activation_enthalpy(
+    def activation_enthalpy(
         self,
         stress_exponent: npt.ArrayLike,
         grain_size_exponent: npt.ArrayLike,

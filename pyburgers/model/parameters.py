@@ -176,6 +176,78 @@ VARIANT_PARAMETERS: tuple[Parameter, ...] = (
         "1",
         standard=1.0,
     ),
+    Parameter(
+        "modulus_temperature_coefficient",
+        r"a_E",
+        "relative change of the Maxwell modulus with temperature",
+        "inverse temperature",
+        "1/K",
+        "1e-6/K",
+        standard=0.0,
+    ),
+    Parameter(
+        "modulus_reference_temperature",
+        r"T_E",
+        "temperature of the Maxwell modulus",
+        "temperature",
+        "K",
+        "K",
+        standard=300.0,
+    ),
+    Parameter(
+        "attenuation_scatter",
+        r"s_Q",
+        "scatter of ln tan delta",
+        "dimensionless",
+        "1",
+        "1",
+        standard=0.0,
+    ),
+    Parameter(
+        "modulus_scatter",
+        r"s_G",
+        "scatter of ln modulus",
+        "dimensionless",
+        "1",
+        "1",
+        standard=0.0,
+    ),
+    Parameter(
+        "strain_noise",
+        r"s_\epsilon",
+        "strain residual",
+        "strain",
+        "fraction",
+        "percent",
+        standard=1.0,
+    ),
+    Parameter(
+        "residual_correlation_time",
+        r"\tau_r",
+        "correlation time of residuals",
+        "time",
+        "s",
+        "h",
+        standard=0.0,
+    ),
+    Parameter(
+        "strain_offset",
+        r"\epsilon_0",
+        "strain read at zero strain",
+        "strain",
+        "fraction",
+        "percent",
+        standard=0.0,
+    ),
+    Parameter(
+        "apparatus_compliance",
+        r"C",
+        "compliance of the apparatus",
+        "compliance",
+        "1/Pa",
+        "1/GPa",
+        standard=0.0,
+    ),
 )
 """Parameters of variants (`docs/variants.md`), which a prior file may name."""
 
@@ -223,7 +295,14 @@ PIEZOMETER = (
 )
 """What the piezometer of a material is given by; without a grain size it has none."""
 
-CONSTANTS = frozenset({"kelvin_reference_stress", "kelvin_reference_temperature", *PIEZOMETER})
+CONSTANTS = frozenset(
+    {
+        "kelvin_reference_stress",
+        "kelvin_reference_temperature",
+        "modulus_reference_temperature",
+        *PIEZOMETER,
+    }
+)
 """Parameters that are never inferred."""
 
 CONDITIONS = frozenset(p.name for p in CONDITION_PARAMETERS)

@@ -34,6 +34,10 @@ DEFAULT_KINDS: Mapping[str, Kind] = MappingProxyType(
         "stress_noise": "separate",
         "residual_correlation_strain": "separate",
         "residual_correlated_share": "separate",
+        "strain_noise": "separate",
+        "residual_correlation_time": "separate",
+        "strain_offset": "separate",
+        "apparatus_compliance": "separate",
     }
 )
 """Flow law and moduli are the material's, microstructure the sample's, noise the test's.

@@ -44,7 +44,15 @@ MAY_BE_ZERO = frozenset(
 )
 """Parameters that may be fixed at zero."""
 
-UNSIGNED = frozenset({"beta", "activation_enthalpy", *CONDITIONS})
+UNSIGNED = frozenset(
+    {
+        "beta",
+        "activation_enthalpy",
+        "modulus_temperature_coefficient",
+        "strain_offset",
+        *CONDITIONS,
+    }
+)
 """Parameters whose priors may reach below zero."""
 
 BOUNDED_AWAY_FROM_ZERO = frozenset(
@@ -61,21 +69,15 @@ The lower bound of zero that the paper prints for the critical strain of olivine
 """
 
 
-LIMITS: Mapping[str, tuple[Literal["lower", "upper"], float, str]] = MappingProxyType(
+LOWER_LIMITS: Mapping[str, tuple[float, str]] = MappingProxyType(
     {
         "kelvin_stress_exponent": (
-            "lower",
             1.0,
             "at least 1, a linear dashpot, because below it creep starts infinitely fast",
         ),
-        "steady_state_fabric_factor": (
-            "upper",
-            1.0,
-            "at most 1, the value of an isotropic fabric",
-        ),
     }
 )
-"""Bounds of parameters that have some beside their sign, and why."""
+"""Lower bounds of parameters that have one beside their sign, and why."""
 
 
 @dataclass(frozen=True)
@@ -278,13 +280,11 @@ def _check_prior(where: str, prior: Prior) -> None:
             f"{where}: key 'family': found {prior.family!r}, expected 'fixed' because the number "
             "is a constant of the model."
         )
-    bound, limit, meaning = LIMITS.get(prior.parameter, ("lower", -math.inf, ""))
-    found = prior.location if prior.is_fixed else getattr(prior, bound)
-    if (found < limit) if bound == "lower" else (found > limit):
-        raise InputError(
-            f"{where}: key {'value' if prior.is_fixed else bound!r}: found {found:g}, expected "
-            f"{meaning}."
-        )
+    limit, meaning = LOWER_LIMITS.get(prior.parameter, (-math.inf, ""))
+    found = prior.location if prior.is_fixed else prior.lower
+    if found < limit:
+        key = "value" if prior.is_fixed else "lower"
+        raise InputError(f"{where}: key {key!r}: found {found:g}, expected {meaning}.")
 
 
 def check_beta(where: str, prior: Prior) -> None:

@@ -14,6 +14,7 @@ from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.priors import PriorSet
 from pyburgers.posterior.labelled_draws import (
     CORRELATED,
+    DRIVING_ERRORS,
     OF_ALL_TESTS,
     TESTS,
     keep_posterior,
@@ -57,7 +58,8 @@ def build_posterior(run: RunDirectory, problem: Problem) -> xr.DataTree:
         before it), log_likelihood_given_others (where residuals are correlated; elsewhere the
         same), log_prior, model_response and posterior_predictive (at the observed points, without
         and with noise), predictions (on a grid of the protocol's clock), posterior_mean_solution,
-        observed_data, constant_data; dimensions chain, draw, point, and the clock. Stresses of an
+        observed_data, constant_data, and `DRIVING_ERRORS` where errors of what drives the tests
+        were sampled; dimensions chain, draw, point, and the clock. Stresses of an
         oscillating test are without trend where its background is removed, save that of
         posterior_mean_solution. Of several tests these in tests/ID for each, with `OF_ALL_TESTS`;
         and at the top those of points of all tests, one after the other, and of draws: shared
@@ -109,6 +111,8 @@ def build_posterior(run: RunDirectory, problem: Problem) -> xr.DataTree:
                 for name, group in {**own, OF_ALL_TESTS: total}.items()
             },
         }
+    if any(experiment.n_driving_errors for experiment in experiments):
+        groups[DRIVING_ERRORS] = driving_errors(fit, experiments).assign_coords(chains)
     return keep_posterior(
         run,
         groups,
@@ -162,6 +166,24 @@ def _all_draws(
                 values.attrs = {**first[name].attrs, "units": unit}
                 variables[own_name(name, owner)] = values
     return xr.Dataset(variables)
+
+
+def driving_errors(fit: Draws, experiments: Sequence[Experiment]) -> xr.Dataset:
+    """Standardised errors of what drives the tests, the last of the coordinates.
+
+    Returns
+    -------
+    Dataset, dimensions chain, draw
+        A variable for each, driving_error[K], of several tests driving_error[TEST, K].
+    """
+    labels = [
+        str(k) if len(experiments) == 1 else f"{experiment.id}, {k}"
+        for experiment in experiments
+        for k in range(1, experiment.n_driving_errors + 1)
+    ]
+    last = np.moveaxis(fit["coordinate"][..., -len(labels) :], -1, 0)
+    named = {own_name("driving_error", label): one for label, one in zip(labels, last, strict=True)}
+    return xr.Dataset({name: (("chain", "draw"), one) for name, one in named.items()})
 
 
 def drawn_at_points(fit: Draws, chains: Mapping[str, list[int]], response: Quantity) -> xr.Dataset:

@@ -53,6 +53,9 @@ CORRELATED = "log_likelihood_given_others"
 OF_ALL_TESTS = "log_likelihood_of_all_tests"
 """Group of the log likelihood of the data of all tests, which only tests of a joint fit have."""
 
+DRIVING_ERRORS = "driving_errors"
+"""Group of the errors of what drives the tests, which only tests have where these are sampled."""
+
 TESTS = "tests"
 """Group that holds the groups of every test of a joint fit."""
 
@@ -187,8 +190,16 @@ def free_parameters(posterior: xr.DataTree) -> list[str]:
     return [str(name) for name in dataset.data_vars if not dataset[name].attrs["fixed"]]
 
 
+def sampled_draws(posterior: xr.DataTree) -> xr.Dataset:
+    """Draws of all that was sampled: `free_parameters`, and errors of what drives the tests."""
+    draws = posterior["posterior"].to_dataset()[free_parameters(posterior)]
+    if DRIVING_ERRORS in posterior.children:
+        return draws.merge(posterior[DRIVING_ERRORS].to_dataset())
+    return draws
+
+
 def convergence_table(posterior: xr.DataTree) -> pd.DataFrame:
-    """R-hat and effective sample sizes, a row for each sampled quantity.
+    """R-hat and effective sample sizes, a row for each of `sampled_draws`.
 
     Returns
     -------
@@ -196,7 +207,7 @@ def convergence_table(posterior: xr.DataTree) -> pd.DataFrame:
         Index parameter; columns rhat (NaN of a single chain), ess_bulk, ess_tail (Vehtari et al.
         2021, rank-normalised).
     """
-    draws = posterior["posterior"].to_dataset()[free_parameters(posterior)]
+    draws = sampled_draws(posterior)
     alone = draws.sizes["chain"] == 1
     with np.errstate(invalid="ignore", divide="ignore"):  # draws that never moved
         columns = {

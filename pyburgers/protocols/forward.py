@@ -86,11 +86,6 @@ def check_parameters(values: Mapping[str, object], where: str = "parameters") ->
         if name not in {"beta", "stress_noise", *MAY_BE_ZERO} and value <= 0:
             raise InputError(f"{where}: {name} is {value!r} {unit}, expected a positive number.")
     check_given_together(checked, where)
-    if checked["steady_state_fabric_factor"] > 1:
-        found = checked["steady_state_fabric_factor"]
-        raise InputError(
-            f"{where}: steady_state_fabric_factor is {found!r}, expected at most 1 (isotropic)."
-        )
     return checked
 
 

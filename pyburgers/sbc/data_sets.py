@@ -33,6 +33,7 @@ from pyburgers.posterior.labelled_draws import (
     free_parameters,
     own_name,
     response_in,
+    sampled_draws,
 )
 from pyburgers.protocols.coordinates import CENTRE, SPREAD
 from pyburgers.protocols.experiment import Experiment
@@ -278,6 +279,19 @@ def replicate(
         Ranks, repetitions, range of the stress.
     """
     simulated = simulate_from_prior(template, seed=seed, stress_range=plan.stress_range)
+    return fit_and_rank(simulated, template, out, seed=seed, options=options, plan=plan)
+
+
+def fit_and_rank(
+    simulated: Simulated,
+    template: Problem,
+    out: Path,
+    *,
+    seed: int,
+    options: SamplerOptions,
+    plan: DataSetPlan,
+) -> Replication:
+    """Fit simulated data until the fit has converged, and rank the true values: see `replicate`."""
     done = Replication(
         seed, {}, plan.n_ranked, simulated.n_unsolvable, simulated.n_outside, failure="not fitted"
     )
@@ -289,7 +303,7 @@ def replicate(
                 simulated.problem,
                 out=out / f"fit_{n_refits}",
                 options=longer,
-                command=f"pyburgers sbc, data set {seed}",
+                command=f"a calibration, data set {seed}",
             )
         except SamplingError as error:
             return replace(done, failure=str(error))
@@ -355,7 +369,7 @@ def largest_rhat(posterior: xr.DataTree) -> float:
     float
         NaN where draws of a quantity never moved.
     """
-    draws = posterior["posterior"].to_dataset()[free_parameters(posterior)]
+    draws = sampled_draws(posterior)
     if draws.sizes["chain"] == 1:
         half = draws.sizes["draw"] // 2
         parts = (draws.isel(draw=slice(k * half, (k + 1) * half)) for k in range(2))

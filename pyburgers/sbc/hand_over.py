@@ -3,7 +3,8 @@
 For each data set a material is drawn from the priors of a curve, the peaks of a table's tests are
 solved with it, all with the same parameters but for the scatter between tests, and the table is
 fitted. Ranked is the flow law of one more test of that scatter among draws of the prior that the
-fit hands on (`pyburgers.flow_law_tables.fit.flow_law_prior`).
+fit hands on (`pyburgers.flow_law_tables.fit.flow_law_prior`), and, of a curve of this test that is
+fitted with this prior, every parameter among the draws of the posterior.
 """
 
 from dataclasses import dataclass, replace
@@ -13,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pyburgers.common.errors import SamplingError
-from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress, flow_law_prior
+from pyburgers.flow_law_tables.fit import fit_peak_stress, flow_law_prior
 from pyburgers.flow_law_tables.inputs import (
     STRESS_SCATTER,
     PeakStrain,
@@ -22,9 +23,18 @@ from pyburgers.flow_law_tables.inputs import (
 )
 from pyburgers.flow_law_tables.softening import simulate_peaks
 from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, FlowLawPrior
-from pyburgers.model.priors import PriorSet
-from pyburgers.protocols.experiment import Provenance
+from pyburgers.model.priors import PriorSet, with_flow_law
+from pyburgers.protocols.experiment import Experiment, Provenance
+from pyburgers.protocols.forward import simulate_data
+from pyburgers.protocols.problem import one_test
 from pyburgers.sampling.options import SamplerOptions
+from pyburgers.sbc.data_sets import (
+    DataSetPlan,
+    Replication,
+    Simulated,
+    fit_and_rank,
+    lengthened,
+)
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -35,6 +45,9 @@ again. That is a choice by data alone, which leaves the ranks of a right prior u
 
 PRIOR_ATTEMPTS = 1000
 """Draws at which a simulation gives up."""
+
+CURVE_STREAM = 1
+"""Of random numbers for the noise of a curve, beside those of its table."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,6 +140,28 @@ def simulate_table(
     )
 
 
+@dataclass(frozen=True, eq=False)
+class RankedTable:
+    """What the fit of a simulated table hands on, and where one more test's flow law lies in it.
+
+    Attributes
+    ----------
+    law : FlowLawPrior
+        The prior handed on.
+    ranks : dict of str to int
+        Draws of the prior below the truth, by quantity; empty where the last fit failed a check.
+    n_refits : int
+        Longer fits after the first.
+    failed_checks : tuple of str
+        Names of the checks of the sampling that the last fit failed.
+    """
+
+    law: FlowLawPrior
+    ranks: dict[str, int]
+    n_refits: int
+    failed_checks: tuple[str, ...]
+
+
 def rank_hand_over(
     template: PeakStressData,
     priors: PriorSet,
@@ -135,38 +170,93 @@ def rank_hand_over(
     *,
     seed: int,
     options: SamplerOptions,
-    n_ranked: int,
-) -> tuple[dict[str, int], PeakStressFit]:
+    plan: DataSetPlan,
+) -> RankedTable:
     """Simulate a table, fit it, and rank one more test's flow law in the prior handed on.
+
+    A fit that fails a check of the sampling is repeated, longer; one that still does is not ranked.
 
     Parameters
     ----------
     template, priors, curve, seed
         As for `simulate_table`; the fit has the flow law's priors of the curve.
     out : Path
-        Run directory of the fit.
+        Folder for run directories of fits.
     options : SamplerOptions
-        Chains, iterations.
-    n_ranked : int
-        Draws of the prior that the truth is ranked among.
-
-    Returns
-    -------
-    ranks : dict of str to int
-        Draws below the truth, by quantity.
-    fit : PeakStressFit
-        Of the table.
+        Chains, iterations, target of the first fit.
+    plan : DataSetPlan
+        Ranks and repetitions.
     """
     table = simulate_table(template, priors, curve, seed=seed)
-    fit = fit_peak_stress(
-        table.data,
-        with_curve_flow_law(priors, curve),
-        out=out,
-        curve=curve,
-        options=replace(options, seed=seed),
-    )
+    for n_refits in range(plan.refits + 1):
+        fit = fit_peak_stress(
+            table.data,
+            with_curve_flow_law(priors, curve),
+            out=out / f"table_{n_refits}",
+            curve=curve,
+            options=lengthened(replace(options, seed=seed), n_refits),
+        )
+        failed = tuple(check.name for check in fit.checks() if not check.passed)
+        if not failed:
+            break
     law = flow_law_prior(fit)
-    rng = np.random.default_rng([seed, n_ranked])
-    draws = law.mean + rng.standard_normal((n_ranked, law.mean.size)) @ law.factor.T
+    rng = np.random.default_rng([seed, plan.n_ranked])
+    draws = law.mean + rng.standard_normal((plan.n_ranked, law.mean.size)) @ law.factor.T
     below = np.sum(draws < table.truth(law), axis=0)
-    return dict(zip(law.quantities, map(int, below), strict=True)), fit
+    ranks = {} if failed else dict(zip(law.quantities, map(int, below), strict=True))
+    return RankedTable(law, ranks, n_refits, failed)
+
+
+def rank_curve(
+    table: SimulatedTable,
+    law: FlowLawPrior,
+    template: Experiment,
+    curve: PriorSet,
+    out: Path,
+    *,
+    seed: int,
+    options: SamplerOptions,
+    plan: DataSetPlan,
+) -> Replication:
+    """Simulate the curve of one more test, fit it with the prior handed on, and rank its truth.
+
+    The test has the parameters of the table's material; its flow rate scatters as those of the
+    table do.
+
+    Parameters
+    ----------
+    table : SimulatedTable
+        Of the same material, without the curve among its tests.
+    law : FlowLawPrior
+        What the fit of the table hands on.
+    template : Experiment
+        How the curve is taken.
+    curve : PriorSet
+        Of every parameter; the flow law handed on takes its place in it.
+    out, seed, options, plan
+        As for `pyburgers.sbc.data_sets.fit_and_rank`.
+
+    Raises
+    ------
+    SamplingError
+        If the curve has no solution.
+    """
+    rng = np.random.default_rng([seed, CURVE_STREAM])
+    truth = table.truth(law)
+    values = {
+        **table.values,
+        "activation_enthalpy": float(law.activation_enthalpy(*truth)),
+        "stress_noise": curve["stress_noise"].sample(rng),
+    }
+    source = f"one more test of {table.data.id}"
+    curve = with_flow_law(curve, law, source)
+    simulated = simulate_data(template, values, rng, source=source)
+    named = replace(simulated, id=f"{template.id}_simulated_{seed}")
+    return fit_and_rank(
+        Simulated(one_test(named, curve), {}, 0, 0),
+        one_test(template, curve),
+        out,
+        seed=seed,
+        options=options,
+        plan=plan,
+    )

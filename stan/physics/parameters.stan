@@ -4,7 +4,7 @@
  * Priors, fixed values and `parameter` in the programs have this order. Those of variants have
  * standard values that leave them without effect (docs/variants.md).
  */
-int n_parameters() { return 24; }
+int n_parameters() { return 32; }
 
 int i_maxwell_modulus() { return 1; } // E_M, Pa
 int i_kelvin_modulus() { return 2; } // E_K, Pa
@@ -34,10 +34,20 @@ int i_piezometer_stress_floor() { return 20; } // sigma_f, Pa
 // Of variants
 int i_breakdown_stress() { return 21; } // sigma_L, Pa; 0: the dashpot is a power law
 int i_residual_correlated_share() { return 22; } // w, of the variance of residuals
+int i_modulus_temperature_coefficient() { return 23; } // a_E, 1/K; E_M(T) = E_M [1 + a_E (T - T_E)]
+int i_modulus_reference_temperature() { return 24; } // T_E, K, always fixed
+int i_attenuation_scatter() { return 25; } // s_Q, of ln(tan delta)
+int i_modulus_scatter() { return 26; } // s_G, of ln(modulus)
+
+// Of readings of strain (loading histories)
+int i_strain_noise() { return 27; } // s_e, standard deviation of the residuals of strain
+int i_residual_correlation_time() { return 28; } // tau_r, s
+int i_strain_offset() { return 29; } // strain read where the strain is 0
+int i_apparatus_compliance() { return 30; } // C, 1/Pa, strain of the apparatus over stress
 
 // Of the conditions of a test; 0 where they are taken as known
-int i_temperature_error() { return 23; } // true less stated temperature, K
-int i_stress_calibration_error() { return 24; } // c: the load cell reads 1 + c times the stress
+int i_temperature_error() { return 31; } // true less stated temperature, K
+int i_stress_calibration_error() { return 32; } // c: the load cell reads 1 + c times the stress
 
 /** Temperature of a test (K): the stated one and its error. */
 real true_temperature(vector parameter, data real stated) {

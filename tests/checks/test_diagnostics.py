@@ -22,6 +22,7 @@ from pyburgers.checks.fit_checks import (
     run_checks,
 )
 from pyburgers.checks.registry import CHECKS
+from pyburgers.posterior.labelled_draws import DRIVING_ERRORS, convergence_table, free_parameters
 from pyburgers.sampling.chains import ChainFailure
 
 FloatArray = npt.NDArray[np.float64]
@@ -205,3 +206,20 @@ def test_coverage_counts_the_data_in_the_band(outside: int, passes: bool) -> Non
     assert check.passed == passes
     if not passes:
         assert_fails(check, "50%", "residuals")
+
+
+def test_errors_of_the_driving_strain_are_checked_like_parameters() -> None:
+    tree = good()
+    names = ("driving_error[1]", "driving_error[2]")
+    errors = np.random.default_rng(11).standard_normal((len(names), CHAINS, DRAWS))
+    errors[1, 0] += 1.0
+    labels = ("chain", "draw")
+    tree[DRIVING_ERRORS] = xr.DataTree(
+        xr.Dataset({name: (labels, own) for name, own in zip(names, errors, strict=True)})
+    )
+    result = check_rhat(CheckedDraws(tree))
+    assert not result.passed
+    assert "for driving_error[2]" in result.sentence
+    assert convergence_table(tree).index[-2:].tolist() == list(names)
+    # They are no parameters of the rock.
+    assert free_parameters(tree) == ["stress_exponent", "stress_noise"]

@@ -356,7 +356,7 @@ def test_the_printed_beta_is_warned_about(
         ({"viscosity": 1.0}, "viscosity"),
         ({"maxwell_modulus": -1.0}, "maxwell_modulus"),
         ({"beta": "small"}, "beta"),
-        ({"steady_state_fabric_factor": 1.5}, "isotropic"),
+        ({"steady_state_fabric_factor": 0.0}, "steady_state_fabric_factor"),
         ({"kelvin_modulus": True}, "kelvin_modulus"),
     ],
 )

@@ -267,11 +267,6 @@ class TestBadInput:
                 'family = "lognormal"\nlocation = -4\nscale = 1\nunit = "GPa"',
                 ["[parameters.maxwell_modulus]", "'location'", "positive median"],
             ),
-            (
-                "steady_state_fabric_factor",
-                'family = "uniform"\nlower = 0.1\nupper = 1.5\nunit = "1"',
-                ["[parameters.steady_state_fabric_factor]", "'upper'", "at most 1"],
-            ),
             # Misprint 5: U[0, 1] as the paper prints it.
             (
                 "critical_strain_grain_size",

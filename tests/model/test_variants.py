@@ -23,7 +23,12 @@ from pyburgers.comparison.by_points import compare, leave_one_out, leave_out_exa
 from pyburgers.comparison.results import comparison_table
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, Conditions, FlowLawPrior
-from pyburgers.model.parameters import PARAMETERS, PIEZOMETER, PROGRAM_PARAMETERS
+from pyburgers.model.parameters import (
+    PARAMETERS,
+    PIEZOMETER,
+    PROGRAM_PARAMETERS,
+    STANDARD_VALUES,
+)
 from pyburgers.model.priors import PriorSet, default_priors, load_priors, save_priors, with_flow_law
 from pyburgers.model.variants import (
     CHOICES,
@@ -82,8 +87,8 @@ def test_no_choice_changes_nothing(ice: ConstantRateExperiment, priors: PriorSet
     assert ModelVariant().short_text == "standard"
     data = one_test_data(ice, priors.resolved(1e7), solver=SolverOptions())
     (family,), (location,) = data["prior_family"], data["prior_location"]
-    assert family[len(PARAMETERS) :] == [0] * 10
-    assert location[len(PARAMETERS) :] == [1.0, 0.0, 1e6, 273.15, 0.0, 0.0, 1.0, 1e6, 0.0, 1.0]
+    assert family[len(PARAMETERS) :] == [0] * len(STANDARD_VALUES)
+    assert location[len(PARAMETERS) :] == list(STANDARD_VALUES.values())
     assert max(data["own_parameter"]) == len(PARAMETERS)
 
 

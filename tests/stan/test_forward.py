@@ -277,7 +277,7 @@ def test_a_solution_that_cannot_be_found_is_an_error(tmp_path: Path) -> None:
     [
         ({"maxwell_modulus": -1.0}, "maxwell_modulus"),
         ({"beta": float("nan")}, "beta"),
-        ({"steady_state_fabric_factor": 1.2}, "steady_state_fabric_factor"),
+        ({"steady_state_fabric_factor": 0.0}, "steady_state_fabric_factor"),
         ({"viscosity": 1.0}, "unknown parameter 'viscosity'"),
         ({"kelvin_modulus": "1e9"}, "kelvin_modulus"),
     ],

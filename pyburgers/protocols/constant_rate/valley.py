@@ -174,6 +174,8 @@ def _check_priors(priors: PriorSet, coordinates: PlainCoordinates) -> None:
         prior = priors[name]
         if prior.is_fixed or not np.isfinite([prior.lower, prior.upper]).all():
             raise ChartUnsuited(f"{name} is not free between two finite bounds")
+    if priors["steady_state_fabric_factor"].upper > 1:
+        raise ChartUnsuited("the fabric may harden")
     if coordinates.replaced_parameter is None:
         raise ChartUnsuited("neither Q_M nor beta leaves its place to the reference stress")
 

@@ -1,0 +1,1 @@
+"""Tests under any history of strain and stress: creep, steps, relaxation, measured drivers."""

@@ -1,0 +1,106 @@
+"""Measured drivers as lines: a series of readings becomes legs over which it is linear in time.
+
+The rule: of all lines with corners at readings that pass every reading within `TOLERANCE` times
+the reading error, take one with the fewest corners, and of those the one nearest to the readings;
+then put its corners at the values of the least-squares line with the same times. Ramps and jumps
+stay, since a line that cut their corners would miss readings; what is smaller than the tolerance is
+taken as error of reading or control. The search is by dynamic programming: the slopes of all lines
+from a reading that pass within the tolerance of those after it form an interval that narrows as
+they go on (Imai and Iri 1986, Computer Vision, Graphics, and Image Processing 36, 31-41).
+"""
+
+import numpy as np
+from scipy import stats
+from scipy.interpolate import make_lsq_spline
+
+from pyburgers.protocols.experiment import FloatArray
+
+TOLERANCE = 5.0
+"""How far a line passes from a reading, in standard deviations of the reading error. Its corners
+are readings with errors of their own, so that 5 are 3.5 of those of a difference."""
+
+TURNED_TOLERANCE = 1e-3
+"""The least tolerance, in shares of the largest value: 0.1 % of a stress moves the rate by less
+than a percent, and a series without noise would otherwise get a corner at every reading."""
+
+
+def reading_error(time: FloatArray, value: FloatArray) -> float:
+    """Return the standard deviation of independent errors of a series, 0 for under 3 readings.
+
+    From the median distance of a reading from the line through its neighbours, which few jumps or
+    corners do not move.
+
+    Parameters
+    ----------
+    time, value : array, shape (n,)
+        The series, times increasing.
+    """
+    if time.size < 3:
+        return 0.0
+    share = (time[1:-1] - time[:-2]) / (time[2:] - time[:-2])
+    distance = value[1:-1] - (1 - share) * value[:-2] - share * value[2:]
+    scaled = distance / np.sqrt(1 + share**2 + (1 - share) ** 2)
+    return float(np.median(np.abs(scaled)) / stats.norm.ppf(0.75))
+
+
+def line_through(
+    time: FloatArray, value: FloatArray, error: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the corners of the line that stands for a series.
+
+    Parameters
+    ----------
+    time, value : array, shape (n,)
+        The series, n at least 2, times increasing.
+    error : float
+        Standard deviation of a reading, in the unit of `value`.
+
+    Returns
+    -------
+    time, value : array, shape (n_corners,)
+        The first and the last time are those of the series.
+    """
+    tolerance = max(TOLERANCE * error, TURNED_TOLERANCE * float(np.max(np.abs(value))))
+    corner = _fewest_corners(time, value, tolerance)
+    if corner.size == time.size:
+        return time, value
+    ends = time[[0, -1]]
+    knots = np.concatenate([ends[:1], time[corner], ends[1:]])
+    # Times from 0 to 1: least squares in seconds would lose digits.
+    scaled = (knots - ends[0]) / (ends[1] - ends[0])
+    line = make_lsq_spline((time - ends[0]) / (ends[1] - ends[0]), value, scaled, k=1)
+    return time[corner], np.asarray(line(scaled[1:-1]))
+
+
+def _fewest_corners(time: FloatArray, value: FloatArray, tolerance: float) -> np.ndarray:
+    """Return the readings at which the line has its corners, the first and the last too."""
+    n = time.size
+    corners = np.full(n, n)
+    squares = np.full(n, np.inf)
+    before = np.zeros(n, dtype=np.int64)
+    corners[0], squares[0] = 0, 0.0
+    for i in range(n - 1):
+        reached, missed = _reached(time[i:] - time[i], value[i:] - value[i], tolerance)
+        to, total = i + reached, squares[i] + missed
+        fewer = corners[i] + 1 < corners[to]
+        nearer = (corners[i] + 1 == corners[to]) & (total < squares[to])
+        better = fewer | nearer
+        corners[to[better]] = corners[i] + 1
+        squares[to[better]], before[to[better]] = total[better], i
+    path = [n - 1]
+    while path[-1] > 0:
+        path.append(int(before[path[-1]]))
+    return np.array(path[::-1])
+
+
+def _reached(
+    time: FloatArray, value: FloatArray, tolerance: float
+) -> tuple[np.ndarray, FloatArray]:
+    """Return where lines from the first reading (at 0, 0) may end, and the squares they miss."""
+    t, y = time[1:], value[1:]
+    lowest = np.maximum.accumulate((y - tolerance) / t)
+    highest = np.minimum.accumulate((y + tolerance) / t)
+    slope = y / t
+    within = np.flatnonzero((lowest <= slope) & (slope <= highest))
+    squares = np.cumsum(y**2) - 2 * slope * np.cumsum(t * y) + slope**2 * np.cumsum(t**2)
+    return within + 1, squares[within]

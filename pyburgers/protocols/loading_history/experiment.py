@@ -1,0 +1,113 @@
+"""Tests under a history of imposed strain and stress: what was imposed, what was read."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from pyburgers.protocols.experiment import Experiment, FloatArray
+from pyburgers.protocols.loading_history.stages import Leg, Stage, legs_of
+
+IntArray = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Stated:
+    """A number that a file states with its uncertainty, in SI.
+
+    Attributes
+    ----------
+    value, sd : float
+        Mean and standard deviation; with an sd of 0 the number is known.
+    """
+
+    value: float
+    sd: float
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LoadingHistory(Experiment):
+    """One test under a history of imposed strain and stress, in SI units.
+
+    Attributes
+    ----------
+    stages : tuple of Stage
+        One after the other without gaps; the first starts at 0 s, where the sample is at rest.
+    time : array, shape (n_points,)
+        Of the readings (s since the start), not decreasing, and increasing within a stage.
+    reading_stage : array of int, shape (n_points,)
+        Stage of each reading, from 0.
+    reading : array, shape (n_points,)
+        True stress (Pa) where strain is imposed, true strain (fraction) where stress is imposed.
+    stress_uncertainty, strain_uncertainty : float or None
+        Standard deviation of a reading (Pa, fraction) where it is stated.
+    apparatus_compliance : Stated or None
+        Strain of the apparatus for a stress, in strain of the sample (1/Pa), that is part of
+        measured and imposed strains; None for none.
+    strain_offset : Stated or None
+        Measured strain of the sample at rest; None for zero.
+    n_readings_in_file : int
+        Before records were thinned.
+    """
+
+    protocol: ClassVar[str] = "loading_history"
+    laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType({})
+    stages: tuple[Stage, ...]
+    time: FloatArray
+    reading_stage: IntArray
+    reading: FloatArray
+    stress_uncertainty: float | None = None
+    strain_uncertainty: float | None = None
+    apparatus_compliance: Stated | None = None
+    strain_offset: Stated | None = None
+    n_readings_in_file: int = 0
+
+    @property
+    def legs(self) -> tuple[Leg, ...]:
+        """Parts over which what is imposed is linear in time, in the order of time."""
+        return legs_of(self.stages)
+
+    @property
+    def end_time(self) -> float:
+        """End of the test (s)."""
+        return self.stages[-1].end_time
+
+    @property
+    def position(self) -> FloatArray:
+        """Times of the readings."""
+        return self.time
+
+    @property
+    def response(self) -> FloatArray:
+        """Readings: stress or strain, by stage."""
+        return self.reading
+
+    @property
+    def response_is_strain(self) -> npt.NDArray[np.bool_]:
+        """Whether each reading is a strain, shape (n_points,)."""
+        stress_driven = np.array([stage.driven == "stress" for stage in self.stages])
+        is_strain: npt.NDArray[np.bool_] = stress_driven[self.reading_stage]
+        return is_strain
+
+    @property
+    def largest_stress(self) -> float:
+        """Largest |σ| (Pa), imposed or measured; only of an experiment with data."""
+        imposed = [
+            abs(value)
+            for leg in self.legs
+            if leg.driven == "stress"
+            for value in (leg.start_value, leg.end_value)
+        ]
+        return float(max([*imposed, *np.abs(self.reading[~self.response_is_strain])]))
+
+    @property
+    def title(self) -> str:
+        """Sample, material, temperature, number of stages and kind of data."""
+        n_stages = len(self.stages)
+        return (
+            f"{self.id}: {self.material}, {self.temperature:g} K, "
+            f"{n_stages} {'stage' if n_stages == 1 else 'stages'}, {self.provenance.kind} data"
+        )

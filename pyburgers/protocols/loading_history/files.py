@@ -1,0 +1,281 @@
+"""Files of loading histories: what a file says, read and written (docs/loading_history.md)."""
+
+import logging
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from pyburgers.common.columns import write_columns
+from pyburgers.common.toml_files import Table, factor_to_si, read_toml
+from pyburgers.protocols.experiment import (
+    ExperimentFile,
+    FloatArray,
+    shared_values,
+    write_experiment,
+)
+from pyburgers.protocols.loading_history.experiment import LoadingHistory, Stated
+from pyburgers.protocols.loading_history.readings import (
+    NO_READINGS,
+    HistoryDataTable,
+    IntArray,
+    Measure,
+    read_readings,
+    responses,
+    thinned,
+    true_readings,
+)
+from pyburgers.protocols.loading_history.stage_tables import (
+    Conventions,
+    StageTable,
+    Test,
+    read_stages,
+    stage_bounds,
+)
+from pyburgers.protocols.loading_history.stages import Stage, legs_of
+
+logger = logging.getLogger(__name__)
+
+
+class _ApparatusTable(Table):
+    compliance_per_Pa: float = Field(  # noqa: N815 - a key with its unit
+        ge=0, description="strain over the first length for each Pa, of the apparatus alone"
+    )
+    compliance_sd_per_Pa: float = Field(0.0, ge=0, description="its standard deviation")  # noqa: N815
+
+
+class _OffsetTable(Table):
+    value: float = Field(description="the strain that is read from the sample at rest")
+    sd: float = Field(0.0, ge=0, description="its standard deviation")
+    unit: str = Field(description="fraction or percent")
+
+
+class _LoadingHistoryFile(ExperimentFile):
+    protocol: Literal["loading_history"] = Field(description="the kind of test")
+    stage_time_unit: str = Field("s", description="s, min or h")
+    stage_stress_unit: str = Field("Pa", description="Pa, MPa or GPa")
+    compression: Literal["positive", "negative"] = "positive"
+    stress_measure: Measure = "true"
+    strain_measure: Measure = "true"
+    stages: list[StageTable] = Field(min_length=1, description="one table for each stage")
+    apparatus: _ApparatusTable | None = None
+    strain_offset: _OffsetTable | None = None
+    data: HistoryDataTable | None = None
+
+
+def load_loading_history(path: str | Path) -> LoadingHistory:
+    """Read and check the file of a loading history and the data file that it names.
+
+    Time counts from the start of the first stage. What is turned, smoothed or thinned is said in a
+    notice.
+
+    Parameters
+    ----------
+    path : str or Path
+        The TOML file.
+
+    Raises
+    ------
+    InputError
+        If a file, key, unit or number is not what it has to be.
+    """
+    path = Path(path)
+    file = read_toml(path, _LoadingHistoryFile)
+    values = shared_values(path, file)
+    conventions = Conventions.of(
+        path,
+        time_unit=file.stage_time_unit,
+        stress_unit=file.stage_stress_unit,
+        compression=file.compression,
+        measures=(file.stress_measure, file.strain_measure),
+    )
+    bounds = stage_bounds(path, file.stages, conventions.time)
+    offset = _strain_offset(path, file, conventions.sign)
+    readings = NO_READINGS
+    if file.data is not None:
+        raw = read_readings(path, file.data, bounds, conventions.sign)
+        readings = true_readings(path, raw, file.stress_measure, file.strain_measure)
+    test = Test(
+        path=path,
+        temperature=file.temperature_K,
+        conventions=conventions,
+        bounds=bounds,
+        readings=readings,
+        stress_error=_uncertainty(path, file.data, "stress"),
+        strain_error=_uncertainty(path, file.data, "strain"),
+        first_strain=(offset.value, offset.sd) if offset else (0.0, 0.0),
+    )
+    stages, changes = read_stages(test, file.stages)
+    changes = _turned(file) + changes
+    response: list[Literal["stress", "strain"]] = [
+        "strain" if stage.driven == "stress" else "stress" for stage in stages
+    ]
+    found = responses(path, readings, response)
+    used, more = _used(found, stages, file.data)
+    for change in changes + more:
+        logger.info("%s: %s", file.id, change)
+    time, reading_stage, reading = used
+    return LoadingHistory(
+        **values,
+        stages=stages,
+        time=time,
+        reading_stage=reading_stage,
+        reading=reading,
+        stress_uncertainty=test.stress_error,
+        strain_uncertainty=test.strain_error,
+        apparatus_compliance=_apparatus(file),
+        strain_offset=offset,
+        n_readings_in_file=_n_in_file(file.data, found[0].size),
+        notices=tuple(dict.fromkeys([*file.notices, *changes, *more])),
+    )
+
+
+def save_loading_history(experiment: LoadingHistory, directory: Path) -> Path:
+    """Write a self-contained copy, ``experiment.toml`` and ``experiment.csv``, in SI units.
+
+    `load_loading_history` reads back exactly equal contents, notices included.
+
+    Parameters
+    ----------
+    experiment : LoadingHistory
+        What to write.
+    directory : Path
+        An existing folder.
+
+    Returns
+    -------
+    Path
+        The TOML file.
+    """
+    own: dict[str, Any] = {"stages": [_stage_table(stage) for stage in experiment.stages]}
+    if experiment.apparatus_compliance is not None:
+        own["apparatus"] = {
+            "compliance_per_Pa": experiment.apparatus_compliance.value,
+            "compliance_sd_per_Pa": experiment.apparatus_compliance.sd,
+        }
+    if experiment.strain_offset is not None:
+        offset = experiment.strain_offset
+        own["strain_offset"] = {"value": offset.value, "sd": offset.sd, "unit": "fraction"}
+    if experiment.n_points > 0:
+        own["data"] = _write_readings(experiment, directory)
+    return write_experiment(experiment, directory, own)
+
+
+def _strain_offset(path: Path, file: _LoadingHistoryFile, sign: int) -> Stated | None:
+    table = file.strain_offset
+    if table is None:
+        return None
+    unit = factor_to_si(table.unit, "strain", f"{path}: key 'unit' in [strain_offset]")
+    return Stated(sign * unit * table.value, unit * table.sd)
+
+
+def _apparatus(file: _LoadingHistoryFile) -> Stated | None:
+    table = file.apparatus
+    return Stated(table.compliance_per_Pa, table.compliance_sd_per_Pa) if table else None
+
+
+def _uncertainty(path: Path, data: HistoryDataTable | None, quantity: str) -> float | None:
+    """Return the stated standard deviation of a reading in SI."""
+    stated = getattr(data, f"{quantity}_uncertainty", None)
+    if data is None or stated is None:
+        return None
+    key = f"{quantity}_unit"
+    factor = factor_to_si(getattr(data, key), quantity, f"{path}: key {key!r} in [data]")
+    return float(stated) * factor
+
+
+def _turned(file: _LoadingHistoryFile) -> list[str]:
+    """Sentences about measures and signs."""
+    notices = []
+    if file.compression == "negative":
+        notices.append("Compression is negative in the file: the signs were turned.")
+    measures = {"stress": file.stress_measure, "strain": file.strain_measure}
+    turned = [name for name, measure in measures.items() if measure == "engineering"]
+    if turned:
+        notices.append(f"Engineering {' and '.join(turned)} became true by the measured length.")
+    return notices
+
+
+def _used(
+    found: tuple[FloatArray, IntArray, FloatArray],
+    stages: tuple[Stage, ...],
+    data: HistoryDataTable | None,
+) -> tuple[tuple[FloatArray, IntArray, FloatArray], list[str]]:
+    """Return the readings of the response that are used, and sentences about the others."""
+    time, stage, value = found
+    if data is None:
+        return found, []
+    legs = legs_of(stages)
+    notices = []
+    rests = legs[0].start_value == 0
+    kept = (time > 0) | (not rests)
+    if not kept.all():
+        notices.append("The reading at the start was dropped: the model starts at rest.")
+    time, stage, value = time[kept], stage[kept], value[kept]
+
+    def changes(number: int) -> FloatArray:
+        return np.array([leg.start_time for leg in legs if leg.stage == number])
+
+    chosen = thinned(time, stage, value, changes, data.max_readings)
+    if not chosen.all():
+        notices.append(
+            f"{np.count_nonzero(chosen)} of {time.size} readings are used, more of them where what "
+            "is imposed changes and where the response moves."
+        )
+    return (time[chosen], stage[chosen], value[chosen]), notices
+
+
+def _n_in_file(data: HistoryDataTable | None, found: int) -> int:
+    if data is None or data.readings_in_file is None:
+        return found
+    return data.readings_in_file
+
+
+def _stage_table(stage: Stage) -> dict[str, Any]:
+    """One of [[stages]], in SI."""
+    table: dict[str, Any] = {
+        "control": stage.control,
+        "start_time": stage.start_time,
+        "end_time": stage.end_time,
+        "temperature_K": stage.temperature,
+    }
+    match stage.control:
+        case "strain_rate":
+            table["strain_rate_per_s"] = stage.value
+        case "stress":
+            table["stress"] = stage.value
+        case "stress_rate":
+            table |= {"stress_rate": stage.value, "start_stress": stage.start_stress}
+        case "strain_series" | "stress_series":
+            table["knots"] = [list(knot) for knot in stage.knots]
+    return table
+
+
+def _write_readings(experiment: LoadingHistory, directory: Path) -> dict[str, Any]:
+    """Write the columns; return the table [data]."""
+    is_strain = experiment.response_is_strain
+    columns: dict[str, FloatArray] = {
+        "time_s": experiment.time,
+        "stage": (experiment.reading_stage + 1).astype(np.float64),
+    }
+    table: dict[str, Any] = {
+        "file": "experiment.csv",
+        "separator": ",",
+        "header": True,
+        "time_column": "time_s",
+        "time_unit": "s",
+        "stage_column": "stage",
+        "max_readings": max(experiment.n_points, 10),
+        "readings_in_file": experiment.n_readings_in_file,
+    }
+    for quantity, unit, own, error in (
+        ("stress", "Pa", ~is_strain, experiment.stress_uncertainty),
+        ("strain", "fraction", is_strain, experiment.strain_uncertainty),
+    ):
+        if own.any() or error is not None:
+            columns[quantity] = np.where(own, experiment.reading, np.nan)
+            table |= {f"{quantity}_column": quantity, f"{quantity}_unit": unit}
+            table |= {f"{quantity}_uncertainty": error} if error is not None else {}
+    write_columns(directory / "experiment.csv", columns)
+    return table

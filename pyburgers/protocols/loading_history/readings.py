@@ -1,0 +1,303 @@
+"""Readings of a loading history as true strains and stresses, compression positive, by stage."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field
+
+from pyburgers.common.columns import Column, TextFilesTable, read_columns
+from pyburgers.common.errors import InputError
+from pyburgers.common.units import count_points
+from pyburgers.protocols.experiment import FloatArray
+from pyburgers.protocols.loading_history.thinning import kept_readings
+
+IntArray = npt.NDArray[np.int64]
+
+Measure = Literal["true", "engineering"]
+
+
+class HistoryDataTable(TextFilesTable):
+    """The table [data]. An empty cell is no reading."""
+
+    file: str = Field(description="the data file")
+    time_column: Column
+    time_unit: str = Field(description="s, min or h")
+    stress_column: Column | None = None
+    stress_unit: str | None = Field(None, description="Pa, MPa or GPa")
+    stress_uncertainty: float | None = Field(
+        None, gt=0, description="the standard deviation of a reading in the unit of the stress"
+    )
+    strain_column: Column | None = None
+    strain_unit: str | None = Field(None, description="fraction or percent")
+    strain_uncertainty: float | None = Field(
+        None, gt=0, description="the standard deviation of a reading in the unit of the strain"
+    )
+    stage_column: Column | None = Field(
+        None, description="the column that holds the number of the stage, from 1"
+    )
+    max_readings: int = Field(400, ge=10, description="to how many readings records are thinned")
+    readings_in_file: int | None = Field(
+        None, ge=0, description="the number of readings before an earlier thinning"
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Readings:
+    """Rows of a table, in SI; NaN stands for no reading.
+
+    Attributes
+    ----------
+    source : Path or None
+        The file, for messages; None for none.
+    time : array, shape (n_rows,)
+        Seconds since the start of the first stage.
+    stage : array of int, shape (n_rows,)
+        From 0.
+    stress, strain : array, shape (n_rows,)
+        Pa, fraction; compression positive.
+    """
+
+    source: Path | None
+    time: FloatArray
+    stage: IntArray
+    stress: FloatArray
+    strain: FloatArray
+
+    def of(self, quantity: Literal["stress", "strain"]) -> tuple[FloatArray, FloatArray]:
+        """Return times and values of the readings of a quantity."""
+        values: FloatArray = getattr(self, quantity)
+        there = np.isfinite(values)
+        return self.time[there], values[there]
+
+
+NO_READINGS = Readings(None, np.empty(0), np.empty(0, dtype=np.int64), np.empty(0), np.empty(0))
+
+
+def read_readings(path: Path, data: HistoryDataTable, bounds: FloatArray, sign: int) -> Readings:
+    """Read the table of a test.
+
+    Parameters
+    ----------
+    path : Path
+        The TOML file.
+    data : HistoryDataTable
+        Its table [data].
+    bounds : array, shape (n_stages + 1,)
+        Starts of the stages and the end of the last, in s on the clock of the table.
+    sign : {1, -1}
+        Of a compression in the table.
+
+    Returns
+    -------
+    Readings
+        Measures as in the file.
+
+    Raises
+    ------
+    InputError
+        If columns or units are missing or wrong, times do not increase within a stage, or a reading
+        is outside its stage or every stage.
+    """
+    columns: dict[str, tuple[str, str] | None] = {"time_column": ("time_unit", "time")}
+    for quantity in ("stress", "strain"):
+        _check_pair(path, data, quantity)
+        if getattr(data, f"{quantity}_column") is not None:
+            columns[f"{quantity}_column"] = (f"{quantity}_unit", quantity)
+    if len(columns) == 1:
+        raise InputError(
+            f"{path}: key 'stress_column' or 'strain_column' in [data] is missing, expected the "
+            "column of the response."
+        )
+    if data.stage_column is not None:
+        columns["stage_column"] = None
+    source = data.folder(path) / data.file
+    found = read_columns(
+        source,
+        data,
+        columns,
+        where=path,
+        file_key="'file' in [data]",
+        may_be_empty=("stress_column", "strain_column"),
+    )
+    table = dict(zip(columns, found, strict=True))
+    time = table["time_column"]
+    nothing = np.full_like(time, np.nan)
+    stage = _stages(source, time, bounds, table.get("stage_column"))
+    _check_order(source, time, stage)
+    return Readings(
+        source=source,
+        time=time - bounds[0],
+        stage=stage,
+        stress=sign * table.get("stress_column", nothing),
+        strain=sign * table.get("strain_column", nothing),
+    )
+
+
+def true_readings(path: Path, readings: Readings, stress: Measure, strain: Measure) -> Readings:
+    """Turn engineering measures into true ones.
+
+    With e the shortening over the first length, positive in compression, the true strain is
+    -ln(1 - e), and at constant volume the true stress is the force over the first area times 1 - e.
+
+    Parameters
+    ----------
+    path : Path
+        The TOML file, for messages.
+    readings : Readings
+        As in the file.
+    stress, strain : {"true", "engineering"}
+        Their measures.
+
+    Raises
+    ------
+    InputError
+        If a sample is shortened by all its length, or a stress has no strain beside it.
+    """
+    true_strain = readings.strain
+    if strain == "engineering":
+        if np.any(readings.strain >= 1):
+            raise InputError(
+                f"{readings.source}: found an engineering strain of {np.nanmax(readings.strain):g},"
+                " expected less than 1 (fraction) in compression: check its unit."
+            )
+        true_strain = -np.log1p(-readings.strain)
+    true_stress = readings.stress
+    if stress == "engineering":
+        if np.any(np.isfinite(readings.stress) & np.isnan(true_strain)):
+            raise InputError(
+                f"{path}: key 'stress_measure': found 'engineering' and a stress without a strain "
+                f"in {readings.source}, expected the strain of every reading, which tells the area."
+            )
+        true_stress = readings.stress * np.exp(-true_strain)
+    return Readings(readings.source, readings.time, readings.stage, true_stress, true_strain)
+
+
+def responses(
+    path: Path, readings: Readings, response: Sequence[Literal["stress", "strain"]]
+) -> tuple[FloatArray, IntArray, FloatArray]:
+    """Return the readings of the response.
+
+    Parameters
+    ----------
+    path : Path
+        The TOML file, for messages.
+    readings : Readings
+        True ones.
+    response : sequence of {"stress", "strain"}
+        Of each stage.
+
+    Returns
+    -------
+    time, stage, value : array, shape (n_readings,)
+        In the order of time.
+
+    Raises
+    ------
+    InputError
+        If a stage with rows has no reading of its response.
+    """
+    is_strain = np.array([quantity == "strain" for quantity in response])
+    value = np.where(is_strain[readings.stage], readings.strain, readings.stress)
+    there = np.isfinite(value)
+    for number in np.unique(readings.stage):
+        if not there[readings.stage == number].any():
+            quantity = response[number]
+            imposed = "stress" if quantity == "strain" else "strain"
+            raise InputError(
+                f"{path}: stage {number + 1} imposes a {imposed} but {readings.source} holds no "
+                f"{quantity} in it, expected its response ('{quantity}_column' in [data]) or no "
+                "rows at its times."
+            )
+    return readings.time[there], readings.stage[there], value[there]
+
+
+def thinned(
+    time: FloatArray,
+    stage: IntArray,
+    value: FloatArray,
+    changes: Callable[[int], FloatArray],
+    most: int,
+) -> npt.NDArray[np.bool_]:
+    """Return which readings are kept, shape (n_readings,), by the rule of `thinning`.
+
+    Half of them are shared equally by the stages, half by the number of their readings.
+
+    Parameters
+    ----------
+    time, stage, value : array, shape (n_readings,)
+        The readings.
+    changes : callable
+        Receives a stage; returns the times (s) in it at which what is imposed changes.
+    most : int
+        How many are kept at most, but for the two ends of each stage.
+    """
+    kept = np.ones(time.size, dtype=np.bool_)
+    if time.size <= most:
+        return kept
+    numbers, counts = np.unique(stage, return_counts=True)
+    for number, count in zip(numbers, counts, strict=True):
+        share = most * (0.5 / numbers.size + 0.5 * count / time.size)
+        own = np.flatnonzero(stage == number)
+        wanted = max(2, int(share))
+        chosen = kept_readings(time[own], value[own], changes(int(number)), wanted)
+        kept[np.delete(own, chosen)] = False
+    return kept
+
+
+def _check_pair(path: Path, data: HistoryDataTable, quantity: str) -> None:
+    column, unit = getattr(data, f"{quantity}_column"), getattr(data, f"{quantity}_unit")
+    if (column is None) != (unit is None):
+        raise InputError(
+            f"{path}: [data] needs both or neither of the keys '{quantity}_column' and "
+            f"'{quantity}_unit'."
+        )
+    if unit is None and getattr(data, f"{quantity}_uncertainty") is not None:
+        raise InputError(
+            f"{path}: key '{quantity}_uncertainty' in [data]: found it without "
+            f"'{quantity}_column', expected both or neither."
+        )
+
+
+def _stages(
+    source: Path, time: FloatArray, bounds: FloatArray, numbers: FloatArray | None
+) -> IntArray:
+    """Stage of every row; a row at the time of a change belongs to the later stage."""
+    outside = (time < bounds[0]) | (time > bounds[-1])
+    if outside.any():
+        raise InputError(
+            f"{source}: {count_points(np.count_nonzero(outside))} outside every stage, the first "
+            f"at {time[outside][0]:g} s, expected times between {bounds[0]:g} and {bounds[-1]:g} s."
+        )
+    if numbers is None:
+        return np.clip(np.searchsorted(bounds, time, side="right") - 1, 0, bounds.size - 2)
+    known = np.isin(numbers, np.arange(1, bounds.size))
+    if not known.all():
+        raise InputError(
+            f"{source}: stage column: found {numbers[~known][0]:g}, expected a whole number from 1 "
+            f"to {bounds.size - 1}."
+        )
+    stage = numbers.astype(np.int64) - 1
+    wrong = (time < bounds[stage]) | (time > bounds[stage + 1])
+    if wrong.any():
+        k = stage[wrong][0]
+        raise InputError(
+            f"{source}: stage column: found {k + 1} at {time[wrong][0]:g} s, expected times from "
+            f"{bounds[k]:g} to {bounds[k + 1]:g} s in that stage."
+        )
+    return stage
+
+
+def _check_order(source: Path, time: FloatArray, stage: IntArray) -> None:
+    step, same = np.diff(time), np.diff(stage) == 0
+    wrong = (np.diff(stage) < 0) | (step < 0) | (same & (step == 0))
+    if wrong.any():
+        k = int(np.flatnonzero(wrong)[0])
+        found = "occurs twice" if step[k] == 0 else f"comes after {time[k]:g} s"
+        raise InputError(
+            f"{source}: the time {time[k + 1]:g} s {found}, expected times that increase within "
+            "a stage."
+        )

@@ -1,0 +1,70 @@
+"""Series as lines with few corners, and thinned records."""
+
+import numpy as np
+import pytest
+
+from pyburgers.protocols.loading_history.driver import TOLERANCE, line_through, reading_error
+from pyburgers.protocols.loading_history.thinning import kept_readings
+
+
+def ramps(time: np.ndarray) -> np.ndarray:
+    return np.asarray(np.interp(time, [0, 5, 100, 105, 150, 160, 200], [0, 10, 10, 1, 1, 7, 7]))
+
+
+def test_the_reading_error_of_ramps_with_noise() -> None:
+    rng = np.random.default_rng(3)
+    time = np.sort(rng.uniform(0, 200, 2000))
+    value = ramps(time) + 0.05 * rng.standard_normal(time.size)
+    assert reading_error(time, value) == pytest.approx(0.05, rel=0.1)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_fewest_corners_through_noise(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    time = np.linspace(0, 200, 801)
+    value = ramps(time) + 0.03 * rng.standard_normal(time.size)
+    corners, line = line_through(time, value, 0.03)
+    assert corners.size == 7
+    fitted = np.interp(time, corners, line)
+    assert np.abs(fitted - value).max() < 2 * TOLERANCE * 0.03
+    assert np.sqrt(np.mean((fitted - ramps(time)) ** 2)) < 0.03
+
+
+def test_a_straight_line_is_one_leg() -> None:
+    time = np.linspace(3, 9, 50)
+    corners, line = line_through(time, 2 + 0.5 * time, 0.0)
+    np.testing.assert_array_equal(corners, [3, 9])
+    np.testing.assert_allclose(line, [3.5, 6.5], rtol=1e-12)
+
+
+def test_few_corners_by_trying_all() -> None:
+    """No line with fewer corners at readings passes all readings: checked by trying each."""
+    rng = np.random.default_rng(8)
+    time, value = np.arange(9.0), rng.standard_normal(9)
+    tolerance = TOLERANCE * 0.15
+
+    def passes(inner: tuple[int, ...]) -> bool:
+        knots = [0, *inner, 8]
+        line = np.interp(time, time[knots], value[knots])
+        return bool(np.all(np.abs(line - value) <= tolerance))
+
+    subsets = [tuple(k for k in range(1, 8) if number >> (k - 1) & 1) for number in range(2**7)]
+    fewest = min(len(inner) for inner in subsets if passes(inner))
+    assert line_through(time, value, 0.15)[0].size == fewest + 2
+
+
+def test_thinning_keeps_ends_ramps_and_transients() -> None:
+    time = np.linspace(0.5, 1000, 2000)
+    response = np.interp(time, [0, 500, 510, 1000], [0, 0, 1, 1]) + 0.2 * np.exp(-time / 10)
+    kept = kept_readings(time, response, np.array([0.0, 500.0, 510.0]), 100)
+    assert 70 < kept.size <= 100
+    assert (kept[0], kept[-1]) == (0, 1999)
+    assert np.all(np.diff(kept) > 0)
+    assert np.count_nonzero((time[kept] >= 500) & (time[kept] <= 510)) > 12
+    assert np.count_nonzero(time[kept] < 20) > 8
+    assert np.diff(time[kept]).max() < 60
+
+
+def test_a_short_record_stays_whole() -> None:
+    time = np.arange(1.0, 20.0)
+    np.testing.assert_array_equal(kept_readings(time, time, np.array([0.0]), 19), np.arange(19))

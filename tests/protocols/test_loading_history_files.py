@@ -1,0 +1,421 @@
+"""Files of loading histories: what is read and turned, what is refused, what is written."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from refusals import refusal, written
+from same_contents import assert_equal
+
+from pyburgers.common.errors import InputError
+from pyburgers.protocols.loading_history.experiment import LoadingHistory, Stated
+from pyburgers.protocols.loading_history.files import load_loading_history, save_loading_history
+from pyburgers.protocols.loading_history.stages import Stage
+
+HEAD = """\
+id = "sample-1"
+material = "ice"
+protocol = "loading_history"
+temperature_K = 263.0
+initial_grain_size_m = 1e-3
+"""
+
+TAIL = """
+[data]
+file = "table.csv"
+time_column = "time"
+time_unit = "min"
+stress_column = "stress"
+stress_unit = "MPa"
+strain_column = "strain"
+strain_unit = "percent"
+
+[provenance]
+kind = "measured"
+source = "Somebody (2020)"
+"""
+
+MIXED = f"""\
+{HEAD}
+stage_time_unit = "min"
+stage_stress_unit = "MPa"
+
+[[stages]]
+control = "strain_rate"
+start_time = 0
+end_time = 10
+strain_rate_per_s = 1e-5
+
+[[stages]]
+control = "hold_strain"
+start_time = 10
+end_time = 30
+
+[[stages]]
+control = "stress"
+start_time = 30
+end_time = 60
+stress = 2.0
+temperature_K = 265.0
+
+[[stages]]
+control = "stress_rate"
+start_time = 60
+end_time = 70
+stress_rate = -0.1
+{TAIL}"""
+
+ROWS = """\
+time,stress,strain
+0,0,0
+5,1.5,0.3
+10,2.0,0.6
+20,1.2,0.6
+30,2.0,0.62
+45,2.0,0.7
+60,2.0,0.75
+70,,0.74
+"""
+
+Write = Callable[..., Path]
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Write:
+    """Write a test with replaced text and its table; return the TOML's path."""
+
+    def write(text: str, rows: str, *replacements: tuple[str, str]) -> Path:
+        return written(tmp_path / "test.toml", text, replacements, {"table": rows})
+
+    return write
+
+
+def table(*columns: tuple[str, np.ndarray]) -> str:
+    rows = zip(*(values.tolist() for _, values in columns), strict=True)
+    names = ",".join(name for name, _ in columns)
+    return "\n".join([names, *(",".join(map(repr, row)) for row in rows)]) + "\n"
+
+
+def one_stage(stage: str, end: float, *keys: str) -> str:
+    lines = ["[[stages]]", "start_time = 0", f"end_time = {end!r}", stage]
+    text = "\n".join([HEAD, *keys, "", *lines, TAIL])
+    return text.replace('time_unit = "min"', 'time_unit = "s"')
+
+
+class TestReading:
+    def test_stages_and_readings_are_in_si(self, write: Write) -> None:
+        test = load_loading_history(write(MIXED, ROWS))
+        assert test.stages == (
+            Stage("strain_rate", 0, 600, 263.0, 1e-5),
+            Stage("hold_strain", 600, 1800, 263.0),
+            Stage("stress", 1800, 3600, 265.0, 2e6),
+            Stage("stress_rate", 3600, 4200, 263.0, -1e5 / 60, 2e6),
+        )
+        np.testing.assert_array_equal(test.time, [300, 600, 1200, 1800, 2700, 3600, 4200])
+        np.testing.assert_array_equal(test.reading_stage, [0, 1, 1, 2, 2, 3, 3])
+        expected = [1.5e6, 2e6, 1.2e6, 0.0062, 0.007, 0.0075, 0.0074]
+        np.testing.assert_allclose(test.response, expected, rtol=1e-14)
+        np.testing.assert_array_equal(test.response_is_strain, [0, 0, 0, 1, 1, 1, 1])
+        assert test.largest_stress == 2e6
+        assert test.n_readings_in_file == 8
+        assert test.notices == ("The reading at the start was dropped: the model starts at rest.",)
+
+    def test_legs_follow_the_stages(self, write: Write) -> None:
+        legs = load_loading_history(write(MIXED, ROWS)).legs
+        assert [(leg.driven, leg.start_value, leg.rate, leg.temperature) for leg in legs] == [
+            ("strain", 0.0, 1e-5, 263.0),
+            ("strain", 0.0, 0.0, 263.0),
+            ("stress", 2e6, 0.0, 265.0),
+            ("stress", 2e6, -1e5 / 60, 263.0),
+        ]
+        assert [leg.stage for leg in legs] == [0, 1, 2, 3]
+        assert legs[-1].end_value == pytest.approx(1e6)
+
+    def test_time_counts_from_the_first_stage(self, write: Write) -> None:
+        rows = table(("time", np.array([110.0, 120.0])), ("strain", np.array([0.1, 0.2])))
+        text = one_stage('control = "stress"\nstress = 1e6', 120.0)
+        path = write(
+            text,
+            rows,
+            ("start_time = 0", "start_time = 100"),
+            ('stress_column = "stress"\nstress_unit = "MPa"\n', ""),
+        )
+        test = load_loading_history(path)
+        assert (test.stages[0].start_time, test.end_time) == (0, 20)
+        np.testing.assert_array_equal(test.time, [10, 20])
+
+    def test_a_stage_column_says_on_which_side_of_a_jump_a_reading_is(self, write: Write) -> None:
+        column = ['time_unit = "min"\nstress_column', 'time_unit = "min"\nstage_column = "stage"']
+        rows = "stage,time,stress,strain\n1,5,1.5,\n1,10,2.0,\n2,20,1.2,\n3,45,,0.7\n4,70,,0.7\n"
+        path = write(MIXED, rows, (column[0], column[1] + "\nstress_column"))
+        test = load_loading_history(path)
+        np.testing.assert_array_equal(test.reading_stage, [0, 0, 1, 2, 3])
+        wrong = rows.replace("2,20", "1,20")
+        text = refusal(write(MIXED, wrong, (column[0], column[1] + "\nstress_column")), load)
+        assert "found 1 at 1200 s, expected times from 0 to 600 s" in text
+
+    def test_compliance_and_zero_of_strain(self, write: Write) -> None:
+        keys = """
+[apparatus]
+compliance_per_Pa = 1e-11
+compliance_sd_per_Pa = 2e-12
+
+[strain_offset]
+value = 0.01
+sd = 0.002
+unit = "percent"
+"""
+        test = load_loading_history(write(MIXED, ROWS, ("\n[data]", keys + "\n[data]")))
+        assert test.apparatus_compliance == Stated(1e-11, 2e-12)
+        assert test.strain_offset == Stated(1e-4, 2e-5)
+
+    def test_stated_errors_are_in_si(self, write: Write) -> None:
+        stated = (
+            'strain_unit = "percent"',
+            'strain_unit = "percent"\nstrain_uncertainty = 0.01\nstress_uncertainty = 0.02',
+        )
+        test = load_loading_history(write(MIXED, ROWS, stated))
+        assert test.strain_uncertainty == pytest.approx(1e-4)
+        assert test.stress_uncertainty == pytest.approx(2e4)
+
+    def test_a_test_without_data(self, write: Write) -> None:
+        text = MIXED.replace(TAIL, "\n[provenance]\nkind = 'measured'\nsource = 'nobody'\n")
+        test = load_loading_history(write(text, ROWS))
+        assert test.n_points == 0
+        assert test.largest_stress == 2e6
+
+
+class TestTurning:
+    def test_compression_negative(self, write: Write) -> None:
+        negative = ROWS.replace(",1", ",-1").replace(",2", ",-2").replace(",0.", ",-0.")
+        path = write(
+            MIXED,
+            negative,
+            ("stage_time_unit", 'compression = "negative"\nstage_time_unit'),
+            ("= 1e-5", "= -1e-5"),
+            ("stress = 2.0", "stress = -2.0"),
+            ("stress_rate = -0.1", "stress_rate = 0.1"),
+        )
+        turned, plain = load_loading_history(path), load_loading_history(write(MIXED, ROWS))
+        assert "Compression is negative in the file: the signs were turned." in turned.notices
+        assert_equal(replace(turned, notices=()), replace(plain, notices=()))
+
+    def test_engineering_readings(self, write: Write) -> None:
+        time, strain = np.array([10.0, 20.0]), np.array([10.0, 20.0])
+        rows = table(("time", time), ("stress", np.array([1.0, 2.0])), ("strain", strain))
+        text = one_stage(
+            'control = "hold_strain"',
+            20.0,
+            'stress_measure = "engineering"',
+            'strain_measure = "engineering"',
+        )
+        test = load_loading_history(write(text, rows))
+        np.testing.assert_allclose(test.response, [0.9e6, 1.6e6], rtol=1e-14)
+
+    def test_engineering_strain(self, write: Write) -> None:
+        rows = table(("time", np.array([10.0, 20.0])), ("strain", np.array([10.0, -20.0])))
+        text = one_stage(
+            'control = "stress"\nstress = 1e6', 20.0, 'strain_measure = "engineering"'
+        ).replace('stress_column = "stress"\nstress_unit = "MPa"\n', "")
+        test = load_loading_history(write(text, rows))
+        np.testing.assert_allclose(test.response, [-np.log(0.9), -np.log(1.2)], rtol=1e-14)
+
+    def test_constant_force(self, write: Write) -> None:
+        time = np.linspace(0.0, 1000.0, 101)
+        shortening = 0.15 * (time / 1000) ** 0.5
+        rows = table(("time", time), ("strain", -100 * np.log1p(-shortening)))
+        text = one_stage(
+            'control = "stress"\nstress = 1e6', 1000.0, 'stress_measure = "engineering"'
+        ).replace('stress_column = "stress"\nstress_unit = "MPa"\n', "")
+        test = load_loading_history(write(text, rows))
+        corners, stress = np.transpose(test.stages[0].knots)
+        true = 1e6 * (1 - shortening)
+        assert test.stages[0].control == "stress_series"
+        np.testing.assert_allclose(np.interp(time, corners, stress), true, rtol=2e-3)
+        assert len(test.legs) < 30
+
+    def test_constant_displacement_rate(self, write: Write) -> None:
+        rows = table(("time", np.array([100.0, 200.0])), ("stress", np.array([1.0, 2.0])))
+        text = one_stage(
+            'control = "strain_rate"\nstrain_rate_per_s = 1e-3',
+            200.0,
+            'strain_measure = "engineering"',
+        ).replace('strain_column = "strain"\nstrain_unit = "percent"\n', "")
+        legs = load_loading_history(write(text, rows)).legs
+        total = sum(leg.end_value for leg in legs)
+        assert total == pytest.approx(-np.log(0.8), rel=1e-12)
+        for leg in legs:
+            middle = 1e-3 / (1 - 1e-3 * (leg.start_time + leg.end_time) / 2)
+            assert leg.rate == pytest.approx(middle, rel=1e-4)
+
+    def test_a_stress_series_becomes_legs(self, write: Write) -> None:
+        time = np.linspace(0.0, 1000.0, 501)
+        true = np.interp(time, [0, 100, 600, 700, 1000], [0, 10, 10, 3, 3])
+        noisy = true + 0.02 * np.random.default_rng(1).standard_normal(time.size)
+        rows = table(("time", time), ("stress", noisy), ("strain", 0.001 * time))
+        test = load_loading_history(write(one_stage('control = "stress_series"', 1000.0), rows))
+        corners, stress = np.transpose(test.stages[0].knots)
+        assert len(test.legs) == 4
+        assert np.abs(np.interp(time, corners, stress) / 1e6 - true).max() < 0.04
+        assert "Stage 1: 501 readings of the stress became 4 legs" in test.notices[0]
+
+    def test_a_jump_of_the_stress_stays(self, write: Write) -> None:
+        time = np.linspace(0.0, 100.0, 101)
+        rows = table(
+            ("time", time), ("stress", np.where(time < 50, 2.0, 5.0)), ("strain", 0.01 * time)
+        )
+        test = load_loading_history(write(one_stage('control = "stress_series"', 100.0), rows))
+        stress = np.interp(time, *np.transpose(test.stages[0].knots)) / 1e6
+        np.testing.assert_allclose(stress, np.where(time < 50, 2.0, 5.0), rtol=1e-6)
+        assert len(test.legs) == 3
+
+    def test_a_strain_series_becomes_legs(self, write: Write) -> None:
+        time = np.linspace(0.0, 100.0, 101)
+        strain = np.interp(time, [0, 30, 100], [0, 0.6, 1.3])
+        rows = table(("time", time), ("stress", 1 + time), ("strain", strain))
+        test = load_loading_history(write(one_stage('control = "strain_series"', 100.0), rows))
+        np.testing.assert_allclose([leg.rate for leg in test.legs], [2e-4, 1e-4], rtol=1e-6)
+        np.testing.assert_allclose([leg.start_value for leg in test.legs], 0)
+
+    def test_long_records_are_thinned(self, write: Write) -> None:
+        time = np.linspace(1.0, 10000.0, 5000)
+        rows = table(("time", time), ("strain", 0.1 * time**0.3))
+        text = one_stage('control = "stress"\nstress = 1e6', 10000.0)
+        text = text.replace('stress_column = "stress"\nstress_unit = "MPa"\n', "")
+        test = load_loading_history(write(text, rows))
+        assert 300 < test.n_points <= 400
+        assert test.n_readings_in_file == 5000
+        assert (test.time[0], test.time[-1]) == (1.0, 10000.0)
+        assert np.count_nonzero(test.time < 1000) > 0.3 * test.n_points
+        assert f"{test.n_points} of 5000 readings are used" in test.notices[0]
+        fewer = load_loading_history(
+            write(
+                text, rows, ('strain_unit = "percent"', 'strain_unit = "percent"\nmax_readings=50')
+            )
+        )
+        assert 30 < fewer.n_points <= 50
+
+
+def load(path: Path) -> LoadingHistory:
+    return load_loading_history(path)
+
+
+class TestRefusals:
+    @pytest.mark.parametrize(
+        ("old", "new", "words"),
+        [
+            ("end_time = 30\n", "end_time = 29\n", "number 3: found 30, a gap, expected 29"),
+            ("end_time = 30\n", "end_time = 31\n", "number 3: found 30, an overlap, expected 31"),
+            ("end_time = 10\n", "end_time = 0\n", "number 1: found 0, expected more than 0"),
+            ('"hold_strain"', '"relax"', "key 'control' in [[stages]] number 2: found 'relax'"),
+            ("stress = 2.0", "strain_rate_per_s = 2.0", "expected 'stress'"),
+            ("stress = 2.0\n", "", "key 'stress' in [[stages]] number 3 is missing"),
+            ('stage_time_unit = "min"', 'stage_time_unit = "days"', "unit 'days'"),
+            ('stage_stress_unit = "MPa"', 'stage_stress_unit = "bar"', "unit 'bar'"),
+            ('strain_unit = "percent"', 'strain_unit = "MPa"', "unit 'MPa'"),
+            ('strain_unit = "percent"\n', "", "both or neither"),
+            ("temperature_K = 265.0", "temperature_K = -8.0", "found -8.0"),
+            ("end_time = 70", "end_time = 65", "1 point outside every stage, the first at 4200 s"),
+            ('"hold_strain"', '"stress_rate"\nstress_rate = 1.0', "key 'start_stress' is missing"),
+            (
+                'strain_column = "strain"\nstrain_unit = "percent"\n',
+                "",
+                "stage 3 imposes a stress but",
+            ),
+        ],
+    )
+    def test_wrong_files(self, write: Write, old: str, new: str, words: str) -> None:
+        assert words in refusal(write(MIXED, ROWS, (old, new)), load)
+
+    def test_a_response_that_is_missing_in_a_stage(self, write: Write) -> None:
+        text = refusal(
+            write(MIXED, ROWS.replace("1.2,0", ",0").replace("2.0,0.6\n", ",0.6\n")), load
+        )
+        assert "stage 2 imposes a strain but" in text
+
+    def test_repeated_times(self, write: Write) -> None:
+        rows = "time,stress,strain\n0,1,0\n1,1,0.1\n1,1,0.1\n2,1,0.2\n"
+        text = refusal(write(one_stage('control = "stress_series"', 2.0), rows), load)
+        assert "the time 1 s occurs twice" in text
+
+    def test_times_that_go_back(self, write: Write) -> None:
+        text = refusal(write(MIXED, ROWS.replace("5,1.5", "25,1.5")), load)
+        assert "expected times that increase" in text
+
+    def test_a_jump_of_the_strain(self, write: Write) -> None:
+        rows = table(
+            ("time", np.arange(5.0)),
+            ("stress", np.arange(5.0)),
+            ("strain", np.array([0.5, 0.51, 0.52, 0.53, 0.54])),
+        )
+        text = refusal(write(one_stage('control = "strain_series"', 4.0), rows), load)
+        assert "found a jump of the strain, from 0 to 0.005" in text
+
+    def test_a_series_without_readings(self, write: Write) -> None:
+        rows = "time,stress,strain\n0,,0\n1,,0.1\n2,1,0.2\n"
+        text = refusal(write(one_stage('control = "stress_series"', 2.0), rows), load)
+        assert "found fewer than two readings of the stress" in text
+
+    def test_an_engineering_stress_without_a_strain(self, write: Write) -> None:
+        keys = ("stage_time_unit", 'stress_measure = "engineering"\nstage_time_unit')
+        rows = ROWS.replace("1.2,0.6", "1.2,")
+        assert "expected the strain of every reading" in refusal(write(MIXED, rows, keys), load)
+
+    def test_knots_of_times_that_repeat(self, write: Write) -> None:
+        text = one_stage(
+            'control = "stress_series"\nknots = [[0, 1e6], [1, 1e6], [1, 2e6], [2, 2e6]]', 2.0
+        )
+        path = write(text, "time,stress,strain\n1,1,0.1\n2,1,0.2\n")
+        assert "found the time 1 after a time that is not earlier" in refusal(path, load)
+
+
+class TestRoundTrip:
+    def test_a_copy_reads_the_same(self, write: Write, tmp_path: Path) -> None:
+        keys = "\n[apparatus]\ncompliance_per_Pa = 1e-11\n\n[strain_offset]\nvalue = 0.01\n"
+        stated = 'unit = "percent"\n\n[data]\nstrain_uncertainty = 0.01'
+        test = load_loading_history(write(MIXED, ROWS, ("\n[data]", f"{keys}{stated}")))
+        folder = tmp_path / "copy"
+        folder.mkdir()
+        assert_equal(load_loading_history(save_loading_history(test, folder)), test)
+
+    def test_readings_on_both_sides_of_a_jump(self, write: Write, tmp_path: Path) -> None:
+        test = load_loading_history(write(MIXED, ROWS))
+        moved = replace(
+            test, reading_stage=np.array([0, 0, 1, 1, 2, 3, 3]), reading=test.reading * 1e6
+        )
+        folder = tmp_path / "copy"
+        folder.mkdir()
+        assert_equal(load_loading_history(save_loading_history(moved, folder)), moved)
+
+    def test_a_series_that_was_smoothed_and_thinned(self, write: Write, tmp_path: Path) -> None:
+        time = np.linspace(0.0, 1000.0, 501)
+        noise = 0.02 * np.random.default_rng(1).standard_normal(time.size)
+        stress = np.interp(time, [0, 100, 600, 700, 1000], [0, 10, 10, 3, 3]) + noise
+        rows = table(("time", time), ("stress", stress), ("strain", 0.001 * time))
+        limit = ('strain_unit = "percent"', 'strain_unit = "percent"\nmax_readings = 60')
+        text = one_stage('control = "stress_series"', 1000.0)
+        test = load_loading_history(write(text, rows, limit))
+        assert test.n_points <= 60
+        folder = tmp_path / "copy"
+        folder.mkdir()
+        assert_equal(load_loading_history(save_loading_history(test, folder)), test)
+
+    def test_a_test_without_readings(self, write: Write, tmp_path: Path) -> None:
+        empty = np.empty(0)
+        test = replace(
+            load_loading_history(write(MIXED, ROWS)),
+            time=empty,
+            reading=empty,
+            reading_stage=np.empty(0, dtype=np.int64),
+            n_readings_in_file=0,
+        )
+        folder = tmp_path / "copy"
+        folder.mkdir()
+        assert_equal(load_loading_history(save_loading_history(test, folder)), test)
+
+
+def test_an_error_is_an_input_error(write: Write) -> None:
+    with pytest.raises(InputError):
+        load_loading_history(write(MIXED, ROWS, ("1e-3", "-1e-3")))

@@ -21,6 +21,7 @@ from pydantic import Field
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, nearest, write_toml
 from pyburgers.model.parameters import PARAMETER_BY_NAME
+from pyburgers.protocols.microstructure import MeasuredMicrostructure
 
 FloatArray = npt.NDArray[np.float64]
 MetadataValue = str | float | int | bool
@@ -98,6 +99,8 @@ class Experiment(ABC):
         Metres, where the data start.
     uncertain : tuple of UncertainCondition
         Conditions that are not taken as known.
+    microstructure : tuple of MeasuredMicrostructure
+        What was measured beside the response, by increasing strain.
     provenance : Provenance
         Where the data come from.
     metadata : mapping
@@ -119,6 +122,7 @@ class Experiment(ABC):
     notices: tuple[str, ...]
     true_parameters: Mapping[str, float] | None
     uncertain: tuple[UncertainCondition, ...] = ()
+    microstructure: tuple[MeasuredMicrostructure, ...] = ()
 
     @property
     @abstractmethod

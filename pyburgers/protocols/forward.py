@@ -20,6 +20,7 @@ from pyburgers.model.parameters import (
 from pyburgers.model.prior_families import MAY_BE_ZERO
 from pyburgers.model.variants import check_piezometer
 from pyburgers.protocols.experiment import Experiment, Provenance
+from pyburgers.protocols.microstructure import with_drawn_microstructure
 from pyburgers.protocols.program_data import given_parameters, solve
 from pyburgers.protocols.protocol import protocol_of
 from pyburgers.protocols.stan_data import REFERENCE_SOLVER, SolverOptions
@@ -192,12 +193,19 @@ def simulate_data(
         If the solver finds no solution.
     """
     protocol = protocol_of(experiment)
-    solution = simulate(experiment, values, at=np.unique(experiment.position))
-    response = np.interp(
-        experiment.position, solution[protocol.clock.column], solution[protocol.response.column]
-    )
+    strains = [one.strain for one in experiment.microstructure]  # where strain is the clock
+    at = np.unique(np.append(experiment.position, strains))
+    solution = simulate(experiment, values, at=at)
+    position = solution[protocol.clock.column].to_numpy()
+    response = np.interp(experiment.position, position, solution[protocol.response.column])
     simulated: E = replace(
         protocol.with_noise(experiment, response, values, rng),
+        microstructure=with_drawn_microstructure(
+            experiment.microstructure,
+            position,
+            {name: solution[name].to_numpy() for name in ("grain_size_m", "fabric_factor")},
+            rng,
+        ),
         provenance=Provenance("synthetic", f"pyburgers, {source}"),
         true_parameters=values,
     )

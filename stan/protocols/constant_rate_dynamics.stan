@@ -336,3 +336,27 @@ array[] vector constant_rate_solution(vector parameter, data vector constant,
   }
   return solution;
 }
+
+/**
+ * Grain size (m) and fabric factor along a solution.
+ *
+ * @param solution value of constant_rate_solution()
+ * @param strain of its rows
+ * @param parameter, initial_grain_size as there
+ * @return columns: grain size, fabric factor
+ */
+matrix microstructure_along(array[] vector solution, data array[] real strain, vector parameter,
+                            data real initial_grain_size) {
+  matrix[size(strain), 2] microstructure;
+  for (i in 1 : size(strain)) {
+    microstructure[i, 1] = num_elements(solution[i]) == 3
+                           ? solution[i][3]
+                           : microstructure_at(strain[i], initial_grain_size,
+                                               parameter[i_steady_state_grain_size()],
+                                               parameter[i_critical_strain_grain_size()]);
+    microstructure[i, 2] = microstructure_at(strain[i], 1,
+                                             parameter[i_steady_state_fabric_factor()],
+                                             parameter[i_critical_strain_fabric()]);
+  }
+  return microstructure;
+}

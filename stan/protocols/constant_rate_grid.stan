@@ -20,20 +20,16 @@
                                segment_start[part(segment_end, e)],
                                segment_rate[part(segment_end, e)], initial_grain_size[e],
                                temperature[e], power_law_kelvin, tolerance, max_num_steps);
+    matrix[size(here), 2] microstructure
+      = microstructure_along(solution, grid_strain[here], parameter[e], initial_grain_size[e]);
     for (j in 1 : size(here)) {
       int i = here[j];
       real stress = solution[j][1];
       real kelvin_rate;
       grid_stress[i] = stress * reading_factor;
       grid_kelvin_strain[i] = solution[j][2];
-      grid_grain_size[i] = n_states == 3
-                           ? solution[j][3]
-                           : microstructure_at(grid_strain[i], initial_grain_size[e],
-                                               parameter[e][i_steady_state_grain_size()],
-                                               parameter[e][i_critical_strain_grain_size()]);
-      grid_fabric_factor[i] = microstructure_at(grid_strain[i], 1,
-                                                parameter[e][i_steady_state_fabric_factor()],
-                                                parameter[e][i_critical_strain_fabric()]);
+      grid_grain_size[i] = microstructure[j, 1];
+      grid_fabric_factor[i] = microstructure[j, 2];
       kelvin_rate = linear_driving_stress(stress - kelvin_modulus * grid_kelvin_strain[i],
                                           parameter[e][i_kelvin_stress_exponent()],
                                           -log(prior_location[e][i_kelvin_reference_stress()]))

@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from pyburgers.checks.fit_checks import Outcome
-    from pyburgers.common.errors import InputError, PyburgersError, SamplingError, ToolchainError
+    from pyburgers.common.errors import (
+        InputError,
+        PyburgersError,
+        SamplingError,
+        SystemFailureError,
+        ToolchainError,
+    )
     from pyburgers.comparison.by_points import compare
     from pyburgers.comparison.by_tests import compare_by_test
     from pyburgers.comparison.marginal_likelihood import log_marginal_likelihood
@@ -36,7 +42,13 @@ if TYPE_CHECKING:
 
 _NAMES = {
     "checks.fit_checks": ("Outcome",),
-    "common.errors": ("InputError", "PyburgersError", "SamplingError", "ToolchainError"),
+    "common.errors": (
+        "InputError",
+        "PyburgersError",
+        "SamplingError",
+        "SystemFailureError",
+        "ToolchainError",
+    ),
     "comparison.by_points": ("Comparison", "compare"),
     "comparison.by_tests": ("ComparisonByTest", "compare_by_test"),
     "comparison.marginal_likelihood": ("log_marginal_likelihood",),
@@ -85,6 +97,7 @@ __all__ = [
     "SamplerOptions",
     "SamplingError",
     "SolverOptions",
+    "SystemFailureError",
     "ToolchainError",
     "attenuation_spectrum",
     "compare",

@@ -79,6 +79,8 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
             module = import_module(f"pyburgers.cli.{name.replace('-', '_')}")
             module.add_options(command)
             command.set_defaults(run=module.run)
+            if hasattr(module, "with_default"):
+                arguments = [name, *module.with_default(arguments[1:])]
     return parser.parse_args(arguments)
 
 

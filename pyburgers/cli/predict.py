@@ -4,6 +4,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
+from pyburgers.cli import predict_test
 from pyburgers.cli.shared import writing
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.errors import InputError
@@ -33,12 +34,20 @@ from pyburgers.predictions.material import fitted_material
 from pyburgers.predictions.measured_attenuation import load_measured_attenuation
 from pyburgers.predictions.stress_cycles import HOLD_TIME, PAPER_REGIMES, Regime, regimes_named
 
+TEST, ATTENUATION = "test", "attenuation"
+"""What can be predicted."""
+
 
 def add_options(command: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
     predictions = command.add_subparsers(title="predictions", required=True, metavar="WHAT")
+    of_test = predictions.add_parser(
+        TEST, help="RUN EXPERIMENT.toml: the response of another test (the word may be left out)"
+    )
+    predict_test.add_options(of_test)
+    of_test.set_defaults(predict=predict_test.run)
     command = predictions.add_parser(
-        "attenuation", help="tan(delta) of stress cycles about a median stress"
+        ATTENUATION, help="tan(delta) of stress cycles about a median stress"
     )
     command.add_argument("directory", type=Path, metavar="RUN")
     command.add_argument(
@@ -104,10 +113,23 @@ def add_options(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--seed", type=int, default=1, help="of draws of the elastic modulus (default 1)"
     )
+    command.set_defaults(predict=_attenuation)
+
+
+def with_default(arguments: Sequence[str]) -> list[str]:
+    """Return the arguments of the command with what is predicted, a test where nothing is said."""
+    named = arguments[:1] and arguments[0] in (TEST, ATTENUATION, "-h", "--help")
+    return list(arguments) if named or not arguments else [TEST, *arguments]
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
+    code: int = options.predict(options)
+    return code
+
+
+def _attenuation(options: argparse.Namespace) -> int:
+    """Predict attenuation from all tests that were asked for; return the exit code."""
     if options.out.suffix != ".csv":
         raise InputError(f"--out {options.out}: expected a file name that ends in .csv.")
     fits = _fits(options)

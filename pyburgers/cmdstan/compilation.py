@@ -2,7 +2,9 @@
 
 Compiled programs live in a folder named by everything that decides the executable: the
 program, what it includes, CmdStan, the compiler and its flags. A change in any of them gives
-another folder, so nothing is ever out of date, and tests, CI and users share the work.
+another folder, so nothing is ever out of date, and tests, CI and users share the work. A record
+beside an executable tells one that was damaged, which is compiled again, and finds it where there
+is no compiler.
 """
 
 import hashlib
@@ -23,15 +25,26 @@ import platformdirs
 from pyburgers.cmdstan.installation import ensure_cmdstan
 from pyburgers.cmdstan.toolchain import (
     COMPILE_FLAGS,
+    MAKE_TAKES,
+    MissingToolError,
     Toolchain,
+    chosen_folder,
+    cmdstan_version,
+    compile_flags,
     last_lines,
     run_tool,
     stan_directory,
     toolchain,
 )
-from pyburgers.common.atomic_files import process_lock
-from pyburgers.common.errors import ToolchainError
+from pyburgers.common.atomic_files import (
+    process_lock,
+    sha256_of_file,
+    sha256_of_json,
+    write_json,
+)
+from pyburgers.common.errors import InputError, ToolchainError
 from pyburgers.common.processes import cores
+from pyburgers.common.toml_files import Table, read_json_table
 
 logger = logging.getLogger(__name__)
 
@@ -48,11 +61,23 @@ class _Sources:
 
 
 def cache_directory() -> Path:
-    """Return the folder of compiled programs: ``$PYBURGERS_CACHE``, else in the user's cache."""
+    """Return the folder of compiled programs: ``$PYBURGERS_CACHE``, else in the user's cache.
+
+    Raises
+    ------
+    ToolchainError
+        If there is no such folder.
+    """
     chosen = os.environ.get("PYBURGERS_CACHE")
     if chosen:
-        return Path(chosen).expanduser().absolute()
-    return Path(platformdirs.user_cache_dir("pyburgers"))
+        return chosen_folder(chosen)
+    folder = Path(platformdirs.user_cache_dir("pyburgers"))
+    if not folder.is_absolute():
+        raise ToolchainError(
+            "There is no home folder for the cache of compiled programs; set the environment "
+            "variable PYBURGERS_CACHE to a folder."
+        )
+    return folder
 
 
 def program_key(program: Path, include_directory: Path, cmdstan: Path) -> str:
@@ -151,31 +176,92 @@ def _key(sources: _Sources, tools: Toolchain) -> str:
 
 def _compile(program: Path, cmdstan: Path) -> Path:
     sources = _read_sources(program, stan_directory())
-    tools = toolchain(cmdstan)
+    try:
+        tools = toolchain(cmdstan)
+    except MissingToolError:
+        found = _compiled_before(sources, cmdstan)
+        if found is None:
+            raise
+        return found
     folder = cache_directory() / _key(sources, tools)
     executable = folder / program.stem
-    if executable.is_file():
+    if _is_whole(executable):
         return executable
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with process_lock(
             folder / ".lock", f"Waiting for another process that is compiling {program.name}."
         ):
-            if not executable.is_file():
+            if not _is_whole(executable):
                 _build(sources, tools, executable)
     except OSError as error:
         raise ToolchainError(
             f"{program.name} could not be compiled into the cache folder {cache_directory()}: "
-            f"{error}; the environment variable PYBURGERS_CACHE can name another folder."
+            f"{error}; the environment variable PYBURGERS_CACHE can name another folder, and "
+            "TMPDIR that of temporary files."
         ) from error
     return executable
+
+
+class _Record(Table):
+    """What is noted beside an executable.
+
+    Attributes
+    ----------
+    sha256 : str
+        Hash of the executable.
+    sources : str
+        Hash of all that decides it, but for the compiler.
+    """
+
+    sha256: str
+    sources: str
+
+
+def _record_file(executable: Path) -> Path:
+    return executable.with_name(f".{executable.name}.json")
+
+
+def _is_whole(executable: Path, sources: str | None = None) -> bool:
+    """Tell whether an executable is as it was compiled, and of some sources where they are given.
+
+    A full disk or a copy of the cache can leave one that does not run.
+    """
+    try:
+        record = read_json_table(_record_file(executable), _Record)
+        return (
+            sources in (None, record.sources)
+            and os.access(executable, os.X_OK)
+            and sha256_of_file(executable) == record.sha256
+        )
+    except (InputError, OSError):
+        return False
+
+
+def _compiled_before(sources: _Sources, cmdstan: Path) -> Path | None:
+    """Return an executable of the same sources from the cache, whatever compiler made it."""
+    name, wanted = Path(sources.name).stem, _sources_key(sources, cmdstan)
+    found = (folder / name for folder in sorted(cache_directory().glob("*")))
+    return next((executable for executable in found if _is_whole(executable, wanted)), None)
+
+
+def _sources_key(sources: _Sources, cmdstan: Path) -> str:
+    return sha256_of_json(
+        [
+            *([sources.name, sources.text], dict(sources.included)),
+            *(str(cmdstan), cmdstan_version(cmdstan), list(compile_flags(cmdstan))),
+            *(platform.system(), platform.machine()),
+        ]
+    )
 
 
 def _build(sources: _Sources, tools: Toolchain, executable: Path) -> None:
     """Compile a program in a temporary folder, then put the executable in place in one step."""
     logger.info(f"Compiling {sources.name} (about 20 s).")
     # Not in the cache folder, whose path may hold spaces, which make cannot handle.
-    with tempfile.TemporaryDirectory(prefix="pyburgers-", ignore_cleanup_errors=True) as scratch:
+    with tempfile.TemporaryDirectory(
+        prefix="pyburgers-", dir=_folder_for_make(), ignore_cleanup_errors=True
+    ) as scratch:
         program = Path(scratch) / sources.name
         for name, text in {**sources.included, sources.name: sources.text}.items():
             path = Path(scratch) / name
@@ -190,7 +276,29 @@ def _build(sources: _Sources, tools: Toolchain, executable: Path) -> None:
             )
         partial = executable.with_name(f".{executable.name}.partial")
         shutil.copy2(program.with_suffix(""), partial)
+        record = _Record(
+            sha256=sha256_of_file(partial), sources=_sources_key(sources, tools.cmdstan_path)
+        )
+        write_json(_record_file(executable), record.model_dump())
         partial.replace(executable)
+
+
+def _folder_for_make() -> Path:
+    """Return a folder for temporary files whose path make and its shell take as it is.
+
+    Raises
+    ------
+    ToolchainError
+        If there is none.
+    """
+    usual = Path(tempfile.gettempdir())
+    for folder in (usual, Path("/tmp"), Path("/var/tmp")):
+        if MAKE_TAKES.fullmatch(str(folder)) and os.access(folder, os.W_OK | os.X_OK):
+            return folder
+    raise ToolchainError(
+        f"The folder of temporary files {str(usual)!r} has a path that make cannot take; set the "
+        "environment variable TMPDIR to a path of letters, digits and any of . / _ @ + , - alone."
+    )
 
 
 def _translate(program: Path, tools: Toolchain) -> None:

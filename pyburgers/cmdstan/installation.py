@@ -20,6 +20,7 @@ from typing import Literal
 from urllib.error import URLError
 
 from pyburgers.cmdstan.toolchain import (
+    MAKE_TAKES,
     cmdstan_defect,
     cmdstan_home,
     cmdstan_version,
@@ -119,6 +120,11 @@ def install_cmdstan(source: Source = "auto") -> Path:
     compiler_version()
     make_version()
     home = cmdstan_home()
+    if not MAKE_TAKES.fullmatch(str(home)):
+        raise ToolchainError(
+            f"CmdStan cannot be built in {str(home)!r}, a path that make cannot take; set the "
+            "environment variable CMDSTAN to a built CmdStan elsewhere."
+        )
     try:
         home.mkdir(parents=True, exist_ok=True)
         with process_lock(

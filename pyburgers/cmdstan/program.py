@@ -10,90 +10,13 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-import stanio
-import xarray as xr
 
 from pyburgers.cmdstan.compilation import compile_program, compile_programs, executable_path
+from pyburgers.cmdstan.draw_files import Draws, read_draws, rows_of_draws
 from pyburgers.common.errors import SamplingError
 from pyburgers.common.processes import Running, cores, side_by_side, start
 
 FloatArray = npt.NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class Draws:
-    """What chains, or a run without sampling, have written.
-
-    Attributes
-    ----------
-    variables : mapping of str to Variable
-        Where each variable of the program, and each column of the sampler, is in `values`.
-    values : array, shape (n_chains, n_draws, n_columns)
-        All columns.
-    """
-
-    variables: Mapping[str, stanio.Variable]
-    values: FloatArray
-
-    def __contains__(self, name: str) -> bool:
-        """Tell whether there is a variable, which takes one number at least."""
-        return name in self.variables
-
-    def __getitem__(self, name: str) -> FloatArray:
-        """Return the draws of a variable, shape (n_chains, n_draws, its own...)."""
-        # In the order that files keep, so that sums over draws read back have the same digits.
-        found: FloatArray = np.ascontiguousarray(self.variables[name].extract_reshape(self.values))
-        return found
-
-    def at(self, draw: int) -> dict[str, FloatArray]:
-        """Return all variables of the program at one draw of the first chain."""
-        return {name: self[name][0, draw] for name in self.variables if not name.endswith("__")}
-
-    def dataset(self, names: Iterable[str]) -> xr.Dataset:
-        """Return variables with dimensions chain, draw, and NAME_dim_K for their own."""
-        n_chains, n_draws, _ = self.values.shape
-        labels = {"chain": np.arange(1, n_chains + 1), "draw": np.arange(n_draws)}
-        own = {name: self.variables[name].dimensions for name in names}
-        return xr.Dataset(
-            {
-                name: (
-                    ("chain", "draw", *(f"{name}_dim_{k}" for k in range(len(shape)))),
-                    self[name],
-                )
-                for name, shape in own.items()
-            },
-            labels,
-        )
-
-
-def read_draws(files: Sequence[Path]) -> Draws:
-    """Read chains of equal length.
-
-    Raises
-    ------
-    ValueError
-        If a row or a file is cut short.
-    """
-    header, values = "", []
-    for file in files:
-        header, *rows = _table(file)
-        values.append(
-            np.loadtxt(rows, delimiter=",", ndmin=2)
-            if rows
-            else np.empty((0, header.count(",") + 1))
-        )
-    return Draws(stanio.parse_header(header), np.stack(values))
-
-
-def rows_of_draws(file: Path) -> int:
-    """Return how many draws there are in a file."""
-    return len(_table(file)) - 1
-
-
-def _table(file: Path) -> list[str]:
-    """Return header and rows without the comments around them."""
-    with file.open(encoding="utf-8") as lines:
-        return [line for line in lines if not line.startswith("#")]
 
 
 __all__ = [
@@ -376,6 +299,7 @@ class Program:
             with closing(side_by_side(starting, at_once=cores())) as looks:
                 for _, ended in looks:
                     for one in ended:
+                        one.require_not_killed()
                         if one.failed:
                             raise SamplingError(
                                 f"Generated quantities failed: {one.console_tail()}"
@@ -385,7 +309,12 @@ class Program:
             return read_draws(outputs)
 
     def generate_at(
-        self, data: Mapping[str, object], name: str, points: FloatArray, digits: int | None = None
+        self,
+        data: Mapping[str, object],
+        name: str,
+        points: FloatArray,
+        digits: int | None = None,
+        seed: int = 1,
     ) -> tuple[npt.NDArray[np.bool_], list[Draws]]:
         """Compute generated quantities at points where the program does not stop.
 
@@ -393,8 +322,8 @@ class Program:
         ----------
         data, name, points
             As for `gradients`.
-        digits : int, optional
-            As for `generate`.
+        digits, seed
+            As for `generate`; each part has a seed of its own.
 
         Returns
         -------
@@ -402,9 +331,12 @@ class Program:
         parts : list of Draws
             Of one chain each; together they hold the solved points in their order.
         """
-        names = [f"sampler{k}__" for k in range(7)]
-        names += [f"{name}.{k + 1}" for k in range(points.shape[1])]
-        solved, parts, waiting = np.zeros(len(points), dtype=bool), [], [np.arange(len(points))]
+        names = [
+            *(f"sampler{k}__" for k in range(7)),
+            *(f"{name}.{k + 1}" for k in range(points.shape[1])),
+        ]
+        parts: list[Draws] = []
+        solved, waiting = np.zeros(len(points), dtype=bool), [np.arange(len(points))]
         while waiting:
             some = waiting.pop()
             rows = pd.DataFrame(np.pad(points[some], ((0, 0), (7, 0))), columns=names)
@@ -412,10 +344,12 @@ class Program:
                 file = Path(folder) / "points.csv"
                 rows.to_csv(file, index=False, float_format=f"%.{ALL_DIGITS}g")
                 try:
-                    parts.append(self.generate(data, [file], seed=1, digits=digits))
-                    solved[some] = True
+                    part = self.generate(data, [file], seed=seed + len(parts), digits=digits)
                 except Unsolved:  # at which of them is not said: halves, until one is alone
                     waiting += np.array_split(some, 2)[::-1] if some.size > 1 else []
+                else:
+                    parts.append(part)
+                    solved[some] = True
         return solved, parts
 
     def _run(
@@ -432,6 +366,7 @@ class Program:
             output_options=[f"diagnostic_file={folder / TRACE}"],
         )
         running.wait()
+        running.require_not_killed()
         if running.failed and not (tolerated and tolerated in running.printed()):
             raise SamplingError(f"{failure}: {running.console_tail()}")
 

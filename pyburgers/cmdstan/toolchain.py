@@ -23,6 +23,9 @@ on purpose, since a home folder, and with it the cache, may be shared between ma
 MINIMUM_VERSION = (2, 27)
 """The oldest CmdStan that compiles the Stan programs."""
 
+MAKE_TAKES = re.compile(r"[\w./@+,-]+")
+"""Paths that make and its shell take as they are."""
+
 HOW_TO_GET_TOOLS = (
     "install g++ and make with `apt-get install g++ make` (Debian, Ubuntu), "
     "`dnf install gcc-c++ make` (Fedora) or `xcode-select --install` (macOS)"
@@ -33,6 +36,10 @@ _MAKE_VARIABLES = frozenset({"MAKEFLAGS", "MFLAGS", "MAKEOVERRIDES", "MAKELEVEL"
 # Read by CmdStan's makefiles from the environment.
 _COMPILER_VARIABLES = ("CXX", "CXXFLAGS", "CPPFLAGS", "LDFLAGS", "LDLIBS", "O")
 _VERSION = re.compile(r"^CMDSTAN_VERSION\s*:=\s*((\d+)\.(\d+)\.(\d+)(?:-rc(\d+))?)", re.MULTILINE)
+
+
+class MissingToolError(ToolchainError):
+    """The compiler or make is missing or does not work; compiled programs run without them."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +88,23 @@ def stan_directory() -> Path:
 
 def cmdstan_home() -> Path:
     """Return the folder of installed CmdStans, the one that cmdstanpy uses as well."""
-    return Path.home() / ".cmdstan"
+    return home_folder() / ".cmdstan"
+
+
+def home_folder() -> Path:
+    """Return the user's home folder.
+
+    Raises
+    ------
+    ToolchainError
+        If the system knows none.
+    """
+    try:
+        return Path.home()
+    except RuntimeError as error:
+        raise ToolchainError(
+            "There is no home folder: set the environment variable HOME to a folder."
+        ) from error
 
 
 def find_cmdstan() -> Path | None:
@@ -94,7 +117,7 @@ def find_cmdstan() -> Path | None:
     """
     chosen = os.environ.get("CMDSTAN")
     if chosen:
-        path = Path(chosen).expanduser().absolute()
+        path = chosen_folder(chosen)
         defect = cmdstan_defect(path)
         if defect is not None:
             raise ToolchainError(
@@ -104,6 +127,20 @@ def find_cmdstan() -> Path | None:
         return path
     usable = [path for path in cmdstan_home().glob("cmdstan-*") if cmdstan_defect(path) is None]
     return max(usable, key=_release, default=None)
+
+
+def chosen_folder(name: str) -> Path:
+    """Return the folder that an environment variable names, as a full path.
+
+    Raises
+    ------
+    ToolchainError
+        If it begins with the home folder of an unknown user, or is relative to none.
+    """
+    try:
+        return Path(name).expanduser().absolute()
+    except (RuntimeError, OSError) as error:
+        raise ToolchainError(f"There is no folder {name!r} ({error}); use a full path.") from error
 
 
 def cmdstan_version(cmdstan: Path) -> str:
@@ -124,6 +161,11 @@ def cmdstan_defect(cmdstan: Path) -> str | None:
     """Return what keeps folder `cmdstan` from being a usable CmdStan ("is ..."), None if sound."""
     if not cmdstan.is_dir():
         return "is not a folder"
+    if not MAKE_TAKES.fullmatch(str(cmdstan)):
+        return (
+            "has a path that make cannot take: expected letters, digits and any of . / _ @ + , - "
+            "in it"
+        )
     match = _version_match(cmdstan)
     if match is None:
         return "is not a CmdStan folder: it has no makefile that names a version"
@@ -143,11 +185,15 @@ def compiler_version() -> str:
 
     Raises
     ------
-    ToolchainError
+    MissingToolError
         If it is missing or does not work.
     """
     default = "clang++" if platform.system() == "Darwin" else "g++"
-    command = shlex.split(os.environ.get("CXX", "")) or [default]
+    chosen = os.environ.get("CXX", "")
+    try:
+        command = shlex.split(chosen) or [default]
+    except ValueError as error:
+        raise MissingToolError(f"The environment variable CXX is {chosen!r} ({error}).") from error
     return _tool_version(command, "C++ compiler")
 
 
@@ -156,7 +202,7 @@ def make_version() -> str:
 
     Raises
     ------
-    ToolchainError
+    MissingToolError
         If it is missing or does not work.
     """
     return _tool_version(["make"], "build tool")
@@ -167,8 +213,10 @@ def toolchain(cmdstan: Path) -> Toolchain:
 
     Raises
     ------
+    MissingToolError
+        If the compiler or make is missing.
     ToolchainError
-        If the compiler or make is missing, or `cmdstan` is not a built CmdStan.
+        If `cmdstan` is not a built CmdStan.
     """
     defect = cmdstan_defect(cmdstan)
     if defect is not None:
@@ -178,8 +226,13 @@ def toolchain(cmdstan: Path) -> Toolchain:
         cmdstan_version=cmdstan_version(cmdstan),
         compiler=compiler_version(),
         make=make_version(),
-        compile_flags=(*COMPILE_FLAGS, *_environment_flags(), *_make_settings(cmdstan)),
+        compile_flags=compile_flags(cmdstan),
     )
+
+
+def compile_flags(cmdstan: Path) -> tuple[str, ...]:
+    """Return the settings of `Toolchain.compile_flags`."""
+    return (*COMPILE_FLAGS, *_environment_flags(), *_make_settings(cmdstan))
 
 
 def run_tool(
@@ -209,7 +262,7 @@ def _version_match(cmdstan: Path) -> re.Match[str] | None:
     makefile = cmdstan / "makefile"
     if not makefile.is_file():
         return None
-    return _VERSION.search(makefile.read_text(encoding="utf-8"))
+    return _VERSION.search(makefile.read_text(encoding="utf-8", errors="replace"))
 
 
 def _release(cmdstan: Path) -> tuple[float, ...]:
@@ -223,12 +276,12 @@ def _release(cmdstan: Path) -> tuple[float, ...]:
 
 def _tool_version(command: list[str], role: str) -> str:
     if shutil.which(command[0]) is None:
-        raise ToolchainError(
+        raise MissingToolError(
             f"The {role} {command[0]} was not found on the PATH; {HOW_TO_GET_TOOLS}."
         )
-    answer = run_tool([*command, "--version"], cwd=Path.home())
+    answer = run_tool([*command, "--version"], cwd=Path("/"))
     if answer.returncode != 0 or not answer.stdout.strip():
-        raise ToolchainError(
+        raise MissingToolError(
             f"The {role} {command[0]} does not work: `{shlex.join(command)} --version` ended "
             f"with code {answer.returncode}; {HOW_TO_GET_TOOLS}.\n{last_lines(answer.stdout)}"
         )
@@ -241,11 +294,11 @@ def _environment_flags() -> list[str]:
 
 def _make_settings(cmdstan: Path) -> list[str]:
     """Return the user's settings for CmdStan's make, without comments."""
-    files = (cmdstan / "make" / "local", Path.home() / ".config" / "stan" / "make.local")
+    files = (cmdstan / "make" / "local", home_folder() / ".config" / "stan" / "make.local")
     lines = (
         line.strip()
         for file in files
         if file.is_file()
-        for line in file.read_text(encoding="utf-8").splitlines()
+        for line in file.read_text(encoding="utf-8", errors="replace").splitlines()
     )
     return [line for line in lines if line and not line.startswith("#")]

@@ -1,10 +1,14 @@
 """Arrays of draws: all chains in one row, fewer of them, and the band that holds most of them."""
 
+from typing import Any, TypeVar
+
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
 FloatArray = npt.NDArray[np.float64]
+
+Number = TypeVar("Number", bound=np.number[Any])
 
 TAIL = 0.05
 """Share of draws on either side of the bands of figures and tables."""
@@ -20,7 +24,7 @@ def all_draws(values: xr.DataArray) -> FloatArray:
     return flat
 
 
-def evenly_spaced(rows: FloatArray, at_most: int) -> FloatArray:
+def evenly_spaced(rows: npt.NDArray[Number], at_most: int) -> npt.NDArray[Number]:
     """Thin rows at a fixed stride to a number that can be drawn.
 
     Parameters
@@ -31,7 +35,7 @@ def evenly_spaced(rows: FloatArray, at_most: int) -> FloatArray:
         Rows to keep, at most.
     """
     kept = min(len(rows), at_most)
-    thinned: FloatArray = rows[np.arange(kept) * len(rows) // max(kept, 1)]
+    thinned: npt.NDArray[Number] = rows[np.arange(kept) * len(rows) // max(kept, 1)]
     return thinned
 
 

@@ -22,3 +22,7 @@ class ToolchainError(PyburgersError):
 
 class SamplingError(PyburgersError):
     """Stan ran but gave nothing usable."""
+
+
+class SystemFailureError(PyburgersError):
+    """The system did not start a program, or ended it: says nothing about model and data."""

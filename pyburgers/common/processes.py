@@ -17,10 +17,16 @@ from typing import IO, TypeVar
 
 import psutil
 
-from pyburgers.common.errors import InputError, SamplingError
+from pyburgers.common.errors import InputError, SystemFailureError
 
 Key = TypeVar("Key")
 Outcome = TypeVar("Outcome")
+
+FREE_MEMORY = (
+    "free memory or run fewer programs side by side, then run the same command again: it does only "
+    "what is missing."
+)
+"""What to do where the system starts no program, or kills one."""
 
 POLL_SECONDS = 0.03
 """Time between two looks at programs that run side by side."""
@@ -73,6 +79,25 @@ class Running:
     def failed(self) -> bool:
         """Whether it ended otherwise than well."""
         return self.out_of_time or self.process.returncode != 0
+
+    @property
+    def killed_by(self) -> str | None:
+        """Name of the signal with which the system ended it, if that is how it ended."""
+        code = self.process.returncode
+        return None if self.out_of_time or code is None or code >= 0 else signal.Signals(-code).name
+
+    def require_not_killed(self) -> None:
+        """Check that the program has ended by itself.
+
+        Raises
+        ------
+        SystemFailureError
+            If the system killed it.
+        """
+        if self.killed_by is not None:
+            raise SystemFailureError(
+                f"A program was killed by the system ({self.killed_by}); {FREE_MEMORY}"
+            )
 
     def has_ended(self, limit: float | None = None) -> bool:
         """Tell whether the program has ended, which it does at a time limit (s)."""
@@ -131,9 +156,17 @@ def start(command: Sequence[str], console: Path) -> Running:
 
     Raises
     ------
-    SamplingError
+    InputError
+        If a path among the arguments has a line break.
+    SystemFailureError
         If the system does not start it.
     """
+    for part in command:
+        if len(part.splitlines()) > 1:
+            raise InputError(
+                f"{part!r} has a line break, which the files of the programs cannot hold; expected "
+                "folders without one, that of TMPDIR too."
+            )
     console.touch()
     try:
         process = subprocess.Popen(
@@ -144,9 +177,8 @@ def start(command: Sequence[str], console: Path) -> Running:
             stderr=subprocess.STDOUT,
         )
     except OSError as error:
-        raise SamplingError(
-            f"{command[0]}: could not be started ({error.strerror}); free memory or end other "
-            "programs, then run the same command again: it does only what is missing."
+        raise SystemFailureError(
+            f"{command[0]}: could not be started ({error.strerror}); {FREE_MEMORY}"
         ) from error
     running = Running(process, console)
     os.set_blocking(running._pipe.fileno(), False)
@@ -218,7 +250,7 @@ def completed(
 
     Raises
     ------
-    SamplingError
+    SystemFailureError
         If the system killed a process.
     """
     with ProcessPoolExecutor(
@@ -229,9 +261,8 @@ def completed(
             for future in as_completed(waiting):
                 yield waiting[future], future.result()
         except BrokenProcessPool as error:
-            raise SamplingError(
-                f"{folder}: the system killed a process; free memory or run fewer of them side by "
-                "side, then run the same command again: it does only what is missing."
+            raise SystemFailureError(
+                f"{folder}: the system killed a process; {FREE_MEMORY}"
             ) from error
         except BaseException as error:
             if not isinstance(error, Exception):

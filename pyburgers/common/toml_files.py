@@ -1,10 +1,12 @@
-"""TOML files: read, check the structure, write; every error is one sentence.
+"""TOML files, and JSON ones: read, check the structure, write; every error is one sentence.
 
 The structure of a file is a pydantic model derived from `Table`; what a key must hold is said in
 its field's description, which the messages quote.
 """
 
 import difflib
+import json
+import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -26,6 +28,12 @@ class Table(BaseModel):
 
 TableT = TypeVar("TableT", bound=Table)
 
+DEEPEST = 100
+"""Parts of a dotted key. Time to read one goes with the square of their number."""
+
+_PART = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+"""
+_DEEP_KEY = re.compile(rf"(?<![\w-])(?:{_PART}){{{DEEPEST}}}")
+
 
 def read_text(path: Path, where: str | None = None) -> str:
     """Return the text of an input file.
@@ -44,6 +52,8 @@ def read_text(path: Path, where: str | None = None) -> str:
     """
     prefix = f"{where}: " if where else ""
     try:
+        if path.exists() and not (path.is_file() or path.is_dir()):
+            raise InputError(f"{prefix}{path} is a device or a pipe; expected a file.")
         return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         raise InputError(f"{prefix}file {path} does not exist.") from None
@@ -53,6 +63,8 @@ def read_text(path: Path, where: str | None = None) -> str:
         raise InputError(f"{prefix}file {path} is not UTF-8 text.") from None
     except OSError as error:
         raise InputError(f"{prefix}file {path} cannot be read: {error.strerror}.") from None
+    except ValueError as error:  # a name that no file can have
+        raise InputError(f"{prefix}file {str(path)!r} cannot be read: {error}.") from None
 
 
 def read_toml(path: Path, structure: type[TableT]) -> TableT:
@@ -65,10 +77,53 @@ def read_toml(path: Path, structure: type[TableT]) -> TableT:
         the first key at fault, unknown keys before all others.
     """
     text = read_text(path)
+    if _DEEP_KEY.search(text):
+        raise InputError(f"{path}: a key has more than {DEEPEST} parts, expected a few.")
     try:
         table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: not a valid TOML file: {error}.") from None
+    return checked(path, table, structure)
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """Read a JSON object from a file.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, is not JSON, or holds something else than an object.
+    """
+    text = read_text(path)
+    try:
+        content = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path}: is not valid JSON ({error}).") from None
+    if not isinstance(content, dict):
+        raise InputError(f"{path}: found {type(content).__name__}, expected a JSON object.")
+    return content
+
+
+def read_json_table(path: Path, structure: type[TableT]) -> TableT:
+    """Read a JSON object from a file into `structure`.
+
+    Raises
+    ------
+    InputError
+        As `read_json`, or if the object does not have the structure.
+    """
+    return checked(path, read_json(path), structure)
+
+
+def checked(path: Path, table: Mapping[str, Any], structure: type[TableT]) -> TableT:
+    """Return the contents of a file as `structure`.
+
+    Raises
+    ------
+    InputError
+        If they do not have it; the message names the first key at fault, unknown keys before all
+        others.
+    """
     try:
         return structure.model_validate(table)
     except ValidationError as error:

@@ -7,7 +7,6 @@ point whose weights have too heavy a tail (Pareto k above 0.7) is flagged, and c
 earnest: the fit is repeated without it.
 """
 
-import json
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -24,7 +23,7 @@ from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.comparison.results import Comparison, LeaveOneOut
 from pyburgers.comparison.same_data import check_same_data, stacking_weights, tests_of
 from pyburgers.fitting.fit import Fit, fit
-from pyburgers.posterior.build import GIVEN_OTHERS
+from pyburgers.posterior.groups import GIVEN_OTHERS
 from pyburgers.posterior.labelled_draws import (
     pointwise_log_density,
     relative_efficiency,
@@ -221,7 +220,7 @@ def _log_likelihood_of(again: Fit, experiment: Experiment) -> FloatArray:
     run = again.directory
     # Only the test is exchanged: the coordinates of the draws are those of the other fit.
     data = {
-        **json.loads(run.stan_data_file.read_text(encoding="utf-8")),
+        **run.read_stan_data(),
         **tests_block(one_test(experiment, again.priors), use_likelihood=True),
         **solver_block(REFERENCE_SOLVER),
     }

@@ -98,7 +98,7 @@ def _kept_without(joint: Fit) -> Mapping[str, Fit] | None:
     }
     for folder in folders.values():
         run = RunDirectory(folder)
-        if not run.manifest_file.is_file() or run.read_manifest()["status"] != "complete":
+        if not run.manifest_file.is_file() or run.read_manifest().get("status") != "complete":
             return None
     return {test: Fit.load(folder) for test, folder in folders.items()}
 

@@ -8,7 +8,6 @@ averaged. All terms of the log density are normalised, in the program: that of t
 what it samples.
 """
 
-import json
 import logging
 from collections.abc import Callable
 
@@ -19,7 +18,8 @@ from scipy.optimize import brentq
 from scipy.special import expit
 from scipy.stats import multivariate_normal
 
-from pyburgers.cmdstan.program import ALL_DIGITS, Program, load_program, read_draws
+from pyburgers.cmdstan.draw_files import read_draws
+from pyburgers.cmdstan.program import ALL_DIGITS, Program, load_program
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.comparison.results import LogIntegral
 from pyburgers.fitting.fit import Fit
@@ -63,7 +63,7 @@ def log_marginal_likelihood(fit: Fit) -> LogIntegral:
     draws = read_draws(run.draws_files())["coordinate"]
     stats = fit.posterior["sample_stats"].to_dataset()
     at_reference = (stats["lp"] + stats["solver_log_ratio"]).transpose("chain", "draw").to_numpy()
-    data: StanData = json.loads(run.stan_data_file.read_text(encoding="utf-8"))
+    data = run.read_stan_data()
     data = {**data, **solver_block(REFERENCE_SOLVER)}
     program = load_program(fit.problem.protocol.program)
     logger.info(f"Marginal likelihood of {fit.manifest['experiment']}: bridge sampling.")

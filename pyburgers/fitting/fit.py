@@ -25,6 +25,7 @@ from pyburgers.checks.verdicts import Verdict, verdicts, verdicts_record
 from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import nearest
+from pyburgers.fitting.prediction import Prediction, Source, predict_test
 from pyburgers.model.pooling import SEPARATE, pooling_from, pooling_of
 from pyburgers.model.priors import PriorSet, load_priors
 from pyburgers.model.variants import ModelVariant, variant_of
@@ -35,6 +36,7 @@ from pyburgers.protocols.problem import Problem, problem_of
 from pyburgers.protocols.protocol import load_experiment
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.chains import ChainFailure, missing_chains
+from pyburgers.sampling.manifest import FitManifest
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run import run_chains, tighten_solver
 from pyburgers.sampling.run_directory import RunDirectory
@@ -230,6 +232,26 @@ class Fit(SampledFit):
         said = {name: conflict_sentence(found) for name, found in self.influences().items()}
         return tuple(f"{name}: {text}" for name, text in said.items() if text is not None)
 
+    def predict(
+        self,
+        experiment: Experiment,
+        *,
+        draws: int | None = None,
+        separate_from: str | None = None,
+        seed: int = 1,
+    ) -> Prediction:
+        """Say what another test does, from the draws (`pyburgers.fitting.prediction`).
+
+        Parameters
+        ----------
+        experiment, draws, separate_from, seed
+            As for `pyburgers.fitting.prediction.predict_test`, which says what is raised.
+        """
+        found = self.verdicts().values()
+        cautions = tuple(one.sentence for one in found if one.outcome is not Outcome.YES)
+        source = Source(self.problem, self.tests(), self.posterior, cautions)
+        return predict_test(source, experiment, draws=draws, separate_from=separate_from, seed=seed)
+
     def summary(self) -> pd.DataFrame:
         """Posterior table in SI units, of one test with the priors beside it.
 
@@ -259,13 +281,16 @@ class Fit(SampledFit):
         Raises
         ------
         InputError
-            If it is not a run of one or several tests or has no finished chain.
+            If it is not a run of one or several tests, has no finished chain, or a file of it was
+            damaged or has changed.
         """
         run = RunDirectory(Path(path))
-        manifest = run.read_manifest()
-        if "experiments" not in manifest:
+        found = run.read_manifest()
+        if "kind" in found or ("experiments" not in found and run.finished_chains()):
             raise InputError(f"{path}: is not a fit of tests, expected a run of pyburgers fit.")
         run.require_a_chain()
+        manifest = run.read_manifest(FitManifest)
+        run.require_unchanged()
         problem = problem_of(
             [load_experiment(run.test_file(name)) for name in manifest["experiments"]],
             load_priors(run.priors_file),

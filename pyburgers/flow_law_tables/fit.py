@@ -14,7 +14,8 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.checks.fit_checks import CHAIN_CHECKS, CheckResult, run_checks
-from pyburgers.cmdstan.program import Draws, load_program, read_draws
+from pyburgers.cmdstan.draw_files import Draws, read_draws
+from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.atomic_files import write_json
 from pyburgers.common.draws import all_draws
@@ -43,6 +44,7 @@ from pyburgers.protocols.coordinates import REFERENCE_FLOW_RATE, PlainCoordinate
 from pyburgers.protocols.problem import coordinates_through
 from pyburgers.protocols.program_data import prior_block
 from pyburgers.protocols.stan_data import StanData
+from pyburgers.sampling.manifest import RunManifest
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run import complete_chains, fingerprint, run_record
 from pyburgers.sampling.run_directory import RunDirectory
@@ -212,16 +214,19 @@ class PeakStressFit(SampledFit):
         Raises
         ------
         InputError
-            If it is not a run of this kind or has no finished chain.
+            If it is not a run of this kind, has no finished chain, or a file of it was damaged or
+            has changed.
         """
         run = RunDirectory(Path(path))
-        manifest = run.read_manifest()
+        run.read_manifest()
         if not (run.inputs / "peak_stress.toml").is_file():
             raise InputError(
                 f"{path}: is not a fit of a table of peak stresses, expected a run of pyburgers "
                 "fit-peak-stress."
             )
         run.require_a_chain()
+        manifest = run.read_manifest(RunManifest)
+        run.require_unchanged()
         data = load_peak_stress(run.inputs / "peak_stress.toml")
         priors = load_peak_stress_priors(run.priors_file)
         posterior = load_posterior(run)
@@ -233,7 +238,7 @@ class PeakStressFit(SampledFit):
             {**manifest, "chains": run.chain_records()},
             data,
             priors,
-            SofteningPrior.load(run.path / SOFTENING_FILE),
+            SofteningPrior.load(run.inputs / SOFTENING_FILE),
         )
 
 
@@ -290,7 +295,7 @@ def fit_peak_stress(
     with run.claimed(identity):
         save_peak_stress(data, run.inputs)
         save_peak_stress_priors(priors, run.priors_file)
-        softening.save(run.path / SOFTENING_FILE)
+        softening.save(run.inputs / SOFTENING_FILE)
         write_json(run.stan_data_file, stan_data)
         run.update_manifest(
             run_record(

@@ -6,7 +6,6 @@ stresses cannot tell the two apart, but the priors of the other parameters of a 
 the softening can be and how it changes with the conditions. That is simulated here, through Stan.
 """
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +18,7 @@ from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.atomic_files import write_json
 from pyburgers.common.errors import InputError, SamplingError
+from pyburgers.common.toml_files import Table, read_json_table
 from pyburgers.flow_law_tables.inputs import PeakStrain, PeakStressData, least_squares
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.prior_families import is_fixed_at
@@ -60,6 +60,16 @@ LEAST_SLOPE = 1e-3
 """Of ln(softening) by ln(peak stress): it is positive, but for errors of the solver."""
 
 
+class _SofteningTable(Table):
+    """A `SofteningPrior` in a file."""
+
+    coefficients: list[list[float]]
+    centre: list[float]
+    factor: list[list[float]]
+    peak_strain: list[float]
+    n_effective: float
+
+
 @dataclass(frozen=True, eq=False)
 class SofteningPrior:
     """Softening s = ln(S_0/peak stress) about the mean conditions of a table.
@@ -98,10 +108,17 @@ class SofteningPrior:
 
     @classmethod
     def load(cls, path: Path) -> Self:
-        """Read what `save` wrote."""
-        numbers = json.loads(path.read_text(encoding="utf-8"))
-        arrays = {k: np.array(v) for k, v in numbers.items() if k != "n_effective"}
-        return cls(**arrays, n_effective=numbers["n_effective"])
+        """Read what `save` wrote.
+
+        Raises
+        ------
+        InputError
+            If the file was damaged.
+        """
+        numbers = read_json_table(path, _SofteningTable).model_dump()
+        n_effective = numbers.pop("n_effective")
+        arrays = {name: np.array(value) for name, value in numbers.items()}
+        return cls(**arrays, n_effective=n_effective)
 
     @property
     def block(self) -> StanData:

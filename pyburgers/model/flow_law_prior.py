@@ -5,7 +5,6 @@ a curve it takes the place of those of n, p, Q_M and beta (`with_flow_law` in
 `pyburgers.model.priors`).
 """
 
-import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -17,7 +16,7 @@ from pydantic import Field
 
 from pyburgers.common.atomic_files import write_json
 from pyburgers.common.errors import InputError
-from pyburgers.common.toml_files import Table
+from pyburgers.common.toml_files import Table, read_json
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -252,15 +251,13 @@ class FlowLawPrior:
         Raises
         ------
         InputError
-            If the file is missing or is not such a prior.
+            If the file cannot be read or is not such a prior.
         """
+        content = read_json(Path(path))
         try:
-            content = json.loads(Path(path).read_text(encoding="utf-8"))
             material = str(content.pop("material"))
             table = FlowLawTable.model_validate({**content.pop("conditions"), **content})
             return table.flow_law_prior(material, str(path))
-        except OSError as error:
-            raise InputError(f"{path}: cannot be read ({error.strerror}).") from error
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise InputError(
                 f"{path}: is not a flow law prior, expected what pyburgers fit-peak-stress writes."

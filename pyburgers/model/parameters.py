@@ -248,6 +248,78 @@ VARIANT_PARAMETERS: tuple[Parameter, ...] = (
         "1/GPa",
         standard=0.0,
     ),
+    Parameter(
+        "relaxation_time_decades",
+        r"\delta_\tau",
+        "width of the band of relaxation times in decades",
+        "dimensionless",
+        "1",
+        "1",
+        standard=0.0,
+    ),
+    Parameter(
+        "relaxation_exponent",
+        r"\alpha",
+        "exponent of the band of relaxation times",
+        "dimensionless",
+        "1",
+        "1",
+        standard=0.5,
+    ),
+    Parameter(
+        "peak_strength",
+        r"\Delta_P",
+        "relaxation strength of the peak",
+        "dimensionless",
+        "1",
+        "1",
+        standard=0.0,
+    ),
+    Parameter(
+        "peak_time_decades",
+        r"\delta_P",
+        "decades from the peak to the longest relaxation time",
+        "dimensionless",
+        "1",
+        "1",
+        standard=0.0,
+    ),
+    Parameter(
+        "peak_width",
+        r"\sigma_P",
+        "width of the peak in ln(relaxation time)",
+        "dimensionless",
+        "1",
+        "1",
+        standard=1.0,
+    ),
+    Parameter(
+        "andrade_exponent",
+        r"a",
+        "exponent of Andrade creep",
+        "dimensionless",
+        "1",
+        "1",
+        standard=0.0,
+    ),
+    Parameter(
+        "kelvin_grain_size_exponent",
+        r"m_K",
+        "grain size exponent of relaxation times",
+        "dimensionless",
+        "1",
+        "1",
+        standard=0.0,
+    ),
+    Parameter(
+        "kelvin_reference_grain_size",
+        r"d_K",
+        "grain size of the Kelvin viscosity",
+        "length",
+        "m",
+        "um",
+        standard=1e-5,
+    ),
 )
 """Parameters of variants (`docs/variants.md`), which a prior file may name."""
 
@@ -295,31 +367,27 @@ PIEZOMETER = (
 )
 """What the piezometer of a material is given by; without a grain size it has none."""
 
-CONSTANTS = frozenset(
-    {
-        "kelvin_reference_stress",
-        "kelvin_reference_temperature",
-        "modulus_reference_temperature",
-        *PIEZOMETER,
-    }
-)
-"""Parameters that are never inferred."""
-
 CONDITIONS = frozenset(p.name for p in CONDITION_PARAMETERS)
-"""Their names."""
+"""Errors of the conditions of a test, by name."""
 
 KELVIN_REFERENCES: Mapping[str, str] = MappingProxyType(
     {
         "kelvin_stress_exponent": "kelvin_reference_stress",
         "kelvin_activation_enthalpy": "kelvin_reference_temperature",
+        "kelvin_grain_size_exponent": "kelvin_reference_grain_size",
     }
 )
 """Where the Kelvin viscosity varies by the first, the second says for what it is given."""
+
+CONSTANTS = frozenset({*KELVIN_REFERENCES.values(), "modulus_reference_temperature", *PIEZOMETER})
+"""Parameters that are never inferred."""
 
 GIVEN_TOGETHER: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         **{name: (reference,) for name, reference in KELVIN_REFERENCES.items()},
         PIEZOMETER[0]: PIEZOMETER[1:],
+        "relaxation_time_decades": ("relaxation_exponent",),
+        "peak_strength": ("peak_time_decades", "peak_width"),
     }
 )
 """Where the first is not left without effect, the others have to be given too."""

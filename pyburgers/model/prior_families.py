@@ -61,6 +61,8 @@ BOUNDED_AWAY_FROM_ZERO = frozenset(
         "critical_strain_grain_size",
         "critical_strain_fabric",
         "breakdown_stress",
+        "relaxation_exponent",
+        "peak_width",
     }
 )
 """Parameters that divide: at zero the model breaks down, so priors may not pile up there.
@@ -78,6 +80,9 @@ LOWER_LIMITS: Mapping[str, tuple[float, str]] = MappingProxyType(
     }
 )
 """Lower bounds of parameters that have one beside their sign, and why."""
+
+BELOW_ONE = frozenset({"relaxation_exponent", "andrade_exponent"})
+"""Exponents of relaxation and creep, which at 1 are a dashpot."""
 
 
 @dataclass(frozen=True)
@@ -285,6 +290,10 @@ def _check_prior(where: str, prior: Prior) -> None:
     if found < limit:
         key = "value" if prior.is_fixed else "lower"
         raise InputError(f"{where}: key {key!r}: found {found:g}, expected {meaning}.")
+    found = prior.location if prior.is_fixed else prior.upper
+    if prior.parameter in BELOW_ONE and found >= 1:
+        key = "value" if prior.is_fixed else "upper"
+        raise InputError(f"{where}: key {key!r}: found {found:g}, expected less than 1.")
 
 
 def check_beta(where: str, prior: Prior) -> None:

@@ -15,7 +15,8 @@ import numpy.typing as npt
 
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import nearest
-from pyburgers.model.parameters import KELVIN_REFERENCES, PARAMETER_BY_NAME, PIEZOMETER
+from pyburgers.model.kelvin_laws import KelvinLaw, changes_for, kelvin_law
+from pyburgers.model.parameters import PARAMETER_BY_NAME, PIEZOMETER
 from pyburgers.model.prior_families import Prior, fixed_prior, is_fixed_at
 from pyburgers.model.priors import PriorSet, priors_of_freed_parameters
 
@@ -72,8 +73,9 @@ class ModelVariant:
 
     Attributes
     ----------
-    kelvin : {"linear", "power_law"}
-        Dashpot of the Kelvin element.
+    kelvin : {"linear", "power_law", "extended", "extended_peak", "andrade"}
+        Kelvin element with a linear or power-law dashpot, or a band of relaxation times, one with
+        a peak on top, or Andrade creep (`pyburgers.model.kelvin_laws`).
     maxwell : {"power_law", "linear", "hyperbolic_sine"}
         Dashpot of the Maxwell element.
     grain_size : {"evolving", "constant", "piezometric"}
@@ -85,7 +87,7 @@ class ModelVariant:
         Of the stress, from point to point or along strain.
     """
 
-    kelvin: Literal["linear", "power_law"] = "linear"
+    kelvin: KelvinLaw = "linear"
     maxwell: Literal["power_law", "linear", "hyperbolic_sine"] = "power_law"
     grain_size: Literal["evolving", "constant", "piezometric"] = "evolving"
     fabric: Literal["evolving", "constant"] = "evolving"
@@ -98,7 +100,7 @@ class ModelVariant:
     @property
     def text(self) -> str:
         """Every choice in words."""
-        words = {"kelvin": "Kelvin dashpot", "maxwell": "Maxwell dashpot"}
+        words = {"kelvin": "Kelvin part", "maxwell": "Maxwell dashpot"}
         return ", ".join(
             f"{words.get(part, part)} {choice}".replace("_", " ")
             for part, choice in self.record().items()
@@ -190,7 +192,6 @@ def with_variant(priors: PriorSet, experiment: Test, choices: Mapping[str, str])
 
 def variant_of(priors: PriorSet, experiment: Test) -> ModelVariant:
     """Tell from the priors which laws a fit of an experiment uses."""
-    linear_kelvin = is_fixed_at(priors["kelvin_stress_exponent"], 1.0)
     linear_maxwell = is_fixed_at(priors["stress_exponent"], 1.0)
     has_breakdown = not is_fixed_at(priors["breakdown_stress"], 0.0)
     constant_fabric = not _allows(experiment, "fabric", "evolving") or is_fixed_at(
@@ -198,7 +199,7 @@ def variant_of(priors: PriorSet, experiment: Test) -> ModelVariant:
     )
     independent = is_fixed_at(priors["residual_correlation_strain"], 0.0)
     return ModelVariant(
-        kelvin="linear" if linear_kelvin else "power_law",
+        kelvin=kelvin_law(priors.priors, experiment.id),
         maxwell="hyperbolic_sine"
         if has_breakdown
         else ("linear" if linear_maxwell else "power_law"),
@@ -214,12 +215,18 @@ def check_variant(priors: PriorSet, experiment: Test) -> None:
     Raises
     ------
     InputError
-        If residuals are to correlate along strain in an oscillating test, or in full where two
-        points have the same strain, or if the grain size is to follow a piezometer that the
-        material does not have.
+        If the Kelvin part follows a law that tests of the kind cannot be fitted with, if residuals
+        are to correlate along strain in an oscillating test, or in full where two points have the
+        same strain, or if the grain size is to follow a piezometer that the material does not have.
     """
     check_piezometer(priors, experiment)
-    if variant_of(priors, experiment).residuals == "independent":
+    variant = variant_of(priors, experiment)
+    if not _allows(experiment, "kelvin", variant.kelvin):
+        raise InputError(
+            f"{experiment.id}: kelvin={variant.kelvin} is not for tests of the protocol "
+            f"{experiment.protocol}, expected {' or '.join(experiment.laws['kelvin'])}."
+        )
+    if variant.residuals == "independent":
         return
     if not _allows(experiment, "residuals", "autocorrelated"):
         raise InputError(
@@ -291,26 +298,14 @@ def _fixed(name: str, value: float, choice: str) -> Prior:
 
 
 def _choose_kelvin(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
-    exponent = "kelvin_stress_exponent"
-    linear = is_fixed_at(priors[exponent], 1.0)
-    if choice == "linear":
-        return priors if linear else priors.exchanging(_fixed(exponent, 1.0, "kelvin=linear"))
-    if not linear:
-        return priors
-    references = {
-        "kelvin_reference_stress": float(
-            f"{REFERENCE_STRESS_SHARE * _largest_stress(experiment):.0e}"
-        ),
-        "kelvin_reference_temperature": experiment.temperature,
-    }
-    return priors.exchanging(
-        priors_of_freed_parameters()[exponent],
-        *(
-            _fixed(name, references[name], "kelvin=power_law")
-            for name in KELVIN_REFERENCES.values()
-            if name not in priors.priors
-        ),
-    )
+    references = {"kelvin_reference_temperature": experiment.temperature}
+    if choice == "power_law":
+        stress = REFERENCE_STRESS_SHARE * _largest_stress(experiment)
+        references["kelvin_reference_stress"] = float(f"{stress:.0e}")
+    else:
+        references["kelvin_reference_grain_size"] = experiment.initial_grain_size
+    freed = priors_of_freed_parameters()
+    return priors.exchanging(*changes_for(choice, priors.priors, freed, references, experiment.id))
 
 
 def _choose_maxwell(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:

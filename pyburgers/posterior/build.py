@@ -1,6 +1,5 @@
 """Chain files of a run -> labelled draws: of each test, and of all tests together."""
 
-import json
 import logging
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -8,13 +7,20 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from pyburgers.cmdstan.program import Draws, Program, load_program, read_draws
+from pyburgers.cmdstan.draw_files import Draws, read_draws
+from pyburgers.cmdstan.program import Program, load_program
 from pyburgers.common.errors import SamplingError
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.priors import PriorSet
 from pyburgers.posterior import microstructure
+from pyburgers.posterior.groups import (
+    PRIOR_DENSITY,
+    drawn_at_points,
+    grid_group,
+    groups_at_points,
+    point_groups,
+)
 from pyburgers.posterior.labelled_draws import (
-    CORRELATED,
     DRIVING_ERRORS,
     MICROSTRUCTURE,
     OF_ALL_TESTS,
@@ -29,14 +35,11 @@ from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forward import simulate
 from pyburgers.protocols.problem import Problem
 from pyburgers.protocols.program_data import PLACE, with_grids
-from pyburgers.protocols.protocol import Quantity, protocol_of
+from pyburgers.protocols.protocol import protocol_of
 from pyburgers.protocols.stan_data import REFERENCE_SOLVER, StanData, solver_block
 from pyburgers.sampling.run_directory import RunDirectory
 
 logger = logging.getLogger(__name__)
-
-GIVEN_OTHERS = "log_lik_given_others"
-"""Name in programs; empty where residuals are independent."""
 
 
 def build_posterior(run: RunDirectory, problem: Problem) -> xr.DataTree:
@@ -72,7 +75,7 @@ def build_posterior(run: RunDirectory, problem: Problem) -> xr.DataTree:
     files = run.draws_files()
     chains = {"chain": list(run.finished_chains())}
     grids = [protocol.prediction_grid(experiment) for experiment in experiments]
-    data = json.loads(run.stan_data_file.read_text(encoding="utf-8"))
+    data = run.read_stan_data()
     fit = read_draws(files)
     logger.info("Solving every draw again at the reference tolerance.")
     data = with_grids(data, experiments, grids)
@@ -85,6 +88,7 @@ def build_posterior(run: RunDirectory, problem: Problem) -> xr.DataTree:
     ).assign_coords(chains)
     stats = stats_with_solver(fit, checked, chains, use_likelihood=manifest["use_likelihood"])
     at_points = drawn_at_points(fit, chains, protocol.response)
+    at_points[PRIOR_DENSITY] = fit.dataset([PRIOR_DENSITY])[PRIOR_DENSITY].assign_coords(chains)
     draws = _draws_of_tests(fit, problem, chains)
     ends, grid_ends = data["point_end"], data["grid_end"]
     tests = {}
@@ -196,33 +200,6 @@ def driving_errors(fit: Draws, experiments: Sequence[Experiment]) -> xr.Dataset:
     return xr.Dataset({name: (("chain", "draw"), one) for name, one in named.items()})
 
 
-def drawn_at_points(fit: Draws, chains: Mapping[str, list[int]], response: Quantity) -> xr.Dataset:
-    """Draws at the points of a program's data, and of its prior density.
-
-    Parameters
-    ----------
-    fit : Draws
-        Chains of a program for curves.
-    chains : mapping
-        Coordinate of the dimension chain.
-    response : Quantity
-        What was observed.
-
-    Returns
-    -------
-    Dataset, dimensions chain, draw, point
-        responses without noise and replicated, log_lik, `GIVEN_OTHERS` where residuals are
-        correlated, and lprior.
-    """
-    names = [f"{response.name}_model", f"{response.name}_replicated", "log_lik"]
-    if GIVEN_OTHERS in fit:
-        names.append(GIVEN_OTHERS)
-    columns = {name: fit.dataset([name])[name].rename({f"{name}_dim_0": "point"}) for name in names}
-    lprior = fit.dataset(["lprior"])["lprior"]
-    drawn = xr.Dataset({**columns, "lprior": lprior}).assign_coords(chains)
-    return drawn.assign_coords(point=np.arange(drawn.sizes["point"]))
-
-
 def stats_with_solver(
     fit: Draws,
     checked: xr.Dataset,
@@ -276,51 +253,13 @@ def groups_of_test(
     experiment, priors
         The test and its resolved priors.
     """
-    response = protocol_of(experiment).response.name
     return {
         "posterior": draws,
         "sample_stats": stats,
-        **point_groups(at_points, [experiment]),
-        "model_response": xr.Dataset({response: at_points[f"{response}_model"]}),
-        "predictions": _predictions(checked, experiment),
+        **groups_at_points(at_points, experiment),
+        "predictions": grid_group(checked, experiment),
         "posterior_mean_solution": _solution_at_mean(draws, priors, experiment),
-        "constant_data": xr.Dataset(
-            {
-                name: ("point", values, {"units": unit})
-                for name, (values, unit) in protocol_of(experiment)
-                .observed_positions(experiment)
-                .items()
-            },
-            {"point": np.arange(experiment.n_points)},
-        ),
     }
-
-
-def point_groups(at_points: xr.Dataset, experiments: Sequence[Experiment]) -> dict[str, xr.Dataset]:
-    """Return the groups of what belongs to points, those of several tests one after the other.
-
-    Parameters
-    ----------
-    at_points : Dataset
-        From `drawn_at_points`, all points of the tests.
-    experiments : sequence of Experiment
-        The tests.
-    """
-    response = protocol_of(experiments[0]).response
-    name = response.name
-    observed = np.concatenate([experiment.response for experiment in experiments])
-    points = {"point": np.arange(observed.size)}
-    groups = {
-        "log_likelihood": xr.Dataset({name: at_points["log_lik"]}),
-        "log_prior": xr.Dataset({"lprior": at_points["lprior"]}),
-        "posterior_predictive": xr.Dataset({name: at_points[f"{name}_replicated"]}),
-        "observed_data": xr.Dataset(
-            {name: ("point", observed, {"units": response.si_unit})}, points
-        ),
-    }
-    if GIVEN_OTHERS in at_points:
-        groups[CORRELATED] = xr.Dataset({name: at_points[GIVEN_OTHERS]})
-    return groups
 
 
 def reference_solution(
@@ -396,18 +335,6 @@ def _sampled_log_likelihood(fit: Draws) -> xr.DataArray:
     if microstructure.LOG_LIKELIHOOD in fit:
         others = others + fit[microstructure.LOG_LIKELIHOOD].sum(axis=(2, 3))
     return log_density - others
-
-
-def _predictions(checked: xr.Dataset, experiment: Experiment) -> xr.Dataset:
-    """Grid of solutions with the clock as coordinate."""
-    protocol = protocol_of(experiment)
-    clock = protocol.clock.name
-    variables = {}
-    for column, (name, unit) in protocol.grid_quantities.items():
-        values = checked[column].rename({f"{column}_dim_0": clock})
-        values.attrs = {"units": unit}
-        variables[name] = values.astype(np.float32)  # drawn, not computed with
-    return xr.Dataset(variables).assign_coords({clock: protocol.prediction_grid(experiment)})
 
 
 def _solution_at_mean(draws: xr.Dataset, priors: PriorSet, experiment: Experiment) -> xr.Dataset:

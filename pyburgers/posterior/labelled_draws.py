@@ -17,8 +17,8 @@ import pandas as pd
 import xarray as xr
 from scipy.special import logsumexp
 
-from pyburgers.cmdstan.program import Draws
-from pyburgers.common.atomic_files import write_atomically
+from pyburgers.cmdstan.draw_files import Draws
+from pyburgers.common.atomic_files import sha256_of_file, write_bytes
 from pyburgers.model.parameters import REFERENCE_QUANTITIES, Parameter
 from pyburgers.model.priors import PriorSet
 from pyburgers.sampling.run_directory import RunDirectory
@@ -154,13 +154,17 @@ def keep_posterior(
     if clock is not None:
         for test in tree[TESTS].children.values() if TESTS in tree.children else (tree,):
             test.attrs["clock"] = clock
-    write_atomically(run.posterior_file, lambda path: tree.to_netcdf(path, engine="h5netcdf"))
+    # In memory first: where the disk is full, HDF5 brings the process down.
+    content = bytes(tree.to_netcdf(engine="h5netcdf"))
+    run.update_manifest({"posterior_sha256": None})
+    write_bytes(run.posterior_file, content)
+    run.update_manifest({"posterior_sha256": sha256_of_file(run.posterior_file)})
     return tree
 
 
 def load_posterior(run: RunDirectory) -> xr.DataTree | None:
-    """Labelled draws of a run, or None where they do not cover all finished chains yet."""
-    if not run.posterior_file.is_file():
+    """Labelled draws of a run, or None where they are not complete or lack a finished chain."""
+    if not run.posterior_file.is_file() or run.read_manifest().get("posterior_sha256") is None:
         return None
     with xr.open_datatree(run.posterior_file, engine="h5netcdf") as opened:
         tree = opened.load()

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import xarray as xr
 
-from pyburgers.cmdstan.program import Draws
+from pyburgers.cmdstan.draw_files import Draws
 from pyburgers.protocols.experiment import Experiment
 
 COLUMNS = ("grain_size", "fabric_factor")

@@ -112,7 +112,9 @@ class Experiment(ABC):
     """
 
     protocol: ClassVar[str]
-    laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType({})
+    laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType(
+        {"kelvin": ("linear", "power_law")}
+    )
     id: str
     material: str
     temperature: float

@@ -1,6 +1,5 @@
 """Forward solutions at given parameters, through the Stan program."""
 
-import json
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +10,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from pyburgers.common.errors import InputError
+from pyburgers.common.toml_files import read_json
 from pyburgers.model.parameters import (
     GIVEN_TOGETHER,
     PARAMETER_BY_NAME,
@@ -29,6 +29,9 @@ FloatArray = npt.NDArray[np.float64]
 
 E = TypeVar("E", bound=Experiment)
 
+LARGEST = float(np.finfo(np.float64).max)
+"""Largest finite number."""
+
 
 def load_parameters(path: str | Path) -> dict[str, float]:
     """Read a JSON object of parameter values in SI units, checked by `check_parameters`.
@@ -38,18 +41,7 @@ def load_parameters(path: str | Path) -> dict[str, float]:
     InputError
         If the file is missing, is no JSON object, or has wrong names or values.
     """
-    path = Path(path)
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}).") from error
-    except ValueError as error:
-        raise InputError(f"{path}: is not valid JSON ({error}).") from error
-    if not isinstance(content, dict):
-        raise InputError(
-            f"{path}: found {type(content).__name__}, expected a JSON object of parameter values."
-        )
-    return check_parameters(content, where=str(path))
+    return check_parameters(read_json(Path(path)), where=str(path))
 
 
 def check_parameters(values: Mapping[str, object], where: str = "parameters") -> dict[str, float]:
@@ -80,7 +72,11 @@ def check_parameters(values: Mapping[str, object], where: str = "parameters") ->
         raise InputError(f"{where}: parameter {missing[0]!r} is missing.")
     checked = {}
     for name, value in values.items():
-        if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+        if (
+            isinstance(value, bool)
+            or not isinstance(value, int | float)
+            or not -LARGEST <= value <= LARGEST  # whole numbers have no largest one
+        ):
             raise InputError(f"{where}: {name} is {value!r}, expected a finite number.")
         checked[name] = float(value)
         unit = PARAMETER_BY_NAME[name].si_unit

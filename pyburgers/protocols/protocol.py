@@ -318,6 +318,18 @@ class Protocol(ABC, Generic[E]):
             Gives the noise.
         """
 
+    def reading_noise(self, experiment: E, values: Mapping[str, FloatArray]) -> FloatArray:
+        """Return standard deviations of the readings (SI), shape (n_draws, n_points).
+
+        Parameters
+        ----------
+        experiment : Experiment
+            With data.
+        values : mapping of str to array, shape (n_draws,)
+            Parameters, those of the noise among them.
+        """
+        return np.repeat(values[self.noise][:, np.newaxis], experiment.n_points, axis=1)
+
     def peak_test(self, experiment: E) -> PeakTest | None:
         """Return the peak of a test as tables of peak stresses have it, if it has one."""
         return None

@@ -2,7 +2,6 @@
 
 import base64
 import importlib.metadata
-import json
 import logging
 import platform
 from collections import Counter
@@ -27,6 +26,7 @@ from pyburgers.checks.prior_influence import (
 from pyburgers.common.atomic_files import sha256_of_file, write_json, write_text
 from pyburgers.common.errors import InputError
 from pyburgers.common.processes import completed, number_of_processes
+from pyburgers.common.toml_files import read_json
 from pyburgers.drawing.page_parts import FigureText, PageSection, PageTable
 from pyburgers.drawing.style import write_images
 from pyburgers.fitting.fit import Fit
@@ -282,8 +282,7 @@ def _claim(out: Path) -> None:
     """Make the folders, and refuse one that holds a run or a page of another kind."""
     manifest = out / "manifest.json"
     if manifest.is_file():
-        content = json.loads(manifest.read_text(encoding="utf-8"))
-        is_report = isinstance(content, dict) and content.get("kind") == REPORT_KIND
+        is_report = read_json(manifest).get("kind") == REPORT_KIND
     else:
         is_report = not (out / "index.html").exists()
     if not is_report:

@@ -3,7 +3,6 @@
 import logging
 import re
 import shutil
-import signal
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
@@ -15,8 +14,9 @@ from typing import Any, TextIO
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from pyburgers.cmdstan.program import Program, read_draws
-from pyburgers.common.atomic_files import write_json, write_text
+from pyburgers.cmdstan.draw_files import read_draws
+from pyburgers.cmdstan.program import Program
+from pyburgers.common.atomic_files import write_text
 from pyburgers.common.processes import Running, cores, side_by_side
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run_directory import RunDirectory
@@ -152,10 +152,13 @@ class ChainFailure:
         Identifier.
     reason : str
         What ended it, where, and what to try, as one sentence.
+    by_system : bool
+        Whether the system killed it or the disk was full: another try may end well.
     """
 
     chain: int
     reason: str
+    by_system: bool = False
 
 
 def missing_chains(
@@ -171,11 +174,11 @@ def missing_chains(
         Of the run.
     """
     there = set(finished)
-    reasons = {failure["chain"]: failure["reason"] for failure in manifest["failures"]}
+    noted = {failure["chain"]: ChainFailure(**failure) for failure in manifest["failures"]}
     return tuple(
-        ChainFailure(
+        noted.get(
             chain,
-            reasons.get(
+            ChainFailure(
                 chain,
                 f"Chain {chain} has not run to its end because the run was stopped; run the "
                 "same command again: it runs only the missing chains.",
@@ -300,8 +303,7 @@ def _keep_chain(run: RunDirectory, one: _Chain, n_draws: int) -> ChainFailure | 
     finished.mkdir()
     (scratch / "draws.csv").rename(finished / "draws.csv")
     running.console.rename(finished / "console.txt")
-    write_json(finished / "timing.json", {"wall_seconds": running.seconds})
-    run.keep_chain(one.identifier, finished)
+    run.keep_chain(one.identifier, finished, wall_seconds=running.seconds)
     shutil.rmtree(scratch)
     return None
 
@@ -341,8 +343,8 @@ def _explain_failure(run: RunDirectory, one: _Chain, defect: str = "") -> ChainF
     if running.out_of_time:
         cause = f"ran into its time limit after {running.seconds:.0f} s"
         remedy = "raise the limit or shorten the run"
-    elif code < 0:
-        cause = f"was killed by the system ({signal.Signals(-code).name})"
+    elif running.killed_by is not None:
+        cause = f"was killed by the system ({running.killed_by})"
         remedy = "free memory, or run fewer programs beside it"
     elif defect:
         cause = f"left incomplete draws ({defect})"
@@ -356,4 +358,5 @@ def _explain_failure(run: RunDirectory, one: _Chain, defect: str = "") -> ChainF
         f"console lines: {running.console_tail()}; {remedy}, then run the same command again: "
         "it repeats only the missing chains (whole console in "
         f"{run.failure_file(chain).relative_to(run.path)}).",
+        by_system=bool(defect) or running.killed_by is not None,
     )

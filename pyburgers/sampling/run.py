@@ -1,6 +1,5 @@
 """NUTS runs: inputs, coordinates, starts, the chains that a folder lacks, manifest."""
 
-import json
 import logging
 import platform
 from collections.abc import Callable, Iterable
@@ -13,14 +12,15 @@ from typing import Any
 import numpy as np
 
 from pyburgers.cmdstan.program import Program, load_program
-from pyburgers.cmdstan.toolchain import find_cmdstan, toolchain
+from pyburgers.cmdstan.toolchain import cmdstan_version, compiler_version, find_cmdstan
 from pyburgers.common.atomic_files import (
     sha256_of_file,
     sha256_of_json,
     write_atomically,
     write_json,
 )
-from pyburgers.common.errors import SamplingError
+from pyburgers.common.errors import SamplingError, SystemFailureError, ToolchainError
+from pyburgers.common.toml_files import read_json
 from pyburgers.model.priors import save_priors
 from pyburgers.model.variants import variant_of
 from pyburgers.protocols.problem import Problem
@@ -163,6 +163,8 @@ def complete_chains(
     ------
     SamplingError
         If no chain finished, now or before.
+    SystemFailureError
+        If the system ended them all.
     """
     wanted = range(1, options.chains + 1)
     missing = [chain for chain in wanted if chain not in run.finished_chains()]
@@ -182,7 +184,8 @@ def complete_chains(
         }
     )
     if not run.finished_chains():
-        raise SamplingError(f"No chain finished: {failures[0].reason}")
+        kind = SystemFailureError if all(one.by_system for one in failures) else SamplingError
+        raise kind(f"No chain finished: {failures[0].reason}")
     return failures
 
 
@@ -210,7 +213,7 @@ def tighten_solver(run: RunDirectory, pareto_k: float) -> float:
         aside = run.supersede_chains(f"tolerance_{loose:.0e}")
         refit = {"tolerance": loose, "pareto_k": pareto_k, "chains": aside}
         run.update_manifest({"refits": [*manifest["refits"], refit]})
-        data: StanData = json.loads(run.stan_data_file.read_text(encoding="utf-8"))
+        data = run.read_stan_data()
         tight = loose / TIGHTENING
         write_json(run.stan_data_file, {**data, "tolerance": tight})
     return tight
@@ -218,7 +221,7 @@ def tighten_solver(run: RunDirectory, pareto_k: float) -> float:
 
 def _tolerance_in(run: RunDirectory) -> float:
     """Tolerance with which the run's chains are sampled, tightened or as asked for."""
-    data: StanData = json.loads(run.stan_data_file.read_text(encoding="utf-8"))
+    data = run.read_stan_data()
     return float(data["tolerance"])
 
 
@@ -244,8 +247,8 @@ def _draw_start(
     """Start of one chain: around the mode, or from the prior where none was found."""
     if not run.metric_file.is_file():
         return draw_initial_values(problem, seed=seed, chain=chain)
-    data: StanData = json.loads(run.stan_data_file.read_text(encoding="utf-8"))
-    laplace = json.loads(run.metric_file.read_text(encoding="utf-8"))
+    data = run.read_stan_data()
+    laplace = read_json(run.metric_file)
     centre, covariance = (np.array(laplace[key]) for key in ("centre", "inv_metric"))
     return draw_start_around(model, data, centre, covariance, seed=seed, chain=chain)
 
@@ -309,11 +312,12 @@ def run_record(
     dict
         Entries of the manifest.
     """
+    read_by_chains = [file for file in (run.stan_data_file, run.metric_file) if file.is_file()]
     return {
         "fingerprint": identity,
         "experiment": name,
         "data_kind": data_kind,
-        **origin_record(run, command, (*files_in(run.inputs), run.stan_data_file)),
+        **origin_record(run, command, [*files_in(run.inputs), *read_by_chains]),
         "failures": [],
         "sampler": asdict(options),
         "use_likelihood": use_likelihood,
@@ -349,10 +353,13 @@ def files_in(folder: Path) -> list[Path]:
 def software_versions() -> dict[str, str | None]:
     """Return the versions of what makes the draws, for manifests."""
     found = find_cmdstan()
-    tools = toolchain(found) if found is not None else None
+    try:
+        compiler = compiler_version()
+    except ToolchainError:
+        compiler = None  # compiled programs run without it
     return {
         "python": platform.python_version(),
         **{package: version(package) for package in PACKAGES},
-        "cmdstan": tools.cmdstan_version if tools else None,
-        "compiler": tools.compiler if tools else None,
+        "cmdstan": None if found is None else cmdstan_version(found),
+        "compiler": compiler,
     }

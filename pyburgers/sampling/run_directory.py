@@ -5,7 +5,7 @@ Files are written beside their final name and renamed over it; a chain's folder 
 files whose name starts with `UNFINISHED`; both are removed when the run is continued.
 """
 
-import json
+import re
 import shutil
 import uuid
 from collections.abc import Iterator, Mapping, Sequence
@@ -23,6 +23,8 @@ from pyburgers.common.atomic_files import (
     write_json,
 )
 from pyburgers.common.errors import InputError
+from pyburgers.common.toml_files import TableT, checked, read_json, read_json_table
+from pyburgers.sampling.manifest import ChainRecord, RecordedHashes
 
 FOLDERS = ("inputs", "initial_values", "chains")
 """Folders of the run directory of a fit."""
@@ -100,6 +102,10 @@ class RunDirectory:
         """Those of all finished chains, in order."""
         return [self.draws_file(chain) for chain in self.finished_chains()]
 
+    def timing_file(self, chain: int) -> Path:
+        """Wall time of one finished chain and hash of its draws."""
+        return self.chain_folder(chain) / "timing.json"
+
     def failure_file(self, chain: int) -> Path:
         """Console of the last failed attempt at one chain."""
         return self.path / "failures" / f"chain_{chain}.txt"
@@ -107,7 +113,8 @@ class RunDirectory:
     def finished_chains(self) -> tuple[int, ...]:
         """Return the identifiers of the chains that are complete, in order."""
         folders = (self.path / "chains").glob("chain_*")
-        return tuple(sorted(int(folder.name.removeprefix("chain_")) for folder in folders))
+        found = (re.fullmatch(r"chain_([1-9]\d{0,5})", folder.name) for folder in folders)
+        return tuple(sorted(int(name[1]) for name in found if name is not None))
 
     def require_a_chain(self) -> None:
         """Check that there are draws to read.
@@ -118,24 +125,32 @@ class RunDirectory:
             If no chain is complete.
         """
         if not self.finished_chains():
-            status = self.read_manifest()["status"]
+            status = self.read_manifest().get("status")
             raise InputError(
                 f"{self.path}: no chain is finished yet (status {status!r}); run the command in "
                 "its manifest again to complete it."
             )
 
     def chain_records(self) -> dict[str, dict[str, Any]]:
-        """Return wall time (``wall_seconds``) and hash of each finished chain."""
+        """Return wall time (``wall_seconds``) and hash (``sha256``) of each finished chain.
+
+        Raises
+        ------
+        InputError
+            If the file in which a chain noted them was damaged.
+        """
         return {
-            str(chain): {
-                **json.loads((self.chain_folder(chain) / "timing.json").read_text("utf-8")),
-                "sha256": sha256_of_file(self.draws_file(chain)),
-            }
+            str(chain): read_json_table(self.timing_file(chain), ChainRecord).model_dump()
             for chain in self.finished_chains()
         }
 
-    def read_manifest(self) -> dict[str, Any]:
+    def read_manifest(self, structure: type[TableT] | None = None) -> dict[str, Any]:
         """Read the manifest.
+
+        Parameters
+        ----------
+        structure : class, optional
+            What it has to hold (`pyburgers.sampling.manifest`).
 
         Raises
         ------
@@ -146,11 +161,52 @@ class RunDirectory:
             raise InputError(
                 f"{self.path}: not a run directory, expected a folder that holds manifest.json."
             )
-        try:
-            manifest: dict[str, Any] = json.loads(self.manifest_file.read_text(encoding="utf-8"))
-        except ValueError as error:
-            raise InputError(f"{self.manifest_file}: is not valid JSON ({error}).") from error
+        manifest = read_json(self.manifest_file)
+        if structure is not None:
+            checked(self.manifest_file, manifest, structure)
         return manifest
+
+    def read_stan_data(self) -> dict[str, Any]:
+        """Read the data that every chain read.
+
+        Raises
+        ------
+        InputError
+            If the file was damaged.
+        """
+        return read_json(self.stan_data_file)
+
+    def require_unchanged(self) -> None:
+        """Check that files are those that the run has written, by the hashes that it noted.
+
+        Raises
+        ------
+        InputError
+            If one has changed or, save draws that can be made again, is missing.
+        """
+        recorded = checked(self.manifest_file, self.read_manifest(), RecordedHashes)
+        expected = [(self.path / name, found) for name, found in recorded.hashes.items()]
+        for chain, own in self.chain_records().items():
+            expected.append((self.draws_file(int(chain)), own["sha256"]))
+            if chain in recorded.chains:
+                expected.append((self.draws_file(int(chain)), recorded.chains[chain].sha256))
+        if self.posterior_file.is_file() and recorded.posterior_sha256 is not None:
+            expected.append((self.posterior_file, recorded.posterior_sha256))
+        wrong = []
+        for file, digest in expected:
+            name = file.relative_to(self.path).as_posix()
+            if not file.is_file():
+                wrong.append(f"{name} is missing")
+            elif sha256_of_file(file) != digest:
+                wrong.append(f"{name} has changed")
+        if wrong:
+            found = ", ".join(dict.fromkeys(wrong))
+            raise InputError(
+                f"{self.path}: {found} since the run, whose hashes say so; put back what the run "
+                "wrote, or remove the directory and run the command in its manifest again (without "
+                "posterior.nc it is gathered again, without a folder in chains/ that chain is run "
+                "again)."
+            )
 
     def update_manifest(self, changes: Mapping[str, Any]) -> None:
         """Merge `changes` into the manifest's top level."""
@@ -173,18 +229,25 @@ class RunDirectory:
         Raises
         ------
         InputError
-            If the directory holds another run, or other files, or cannot be written, or another
-            process runs here.
+            If the directory holds another run, or other files, or cannot be written, or a file of
+            the run has changed, or another process runs here.
         """
         self._refuse_others(fingerprint)
         with self._locked():
             # Another process may have come first.
             self._refuse_others(fingerprint)
             self._prepare(fingerprint, folders)
-            yield
+            try:
+                yield
+            finally:
+                shutil.rmtree(self._scratch, ignore_errors=True)
 
     def _refuse_others(self, fingerprint: str) -> None:
         """Raise where the directory holds something else; nothing is written."""
+        if len(str(self.path).splitlines()) > 1 or "\0" in str(self.path):
+            raise InputError(
+                f"{str(self.path)!r}: has a line break or a zero byte in its path, expected none."
+            )
         try:
             if self.manifest_file.is_file():
                 found = self.read_manifest().get("fingerprint")
@@ -229,6 +292,9 @@ class RunDirectory:
             if not self.manifest_file.is_file():
                 # Before everything else, so that a run killed early is known as ours.
                 write_json(self.manifest_file, {"fingerprint": fingerprint, "status": "claimed"})
+            self.require_unchanged()
+            # What is written from here on is noted when it is complete.
+            self.update_manifest({"hashes": {}, "chains": self.chain_records()})
             for folder in folders:
                 (self.path / folder).mkdir(exist_ok=True)
             # What cannot be removed is in nobody's way: it is never read.
@@ -271,8 +337,10 @@ class RunDirectory:
             file.unlink(missing_ok=True)
         return aside.relative_to(self.path).as_posix()
 
-    def keep_chain(self, chain: int, finished: Path) -> None:
-        """Move the folder of a finished chain into place, all files at once."""
+    def keep_chain(self, chain: int, finished: Path, *, wall_seconds: float) -> None:
+        """Note a finished chain in its folder and move that into place, all files at once."""
+        record = {"wall_seconds": wall_seconds, "sha256": sha256_of_file(finished / "draws.csv")}
+        write_json(finished / "timing.json", record)
         for file in finished.iterdir():
             flush_to_disk(file)
         finished.rename(self.chain_folder(chain))

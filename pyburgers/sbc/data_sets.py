@@ -24,7 +24,7 @@ from pyburgers.checks.fit_checks import (
 )
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.draws import all_draws
-from pyburgers.common.errors import InputError, SamplingError
+from pyburgers.common.errors import InputError, SamplingError, SystemFailureError
 from pyburgers.fitting.fit import Fit, fit_problem
 from pyburgers.model.parameters import CONDITIONS
 from pyburgers.model.priors import PriorSet, default_priors, load_priors, shipped_prior_files
@@ -41,9 +41,7 @@ from pyburgers.protocols.forward import simulate, simulate_data
 from pyburgers.protocols.problem import Problem, one_test
 from pyburgers.protocols.program_data import given_parameters, program_data
 from pyburgers.protocols.protocol import protocol_of
-from pyburgers.protocols.stan_data import (
-    SolverOptions,
-)
+from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.options import SamplerOptions
 
 FloatArray = npt.NDArray[np.float64]
@@ -307,6 +305,9 @@ def fit_and_rank(
             )
         except SamplingError as error:
             return replace(done, failure=str(error))
+        for lost in result.missing_chains():
+            if lost.by_system:
+                raise SystemFailureError(lost.reason)
         done = _with_fit(done, result)
         if not done.failed_checks:
             return replace(done, ranks=rank_truth(result, simulated, template, plan.n_ranked))

@@ -6,7 +6,6 @@ command continues with those that are missing. The number of data sets is fixed 
 nobody can stop, or go on, because of what the ranks look like.
 """
 
-import json
 import logging
 import math
 import shutil
@@ -16,11 +15,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from pydantic import ConfigDict, Field
+
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.atomic_files import sha256_of_json, write_json
-from pyburgers.common.errors import InputError
+from pyburgers.common.errors import InputError, SystemFailureError
 from pyburgers.common.processes import completed, number_of_processes
-from pyburgers.common.toml_files import read_text
+from pyburgers.common.toml_files import Table, read_json_table
 from pyburgers.model.pooling import SEPARATE, pooling_from, pooling_of
 from pyburgers.model.priors import PriorSet, load_priors, save_priors
 from pyburgers.protocols.experiment import Experiment
@@ -29,6 +30,7 @@ from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.protocol import load_experiment, save_experiment
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.charts import check_coordinates
+from pyburgers.sampling.manifest import PoolingRecord, RecordedHashes, SamplerRecord
 from pyburgers.sampling.options import INDECISIVE, SamplerOptions
 from pyburgers.sampling.run import files_in, origin_record, problem_record
 from pyburgers.sampling.run_directory import RunDirectory
@@ -47,6 +49,9 @@ N_RANKED = 99
 
 REFITS = 1
 """Default of the repetitions of a fit that has not converged."""
+
+SYSTEM_ATTEMPTS = 3
+"""Tries of a data set whose chains the system ends, after which the calibration stops."""
 
 SIMULATIONS = "simulations"
 """Folder of the data sets."""
@@ -112,6 +117,43 @@ class CalibrationPlan:
     def seeds(self) -> range:
         """Seed of each data set."""
         return range(self.seed, self.seed + self.simulations)
+
+
+class _PlanTable(Table):
+    """A settled `CalibrationPlan` in a manifest."""
+
+    simulations: int
+    seed: int
+    n_ranked: int
+    sampler: SamplerRecord
+    refits: int
+    stress_range: list[float] | None = Field(min_length=2, max_length=2)
+
+
+class _CalibrationManifest(RecordedHashes):
+    experiments: list[str] = Field(min_length=1, description="names of the templates")
+    pooling: PoolingRecord
+    plan: _PlanTable
+    command: str
+
+
+class _ReplicationTable(Table):
+    """A `Replication` in its file."""
+
+    model_config = ConfigDict(allow_inf_nan=True)
+
+    seed: int
+    ranks: dict[str, int]
+    n_draws: int
+    n_unsolvable: int
+    n_outside: int
+    n_refits: int
+    failure: str | None
+    failed_checks: list[str]
+    divergences: int
+    rhat: float | None
+    least_ess: float | None
+    coordinates: str | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,7 +242,9 @@ def calibrate(
     InputError
         If an input is wrong or `out` holds something else.
     SamplingError
-        If the priors have no solvable draws, or a process was killed.
+        If the priors have no solvable draws.
+    SystemFailureError
+        If a process was killed, or chains again and again.
     """
     tests = [templates] if isinstance(templates, Experiment) else list(templates)
     problem = problem_of(tests, priors, pooling_of(pool) if len(tests) > 1 else SEPARATE)
@@ -233,12 +277,13 @@ def load_calibration(folder: Path) -> Calibration:
     Raises
     ------
     InputError
-        If the folder holds none.
+        If the folder holds none, or a file of it was damaged or has changed.
     """
     run = RunDirectory(folder)
-    manifest = run.read_manifest()
-    if manifest.get("kind") != CALIBRATION_KIND:
+    if run.read_manifest().get("kind") != CALIBRATION_KIND:
         raise InputError(f"{folder}: holds no calibration, expected a folder of pyburgers sbc.")
+    manifest = run.read_manifest(_CalibrationManifest)
+    run.require_unchanged()
     content = manifest["plan"]
     limits = content["stress_range"]
     plan = CalibrationPlan(
@@ -325,17 +370,21 @@ def _run_missing(run: RunDirectory, seeds: Sequence[int], plan: CalibrationPlan,
 def _replicate_into(path: Path, seed: int, plan: CalibrationPlan) -> str:
     """Do one data set, in a process of its own, and write its file; return the outcome in a word.
 
-    The process reads the inputs itself: what the parent holds cannot be handed over.
+    The process reads the inputs itself: what the parent holds cannot be handed over. Chains that
+    the system ends say nothing about the data set: they are run again.
     """
     run = RunDirectory(path)
     scratch = run.new_scratch()
-    replication = replicate(
-        _template(run, run.read_manifest()),
-        scratch,
-        seed=seed,
-        options=plan.sampler,
-        plan=plan.data_set,
-    )
+    template = _template(run, run.read_manifest())
+    for tries_left in reversed(range(SYSTEM_ATTEMPTS)):
+        try:
+            replication = replicate(
+                template, scratch, seed=seed, options=plan.sampler, plan=plan.data_set
+            )
+            break
+        except SystemFailureError:
+            if not tries_left:
+                raise
     write_json(simulation_file(run, seed), asdict(replication))
     shutil.rmtree(scratch)
     if replication.failure is not None:
@@ -344,5 +393,5 @@ def _replicate_into(path: Path, seed: int, plan: CalibrationPlan) -> str:
 
 
 def _read_replication(file: Path) -> Replication:
-    content = json.loads(read_text(file))
+    content = read_json_table(file, _ReplicationTable).model_dump()
     return Replication(**{**content, "failed_checks": tuple(content["failed_checks"])})

@@ -15,6 +15,15 @@
  */
 
 /**
+ * How much slower the element is at a temperature than at the reference temperature, logarithm.
+ *
+ * @param activation_enthalpy Q_K, J/mol
+ */
+real log_thermal_slowing(real activation_enthalpy, real temperature, real reference_temperature) {
+  return activation_enthalpy / gas_constant() * (1 / temperature - 1 / reference_temperature);
+}
+
+/**
  * Effective viscosity at a temperature, at the driving stress q_0.
  *
  * @param viscosity eta_K, Pa s, at the reference temperature
@@ -24,8 +33,7 @@
 real kelvin_viscosity_at(real viscosity, real activation_enthalpy, real temperature,
                          data real reference_temperature) {
   return viscosity
-         * exp(activation_enthalpy / gas_constant()
-               * (1 / temperature - 1 / reference_temperature));
+         * exp(log_thermal_slowing(activation_enthalpy, temperature, reference_temperature));
 }
 
 /**

@@ -4,7 +4,7 @@
  * Priors, fixed values and `parameter` in the programs have this order. Those of variants have
  * standard values that leave them without effect (docs/variants.md).
  */
-int n_parameters() { return 32; }
+int n_parameters() { return 40; }
 
 int i_maxwell_modulus() { return 1; } // E_M, Pa
 int i_kelvin_modulus() { return 2; } // E_K, Pa
@@ -45,9 +45,19 @@ int i_residual_correlation_time() { return 28; } // tau_r, s
 int i_strain_offset() { return 29; } // strain read where the strain is 0
 int i_apparatus_compliance() { return 30; } // C, 1/Pa, strain of the apparatus over stress
 
+// Of laws of the Kelvin part, physics/relaxation.stan
+int i_relaxation_time_decades() { return 31; } // log10(tau_H/tau_L); 0: one relaxation time
+int i_relaxation_exponent() { return 32; } // alpha of the band
+int i_peak_strength() { return 33; } // Delta_P, over 1/E_M; 0: no peak
+int i_peak_time_decades() { return 34; } // log10(tau_H/tau_P)
+int i_peak_width() { return 35; } // sigma_P, of ln(tau)
+int i_andrade_exponent() { return 36; } // a; 0: the part is no Andrade creep
+int i_kelvin_grain_size_exponent() { return 37; } // m_K, of relaxation times
+int i_kelvin_reference_grain_size() { return 38; } // d_K, m, always fixed
+
 // Of the conditions of a test; 0 where they are taken as known
-int i_temperature_error() { return 31; } // true less stated temperature, K
-int i_stress_calibration_error() { return 32; } // c: the load cell reads 1 + c times the stress
+int i_temperature_error() { return 39; } // true less stated temperature, K
+int i_stress_calibration_error() { return 40; } // c: the load cell reads 1 + c times the stress
 
 /** Temperature of a test (K): the stated one and its error. */
 real true_temperature(vector parameter, data real stated) {

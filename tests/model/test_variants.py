@@ -3,7 +3,7 @@
 import json
 import math
 import shutil
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -110,8 +110,81 @@ def test_all_choices_survive_a_prior_file(
     assert again == changed
     assert variant_of(again, ice).record() == EVERY_CHOICE
     assert with_variant(again, ice, EVERY_CHOICE) == again
-    for line in ("Kelvin dashpot power law", "fabric constant", "residuals autocorrelated"):
+    for line in ("Kelvin part power law", "fabric constant", "residuals autocorrelated"):
         assert line in variant_of(again, ice).text
+
+
+class AnyLaw(ConstantRateExperiment):
+    """A test of a kind that takes every law."""
+
+    laws = {}  # noqa: RUF012
+
+
+def with_any_law(experiment: ConstantRateExperiment) -> AnyLaw:
+    return AnyLaw(**{f.name: getattr(experiment, f.name) for f in fields(experiment)})
+
+
+@pytest.mark.parametrize(
+    ("law", "free"),
+    [
+        ("extended", {"relaxation_time_decades", "relaxation_exponent"}),
+        (
+            "extended_peak",
+            {
+                "relaxation_time_decades",
+                "relaxation_exponent",
+                "peak_strength",
+                "peak_time_decades",
+                "peak_width",
+            },
+        ),
+        ("andrade", {"andrade_exponent"}),
+    ],
+)
+def test_laws_with_many_relaxation_times_free_their_parameters(
+    ice: ConstantRateExperiment, priors: PriorSet, law: str, free: set[str]
+) -> None:
+    test = with_any_law(ice)
+    changed = with_variant(priors, test, {"kelvin": law})
+    assert variant_of(changed, test).kelvin == law
+    assert set(changed.free) - set(priors.free) == free
+    # For what viscosity and times are given:
+    assert changed["kelvin_reference_temperature"].location == ice.temperature
+    assert changed["kelvin_reference_grain_size"].location == ice.initial_grain_size
+    # The modulus of Andrade creep is a convention.
+    assert set(priors.free) - set(changed.free) == (
+        {"kelvin_modulus"} if law == "andrade" else set()
+    )
+    assert with_variant(changed, test, {"kelvin": law}) == changed
+
+
+def test_one_law_of_the_kelvin_part_takes_the_place_of_another(
+    ice: ConstantRateExperiment, priors: PriorSet
+) -> None:
+    test = with_any_law(ice)
+    peak = with_variant(priors, test, {"kelvin": "extended_peak"})
+    band = with_variant(peak, test, {"kelvin": "extended"})
+    assert variant_of(band, test).kelvin == "extended"
+    assert band["relaxation_exponent"] == peak["relaxation_exponent"]
+    linear = with_variant(band, test, {"kelvin": "linear"})
+    assert variant_of(linear, test) == ModelVariant()
+    creep = with_variant(priors, test, {"kelvin": "andrade"})
+    with pytest.raises(InputError, match="needs a prior of kelvin_modulus, which is fixed"):
+        with_variant(creep, test, {"kelvin": "linear"})
+
+
+def test_laws_of_the_kelvin_part_are_refused_where_they_cannot_be_solved(
+    ice: ConstantRateExperiment, priors: PriorSet
+) -> None:
+    message = "kelvin=extended is not for tests of the protocol constant_rate, expected linear or"
+    with pytest.raises(InputError, match=message):
+        with_variant(priors, ice, {"kelvin": "extended"})
+    test = with_any_law(ice)
+    two = with_variant(priors, test, {"kelvin": "power_law"}).exchanging(
+        with_variant(priors, test, {"kelvin": "andrade"})["andrade_exponent"]
+    )
+    with pytest.raises(InputError, match="expected one law of the Kelvin part"):
+        check_variant(two, test)
 
 
 def test_the_viscosity_of_a_power_law_kelvin_dashpot_is_given_at_the_test(
@@ -244,7 +317,7 @@ def test_oscillating_tests_follow_a_piezometer_and_have_no_fabric() -> None:
     [
         ("kelvin", "--variant kelvin: expected PART=LAW"),
         ("kelvn=linear", "unknown part 'kelvn', did you mean 'kelvin'?"),
-        ("kelvin=cubic", "unknown law 'cubic' of kelvin, expected one of linear, power_law."),
+        ("kelvin=cubic", "unknown law 'cubic' of kelvin, expected one of linear, power_law"),
     ],
 )
 def test_wrong_options_are_named(option: str, message: str) -> None:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import stanio
 
-from pyburgers.cmdstan.program import Draws
+from pyburgers.cmdstan.draw_files import Draws
 from pyburgers.posterior.build import driving_errors
 
 

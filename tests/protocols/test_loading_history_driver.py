@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pyburgers.protocols.loading_history.driver import TOLERANCE, line_through, reading_error
+from pyburgers.protocols.loading_history.driver import line_through, reading_error, tolerance_of
 from pyburgers.protocols.loading_history.thinning import kept_readings
 
 
@@ -23,16 +23,17 @@ def test_the_fewest_corners_through_noise(seed: int) -> None:
     rng = np.random.default_rng(seed)
     time = np.linspace(0, 200, 801)
     value = ramps(time) + 0.03 * rng.standard_normal(time.size)
-    corners, line = line_through(time, value, 0.03)
+    tolerance = tolerance_of(value, 0.03)
+    corners, line = line_through(time, value, tolerance)
     assert corners.size == 7
     fitted = np.interp(time, corners, line)
-    assert np.abs(fitted - value).max() < 2 * TOLERANCE * 0.03
+    assert np.abs(fitted - value).max() < 2 * tolerance
     assert np.sqrt(np.mean((fitted - ramps(time)) ** 2)) < 0.03
 
 
 def test_a_straight_line_is_one_leg() -> None:
     time = np.linspace(3, 9, 50)
-    corners, line = line_through(time, 2 + 0.5 * time, 0.0)
+    corners, line = line_through(time, 2 + 0.5 * time, 1e-6)
     np.testing.assert_array_equal(corners, [3, 9])
     np.testing.assert_allclose(line, [3.5, 6.5], rtol=1e-12)
 
@@ -41,7 +42,7 @@ def test_few_corners_by_trying_all() -> None:
     """No line with fewer corners at readings passes all readings: checked by trying each."""
     rng = np.random.default_rng(8)
     time, value = np.arange(9.0), rng.standard_normal(9)
-    tolerance = TOLERANCE * 0.15
+    tolerance = 0.75
 
     def passes(inner: tuple[int, ...]) -> bool:
         knots = [0, *inner, 8]
@@ -50,7 +51,7 @@ def test_few_corners_by_trying_all() -> None:
 
     subsets = [tuple(k for k in range(1, 8) if number >> (k - 1) & 1) for number in range(2**7)]
     fewest = min(len(inner) for inner in subsets if passes(inner))
-    assert line_through(time, value, 0.15)[0].size == fewest + 2
+    assert line_through(time, value, tolerance)[0].size == fewest + 2
 
 
 def test_thinning_keeps_ends_ramps_and_transients() -> None:

@@ -261,6 +261,20 @@ class TestTurning:
         assert np.abs(np.interp(time, corners, stress) / 1e6 - true).max() < 0.04
         assert "Stage 1: 501 readings of the stress became 4 legs" in test.notices[0]
 
+    def test_a_tolerance_trades_legs_for_nearness(self, write: Write) -> None:
+        time = np.linspace(0.0, 1000.0, 501)
+        rows = table(("time", time), ("stress", np.sqrt(time)), ("strain", 0.001 * time))
+        text = one_stage(
+            'control = "stress_series"\ntolerance = 2.0', 1000.0, 'stage_stress_unit = "MPa"'
+        )
+        coarse = load_loading_history(write(text, rows))
+        fine = load_loading_history(write(text.replace("2.0", "0.5"), rows))
+        assert len(coarse.legs) < len(fine.legs)
+        for test, tolerance in ((coarse, 2e6), (fine, 0.5e6)):
+            line = np.interp(time, *np.transpose(test.stages[0].knots))
+            assert np.abs(line - 1e6 * np.sqrt(time)).max() < 1.5 * tolerance
+        assert "within about 2 MPa" in coarse.notices[0]
+
     def test_a_jump_of_the_stress_stays(self, write: Write) -> None:
         time = np.linspace(0.0, 100.0, 101)
         rows = table(

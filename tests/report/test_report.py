@@ -223,7 +223,7 @@ def test_the_page_says_what_prior_and_data_decide(
 
 
 def test_the_page_names_the_laws_of_the_model(page: Page, shown: Page) -> None:
-    for text in ("Kelvin dashpot linear", "grain size evolving", "residuals independent"):
+    for text in ("Kelvin part linear", "grain size evolving", "residuals independent"):
         assert text in page.text
     assert "grain size piezometric, fabric constant" in shown.text
 

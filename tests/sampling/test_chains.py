@@ -11,7 +11,7 @@ import xarray as xr
 from conftest import SMALL_RUN, Problem
 
 from pyburgers.cmdstan.program import Program
-from pyburgers.common.errors import SamplingError
+from pyburgers.common.errors import SystemFailureError
 from pyburgers.common.processes import start
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.sampling.chains import ConsoleFile, _Chain, _keep_chain, _start_chain
@@ -62,5 +62,5 @@ def test_draws_that_were_cut_short_are_not_kept(small_fit: Fit, tmp_path: Path) 
 def test_a_program_that_does_not_start_is_named(small_fit: Fit, tmp_path: Path) -> None:
     small_fit.save(tmp_path / "run")
     run = RunDirectory(tmp_path / "run")
-    with pytest.raises(SamplingError, match=r"nowhere: could not be started"):
+    with pytest.raises(SystemFailureError, match=r"nowhere: could not be started"):
         _start_chain(Program(tmp_path / "nowhere"), run, 1, SMALL_RUN)

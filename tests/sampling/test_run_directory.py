@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -91,7 +92,7 @@ def test_the_same_inputs_may_come_back_and_find_what_was_finished(tmp_path: Path
         for chain in (10, 2):
             folder = run.new_scratch()
             (folder / "draws.csv").write_text(str(chain), encoding="utf-8")
-            run.keep_chain(chain, folder)
+            run.keep_chain(chain, folder, wall_seconds=1.5)
     with run.claimed("abc"):
         assert run.finished_chains() == (2, 10)
         assert run.draws_file(10).read_text(encoding="utf-8") == "10"
@@ -123,6 +124,26 @@ def test_a_place_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
             RunDirectory(path).claimed("abc"),
         ):
             pass
+
+
+@pytest.mark.parametrize("name", ["a\nb", "a\rb", "a\0b"])
+def test_a_path_that_files_of_chains_cannot_hold_is_refused(tmp_path: Path, name: str) -> None:
+    with (
+        pytest.raises(InputError, match="line break or a zero byte"),
+        RunDirectory(tmp_path / name).claimed("abc"),
+    ):
+        pass
+    assert names(tmp_path) == set()
+
+
+def test_the_folder_of_half_files_goes_with_the_claim(tmp_path: Path) -> None:
+    run = RunDirectory(tmp_path / "run")
+    with run.claimed("abc"):
+        run.new_scratch()
+    with suppress(KeyboardInterrupt), run.claimed("abc"):
+        run.new_scratch()
+        raise KeyboardInterrupt
+    assert not (run.path / ".scratch").exists()
 
 
 def test_a_second_process_is_kept_out_until_the_first_is_gone(tmp_path: Path) -> None:

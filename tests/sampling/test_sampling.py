@@ -331,6 +331,6 @@ def test_sigkill_at_random_moments_and_then_a_complete_run(
     assert_same_draws(run, long_fit)
     assert run.read_manifest()["status"] == "complete"
     assert not list(run.path.rglob(f"{UNFINISHED}*"))
-    assert not list((run.path / ".scratch").glob("*"))
+    assert not (run.path / ".scratch").exists()
     # Chains of killed fits end by themselves, at the latest when they report their progress.
     wait_until(lambda: processes_on(run.path) == [], "orphans to end")

@@ -6,12 +6,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+import xarray as xr
 from conftest import ICE, resolved_priors, with_fixed
 from scipy import stats
 from stan_data import one_test_data
+from synthetic_fit import make_fit
 
 from pyburgers.cmdstan.program import load_program
-from pyburgers.common.errors import InputError, SamplingError
+from pyburgers.common.atomic_files import write_json
+from pyburgers.common.errors import InputError, SamplingError, SystemFailureError
 from pyburgers.fitting.fit import Fit, fit_problem
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import default_priors
@@ -28,6 +31,7 @@ from pyburgers.protocols.program_data import given_parameters
 from pyburgers.protocols.protocol import load_experiment, protocol_of
 from pyburgers.protocols.stan_data import REFERENCE_SOLVER
 from pyburgers.sampling.options import SamplerOptions
+from pyburgers.sampling.run_directory import RunDirectory
 from pyburgers.sbc.data_sets import (
     LOG_LIKELIHOOD,
     RHAT_LIMIT,
@@ -40,6 +44,7 @@ from pyburgers.sbc.data_sets import (
     replicate,
     simulate_from_prior,
 )
+from pyburgers.sbc.run import CalibrationPlan, _replicate_into, simulation_file
 
 SHARED_EXPONENT = {"all": "separate", "stress_exponent": "shared"}
 TEMPLATES = ICE.parent / "calibration"
@@ -274,6 +279,44 @@ def test_a_fit_that_does_not_converge_is_repeated_longer_and_never_ranked(
         (800, 1600, pytest.approx(0.9875)),
     ]
     assert (done.ranks, done.n_refits, done.failed_checks) == ({}, 2, ("divergences",))
+
+
+def test_a_chain_that_the_system_killed_is_run_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its data set has the outcome of one in which nothing was killed."""
+    whole = make_fit(tmp_path / "fit", chains=2)
+    failure = {"chain": 2, "reason": "Chain 2 was killed.", "by_system": True}
+    one_chain = xr.DataTree.from_dict(
+        {"posterior": whole.posterior["posterior"].to_dataset().isel(chain=[0])}
+    )
+    lost = replace(whole, posterior=one_chain, manifest={**whole.manifest, "failures": [failure]})
+    fits: list[Fit] = []
+
+    def fitted(problem: Problem, **_: object) -> Fit:
+        return fits.pop(0)
+
+    monkeypatch.setattr("pyburgers.sbc.data_sets.fit_problem", fitted)
+    monkeypatch.setattr("pyburgers.sbc.data_sets.rank_truth", lambda *_: {"beta": 7})
+    monkeypatch.setattr("pyburgers.sbc.data_sets.not_converged", lambda *_: ())
+    monkeypatch.setattr(
+        "pyburgers.sbc.data_sets.simulate_from_prior",
+        lambda *_, **__: Simulated(whole.problem, {}, 0, 0),
+    )
+    monkeypatch.setattr("pyburgers.sbc.run._template", lambda *_: whole.problem)
+    plan = CalibrationPlan(simulations=1, sampler=SamplerOptions(warmup=100, adapt_delta=0.8))
+    outcomes = []
+    for out, fits[:] in (("a", [lost, lost, whole]), ("b", [whole])):
+        run = RunDirectory(tmp_path / out)
+        (run.path / "simulations").mkdir(parents=True)
+        write_json(run.manifest_file, {})
+        assert _replicate_into(run.path, 1, plan) == "ranked"
+        outcomes.append(simulation_file(run, 1).read_bytes())
+    assert outcomes[0] == outcomes[1]
+    fits[:] = [lost] * 3
+    with pytest.raises(SystemFailureError, match="Chain 2 was killed"):
+        _replicate_into(run.path, 2, plan)
+    assert not simulation_file(run, 2).exists()
 
 
 def test_ranks_count_the_draws_below_the_truth(small_fit: Fit) -> None:

@@ -9,7 +9,8 @@ import numpy.typing as npt
 import pytest
 from conftest import SMALL_RUN, Problem
 
-from pyburgers.cmdstan.program import load_program, read_draws
+from pyburgers.cmdstan.draw_files import read_draws
+from pyburgers.cmdstan.program import load_program
 from pyburgers.comparison.marginal_likelihood import log_density_at, log_marginal_likelihood
 from pyburgers.fitting.fit import Fit, fit, fit_problem
 from pyburgers.model.pooling import pooling_of

@@ -404,7 +404,7 @@ def test_a_file_that_is_no_flow_law_is_refused(tmp_path: Path, content: str, exp
     path.write_text(content, encoding="utf-8")
     with pytest.raises(InputError, match=expected):
         FlowLawPrior.load(path)
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match="does not exist"):
         FlowLawPrior.load(tmp_path / "nothing.json")
 
 

@@ -5,7 +5,8 @@ from collections.abc import Mapping
 from contextlib import closing
 from pathlib import Path
 
-from pyburgers.cmdstan.program import Draws, Program, read_draws
+from pyburgers.cmdstan.draw_files import Draws, read_draws
+from pyburgers.cmdstan.program import Program
 from pyburgers.common.processes import side_by_side
 
 

@@ -52,6 +52,7 @@ class OscillationExperiment(Experiment):
     protocol: ClassVar[str] = "forced_oscillation"
     laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType(
         {
+            **Experiment.laws,
             "grain_size": ("piezometric", "constant"),
             "fabric": ("constant",),
             "residuals": ("independent",),

@@ -146,6 +146,13 @@ class ForcedOscillation(Protocol[OscillationExperiment]):
         prepared = prepare(record, settings, experiment.id)
         return replace(experiment, record=record, settings=settings, prepared=prepared)
 
+    def reading_noise(
+        self, experiment: OscillationExperiment, values: Mapping[str, FloatArray]
+    ) -> FloatArray:
+        """Return what the noise is for each reading, by its stated error."""
+        noise: FloatArray = values[self.noise][:, np.newaxis]
+        return noise * experiment.prepared.relative_uncertainty
+
     def driving_error(
         self, experiment: OscillationExperiment, true: OscillationExperiment
     ) -> FloatArray:

@@ -43,8 +43,13 @@ def reading_error(time: FloatArray, value: FloatArray) -> float:
     return float(np.median(np.abs(scaled)) / stats.norm.ppf(0.75))
 
 
+def tolerance_of(value: FloatArray, error: float) -> float:
+    """Return how far a line passes from readings with a standard deviation, in their unit."""
+    return max(TOLERANCE * error, TURNED_TOLERANCE * float(np.max(np.abs(value))))
+
+
 def line_through(
-    time: FloatArray, value: FloatArray, error: float
+    time: FloatArray, value: FloatArray, tolerance: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return the corners of the line that stands for a series.
 
@@ -52,15 +57,15 @@ def line_through(
     ----------
     time, value : array, shape (n,)
         The series, n at least 2, times increasing.
-    error : float
-        Standard deviation of a reading, in the unit of `value`.
+    tolerance : float
+        How far the line passes from a reading before its corners are moved, in the unit of
+        `value`; positive.
 
     Returns
     -------
     time, value : array, shape (n_corners,)
         The first and the last time are those of the series.
     """
-    tolerance = max(TOLERANCE * error, TURNED_TOLERANCE * float(np.max(np.abs(value))))
     corner = _fewest_corners(time, value, tolerance)
     if corner.size == time.size:
         return time, value

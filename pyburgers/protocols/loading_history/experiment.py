@@ -1,8 +1,6 @@
 """Tests under a history of imposed strain and stress: what was imposed, what was read."""
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
@@ -54,7 +52,6 @@ class LoadingHistory(Experiment):
     """
 
     protocol: ClassVar[str] = "loading_history"
-    laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType({})
     stages: tuple[Stage, ...]
     time: FloatArray
     reading_stage: IntArray

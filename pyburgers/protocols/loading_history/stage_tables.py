@@ -12,7 +12,12 @@ from pydantic import Field
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, factor_to_si
 from pyburgers.protocols.experiment import FloatArray
-from pyburgers.protocols.loading_history.driver import TOLERANCE, line_through, reading_error
+from pyburgers.protocols.loading_history.driver import (
+    TOLERANCE,
+    line_through,
+    reading_error,
+    tolerance_of,
+)
 from pyburgers.protocols.loading_history.readings import Measure, Readings
 from pyburgers.protocols.loading_history.stages import Control, Stage, legs_of
 
@@ -25,8 +30,8 @@ OWN_KEYS: Mapping[Control, tuple[str, ...]] = MappingProxyType(
         "strain_rate": ("strain_rate_per_s",),
         "stress": ("stress",),
         "stress_rate": ("stress_rate", "start_stress"),
-        "strain_series": ("knots",),
-        "stress_series": ("knots",),
+        "strain_series": ("knots", "tolerance"),
+        "stress_series": ("knots", "tolerance"),
         "hold_strain": (),
     }
 )
@@ -48,6 +53,9 @@ class StageTable(Table):
     start_stress: float | None = Field(None, description="the stress at which the rate starts")
     knots: list[list[float]] | None = Field(
         None, min_length=2, description="pairs of time and strain (fraction) or stress"
+    )
+    tolerance: float | None = Field(
+        None, gt=0, description="how far legs pass from readings of strain (fraction) or stress"
     )
 
 
@@ -281,7 +289,7 @@ class _StageReader:
             return self._stage("stress_rate", value=rate, start_stress=start)
         time, strain = self._readings("strain", "the area under the force")
         value = (start + rate * (time - self.start)) * np.exp(-strain)
-        corners, line = line_through(time, value, 0.0)
+        corners, line = line_through(time, value, tolerance_of(value, 0.0))
         self.notices.append(
             f"Stage {self.number}: the force over the first area became a true stress in "
             f"{corners.size - 1} legs, by the measured strain."
@@ -364,12 +372,15 @@ class _StageReader:
         error = reading_error(time, value) if stated is None else stated
         if strain_driven:
             self._check_jump(float(value[0]), max(TOLERANCE * error, 1e-3 * float(np.ptp(value))))
-        corners, line = line_through(time, value, error)
-        unit = "strain" if strain_driven else "MPa"
-        distance = TOLERANCE * error / (1.0 if strain_driven else 1e6)
+        tolerance = tolerance_of(value, error)
+        if self.table.tolerance is not None:
+            factor = 1.0 if strain_driven else self.test.conventions.stress
+            tolerance = factor * self.table.tolerance
+        corners, line = line_through(time, value, tolerance)
+        distance = f"{tolerance:.2g}" if strain_driven else f"{tolerance / 1e6:.2g} MPa"
         self.notices.append(
             f"Stage {self.number}: {time.size} readings of the {quantity} became "
-            f"{corners.size - 1} legs, which pass each of them within about {distance:.2g} {unit}."
+            f"{corners.size - 1} legs, which pass each of them within about {distance}."
         )
         return self._series(self.table.control, corners, line)
 

@@ -10,7 +10,11 @@ the last reading stay, and readings are taken as they are: none is averaged.
 import numpy as np
 
 from pyburgers.protocols.experiment import FloatArray
-from pyburgers.protocols.loading_history.driver import line_through, reading_error
+from pyburgers.protocols.loading_history.driver import (
+    line_through,
+    reading_error,
+    tolerance_of,
+)
 
 
 def kept_readings(
@@ -51,7 +55,8 @@ def _log_time(time: FloatArray, changes: FloatArray) -> FloatArray:
 
 def _way(time: FloatArray, response: FloatArray) -> FloatArray:
     """Sum of all rises and falls of the response up to each reading."""
-    corners, values = line_through(time, response, reading_error(time, response))
+    tolerance = tolerance_of(response, reading_error(time, response))
+    corners, values = line_through(time, response, tolerance)
     way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(values)))])
     up_to: FloatArray = np.interp(time, corners, way)
     return up_to

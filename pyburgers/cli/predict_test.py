@@ -1,0 +1,91 @@
+"""`pyburgers predict RUN EXPERIMENT.toml`: the response of a test, from a fit of others."""
+
+import argparse
+from pathlib import Path
+
+from pyburgers.cli.shared import writing
+from pyburgers.common.atomic_files import write_text
+from pyburgers.common.errors import InputError
+from pyburgers.drawing.style import write_images
+from pyburgers.fitting.fit import Fit
+from pyburgers.fitting.prediction import Prediction
+from pyburgers.predictions.other_test_figures import prediction_figure
+from pyburgers.predictions.other_tests import (
+    band_table,
+    overview_table,
+    reading_table,
+    save_prediction,
+    score_sentence,
+    score_table,
+)
+from pyburgers.protocols.protocol import load_experiment
+
+
+def add_options(command: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    command.add_argument("directory", type=Path, metavar="RUN")
+    command.add_argument("experiment", type=Path, metavar="EXPERIMENT.toml")
+    command.add_argument(
+        "--out",
+        type=Path,
+        required=True,
+        metavar="FILE.csv",
+        help="bands along the test; beside it FILE.nc (all draws), FILE.png and FILE.svg, and "
+        "where the experiment has data FILE_readings.csv and FILE_scores.csv",
+    )
+    command.add_argument("--draws", type=int, metavar="N", help="default: all draws of the fit")
+    which = command.add_mutually_exclusive_group()
+    which.add_argument(
+        "--test",
+        metavar="ID",
+        help="of a joint fit, the test whose own parameters the new one has, all of them: another "
+        "test of the same sample",
+    )
+    which.add_argument(
+        "--separate-from",
+        metavar="ID",
+        help="of a joint fit, the test that parameters without pooling are taken from; default: "
+        "every test in turn",
+    )
+    command.add_argument(
+        "--seed", type=int, default=1, help="of noise and of a new test's own values (default 1)"
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the command; return its exit code."""
+    out: Path = options.out
+    if out.suffix != ".csv":
+        raise InputError(f"--out {out}: expected a file name that ends in .csv.")
+    fit = Fit.load(options.directory)
+    prediction = (fit if options.test is None else fit[options.test]).predict(
+        load_experiment(options.experiment),
+        draws=options.draws,
+        separate_from=options.separate_from,
+        seed=options.seed,
+    )
+    files = _write(prediction, out)
+    print(prediction.title)
+    for sentence in (*prediction.cautions, *prediction.notes):
+        print(sentence)
+    print(overview_table(prediction).to_string(index=False))
+    if prediction.experiment.n_points > 0:
+        print(score_sentence(prediction))
+    for file in files:
+        print(file)
+    return 0
+
+
+def _write(prediction: Prediction, out: Path) -> list[Path]:
+    """Write the files; return their names."""
+    files = [out.with_suffix(suffix) for suffix in (".csv", ".nc", ".png", ".svg")]
+    tables = {out: band_table(prediction)}
+    if prediction.experiment.n_points > 0:
+        tables[out.with_name(f"{out.stem}_readings.csv")] = reading_table(prediction)
+        tables[out.with_name(f"{out.stem}_scores.csv")] = score_table(prediction).reset_index()
+    with writing(out):
+        for file, table in tables.items():
+            write_text(file, table.to_csv(index=False))
+        save_prediction(prediction, out.with_suffix(".nc"))
+        write_images(prediction_figure(prediction), out)
+    return [*files, *(file for file in tables if file != out)]

@@ -1,0 +1,88 @@
+"""Files that CmdStan writes: draws of chains, and of runs without sampling."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import stanio
+import xarray as xr
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Draws:
+    """What chains, or a run without sampling, have written.
+
+    Attributes
+    ----------
+    variables : mapping of str to Variable
+        Where each variable of the program, and each column of the sampler, is in `values`.
+    values : array, shape (n_chains, n_draws, n_columns)
+        All columns.
+    """
+
+    variables: Mapping[str, stanio.Variable]
+    values: FloatArray
+
+    def __contains__(self, name: str) -> bool:
+        """Tell whether there is a variable, which takes one number at least."""
+        return name in self.variables
+
+    def __getitem__(self, name: str) -> FloatArray:
+        """Return the draws of a variable, shape (n_chains, n_draws, its own...)."""
+        # In the order that files keep, so that sums over draws read back have the same digits.
+        found: FloatArray = np.ascontiguousarray(self.variables[name].extract_reshape(self.values))
+        return found
+
+    def at(self, draw: int) -> dict[str, FloatArray]:
+        """Return all variables of the program at one draw of the first chain."""
+        return {name: self[name][0, draw] for name in self.variables if not name.endswith("__")}
+
+    def dataset(self, names: Iterable[str]) -> xr.Dataset:
+        """Return variables with dimensions chain, draw, and NAME_dim_K for their own."""
+        n_chains, n_draws, _ = self.values.shape
+        labels = {"chain": np.arange(1, n_chains + 1), "draw": np.arange(n_draws)}
+        own = {name: self.variables[name].dimensions for name in names}
+        return xr.Dataset(
+            {
+                name: (
+                    ("chain", "draw", *(f"{name}_dim_{k}" for k in range(len(shape)))),
+                    self[name],
+                )
+                for name, shape in own.items()
+            },
+            labels,
+        )
+
+
+def read_draws(files: Sequence[Path]) -> Draws:
+    """Read chains of equal length.
+
+    Raises
+    ------
+    ValueError
+        If a row or a file is cut short.
+    """
+    header, values = "", []
+    for file in files:
+        header, *rows = _table(file)
+        values.append(
+            np.loadtxt(rows, delimiter=",", ndmin=2)
+            if rows
+            else np.empty((0, header.count(",") + 1))
+        )
+    return Draws(stanio.parse_header(header), np.stack(values))
+
+
+def rows_of_draws(file: Path) -> int:
+    """Return how many draws there are in a file."""
+    return len(_table(file)) - 1
+
+
+def _table(file: Path) -> list[str]:
+    """Return header and rows without the comments around them."""
+    with file.open(encoding="utf-8") as lines:
+        return [line for line in lines if not line.startswith("#")]

@@ -1,0 +1,124 @@
+"""Laws of the Kelvin part: which parameters make one, and their priors.
+
+A law is on where its switch is not left at its standard value. The equations are in
+`stan/physics/kelvin_element.stan` and `stan/physics/relaxation.stan`.
+"""
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Literal
+
+from pyburgers.common.errors import InputError
+from pyburgers.model.parameters import PARAMETER_BY_NAME, STANDARD_VALUES
+from pyburgers.model.prior_families import Prior, fixed_prior, is_fixed_at
+
+KelvinLaw = Literal["linear", "power_law", "extended", "extended_peak", "andrade"]
+
+_BAND = ("relaxation_time_decades", "relaxation_exponent")
+
+PARAMETERS_OF_LAW: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "linear": (),
+        "power_law": ("kelvin_stress_exponent",),
+        "extended": _BAND,
+        "extended_peak": (*_BAND, "peak_strength", "peak_time_decades", "peak_width"),
+        "andrade": ("andrade_exponent",),
+    }
+)
+"""What each law has beside modulus and viscosity."""
+
+_SWITCHES: Mapping[str, KelvinLaw] = MappingProxyType(
+    {
+        "kelvin_stress_exponent": "power_law",
+        "relaxation_time_decades": "extended",
+        "peak_strength": "extended_peak",
+        "andrade_exponent": "andrade",
+    }
+)
+"""Parameters whose standard value takes a law out."""
+
+_COMPLIANCE = "kelvin_modulus"
+"""Of Andrade creep, a convention: after the time eta_K/E_K it has reached stress/E_K."""
+
+
+def kelvin_law(priors: Mapping[str, Prior], where: str) -> KelvinLaw:
+    """Tell the law of the Kelvin part from priors.
+
+    Parameters
+    ----------
+    priors : mapping of str to Prior
+        By parameter; those left out have their standard values.
+    where : str
+        Name of the test, for messages.
+
+    Raises
+    ------
+    InputError
+        If parameters of laws are free that do not go together.
+    """
+    on = [law for switch, law in _SWITCHES.items() if not _is_standard(priors, switch)]
+    if on == ["extended", "extended_peak"]:
+        return "extended_peak"
+    if len(on) > 1 or on == ["extended_peak"]:
+        names = [name for name, law in _SWITCHES.items() if law in on]
+        raise InputError(
+            f"{where}: found effects of {' and '.join(names)} in the priors, expected one law of "
+            "the Kelvin part (a peak only on top of a band of relaxation times)."
+        )
+    return on[0] if on else "linear"
+
+
+def changes_for(
+    law: str,
+    priors: Mapping[str, Prior],
+    freed: Mapping[str, Prior],
+    references: Mapping[str, float],
+    where: str,
+) -> Sequence[Prior]:
+    """Return the priors to exchange for another law of the Kelvin part.
+
+    Parameters
+    ----------
+    law : str
+        A key of `PARAMETERS_OF_LAW`.
+    priors : mapping of str to Prior
+        Of the material, by parameter. What the law does not need stays as they have it.
+    freed : mapping of str to Prior
+        Weak priors of the parameters that laws free.
+    references : mapping of str to float
+        For what modulus and viscosity are given (SI), where the priors do not say it.
+    where : str
+        Name of the test, for messages.
+
+    Raises
+    ------
+    InputError
+        If the priors are those of Andrade creep, whose modulus is a convention.
+    """
+    found = kelvin_law(priors, where)
+    if law == found:
+        return ()
+    if found == "andrade" and priors[_COMPLIANCE].is_fixed:
+        raise InputError(
+            f"{where}: kelvin={law} needs a prior of {_COMPLIANCE}, which is fixed where the "
+            "Kelvin part is Andrade creep, expected the priors of the material."
+        )
+    wanted = PARAMETERS_OF_LAW[law]
+    taken_out = [name for name in _SWITCHES if name in priors and name not in wanted]
+    put_in = [
+        name
+        for name in wanted
+        if name not in priors or (name in _SWITCHES and _is_standard(priors, name))
+    ]
+    values = {name: STANDARD_VALUES[name] for name in taken_out}
+    if law != "linear":
+        values |= {name: value for name, value in references.items() if name not in priors}
+    if law == "andrade" and not priors[_COMPLIANCE].is_fixed:
+        values[_COMPLIANCE] = float(f"{priors[_COMPLIANCE].mean_sd()[0]:.0e}")
+    source = f"Variant kelvin={law}"
+    fixed = (fixed_prior(PARAMETER_BY_NAME[name], values[name], source) for name in values)
+    return [*fixed, *(freed[name] for name in put_in)]
+
+
+def _is_standard(priors: Mapping[str, Prior], name: str) -> bool:
+    return name not in priors or is_fixed_at(priors[name], STANDARD_VALUES[name])

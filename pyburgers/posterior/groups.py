@@ -1,0 +1,116 @@
+"""What a Stan program generated at points and on a grid -> groups of labelled draws."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import xarray as xr
+
+from pyburgers.cmdstan.draw_files import Draws
+from pyburgers.posterior.labelled_draws import CORRELATED
+from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.protocol import Quantity, protocol_of
+
+GIVEN_OTHERS = "log_lik_given_others"
+"""Name in programs; empty where residuals are independent."""
+
+PRIOR_DENSITY = "lprior"
+"""Log density of the priors in programs; draws of a prediction have none."""
+
+
+def drawn_at_points(fit: Draws, chains: Mapping[str, list[int]], response: Quantity) -> xr.Dataset:
+    """Draws at the points of a program's data.
+
+    Parameters
+    ----------
+    fit : Draws
+        Chains of a program for curves.
+    chains : mapping
+        Coordinate of the dimension chain.
+    response : Quantity
+        What was observed.
+
+    Returns
+    -------
+    Dataset, dimensions chain, draw, point
+        responses without noise and replicated, log_lik, and `GIVEN_OTHERS` where residuals are
+        correlated.
+    """
+    names = [f"{response.name}_model", f"{response.name}_replicated", "log_lik"]
+    if GIVEN_OTHERS in fit:
+        names.append(GIVEN_OTHERS)
+    columns = {name: fit.dataset([name])[name].rename({f"{name}_dim_0": "point"}) for name in names}
+    drawn = xr.Dataset(columns).assign_coords(chains)
+    return drawn.assign_coords(point=np.arange(drawn.sizes["point"]))
+
+
+def groups_at_points(at_points: xr.Dataset, experiment: Experiment) -> dict[str, xr.Dataset]:
+    """Return the groups of one test that are about its points.
+
+    Parameters
+    ----------
+    at_points : Dataset
+        From `drawn_at_points`.
+    experiment : Experiment
+        The test, with data.
+    """
+    protocol = protocol_of(experiment)
+    response = protocol.response.name
+    return {
+        **point_groups(at_points, [experiment]),
+        "model_response": xr.Dataset({response: at_points[f"{response}_model"]}),
+        "constant_data": xr.Dataset(
+            {
+                name: ("point", values, {"units": unit})
+                for name, (values, unit) in protocol.observed_positions(experiment).items()
+            },
+            {"point": np.arange(experiment.n_points)},
+        ),
+    }
+
+
+def point_groups(at_points: xr.Dataset, experiments: Sequence[Experiment]) -> dict[str, xr.Dataset]:
+    """Return the groups of what belongs to points, those of several tests one after the other.
+
+    Parameters
+    ----------
+    at_points : Dataset
+        From `drawn_at_points`, all points of the tests; of a fit with `PRIOR_DENSITY`.
+    experiments : sequence of Experiment
+        The tests.
+    """
+    response = protocol_of(experiments[0]).response
+    name = response.name
+    observed = np.concatenate([experiment.response for experiment in experiments])
+    points = {"point": np.arange(observed.size)}
+    groups = {
+        "log_likelihood": xr.Dataset({name: at_points["log_lik"]}),
+        "posterior_predictive": xr.Dataset({name: at_points[f"{name}_replicated"]}),
+        "observed_data": xr.Dataset(
+            {name: ("point", observed, {"units": response.si_unit})}, points
+        ),
+    }
+    if PRIOR_DENSITY in at_points:
+        groups["log_prior"] = xr.Dataset({PRIOR_DENSITY: at_points[PRIOR_DENSITY]})
+    if GIVEN_OTHERS in at_points:
+        groups[CORRELATED] = xr.Dataset({name: at_points[GIVEN_OTHERS]})
+    return groups
+
+
+def grid_group(checked: xr.Dataset, experiment: Experiment) -> xr.Dataset:
+    """Return solutions on the prediction grid of a test, its clock as coordinate.
+
+    Parameters
+    ----------
+    checked : Dataset
+        Generated quantities on that grid, as programs name them.
+    experiment : Experiment
+        The test.
+    """
+    protocol = protocol_of(experiment)
+    clock = protocol.clock.name
+    variables = {}
+    for column, (name, unit) in protocol.grid_quantities.items():
+        values = checked[column].rename({f"{column}_dim_0": clock})
+        values.attrs = {"units": unit}
+        variables[name] = values.astype(np.float32)  # drawn, not computed with
+    return xr.Dataset(variables).assign_coords({clock: protocol.prediction_grid(experiment)})

@@ -1,0 +1,235 @@
+"""What a fit predicts of another test, as tables: bands along its clock, readings, scores."""
+
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+from scipy.special import logsumexp
+
+from pyburgers.common.atomic_files import write_atomically
+from pyburgers.common.draws import all_draws, evenly_spaced
+from pyburgers.common.errors import InputError
+from pyburgers.common.units import count_points
+from pyburgers.fitting.prediction import Prediction
+from pyburgers.posterior.labelled_draws import response_in
+from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.protocol import protocol_of
+
+FloatArray = npt.NDArray[np.float64]
+
+QUANTILES = (5, 25, 50, 75, 95)
+"""Percentages of the tables."""
+
+BANDS = (50, 90)
+"""Percentages of new readings inside the bands that are scored."""
+
+COMPARED = 400
+"""Draws at most whose replicated readings say what scores are to be expected."""
+
+OVERVIEW = 8
+"""Rows of `overview_table`."""
+
+DENSITY = "log predictive density a reading"
+
+
+def band_table(prediction: Prediction) -> pd.DataFrame:
+    """Return bands of the solution and of new readings along the clock, in SI units.
+
+    Returns
+    -------
+    DataFrame
+        A column of the clock, then RESPONSE_q5 to RESPONSE_q95 of the solution and
+        new_RESPONSE_q5 to new_RESPONSE_q95 of readings, such as stress_Pa_q5.
+    """
+    protocol = protocol_of(prediction.experiment)
+    predictions = prediction.posterior["predictions"].to_dataset()
+    name = protocol.response.name
+    return pd.DataFrame(
+        {
+            protocol.clock.column: predictions[protocol.clock.name].to_numpy(),
+            **_quantiles(all_draws(predictions[name]), protocol.response.column),
+            **_quantiles(
+                all_draws(predictions[f"{name}_replicated"]), f"new_{protocol.response.column}"
+            ),
+        }
+    )
+
+
+def overview_table(prediction: Prediction) -> pd.DataFrame:
+    """Return bands at a few positions for people, as text in display units."""
+    protocol = protocol_of(prediction.experiment)
+    clock, response = protocol.clock, protocol.response
+    table = band_table(prediction)
+    shown = table.iloc[np.linspace(0, len(table) - 1, OVERVIEW).round().astype(int)]
+    factor = response.display_factor
+
+    def bands(column: str) -> list[str]:
+        low, median, high = (shown[f"{column}_q{q}"] * factor for q in (5, 50, 95))
+        rows = zip(low, median, high, strict=True)
+        return [f"{middle:.4g} [{least:.4g}, {most:.4g}]" for least, middle, most in rows]
+
+    return pd.DataFrame(
+        {
+            clock.label: [f"{value:.4g}" for value in shown[clock.column] * clock.display_factor],
+            f"{response.label}, median and 90 %": bands(response.column),
+            "of new readings": bands(f"new_{response.column}"),
+        }
+    )
+
+
+def reading_table(prediction: Prediction) -> pd.DataFrame:
+    """Return what each reading of a test is predicted to be, and what it is, in SI units.
+
+    Returns
+    -------
+    DataFrame
+        A column of the clock, measured_RESPONSE, the columns of `band_table` at the readings, and
+        share_below: the share of predicted readings below the measured one.
+
+    Raises
+    ------
+    InputError
+        If the test has no data.
+    """
+    experiment = _with_data(prediction)
+    protocol = protocol_of(experiment)
+    new = _new_readings(prediction)
+    solved = all_draws(response_in(prediction.posterior, "model_response"))
+    return pd.DataFrame(
+        {
+            protocol.clock.column: experiment.position,
+            f"measured_{protocol.response.column}": experiment.response,
+            **_quantiles(solved, protocol.response.column),
+            **_quantiles(new, f"new_{protocol.response.column}"),
+            "share_below": np.mean(new < experiment.response, axis=0),
+        }
+    )
+
+
+def score_table(prediction: Prediction) -> pd.DataFrame:
+    """Score a prediction against the readings of its test.
+
+    What is expected comes from replicated readings, scored in the same way: each set is what the
+    test would give if one of the draws were the truth. Readings of a test hang together, since
+    one truth made all of them, so that the coverage in a test scatters widely about its mean.
+
+    Returns
+    -------
+    DataFrame
+        Index score: "coverage of the 50 % band" and so on, of new readings, and `DENSITY`, the
+        mean over readings of ln of the density (per SI unit) that all draws together give to each
+        by itself; columns found, expected (mean over replicated tests), expected_q5, expected_q95,
+        and share_below: the share of replicated tests with a score below the one found.
+
+    Raises
+    ------
+    InputError
+        If the test has no data, or there is only one draw.
+    """
+    experiment = _with_data(prediction)
+    new = _new_readings(prediction)
+    if len(new) < 2:
+        raise InputError(f"{experiment.id}: found one draw, expected at least two for a score.")
+    own = evenly_spaced(np.arange(len(new)), COMPARED)
+    readings = np.vstack([experiment.response, new[own]])
+    scores = {f"coverage of the {band} % band": _coverage(readings, new, band) for band in BANDS}
+    scores[DENSITY] = _mean_log_density(prediction, readings, own)
+    return pd.DataFrame.from_dict(
+        {
+            name: {
+                "found": values[0],
+                "expected": values[1:].mean(),
+                "expected_q5": np.quantile(values[1:], 0.05),
+                "expected_q95": np.quantile(values[1:], 0.95),
+                "share_below": np.mean(values[1:] < values[0]),
+            }
+            for name, values in scores.items()
+        },
+        orient="index",
+    ).rename_axis("score")
+
+
+def score_sentence(prediction: Prediction) -> str:
+    """Say how the readings of a test lie in what was predicted (`score_table`)."""
+    scores = score_table(prediction)
+    said = [
+        f"{_share(scores, row, 'found')} in the {band} % band (the draws expect "
+        f"{_share(scores, row, 'expected')}, and in 90 % of such tests "
+        f"{_share(scores, row, 'expected_q5')} to {_share(scores, row, 'expected_q95')})"
+        for band, row in zip(BANDS, scores.index, strict=False)
+    ]
+    density = dict(zip(scores, scores.loc[DENSITY].to_numpy(np.float64), strict=True))
+    unit = protocol_of(prediction.experiment).response.si_unit
+    return (
+        f"Of {count_points(prediction.experiment.n_points)} lie {' and '.join(said)}; the "
+        f"{DENSITY} (per {unit}) is {density['found']:.2f} (expected {density['expected']:.2f}, "
+        f"{density['expected_q5']:.2f} to {density['expected_q95']:.2f})."
+    )
+
+
+def _share(scores: pd.DataFrame, row: str, column: str) -> str:
+    share = dict(zip(scores.index, scores[column].to_numpy(np.float64), strict=True))[row]
+    return f"{100 * share:.0f} %"
+
+
+def save_prediction(prediction: Prediction, path: Path) -> None:
+    """Write all draws of a prediction as netCDF, in one step.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written.
+    """
+    write_atomically(
+        path, lambda temporary: prediction.posterior.to_netcdf(temporary, engine="h5netcdf")
+    )
+
+
+def _with_data(prediction: Prediction) -> Experiment:
+    experiment = prediction.experiment
+    if experiment.n_points == 0:
+        raise InputError(f"{experiment.id}: the experiment has no data, expected a [data] table.")
+    return experiment
+
+
+def _new_readings(prediction: Prediction) -> FloatArray:
+    """Return readings with noise at the observed positions, shape (n_draws, n_points)."""
+    return all_draws(response_in(prediction.posterior, "posterior_predictive"))
+
+
+def _quantiles(draws: FloatArray, column: str) -> dict[str, FloatArray]:
+    found = np.quantile(draws.astype(np.float64), np.array(QUANTILES) / 100, axis=0)
+    return {f"{column}_q{q}": values for q, values in zip(QUANTILES, found, strict=True)}
+
+
+def _coverage(readings: FloatArray, new: FloatArray, band: int) -> FloatArray:
+    """Share of the points of each set of readings inside a band, shape (n_sets,)."""
+    tail = (1 - band / 100) / 2
+    low, high = np.quantile(new, [tail, 1 - tail], axis=0)
+    inside: FloatArray = np.mean((readings >= low) & (readings <= high), axis=1)
+    return inside
+
+
+def _mean_log_density(
+    prediction: Prediction, readings: FloatArray, own: npt.NDArray[np.int64]
+) -> FloatArray:
+    """Mean over points of the log density of sets of readings, shape (n_sets,).
+
+    The first set is measured; the others are replicated from the draws of given numbers, each of
+    which is left out where its own set is scored: a draw knows the truth that its set was made
+    from, which no prediction does.
+    """
+    experiment = prediction.experiment
+    solved = all_draws(response_in(prediction.posterior, "model_response"))
+    group = prediction.posterior["posterior"].to_dataset()
+    values = {str(name): all_draws(column) for name, column in group.items()}
+    noise = protocol_of(experiment).reading_noise(experiment, values)
+    found = np.empty(len(readings))
+    for number, reading in enumerate(readings):
+        density = -0.5 * ((reading - solved) / noise) ** 2 - np.log(noise)
+        if number > 0:
+            density = np.delete(density, own[number - 1], axis=0)
+        each = logsumexp(density, axis=0) - np.log(len(density)) - 0.5 * np.log(2 * np.pi)
+        found[number] = each.mean()
+    return found

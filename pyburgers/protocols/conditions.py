@@ -1,0 +1,84 @@
+"""Under which conditions a test went: temperature, grain size, and what its solution passes."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from pyburgers.common.units import UNITS, number
+from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.protocol import protocol_of
+
+Ranges = Mapping[str, tuple[float, float]]
+
+SHOWN: Mapping[str, tuple[str, float]] = {
+    "temperature": ("K", 1.0),
+    "initial grain size": ("um", UNITS["length"]["um"]),
+    "strain rate": ("1/s", 1.0),
+    "strain": ("%", UNITS["strain"]["percent"]),
+    "stress": ("MPa", UNITS["stress"]["MPa"]),
+}
+"""Display unit of each condition, and its factor to SI."""
+
+ROUNDING = 0.01
+"""Share by which a condition may lie outside a range and still count as inside."""
+
+
+def conditions(experiment: Experiment, predictions: xr.Dataset) -> Ranges:
+    """Return the smallest and the largest value (SI) of every condition of a test.
+
+    Strain and stress count from zero, and like the strain rate by their size; they are those of
+    the median solution.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        The test.
+    predictions : Dataset
+        Its labelled solutions along the clock, of a fit or of a prediction.
+    """
+    protocol = protocol_of(experiment)
+    median: dict[str, npt.NDArray[np.float64]] = {}
+    for column, (name, _) in protocol.grid_quantities.items():
+        values = predictions[name].median(("chain", "draw")).to_numpy().astype(np.float64)
+        # An oscillating response without its trend stands for the whole one, too.
+        median |= {column: values, f"grid_{name}": values}
+    clock = protocol.clock.name
+    median[f"grid_{clock}"] = predictions[clock].to_numpy()
+    solution = protocol.solution(experiment, median)
+    passed = np.diff(solution["time_s"])
+    rate = np.abs(np.diff(solution["strain"])[passed > 0] / passed[passed > 0])
+    return {
+        "temperature": (experiment.temperature, experiment.temperature),
+        "initial grain size": (experiment.initial_grain_size, experiment.initial_grain_size),
+        "strain rate": (float(rate.min()), float(rate.max())),
+        "strain": (0.0, float(np.abs(solution["strain"]).max())),
+        "stress": (0.0, float(np.abs(solution["stress_Pa"]).max())),
+    }
+
+
+def outside(target: Ranges, fitted: Sequence[Ranges]) -> tuple[str, ...]:
+    """Say in which conditions a test leaves those that were fitted, a phrase for each.
+
+    Parameters
+    ----------
+    target, fitted
+        Of `conditions`; the latter of one to many tests.
+    """
+    phrases = []
+    for name, (low, high) in target.items():
+        least = min(one[name][0] for one in fitted)
+        most = max(one[name][1] for one in fitted)
+        if low < least * (1 - ROUNDING) or high > most * (1 + ROUNDING):
+            unit, factor = SHOWN[name]
+            there, here = (_range(*ends, factor) for ends in ((low, high), (least, most)))
+            phrases.append(f"{name} {there} {unit} (fitted: {here})")
+    return tuple(phrases)
+
+
+def _range(low: float, high: float, factor: float) -> str:
+    low_text, high_text = (number(float(f"{end / factor:.4g}")) for end in (low, high))
+    if low == 0:
+        return f"up to {high_text}"
+    return low_text if low_text == high_text else f"{low_text} to {high_text}"

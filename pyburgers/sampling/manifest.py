@@ -1,0 +1,94 @@
+"""What the manifest of a run holds, checked on reading: users may have touched it."""
+
+from pydantic import ConfigDict, Field
+
+from pyburgers.common.toml_files import Table
+
+
+class Entries(Table):
+    """Entries of which those named here are read back; there may be others, and infinities."""
+
+    model_config = ConfigDict(extra="allow", allow_inf_nan=True)
+
+
+class ChainRecord(Entries):
+    """A finished chain; also in its own folder."""
+
+    wall_seconds: float = Field(description="how long the chain took, in s")
+    sha256: str = Field(description="hash of its draws.csv")
+
+
+class RecordedHashes(Entries):
+    """Hashes of files that nobody may change after a run."""
+
+    hashes: dict[str, str] = Field({}, description="hash of each input file, by its path")
+    chains: dict[str, ChainRecord] = Field({}, description="record of each finished chain")
+    posterior_sha256: str | None = Field(None, description="hash of posterior.nc")
+
+
+class SamplerRecord(Table):
+    """Settled `pyburgers.sampling.options.SamplerOptions`."""
+
+    chains: int = Field(ge=1, description="how many chains were asked for")
+    warmup: int = Field(ge=1, description="iterations before the draws")
+    draws: int = Field(ge=1, description="draws of a chain")
+    seed: int = Field(ge=0, description="the seed")
+    adapt_delta: float = Field(description="target acceptance")
+    max_treedepth: int = Field(ge=1, description="of a trajectory")
+    coordinates: str = Field(description="what was asked for")
+    chain_timeout: float | None = Field(description="time limit of a chain, in s")
+    parallel_chains: int | None = Field(description="chains side by side")
+
+
+class _Solver(Entries):
+    tolerance: float = Field(gt=0, description="of the solver")
+    max_num_steps: int = Field(ge=1, description="of the solver")
+
+
+class _Failure(Table):
+    chain: int = Field(description="identifier of a chain")
+    reason: str = Field(description="what ended it")
+    by_system: bool = Field(description="whether it may end well when it is tried again")
+
+
+class _Refit(Entries):
+    tolerance: float = Field(description="of the solver")
+    pareto_k: float = Field(description="of the draws that were put aside")
+    chains: str = Field(description="the folder where they are")
+
+
+class _Coordinates(Entries):
+    system: str = Field(description="name of the coordinates")
+    reason: str = Field(description="why these")
+
+
+class PoolingRecord(Entries):
+    """A `pyburgers.model.pooling.Pooling`."""
+
+    kinds: dict[str, str] = Field(description="how each parameter is pooled")
+    spread_scales: dict[str, float] = Field(description="scale of the spread of some of them")
+
+
+class RunManifest(RecordedHashes):
+    """Of a run of chains, as far as it is read back."""
+
+    fingerprint: str = Field(description="hash of what decides the draws")
+    status: str = Field(description="how far the run has come")
+    experiment: str = Field(description="what was fitted")
+    data_kind: str = Field(description="measured, digitised or synthetic")
+    command: str = Field(description="what regenerates the run")
+    versions: dict[str, str | None] = Field(description="versions of the software")
+    hashes: dict[str, str] = Field(description="hash of each input file, by its path")
+    sampler: SamplerRecord = Field(description="settings of the sampler")
+    use_likelihood: bool = Field(description="whether data took part")
+    failures: list[_Failure] = Field(description="chains that did not finish")
+
+
+class FitManifest(RunManifest):
+    """Of a fit of one or several tests."""
+
+    experiments: list[str] = Field(min_length=1, description="names of the tests")
+    pooling: PoolingRecord = Field(description="what tests share")
+    solver: _Solver = Field(description="settings of the solver")
+    refits: list[_Refit] = Field(description="runs that were put aside")
+    coordinates: _Coordinates = Field(description="coordinates of the sampler")

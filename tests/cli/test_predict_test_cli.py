@@ -1,0 +1,115 @@
+"""`pyburgers predict RUN EXPERIMENT.toml`: files that it promises, what it says, exit codes."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+from conftest import Problem
+
+from pyburgers.cli.main import main
+from pyburgers.fitting.fit import Fit
+from pyburgers.protocols.constant_rate.experiment import RateSegment
+from pyburgers.protocols.protocol import save_experiment
+
+
+@pytest.fixture
+def slower(small_problem: Problem, tmp_path: Path) -> Path:
+    """The small test at another rate, without data."""
+    experiment = replace(
+        small_problem.experiment,
+        id="slower",
+        segments=(RateSegment(0.0, 1e-5),),
+        strain=np.empty(0),
+        stress=np.empty(0),
+    )
+    folder = tmp_path / "inputs"
+    folder.mkdir()
+    return save_experiment(experiment, folder)
+
+
+def predict(run: Path, experiment: Path, out: Path, *options: str) -> int:
+    return main(["predict", str(run), str(experiment), "--out", str(out), *options])
+
+
+def test_a_test_without_data_gets_bands_draws_and_a_figure(
+    small_fit: Fit, slower: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "slower.csv"
+    assert predict(small_fit.directory.path, slower, out, "--draws", "20") == 0
+    printed = capsys.readouterr().out
+    assert printed.startswith("slower (ice, 260 K) predicted from PIL40\n")
+    assert "Beyond what was fitted: strain rate 1e-05 1/s" in printed
+    for suffix in (".csv", ".nc", ".png", ".svg"):
+        assert f"{out.with_suffix(suffix)}\n" in printed
+        assert out.with_suffix(suffix).stat().st_size > 0
+    assert not list(tmp_path.glob("*_readings.csv"))
+    table = pd.read_csv(out)
+    with xr.open_datatree(out.with_suffix(".nc"), engine="h5netcdf") as kept:
+        stress = kept["predictions"]["stress"].to_numpy()[0]
+    assert stress.shape == (20, len(table))
+    np.testing.assert_allclose(table["stress_Pa_q50"], np.median(stress, axis=0), rtol=1e-6)
+
+
+def test_a_test_with_data_is_scored(
+    joint: Fit, small_problem: Problem, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "again.csv"
+    run, file = joint.directory.path, small_problem.experiment_file
+    assert predict(run, file, out, "--separate-from", "other", "--draws", "50") == 0
+    printed = capsys.readouterr().out
+    assert "PIL40 is part of the fit" in printed
+    assert re.search(r"Of \d+ points lie \d+ % in the 50 % band", printed)
+    scores = pd.read_csv(tmp_path / "again_scores.csv", index_col="score")
+    assert len(scores) == 3
+    readings = pd.read_csv(tmp_path / "again_readings.csv")
+    assert len(readings) == small_problem.experiment.n_points
+    assert predict(run, file, out, "--test", "other", "--draws", "5") == 0
+    assert "predicted from other" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--draws", "0"), "expected at least 1"),
+        (("--separate-from", "nobody"), "expected one of PIL40"),
+        (("--test", "nobody"), "has no test 'nobody'"),
+        (("--out", "somewhere.txt"), "ends in .csv"),
+    ],
+)
+def test_bad_options_are_refused_in_one_sentence(
+    small_fit: Fit,
+    slower: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    options: tuple[str, ...],
+    words: str,
+) -> None:
+    assert predict(small_fit.directory.path, slower, tmp_path / "out.csv", *options) == 2
+    out, error = capsys.readouterr()
+    assert out == ""
+    assert re.fullmatch(r"pyburgers: [^\n]+\n", error)
+    assert words in error
+    assert not list(tmp_path.glob("out*"))
+
+
+def test_files_that_are_not_there_are_named(
+    small_fit: Fit, slower: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert predict(tmp_path / "no_run", slower, tmp_path / "out.csv") == 2
+    assert "no_run" in capsys.readouterr().err
+    assert predict(small_fit.directory.path, tmp_path / "no.toml", tmp_path / "out.csv") == 2
+    assert "no.toml" in capsys.readouterr().err
+
+
+def test_help_names_both_predictions(capsys: pytest.CaptureFixture[str]) -> None:
+    for arguments in (["--help"], ["attenuation", "--help"], ["test", "--help"]):
+        with pytest.raises(SystemExit) as stopped:
+            main(["predict", *arguments])
+        assert stopped.value.code == 0
+    printed = capsys.readouterr().out
+    assert "EXPERIMENT.toml" in printed
+    assert "--regimes" in printed

@@ -1,0 +1,188 @@
+"""Run directories that were damaged or changed after the run: told in a sentence, never used."""
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import xarray as xr
+from conftest import SMALL_RUN, Problem, copy_of
+from refusals import assert_refused
+
+from pyburgers.cli.main import main
+from pyburgers.common.errors import InputError
+from pyburgers.fitting.fit import Fit, fit
+
+Damage = Callable[[Path], None]
+
+
+def text(content: str) -> Damage:
+    """Give a file another content."""
+
+    def damage(file: Path) -> None:
+        file.write_text(content, encoding="utf-8")
+
+    return damage
+
+
+def cut(file: Path) -> None:
+    """Leave the first half of a file."""
+    content = file.read_bytes()
+    file.write_bytes(content[: len(content) // 2])
+
+
+def replaced(old: str, new: str) -> Damage:
+    """Replace a text, once."""
+
+    def damage(file: Path) -> None:
+        content = file.read_text(encoding="utf-8")
+        assert old in content
+        file.write_text(content.replace(old, new, 1), encoding="utf-8")
+
+    return damage
+
+
+def entry(name: str, value: object) -> Damage:
+    """Change an entry of a JSON file."""
+
+    def damage(file: Path) -> None:
+        content = json.loads(file.read_text(encoding="utf-8"))
+        file.write_text(json.dumps({**content, name: value}), encoding="utf-8")
+
+    return damage
+
+
+def without(name: str) -> Damage:
+    """Take an entry out of a JSON file."""
+
+    def damage(file: Path) -> None:
+        content = json.loads(file.read_text(encoding="utf-8"))
+        del content[name]
+        file.write_text(json.dumps(content), encoding="utf-8")
+
+    return damage
+
+
+def other_draws(file: Path) -> None:
+    """Move all draws of a parameter in the labelled ones."""
+    with xr.open_datatree(file, engine="h5netcdf") as opened:
+        tree = opened.load()
+    tree["posterior"]["maxwell_modulus"] *= 1.01
+    tree.to_netcdf(file, engine="h5netcdf")
+
+
+DRAWS, TIMING = "chains/chain_2/draws.csv", "chains/chain_2/timing.json"
+DATA, TEST = "inputs/tests/PIL40/experiment.csv", "inputs/tests/PIL40/experiment.toml"
+DAMAGES: dict[str, tuple[str, Damage, str]] = {
+    "timing empty": (TIMING, text(""), "timing.json: is not valid JSON"),
+    "timing cut": (TIMING, cut, "timing.json: is not valid JSON"),
+    "timing of another kind": (TIMING, text("[1, 2]"), "timing.json: found list, expected"),
+    "timing without hash": (TIMING, without("sha256"), "key 'sha256' is missing"),
+    "no timing": (TIMING, Path.unlink, "timing.json does not exist"),
+    "draws cut": (DRAWS, cut, f"{DRAWS} has changed"),
+    "draws with text": (DRAWS, replaced("0.", "zero."), f"{DRAWS} has changed"),
+    "draws renamed": (DRAWS, replaced("log_jacobian", "jacobian"), f"{DRAWS} has changed"),
+    "no draws": (DRAWS, Path.unlink, f"{DRAWS} is missing"),
+    "Stan data cut": ("stan_data.json", cut, "stan_data.json has changed"),
+    "Stan data changed": ("stan_data.json", entry("tolerance", 1e-3), "stan_data.json has changed"),
+    "metric changed": ("metric.json", text("{}"), "metric.json has changed"),
+    "posterior changed": ("posterior.nc", other_draws, "posterior.nc has changed"),
+    "posterior cut": ("posterior.nc", cut, "posterior.nc has changed"),
+    "data changed": (DATA, replaced("1", "2"), f"{DATA} has changed"),
+    "test changed": (TEST, replaced("id", "id "), f"{TEST} has changed"),
+    "priors gone": ("inputs/priors.toml", Path.unlink, "inputs/priors.toml is missing"),
+    "manifest empty": ("manifest.json", text(""), "manifest.json: is not valid JSON"),
+    "manifest cut": ("manifest.json", cut, "manifest.json: is not valid JSON"),
+    "manifest of text": ("manifest.json", text('"run"'), "manifest.json: found str"),
+    "manifest deep": ("manifest.json", text("[" * 100_000), "manifest.json: is not valid JSON"),
+    "chains of text": ("manifest.json", entry("chains", "two"), "key 'chains': found 'two'"),
+    "hashes of numbers": ("manifest.json", entry("hashes", {"a": 1}), "in [hashes]: found 1"),
+    "tests of numbers": ("manifest.json", entry("experiments", [1]), "'experiments', entry 1"),
+    "no tests": ("manifest.json", without("experiments"), "is not a fit of tests"),
+    **{
+        f"no {name}": ("manifest.json", without(name), f"key '{name}' is missing, expected")
+        for name in (
+            *("fingerprint", "status", "command", "versions", "sampler", "use_likelihood"),
+            *("failures", "refits", "solver", "coordinates", "pooling", "data_kind"),
+        )
+    },
+    "sampler of text": ("manifest.json", entry("sampler", "fast"), "key 'sampler': found 'fast'"),
+    "sampler empty": (
+        "manifest.json",
+        entry("sampler", {}),
+        "'chains' in [sampler] is missing",
+    ),
+    "failures wrong": (
+        "manifest.json",
+        entry("failures", [{}]),
+        "in [[failures]] number 1",
+    ),
+}
+
+
+@pytest.fixture
+def copy(small_fit: Fit, tmp_path: Path) -> Path:
+    """A copy of the run, to be damaged."""
+    return copy_of(small_fit, tmp_path / "run").directory.path
+
+
+def contents(folder: Path) -> dict[Path, bytes]:
+    return {file: file.read_bytes() for file in folder.rglob("*") if file.is_file()}
+
+
+@pytest.mark.parametrize(("name", "damage", "word"), DAMAGES.values(), ids=DAMAGES)
+def test_a_damaged_run_is_one_sentence(
+    name: str, damage: Damage, word: str, copy: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    damage(copy / name)
+    before = contents(copy)
+    capsys.readouterr()
+    for command in (["check"], ["report", "--out", str(copy.parent / "page")]):
+        assert_refused(main([command[0], str(copy), *command[1:]]), capsys, word)
+    assert contents(copy.parent) == before
+
+
+@pytest.mark.parametrize("name", [DRAWS, DATA, "stan_data.json", "posterior.nc"])
+def test_a_changed_run_is_not_continued(name: str, copy: Path, small_problem: Problem) -> None:
+    with (copy / name).open("ab") as file:
+        file.write(b"\n")
+    before = contents(copy)
+    with pytest.raises(InputError, match=f"run: {name} has changed since the run"):
+        fit(small_problem.experiment, small_problem.priors, out=copy, options=SMALL_RUN)
+    assert {file: content for file, content in contents(copy).items() if file in before} == before
+
+
+def test_all_that_has_changed_is_said(copy: Path) -> None:
+    for name in (DRAWS, DATA):
+        cut(copy / name)
+    with pytest.raises(InputError, match=f"{DATA} has changed, {DRAWS} has changed"):
+        Fit.load(copy)
+
+
+def test_what_is_no_chain_is_passed_over(copy: Path) -> None:
+    shutil.copytree(copy / "chains" / "chain_2", copy / "chains" / "chain_2 (copy)")
+    assert list(Fit.load(copy).manifest["chains"]) == ["1", "2"]
+
+
+def test_labelled_draws_that_were_not_noted_are_gathered_again(copy: Path, small_fit: Fit) -> None:
+    """A killed process may have written them without noting their hash."""
+    entry("posterior_sha256", None)(copy / "manifest.json")
+    cut(copy / "posterior.nc")
+    for _ in range(2):
+        loaded = Fit.load(copy)
+        for name in ("posterior", "sample_stats"):
+            again, first = (fit.posterior[name].to_dataset() for fit in (loaded, small_fit))
+            assert again.equals(first)
+
+
+def test_a_folder_of_another_kind_is_told(
+    small_fit: Fit, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = tmp_path / "page"
+    assert main(["report", str(small_fit.directory.path), "--out", str(page)]) == 0
+    capsys.readouterr()
+    for command in (["check"], ["report", "--out", str(tmp_path / "other")]):
+        assert_refused(
+            main([command[0], str(page), *command[1:]]), capsys, "page: is not a fit of tests"
+        )

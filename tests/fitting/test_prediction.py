@@ -1,0 +1,230 @@
+"""What a fit says of another test: every draw solved, under the conditions of that test."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from conftest import Problem, pair_of, resolved_priors
+from protocol_examples import TWIN_FILE
+
+from pyburgers.common.errors import InputError
+from pyburgers.fitting.fit import Fit
+from pyburgers.fitting.prediction import Prediction, Source, predict_test
+from pyburgers.model.pooling import pooling_of
+from pyburgers.model.priors import PriorSet
+from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, RateSegment
+from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.forced_oscillation.experiment import (
+    load_forced_oscillation,
+    with_known_strain,
+)
+from pyburgers.protocols.forward import simulate
+from pyburgers.protocols.problem import one_test, problem_of
+from pyburgers.protocols.protocol import FittedTest, protocol_of
+from pyburgers.studies.maor.before_data import prior_draws
+
+
+def another_test(experiment: ConstantRateExperiment) -> ConstantRateExperiment:
+    """Return a stepped test at other conditions, without data."""
+    return replace(
+        experiment,
+        id="another",
+        temperature=255.0,
+        initial_grain_size=500e-6,
+        segments=(RateSegment(0.0, 1e-5), RateSegment(0.01, 1e-4)),
+        strain=np.empty(0),
+        stress=np.empty(0),
+        final_strain=0.03,
+    )
+
+
+def values_of(prediction: Prediction, draw: int) -> dict[str, float]:
+    group = prediction.posterior["posterior"].to_dataset().isel(chain=0, draw=draw)
+    return {str(name): float(column) for name, column in group.items()}
+
+
+def assert_solves(prediction: Prediction, draw: int, *, rtol: float) -> None:
+    """Compare a draw with a forward solution at its parameters."""
+    experiment = prediction.experiment
+    protocol = protocol_of(experiment)
+    predictions = prediction.posterior["predictions"].to_dataset().isel(chain=0, draw=draw)
+    at = predictions[protocol.clock.name].to_numpy()
+    solution = simulate(experiment, values_of(prediction, draw), at=at)
+    expected = solution[protocol.response.column].to_numpy()
+    found = predictions[protocol.response.name].to_numpy()
+    np.testing.assert_allclose(found, expected, rtol=rtol, atol=rtol * np.abs(expected).max())
+
+
+def test_the_test_of_a_fit_is_what_the_fit_has(small_fit: Fit) -> None:
+    prediction = small_fit.predict(small_fit.experiment)
+    for group, rtol in (("model_response", 1e-3), ("predictions", 1e-5)):
+        found, expected = (
+            tree[group]["stress"].to_numpy().reshape(200, -1)
+            for tree in (prediction.posterior, small_fit.posterior)
+        )
+        np.testing.assert_allclose(found, expected, rtol=rtol)
+    found, expected = (
+        tree["log_likelihood"]["stress"].sum("point").to_numpy().ravel()
+        for tree in (prediction.posterior, small_fit.posterior)
+    )
+    np.testing.assert_allclose(found, expected, atol=0.05)
+    assert any("is part of the fit" in caution for caution in prediction.cautions)
+
+
+def test_another_test_is_solved_under_its_own_conditions(small_fit: Fit) -> None:
+    target = another_test(small_fit.problem.experiments[0])  # type: ignore[arg-type]
+    prediction = small_fit.predict(target, draws=7)
+    assert prediction.posterior["posterior"].sizes == {"chain": 1, "draw": 7}
+    numbers = prediction.posterior["posterior"]["fit_draw"].to_numpy()
+    every = small_fit.posterior["posterior"]["maxwell_modulus"].to_numpy().ravel()
+    drawn = prediction.posterior["posterior"]["maxwell_modulus"].to_numpy()[0]
+    np.testing.assert_array_equal(drawn, every[numbers])
+    for draw in (0, 6):
+        assert_solves(prediction, draw, rtol=1e-5)
+    (beyond,) = [text for text in prediction.cautions if text.startswith("Beyond")]
+    for words in ("temperature 255 K (fitted: 260)", "initial grain size 500 um", "strain up to 3"):
+        assert words in beyond
+    assert "model_response" not in prediction.posterior
+
+
+def test_noise_has_the_size_of_the_draws_and_follows_the_seed(small_fit: Fit) -> None:
+    target = another_test(small_fit.problem.experiments[0])  # type: ignore[arg-type]
+    first, again, other = (small_fit.predict(target, seed=seed) for seed in (3, 3, 4))
+    grids = [one.posterior["predictions"].to_dataset() for one in (first, again, other)]
+    noise = [(grid["stress_replicated"] - grid["stress"]).to_numpy() for grid in grids]
+    np.testing.assert_array_equal(noise[0], noise[1])
+    assert not np.array_equal(noise[0], noise[2])
+    size = first.posterior["posterior"]["stress_noise"].to_numpy()[..., np.newaxis]
+    assert np.std(noise[0] / size) == pytest.approx(1.0, abs=0.02)
+    assert "stress residual of the fit" in first.notes[-1]
+
+
+def test_a_fit_that_did_not_work_says_so(small_fit: Fit) -> None:
+    stats = small_fit.posterior["sample_stats"].to_dataset()
+    stats = stats.assign(diverging=xr.ones_like(stats["diverging"]))
+    posterior = small_fit.posterior.copy()
+    posterior["sample_stats"] = xr.DataTree(stats)
+    bad = replace(small_fit, posterior=posterior)
+    target = another_test(small_fit.problem.experiments[0])  # type: ignore[arg-type]
+    assert "was not sampled well" in bad.predict(target, draws=5).cautions[0]
+
+
+def test_a_joint_fit_gives_what_its_tests_share(joint: Fit) -> None:
+    target = another_test(joint.problem.experiments[0])  # type: ignore[arg-type]
+    noise = {
+        test: joint[test].posterior["posterior"]["stress_noise"].to_numpy().ravel()
+        for test in joint.manifest["experiments"]
+    }
+    in_turn = joint.predict(target)
+    drawn = in_turn.posterior["posterior"].to_dataset()
+    shared = joint.posterior["posterior"]["maxwell_modulus"].to_numpy().ravel()
+    np.testing.assert_array_equal(drawn["maxwell_modulus"].to_numpy()[0], shared)
+    first, second = noise.values()
+    expected = np.where(np.arange(200) % 2 == 0, first, second)
+    np.testing.assert_array_equal(drawn["stress_noise"].to_numpy()[0], expected)
+    assert "here of each test in turn: stress residual" in in_turn.notes[0]
+
+    chosen = joint.predict(target, separate_from="other")
+    drawn = chosen.posterior["posterior"].to_dataset()
+    np.testing.assert_array_equal(drawn["stress_noise"].to_numpy()[0], noise["other"])
+    assert "here of other" in chosen.notes[0]
+    own = joint["other"].predict(target).posterior["posterior"]["stress_noise"].to_numpy()[0]
+    np.testing.assert_array_equal(own, noise["other"])
+
+
+def test_partially_pooled_parameters_of_a_new_test_come_from_centre_and_spread(
+    small_problem: Problem,
+) -> None:
+    """A log-odds or logarithm behind bounds is normal about the centre."""
+    pooling = pooling_of({"maxwell_modulus": "partial", "stress_noise": "shared"})
+    problem = problem_of(pair_of(small_problem), small_problem.priors, pooling)
+    n = 4000
+    rng = np.random.default_rng(1)
+    values = {name: np.full(n, prior.location) for name, prior in problem.priors[0].priors.items()}
+    values |= {
+        "maxwell_modulus": rng.normal(5e9, 1e8, n),
+        "activation_enthalpy": rng.normal(62e3, 10.0, n),
+        "stress_noise": rng.normal(1e5, 1e3, n),
+    }
+    dims = ("chain", "draw")
+    group = xr.Dataset({name: (dims, own[None]) for name, own in values.items()})
+    at_all = xr.Dataset(
+        {
+            "maxwell_modulus[centre]": (dims, np.full((1, n), 4e9)),
+            "maxwell_modulus[spread]": (dims, np.full((1, n), 0.3)),
+        }
+    )
+    grid = xr.Dataset(
+        {
+            name: ((*dims, "strain"), np.ones((1, n, 2)))
+            for name, _ in protocol_of(problem.experiments[0]).grid_quantities.values()
+        },
+        {"strain": [0.01, 0.02]},
+    )
+    tests: dict[str, FittedTest] = {}
+    for alone in problem.alone():
+        tree = xr.DataTree.from_dict({"posterior": group, "predictions": grid})
+        tests[alone.name] = Holder(alone.experiments[0], alone.priors[0], tree)
+    source = Source(problem, tests, xr.DataTree.from_dict({"posterior": at_all}), ())
+    prediction = predict_test(source, another_test(small_problem.experiment), draws=n)
+    drawn = prediction.posterior["posterior"]["maxwell_modulus"].to_numpy()[0]
+    # Its only bound is zero: the real number behind it is a logarithm.
+    assert np.mean(np.log(drawn)) == pytest.approx(np.log(4e9), abs=0.02)
+    assert np.std(np.log(drawn)) == pytest.approx(0.3, abs=0.02)
+    assert "Maxwell modulus drawn from the centre and spread" in prediction.notes[0]
+
+
+class Holder:
+    """Draws that no sampler made."""
+
+    def __init__(self, experiment: Experiment, priors: PriorSet, posterior: xr.DataTree) -> None:
+        self.experiment, self.priors, self.posterior = experiment, priors, posterior
+
+
+def oscillation_source(experiment: Experiment) -> Source:
+    """Draws of the prior of a record, as if they were a fit of it."""
+    fitted = Holder(experiment, resolved_priors(experiment), xr.DataTree())
+    prior = prior_draws(fitted, n_draws=6, seed=3)
+    problem = one_test(experiment, prior.priors)
+    return Source(problem, {experiment.id: prior}, prior.posterior, ())
+
+
+def test_an_oscillation_is_predicted_at_another_temperature(programs: None) -> None:
+    record = with_known_strain(load_forced_oscillation(TWIN_FILE))
+    source = oscillation_source(record)
+    prediction = predict_test(source, replace(record, id="hotter", temperature=1480.0))
+    assert_solves(prediction, 0, rtol=2e-4)
+    assert any("temperature 1480 K" in caution for caution in prediction.cautions)
+
+
+def test_a_fit_of_an_oscillation_predicts_a_test_at_constant_rate(
+    programs: None, small_problem: Problem
+) -> None:
+    record = with_known_strain(load_forced_oscillation(TWIN_FILE))
+    target = replace(another_test(small_problem.experiment), material="olivine", temperature=1450.0)
+    prediction = predict_test(oscillation_source(record), target, draws=3)
+    assert_solves(prediction, 0, rtol=1e-4)
+
+
+def test_what_cannot_be_predicted_is_refused(joint: Fit, small_fit: Fit) -> None:
+    target = another_test(small_fit.problem.experiments[0])  # type: ignore[arg-type]
+    ice_record = replace(load_forced_oscillation(TWIN_FILE), material="ice")
+    for fit, experiment, options, words in (
+        (small_fit, replace(target, material="olivine"), {}, "expected ice like PIL40"),
+        (small_fit, ice_record, {}, "follows a piezometer, found none"),
+        (small_fit, target, {"draws": 0}, "expected at least 1"),
+        (joint, target, {"separate_from": "nobody"}, "expected one of PIL40, other"),
+    ):
+        with pytest.raises(InputError, match=words):
+            fit.predict(experiment, **options)
+
+
+def test_all_is_kept_in_the_file(small_fit: Fit, tmp_path: Path) -> None:
+    target = another_test(small_fit.problem.experiments[0])  # type: ignore[arg-type]
+    prediction = small_fit.predict(target, draws=4)
+    prediction.posterior.to_netcdf(tmp_path / "draws.nc", engine="h5netcdf")
+    with xr.open_datatree(tmp_path / "draws.nc", engine="h5netcdf") as kept:
+        assert kept.attrs["fitted_to"] == "PIL40"
+        assert kept.attrs["cautions"].splitlines() == list(prediction.cautions)

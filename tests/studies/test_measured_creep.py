@@ -1,0 +1,71 @@
+"""Measured rock salt in the study: its fit, and where the page says that the model misses it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from conftest import DUNITE
+
+from pyburgers.model.variants import variant_of
+from pyburgers.protocols.loading_history.experiment import LoadingHistory
+from pyburgers.protocols.loading_history.files import load_loading_history
+from pyburgers.sampling.options import SamplerOptions
+from pyburgers.studies.halite import LAWS, PARTS, RUN, halite_tasks, left_over, parts_of_readings
+
+HALITE = DUNITE.parent / "halite"
+
+
+@pytest.fixture(scope="module")
+def record() -> LoadingHistory:
+    return load_loading_history(HALITE / f"{RUN}.toml")
+
+
+def test_the_fit_hardens() -> None:
+    tasks = halite_tasks(HALITE, SamplerOptions())
+    (test,), priors = tasks[RUN].experiments, tasks[RUN].priors
+    assert test.id == RUN
+    assert test.provenance.kind == "measured"
+    record = variant_of(priors, test).record()
+    assert {part: record[part] for part in LAWS} == LAWS
+    assert priors.priors["steady_state_fabric_factor"].upper == np.inf
+
+
+def test_parts_of_the_history(record: LoadingHistory) -> None:
+    part = parts_of_readings(record)
+    hours = record.time / 3600 + 3.167
+    assert set(part) == set(PARTS)
+    for name, first, last in (
+        ("loading", 4.0, 8.0),
+        ("first day under load", 9.0, 31.0),
+        ("later under load", 34.0, 103.0),
+        ("unloading", 105.0, 109.0),
+        ("unloaded", 111.0, 157.0),
+        ("loading", 475.0, 481.0),
+        ("first day under load", 646.0, 668.0),
+        ("unloaded", 753.0, 790.0),
+    ):
+        inside = (hours > first) & (hours < last)
+        assert inside.sum() >= 3
+        assert set(part[inside]) == {name}
+
+
+def test_what_is_left_over_is_told_by_part(record: LoadingHistory) -> None:
+    part = parts_of_readings(record)
+    residual = np.where(part == "unloading", -3e-4, 1e-4)
+    table = left_over(record, residual)
+    assert table.loc["unloading", "mean"] == pytest.approx(-3e-4)
+    assert table.loc["loading", "rms"] == pytest.approx(1e-4)
+    assert table.loc["all", "readings"] == record.n_points
+    assert table.loc["all", "largest"] == pytest.approx(-3e-4)
+    assert table.drop(index="all")["readings"].sum() == record.n_points
+
+
+def test_a_part_without_readings_has_no_row(record: LoadingHistory) -> None:
+    early = record.time < 3600
+    few = replace(
+        record,
+        time=record.time[early],
+        reading=record.reading[early],
+        reading_stage=record.reading_stage[early],
+    )
+    assert list(left_over(few, np.ones(few.n_points)).index) == ["loading", "all"]

@@ -11,7 +11,12 @@ from pyburgers.cmdstan.draw_files import Draws
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.draws import all_draws, evenly_spaced
 from pyburgers.common.errors import InputError, SamplingError
-from pyburgers.model.parameters import PARAMETER_BY_NAME, PROGRAM_PARAMETERS, STANDARD_VALUES
+from pyburgers.model.parameters import (
+    CONDITIONS,
+    PARAMETER_BY_NAME,
+    PROGRAM_PARAMETERS,
+    STANDARD_VALUES,
+)
 from pyburgers.model.prior_families import Prior, fixed_prior
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.variants import variant_of, with_variant
@@ -134,6 +139,7 @@ def predict_test(
     rng = np.random.default_rng(seed)
     protocol = protocol_of(experiment)
     kept, values, notes = _values(source, draws, separate_from, rng)
+    values, condition_notes = _under_conditions(source, experiment, kept, values, rng)
     priors, law_notes = _with_laws(
         _holding(values, source.problem.priors[0]), source.problem, experiment
     )
@@ -170,6 +176,7 @@ def predict_test(
         ),
         notes=(
             *notes,
+            *condition_notes,
             *law_notes,
             f"New readings scatter by the {noise.label} of the fit, {scatter:.3g} "
             f"{noise.display_unit} on average.",
@@ -227,6 +234,40 @@ def _values(
             f"{_listed(separate)}."
         )
     return kept, values, notes
+
+
+def _under_conditions(
+    source: Source,
+    experiment: Experiment,
+    kept: npt.NDArray[np.int64],
+    values: Mapping[str, FloatArray],
+    rng: np.random.Generator,
+) -> tuple[dict[str, FloatArray], list[str]]:
+    """Return values with the errors of the conditions of a new test, and where they are from.
+
+    The errors of a fitted test are another's, save where both were made with the same apparatus.
+    """
+    others = {name: own for name, own in values.items() if name not in CONDITIONS}
+    notes = []
+    for condition in experiment.uncertain:
+        name = condition.parameter
+        label = PARAMETER_BY_NAME[name].label
+        same = [
+            test.id
+            for test in source.problem.experiments
+            for one in test.uncertain
+            if one.parameter == name
+            and one.apparatus == condition.apparatus
+            and (one.apparatus is not None or test.id == experiment.id)
+        ]
+        if same:
+            fitted = source.tests[same[0]].posterior["posterior"].to_dataset()[name]
+            others[name] = all_draws(fitted)[kept].astype(np.float64)
+            notes.append(f"The {label} is that of {same[0]}.")
+        else:
+            others[name] = condition.sd * rng.standard_normal(kept.size)
+            notes.append(f"The {label} is drawn anew, as the file states it.")
+    return others, notes
 
 
 def _of_a_new_test(

@@ -85,7 +85,8 @@ def with_fixed(priors: PriorSet, values: Mapping[str, float]) -> PriorSet:
 
 def resolved_priors(experiment: Experiment) -> PriorSet:
     """Priors of the experiment's material, as a fit of it resolves them."""
-    return default_priors(experiment.material).resolved(float(experiment.largest_stress))
+    priors = default_priors(experiment.material, experiment.protocol)
+    return priors.resolved(float(experiment.largest_stress))
 
 
 def write_problem(folder: Path, *, free: set[str], max_strain: float, stride: int) -> Problem:

@@ -241,8 +241,8 @@ def _tell_size(leftover: Leftover, family: Family, row: Row) -> Told:
     found = f"residuals of {leftover.name}, {where}, are {ratio:.1f} times those of the whole test"
     return Told(
         f"{found}, no more than chance (at most {most:.1f}).",
-        f"{found} (at most {most:.1f} expected of a correct model): the model describes one rate "
-        f"worse than the others, and {NARROW}",
+        f"{found} (at most {most:.1f} expected of a correct model): the model describes one "
+        f"segment worse than the others, and {NARROW}",
         _remedy(leftover, int(points[0])),
         where,
     )
@@ -295,6 +295,8 @@ def _beside(leftover: Leftover, residual: float) -> str:
 
 def _remedy(leftover: Leftover, point: int) -> str:
     """Return what to try where the shape is missed from a point on."""
+    if leftover.protocol.remedy is not None:
+        return leftover.protocol.remedy
     laws = " or ".join(
         f"--variant {law}"
         for parameter, law in OTHER_LAWS.items()

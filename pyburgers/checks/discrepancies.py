@@ -84,6 +84,10 @@ class Leftover:
 
     def place(self, first: int, last: int) -> str:
         """Return where readings lie, such as ``strain 5.1 to 6 %``."""
+        along = self.group["constant_data"].to_dataset()
+        said = self.protocol.place_text(along, first, last)
+        if said is not None:
+            return said
         clock = self.protocol.clock
         start, end = (f"{v:.3g}" for v in clock.display_factor * self.position[[first, last]])
         span = start if start == end else f"{start} to {end}"
@@ -231,7 +235,8 @@ def _leftover(name: str, group: xr.DataTree) -> Leftover:
         else np.zeros(position.size, dtype=np.int64)
     )
     error = along["reading_error"].to_numpy() if "reading_error" in along else None
-    weight = np.ones(position.size) if error is None else error.mean() / error
+    spread = along["typical_error"].to_numpy() if "typical_error" in along else error
+    weight = np.ones(position.size) if spread is None else spread.mean() / spread
     observed, replicated = (_by_draw(values - model) * weight for values in (data, replicas))
     of_replicas = _by_draw(replicas)
     low, high = np.quantile(of_replicas, (TAIL, 1.0 - TAIL), axis=0)

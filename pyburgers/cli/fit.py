@@ -84,4 +84,8 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _priors_for(experiment: Experiment, path: Path | None) -> PriorSet:
-    return default_priors(experiment.material) if path is None else load_priors(path)
+    return (
+        default_priors(experiment.material, experiment.protocol)
+        if path is None
+        else load_priors(path)
+    )

@@ -17,6 +17,7 @@ UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
         "strain": {"fraction": 1.0, "percent": 1e-2},
         "strain rate": {"1/s": 1.0, "1e-6/s": 1e-6},
         "time": {"s": 1.0, "min": 60.0, "h": 3600.0},
+        "frequency": {"Hz": 1.0},
         "length": {"m": 1.0, "mm": 1e-3, "um": 1e-6},
         "molar energy": {"J/mol": 1.0, "kJ/mol": 1e3},
         "inverse molar energy": {"mol/J": 1.0, "mol/kJ": 1e-3},

@@ -251,20 +251,24 @@ def save_priors(
     write_toml(path, table)
 
 
-def default_priors(material: str) -> PriorSet:
+def default_priors(material: str, protocol: str | None = None) -> PriorSet:
     """Return the priors that come with the package for a material.
 
     Parameters
     ----------
     material : str
         For example ``"ice"``.
+    protocol : str, optional
+        Kind of test that they are for: some kinds have priors of their own, such as of the
+        material's elastic modulus where others see the apparatus.
 
     Raises
     ------
     InputError
         If there are none; the message names the materials that have some.
     """
-    return load_priors(shipped_prior_file(material))
+    own = {} if protocol is None else shipped_prior_files(protocol)
+    return load_priors(own.get(material) or shipped_prior_file(material))
 
 
 def shipped_prior_file(material: str, folder: str = ".", *, of: str = "") -> Path:

@@ -279,8 +279,11 @@ def _grain_size_law(
 ) -> Literal["evolving", "constant", "piezometric"]:
     """Tell the law of the grain size.
 
-    Where it may evolve towards a size of its own, it does unless that is the size at the start.
+    Tests of some kinds know a constant one alone. Where it may evolve towards a size of its own, it
+    does unless that is the size at the start.
     """
+    if not _allows(experiment, "grain_size", "piezometric"):
+        return "constant"
     if not _allows(experiment, "grain_size", "evolving"):
         frozen = is_fixed_at(priors["critical_strain_grain_size"], NO_EVOLUTION)
         return "constant" if frozen else "piezometric"

@@ -351,6 +351,7 @@ def _solution_at_mean(draws: xr.Dataset, priors: PriorSet, experiment: Experimen
         {
             name: (clock.name, curve[column].to_numpy(), {"units": unit})
             for name, (column, unit) in columns.items()
+            if column in curve
         },
         coords={clock.name: curve[clock.column].to_numpy()},
     )

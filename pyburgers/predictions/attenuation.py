@@ -5,13 +5,14 @@ material; its microstructure is frozen. Since stress is imposed, the elements of
 answer independently, and the strain at the frequency of the cycles is known in closed form for
 any power law and any amplitude::
 
-    J1 = 1/E_M + E_K/(E_K^2 + omega^2 eta_K^2)
-    J2 = omega eta_K/(E_K^2 + omega^2 eta_K^2) + B/omega
+    J1 = 1/E_M(T) + J1_K,  J1_K = E_K/(E_K^2 + omega^2 eta_K^2)
+    J2 = J2_K + B/omega,   J2_K = omega eta_K/(E_K^2 + omega^2 eta_K^2)
     tan(delta) = J2/J1
     B  = 1/(pi sigma_0) * integral over 0..2 pi of g(sigma_m + sigma_0 sin x) sin(x) dx
     g(sigma) = sgn(sigma) (|sigma|/F)^n d^-p exp[Q_M (beta - 1/(R T))]
 
-(of a hyperbolic sine with sigma_L sinh[|sigma|/(F sigma_L)] in place of |sigma|/F).
+(of a hyperbolic sine with sigma_L sinh[|sigma|/(F sigma_L)] in place of |sigma|/F; J1_K and J2_K
+are those of one Kelvin element, those of other laws are in `pyburgers.predictions.relaxation`).
 
 The dashpot's fluidity B depends on the regime of stresses but not on frequency. Higher harmonics
 of the strain and its steady drift do not enter: tan(delta) is that of the fundamental.
@@ -42,13 +43,9 @@ from pyburgers.predictions.closed_forms import (
     dashpot_rates,
     fluidity,
     half_period,
-    hold_strain,
 )
-from pyburgers.predictions.material import (
-    Material,
-    fitted_material,
-    require_linear_kelvin_element,
-)
+from pyburgers.predictions.material import Material, fitted_material
+from pyburgers.predictions.relaxation import KelvinPart, kelvin_part
 from pyburgers.predictions.stress_cycles import (
     DRAW_DIMENSIONS,
     HOLD_TIME,
@@ -57,6 +54,7 @@ from pyburgers.predictions.stress_cycles import (
     checked_frequencies,
     checked_hold_time,
     checked_inputs,
+    modulus_at,
 )
 from pyburgers.protocols.protocol import FittedTest
 
@@ -85,8 +83,8 @@ def attenuation_spectrum(
     parameters : mapping of str to array
         Draws of `PARAMETER_NAMES` (SI), all of one shape: ``()``, ``(draw,)`` or
         ``(chain, draw)``. With `pyburgers.predictions.assumptions.EVOLUTION` it is told where
-        frozen microstructure fails. Other names are ignored, save those of a Kelvin element that is
-        not linear, which are refused.
+        frozen microstructure fails, with `pyburgers.predictions.relaxation.RELAXATION_PARAMETERS`
+        the Kelvin part follows another linear law. Other names are ignored.
     frequencies : array, shape (n_frequencies,)
         Hz, positive.
     regimes : sequence of Regime
@@ -116,20 +114,16 @@ def attenuation_spectrum(
     Raises
     ------
     InputError
-        If a parameter is missing, shapes differ, the Kelvin element is not linear, or a frequency
+        If a parameter is missing, shapes differ, the Kelvin part is not linear, or a frequency
         or condition is out of range.
     """
-    require_linear_kelvin_element(parameters)
     draws, size, fabric = checked_inputs(parameters, temperature, grain_size, fabric_factor)
     frequency = checked_frequencies(frequencies)
     omega = 2 * np.pi * frequency
-    maxwell, kelvin, viscosity = (
-        draws[name][..., np.newaxis]
-        for name in ("maxwell_modulus", "kelvin_modulus", "kelvin_viscosity")
-    )
-    kelvin_stiffness = kelvin**2 + (omega * viscosity) ** 2
-    storage = 1 / maxwell + kelvin / kelvin_stiffness
-    kelvin_loss = omega * viscosity / kelvin_stiffness
+    kelvin = kelvin_part(parameters, temperature, size)
+    draws["maxwell_modulus"] = modulus_at(parameters, draws["maxwell_modulus"], temperature)
+    storage, kelvin_loss = kelvin.compliance(omega)
+    storage = storage + 1 / draws["maxwell_modulus"][..., np.newaxis]
     by_regime: dict[str, list[FloatArray]] = {
         name: [] for name in ("fluidity", "hold", "cycle", "critical")
     }
@@ -145,7 +139,8 @@ def attenuation_spectrum(
         )
         cycling, held = rates[..., :-1], rates[..., -1]
         by_regime["fluidity"].append(fluidity(cycling, sine, regime.amplitude))
-        by_regime["hold"].append(hold_strain(draws, regime.median_stress, held, hold_time))
+        recoverable = 1 / draws["maxwell_modulus"] + kelvin.creep(hold_time)
+        by_regime["hold"].append(regime.median_stress * recoverable + held * hold_time)
         amplitudes = regime.amplitude * storage, regime.amplitude * kelvin_loss
         by_regime["cycle"].append(cycle_strain(cycling, sine, *amplitudes, frequency))
         critical = critical_strain(parameters, size, fabric, regime.median_stress)
@@ -162,7 +157,7 @@ def attenuation_spectrum(
             "tan_delta": (dimensions, loss / storage, number_of_one),
             "storage_compliance": (dimensions, np.broadcast_to(storage, loss.shape), compliance),
             "loss_compliance": (dimensions, loss, compliance),
-            "debye_peak": (regime_dimensions, _has_peak(draws, background)),
+            "debye_peak": (regime_dimensions, _has_peak(kelvin, draws, background)),
             "grain_size": (draw_dimensions, size, {"units": "m"}),
             "fabric_factor": (draw_dimensions, fabric, number_of_one),
             "hold_strain": (regime_dimensions, hold, number_of_one),
@@ -335,14 +330,29 @@ def falling_stretch(spectrum: xr.Dataset) -> tuple[FloatArray, FloatArray]:
     return low, high
 
 
-def _has_peak(draws: Mapping[str, FloatArray], dashpot_fluidity: FloatArray) -> BoolArray:
-    """Whether the peak of the Kelvin element stands out of the dashpot's background.
+def _has_peak(
+    kelvin: KelvinPart, draws: Mapping[str, FloatArray], dashpot_fluidity: FloatArray
+) -> BoolArray:
+    """Whether a peak of the Kelvin part stands out of the dashpot's background.
 
-    With r = E_K/E_M and c = B eta_K the slope of tan(delta) changes sign twice along frequency,
-    at a dip and a peak, if and only if (1 + r)(1 + c) > 9 r c, that is r <= 1/8 or
-    c < (1 + r)/(8 r - 1); else tan(delta) falls with frequency everywhere.
+    Of one element, with r = E_K/E_M and c = B eta_K, the slope of tan(delta) changes sign twice
+    along frequency, at a dip and a peak, if and only if (1 + r)(1 + c) > 9 r c, that is r <= 1/8 or
+    c < (1 + r)/(8 r - 1); else tan(delta) falls with frequency everywhere. Of other laws it is
+    looked for at frequencies across all relaxation times.
     """
-    ratio = (draws["kelvin_modulus"] / draws["maxwell_modulus"])[..., np.newaxis]
-    background = dashpot_fluidity * draws["kelvin_viscosity"][..., np.newaxis]
-    peak: BoolArray = (1 + ratio) * (1 + background) > 9 * ratio * background
-    return peak
+    if kelvin.is_one_element:
+        ratio = (draws["kelvin_modulus"] / draws["maxwell_modulus"])[..., np.newaxis]
+        viscosity = kelvin.longest_time * draws["kelvin_modulus"]
+        background = dashpot_fluidity * viscosity[..., np.newaxis]
+        peak: BoolArray = (1 + ratio) * (1 + background) > 9 * ratio * background
+        return peak
+    decades = kelvin.values["relaxation_time_decades"].max()
+    reach = np.logspace(-3, 3 + decades, int(10 * (6 + decades)))
+    omega = reach / kelvin.longest_time[..., np.newaxis]
+    storage, loss = kelvin.compliance(omega)
+    storage = storage + 1 / draws["maxwell_modulus"][..., np.newaxis]
+    rises = [
+        (np.diff((loss + of_regime[..., np.newaxis] / omega) / storage, axis=-1) > 0).any(axis=-1)
+        for of_regime in np.moveaxis(dashpot_fluidity, -1, 0)
+    ]
+    return np.stack(rises, axis=-1)

@@ -1,4 +1,4 @@
-"""Closed forms of a frozen material under a hold and stress cycles: rates, fluidity, strains.
+"""Closed forms of a frozen material under a hold and stress cycles: rates, fluidity, strain.
 
 Draws are arrays of one shape; regimes and frequencies are further dimensions behind it.
 """
@@ -111,29 +111,6 @@ def fluidity(rates: FloatArray, sine: FloatArray, amplitude: float) -> FloatArra
     """
     values: FloatArray = rates @ (2 / sine.size * sine) / amplitude
     return values
-
-
-def hold_strain(
-    draws: Mapping[str, FloatArray], median_stress: float, rate: FloatArray, hold_time: float
-) -> FloatArray:
-    """Return the strain of a hold at the median stress, the material being at rest before.
-
-    Parameters
-    ----------
-    draws : mapping of str to array
-        As for `dashpot_rates`.
-    median_stress : float
-        Pa.
-    rate : array, shape of the draws
-        Of the dashpot at the median stress, 1/s.
-    hold_time : float
-        s.
-    """
-    with np.errstate(divide="ignore"):  # without viscosity it follows at once
-        relaxation = hold_time * draws["kelvin_modulus"] / draws["kelvin_viscosity"]
-    compliance = 1 / draws["maxwell_modulus"] - np.expm1(-relaxation) / draws["kelvin_modulus"]
-    strain: FloatArray = median_stress * compliance + rate * hold_time
-    return strain
 
 
 def cycle_strain(

@@ -24,6 +24,7 @@ from pyburgers.model.display import STRESS_UNIT
 from pyburgers.predictions.attenuation import attenuation_spectrum, flat_draws
 from pyburgers.predictions.imposed_stress import solve_imposed_stress
 from pyburgers.predictions.material import Material
+from pyburgers.predictions.relaxation import kelvin_part
 from pyburgers.predictions.stress_cycles import (
     HOLD_TIME,
     PAPER_REGIMES,
@@ -93,7 +94,7 @@ def evolving_attenuation(
     Raises
     ------
     InputError
-        If a number is out of range, or the Kelvin element not linear.
+        If a number is out of range, or the Kelvin part not one linear element.
     SamplingError
         If the solver finds no solution.
     """
@@ -111,10 +112,8 @@ def evolving_attenuation(
         fabric_factor=fabric,
         hold_time=hold,
     )
-    omega = 2 * np.pi * frequency
-    kelvin = parameters["kelvin_modulus"][:, np.newaxis]
-    delay = omega * parameters["kelvin_viscosity"][:, np.newaxis]
-    elastic_loss = (delay / (kelvin**2 + delay**2))[:, np.newaxis]
+    kelvin = kelvin_part(parameters, material.temperature, size)
+    elastic_loss = kelvin.compliance(2 * np.pi * frequency)[1][:, np.newaxis]
     frozen_loss = frozen["loss_compliance"].to_numpy()
     found = {
         name: np.empty(frozen_loss.shape)

@@ -16,8 +16,12 @@ import pandas as pd
 from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.errors import InputError, SamplingError
-from pyburgers.model.parameters import KELVIN_REFERENCES, PIEZOMETER, PROGRAM_PARAMETERS
+from pyburgers.model.parameters import PIEZOMETER, PROGRAM_PARAMETERS
 from pyburgers.predictions.assumptions import EVOLUTION
+from pyburgers.predictions.relaxation import (
+    RELAXATION_PARAMETERS,
+    require_one_relaxation_time,
+)
 from pyburgers.predictions.stress_cycles import (
     BREAKDOWN,
     HOLD_TIME,
@@ -140,8 +144,7 @@ def phase_lag(
 
 
 OTHER_PARAMETERS = (
-    *KELVIN_REFERENCES.keys(),
-    *KELVIN_REFERENCES.values(),
+    *RELAXATION_PARAMETERS,
     BREAKDOWN,
     *PIEZOMETER,
     *EVOLUTION,
@@ -293,6 +296,7 @@ def solve_imposed_stress(
         If the solver finds no solution.
     """
     checked_frequencies([frequency])
+    require_one_relaxation_time(parameters)
     check_given_together(
         {name: float(np.max(parameters[name])) for name in OTHER_PARAMETERS if name in parameters},
         "parameters",

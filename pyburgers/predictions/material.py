@@ -11,9 +11,14 @@ from pyburgers.common.draws import evenly_spaced
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import UNITS, number
 from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT
-from pyburgers.model.parameters import KELVIN_REFERENCES, PIEZOMETER, STANDARD_VALUES
+from pyburgers.model.parameters import PIEZOMETER
 from pyburgers.predictions.assumptions import EVOLUTION
-from pyburgers.predictions.stress_cycles import BREAKDOWN, PARAMETER_NAMES
+from pyburgers.predictions.relaxation import RELAXATION_PARAMETERS
+from pyburgers.predictions.stress_cycles import (
+    BREAKDOWN,
+    MODULUS_OF_TEMPERATURE,
+    PARAMETER_NAMES,
+)
 from pyburgers.protocols.protocol import FittedTest
 
 FloatArray = npt.NDArray[np.float64]
@@ -102,7 +107,7 @@ def fitted_material(
         raise InputError(f"microstructure: found {microstructure!r}, expected {expected}.")
     experiment = fit.experiment
     draws = fit.posterior["posterior"].to_dataset().transpose("chain", "draw", ...)
-    names = (*PARAMETER_NAMES, BREAKDOWN, *KELVIN_REFERENCES, *KELVIN_REFERENCES.values())
+    names = (*PARAMETER_NAMES, BREAKDOWN, *RELAXATION_PARAMETERS, *MODULUS_OF_TEMPERATURE)
     parameters = {
         name: draws[name].to_numpy().astype(np.float64)
         for name in (*names, *EVOLUTION, *PIEZOMETER)
@@ -113,6 +118,8 @@ def fitted_material(
         parameters["maxwell_modulus"] = _modulus_draws(
             elastic_modulus, elastic_modulus_sd, shape, seed
         )
+        for name in MODULUS_OF_TEMPERATURE:
+            parameters.pop(name, None)
     if microstructure == "initial":
         size, fabric = np.full(shape, experiment.initial_grain_size), np.ones(shape)
     else:
@@ -141,23 +148,6 @@ def fitted_material(
             "elastic_modulus": modulus,
         },
     )
-
-
-def require_linear_kelvin_element(parameters: Mapping[str, npt.ArrayLike]) -> None:
-    """Refuse what has no closed form; a linear viscosity of all temperatures is taken as one.
-
-    Raises
-    ------
-    InputError
-        If the Kelvin element is a power law or its viscosity depends on temperature.
-    """
-    for name in KELVIN_REFERENCES:
-        if np.any(np.asarray(parameters.get(name, STANDARD_VALUES[name])) != STANDARD_VALUES[name]):
-            raise InputError(
-                f"{name}: found values other than {STANDARD_VALUES[name]:g}, expected a linear "
-                "Kelvin element of one viscosity because the spectrum in closed form needs it; "
-                "pyburgers.predictions.imposed_stress simulates the cycles of any other."
-            )
 
 
 def _modulus_draws(

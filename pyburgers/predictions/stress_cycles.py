@@ -33,6 +33,9 @@ BREAKDOWN = "breakdown_stress"
 HOLD_TIME = 5400.0
 """Time (s) at the median stress before the cycles: the middle of the paper's 1 to 2 h."""
 
+MODULUS_OF_TEMPERATURE = ("modulus_temperature_coefficient", "modulus_reference_temperature")
+"""By how much the Maxwell modulus changes with temperature, and where it is given."""
+
 DRAW_DIMENSIONS = {0: (), 1: ("draw",), 2: ("chain", "draw")}
 
 
@@ -177,6 +180,27 @@ def checked_inputs(
         _check_positive(name, unit, values)
         frozen.append(np.broadcast_to(values, shape))
     return draws, frozen[0], frozen[1]
+
+
+def modulus_at(
+    parameters: Mapping[str, npt.ArrayLike], modulus: FloatArray, temperature: float
+) -> FloatArray:
+    """Return the Maxwell modulus (Pa) at a temperature (K), E_M [1 + a_E (T - T_E)].
+
+    Parameters
+    ----------
+    parameters : mapping of str to array
+        With `MODULUS_OF_TEMPERATURE`, or it is the same at all temperatures.
+    modulus : array, shape of the draws
+        E_M, Pa.
+    temperature : float
+        K.
+    """
+    coefficient, reference = (
+        np.asarray(parameters.get(name, STANDARD_VALUES[name]), dtype=np.float64)
+        for name in MODULUS_OF_TEMPERATURE
+    )
+    return np.asarray(modulus * (1 + coefficient * (temperature - reference)))
 
 
 def _check_positive(name: str, unit: str, values: FloatArray) -> None:

@@ -294,6 +294,7 @@ def _check_test(experiment: Experiment, first: Experiment, priors: PriorSet) -> 
                 f"because a joint fit is of one {what}."
             )
     check_variant(priors, experiment)
+    protocol_of(experiment).check_priors(experiment, priors)
     _check_not_in_prior(experiment, priors)
 
 

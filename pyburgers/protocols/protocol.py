@@ -36,7 +36,7 @@ FloatArray = npt.NDArray[np.float64]
 
 E = TypeVar("E", bound=Experiment)
 
-NAMES = ("constant_rate", "forced_oscillation")
+NAMES = ("constant_rate", "forced_oscillation", "attenuation")
 """Of all protocols, in files, and of their folders."""
 
 
@@ -212,6 +212,8 @@ class Protocol(ABC, Generic[E]):
         Coordinates other than the plain ones.
     points_together : str or None
         Why single points cannot be left out; None where they can.
+    remedy : str or None
+        What to try where a fit misses the shape; None where it is told from segments and laws.
     figures : tuple of FigureRecipe
         What a page shows of a fit beside the figures of its posterior, the curve first.
     reference_text : Markup
@@ -229,6 +231,7 @@ class Protocol(ABC, Generic[E]):
     solver: ClassVar[SolverOptions] = SolverOptions()
     chart: ClassVar[Chart[Any] | None] = None
     points_together: ClassVar[str | None] = None
+    remedy: ClassVar[str | None] = None
     figures: ClassVar[tuple[FigureRecipe[FittedTest], ...]]
     reference_text: ClassVar[Markup]
 
@@ -285,15 +288,16 @@ class Protocol(ABC, Generic[E]):
     def solution(self, experiment: E, draw: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
         """Return the columns of a solution from the variables of the program and ``grid_CLOCK``.
 
-        They are time_s, strain, stress_Pa, kelvin_strain, grain_size_m and fabric_factor, those of
-        clock and response among them.
+        They are those of clock and response, and time_s, strain, stress_Pa, kelvin_strain,
+        grain_size_m and fabric_factor where the test has them.
         """
 
     @abstractmethod
     def observed_positions(self, experiment: E) -> dict[str, tuple[FloatArray, str]]:
         """Return where the points lie along the test, by quantity, with its SI unit.
 
-        One more, ``reading_error``, is the standard deviation of the response where it is stated.
+        Further ones: ``reading_error``, the standard deviation of the response where it is stated,
+        and ``typical_error``, by which residuals are weighed where it is not and they differ.
         """
 
     @abstractmethod
@@ -318,15 +322,17 @@ class Protocol(ABC, Generic[E]):
             Gives the noise.
         """
 
+    def check_priors(self, experiment: E, priors: PriorSet) -> None:
+        """Check that a test can be fitted with priors (`InputError`); most can with any."""
+
+    def place_text(self, along: xr.Dataset, first: int, last: int) -> str | None:
+        """Return where readings lie (two, from 0, of `observed_positions`) if no clock says it."""
+        return None
+
     def reading_noise(self, experiment: E, values: Mapping[str, FloatArray]) -> FloatArray:
         """Return standard deviations of the readings (SI), shape (n_draws, n_points).
 
-        Parameters
-        ----------
-        experiment : Experiment
-            With data.
-        values : mapping of str to array, shape (n_draws,)
-            Parameters, those of the noise among them.
+        Values are draws of parameters, those of the noise among them, shape (n_draws,).
         """
         return np.repeat(values[self.noise][:, np.newaxis], experiment.n_points, axis=1)
 

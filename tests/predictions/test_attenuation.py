@@ -24,6 +24,7 @@ from pyburgers.predictions.attenuation import (
     save_spectrum,
 )
 from pyburgers.predictions.attenuation_tables import overview_table, quantile_table
+from pyburgers.predictions.imposed_stress import simulate_imposed_stress
 from pyburgers.predictions.stress_cycles import (
     PAPER_REGIMES,
     PARAMETER_NAMES,
@@ -129,6 +130,85 @@ def test_fluidity_agrees_with_adaptive_quadrature(exponent: float, median: float
     found = dashpot_fluidity(material(exponent, fluidity), (Regime(median * amplitude, amplitude),))
     expected = fluidity * amplitude ** (exponent - 1) * 2 / np.pi * sum(halves)
     assert found[0] == pytest.approx(expected, rel=1e-10)
+
+
+BAND = {"relaxation_time_decades": 4.0, "relaxation_exponent": 0.3}
+CREEP = {"andrade_exponent": 0.3}
+
+
+@pytest.mark.parametrize("law", [BAND, CREEP, BAND | {"peak_strength": 0.5, "peak_width": 2.0}])
+def test_a_broad_kelvin_part_changes_all_but_the_dashpot(law: dict[str, float]) -> None:
+    frequencies = (1e-6, 1e-3, 1.0)
+    one = spectrum_of(material(), frequencies=frequencies, hold_time=50.0)
+    many = spectrum_of(material() | law, frequencies=frequencies, hold_time=50.0)
+    omega = 2 * np.pi * np.array(frequencies)
+    x = omega * 1e11 / 5e8
+    kelvin = {
+        "storage_compliance": 1 / (5e8 * (1 + x**2)),
+        "loss_compliance": x / (5e8 * (1 + x**2)),
+    }
+    for name, compliance in kelvin.items():
+        added = many[name] - one[name] + compliance
+        # Of stress the Kelvin part knows nothing: the same in every regime.
+        np.testing.assert_allclose(added, np.broadcast_to(added[0], added.shape), rtol=1e-6)
+    assert not np.allclose(many["hold_strain"], one["hold_strain"], rtol=1e-3)
+
+
+def test_andrade_creep_loses_the_same_share_of_its_own_strain_at_all_frequencies() -> None:
+    stiff = material() | CREEP | {"maxwell_modulus": 1e30}
+    regimes = (Regime(1e3, 1.0),)  # too small for the dashpot
+    spectrum = spectrum_of(stiff, regimes, (1e-3, 1.0, 1e3))
+    np.testing.assert_allclose(spectrum["tan_delta"], np.tan(0.15 * np.pi), rtol=1e-6)
+    # One more decade of frequency, less compliance by the power of the exponent.
+    storage = spectrum["storage_compliance"][0]
+    assert float(storage[0] / storage[1]) == pytest.approx(1e3**0.3, rel=1e-6)
+
+
+def test_relaxation_times_follow_temperature_and_grain_size() -> None:
+    thermal = {
+        "kelvin_activation_enthalpy": 6e4,
+        "kelvin_reference_temperature": TEMPERATURE,
+        "kelvin_grain_size_exponent": 2.0,
+        "kelvin_reference_grain_size": 1e-4,
+    }
+    here = spectrum_of(material() | BAND | thermal)
+    np.testing.assert_array_equal(here["tan_delta"], spectrum_of(material() | BAND)["tan_delta"])
+    slower = np.exp(6e4 / oracle.GAS_CONSTANT * (1 / 250.0 - 1 / TEMPERATURE)) * 4
+    elsewhere = spectrum_of(material() | BAND | thermal, temperature=250.0, grain_size=2e-4)
+    shifted = spectrum_of(
+        material() | BAND, frequencies=tuple(np.multiply(SHORT, slower)), temperature=TEMPERATURE
+    )
+    np.testing.assert_allclose(
+        elsewhere["storage_compliance"], shifted["storage_compliance"], rtol=1e-9
+    )
+
+
+def test_cycles_of_a_broad_kelvin_part_are_not_solved_in_time() -> None:
+    with pytest.raises(InputError, match="relaxation_time_decades: found values other than 0"):
+        simulate_imposed_stress(
+            material() | BAND,
+            PAPER_REGIMES[0],
+            1e-2,
+            np.array([1.0]),
+            temperature=TEMPERATURE,
+            grain_size=1e-4,
+        )
+
+
+def test_a_wide_band_shows_no_peak_where_one_element_does() -> None:
+    soft = material() | {"maxwell_modulus": 1e8, "kelvin_viscosity": 1e9}
+    regimes = (Regime(1e5, 1e4),)
+    assert bool(spectrum_of(soft, regimes)["debye_peak"].all())
+    narrow = soft | {"relaxation_time_decades": 0.1, "relaxation_exponent": 0.5}
+    assert bool(spectrum_of(narrow, regimes)["debye_peak"].all())
+    assert not bool(spectrum_of(soft | CREEP, regimes)["debye_peak"].any())
+
+
+def test_a_modulus_that_falls_with_temperature_is_taken_at_that_of_the_prediction() -> None:
+    falls = {"modulus_temperature_coefficient": 1e-3, "modulus_reference_temperature": 250.0}
+    softer = spectrum_of(material() | falls)["storage_compliance"]
+    other = material() | {"maxwell_modulus": 4e9 * (1 + 1e-3 * (TEMPERATURE - 250.0))}
+    np.testing.assert_allclose(softer, spectrum_of(other)["storage_compliance"], rtol=1e-12)
 
 
 def test_small_cycles_see_the_slope_of_the_flow_law() -> None:

@@ -9,7 +9,9 @@ import pytest
 from scipy.special import gamma
 
 from pyburgers.cmdstan.program import load_program
+from pyburgers.model.kelvin_elements import band_elements, peak_elements
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
+from pyburgers.predictions.relaxation import kelvin_part
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -125,17 +127,52 @@ def compliance_oracle(law: str, values: Mapping[str, float], log_x: float) -> Fl
     return found + values["peak_strength"] / values["maxwell_modulus"] * peak
 
 
-@pytest.mark.parametrize("law", OF_LAW)
-def test_compliance_is_that_of_direct_integration(law: str) -> None:
-    sets = random_sets(law, seed=len(law))
+def creep_oracle(law: str, values: Mapping[str, float], log_t: float) -> float:
+    """Strain over stress (1/Pa) at the logarithm of the time over the longest relaxation time."""
+    unit = 1 / values["kelvin_modulus"]
+    if law == "one element":
+        return float(-unit * np.expm1(-np.exp(log_t)))
+    if law == "andrade":
+        return float(unit * np.exp(values["andrade_exponent"] * log_t))
+    exponent = values["relaxation_exponent"]
+    width = values["relaxation_time_decades"] * np.log(10)
+    norm = exponent / -np.expm1(-exponent * width)
+    found = integral(
+        lambda u: -norm * np.exp(exponent * u) * np.expm1(-np.exp(log_t - u)), (-width, 0.0)
+    )
+    if law == "band":
+        return float(unit * found)
+    scale, spread = min(values["peak_width"], 1.0), values["peak_width"]
+    since = log_t + np.log(10) * values["peak_time_decades"]
+    peak = integral(
+        lambda v: -np.exp(-0.5 * (v * scale / spread) ** 2) * np.expm1(-np.exp(since - v * scale)),
+        (-12 * spread / scale, 12 * spread / scale),
+    )
+    peak = peak * scale / (spread * np.sqrt(2 * np.pi))
+    return float(unit * found + values["peak_strength"] / values["maxwell_modulus"] * peak)
+
+
+def conditions() -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Temperatures (K), grain sizes (m), angular frequencies (rad/s) of the sets."""
     rng = np.random.default_rng(7)
     temperature = rng.uniform(1173.15, 1473.15, N_SETS)
     grain_size = np.exp(rng.uniform(np.log(2e-6), np.log(2e-5), N_SETS))
-    frequency = 2 * np.pi / np.geomspace(1.0, 1000.0, N_SETS)
+    return temperature, grain_size, 2 * np.pi / np.geomspace(1.0, 1000.0, N_SETS)
+
+
+def relative_error(found: FloatArray, expected: FloatArray) -> FloatArray:
+    """Of complex compliances given as storage and loss, shape (n, 2)."""
+    return np.asarray(np.hypot(*(found - expected).T) / np.hypot(*expected.T))
+
+
+@pytest.mark.parametrize("law", OF_LAW)
+def test_compliance_is_that_of_direct_integration(law: str) -> None:
+    sets = random_sets(law, seed=len(law))
+    temperature, grain_size, omega = conditions()
     found = load_program(PROGRAM).evaluate(
         {
             "n": N_SETS,
-            "angular_frequency": frequency.tolist(),
+            "angular_frequency": omega.tolist(),
             "temperature": temperature.tolist(),
             "grain_size": grain_size.tolist(),
             "parameter": [list(values.values()) for values in sets],
@@ -143,11 +180,54 @@ def test_compliance_is_that_of_direct_integration(law: str) -> None:
     )["compliance"]
     expected = np.array(
         [
-            compliance_oracle(law, values, np.log(omega * longest_time(values, kelvin, size)))
-            for values, omega, kelvin, size in zip(
-                sets, frequency, temperature, grain_size, strict=True
-            )
+            compliance_oracle(law, values, np.log(w * longest_time(values, kelvin, size)))
+            for values, w, kelvin, size in zip(sets, omega, temperature, grain_size, strict=True)
         ]
     )
-    error = np.hypot(*(found - expected).T) / np.hypot(*expected.T)
-    assert error.max() < 1e-6
+    assert relative_error(found, expected).max() < 1e-6
+
+
+@pytest.mark.parametrize("law", OF_LAW)
+def test_sums_of_elements_answer_like_the_integrals_in_frequency_and_time(law: str) -> None:
+    compliance, expected, creep, expected_creep = [], [], [], []
+    for values, kelvin, size, omega in zip(random_sets(law, 3), *conditions(), strict=True):
+        tau = longest_time(values, kelvin, size)
+        part = kelvin_part(values, kelvin, np.array(size))
+        compliance.append(np.concatenate(part.compliance(np.array([omega]))))
+        expected.append(compliance_oracle(law, values, np.log(omega * tau)))
+        creep.append(part.creep(1 / omega))
+        expected_creep.append(creep_oracle(law, values, -np.log(omega * tau)))
+    assert relative_error(np.array(compliance), np.array(expected)).max() < 1e-6
+    np.testing.assert_allclose(creep, expected_creep, rtol=1e-6)
+
+
+@pytest.mark.parametrize("error", [1e-4, 1e-6])
+@pytest.mark.parametrize("decades", [0.5, 3.0, 6.0, 12.0])
+@pytest.mark.parametrize("exponent", [0.1, 0.33, 0.8])
+def test_a_band_is_the_sum_of_as_many_elements_as_its_error_asks_for(
+    error: float, decades: float, exponent: float
+) -> None:
+    width = decades * np.log(10)
+    place, weight = band_elements(width, error)
+    below = (1 - place) * width
+    norm = exponent * width / -np.expm1(-exponent * width)
+    log_x = np.linspace(-2.0, width + 2.0, 60)
+    terms = norm * weight * np.exp(-exponent * below) * parts(log_x[:, np.newaxis] - below)
+    expected = np.array([band_oracle(x, exponent, decades) for x in log_x])
+    assert relative_error(terms.sum(axis=-1).T, expected).max() < error
+
+
+@pytest.mark.parametrize("error", [1e-4, 1e-6])
+@pytest.mark.parametrize("width", [0.2, 1.0, 4.0, 8.0])
+def test_a_peak_is_the_sum_of_as_many_elements_as_its_error_asks_for(
+    error: float, width: float
+) -> None:
+    place, share = peak_elements(width, error)
+    log_x = np.linspace(-3 * width, 3 * width, 60)
+    found = (share * parts(log_x[:, np.newaxis] + width * place)).sum(axis=-1).T
+    expected = np.array([peak_oracle(x, width) for x in log_x])
+    assert np.hypot(*(found - expected).T).max() < error  # the relaxed compliance is 1
+
+
+def test_a_band_of_twelve_decades_takes_three_to_four_elements_a_decade() -> None:
+    assert 36 <= band_elements(12 * np.log(10), 1e-4)[0].size <= 52

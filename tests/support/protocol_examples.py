@@ -6,6 +6,7 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, ClassVar, Generic, TypeVar
 
+import attenuation_oracle
 import numpy as np
 import numpy.typing as npt
 import oracle
@@ -13,6 +14,7 @@ from conftest import DUNITE, ICE
 from numpy.polynomial import Polynomial
 from scipy import stats
 
+from pyburgers.protocols.attenuation.experiment import AttenuationExperiment, load_attenuation
 from pyburgers.protocols.constant_rate.experiment import (
     ConstantRateExperiment,
     RateSegment,
@@ -42,6 +44,8 @@ class Example(ABC, Generic[E]):
     ----------
     twins : tuple of str
         Synthetic tests with their truth.
+    columns : tuple of str
+        Of a solution.
     measured : tuple of str
         Tests whose columns are not part of the project.
     quick : tuple of str
@@ -59,6 +63,14 @@ class Example(ABC, Generic[E]):
     """
 
     twins: ClassVar[tuple[str, ...]]
+    columns: ClassVar[tuple[str, ...]] = (
+        "time_s",
+        "strain",
+        "stress_Pa",
+        "kelvin_strain",
+        "grain_size_m",
+        "fabric_factor",
+    )
     measured: ClassVar[tuple[str, ...]] = ()
     quick: ClassVar[tuple[str, ...]]
     materials: ClassVar[Mapping[str, Mapping[str, float]]] = MappingProxyType({"truth": {}})
@@ -218,7 +230,65 @@ class ForcedOscillationExample(Example[OscillationExperiment]):
         return found
 
 
+class AttenuationExample(Example[AttenuationExperiment]):
+    """Tables of ice about two median stresses, and of measured olivine."""
+
+    twins = ("ice",)
+    measured = ("A1802",)
+    quick = ("ice",)
+    columns = ("place", "is_modulus", "period_s", "temperature_K", "log_reading")
+    materials = MappingProxyType(
+        {
+            "truth": {},
+            "linear dashpot": {"stress_exponent": 1.0, "beta": -2e-5},
+            "hyperbolic sine": {"breakdown_stress": 1.5e6, "stress_exponent": 2.7},
+        }
+    )
+    few = ("kelvin_modulus", "activation_enthalpy", "attenuation_scatter")
+    options = SamplerOptions(seed=20261120)
+
+    def load(self, name: str) -> AttenuationExperiment:
+        if name == "ice":
+            return load_attenuation(ICE / "attenuation_twin.toml")
+        return load_attenuation(ICE.parent / "olivine" / f"attenuation_{name}.toml")
+
+    def solution(
+        self, experiment: AttenuationExperiment, values: Mapping[str, float], at: FloatArray
+    ) -> dict[str, FloatArray]:
+        period, spectrum, quantity = experiment.conditions.at(at)
+        row = experiment.conditions.first_rows[spectrum]
+        found = attenuation_oracle.log_readings(experiment, values, period, row)
+        return {"log_reading": found[quantity, np.arange(at.size)]}
+
+    def log_likelihood(
+        self,
+        experiment: AttenuationExperiment,
+        values: Mapping[str, float],
+        response: FloatArray,
+    ) -> FloatArray:
+        """The model's readings are the oracle's: those of the program stop at a limit."""
+        readings, rows = experiment.readings, np.arange(experiment.conditions.n_rows)
+        tan_delta, modulus = attenuation_oracle.log_readings(
+            experiment, values, experiment.conditions.period, rows
+        )
+        error = readings.tan_delta_error
+        centre = np.log(np.hypot(np.exp(tan_delta), error))
+        limited = np.maximum(centre, np.log(np.maximum(readings.limit, 1e-300)))
+        np.testing.assert_allclose(response, np.append(limited, modulus), rtol=1e-9)
+        law = stats.norm(centre, np.hypot(values["attenuation_scatter"], error / np.exp(centre)))
+        observed = np.log(np.maximum(readings.tan_delta, readings.limit))
+        moduli = stats.norm.logpdf(
+            np.log(readings.modulus),
+            modulus,
+            np.hypot(values["modulus_scatter"], readings.modulus_error / readings.modulus),
+        )
+        return np.append(
+            np.where(readings.is_limit, law.logcdf(observed), law.logpdf(observed)), moduli
+        )
+
+
 EXAMPLES: Mapping[str, Example[Any]] = {
     "constant_rate": ConstantRateExample(),
     "forced_oscillation": ForcedOscillationExample(),
+    "attenuation": AttenuationExample(),
 }

@@ -1,0 +1,175 @@
+"""Linear laws of the Kelvin part, of many draws: compliance at frequencies, and creep.
+
+As in ``stan/physics/relaxation.stan``, with which tests compare it; here the integrals over
+relaxation times are sums of Kelvin elements, which answer in frequency and in time.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import gamma
+
+from pyburgers.common.errors import InputError
+from pyburgers.model.flow_law_prior import GAS_CONSTANT
+from pyburgers.model.kelvin_elements import band_elements, peak_elements
+from pyburgers.model.kelvin_laws import PARAMETERS_OF_LAW
+from pyburgers.model.parameters import KELVIN_REFERENCES, STANDARD_VALUES
+
+FloatArray = npt.NDArray[np.float64]
+
+ERROR = 1e-8
+"""Of the sums, relative to the relaxed compliance."""
+
+RELAXATION_PARAMETERS = (
+    *PARAMETERS_OF_LAW["extended_peak"],
+    *PARAMETERS_OF_LAW["andrade"],
+    *KELVIN_REFERENCES,
+    *KELVIN_REFERENCES.values(),
+)
+"""What laws of the Kelvin part have beside modulus and viscosity."""
+
+
+@dataclass(frozen=True, eq=False)
+class KelvinPart:
+    """The Kelvin part at one temperature and grain size.
+
+    Attributes
+    ----------
+    longest_time : array, shape of the draws
+        tau = eta_K/E_K there, s.
+    values : mapping of str to array, shape of the draws
+        Moduli and the parameters of its law (SI).
+    """
+
+    longest_time: FloatArray
+    values: Mapping[str, FloatArray]
+
+    @property
+    def is_one_element(self) -> bool:
+        """Whether it has one relaxation time in every draw."""
+        switches = ("relaxation_time_decades", "peak_strength", "andrade_exponent")
+        return not any(self.values[name].any() for name in switches)
+
+    @property
+    def _is_andrade(self) -> bool:
+        return bool(self.values["andrade_exponent"].any())
+
+    def _elements(self) -> Iterator[tuple[FloatArray, FloatArray]]:
+        """Relaxation times (s) and compliances (1/Pa) of its elements, shape of the draws each."""
+        values, compliance = self.values, 1 / self.values["kelvin_modulus"]
+        width = np.log(10) * values["relaxation_time_decades"]
+        if width.any():
+            exponent = values["relaxation_exponent"]
+            scale = compliance * exponent * width / -np.expm1(-exponent * width)
+            for place, weight in zip(*band_elements(float(width.max()), ERROR), strict=True):
+                below = (1 - place) * width
+                yield self.longest_time * np.exp(-below), weight * scale * np.exp(-exponent * below)
+        else:
+            yield self.longest_time, compliance
+        strength = values["peak_strength"]
+        if strength.any():
+            middle = self.longest_time * 10 ** -values["peak_time_decades"]
+            spread = values["peak_width"]
+            for place, share in zip(*peak_elements(float(spread.max()), ERROR), strict=True):
+                yield middle * np.exp(spread * place), share * strength / values["maxwell_modulus"]
+
+    def compliance(self, angular_frequency: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return storage and loss compliance (1/Pa).
+
+        Parameters
+        ----------
+        angular_frequency : array
+            rad/s; broadcast against draws with one dimension more at the end.
+        """
+        if self._is_andrade:
+            exponent = self.values["andrade_exponent"][..., np.newaxis]
+            size = (angular_frequency * self.longest_time[..., np.newaxis]) ** -exponent
+            size = size * gamma(1 + exponent) / self.values["kelvin_modulus"][..., np.newaxis]
+            angle = 0.5 * np.pi * exponent
+            return size * np.cos(angle), size * np.sin(angle)
+        storage, loss = np.zeros(()), np.zeros(())
+        for time, compliance in self._elements():
+            delay = angular_frequency * time[..., np.newaxis]
+            share = compliance[..., np.newaxis] / (1 + delay**2)
+            storage, loss = storage + share, loss + share * delay
+        return storage, loss
+
+    def creep(self, time: float) -> FloatArray:
+        """Return the strain over the stress that was put on a time (s) ago, shape of the draws."""
+        if self._is_andrade:
+            return np.asarray(
+                (time / self.longest_time) ** self.values["andrade_exponent"]
+                / self.values["kelvin_modulus"]
+            )
+        strain = np.zeros(())
+        with np.errstate(divide="ignore"):  # without viscosity it follows at once
+            for relaxation, compliance in self._elements():
+                strain = strain - compliance * np.expm1(-time / relaxation)
+        return strain
+
+
+def kelvin_part(
+    parameters: Mapping[str, npt.ArrayLike], temperature: float, grain_size: FloatArray
+) -> KelvinPart:
+    """Return the Kelvin part of draws at a temperature (K) and grain size (m).
+
+    Parameters
+    ----------
+    parameters : mapping of str to array
+        Moduli and viscosity (SI), and `RELAXATION_PARAMETERS` where they have an effect.
+    temperature : float
+        K.
+    grain_size : array, shape of the draws
+        m.
+
+    Raises
+    ------
+    InputError
+        If the dashpot is a power law, which has no compliance.
+    """
+    shape = grain_size.shape
+    values = {
+        name: np.broadcast_to(
+            np.asarray(parameters.get(name, STANDARD_VALUES.get(name)), dtype=np.float64), shape
+        )
+        for name in (
+            "maxwell_modulus",
+            "kelvin_modulus",
+            "kelvin_viscosity",
+            *RELAXATION_PARAMETERS,
+        )
+    }
+    if (values["kelvin_stress_exponent"] != 1).any():
+        raise InputError(
+            "kelvin_stress_exponent: found values other than 1, expected a linear Kelvin part "
+            "because the spectrum in closed form needs it; "
+            "pyburgers.predictions.imposed_stress simulates the cycles of any other."
+        )
+    slower = values["kelvin_activation_enthalpy"] / GAS_CONSTANT
+    slower = slower * (1 / temperature - 1 / values["kelvin_reference_temperature"])
+    coarser = grain_size / values["kelvin_reference_grain_size"]
+    time = values["kelvin_viscosity"] / values["kelvin_modulus"] * np.exp(slower)
+    return KelvinPart(time * coarser ** values["kelvin_grain_size_exponent"], values)
+
+
+def require_one_relaxation_time(parameters: Mapping[str, npt.ArrayLike]) -> None:
+    """Refuse laws that are not solved in time under imposed stress.
+
+    Raises
+    ------
+    InputError
+        If the Kelvin part has many relaxation times, or one that depends on grain size.
+    """
+    for name in (
+        "relaxation_time_decades",
+        "peak_strength",
+        "andrade_exponent",
+        "kelvin_grain_size_exponent",
+    ):
+        if np.any(np.asarray(parameters.get(name, 0.0)) != 0):
+            raise InputError(
+                f"{name}: found values other than 0, expected a Kelvin part of one relaxation time "
+                "because a solution in time needs it; the closed form takes any."
+            )

@@ -1,0 +1,1 @@
+"""Tables of attenuation and modulus against period and temperature."""

@@ -1,0 +1,371 @@
+"""Figures and tables of a fit of attenuation and modulus; all refuse the fit of another test."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+from markupsafe import Markup
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from scipy import stats
+
+from pyburgers.common.draws import TAIL, all_draws
+from pyburgers.common.errors import InputError
+from pyburgers.drawing.page_parts import FigureRecipe, PageTable
+from pyburgers.drawing.panels import (
+    LINES_AND_AREAS,
+    FittedCurve,
+    draw_band,
+)
+from pyburgers.drawing.style import BLACK, BLUE, VERMILION, style
+from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
+from pyburgers.protocols.attenuation.table import ATTENUATION, MODULUS
+from pyburgers.protocols.protocol import FittedTest
+
+FloatArray = npt.NDArray[np.float64]
+
+GPA = 1e-9
+PERIOD_LABEL = "period (s)"
+PLACE_LABEL = "spectra of attenuation, then of modulus, each along log period"
+MODULUS_NAMES = {"axial": "Young's modulus", "shear": "shear modulus"}
+
+
+@dataclass(frozen=True, eq=False)
+class _Spectrum:
+    """One temperature and stress, as measured and as a fit has it.
+
+    Attributes
+    ----------
+    temperature : float
+        K.
+    colour : str or tuple
+        Its own.
+    period : array, shape (n,)
+        s, of the predictions.
+    tan_delta, modulus : array, shape (n_draws, n)
+        Solutions of draws; Pa.
+    rows : array of int
+        Of the table.
+    """
+
+    temperature: float
+    colour: str
+    period: FloatArray
+    tan_delta: FloatArray
+    modulus: FloatArray
+    rows: npt.NDArray[np.int64]
+
+
+def attenuation_test(fit: FittedTest) -> AttenuationExperiment:
+    """Return the experiment of a fit, which has to be a table of attenuation.
+
+    Raises
+    ------
+    InputError
+        If it is not.
+    """
+    if not isinstance(fit.experiment, AttenuationExperiment):
+        raise InputError(
+            f"{fit.experiment.id}: found a test of protocol {fit.experiment.protocol!r}, expected "
+            "the fit of a table of attenuation."
+        )
+    return fit.experiment
+
+
+def _spectra(fit: FittedTest) -> list[_Spectrum]:
+    conditions = attenuation_test(fit).conditions
+    predictions = fit.posterior["predictions"].to_dataset()
+    period, spectrum, quantity = conditions.at(predictions["place"].to_numpy())
+    solutions = np.exp(all_draws(predictions["log_reading"]).astype(np.float64))
+    temperature = conditions.temperature[conditions.first_rows]
+    coolest, span = temperature.min(), float(np.ptp(temperature)) or 1.0
+    found = []
+    for k, own in enumerate(temperature):
+        here = {q: (spectrum == k) & (quantity == q) for q in (ATTENUATION, MODULUS)}
+        shade = colormaps["plasma"](0.05 + 0.8 * float((own - coolest) / span))
+        found.append(
+            _Spectrum(
+                float(own),
+                "#" + "".join(f"{round(255 * part):02x}" for part in shade[:3]),
+                period[here[ATTENUATION]],
+                solutions[:, here[ATTENUATION]],
+                solutions[:, here[MODULUS]],
+                np.flatnonzero(conditions.spectrum == k),
+            )
+        )
+    return found
+
+
+MASTER_CAPTION = (
+    "Attenuation tan δ (the same as 1/Q) and modulus against period, one colour for each "
+    "temperature: circles are readings, triangles upper limits, lines posterior medians of the "
+    "model and areas 90 % of draws, without the scatter of readings. Where circles leave a line in "
+    "step with the period or with temperature, the law of the relaxation is another one."
+)
+
+
+def master_curves(fit: FittedTest) -> Figure:
+    """Draw attenuation and modulus against period by temperature."""
+    experiment = attenuation_test(fit)
+    readings, period = experiment.readings, experiment.conditions.period
+    with style():
+        figure = Figure(figsize=(8.6, 8.6), layout="constrained")
+        upper, lower = figure.subplots(2, 1, sharex=True)
+        for own in _spectra(fit):
+            label = f"{own.temperature:.0f} K"
+            draw_band(upper, own.period, own.tan_delta, own.colour, label)
+            draw_band(lower, own.period, own.modulus * GPA, own.colour, label)
+            limit = readings.is_limit[own.rows]
+            for which, marker in ((~limit, "o"), (limit, "v")):
+                rows = own.rows[which]
+                recorded = np.maximum(readings.tan_delta, readings.limit)[rows]
+                _dots(upper, period[rows], recorded, own.colour, marker)
+            if readings.modulus.size:
+                _dots(lower, period[own.rows], readings.modulus[own.rows] * GPA, own.colour)
+        upper.set_xscale("log")
+        upper.set_yscale("log")
+        upper.set_ylabel(r"$\tan\delta$ (–)")
+        lower.set_ylabel(f"{MODULUS_NAMES[experiment.elasticity.deformation]} (GPa)")
+        lower.set_xlabel(PERIOD_LABEL)
+        upper.legend(loc="best", ncols=2)
+        figure.suptitle(f"{experiment.title}\n{LINES_AND_AREAS}", fontsize=10)
+    return figure
+
+
+def _dots(axes: Axes, x: FloatArray, y: FloatArray, colour: str, marker: str = "o") -> None:
+    axes.plot(
+        x,
+        y,
+        linestyle="none",
+        marker=marker,
+        markersize=4.5,
+        markerfacecolor="white",
+        markeredgecolor=colour,
+    )
+
+
+COLE_COLE_CAPTION = (
+    "Loss against storage compliance, one colour for each temperature: circles are readings of tan "
+    "δ and modulus together, lines posterior medians over the periods of the table. One relaxation "
+    "time gives half a circle, a band of them a flat arc, a dashpot a line that rises steeply."
+)
+
+
+def cole_cole(fit: FittedTest) -> Figure:
+    """Draw loss against storage compliance."""
+    experiment = attenuation_test(fit)
+    readings = experiment.readings
+    with style():
+        figure = Figure(figsize=(8.0, 5.6), layout="constrained")
+        axes = figure.subplots()
+        for own in _spectra(fit):
+            storage, loss = compliances(own.tan_delta, own.modulus * GPA)
+            axes.plot(
+                np.median(storage, axis=0),
+                np.median(loss, axis=0),
+                color=own.colour,
+                linewidth=1.6,
+                label=f"{own.temperature:.0f} K",
+            )
+            if readings.modulus.size:
+                rows = own.rows[~readings.is_limit[own.rows]]
+                measured = compliances(readings.tan_delta[rows], readings.modulus[rows] * GPA)
+                _dots(axes, *measured, own.colour)
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+        axes.set_xlabel("storage compliance (1/GPa)")
+        axes.set_ylabel("loss compliance (1/GPa)")
+        axes.legend(loc="best", ncols=2)
+        figure.suptitle(experiment.title, fontsize=10)
+    return figure
+
+
+def compliances(tan_delta: FloatArray, modulus: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return storage and loss compliance of tan(delta) and the modulus 1/|J|, of any shape."""
+    storage = 1 / (modulus * np.hypot(1.0, tan_delta))
+    return storage, np.asarray(storage * tan_delta)
+
+
+ARRHENIUS_CAPTION = (
+    "Relaxation time of the Kelvin element against inverse temperature, and beside it the Maxwell "
+    "time of the dashpot, which is the flow law's: lines are posterior medians, areas 90 % of "
+    "draws, the grey band the periods of the table. Its slope is the activation enthalpy. Beyond "
+    "the periods a time is what the law makes of it, not what was seen."
+)
+
+
+def arrhenius(fit: FittedTest) -> Figure:
+    """Draw relaxation times against inverse temperature."""
+    experiment = attenuation_test(fit)
+    conditions = experiment.conditions
+    predictions = fit.posterior["predictions"].to_dataset()
+    _, spectrum, quantity = conditions.at(predictions["place"].to_numpy())
+    first = np.unique(spectrum[quantity == ATTENUATION], return_index=True)[1]
+    temperature = conditions.temperature[conditions.first_rows]
+    order = np.argsort(temperature)
+    with style():
+        figure = Figure(figsize=(8.0, 5.2), layout="constrained")
+        axes = figure.subplots()
+        axes.axhspan(conditions.period.min(), conditions.period.max(), color="#e6e6e6", linewidth=0)
+        for name, colour, label in (
+            ("log_relaxation_time", BLUE, "Kelvin element"),
+            ("log_maxwell_time", VERMILION, "Maxwell time of the dashpot"),
+        ):
+            times = np.exp(all_draws(predictions[name])[:, first].astype(np.float64))
+            draw_band(axes, 1e4 / temperature[order], times[:, order], colour, label)
+        axes.set_yscale("log")
+        axes.set_xlabel(r"$10^4/T$ (1/K)")
+        axes.set_ylabel("time (s)")
+        axes.legend(loc="best")
+        figure.suptitle(f"{experiment.title}\n{LINES_AND_AREAS}", fontsize=10)
+    return figure
+
+
+RESIDUALS_CAPTION = (
+    "What the fit leaves over: ln of the reading less the predictive median of the model, of "
+    "attenuation above and of modulus below, against period, one colour for each temperature. The "
+    "dotted lines hold 90 % of readings as the fitted scatter has them. A slope or a bow that "
+    "temperatures share is a law that is missing."
+)
+
+
+def residuals(fit: FittedTest) -> Figure:
+    """Draw residuals against period by temperature."""
+    experiment = attenuation_test(fit)
+    left = _residuals(fit)
+    draws = fit.posterior["posterior"].to_dataset()
+    period = experiment.conditions.period
+    with style():
+        figure = Figure(figsize=(8.6, 6.4), layout="constrained")
+        panels = figure.subplots(2, 1, sharex=True)
+        for axes, values, name, label in zip(
+            panels,
+            left,
+            ("attenuation_scatter", "modulus_scatter"),
+            (r"$\ln\tan\delta$", "ln modulus"),
+            strict=True,
+        ):
+            axes.axhline(0.0, color=BLACK, linewidth=0.8)
+            if name in draws:
+                half = float(stats.norm.ppf(1.0 - TAIL) * draws[name].mean())
+                for level in (-half, half):
+                    axes.axhline(level, color=BLACK, linestyle=":", linewidth=0.8)
+            if values.size:
+                for own in _spectra(fit):
+                    axes.plot(
+                        period[own.rows],
+                        values[own.rows],
+                        marker="o",
+                        markersize=3.5,
+                        linewidth=0.8,
+                        color=own.colour,
+                        label=f"{own.temperature:.0f} K",
+                    )
+            axes.set_ylabel(f"residual of {label} (–)")
+        panels[0].set_xscale("log")
+        panels[0].legend(loc="best", ncols=4, fontsize=8)
+        panels[1].set_xlabel(PERIOD_LABEL)
+        figure.suptitle(experiment.title, fontsize=10)
+    return figure
+
+
+def _residuals(fit: FittedTest) -> tuple[FloatArray, FloatArray]:
+    """Return recorded less median modelled reading, of attenuation and of modulus, by row."""
+    experiment = attenuation_test(fit)
+    modelled = fit.posterior["model_response"]["log_reading"].median(("chain", "draw")).to_numpy()
+    left = experiment.response - modelled
+    n = experiment.readings.tan_delta.size
+    return left[:n], left[n:]
+
+
+def rms_by_temperature(fit: FittedTest) -> pd.DataFrame:
+    """Return what is left over at each temperature and in all.
+
+    Returns
+    -------
+    DataFrame
+        Index temperature_K, the last ``all``; columns attenuations (values, without limits),
+        rms_log_tan_delta, moduli, rms_log_modulus (natural logarithms, about the median of the
+        model's draws).
+    """
+    experiment = attenuation_test(fit)
+    by_temperature = experiment.conditions.temperature
+    left = _residuals(fit)
+    known = ~experiment.readings.is_limit
+    rows = {}
+    for name, here in [
+        *((f"{t:g}", by_temperature == t) for t in np.unique(by_temperature)[::-1]),
+        ("all", np.full(by_temperature.size, True)),
+    ]:
+        parts = [
+            left[0][here & known],
+            left[1][here] if left[1].size else left[1],
+        ]
+        rms = [float(np.sqrt(np.mean(part**2))) if part.size else np.nan for part in parts]
+        rows[name] = {
+            "attenuations": parts[0].size,
+            "rms_log_tan_delta": rms[0],
+            "moduli": parts[1].size,
+            "rms_log_modulus": rms[1],
+        }
+    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("temperature_K")
+
+
+def rms_table(fit: FittedTest) -> PageTable:
+    """Return `rms_by_temperature` as what a page shows."""
+    table = rms_by_temperature(fit).reset_index()
+    shown = pd.DataFrame(
+        {
+            "temperature (K)": table["temperature_K"],
+            "attenuations": table["attenuations"].astype(str),
+            "rms of ln tan δ": table["rms_log_tan_delta"].map("{:.3f}".format),
+            "moduli": table["moduli"].astype(str),
+            "rms of ln modulus": table["rms_log_modulus"].map("{:.4f}".format),
+        }
+    )
+    return PageTable(
+        "left_over",
+        "What is left over by temperature",
+        shown,
+        table,
+        text=Markup(
+            "Root mean square of ln(reading) less the median of the model; upper limits do not "
+            "count."
+        ),
+        words=("temperature (K)",),
+    )
+
+
+def fitted_curve(fit: FittedTest) -> FittedCurve:
+    """Gather all readings along their places, measured and as a fit has them."""
+    experiment = attenuation_test(fit)
+    predictions = fit.posterior["predictions"].to_dataset()
+    names: tuple[str, str] = ("log_reading", "log_reading_replicated")
+    solutions, replicated = (all_draws(predictions[name]).astype(np.float64) for name in names)
+    scatter = float(fit.posterior["posterior"]["attenuation_scatter"].mean())
+    return FittedCurve(
+        grid=predictions["place"].to_numpy(),
+        solutions=solutions,
+        replicated=replicated,
+        position=experiment.position,
+        data=experiment.response,
+        residuals=np.concatenate(_residuals(fit)),
+        error=None,
+        data_label=f"{experiment.provenance.kind} data",
+        noise_band=float(stats.norm.ppf(1.0 - TAIL)) * scatter,
+        position_label=PLACE_LABEL,
+        label="ln tan δ, ln(modulus/Pa)",
+        residual_label="residual",
+        heading=experiment.title,
+    )
+
+
+ATTENUATION_FIGURES = (
+    FigureRecipe("master_curves", "Attenuation and modulus", MASTER_CAPTION, master_curves),
+    FigureRecipe("residuals", "What is left over", RESIDUALS_CAPTION, residuals),
+    FigureRecipe("cole_cole", "Loss against storage compliance", COLE_COLE_CAPTION, cole_cole),
+    FigureRecipe("arrhenius", "Relaxation times", ARRHENIUS_CAPTION, arrhenius),
+)
+"""What the report of such a fit shows beside the figures of its posterior."""

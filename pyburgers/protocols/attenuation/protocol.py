@@ -1,0 +1,274 @@
+"""Tables of attenuation and modulus as a protocol."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from types import MappingProxyType
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+from markupsafe import Markup
+
+from pyburgers.common.errors import InputError
+from pyburgers.drawing.page_parts import PageTable
+from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
+from pyburgers.model.prior_families import is_fixed_at
+from pyburgers.model.priors import PriorSet
+from pyburgers.protocols.attenuation.experiment import (
+    AttenuationExperiment,
+    load_attenuation,
+    save_attenuation,
+)
+from pyburgers.protocols.attenuation.figures import ATTENUATION_FIGURES, fitted_curve, rms_table
+from pyburgers.protocols.attenuation.stan_data import (
+    grid_block,
+    reference_origin,
+    tests_block,
+)
+from pyburgers.protocols.attenuation.table import MODULUS, NO_READINGS
+from pyburgers.protocols.protocol import FittedTest, Protocol, Quantity
+
+FloatArray = npt.NDArray[np.float64]
+
+TYPICAL_SPREAD = (0.1, 0.01)
+"""Of ln(tan delta) and ln(modulus): what residuals of the two are weighed by where no error is
+stated."""
+
+OUTPUTS_PER_SPECTRUM, PREDICTIONS_PER_SPECTRUM = 60, 25
+"""Places in a spectrum of a smooth curve, and of the predictive bands."""
+
+
+class Attenuation(Protocol[AttenuationExperiment]):
+    """Stress cycles at many periods and temperatures; responses are tan delta and modulus.
+
+    The clock is the place in the table: spectra, each along the logarithm of the period, stand one
+    after the other, those of attenuation first.
+    """
+
+    name = "attenuation"
+    clock = Quantity("place", "place", "1", "spectra", 1.0)
+    response = Quantity("log_reading", "log_reading", "1", "in ln", 1.0)
+    noise = "attenuation_scatter"
+    reference = REFERENCE_FLOW_RATE_QUANTITY
+    grid_quantities = MappingProxyType(
+        {
+            "grid_log_reading": ("log_reading", "1"),
+            "grid_log_reading_replicated": ("log_reading_replicated", "1"),
+            "grid_log_relaxation_time": ("log_relaxation_time", "1"),
+            "grid_log_maxwell_time": ("log_maxwell_time", "1"),
+        }
+    )
+    warmup = 300
+    target_acceptance = 0.9
+    figures = ATTENUATION_FIGURES
+    reference_text = Markup(
+        "The reference flow rate <i>ε̇</i><sub>0</sub>, at which the dashpot flows at the "
+        "temperature of the file's head and the largest stress of the table (1 MPa where none is "
+        "stated), follows from the other parameters, and so does its prior."
+    )
+    remedy = (
+        "try a law of the Kelvin part with more relaxation times (--variant kelvin=extended), or "
+        "fit the temperatures by themselves to see which of them disagrees"
+    )
+
+    load = staticmethod(load_attenuation)
+    save = staticmethod(save_attenuation)
+    reference_origin = staticmethod(reference_origin)
+    tests_block = staticmethod(tests_block)
+    grid_block = staticmethod(grid_block)
+    curve = staticmethod(fitted_curve)
+
+    def check_priors(self, experiment: AttenuationExperiment, priors: PriorSet) -> None:
+        """Ask for what the likelihood and a dashpot without known stress need.
+
+        Raises
+        ------
+        InputError
+            If there is neither a scatter nor a stated error, or the dashpot of a table without
+            amplitudes is not linear.
+        """
+        readings = experiment.readings
+        for name, errors in (
+            ("attenuation_scatter", readings.tan_delta_error),
+            ("modulus_scatter", readings.modulus_error),
+        ):
+            if errors.size and not np.all(errors > 0) and is_fixed_at(priors[name], 0.0):
+                raise InputError(
+                    f"{experiment.id}: found readings without a stated error and no {name} in the "
+                    f"priors {priors.title!r}, expected a prior of it in them."
+                )
+        if not experiment.amplitude_is_stated and not is_fixed_at(priors["stress_exponent"], 1.0):
+            raise InputError(
+                f"{experiment.id}: the amplitude of the stress is not stated, so that only a "
+                "linear dashpot is known to answer it, found a stress exponent other than 1 in "
+                f"the priors {priors.title!r}, expected amplitudes or the variant maxwell=linear."
+            )
+
+    def without_data(self, experiment: AttenuationExperiment) -> AttenuationExperiment:
+        """Return the table without what was read."""
+        return replace(experiment, readings=NO_READINGS)
+
+    def prediction_grid(self, experiment: AttenuationExperiment) -> FloatArray:
+        """Return places evenly spaced in the logarithm of the period."""
+        return _place_grid(experiment, PREDICTIONS_PER_SPECTRUM)
+
+    def output_grid(self, experiment: AttenuationExperiment) -> FloatArray:
+        """Return evenly spaced places and those of the readings."""
+        return np.union1d(_place_grid(experiment, OUTPUTS_PER_SPECTRUM), experiment.position)
+
+    def solution(
+        self, experiment: AttenuationExperiment, draw: Mapping[str, FloatArray]
+    ) -> dict[str, FloatArray]:
+        """Return what would be read without noise: ln(tan delta), then ln(modulus / Pa)."""
+        place = draw["grid_place"]
+        period, spectrum, quantity = experiment.conditions.at(place)
+        return {
+            "place": place,
+            "is_modulus": (quantity == MODULUS).astype(np.float64),
+            "period_s": period,
+            "temperature_K": experiment.conditions.temperature[
+                experiment.conditions.first_rows[spectrum]
+            ],
+            "log_reading": draw["grid_log_reading"],
+        }
+
+    def observed_positions(
+        self, experiment: AttenuationExperiment
+    ) -> dict[str, tuple[FloatArray, str]]:
+        """Return places, periods, temperatures, spectra, and errors where all are stated."""
+        place = experiment.position
+        period, spectrum, quantity = experiment.conditions.at(place)
+        rows = experiment.conditions.first_rows[spectrum]
+        stated = _stated_errors(experiment)
+        has_errors = stated.size > 0 and bool(np.all(stated > 0))
+        return {
+            "place": (place, "1"),
+            "period": (period, "s"),
+            "temperature": (experiment.conditions.temperature[rows], "K"),
+            "is_modulus": (quantity.astype(np.float64), "1"),
+            "segment": (np.floor(place), "1"),
+            **(
+                {"reading_error": (stated, "1")}
+                if has_errors
+                else {"typical_error": (np.array(TYPICAL_SPREAD)[quantity], "1")}
+            ),
+        }
+
+    def place_text(self, along: xr.Dataset, first: int, last: int) -> str:
+        """Return quantity, temperature and periods, such as ``modulus at 1473 K, 10 to 100 s``."""
+        period, temperature = (
+            along[name].to_numpy()[[first, last]] for name in ("period", "temperature")
+        )
+        what = "modulus" if along["is_modulus"][first] else "attenuation"
+        return (
+            f"{what} at {' to '.join(dict.fromkeys(f'{v:.4g}' for v in temperature))} K, period "
+            f"{' to '.join(dict.fromkeys(f'{v:.3g}' for v in period))} s"
+        )
+
+    def with_noise(
+        self,
+        experiment: AttenuationExperiment,
+        response: FloatArray,
+        values: Mapping[str, float],
+        rng: np.random.Generator,
+    ) -> AttenuationExperiment:
+        """Put readings with scatter and stated errors in the place of others."""
+        readings = experiment.readings
+        n = readings.tan_delta.size
+        tan_delta, modulus = np.exp(response[:n]), np.exp(response[n:])
+        # As in stan/protocols/attenuation_response.stan.
+        tan_delta = np.hypot(tan_delta, readings.tan_delta_error)
+        relative_error = readings.modulus_error / readings.modulus
+        spreads = (
+            np.hypot(values.get("attenuation_scatter", 0.0), readings.tan_delta_error / tan_delta),
+            np.hypot(values.get("modulus_scatter", 0.0), relative_error),
+        )
+        tan_delta, modulus = (
+            one * np.exp(spread * rng.standard_normal(one.size))
+            for one, spread in zip((tan_delta, modulus), spreads, strict=True)
+        )
+        noisy = replace(
+            readings,
+            tan_delta=tan_delta,
+            modulus=modulus,
+            modulus_error=relative_error * modulus,
+        )
+        return replace(experiment, readings=noisy)
+
+    def reading_noise(
+        self, experiment: AttenuationExperiment, values: Mapping[str, FloatArray]
+    ) -> FloatArray:
+        """Return scatter and stated error of the logarithm of every reading together."""
+        n = experiment.readings.tan_delta.size
+        scatter = np.stack(
+            [
+                values["attenuation_scatter" if point < n else "modulus_scatter"]
+                for point in range(experiment.n_points)
+            ],
+            axis=-1,
+        )
+        return np.asarray(np.hypot(scatter, _stated_errors(experiment)))
+
+    def facts(self, experiment: AttenuationExperiment) -> Sequence[tuple[str, str]]:
+        """Return cycles, stresses, temperatures and number of readings."""
+        conditions, readings = experiment.conditions, experiment.readings
+        elasticity = experiment.elasticity
+        constants = {
+            "Poisson's ratio": elasticity.poisson_ratio,
+            "bulk modulus (Pa)": elasticity.bulk_modulus,
+        }
+        related = "".join(
+            f", turned from axial quantities with {name} {value:g}"
+            for name, value in constants.items()
+            if value is not None
+        )
+        stress = (
+            f"median {_range_text(conditions.median_stress)} Pa, amplitude "
+            f"{_range_text(conditions.amplitude)} Pa"
+            if experiment.amplitude_is_stated
+            else "not stated: taken as so small that the dashpot is linear"
+        )
+        return (
+            ("Cycles", f"{elasticity.deformation}{related}"),
+            ("Stress", stress),
+            (
+                "Temperatures",
+                f"{_range_text(conditions.temperature)} K, {conditions.n_spectra} spectra",
+            ),
+            ("Periods", f"{_range_text(conditions.period)} s"),
+            (
+                "Readings",
+                f"{readings.tan_delta.size} attenuations ({int(readings.is_limit.sum())} of them "
+                f"upper limits), {readings.modulus.size} moduli",
+            ),
+        )
+
+    def tables(self, fit: FittedTest) -> tuple[PageTable, ...]:
+        """Return what is left over by temperature."""
+        return (rms_table(fit),)
+
+
+def _stated_errors(experiment: AttenuationExperiment) -> FloatArray:
+    """Stated errors of the logarithms of readings, 0 where there are none, shape (n_points,)."""
+    readings = experiment.readings
+    return np.concatenate(
+        [
+            readings.tan_delta_error / np.maximum(readings.tan_delta, readings.limit),
+            readings.modulus_error / readings.modulus,
+        ]
+    )
+
+
+def _range_text(values: FloatArray) -> str:
+    low, high = f"{values.min():.4g}", f"{values.max():.4g}"
+    return low if low == high else f"{low} to {high}"
+
+
+def _place_grid(experiment: AttenuationExperiment, per_spectrum: int) -> FloatArray:
+    """Places evenly spaced in every spectrum, of attenuation and of modulus."""
+    shares = (np.arange(per_spectrum) + 0.5) / per_spectrum
+    spectra = np.arange(2 * experiment.conditions.n_spectra)
+    return np.asarray((spectra[:, np.newaxis] + shares).ravel())
+
+
+PROTOCOL = Attenuation()

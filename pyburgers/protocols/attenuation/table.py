@@ -1,0 +1,242 @@
+"""Tables of attenuation and modulus in SI units: conditions of every row, what was read there."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from pyburgers.common.errors import InputError
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+Deformation = Literal["axial", "shear"]
+
+ATTENUATION, MODULUS = 0, 1
+"""Codes of what is read."""
+
+SHARE_OF_SPECTRUM, MARGIN = 0.9, 0.05
+"""A spectrum takes this share of a unit of place, and begins after this margin."""
+
+
+@dataclass(frozen=True, eq=False)
+class Conditions:
+    """Under which cycles, and at which temperatures, rows of a table were read.
+
+    Attributes
+    ----------
+    period, temperature : array, shape (n_rows,)
+        s, K.
+    median_stress, amplitude : array, shape (n_rows,)
+        Of the stress as the table has it, Pa; an amplitude of 0 was not stated.
+    """
+
+    period: FloatArray
+    temperature: FloatArray
+    median_stress: FloatArray
+    amplitude: FloatArray
+
+    def ordered(self, rows: IntArray) -> "Conditions":
+        """Return some rows in their order."""
+        return Conditions(*(getattr(self, column.name)[rows] for column in fields(self)))
+
+    @property
+    def n_rows(self) -> int:
+        """Number of rows."""
+        return self.period.size
+
+    @cached_property
+    def spectrum(self) -> IntArray:
+        """Spectrum of each row, from 0: rows in a row of one temperature and stress."""
+        others = np.stack([self.temperature, self.median_stress, self.amplitude])
+        return np.cumsum(np.any(np.diff(others, axis=1, prepend=others[:, :1]) != 0, axis=0))
+
+    @property
+    def n_spectra(self) -> int:
+        """Number of spectra."""
+        return int(self.spectrum[-1]) + 1
+
+    @cached_property
+    def first_rows(self) -> IntArray:
+        """First row of each spectrum."""
+        return np.unique(self.spectrum, return_index=True)[1]
+
+    @cached_property
+    def place(self) -> FloatArray:
+        """Where each row lies on the protocol's clock, shape (n_rows,).
+
+        The number of its spectrum, and behind the point its share of the range of ln(period).
+        """
+        low, width = self._range
+        share = (np.log(self.period) - low) / width
+        return np.asarray(self.spectrum + MARGIN + SHARE_OF_SPECTRUM * share)
+
+    def at(self, place: FloatArray) -> tuple[FloatArray, IntArray, IntArray]:
+        """Return period (s), spectrum and what is read at places of readings, of any number.
+
+        Attenuation stands in the first spectra, modulus in as many after them.
+        """
+        low, width = self._range
+        number = np.floor(place).astype(np.int64)
+        share = (place - number - MARGIN) / SHARE_OF_SPECTRUM
+        quantity, spectrum = np.divmod(number, self.n_spectra)
+        return np.exp(low + width * share), spectrum, quantity
+
+    @property
+    def _range(self) -> tuple[float, float]:
+        """Least ln(period), and the width of its range; 1 where there is no range."""
+        logarithm = np.log(self.period)
+        return float(logarithm.min()), float(np.ptp(logarithm)) or 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Readings:
+    """What was read in every row of a table.
+
+    Attributes
+    ----------
+    tan_delta, tan_delta_error : array, shape (n_rows,)
+        tan(delta), which 1/Q is taken as, and its stated standard deviation; 0 where none is.
+    limit : array, shape (n_rows,)
+        tan(delta) at or below which a reading only says that it is at most this; 0: none.
+    modulus, modulus_error : array, shape (n_rows,) or (0,)
+        1/|J|, Young's or of shear, and its stated standard deviation, Pa.
+    """
+
+    tan_delta: FloatArray
+    tan_delta_error: FloatArray
+    limit: FloatArray
+    modulus: FloatArray
+    modulus_error: FloatArray
+
+    def ordered(self, rows: IntArray) -> "Readings":
+        """Return some rows in their order."""
+        columns = (getattr(self, column.name) for column in fields(self))
+        return Readings(*(column[rows] if column.size else column for column in columns))
+
+    @property
+    def is_limit(self) -> npt.NDArray[np.bool_]:
+        """Whether the attenuation of a row is an upper limit, shape (n_rows,)."""
+        return (self.limit > 0) & (self.tan_delta <= self.limit)
+
+
+NO_READINGS = Readings(*[np.empty(0)] * 5)
+"""Of a table that can only be simulated."""
+
+
+@dataclass(frozen=True)
+class Elasticity:
+    """How axial compliances are turned into those of a table.
+
+    Attributes
+    ----------
+    deformation : {"axial", "shear"}
+        Of the cycles: modulus and stress are Young's and axial, or of shear.
+    poisson_ratio, bulk_modulus : float or None
+        One of them in shear; 1 and Pa.
+    """
+
+    deformation: Deformation
+    poisson_ratio: float | None = None
+    bulk_modulus: float | None = None
+
+    @property
+    def conversion(self) -> tuple[float, float, float]:
+        """c_1, c_2, c_3: 1/modulus = c_1/E_M - c_2, other compliances times c_3."""
+        if self.deformation == "axial":
+            return 1.0, 0.0, 1.0
+        if self.bulk_modulus is not None:
+            return 3.0, 1 / (3 * self.bulk_modulus), 3.0
+        assert self.poisson_ratio is not None
+        return 2 * (1 + self.poisson_ratio), 0.0, 3.0
+
+    @property
+    def stress_factor(self) -> float:
+        """Axial stress that drives creep as a stress of the table does (von Mises), over it."""
+        return 1.0 if self.deformation == "axial" else float(np.sqrt(3))
+
+
+def check_table(
+    conditions: Conditions, readings: Readings, order: FloatArray, where: str, order_name: str
+) -> None:
+    """Check rows of a table.
+
+    Parameters
+    ----------
+    conditions, readings
+        The table; period and temperature are taken in logarithms and reciprocals.
+    order : array, shape (n_rows,)
+        What has to increase along each spectrum.
+    where, order_name : str
+        File, and what `order` is, for messages.
+
+    Raises
+    ------
+    InputError
+        If a number is out of its range, or rows are not in order.
+    """
+    positive: Sequence[tuple[str, FloatArray]] = (
+        ("period or frequency", conditions.period),
+        ("temperature", conditions.temperature),
+        ("modulus", readings.modulus),
+    )
+    not_negative: Sequence[tuple[str, FloatArray]] = (
+        ("median stress", conditions.median_stress),
+        ("amplitude", conditions.amplitude),
+        ("uncertainty of the attenuation", readings.tan_delta_error),
+        ("limit of the attenuation", readings.limit),
+        ("uncertainty of the modulus", readings.modulus_error),
+    )
+    for name, values in positive:
+        _check_sign(values > 0, values, where, name, "a positive number")
+    for name, values in not_negative:
+        _check_sign(values >= 0, values, where, name, "a number of at least 0")
+    readable = (readings.tan_delta > 0) | readings.is_limit
+    _check_sign(
+        readable,
+        readings.tan_delta,
+        where,
+        "attenuation",
+        "a positive number, or a limit that says what such a reading means",
+    )
+    same = np.diff(conditions.spectrum) == 0
+    backwards = np.flatnonzero(same & (np.diff(order) <= 0))
+    if backwards.size:
+        row = int(backwards[0]) + 1
+        raise InputError(
+            f"{where}: data row {row + 1}: found the {order_name} {order[row]:g} after "
+            f"{order[row - 1]:g} at {conditions.temperature[row]:g} K, expected rows of one "
+            f"temperature and stress together, in order of increasing {order_name}."
+        )
+    _check_apart(conditions, where)
+
+
+def _check_sign(
+    good: npt.NDArray[np.bool_], values: FloatArray, where: str, name: str, expected: str
+) -> None:
+    bad = np.flatnonzero(~good)
+    if bad.size:
+        raise InputError(
+            f"{where}: data row {bad[0] + 1}: found {values[bad[0]]:g} (SI) as {name}, expected "
+            f"{expected}."
+        )
+
+
+def _check_apart(conditions: Conditions, where: str) -> None:
+    """Refuse a spectrum whose rows stand apart."""
+    seen: set[tuple[float, float, float]] = set()
+    for row in conditions.first_rows:
+        own = (
+            float(conditions.temperature[row]),
+            float(conditions.median_stress[row]),
+            float(conditions.amplitude[row]),
+        )
+        if own in seen:
+            raise InputError(
+                f"{where}: data row {row + 1}: found {own[0]:g} K again after other rows, expected "
+                "rows of one temperature and stress together."
+            )
+        seen.add(own)

@@ -1,0 +1,104 @@
+/**
+ * Attenuation and modulus of the circuit under small or large stress cycles, microstructure
+ * frozen: the closed form of docs/model.md, for axial and for shear cycles.
+ *
+ * Parameters are axial. Strain that keeps the volume has three times the axial compliance in
+ * shear, whatever the mechanism; elastic strain has 1/G = 2 (1 + nu)/E, or 1/G = 3/E - 1/(3 K).
+ * A row of `conversion` says which holds: 1/modulus = c_1/E_M - c_2, other compliances times c_3.
+ */
+
+/** Elastic modulus at a temperature, E_M [1 + a_E (T - T_E)]; T of every reading. */
+vector maxwell_modulus_at(vector parameter, data vector temperature) {
+  return parameter[i_maxwell_modulus()]
+         * (1
+            + parameter[i_modulus_temperature_coefficient()]
+              * (temperature - parameter[i_modulus_reference_temperature()]));
+}
+
+/**
+ * ln of the fluidity of the dashpot (axial, 1/(Pa s)) in every reading.
+ *
+ * @param regime of every reading, from 1
+ * @param median_stress, amplitude of every regime, axial equivalents, Pa
+ * @param node_end, node nodes of every regime: columns sine and weight
+ */
+vector log_fluidity(vector parameter, data vector temperature, data real grain_size,
+                    data array[] int regime, data vector median_stress,
+                    data vector amplitude, data array[] int node_end, data matrix node) {
+  vector[num_elements(amplitude)] of_stress;
+  vector[num_elements(temperature)] log_factor;
+  for (r in 1 : num_elements(amplitude)) {
+    array[node_end[r + 1] - node_end[r]] int here = part(node_end, r);
+    of_stress[r] = log_fluidity_of_stress(median_stress[r], amplitude[r],
+                                          parameter[i_stress_exponent()],
+                                          parameter[i_breakdown_stress()], node[here, 1],
+                                          node[here, 2]);
+  }
+  for (i in 1 : num_elements(temperature)) {
+    log_factor[i] = log_rate_factor(parameter[i_activation_enthalpy()], parameter[i_beta()],
+                                    temperature[i]);
+  }
+  return of_stress[regime] + log_factor
+         - parameter[i_grain_size_exponent()] * log(grain_size);
+}
+
+/** ln of the longest relaxation time of the Kelvin part in every reading, ln s. */
+vector log_relaxation_times(vector parameter, data vector temperature, data real grain_size) {
+  vector[num_elements(temperature)] log_time;
+  for (i in 1 : num_elements(temperature)) {
+    log_time[i] = log_relaxation_time(parameter, temperature[i], grain_size);
+  }
+  return log_time;
+}
+
+/**
+ * ln(tan delta), then ln(modulus / Pa), of every reading; the modulus is 1/|J|.
+ *
+ * @param frequency angular, rad/s
+ * @param conversion see above
+ * @param log_of_fluidity value of log_fluidity()
+ */
+vector log_tan_delta_and_modulus(vector parameter, data vector frequency,
+                                 data vector temperature, data real grain_size,
+                                 data vector conversion, vector log_of_fluidity) {
+  int n = num_elements(frequency);
+  matrix[n, 2] kelvin
+    = kelvin_compliance(log(frequency)
+                        + log_relaxation_times(parameter, temperature, grain_size), parameter);
+  vector[n] storage = conversion[1] ./ maxwell_modulus_at(parameter, temperature)
+                      - conversion[2] + conversion[3] * kelvin[ : , 1];
+  vector[n] loss = conversion[3] * (kelvin[ : , 2] + exp(log_of_fluidity) ./ frequency);
+  return append_row(log(loss) - log(storage), -0.5 * log(square(storage) + square(loss)));
+}
+
+/**
+ * Centre (first half) and standard deviation (second half) of the logarithms of readings.
+ *
+ * A reading of tan delta = Q with a stated error e is about hypot(Q, e), which is Q unless the
+ * error drowns it, and its logarithm has the error e/hypot(Q, e): near those of |Q + e z| for a
+ * standard normal z. Scatter comes on top. The stated error of a modulus is that of its logarithm.
+ *
+ * @param log_reading of the model
+ * @param quantity of each: 1 tan delta, 2 modulus
+ * @param stated_error of tan delta itself, and of ln(modulus)
+ */
+vector log_reading_law(vector parameter, vector log_reading, data array[] int quantity,
+                       data vector stated_error) {
+  int n = num_elements(log_reading);
+  vector[2] scatter = [parameter[i_attenuation_scatter()], parameter[i_modulus_scatter()]]';
+  vector[n] centre = log_reading;
+  vector[n] stated = stated_error;
+  for (i in 1 : n) {
+    if (quantity[i] == 1 && stated_error[i] > 0) {
+      centre[i] = 0.5 * log_sum_exp(2 * log_reading[i], 2 * log(stated_error[i]));
+      stated[i] = stated_error[i] * exp(-centre[i]);
+    }
+  }
+  return append_row(centre, sqrt(square(scatter[quantity]) + square(stated)));
+}
+
+/** Log density of one reading, or of what it says where it is an upper limit. */
+real log_reading_density(data real observed, data int is_limit, real centre, real spread) {
+  return is_limit ? normal_lcdf(observed | centre, spread)
+         : normal_lpdf(observed | centre, spread);
+}

@@ -20,7 +20,7 @@ from pydantic import Field
 
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, nearest, write_toml
-from pyburgers.model.parameters import PARAMETER_BY_NAME
+from pyburgers.model.parameters import CONDITIONS, PARAMETER_BY_NAME
 from pyburgers.protocols.microstructure import MeasuredMicrostructure
 
 FloatArray = npt.NDArray[np.float64]
@@ -91,6 +91,9 @@ class Experiment(ABC):
     laws : mapping of str to sequence of str
         Laws that such tests can be fitted with, by part of the model
         (`pyburgers.model.variants.CHOICES`): any of a part that is not named. A constant as well.
+    may_be_uncertain : frozenset of str
+        Errors of conditions (`pyburgers.model.parameters.CONDITIONS`) that the program of such
+        tests knows. A constant as well.
     id, material : str
         Sample and material; the material names the default priors.
     temperature : float
@@ -115,6 +118,7 @@ class Experiment(ABC):
     laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType(
         {"kelvin": ("linear", "power_law")}
     )
+    may_be_uncertain: ClassVar[frozenset[str]] = CONDITIONS
     id: str
     material: str
     temperature: float

@@ -300,6 +300,14 @@ def _check_test(experiment: Experiment, first: Experiment, priors: PriorSet) -> 
 
 def _check_conditions(experiments: Sequence[Experiment]) -> None:
     """Ask for the same uncertain conditions in all tests, and one error of one apparatus."""
+    for experiment in experiments:
+        for one in experiment.uncertain:
+            if one.parameter not in experiment.may_be_uncertain:
+                raise InputError(
+                    f"{experiment.id}: key {CONDITION_KEYS[one.parameter][0]!r}: found {one.sd:g}, "
+                    f"expected none because tests of the protocol {experiment.protocol} take it as "
+                    "known."
+                )
     for name, (sd_key, apparatus_key) in CONDITION_KEYS.items():
         stated = {
             test.id: one for test in experiments for one in test.uncertain if one.parameter == name

@@ -50,6 +50,7 @@ class AttenuationExperiment(Experiment):
     """
 
     protocol: ClassVar[str] = "attenuation"
+    may_be_uncertain: ClassVar[frozenset[str]] = frozenset()
     laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType(
         {
             "kelvin": ("linear", "extended", "extended_peak", "andrade"),

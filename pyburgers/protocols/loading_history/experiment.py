@@ -52,6 +52,7 @@ class LoadingHistory(Experiment):
     """
 
     protocol: ClassVar[str] = "loading_history"
+    may_be_uncertain: ClassVar[frozenset[str]] = frozenset()
     stages: tuple[Stage, ...]
     time: FloatArray
     reading_stage: IntArray

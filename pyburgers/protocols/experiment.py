@@ -19,7 +19,7 @@ import numpy.typing as npt
 from pydantic import Field
 
 from pyburgers.common.errors import InputError
-from pyburgers.common.toml_files import Table, nearest, write_toml
+from pyburgers.common.toml_files import NAME, Table, nearest, write_toml
 from pyburgers.model.parameters import CONDITIONS, PARAMETER_BY_NAME
 from pyburgers.protocols.microstructure import MeasuredMicrostructure
 
@@ -91,6 +91,8 @@ class Experiment(ABC):
     laws : mapping of str to sequence of str
         Laws that such tests can be fitted with, by part of the model
         (`pyburgers.model.variants.CHOICES`): any of a part that is not named. A constant as well.
+    residual_correlation : str
+        Parameter along which residuals may correlate: over strain or over time. A constant as well.
     may_be_uncertain : frozenset of str
         Errors of conditions (`pyburgers.model.parameters.CONDITIONS`) that the program of such
         tests knows. A constant as well.
@@ -118,6 +120,7 @@ class Experiment(ABC):
     laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType(
         {"kelvin": ("linear", "power_law")}
     )
+    residual_correlation: ClassVar[str] = "residual_correlation_strain"
     may_be_uncertain: ClassVar[frozenset[str]] = CONDITIONS
     id: str
     material: str
@@ -279,10 +282,10 @@ def write_experiment(experiment: Experiment, directory: Path, own: Mapping[str, 
 
 def _check_conditions(path: Path, file: ExperimentFile) -> None:
     """Check everything that needs no data file."""
-    if not re.fullmatch(r"[A-Za-z0-9._-]+", file.id):
+    if not re.fullmatch(NAME, file.id):
         raise InputError(
-            f"{path}: key 'id': found {file.id!r}, expected letters, digits, '.', '_' or '-', "
-            "because it names files."
+            f"{path}: key 'id': found {file.id!r}, expected at most 100 letters, digits, '.', '_' "
+            "or '-', the first a letter, digit or '_', because it names files."
         )
     if not 50 <= file.temperature_K <= 3000:
         hint = "; it looks like degrees Celsius, add 273.15" if file.temperature_K < 50 else ""

@@ -189,19 +189,11 @@ def simulate_data(
         If the solver finds no solution.
     """
     protocol = protocol_of(experiment)
-    strains = [one.strain for one in experiment.microstructure]  # where strain is the clock
-    at = np.unique(np.append(experiment.position, strains))
-    solution = simulate(experiment, values, at=at)
-    position = solution[protocol.clock.column].to_numpy()
-    response = np.interp(experiment.position, position, solution[protocol.response.column])
+    solution = simulate(experiment, values, at=protocol.simulated_positions(experiment))
+    response = protocol.response_in(experiment, solution)
     simulated: E = replace(
         protocol.with_noise(experiment, response, values, rng),
-        microstructure=with_drawn_microstructure(
-            experiment.microstructure,
-            position,
-            {name: solution[name].to_numpy() for name in ("grain_size_m", "fabric_factor")},
-            rng,
-        ),
+        microstructure=with_drawn_microstructure(experiment.microstructure, solution, rng),
         provenance=Provenance("synthetic", f"pyburgers, {source}"),
         true_parameters=values,
     )

@@ -3,20 +3,18 @@
 Their likelihood is in `stan/statistics/measured_microstructure.stan`.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
+import pandas as pd
 from pydantic import Field
 
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, factor_to_si
-
-FloatArray = npt.NDArray[np.float64]
 
 NOT_MEASURED = 0.0
 """What the program is given in the place of a fabric factor that was not measured."""
@@ -155,10 +153,7 @@ def microstructure_tables(
 
 
 def with_drawn_microstructure(
-    measured: Sequence[MeasuredMicrostructure],
-    strain: FloatArray,
-    solution: Mapping[str, FloatArray],
-    rng: np.random.Generator,
+    measured: Sequence[MeasuredMicrostructure], solution: pd.DataFrame, rng: np.random.Generator
 ) -> tuple[MeasuredMicrostructure, ...]:
     """Measure the microstructure of a solution in the place of what was measured.
 
@@ -166,17 +161,15 @@ def with_drawn_microstructure(
     ----------
     measured : sequence of MeasuredMicrostructure
         Strains and uncertainties.
-    strain : array, shape (n,)
-        Of the solution, increasing; those of `measured` are among them.
-    solution : mapping of str to array, shape (n,)
-        Columns grain_size_m and fabric_factor.
+    solution : DataFrame
+        Columns strain, increasing, those of `measured` among them; grain_size_m, fabric_factor.
     rng : Generator
         Gives the errors.
     """
     drawn = []
     for one in measured:
         size, fabric = (
-            float(np.interp(one.strain, strain, solution[name]))
+            float(np.interp(one.strain, solution["strain"], solution[name]))
             for name in ("grain_size_m", "fabric_factor")
         )
         drawn.append(one.drawn(size, fabric, rng))

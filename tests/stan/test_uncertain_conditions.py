@@ -14,6 +14,7 @@ from stan_data import parameters_in
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import default_priors
+from pyburgers.protocols.coordinates import Mode
 from pyburgers.protocols.experiment import Experiment, UncertainCondition
 from pyburgers.protocols.forced_oscillation.experiment import (
     OscillationExperiment,
@@ -22,7 +23,7 @@ from pyburgers.protocols.forced_oscillation.experiment import (
 from pyburgers.protocols.forward import simulate
 from pyburgers.protocols.problem import Problem, problem_of
 from pyburgers.protocols.program_data import chart_block, program_data
-from pyburgers.protocols.protocol import Mode, load_experiment
+from pyburgers.protocols.protocol import load_experiment
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.charts import at_mode
 

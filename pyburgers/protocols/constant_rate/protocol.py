@@ -16,6 +16,7 @@ from pyburgers.model.display import (
     STRAIN_UNIT,
     STRESS_FACTOR,
     STRESS_UNIT,
+    Quantity,
 )
 from pyburgers.model.flow_law_prior import PeakTest
 from pyburgers.model.parameters import REFERENCE_STRESS_QUANTITY
@@ -33,7 +34,7 @@ from pyburgers.protocols.constant_rate.stan_data import (
     tests_block,
 )
 from pyburgers.protocols.constant_rate.valley import ValleyChart
-from pyburgers.protocols.protocol import Protocol, Quantity
+from pyburgers.protocols.protocol import Protocol
 from pyburgers.protocols.stan_data import StanData
 
 FloatArray = npt.NDArray[np.float64]
@@ -104,6 +105,10 @@ class ConstantRate(Protocol[ConstantRateExperiment]):
             "grain_size_m": draw["grid_grain_size"],
             "fabric_factor": draw["grid_fabric_factor"],
         }
+
+    def simulated_positions(self, experiment: ConstantRateExperiment) -> FloatArray:
+        """Return the strains of stresses and of measured microstructure."""
+        return np.union1d(experiment.strain, [one.strain for one in experiment.microstructure])
 
     def observed_positions(
         self, experiment: ConstantRateExperiment

@@ -15,7 +15,7 @@ from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.protocols.experiment import UncertainCondition
 from pyburgers.protocols.forward import simulate_data
-from pyburgers.report.page import write_report
+from pyburgers.report.joint_section import pooling_table, shown_pooling_table
 from pyburgers.sampling.options import SamplerOptions
 
 pytestmark = pytest.mark.usefixtures("programs")
@@ -85,9 +85,9 @@ def test_a_wrong_calibration_is_found_where_the_moduli_are_known(
 
 
 def test_tests_of_one_furnace_have_one_error(
-    small_problem: Problem, sketched: None, tmp_path: Path
+    small_problem: Problem, tmp_path: Path
 ) -> None:
-    """Draws, summary, page and a new test of the same furnace know it."""
+    """Draws, summary, tables and a new test of the same furnace know it."""
     big, own = (UncertainCondition(TEMPERATURE, 5.0, name) for name in ("big", None))
     first, second = (simulated(small_problem, s, {TEMPERATURE: 6.0}, big) for s in (1, 2))
     third = simulated(small_problem, 3, {TEMPERATURE: -4.0}, own)
@@ -105,8 +105,10 @@ def test_tests_of_one_furnace_have_one_error(
     assert abs(float(drawn[shared].mean()) - 6) < 3.5 * float(drawn[shared].std())
     assert abs(float(drawn[alone].mean()) + 4) < 3.5 * float(drawn[alone].std())
     assert {shared, alone} <= set(joint.summary().index)
-    page = write_report([joint], tmp_path / "page", title="T", command="x")
-    assert "true less stated temperature" in page.read_text(encoding="utf-8")
+    table = pooling_table(joint, []).set_index(["quantity", "test"])
+    assert (table["pooling"][TEMPERATURE] == "by apparatus").all()
+    shown = shown_pooling_table(table.reset_index()).set_index("quantity")
+    assert shown["seed_1"]["true less stated temperature"].startswith("6")
     again = Fit.load(joint.directory.path)
     assert again.problem.experiments[0].uncertain == (big,)
 

@@ -1,4 +1,4 @@
-"""What is fitted: tests of one material and protocol, their priors, and how they are pooled."""
+"""What is fitted: tests of one material, their priors, and how they are pooled."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -178,6 +178,8 @@ def problem_of(
 ) -> Problem:
     """Check tests, priors and pooling, and resolve the priors for each test.
 
+    Tests of several protocols are taken as loading histories.
+
     A prior that is a share of the largest stress takes that of the test, or of all tests where
     the parameter is shared.
 
@@ -193,9 +195,10 @@ def problem_of(
     Raises
     ------
     InputError
-        If tests are of different materials or protocols, have no data or the same name, or a
-        pooling does not go with the priors.
+        If tests are of different materials or of protocols that do not go together, have no data
+        or the same name, or a pooling does not go with the priors.
     """
+    experiments = of_one_protocol(experiments)
     names = [experiment.id for experiment in experiments]
     for name in names:
         if names.count(name) > 1:
@@ -237,6 +240,25 @@ def condition_priors(experiment: Experiment) -> tuple[Prior, ...]:
         )
         for condition in experiment.uncertain
     )
+
+
+def of_one_protocol(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
+    """Return tests as they are, or as loading histories where their protocols differ.
+
+    Raises
+    ------
+    InputError
+        If one of several protocols cannot be a loading history.
+    """
+    if len({experiment.protocol for experiment in experiments}) == 1:
+        return tuple(experiments)
+    for experiment in experiments:
+        if experiment.uncertain or experiment.microstructure:
+            raise InputError(
+                f"{experiment.id}: has uncertain conditions or measured microstructure, which "
+                "loading histories do not take, expected tests of one protocol."
+            )
+    return tuple(protocol_of(experiment).as_history(experiment) for experiment in experiments)
 
 
 def plain_coordinates(experiment: Experiment, priors: PriorSet) -> PlainCoordinates:
@@ -290,15 +312,11 @@ def _check_test(experiment: Experiment, first: Experiment, priors: PriorSet) -> 
     """Check that a test can be fitted, together with a first one."""
     if experiment.n_points == 0:
         raise InputError(f"{experiment.id}: the experiment has no data, expected a [data] table.")
-    for what, found, expected in (
-        ("protocol", experiment.protocol, first.protocol),
-        ("material", experiment.material, first.material),
-    ):
-        if found != expected:
-            raise InputError(
-                f"{experiment.id}: is of the {what} {found}, expected {expected} like {first.id}, "
-                f"because a joint fit is of one {what}."
-            )
+    if experiment.material != first.material:
+        raise InputError(
+            f"{experiment.id}: is of the material {experiment.material}, expected "
+            f"{first.material} like {first.id}, because a joint fit is of one material."
+        )
     check_variant(priors, experiment)
     protocol_of(experiment).check_priors(experiment, priors)
     _check_not_in_prior(experiment, priors)

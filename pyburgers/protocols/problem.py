@@ -135,20 +135,35 @@ class Problem:
         """Return each test by itself, with its resolved priors."""
         return tuple(map(one_test, self.experiments, self.priors))
 
-    def without(self, test: str) -> "Problem":
-        """Take a test out, and keep the prior densities of what is left.
+    @property
+    def parts(self) -> dict[str, int]:
+        """What can be left out, with its number of readings: a test, or a part of a single one."""
+        if len(self.experiments) > 1:
+            return {experiment.id: experiment.n_points for experiment in self.experiments}
+        return dict(self.experiments[0].parts)
+
+    @property
+    def parts_name(self) -> str:
+        """What the parts are, in the plural."""
+        return "tests" if len(self.experiments) > 1 else self.experiments[0].parts_name
+
+    def without(self, part: str) -> "Problem":
+        """Take out a test, or a part of a single one, and keep the prior densities of the rest.
 
         Where the prior of a shared parameter is a share of the largest stress, it stays that of
         all tests.
 
         Parameters
         ----------
-        test : str
-            Name of one of at least two tests.
+        part : str
+            One of `parts`.
         """
+        if len(self.experiments) == 1:
+            kept = [self.experiments[0].without_part(part)]
+            return problem_of(kept, self.priors[0], self.pooling)
         shared = [name for name in self.shared if name not in CONDITIONS]
         priors = _with_shared(self.given_priors, self.priors[0], shared)
-        kept = [experiment for experiment in self.experiments if experiment.id != test]
+        kept = [experiment for experiment in self.experiments if experiment.id != part]
         return problem_of(kept, priors, self.pooling)
 
 

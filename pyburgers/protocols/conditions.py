@@ -15,6 +15,7 @@ Ranges = Mapping[str, tuple[float, float]]
 SHOWN: Mapping[str, tuple[str, float]] = {
     "temperature": ("K", 1.0),
     "initial grain size": ("um", UNITS["length"]["um"]),
+    "period": ("s", 1.0),
     "strain rate": ("1/s", 1.0),
     "strain": ("%", UNITS["strain"]["percent"]),
     "stress": ("MPa", UNITS["stress"]["MPa"]),
@@ -29,7 +30,7 @@ def conditions(experiment: Experiment, predictions: xr.Dataset) -> Ranges:
     """Return the smallest and the largest value (SI) of every condition of a test.
 
     Strain and stress count from zero, and like the strain rate by their size; they are those of
-    the median solution.
+    the median solution. Tables of attenuation have periods in their place.
 
     Parameters
     ----------
@@ -47,11 +48,19 @@ def conditions(experiment: Experiment, predictions: xr.Dataset) -> Ranges:
     clock = protocol.clock.name
     median[f"grid_{clock}"] = predictions[clock].to_numpy()
     solution = protocol.solution(experiment, median)
+    temperature = solution.get("temperature_K", np.array([experiment.temperature]))
+    found = {
+        "temperature": (float(temperature.min()), float(temperature.max())),
+        "initial grain size": (experiment.initial_grain_size, experiment.initial_grain_size),
+    }
+    if "period_s" in solution:
+        found["period"] = (float(solution["period_s"].min()), float(solution["period_s"].max()))
+    if "time_s" not in solution:
+        return found
     passed = np.diff(solution["time_s"])
     rate = np.abs(np.diff(solution["strain"])[passed > 0] / passed[passed > 0])
     return {
-        "temperature": (experiment.temperature, experiment.temperature),
-        "initial grain size": (experiment.initial_grain_size, experiment.initial_grain_size),
+        **found,
         "strain rate": (float(rate.min()), float(rate.max())),
         "strain": (0.0, float(np.abs(solution["strain"]).max())),
         "stress": (0.0, float(np.abs(solution["stress_Pa"]).max())),
@@ -68,10 +77,14 @@ def outside(target: Ranges, fitted: Sequence[Ranges]) -> tuple[str, ...]:
     """
     phrases = []
     for name, (low, high) in target.items():
-        least = min(one[name][0] for one in fitted)
-        most = max(one[name][1] for one in fitted)
+        unit, factor = SHOWN[name]
+        known = [one[name] for one in fitted if name in one]
+        if not known:
+            phrases.append(f"{name} {_range(low, high, factor)} {unit} (fitted: none)")
+            continue
+        least = min(ends[0] for ends in known)
+        most = max(ends[1] for ends in known)
         if low < least * (1 - ROUNDING) or high > most * (1 + ROUNDING):
-            unit, factor = SHOWN[name]
             there, here = (_range(*ends, factor) for ends in ((low, high), (least, most)))
             phrases.append(f"{name} {there} {unit} (fitted: {here})")
     return tuple(phrases)

@@ -48,14 +48,14 @@ def conditions(experiment: Experiment, predictions: xr.Dataset) -> Ranges:
     clock = protocol.clock.name
     median[f"grid_{clock}"] = predictions[clock].to_numpy()
     solution = protocol.solution(experiment, median)
-    temperature = solution.get("temperature_K", np.array([experiment.temperature]))
+    temperatures = experiment.temperatures
     found = {
-        "temperature": (float(temperature.min()), float(temperature.max())),
+        "temperature": (float(temperatures.min()), float(temperatures.max())),
         "initial grain size": (experiment.initial_grain_size, experiment.initial_grain_size),
     }
     if "period_s" in solution:
         found["period"] = (float(solution["period_s"].min()), float(solution["period_s"].max()))
-    if "time_s" not in solution:
+    if "time_s" not in solution:  # cycles in closed form
         return found
     passed = np.diff(solution["time_s"])
     rate = np.abs(np.diff(solution["strain"])[passed > 0] / passed[passed > 0])
@@ -73,18 +73,15 @@ def outside(target: Ranges, fitted: Sequence[Ranges]) -> tuple[str, ...]:
     Parameters
     ----------
     target, fitted
-        Of `conditions`; the latter of one to many tests.
+        Of `conditions`; the latter of one to many tests. Those that all have are compared.
     """
     phrases = []
-    for name, (low, high) in target.items():
-        unit, factor = SHOWN[name]
-        known = [one[name] for one in fitted if name in one]
-        if not known:
-            phrases.append(f"{name} {_range(low, high, factor)} {unit} (fitted: none)")
-            continue
-        least = min(ends[0] for ends in known)
-        most = max(ends[1] for ends in known)
+    for name in (name for name in target if all(name in one for one in fitted)):
+        low, high = target[name]
+        least = min(one[name][0] for one in fitted)
+        most = max(one[name][1] for one in fitted)
         if low < least * (1 - ROUNDING) or high > most * (1 + ROUNDING):
+            unit, factor = SHOWN[name]
             there, here = (_range(*ends, factor) for ends in ((low, high), (least, most)))
             phrases.append(f"{name} {there} {unit} (fitted: {here})")
     return tuple(phrases)

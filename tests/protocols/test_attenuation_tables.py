@@ -262,7 +262,5 @@ def test_conditions_of_a_table_are_temperatures_and_periods() -> None:
     assert found["temperature"] == (1173.15, 1473.15)
     np.testing.assert_allclose(found["period"], (1.28, 1000), rtol=0.5)
     warmer = {**found, "temperature": (1173.15, 1573.15), "strain": (0.0, 0.01)}
-    temperature, strain = outside(warmer, [found])
-    assert temperature == "temperature 1173 to 1573 K (fitted: 1173 to 1473)"
-    assert strain == "strain up to 1 % (fitted: none)"
+    assert outside(warmer, [found]) == ("temperature 1173 to 1573 K (fitted: 1173 to 1473)",)
     assert outside(found, [found]) == ()

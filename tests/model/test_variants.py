@@ -127,6 +127,7 @@ def with_any_law(experiment: ConstantRateExperiment) -> AnyLaw:
 @pytest.mark.parametrize(
     ("law", "free"),
     [
+        ("two_elements", {"peak_strength", "peak_time_decades"}),
         ("extended", {"relaxation_time_decades", "relaxation_exponent"}),
         (
             "extended_peak",
@@ -166,6 +167,11 @@ def test_one_law_of_the_kelvin_part_takes_the_place_of_another(
     band = with_variant(peak, test, {"kelvin": "extended"})
     assert variant_of(band, test).kelvin == "extended"
     assert band["relaxation_exponent"] == peak["relaxation_exponent"]
+    two = with_variant(peak, test, {"kelvin": "two_elements"})
+    assert variant_of(two, test).kelvin == "two_elements"
+    assert variant_of(with_variant(two, test, {"kelvin": "extended_peak"}), test).kelvin == (
+        "extended_peak"
+    )
     linear = with_variant(band, test, {"kelvin": "linear"})
     assert variant_of(linear, test) == ModelVariant()
     creep = with_variant(priors, test, {"kelvin": "andrade"})

@@ -6,7 +6,7 @@ from `Protocol`, and its name in `NAMES`.
 
 import typing
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
@@ -16,6 +16,7 @@ from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 import xarray as xr
 from markupsafe import Markup
 from pydantic import ConfigDict, Field
@@ -28,7 +29,7 @@ from pyburgers.drawing.panels import FittedCurve
 from pyburgers.model.flow_law_prior import PeakTest
 from pyburgers.model.parameters import Parameter
 from pyburgers.model.priors import PriorSet
-from pyburgers.protocols.coordinates import Layout, PlainCoordinates
+from pyburgers.protocols.chart import Chart
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.stan_data import SolverOptions, StanData
 
@@ -36,7 +37,7 @@ FloatArray = npt.NDArray[np.float64]
 
 E = TypeVar("E", bound=Experiment)
 
-NAMES = ("constant_rate", "forced_oscillation", "attenuation")
+NAMES = ("constant_rate", "forced_oscillation", "loading_history", "attenuation")
 """Of all protocols, in files, and of their folders."""
 
 
@@ -68,109 +69,6 @@ class Quantity:
         return f"{self.name} ({self.display_unit})"
 
 
-class ChartUnsuited(Exception):  # noqa: N818 - an outcome with a reason, not an error
-    """A chart does not apply to a test and its priors; the message says why."""
-
-
-@dataclass(frozen=True, eq=False)
-class Mode:
-    """The highest density found, on the real line of the plain coordinates.
-
-    Attributes
-    ----------
-    values : mapping of str to float
-        Every parameter in SI.
-    coordinate : array, shape (n_coordinates,)
-        Plain coordinates.
-    driving_error : array, shape (n_driving_errors,)
-        Errors of what drives the test, standardised.
-    """
-
-    values: Mapping[str, float]
-    coordinate: FloatArray
-    driving_error: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
-class AtMode(Generic[E]):
-    """A test by itself at its posterior mode, and what a chart may ask its Stan program there.
-
-    Attributes
-    ----------
-    experiment, priors
-        The test and its resolved priors.
-    coordinates : PlainCoordinates
-        What its plain coordinates stand for.
-    mode : Mode
-        The mode.
-    data : dict
-        Data of the program in plain coordinates.
-    solution : callable
-        Receives positions on the clock (SI), returns the solution there
-        (`pyburgers.protocols.program_data.solve`).
-    generated, curvature : callable
-        Receive changed entries of the data; return every variable of the program, and the Hessian
-        of minus the log density by the plain coordinates.
-    """
-
-    experiment: E
-    priors: PriorSet
-    coordinates: PlainCoordinates
-    mode: Mode
-    data: StanData
-    solution: Callable[[FloatArray], dict[str, FloatArray]]
-    generated: Callable[..., dict[str, FloatArray]]
-    curvature: Callable[..., FloatArray]
-
-
-class Chart(ABC, Generic[E]):
-    """Coordinates of a protocol other than the plain ones, set up at the posterior mode.
-
-    Only the speed of a run depends on them, not its result.
-
-    Attributes
-    ----------
-    name : str
-        As in the option ``--coordinates`` (`docs/coordinates.md`).
-    curvature_tolerance : float or None
-        Tolerance of the solver for curvatures; None takes that of the run.
-    solved : tuple of str
-        Parameters that every test must have of its own.
-    """
-
-    name: ClassVar[str]
-    solved: ClassVar[tuple[str, ...]] = ()
-    curvature_tolerance: ClassVar[float | None] = None
-
-    @abstractmethod
-    def reference(self, test: AtMode[E]) -> tuple[Any, FloatArray]:
-        """Set the chart up at the mode of a test.
-
-        Returns
-        -------
-        reference
-            What the chart is set up with.
-        centre : array, shape (n_coordinates,)
-            Where the mode lies in it.
-
-        Raises
-        ------
-        ChartUnsuited
-            If priors or record do not suit.
-        """
-
-    def rescaled(self, reference: Any, test: AtMode[E], covariance: FloatArray) -> Any:
-        """Return the reference, set up further with the posterior's covariance in the chart."""
-        return reference
-
-    @abstractmethod
-    def block(self, references: Sequence[Any], layout: Layout) -> StanData:
-        """Return the data of the chart, given what tests are set up with; none: plain coordinates.
-
-        `pyburgers.protocols.program_data.chart_block` adds what all charts have in common.
-        """
-
-
 class FittedTest(typing.Protocol):
     """What figures and tables of a protocol are given: a test with its posterior."""
 
@@ -197,7 +95,7 @@ class Protocol(ABC, Generic[E]):
     clock : Quantity
         Along which the test is driven and solutions are given.
     response : Quantity
-        What is observed; the program names it in ``NAME_replicated`` and ``grid_NAME``.
+        What is observed; the program names it in ``NAME_model`` and ``NAME_replicated``.
     noise : str
         Parameter that is the standard deviation of its readings.
     reference : Parameter
@@ -234,6 +132,14 @@ class Protocol(ABC, Generic[E]):
     remedy: ClassVar[str | None] = None
     figures: ClassVar[tuple[FigureRecipe[FittedTest], ...]]
     reference_text: ClassVar[Markup]
+
+    @property
+    def read(self) -> tuple[Quantity, ...]:
+        """What is read: of more than one quantity `observed_positions` says of which each point is.
+
+        The program gives the solution of each in ``grid_NAME``.
+        """
+        return (self.response,)
 
     @property
     def program(self) -> Path:
@@ -297,8 +203,40 @@ class Protocol(ABC, Generic[E]):
         """Return where the points lie along the test, by quantity, with its SI unit.
 
         Further ones: ``reading_error``, the standard deviation of the response where it is stated,
-        and ``typical_error``, by which residuals are weighed where it is not and they differ.
+        ``typical_error``, by which residuals are weighed where it is not and they differ, and
+        ``quantity``, the number in `read` of what is read, where that is several.
         """
+
+    def simulated_positions(self, experiment: E) -> FloatArray:
+        """Return where (SI) a solution has to be given for `response_in`, not decreasing."""
+        return np.unique(experiment.position)
+
+    def response_in(self, experiment: E, solution: pd.DataFrame) -> FloatArray:
+        """Return the response (SI) of every point, shape (n_points,), from a solution.
+
+        Parameters
+        ----------
+        experiment : Experiment
+            Where the points lie.
+        solution : DataFrame
+            At `simulated_positions`, see `pyburgers.protocols.forward.simulate`.
+        """
+        found: FloatArray = np.interp(
+            experiment.position, solution[self.clock.column], solution[self.response.column]
+        )
+        return found
+
+    def priors_of(self, experiments: Sequence[E], priors: PriorSet) -> tuple[PriorSet, ...]:
+        """Return priors for each of some tests, with what their files and readings add.
+
+        Parameters
+        ----------
+        experiments : sequence of Experiment
+            Tests that are fitted together.
+        priors : PriorSet
+            Of all tests.
+        """
+        return tuple(priors for _ in experiments)
 
     @abstractmethod
     def with_noise(

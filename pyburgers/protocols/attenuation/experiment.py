@@ -52,7 +52,7 @@ class AttenuationExperiment(Experiment):
     protocol: ClassVar[str] = "attenuation"
     laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType(
         {
-            "kelvin": ("linear", "extended", "extended_peak", "andrade"),
+            "kelvin": ("linear", "two_elements", "extended", "extended_peak", "andrade"),
             "grain_size": ("constant",),
             "fabric": ("constant",),
             "residuals": ("independent",),

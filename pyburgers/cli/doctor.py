@@ -150,8 +150,9 @@ def _compilation() -> list[Finding]:
         from pyburgers.cmdstan import compilation
     except ModuleNotFoundError:
         return []  # the package has a finding of its own
-    found = [_cache(compilation.cache_directory())]
+    found = []
     try:
+        found.append(_cache(compilation.cache_directory()))
         cmdstan, folder = find_cmdstan(), stan_directory()
         if cmdstan is not None:
             programs = [*sorted(folder.glob("*.stan")), *sorted(folder.glob("reference/*.stan"))]

@@ -1,11 +1,15 @@
 """Command line: which command, what its errors and an interrupt come to."""
 
 import argparse
+import errno
+import io
+import os
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from importlib import import_module
 
-from pyburgers.common.errors import PyburgersError
+from pyburgers.common.errors import InputError, PyburgersError
 from pyburgers.common.messages import messages_to
 
 EXIT_INTERRUPTED = 130
@@ -46,23 +50,83 @@ def main(arguments: Sequence[str] | None = None) -> int:
     int
         What `EXIT_CODES` says.
     """
+    _open_streams()
     try:
-        options = _parse(sys.argv[1:] if arguments is None else arguments)
-        with messages_to(sys.stderr):
-            code: int = options.run(options)
-            return code
+        try:
+            return _run(sys.argv[1:] if arguments is None else arguments)
+        finally:
+            sys.stdout.flush()
     except PyburgersError as error:
-        print(f"pyburgers: {error}", file=sys.stderr)
-        return error.exit_code
+        return _ended(str(error), error.exit_code)
     except ModuleNotFoundError as error:
-        print(f"pyburgers: {error}; `pyburgers doctor` says what to do.", file=sys.stderr)
+        return _ended(f"{error}; `pyburgers doctor` says what to do.", 1)
+    except BrokenPipeError:
+        _drop_output()
         return 1
-    except KeyboardInterrupt:
-        print(
-            "pyburgers: interrupted; the same command continues with what is missing.",
-            file=sys.stderr,
+    except OSError as error:
+        _drop_output()
+        wrong_name = error.errno in (errno.ENAMETOOLONG, errno.ELOOP)
+        return _ended(
+            f"{_place(error)}: {error.strerror or error}; mend that, then run the same command "
+            "again.",
+            InputError.exit_code if wrong_name else 1,
         )
-        return EXIT_INTERRUPTED
+    except RuntimeError as error:
+        if os.path.expanduser("~") != "~":  # noqa: PTH111 - pathlib's raises where there is none
+            raise
+        return _ended(f"there is no home folder ({error}); set HOME to one.", 1)
+    except MemoryError:
+        return _ended("memory is full; free some, then run the same command again.", 1)
+    except KeyboardInterrupt:
+        return _ended(
+            "interrupted; the same command continues with what is missing.", EXIT_INTERRUPTED
+        )
+
+
+def _run(arguments: Sequence[str]) -> int:
+    """Run a command; return its exit code."""
+    if any("\0" in argument for argument in arguments):
+        raise InputError("found a zero byte in an argument, expected text.")
+    options = _parse(arguments)
+    with messages_to(sys.stderr):
+        code: int = options.run(options)
+        return code
+
+
+def _ended(sentence: str, code: int) -> int:
+    """Say why a command has ended, as far as there is someone to say it to."""
+    with suppress(OSError):
+        print(f"pyburgers: {sentence}", file=sys.stderr)
+    return code
+
+
+def _place(error: OSError) -> str:
+    """Say what the system did not let the command use."""
+    if error.filename is not None:
+        return str(error.filename)
+    try:
+        os.getcwd()  # noqa: PTH109 - only whether there is one
+    except OSError:
+        return "the working directory was deleted"
+    return "standard output or a file"
+
+
+def _open_streams() -> None:
+    """Give streams that were closed somewhere to go, and write any text in any encoding."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            setattr(sys, name, open(nowhere, "w", encoding="utf-8", closefd=False))  # noqa: SIM115
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
+
+
+def _drop_output() -> None:
+    """Give up output that cannot be written, so that the interpreter does not try again."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _parse(arguments: Sequence[str]) -> argparse.Namespace:

@@ -71,8 +71,9 @@ def sampler_options(
 
 
 def command_line() -> str:
-    """Return the command as the user typed it, for manifests."""
-    return shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
+    """Return the command as the user typed it, for manifests; bytes that are no text escaped."""
+    typed = shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
+    return typed.encode("utf-8", "backslashreplace").decode("utf-8")
 
 
 @contextmanager

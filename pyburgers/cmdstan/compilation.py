@@ -71,13 +71,13 @@ def cache_directory() -> Path:
     chosen = os.environ.get("PYBURGERS_CACHE")
     if chosen:
         return chosen_folder(chosen)
-    folder = Path(platformdirs.user_cache_dir("pyburgers"))
-    if not folder.is_absolute():
+    try:
+        return Path(platformdirs.user_cache_dir("pyburgers"))
+    except RuntimeError as error:
         raise ToolchainError(
             "There is no home folder for the cache of compiled programs; set the environment "
             "variable PYBURGERS_CACHE to a folder."
-        )
-    return folder
+        ) from error
 
 
 def program_key(program: Path, include_directory: Path, cmdstan: Path) -> str:

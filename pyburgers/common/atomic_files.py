@@ -48,12 +48,19 @@ def write_atomically(path: Path, write: Callable[[Path], None]) -> None:
         writers look at.
     write : callable
         Receives the temporary path.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written; names `path`.
     """
     temporary = path.with_name(f"{UNFINISHED}{uuid.uuid4().hex}{path.suffix}")
     try:
         write(temporary)
         flush_to_disk(temporary)
         temporary.replace(path)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(path)) from error
     finally:
         temporary.unlink(missing_ok=True)
 

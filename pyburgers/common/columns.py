@@ -69,7 +69,9 @@ class TextFilesTable(Table):
         if self.data_root is None:
             return path.parent
         override = os.environ.get(DATA_ROOT_VARIABLE)
-        return Path(override).expanduser() if override else path.parent / self.data_root
+        if not override:
+            return path.parent / self.data_root
+        return Path(os.path.expanduser(override))  # noqa: PTH111 - takes unknown homes as they are
 
     @property
     def selection(self) -> str:
@@ -122,7 +124,7 @@ def read_columns(
         else factor_to_si(getattr(data, unit[0]), unit[1], f"{where}: key {unit[0]!r} in [data]")
         for unit in columns.values()
     ]
-    rows = _rows(read_text(source, f"{where}: key {file_key}"), data.separator)
+    rows = _rows(source, read_text(source, f"{where}: key {file_key}"), data.separator)
     names = rows.pop(0)[1] if data.header and rows else None
     if not rows:
         raise InputError(f"{source}: no data rows; expected at least one row of numbers.")
@@ -152,13 +154,16 @@ def _written(number: float) -> str:
     return "" if math.isnan(number) else repr(number)
 
 
-def _rows(text: str, separator: Separator) -> list[tuple[int, list[str]]]:
+def _rows(path: Path, text: str, separator: Separator) -> list[tuple[int, list[str]]]:
     """Line number (from 1) and cells of every row that is neither blank nor a comment."""
-    return [
-        (number, _cells(line, separator))
-        for number, line in enumerate(text.splitlines(), start=1)
-        if line.strip() and not line.lstrip().startswith(COMMENT)
-    ]
+    found = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        if line.strip() and not line.lstrip().startswith(COMMENT):
+            try:
+                found.append((number, _cells(line, separator)))
+            except csv.Error as error:
+                raise InputError(f"{path}: line {number}: is no row of cells ({error}).") from None
+    return found
 
 
 def _cells(line: str, separator: Separator) -> list[str]:

@@ -28,6 +28,9 @@ class Table(BaseModel):
 
 TableT = TypeVar("TableT", bound=Table)
 
+NAME = r"^[A-Za-z0-9_][A-Za-z0-9._-]{0,99}$"
+"""What a name has to look like that becomes a part of names of files."""
+
 DEEPEST = 100
 """Parts of a dotted key. Time to read one goes with the square of their number."""
 

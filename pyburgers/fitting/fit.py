@@ -27,7 +27,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import nearest
 from pyburgers.fitting.prediction import Prediction, Source, predict_test
 from pyburgers.model.pooling import SEPARATE, pooling_from, pooling_of
-from pyburgers.model.priors import PriorSet, load_priors
+from pyburgers.model.priors import PriorSet, load_priors, note_other_material
 from pyburgers.model.variants import ModelVariant, variant_of
 from pyburgers.posterior.build import build_posterior
 from pyburgers.posterior.labelled_draws import TESTS, draws_table, load_posterior, summary_table
@@ -367,6 +367,8 @@ def fit(
     """
     tests = [experiments] if isinstance(experiments, Experiment) else list(experiments)
     pooling = pooling_of(pool) if len(tests) > 1 else SEPARATE
+    for test in tests[:1]:
+        note_other_material(priors, test.material)
     return fit_problem(
         problem_of(tests, priors, pooling),
         out=out,

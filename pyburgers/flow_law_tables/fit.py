@@ -32,7 +32,7 @@ from pyburgers.flow_law_tables.inputs import (
 from pyburgers.flow_law_tables.softening import N_SOFTENING, SofteningPrior, softening_prior
 from pyburgers.model.flow_law_prior import FLOW_LAW_PRIOR_FILE, PRIOR_QUANTITIES, FlowLawPrior
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
-from pyburgers.model.priors import PriorSet, default_priors
+from pyburgers.model.priors import PriorSet, default_priors, note_other_material
 from pyburgers.posterior.labelled_draws import (
     keep_posterior,
     label_draws,
@@ -288,6 +288,8 @@ def fit_peak_stress(
         coordinates="plain",
     )
     curve = default_priors(data.material) if curve is None else curve
+    for given in (priors, curve):
+        note_other_material(given, data.material)
     softening = softening_prior(data, curve, seed=options.seed)
     stan_data = peak_stress_data(data, priors, softening, use_likelihood=use_likelihood)
     model = load_program(stan_directory() / "peak_stress.stan")

@@ -16,7 +16,7 @@ from pydantic import Field
 
 from pyburgers.common.columns import Column, TextFilesTable, read_columns, write_columns
 from pyburgers.common.errors import InputError
-from pyburgers.common.toml_files import Table, read_toml, write_toml
+from pyburgers.common.toml_files import NAME, Table, read_toml, write_toml
 from pyburgers.model.flow_law_prior import Conditions, PeakTest
 from pyburgers.model.parameters import PARAMETER_BY_NAME, Parameter
 from pyburgers.model.prior_families import PriorTable, check_beta, load_prior
@@ -165,9 +165,7 @@ class _PeakStrainTable(Table):
 
 
 class _PeakStressFile(Table):
-    id: str = Field(
-        pattern=r"^[A-Za-z0-9._-]+$", description="the table's name, part of file names"
-    )
+    id: str = Field(pattern=NAME, description="the table's name, part of file names")
     material: str = Field(min_length=1, description="the material, such as ice")
     protocol: Literal["peak_stress"] = Field(description="the kind of table")
     data: _DataTable = Field(description="the table that says where the columns are")

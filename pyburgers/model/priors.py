@@ -1,6 +1,7 @@
 """Sets of priors: of all parameters for one material, and their TOML files."""
 
 import importlib.resources
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -31,6 +32,8 @@ from pyburgers.model.prior_families import (
     is_fixed_at,
     load_prior,
 )
+
+logger = logging.getLogger(__name__)
 
 FLOW_LAW = ("stress_exponent", "grain_size_exponent", "activation_enthalpy", "beta")
 """Parameters that a joint prior of the flow law is about."""
@@ -137,6 +140,14 @@ def with_flow_law(priors: PriorSet, flow_law: FlowLawPrior, where: str) -> Prior
         title=f"{priors.title}; flow law from {flow_law.source}",
         flow_law=flow_law,
     )
+
+
+def note_other_material(priors: PriorSet, material: str) -> None:
+    """Log a note where priors are not of the material of a test."""
+    if priors.material != material:
+        logger.info(
+            f"note: {priors.title!r} are priors of {priors.material}, the data are of {material}."
+        )
 
 
 class PriorFile(Table):

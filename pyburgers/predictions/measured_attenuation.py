@@ -10,6 +10,7 @@ The first two columns are needed. ``tan_delta_sd`` is a standard deviation, draw
 ``series`` names points that belong together in the legend.
 """
 
+import io
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +19,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from pyburgers.common.errors import InputError
+from pyburgers.common.toml_files import read_text
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -55,9 +57,10 @@ def load_measured_attenuation(path: Path) -> MeasuredAttenuation:
         If the file cannot be read, has no points, a column is missing or unknown, or a number is
         not finite or not positive (a standard deviation: negative).
     """
+    text = io.StringIO(read_text(path))
     try:
-        table = pd.read_csv(path, comment="#", skipinitialspace=True, dtype=str)
-    except (OSError, ValueError) as error:
+        table = pd.read_csv(text, comment="#", skipinitialspace=True, dtype=str)
+    except ValueError as error:
         reason = " ".join(str(error).split())
         raise InputError(
             f"{path}: cannot be read as comma-separated columns ({reason})."

@@ -19,7 +19,7 @@ import numpy.typing as npt
 from pydantic import Field
 
 from pyburgers.common.errors import InputError
-from pyburgers.common.toml_files import Table, nearest, write_toml
+from pyburgers.common.toml_files import NAME, Table, nearest, write_toml
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 
 FloatArray = npt.NDArray[np.float64]
@@ -217,10 +217,10 @@ def write_experiment(experiment: Experiment, directory: Path, own: Mapping[str, 
 
 def _check_conditions(path: Path, file: ExperimentFile) -> None:
     """Check everything that needs no data file."""
-    if not re.fullmatch(r"[A-Za-z0-9._-]+", file.id):
+    if not re.fullmatch(NAME, file.id):
         raise InputError(
-            f"{path}: key 'id': found {file.id!r}, expected letters, digits, '.', '_' or '-', "
-            "because it names files."
+            f"{path}: key 'id': found {file.id!r}, expected at most 100 letters, digits, '.', '_' "
+            "or '-', the first a letter, digit or '_', because it names files."
         )
     if not 50 <= file.temperature_K <= 3000:
         hint = "; it looks like degrees Celsius, add 273.15" if file.temperature_K < 50 else ""

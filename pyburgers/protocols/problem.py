@@ -13,8 +13,7 @@ from pyburgers.model.parameters import Parameter
 from pyburgers.model.pooling import SEPARATE, Pooling
 from pyburgers.model.priors import FLOW_LAW, PriorSet
 from pyburgers.model.variants import check_variant
-from pyburgers.protocols.chart import Mode
-from pyburgers.protocols.coordinates import Layout, PlainCoordinates, layout_of
+from pyburgers.protocols.coordinates import Layout, Mode, PlainCoordinates, layout_of
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.protocol import Protocol, protocol_of
 

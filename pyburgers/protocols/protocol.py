@@ -6,7 +6,7 @@ from `Protocol`, and its name in `NAMES`.
 
 import typing
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
@@ -26,10 +26,11 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, read_toml
 from pyburgers.drawing.page_parts import FigureRecipe, PageTable
 from pyburgers.drawing.panels import FittedCurve
+from pyburgers.model.display import Quantity
 from pyburgers.model.flow_law_prior import PeakTest
 from pyburgers.model.parameters import Parameter
 from pyburgers.model.priors import PriorSet
-from pyburgers.protocols.chart import Chart
+from pyburgers.protocols.coordinates import Layout, Mode, PlainCoordinates
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.stan_data import SolverOptions, StanData
 
@@ -41,32 +42,88 @@ NAMES = ("constant_rate", "forced_oscillation", "loading_history", "attenuation"
 """Of all protocols, in files, and of their folders."""
 
 
-@dataclass(frozen=True)
-class Quantity:
-    """A quantity along which, or of which, tests of a protocol are.
+class ChartUnsuited(Exception):  # noqa: N818 - an outcome with a reason, not an error
+    """A chart does not apply to a test and its priors; the message says why."""
+
+
+@dataclass(frozen=True, eq=False)
+class AtMode(Generic[E]):
+    """A test by itself at its posterior mode, and what a chart may ask its Stan program there.
+
+    Attributes
+    ----------
+    experiment, priors
+        The test and its resolved priors.
+    coordinates : PlainCoordinates
+        What its plain coordinates stand for.
+    mode : Mode
+        The mode.
+    data : dict
+        Data of the program in plain coordinates.
+    solution : callable
+        Receives positions on the clock (SI), returns the solution there
+        (`pyburgers.protocols.program_data.solve`).
+    generated, curvature : callable
+        Receive changed entries of the data; return every variable of the program, and the Hessian
+        of minus the log density by the plain coordinates.
+    """
+
+    experiment: E
+    priors: PriorSet
+    coordinates: PlainCoordinates
+    mode: Mode
+    data: StanData
+    solution: Callable[[FloatArray], dict[str, FloatArray]]
+    generated: Callable[..., dict[str, FloatArray]]
+    curvature: Callable[..., FloatArray]
+
+
+class Chart(ABC, Generic[E]):
+    """Coordinates of a protocol other than the plain ones, set up at the posterior mode.
+
+    Only the speed of a run depends on them, not its result.
 
     Attributes
     ----------
     name : str
-        Name of its dimension or variable in draws.
-    column : str
-        Its column in tables of solutions and points.
-    si_unit, display_unit : str
-        Of stored values, and of figures and tables.
-    display_factor : float
-        From the one to the other.
+        As in the option ``--coordinates`` (`docs/coordinates.md`).
+    curvature_tolerance : float or None
+        Tolerance of the solver for curvatures; None takes that of the run.
+    solved : tuple of str
+        Parameters that every test must have of its own.
     """
 
-    name: str
-    column: str
-    si_unit: str
-    display_unit: str
-    display_factor: float
+    name: ClassVar[str]
+    solved: ClassVar[tuple[str, ...]] = ()
+    curvature_tolerance: ClassVar[float | None] = None
 
-    @property
-    def label(self) -> str:
-        """Name and display unit."""
-        return f"{self.name} ({self.display_unit})"
+    @abstractmethod
+    def reference(self, test: AtMode[E]) -> tuple[Any, FloatArray]:
+        """Set the chart up at the mode of a test.
+
+        Returns
+        -------
+        reference
+            What the chart is set up with.
+        centre : array, shape (n_coordinates,)
+            Where the mode lies in it.
+
+        Raises
+        ------
+        ChartUnsuited
+            If priors or record do not suit.
+        """
+
+    def rescaled(self, reference: Any, test: AtMode[E], covariance: FloatArray) -> Any:
+        """Return the reference, set up further with the posterior's covariance in the chart."""
+        return reference
+
+    @abstractmethod
+    def block(self, references: Sequence[Any], layout: Layout) -> StanData:
+        """Return the data of the chart, given what tests are set up with; none: plain coordinates.
+
+        `pyburgers.protocols.program_data.chart_block` adds what all charts have in common.
+        """
 
 
 class FittedTest(typing.Protocol):

@@ -23,7 +23,7 @@ from pyburgers.common.errors import InputError, SystemFailureError
 from pyburgers.common.processes import completed, number_of_processes
 from pyburgers.common.toml_files import Table, read_json_table
 from pyburgers.model.pooling import SEPARATE, pooling_from, pooling_of
-from pyburgers.model.priors import PriorSet, load_priors, save_priors
+from pyburgers.model.priors import PriorSet, load_priors, note_other_material, save_priors
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.problem import Problem, problem_of
 from pyburgers.protocols.program_data import program_data
@@ -249,6 +249,7 @@ def calibrate(
     tests = [templates] if isinstance(templates, Experiment) else list(templates)
     problem = problem_of(tests, priors, pooling_of(pool) if len(tests) > 1 else SEPARATE)
     check_template(problem)
+    note_other_material(priors, tests[0].material)
     check_coordinates(problem, plan.sampler.coordinates)
     jobs = number_of_processes(jobs, plan.simulations)
     sampler = plan.sampler.suited_to(problem.protocol)

@@ -1,5 +1,6 @@
 """Prior files: the tables of the paper with their corrections, and what is refused."""
 
+import logging
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -15,6 +16,7 @@ from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import (
     default_priors,
     load_priors,
+    note_other_material,
     save_priors,
     shipped_prior_files,
 )
@@ -313,6 +315,16 @@ class TestBadInput:
 
     def test_missing_file(self, tmp_path: Path) -> None:
         assert "does not exist" in refusal(tmp_path / "none.toml", load_priors)
+
+
+def test_priors_of_another_material_are_told(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.INFO, "pyburgers")
+    note_other_material(default_priors("ice"), "ice")
+    assert caplog.messages == []
+    note_other_material(default_priors("ice"), "olivine")
+    (said,) = caplog.messages
+    assert said.startswith("note: ")
+    assert said.endswith("are priors of ice, the data are of olivine.")
 
 
 def test_priors_compare_by_value_whatever_the_unit_written() -> None:

@@ -57,7 +57,7 @@ def test_a_file_that_does_not_fit_is_refused(tmp_path: Path, text: str, message:
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"absent\.csv: cannot be read"):
+    with pytest.raises(InputError, match=r"absent\.csv does not exist"):
         load_measured_attenuation(tmp_path / "absent.csv")
 
 

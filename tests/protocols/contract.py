@@ -18,11 +18,12 @@ from stan_data import one_test_data, parameters_in
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.priors import default_priors
-from pyburgers.protocols.chart import AtMode, Mode
+from pyburgers.protocols.coordinates import Mode
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forward import simulate
 from pyburgers.protocols.problem import problem_of
 from pyburgers.protocols.protocol import (
+    AtMode,
     load_experiment,
     protocol_of,
     protocols,

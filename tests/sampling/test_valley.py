@@ -5,10 +5,10 @@ import pytest
 from conftest import ICE, resolved_priors, valley_of, with_fixed
 
 from pyburgers.model.priors import PriorSet
-from pyburgers.protocols.chart import ChartUnsuited
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
 from pyburgers.protocols.constant_rate.valley import NOISE_SCALED, find_valley, noise_exponents
 from pyburgers.protocols.problem import plain_coordinates, problem_of
+from pyburgers.protocols.protocol import ChartUnsuited
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.charts import at_mode
 from pyburgers.sampling.starts import find_mode

@@ -22,8 +22,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet, load_priors
-from pyburgers.protocols.chart import Mode
-from pyburgers.protocols.coordinates import REFERENCE_FLOW_RATE
+from pyburgers.protocols.coordinates import REFERENCE_FLOW_RATE, Mode
 from pyburgers.protocols.forced_oscillation.experiment import (
     OscillationExperiment,
     load_forced_oscillation,

@@ -261,7 +261,7 @@ def test_points_that_cannot_be_read_stop_the_study_before_it_fits(
 ) -> None:
     points = tmp_path / "points.csv"
     assert main(["reproduce", "--out", str(tmp_path / "page"), "--measured", str(points)]) == 2
-    assert "points.csv: cannot be read" in capsys.readouterr().err
+    assert "points.csv does not exist" in capsys.readouterr().err
     assert not (tmp_path / "page").exists()
 
 

@@ -15,10 +15,10 @@ import numpy.typing as npt
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.variants import variant_of
-from pyburgers.protocols.chart import AtMode, Chart, ChartUnsuited
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, strain_grid
 from pyburgers.protocols.constant_rate.stan_data import ValleyReference, valley_block
 from pyburgers.protocols.coordinates import Layout, PlainCoordinates
+from pyburgers.protocols.protocol import AtMode, Chart, ChartUnsuited
 from pyburgers.protocols.stan_data import StanData
 
 FloatArray = npt.NDArray[np.float64]

@@ -10,7 +10,7 @@ import pandas as pd
 from markupsafe import Markup
 
 from pyburgers.drawing.page_parts import PageTable
-from pyburgers.model.display import STRAIN_FACTOR, STRAIN_UNIT, STRESS_FACTOR, STRESS_UNIT
+from pyburgers.model.display import STRAIN_FACTOR, STRAIN_UNIT, STRESS_FACTOR, STRESS_UNIT, Quantity
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.loading_history.figures import LOADING_HISTORY_FIGURES, fitted_curve
@@ -23,7 +23,7 @@ from pyburgers.protocols.loading_history.stan_data import (
     tests_block,
     times_of_readings,
 )
-from pyburgers.protocols.protocol import FittedTest, Protocol, Quantity
+from pyburgers.protocols.protocol import FittedTest, Protocol
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -1,0 +1,196 @@
+"""The command line where the machine is not as it should be: a sentence and an exit code."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+import pytest
+from conftest import ICE
+from refusals import assert_refused
+
+from pyburgers.cli.main import main
+from pyburgers.common.atomic_files import write_text
+
+PREAMBLE = "import resource, os, sys; from pyburgers.cli.main import main\n"
+TEST = str(ICE / "PIL40.toml")
+
+
+def ended(
+    code: str, *, environment: Mapping[str, str] | None = None, **streams: int
+) -> tuple[int, str]:
+    """Run a program in a process of its own; return its exit code and what it says of errors."""
+    done = subprocess.run(
+        [sys.executable, "-c", PREAMBLE + code],
+        env={**os.environ, **(environment or {})},
+        stdout=streams.get("stdout", subprocess.DEVNULL),
+        stderr=subprocess.PIPE,
+        text=True,
+        check=False,
+        timeout=120,
+    )
+    return done.returncode, done.stderr
+
+
+@pytest.fixture
+def full() -> int:
+    """A device that is always full."""
+    return os.open("/dev/full", os.O_WRONLY)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no full device")
+@pytest.mark.parametrize("command", ["['doctor']", "['fit', '--help']"])
+def test_a_full_standard_output_is_told(full: int, command: str) -> None:
+    code, error = ended(f"sys.exit(main({command}))", stdout=full)
+    os.close(full)
+    assert code in (0, 1)  # argparse does not mind that its help is lost
+    assert "Traceback" not in error
+    assert "Exception ignored" not in error
+    if code == 1:
+        assert error.startswith("pyburgers: standard output or a file: No space left on device;")
+
+
+@pytest.mark.parametrize("closed", [(1,), (2,), (0, 1, 2)])
+def test_closed_streams_change_nothing_else(closed: tuple[int, ...]) -> None:
+    closing = f"[os.close(number) for number in {closed}]"
+    # Python itself has to find them closed.
+    code = f"{closing}; os.execv({sys.executable!r}, [{sys.executable!r}, '-c', {PREAMBLE!r} + "
+    code += """'sys.exit(main(["check", "/nowhere"]))'])"""
+    assert ended(code)[0] == 2
+
+
+def test_a_reader_that_has_left_is_nobody_to_talk_to() -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    code, error = ended("sys.exit(main(['doctor']))", stdout=writing)
+    os.close(writing)
+    assert (code, error) == (1, "")
+
+
+def test_letters_that_an_encoding_lacks_are_escaped(tmp_path: Path) -> None:
+    out = tmp_path / "out.txt"
+    with out.open("wb") as file:
+        code, error = ended(
+            "import pyburgers.cli.doctor as command\n"
+            "command.run = lambda _: print('η of the Kelvin element') or 0\n"
+            "sys.exit(main(['doctor']))",
+            environment={"PYTHONIOENCODING": "ascii"},
+            stdout=file.fileno(),
+        )
+    assert (code, error) == (0, "")
+    assert out.read_text(encoding="ascii") == "\\u03b7 of the Kelvin element\n"
+
+
+def test_a_deleted_working_directory_is_told(tmp_path: Path) -> None:
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    for command in (["check", "nowhere"], ["doctor"]):
+        code, error = ended(
+            f"os.chdir({str(gone)!r}); os.rmdir({str(gone)!r}); code = main({command})\n"
+            f"os.mkdir({str(gone)!r}); sys.exit(code)"
+        )
+        assert "Traceback" not in error
+        assert code in (0, 1, 2)
+        if error:
+            assert error.startswith("pyburgers: ")
+
+
+def test_a_home_that_is_a_file_is_told(tmp_path: Path) -> None:
+    home = tmp_path / "home"
+    home.touch()
+    environment = {"HOME": str(home), "MPLCONFIGDIR": str(tmp_path)}
+    code, error = ended("sys.exit(main(['check', '/nowhere']))", environment=environment)
+    assert code in (1, 2)
+    assert error.startswith("pyburgers: ")
+    assert error.count("\n") == 1
+
+
+def test_a_full_disk_is_told_and_what_was_there_stays(tmp_path: Path) -> None:
+    out = tmp_path / "text.txt"
+    write_text(out, "old")
+    code, error = ended(
+        "import pyburgers.cli.doctor as command\n"
+        "from pathlib import Path\n"
+        "from pyburgers.common.atomic_files import write_text\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))\n"
+        f"command.run = lambda _: write_text(Path({str(out)!r}), 'x' * 1000)\n"
+        "sys.exit(main(['doctor']))"
+    )
+    assert code == 1
+    assert error.startswith(f"pyburgers: {out}: File too large; ")
+    assert [file.name for file in tmp_path.iterdir()] == ["text.txt"]
+    assert out.read_text(encoding="utf-8") == "old"
+
+
+def test_bytes_that_are_no_text_are_escaped() -> None:
+    code, error = ended(r"sys.exit(main(['check', '/nowhere\udcff']))")
+    assert (code, "\\udcff: not a run directory" in error) == (2, True)
+
+
+LONG = "x" * 5000
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["fit", "a\0b.toml"],
+        ["fit", LONG],
+        ["fit", TEST, "--priors", LONG],
+        ["fit", TEST, "--priors-from", LONG],
+        ["check", LONG],
+        ["report", LONG, "--out", "page"],
+        ["simulate", TEST, "--parameters", LONG, "--out", "out.csv"],
+        ["fit", "/dev/zero"],
+        ["fit", TEST, "--priors", "/dev/zero"],
+        ["simulate", TEST, "--parameters", "/dev/zero", "--out", "out.csv"],
+        ["check", "/dev"],
+    ],
+    ids=lambda arguments: " ".join(arguments)[:40].replace("\0", "0"),
+)
+def test_names_and_files_that_cannot_be_are_refused(
+    arguments: list[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert_refused(main(arguments), capsys)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_pipe_is_not_waited_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    os.mkfifo(tmp_path / "pipe.toml")
+    assert_refused(main(["fit", str(tmp_path / "pipe.toml")]), capsys, "is a device or a pipe")
+
+
+TOO_MUCH = {
+    "a deep key": "a" + ".a" * 100_000 + " = 1",
+    "a deep quoted key": '"a"' + ' . "a"' * 100_000 + " = 1",
+    "a deep table": "[a" + ".a" * 100_000 + "]",
+    "a deep inline table": "x = {a" + ".a" * 100_000 + " = 1}",
+    "a deep list": "x = " + "[" * 100_000,
+    "a huge number": "x = 1" + "0" * 5000,
+    "a large number": "temperature_K = 1" + "0" * 4000,
+    "a large date": "x = 9999-99-99",
+}
+
+
+@pytest.mark.parametrize("text", TOO_MUCH.values(), ids=TOO_MUCH)
+def test_toml_that_asks_too_much_is_refused(
+    text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "test.toml"
+    file.write_text(
+        text + '\nid = "x"\nmaterial = "ice"\nprotocol = "constant_rate"\n', encoding="utf-8"
+    )
+    assert_refused(main(["fit", str(file)]), capsys, "test.toml")
+
+
+@pytest.mark.parametrize("name", ["..", ".", ".hidden", "-x", "a/b", "a\\b", "", "x" * 101])
+def test_an_id_cannot_leave_its_folder(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = (ICE / "PIL40.toml").read_text(encoding="utf-8").replace('"PIL40"', repr(name))
+    (tmp_path / "test.toml").write_text(text, encoding="utf-8")
+    assert_refused(main(["fit", str(tmp_path / "test.toml")]), capsys, "'id'")

@@ -203,21 +203,27 @@ matrix history_elements(data matrix element, vector varying, data array[] int pl
                         data vector fixed) {
   int n = rows(element);
   real decay = history_rate(h_kelvin_decay(), varying, place, fixed);
-  real width = history_rate(h_band_width(), varying, place, fixed);
-  real exponent = history_rate(h_band_exponent(), varying, place, fixed);
-  real strength = history_rate(h_peak_strength(), varying, place, fixed);
-  real shift = history_rate(h_peak_shift(), varying, place, fixed);
-  real spread = history_rate(h_peak_width(), varying, place, fixed);
-  real density = width == 0 ? 1 : exponent * width / -expm1(-exponent * width);
   matrix[n, 2] elements;
-  for (k in 1 : n) {
-    if (element[k, 1] == is_of_band()) {
-      real below = (1 - element[k, 2]) * width;
-      elements[k] = [decay * exp(below), element[k, 3] * density * exp(-exponent * below)];
-    } else if (element[k, 1] == is_of_peak()) {
-      elements[k] = [decay * exp(shift - spread * element[k, 2]), element[k, 3] * strength];
-    } else {
-      elements[k] = [decay, 1];
+  if (n == 1) {
+    elements[1] = [decay, 1];
+    return elements;
+  }
+  {
+    real width = history_rate(h_band_width(), varying, place, fixed);
+    real exponent = history_rate(h_band_exponent(), varying, place, fixed);
+    real strength = history_rate(h_peak_strength(), varying, place, fixed);
+    real shift = history_rate(h_peak_shift(), varying, place, fixed);
+    real spread = history_rate(h_peak_width(), varying, place, fixed);
+    real density = width == 0 ? 1 : exponent * width / -expm1(-exponent * width);
+    for (k in 1 : n) {
+      if (element[k, 1] == is_of_band()) {
+        real below = (1 - element[k, 2]) * width;
+        elements[k] = [decay * exp(below), element[k, 3] * density * exp(-exponent * below)];
+      } else if (element[k, 1] == is_of_peak()) {
+        elements[k] = [decay * exp(shift - spread * element[k, 2]), element[k, 3] * strength];
+      } else {
+        elements[k] = [decay, 1];
+      }
     }
   }
   return elements;

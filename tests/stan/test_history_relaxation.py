@@ -95,7 +95,7 @@ def creep(values: Mapping[str, float], time: FloatArray) -> FloatArray:
 
 @pytest.mark.parametrize("law", LAWS)
 def test_creep_and_recovery_are_those_of_the_integral(law: str) -> None:
-    values = LINEAR | LAWS[law]
+    values = {**LINEAR, **LAWS[law]}
     stress, loaded, rest = 2e6, 4e3, 2e4
     legs = [(1.0, loaded, stress, 0.0, TEMPERATURE), (1.0, rest, 0.0, 0.0, TEMPERATURE)]
     since = np.concatenate([[0.0], np.geomspace(1e-3, 1.0, 40)])
@@ -110,7 +110,7 @@ def test_creep_and_recovery_are_those_of_the_integral(law: str) -> None:
 
 @pytest.mark.parametrize("law", LAWS)
 def test_stress_of_an_imposed_rate_and_its_relaxation_are_those_of_the_integral(law: str) -> None:
-    values = LINEAR | LAWS[law]
+    values = {**LINEAR, **LAWS[law]}
     rate, duration, rest = 1e-6, 1500.0, 1e4
     legs = [(0.0, duration, 0.0, rate, TEMPERATURE), (0.0, rest, 0.0, 0.0, TEMPERATURE)]
     since = np.geomspace(1e-3, 1.0, 30)
@@ -139,7 +139,7 @@ def test_stress_of_an_imposed_rate_and_its_relaxation_are_those_of_the_integral(
 
 def test_legs_of_both_kinds_and_temperatures_hand_on_every_element() -> None:
     """Two legs in place of one change nothing; the rate of the Kelvin strain is its slope."""
-    values = LINEAR | LAWS["extended"] | {"kelvin_activation_enthalpy": 6e4}
+    values = {**LINEAR, **LAWS["extended"], "kelvin_activation_enthalpy": 6e4}
     ramp, hold = (1.0, 2e3, 1e6, 5e2, 268.0), (0.0, 3e3, 0.0, 0.0, 258.0)
     halves = [(1.0, 1e3, 1e6, 5e2, 268.0), (1.0, 1e3, 1.5e6, 5e2, 268.0)]
     halves += [(0.0, 1.5e3, 0.0, 0.0, 258.0)] * 2

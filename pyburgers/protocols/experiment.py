@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass
 from datetime import date, datetime, time
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -58,6 +58,8 @@ class Experiment(ABC):
     laws : mapping of str to sequence of str
         Laws that such tests can be fitted with, by part of the model
         (`pyburgers.model.variants.CHOICES`): any of a part that is not named. A constant as well.
+    parts_name : str
+        What the parts of a test are, in the plural. A constant as well.
     residual_correlation : str
         Parameter along which residuals may correlate: over strain or over time. A constant as well.
     id, material : str
@@ -80,6 +82,7 @@ class Experiment(ABC):
     laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType(
         {"kelvin": ("linear", "power_law")}
     )
+    parts_name: ClassVar[str] = "parts"
     residual_correlation: ClassVar[str] = "residual_correlation_strain"
     id: str
     material: str
@@ -114,6 +117,21 @@ class Experiment(ABC):
     def n_points(self) -> int:
         """Number of data points; zero for an experiment that can only be simulated."""
         return len(self.response)
+
+    @property
+    def parts(self) -> Mapping[str, int]:
+        """Readings in each part that can be predicted from the others, by name; none in most."""
+        return MappingProxyType({})
+
+    def without_part(self, name: str) -> Self:
+        """Return the test without one of its `parts`.
+
+        Raises
+        ------
+        InputError
+            If it has no such part.
+        """
+        raise InputError(f"{self.id}: has no part {name!r}, {nearest(name, self.parts)}")
 
     @property
     def n_driving_errors(self) -> int:

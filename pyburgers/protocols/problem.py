@@ -1,4 +1,4 @@
-"""What is fitted: tests of one material and protocol, their priors, and how they are pooled."""
+"""What is fitted: tests of one material, their priors, and how they are pooled."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -96,19 +96,34 @@ class Problem:
         """Return each test by itself, with its resolved priors."""
         return tuple(map(one_test, self.experiments, self.priors))
 
-    def without(self, test: str) -> "Problem":
-        """Take a test out, and keep the prior densities of what is left.
+    @property
+    def parts(self) -> dict[str, int]:
+        """What can be left out, with its number of readings: a test, or a part of a single one."""
+        if len(self.experiments) > 1:
+            return {experiment.id: experiment.n_points for experiment in self.experiments}
+        return dict(self.experiments[0].parts)
+
+    @property
+    def parts_name(self) -> str:
+        """What the parts are, in the plural."""
+        return "tests" if len(self.experiments) > 1 else self.experiments[0].parts_name
+
+    def without(self, part: str) -> "Problem":
+        """Take out a test, or a part of a single one, and keep the prior densities of the rest.
 
         Where the prior of a shared parameter is a share of the largest stress, it stays that of
         all tests.
 
         Parameters
         ----------
-        test : str
-            Name of one of at least two tests.
+        part : str
+            One of `parts`.
         """
+        if len(self.experiments) == 1:
+            kept = [self.experiments[0].without_part(part)]
+            return problem_of(kept, self.priors[0], self.pooling)
         priors = _with_shared(self.given_priors, self.priors[0], self.shared)
-        kept = [experiment for experiment in self.experiments if experiment.id != test]
+        kept = [experiment for experiment in self.experiments if experiment.id != part]
         return problem_of(kept, priors, self.pooling)
 
 
@@ -138,6 +153,8 @@ def problem_of(
 ) -> Problem:
     """Check tests, priors and pooling, and resolve the priors for each test.
 
+    Tests of several protocols are taken as loading histories.
+
     A prior that is a share of the largest stress takes that of the test, or of all tests where
     the parameter is shared.
 
@@ -153,9 +170,10 @@ def problem_of(
     Raises
     ------
     InputError
-        If tests are of different materials or protocols, have no data or the same name, or a
-        pooling does not go with the priors.
+        If tests are of different materials or of protocols that do not go together, have no data
+        or the same name, or a pooling does not go with the priors.
     """
+    experiments = of_one_protocol(experiments)
     names = [experiment.id for experiment in experiments]
     for name in names:
         if names.count(name) > 1:
@@ -177,6 +195,19 @@ def problem_of(
     problem = Problem(tuple(experiments), priors, resolved, pooling)
     _check_pooling(problem)
     return problem
+
+
+def of_one_protocol(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
+    """Return tests as they are, or as loading histories where their protocols differ.
+
+    Raises
+    ------
+    InputError
+        If one of several protocols cannot be a loading history.
+    """
+    if len({experiment.protocol for experiment in experiments}) == 1:
+        return tuple(experiments)
+    return tuple(protocol_of(experiment).as_history(experiment) for experiment in experiments)
 
 
 def plain_coordinates(experiment: Experiment, priors: PriorSet) -> PlainCoordinates:
@@ -230,15 +261,11 @@ def _check_test(experiment: Experiment, first: Experiment, priors: PriorSet) -> 
     """Check that a test can be fitted, together with a first one."""
     if experiment.n_points == 0:
         raise InputError(f"{experiment.id}: the experiment has no data, expected a [data] table.")
-    for what, found, expected in (
-        ("protocol", experiment.protocol, first.protocol),
-        ("material", experiment.material, first.material),
-    ):
-        if found != expected:
-            raise InputError(
-                f"{experiment.id}: is of the {what} {found}, expected {expected} like {first.id}, "
-                f"because a joint fit is of one {what}."
-            )
+    if experiment.material != first.material:
+        raise InputError(
+            f"{experiment.id}: is of the material {experiment.material}, expected "
+            f"{first.material} like {first.id}, because a joint fit is of one material."
+        )
     check_variant(priors, experiment)
     protocol_of(experiment).check_priors(experiment, priors)
     _check_not_in_prior(experiment, priors)

@@ -25,6 +25,8 @@ from pyburgers.protocols.constant_rate.stan_data import (
     tests_block,
 )
 from pyburgers.protocols.constant_rate.valley import ValleyChart
+from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.loading_history.conversion import as_history
 from pyburgers.protocols.protocol import Protocol
 from pyburgers.protocols.stan_data import StanData
 
@@ -119,6 +121,14 @@ class ConstantRate(Protocol[ConstantRateExperiment]):
     ) -> ConstantRateExperiment:
         """Put stresses with residuals, which may correlate along strain, in the place of others."""
         return replace(experiment, stress=response + _draw_residuals(experiment, values, rng))
+
+    def noises(self, experiment: ConstantRateExperiment) -> Mapping[str, float | None]:
+        """Return the noise of the stress."""
+        return {self.noise: experiment.stress_uncertainty}
+
+    def as_history(self, experiment: ConstantRateExperiment) -> Experiment:
+        """Return the test as stages of constant rate."""
+        return as_history(experiment)
 
     def peak_test(self, experiment: ConstantRateExperiment) -> PeakTest | None:
         """Return the largest stress at the first rate."""

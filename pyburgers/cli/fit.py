@@ -55,8 +55,8 @@ def run(options: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
     choices = parse_choices(options.variant)
     pool = parse_pooling(options.pool)
-    experiments = of_one_protocol([load_experiment(path) for path in options.experiments])
-    first = experiments[0]
+    experiments = [load_experiment(path) for path in options.experiments]
+    first = of_one_protocol(experiments)[0]
     if pool and len(experiments) == 1:
         raise InputError(f"--pool {options.pool[0]}: found one experiment, expected several.")
     priors = with_variant(_priors_for(first, options.priors), first, choices)

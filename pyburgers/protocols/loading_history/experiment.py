@@ -58,6 +58,7 @@ class LoadingHistory(Experiment):
         {"kelvin": ("linear", "power_law", "two_elements", "extended", "extended_peak")}
     )
     residual_correlation: ClassVar[str] = "residual_correlation_time"
+    may_be_uncertain: ClassVar[frozenset[str]] = frozenset()
     stages: tuple[Stage, ...]
     time: FloatArray
     reading_stage: IntArray
@@ -77,6 +78,11 @@ class LoadingHistory(Experiment):
     def end_time(self) -> float:
         """End of the test (s)."""
         return self.stages[-1].end_time
+
+    @property
+    def temperatures(self) -> FloatArray:
+        """Temperatures of the stages."""
+        return np.array([stage.temperature for stage in self.stages])
 
     @property
     def position(self) -> FloatArray:

@@ -24,6 +24,7 @@ from pyburgers.comparison.results import comparison_table
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, Conditions, FlowLawPrior
 from pyburgers.model.parameters import (
+    MATERIAL_PARAMETERS,
     PARAMETERS,
     PIEZOMETER,
     PROGRAM_PARAMETERS,

@@ -10,7 +10,7 @@ import xarray as xr
 from pyburgers.common.draws import all_draws, evenly_spaced
 from pyburgers.common.errors import InputError
 from pyburgers.model.display import unit_text
-from pyburgers.model.parameters import PARAMETER_BY_NAME, STANDARD_VALUES
+from pyburgers.model.parameters import CONDITIONS, PARAMETER_BY_NAME, STANDARD_VALUES
 from pyburgers.model.prior_families import Prior, fixed_prior
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.variants import variant_of, with_variant
@@ -129,6 +129,40 @@ def of_the_file(
     }
 
 
+def under_conditions(
+    source: Source,
+    experiment: Experiment,
+    kept: npt.NDArray[np.int64],
+    values: Mapping[str, FloatArray],
+    rng: np.random.Generator,
+) -> tuple[dict[str, FloatArray], list[str]]:
+    """Return values with the errors of the conditions of a new test, and where they are from.
+
+    The errors of a fitted test are another's, save where both were made with the same apparatus.
+    """
+    others = {name: own for name, own in values.items() if name not in CONDITIONS}
+    notes = []
+    for condition in experiment.uncertain:
+        name = condition.parameter
+        label = PARAMETER_BY_NAME[name].label
+        same = [
+            test.id
+            for test in source.problem.experiments
+            for one in test.uncertain
+            if one.parameter == name
+            and one.apparatus == condition.apparatus
+            and (one.apparatus is not None or test.id == experiment.id)
+        ]
+        if same:
+            fitted = source.tests[same[0]].posterior["posterior"].to_dataset()[name]
+            others[name] = all_draws(fitted)[kept].astype(np.float64)
+            notes.append(f"The {label} is that of {same[0]}.")
+        else:
+            others[name] = condition.sd * rng.standard_normal(kept.size)
+            notes.append(f"The {label} is drawn anew, as the file states it.")
+    return others, notes
+
+
 def with_noises(
     values: Mapping[str, FloatArray], fitted: Problem, experiment: Experiment
 ) -> tuple[dict[str, FloatArray], list[str]]:
@@ -145,6 +179,10 @@ def with_noises(
         noise = PARAMETER_BY_NAME[name]
         if name in fitted.free:
             size, origin = float(values[name].mean()), "of the fit"
+        elif stated == 0:
+            found[name] = np.zeros(n_draws)
+            notes.append(f"New readings have no {noise.label} beside their stated errors.")
+            continue
         elif stated is not None:
             size, origin = stated, "that the file of the test states"
             found[name] = np.full(n_draws, stated)

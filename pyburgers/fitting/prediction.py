@@ -14,6 +14,7 @@ from pyburgers.fitting.new_test import (
     Source,
     holding,
     of_the_file,
+    under_conditions,
     values_for,
     with_laws,
     with_noises,
@@ -112,6 +113,7 @@ def predict_test(
     protocol = protocol_of(experiment)
     kept, values, notes = values_for(source, draws, separate_from, rng)
     values = {**values, **of_the_file(experiment, kept.size, rng)}
+    values, condition_notes = under_conditions(source, experiment, kept, values, rng)
     values, noise_notes = with_noises(values, source.problem, experiment)
     priors, law_notes = with_laws(
         holding(values, source.problem.priors[0]), source.problem, experiment
@@ -145,7 +147,7 @@ def predict_test(
             *_beyond(source, experiment, posterior),
             *_unsolved(int(np.sum(~solved)), kept.size),
         ),
-        notes=(*notes, *law_notes, *noise_notes),
+        notes=(*notes, *condition_notes, *law_notes, *noise_notes),
     )
     posterior.attrs = {
         "title": prediction.title,

@@ -53,6 +53,7 @@ class LoadingHistory(Experiment):
 
     protocol: ClassVar[str] = "loading_history"
     residual_correlation: ClassVar[str] = "residual_correlation_time"
+    may_be_uncertain: ClassVar[frozenset[str]] = frozenset()
     stages: tuple[Stage, ...]
     time: FloatArray
     reading_stage: IntArray
@@ -72,6 +73,11 @@ class LoadingHistory(Experiment):
     def end_time(self) -> float:
         """End of the test (s)."""
         return self.stages[-1].end_time
+
+    @property
+    def temperatures(self) -> FloatArray:
+        """Temperatures of the stages."""
+        return np.array([stage.temperature for stage in self.stages])
 
     @property
     def position(self) -> FloatArray:

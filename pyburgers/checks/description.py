@@ -190,7 +190,8 @@ def _tell_segment(leftover: Leftover, family: Family, row: Row) -> Told:
     line = y if x.size < 3 or np.ptp(x) == 0 else np.polyval(np.polyfit(x, y, 1), x)
     offset = (
         f"a straight line through the residuals of {leftover.name}, {where}, starts "
-        f"{_beside(leftover, line[0])} and ends {_beside(leftover, line[-1])}"
+        f"{_beside(leftover, line[0], points[0])} and ends "
+        f"{_beside(leftover, line[-1], points[-1])}"
     )
     return Told(
         f"No segment is off as a whole: {offset}, no more than chance.",
@@ -209,8 +210,8 @@ def _tell_largest(leftover: Leftover, family: Family, row: Row) -> Told:
     beyond = int(np.sum(sizes > row["at_most"] * others))
     far = (
         f"the reading of {leftover.name} at {where} lies "
-        f"{_beside(leftover, leftover.residual[point])}, {row['found']:.1f} times the root mean "
-        f"square of the others (at most {row['at_most']:.1f} expected of a correct model)"
+        f"{_beside(leftover, leftover.residual[point], point)}, {row['found']:.1f} times the root "
+        f"mean square of the others (at most {row['at_most']:.1f} expected of a correct model)"
     )
     if beyond > 1:
         bad = f"{beyond} readings lie too far off: {far}"
@@ -250,13 +251,16 @@ def _tell_size(leftover: Leftover, family: Family, row: Row) -> Told:
 
 def _sizes(leftover: Leftover) -> dict[str, object]:
     """Share of the variance of the data that is left over, and its size in display units."""
-    squares = float((leftover.observed**2).mean())
+    squares = (leftover.observed**2).mean(axis=0)
     data = response_in(leftover.group, "observed_data").to_numpy()
-    variance = float(np.var(data))
-    response = leftover.protocol.response
+    kinds = {kind: leftover.quantity == kind for kind in leftover.weight}
+    spread = np.zeros(data.size)
+    for kind, here in kinds.items():
+        spread[here] = np.var(data[here]) * leftover.weight[kind] ** 2
+    sizes = [leftover.size_text(squares[here].mean() ** 0.5, kind) for kind, here in kinds.items()]
     return {
-        "share_of_variance": squares / variance if variance > 0 else np.nan,
-        "root_mean_square": f"{squares**0.5 * response.display_factor:.3g} {response.display_unit}",
+        "share_of_variance": squares.sum() / spread.sum() if spread.sum() > 0 else np.nan,
+        "root_mean_square": " and ".join(sizes),
     }
 
 
@@ -286,10 +290,11 @@ def _segment_name(leftover: Leftover, points: npt.NDArray[np.int64]) -> str:
     return f"segment {leftover.segment[points[0]] + 1} ({place})"
 
 
-def _beside(leftover: Leftover, residual: float) -> str:
-    """Return how far data lie from the model, such as ``12 MPa above it``."""
-    response = leftover.protocol.response
-    far = f"{abs(residual) * response.display_factor:.2g} {response.display_unit}"
+def _beside(leftover: Leftover, residual: float, point: int) -> str:
+    """Return how far data lie from the model at a point, such as ``12 MPa above it``."""
+    read = leftover.protocol.read[leftover.quantity[point]]
+    size = abs(residual) / leftover.weight[int(leftover.quantity[point])]
+    far = f"{size * read.display_factor:.2g} {read.display_unit}"
     return f"{far} {'above' if residual > 0 else 'below'} the model"
 
 

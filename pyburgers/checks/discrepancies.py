@@ -60,9 +60,14 @@ class Leftover:
         Of the readings on the clock (SI), not decreasing.
     segment : array of int, shape (n,)
         Part of the test that each reading belongs to, from 0.
+    quantity : array of int, shape (n,)
+        What each reading is of: number in the protocol's `read`.
     observed, replicated : array, shape (draws, n)
         Residuals of the data and of replicated ones, SI; where readings have errors of their own,
-        over these, times their mean.
+        over these, times their mean. Of several quantities each is weighed by what replicates
+        leave over of it.
+    weight : dict of int to float
+        By what residuals of each quantity are multiplied, where there are several.
     discrepancies : dict of str to (array, array), each of shape (draws,)
         Numbers of the data and of the replicates; large ones speak against the model.
     """
@@ -72,8 +77,10 @@ class Leftover:
     protocol: Protocol[Any]
     position: FloatArray
     segment: npt.NDArray[np.int64]
+    quantity: npt.NDArray[np.int64]
     observed: FloatArray
     replicated: FloatArray
+    weight: Mapping[int, float]
     discrepancies: dict[str, tuple[FloatArray, FloatArray]] = field(repr=False)
 
     @property
@@ -81,6 +88,12 @@ class Leftover:
         """Mean residual of each reading over the draws, shape (n,)."""
         mean: FloatArray = self.observed.mean(axis=0)
         return mean
+
+    def size_text(self, size: float, quantity: int) -> str:
+        """Return a size of weighed residuals of a quantity in its display unit."""
+        read = self.protocol.read[quantity]
+        shown = size / self.weight[quantity] * read.display_factor
+        return f"{shown:.3g} {read.display_unit}"
 
     def place(self, first: int, last: int) -> str:
         """Return where readings lie, such as ``strain 5.1 to 6 %``."""
@@ -227,17 +240,32 @@ def _leftover(name: str, group: xr.DataTree) -> Leftover:
         for part in ("observed_data", "model_response", "posterior_predictive")
     )
     along = group["constant_data"].to_dataset()
-    protocol = next(p for p in protocols().values() if p.clock.name in group["predictions"].dims)
+    protocol = next(
+        p
+        for p in protocols().values()
+        if p.clock.name in group["predictions"].dims and p.response.name == data.name
+    )
     position = along[protocol.clock.name].to_numpy()
     segment = (
         along["segment"].to_numpy().astype(np.int64)
         if "segment" in along
         else np.zeros(position.size, dtype=np.int64)
     )
+    quantity = (
+        along["quantity"].to_numpy().astype(np.int64)
+        if "quantity" in along
+        else np.zeros(position.size, dtype=np.int64)
+    )
     error = along["reading_error"].to_numpy() if "reading_error" in along else None
     spread = along["typical_error"].to_numpy() if "typical_error" in along else error
-    weight = np.ones(position.size) if spread is None else spread.mean() / spread
-    observed, replicated = (_by_draw(values - model) * weight for values in (data, replicas))
+    observed, replicated = (_by_draw(values - model) for values in (data, replicas))
+    weight = _of_one_size(replicated, quantity) if spread is None else spread.mean() / spread
+    observed, replicated = observed * weight, replicated * weight
+    kinds = np.unique(quantity)
+    weight_of = {
+        int(kind): 1.0 if kinds.size == 1 else float(weight[quantity == kind].mean())
+        for kind in kinds
+    }
     of_replicas = _by_draw(replicas)
     low, high = np.quantile(of_replicas, (TAIL, 1.0 - TAIL), axis=0)
     outside = [
@@ -251,7 +279,25 @@ def _leftover(name: str, group: xr.DataTree) -> Leftover:
     pairs |= {each: (of_data[each], of_replicates[each]) for each in of_data}
     if error is not None:
         pairs[OVER_READING_ERROR] = _over_reading_error(observed / error.mean())
-    return Leftover(name, group, protocol, position, segment, observed, replicated, pairs)
+    return Leftover(
+        name,
+        group,
+        protocol,
+        position,
+        segment,
+        quantity,
+        observed,
+        replicated,
+        weight_of,
+        pairs,
+    )
+
+
+def _of_one_size(replicated: FloatArray, quantity: npt.NDArray[np.int64]) -> FloatArray:
+    """Weights of readings, shape (n,), that make residuals of all quantities as large."""
+    sizes = {k: float(np.sqrt((replicated[:, quantity == k] ** 2).mean())) for k in set(quantity)}
+    largest = max(sizes.values())
+    return np.array([largest / max(sizes[k], TINY) for k in quantity])
 
 
 def _numbers(

@@ -13,7 +13,7 @@ import xarray as xr
 from pyburgers.checks.fit_checks import PARETO_K_LIMIT
 from pyburgers.common.units import count_points
 from pyburgers.comparison.pairs import CLEAR, NO_DIFFERENCE, Pair, weight_sentence
-from pyburgers.protocols.protocol import Quantity
+from pyburgers.model.display import Quantity
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]

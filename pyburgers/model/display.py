@@ -1,6 +1,7 @@
 """How quantities are shown: display units, symbols, digits. Nothing here is read back."""
 
 import math
+from dataclasses import dataclass
 
 from pyburgers.common.units import UNITS, number
 from pyburgers.model.parameters import PARAMETER_BY_NAME, REFERENCE_QUANTITIES, Parameter
@@ -13,6 +14,34 @@ LENGTH_UNIT, LENGTH_FACTOR = "µm", 1.0 / UNITS["length"]["um"]
 
 _GREEK = {r"\eta": "η", r"\sigma": "σ", r"\beta": "β", r"\dot\epsilon": "ε̇", r"\epsilon": "ε"}
 _UNIT_TEXT = {"1": "–", "um": "µm", "1e-6/s": "10⁻⁶/s", "1e-6/K": "10⁻⁶/K"}
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A quantity along which, or of which, tests of a protocol are.
+
+    Attributes
+    ----------
+    name : str
+        Name of its dimension or variable in draws.
+    column : str
+        Its column in tables of solutions and points.
+    si_unit, display_unit : str
+        Of stored values, and of figures and tables.
+    display_factor : float
+        From the one to the other.
+    """
+
+    name: str
+    column: str
+    si_unit: str
+    display_unit: str
+    display_factor: float
+
+    @property
+    def label(self) -> str:
+        """Name and display unit."""
+        return f"{self.name} ({self.display_unit})"
 
 
 def shown_quantity(name: str) -> Parameter:

@@ -47,6 +47,10 @@ class Test(Protocol):
         """Laws that such tests can be fitted with, by part: any of a part that is not named."""
 
     @property
+    def residual_correlation(self) -> str:
+        """Parameter along which residuals may correlate: over strain or over time."""
+
+    @property
     def temperature(self) -> float:
         """Kelvin."""
 
@@ -84,7 +88,7 @@ class ModelVariant:
     fabric : {"evolving", "constant"}
         Crystal fabric; oscillating tests have a constant one.
     residuals : {"independent", "autocorrelated"}
-        Of the stress, from point to point or along strain.
+        From point to point, or along strain or time.
     """
 
     kelvin: KelvinLaw = "linear"
@@ -197,7 +201,7 @@ def variant_of(priors: PriorSet, experiment: Test) -> ModelVariant:
     constant_fabric = not _allows(experiment, "fabric", "evolving") or is_fixed_at(
         priors["steady_state_fabric_factor"], 1.0
     )
-    independent = is_fixed_at(priors["residual_correlation_strain"], 0.0)
+    independent = is_fixed_at(priors[experiment.residual_correlation], 0.0)
     return ModelVariant(
         kelvin=kelvin_law(priors.priors, experiment.id),
         maxwell="hyperbolic_sine"
@@ -384,14 +388,27 @@ def _choose_fabric(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
 
 
 def _choose_residuals(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
-    name = "residual_correlation_strain"
+    """Free the correlation of residuals, or fix it at none.
+
+    The median of a correlation time is a tenth of the time between first and last reading.
+    """
+    name = experiment.residual_correlation
     independent = is_fixed_at(priors[name], 0.0)
+    in_time = name == "residual_correlation_time"
     if choice == "independent":
-        return priors if independent else priors.exchanging(_fixed(name, 0.0, "independent"))
+        # In time residuals correlate unless priors say otherwise.
+        said = not in_time or name in priors.priors
+        return (
+            priors if independent and said else priors.exchanging(_fixed(name, 0.0, "independent"))
+        )
     if not independent:
         return priors
     freed = priors_of_freed_parameters()
-    return priors.exchanging(freed[name], freed["residual_correlated_share"])
+    correlation = freed[name]
+    if in_time and experiment.n_points > 1:
+        tenth = float(f"{0.1 * np.ptp(experiment.position):.0e}")
+        correlation = replace(correlation, location=tenth)
+    return priors.exchanging(correlation, freed["residual_correlated_share"])
 
 
 _CHANGES = MappingProxyType(

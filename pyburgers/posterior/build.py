@@ -326,9 +326,9 @@ def _solution_at_mean(draws: xr.Dataset, priors: PriorSet, experiment: Experimen
     """Solution at the posterior mean of the parameters, as drawn in the paper's Fig. 3."""
     mean = {name: float(draws[name].mean()) for name in priors.priors}
     protocol, curve = protocol_of(experiment), simulate(experiment, mean)
-    clock, response = protocol.clock, protocol.response
+    clock = protocol.clock
     columns = {
-        response.name: (response.column, response.si_unit),
+        **{read.name: (read.column, read.si_unit) for read in protocol.read},
         "grain_size": ("grain_size_m", "m"),
         "fabric_factor": ("fabric_factor", "1"),
     }

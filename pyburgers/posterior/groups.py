@@ -6,9 +6,10 @@ import numpy as np
 import xarray as xr
 
 from pyburgers.cmdstan.draw_files import Draws
+from pyburgers.model.display import Quantity
 from pyburgers.posterior.labelled_draws import CORRELATED
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.protocol import Quantity, protocol_of
+from pyburgers.protocols.protocol import protocol_of
 
 GIVEN_OTHERS = "log_lik_given_others"
 """Name in programs; empty where residuals are independent."""

@@ -101,6 +101,25 @@ class PlainCoordinates:
 
 
 @dataclass(frozen=True, eq=False)
+class Mode:
+    """The highest density found, on the real line of the plain coordinates.
+
+    Attributes
+    ----------
+    values : mapping of str to float
+        Every parameter in SI.
+    coordinate : array, shape (n_coordinates,)
+        Plain coordinates.
+    driving_error : array, shape (n_driving_errors,)
+        Errors of what drives the test, standardised.
+    """
+
+    values: Mapping[str, float]
+    coordinate: FloatArray
+    driving_error: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
 class Layout:
     """Which coordinate of a fit stands for what.
 

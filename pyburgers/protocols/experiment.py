@@ -58,6 +58,8 @@ class Experiment(ABC):
     laws : mapping of str to sequence of str
         Laws that such tests can be fitted with, by part of the model
         (`pyburgers.model.variants.CHOICES`): any of a part that is not named. A constant as well.
+    residual_correlation : str
+        Parameter along which residuals may correlate: over strain or over time. A constant as well.
     id, material : str
         Sample and material; the material names the default priors.
     temperature : float
@@ -78,6 +80,7 @@ class Experiment(ABC):
     laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType(
         {"kelvin": ("linear", "power_law")}
     )
+    residual_correlation: ClassVar[str] = "residual_correlation_strain"
     id: str
     material: str
     temperature: float

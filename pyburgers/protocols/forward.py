@@ -188,10 +188,8 @@ def simulate_data(
         If the solver finds no solution.
     """
     protocol = protocol_of(experiment)
-    solution = simulate(experiment, values, at=np.unique(experiment.position))
-    response = np.interp(
-        experiment.position, solution[protocol.clock.column], solution[protocol.response.column]
-    )
+    solution = simulate(experiment, values, at=protocol.simulated_positions(experiment))
+    response = protocol.response_in(experiment, solution)
     simulated: E = replace(
         protocol.with_noise(experiment, response, values, rng),
         provenance=Provenance("synthetic", f"pyburgers, {source}"),

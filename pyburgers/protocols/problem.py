@@ -13,9 +13,9 @@ from pyburgers.model.parameters import Parameter
 from pyburgers.model.pooling import SEPARATE, Pooling
 from pyburgers.model.priors import FLOW_LAW, PriorSet
 from pyburgers.model.variants import check_variant
-from pyburgers.protocols.coordinates import Layout, PlainCoordinates, layout_of
+from pyburgers.protocols.coordinates import Layout, Mode, PlainCoordinates, layout_of
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.protocol import Mode, Protocol, protocol_of
+from pyburgers.protocols.protocol import Protocol, protocol_of
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -166,10 +166,13 @@ def problem_of(
     for experiment in experiments:
         _check_test(experiment, experiments[0], priors)
     largest = [experiment.largest_stress for experiment in experiments]
-    common = priors.resolved(max(largest))
+    of_tests = protocol_of(experiments[0]).priors_of(experiments, priors)
+    _check_same_free(experiments, of_tests)
+    shared = pooling.of_kind("shared", of_tests[0].free)
+    common = of_tests[0].resolved(max(largest))
     resolved = tuple(
-        _with_shared(priors.resolved(stress), common, pooling.of_kind("shared", priors.free))
-        for stress in largest
+        _with_shared(own.resolved(stress), common, shared)
+        for own, stress in zip(of_tests, largest, strict=True)
     )
     problem = Problem(tuple(experiments), priors, resolved, pooling)
     _check_pooling(problem)
@@ -258,6 +261,16 @@ def _check_not_in_prior(experiment: Experiment, priors: PriorSet) -> None:
 def _with_shared(own: PriorSet, common: PriorSet, shared: Sequence[str]) -> PriorSet:
     """Priors of a test with those of shared parameters exchanged for those of all tests."""
     return own.exchanging(*(common[name] for name in shared))
+
+
+def _check_same_free(experiments: Sequence[Experiment], priors: Sequence[PriorSet]) -> None:
+    """Ask for the same free parameters in all tests."""
+    for experiment, own in zip(experiments, priors, strict=True):
+        for name in sorted({*own.free} ^ {*priors[0].free}):
+            raise InputError(
+                f"{experiment.id}: {name} is {'free' if name in own.free else 'known'}, unlike in "
+                f"{experiments[0].id}, expected it free in all tests of a joint fit or in none."
+            )
 
 
 def _check_pooling(problem: Problem) -> None:

@@ -296,9 +296,10 @@ def solve(
     bare = protocol.without_data(experiment)
     data = program_data(one_test(bare, priors), solver=solver, grids=[at])
     draw = load_program(protocol.program).evaluate(data)
-    if not np.isfinite(draw[f"grid_{protocol.response.name}"]).all():
-        raise SamplingError(
-            f"{experiment.id}: the solver found no finite {protocol.response.name} at these "
-            "parameters; check their units (SI) and the sign of beta."
-        )
+    for quantity in protocol.read:
+        if not np.isfinite(draw[f"grid_{quantity.name}"]).all():
+            raise SamplingError(
+                f"{experiment.id}: the solver found no finite {quantity.name} at these "
+                "parameters; check their units (SI) and the sign of beta."
+            )
     return {**draw, f"grid_{protocol.clock.name}": protocol.solved_positions(data, at)}

@@ -16,6 +16,7 @@ from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 import xarray as xr
 from markupsafe import Markup
 from pydantic import ConfigDict, Field
@@ -25,10 +26,11 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, read_toml
 from pyburgers.drawing.page_parts import FigureRecipe, PageTable
 from pyburgers.drawing.panels import FittedCurve
+from pyburgers.model.display import Quantity
 from pyburgers.model.flow_law_prior import PeakTest
 from pyburgers.model.parameters import Parameter
 from pyburgers.model.priors import PriorSet
-from pyburgers.protocols.coordinates import Layout, PlainCoordinates
+from pyburgers.protocols.coordinates import Layout, Mode, PlainCoordinates
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.stan_data import SolverOptions, StanData
 
@@ -36,59 +38,12 @@ FloatArray = npt.NDArray[np.float64]
 
 E = TypeVar("E", bound=Experiment)
 
-NAMES = ("constant_rate", "forced_oscillation", "attenuation")
+NAMES = ("constant_rate", "forced_oscillation", "loading_history", "attenuation")
 """Of all protocols, in files, and of their folders."""
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """A quantity along which, or of which, tests of a protocol are.
-
-    Attributes
-    ----------
-    name : str
-        Name of its dimension or variable in draws.
-    column : str
-        Its column in tables of solutions and points.
-    si_unit, display_unit : str
-        Of stored values, and of figures and tables.
-    display_factor : float
-        From the one to the other.
-    """
-
-    name: str
-    column: str
-    si_unit: str
-    display_unit: str
-    display_factor: float
-
-    @property
-    def label(self) -> str:
-        """Name and display unit."""
-        return f"{self.name} ({self.display_unit})"
 
 
 class ChartUnsuited(Exception):  # noqa: N818 - an outcome with a reason, not an error
     """A chart does not apply to a test and its priors; the message says why."""
-
-
-@dataclass(frozen=True, eq=False)
-class Mode:
-    """The highest density found, on the real line of the plain coordinates.
-
-    Attributes
-    ----------
-    values : mapping of str to float
-        Every parameter in SI.
-    coordinate : array, shape (n_coordinates,)
-        Plain coordinates.
-    driving_error : array, shape (n_driving_errors,)
-        Errors of what drives the test, standardised.
-    """
-
-    values: Mapping[str, float]
-    coordinate: FloatArray
-    driving_error: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,7 +152,7 @@ class Protocol(ABC, Generic[E]):
     clock : Quantity
         Along which the test is driven and solutions are given.
     response : Quantity
-        What is observed; the program names it in ``NAME_replicated`` and ``grid_NAME``.
+        What is observed; the program names it in ``NAME_model`` and ``NAME_replicated``.
     noise : str
         Parameter that is the standard deviation of its readings.
     reference : Parameter
@@ -234,6 +189,14 @@ class Protocol(ABC, Generic[E]):
     remedy: ClassVar[str | None] = None
     figures: ClassVar[tuple[FigureRecipe[FittedTest], ...]]
     reference_text: ClassVar[Markup]
+
+    @property
+    def read(self) -> tuple[Quantity, ...]:
+        """What is read: of more than one quantity `observed_positions` says of which each point is.
+
+        The program gives the solution of each in ``grid_NAME``.
+        """
+        return (self.response,)
 
     @property
     def program(self) -> Path:
@@ -297,8 +260,40 @@ class Protocol(ABC, Generic[E]):
         """Return where the points lie along the test, by quantity, with its SI unit.
 
         Further ones: ``reading_error``, the standard deviation of the response where it is stated,
-        and ``typical_error``, by which residuals are weighed where it is not and they differ.
+        ``typical_error``, by which residuals are weighed where it is not and they differ, and
+        ``quantity``, the number in `read` of what is read, where that is several.
         """
+
+    def simulated_positions(self, experiment: E) -> FloatArray:
+        """Return where (SI) a solution has to be given for `response_in`, not decreasing."""
+        return np.unique(experiment.position)
+
+    def response_in(self, experiment: E, solution: pd.DataFrame) -> FloatArray:
+        """Return the response (SI) of every point, shape (n_points,), from a solution.
+
+        Parameters
+        ----------
+        experiment : Experiment
+            Where the points lie.
+        solution : DataFrame
+            At `simulated_positions`, see `pyburgers.protocols.forward.simulate`.
+        """
+        found: FloatArray = np.interp(
+            experiment.position, solution[self.clock.column], solution[self.response.column]
+        )
+        return found
+
+    def priors_of(self, experiments: Sequence[E], priors: PriorSet) -> tuple[PriorSet, ...]:
+        """Return priors for each of some tests, with what their files and readings add.
+
+        Parameters
+        ----------
+        experiments : sequence of Experiment
+            Tests that are fitted together.
+        priors : PriorSet
+            Of all tests.
+        """
+        return tuple(priors for _ in experiments)
 
     @abstractmethod
     def with_noise(

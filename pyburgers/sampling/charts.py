@@ -10,9 +10,10 @@ import numpy.typing as npt
 
 from pyburgers.cmdstan.program import ModeNotFound, Program, load_program
 from pyburgers.common.errors import InputError
+from pyburgers.protocols.coordinates import Mode
 from pyburgers.protocols.problem import Problem, ProblemMode
 from pyburgers.protocols.program_data import chart_block, program_data, solve
-from pyburgers.protocols.protocol import AtMode, Chart, ChartUnsuited, Mode
+from pyburgers.protocols.protocol import AtMode, Chart, ChartUnsuited
 from pyburgers.protocols.stan_data import SolverOptions, StanData, solver_block
 
 logger = logging.getLogger(__name__)

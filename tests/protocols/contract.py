@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import pytest
-from conftest import resolved_priors, with_fixed
+from conftest import with_fixed
 from log_density import Program, program_with
 from page import Page
 from protocol_examples import EXAMPLES
@@ -18,12 +18,12 @@ from stan_data import one_test_data, parameters_in
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.priors import default_priors
+from pyburgers.protocols.coordinates import Mode
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forward import simulate
 from pyburgers.protocols.problem import problem_of
 from pyburgers.protocols.protocol import (
     AtMode,
-    Mode,
     load_experiment,
     protocol_of,
     protocols,
@@ -40,8 +40,6 @@ from pyburgers.sampling.starts import find_mode
 FloatArray = npt.NDArray[np.float64]
 RecordProperty = Callable[[str, object], None]
 pytestmark = pytest.mark.usefixtures("programs")
-
-TIGHT = SolverOptions(tolerance=1e-11, max_num_steps=1_000_000)
 
 
 def cases(*kinds: str, of: Callable[[str], Sequence[str]] | None = None) -> pytest.MarkDecorator:
@@ -123,9 +121,8 @@ def test_the_solution_agrees_with_an_independent_solver(
     at = solution[clock].to_numpy()
     np.testing.assert_allclose(at[np.isin(at, wanted)], wanted, rtol=1e-12)
     expected = example.solution(experiment, values, at)
-    assert {protocols()[protocol].response.column, "kelvin_strain"} & set(example.columns) <= set(
-        expected
-    )
+    read = {quantity.column for quantity in protocols()[protocol].read}
+    assert {*read, "kelvin_strain"} & set(example.columns) <= set(expected)
     for column, found in expected.items():
         swings = column in ("stress_Pa", "kelvin_strain")
         np.testing.assert_allclose(
@@ -170,7 +167,9 @@ def program_in(experiment: Experiment, system: str, folder: Path) -> tuple[Progr
         reference, centre = protocol.chart.reference(test)
         # Whatever the covariance, the posterior is the same.
         reference = protocol.chart.rescaled(reference, test, 0.04 * np.eye(centre.size))
-    data = one_test_data(experiment, test.priors, solver=TIGHT, reference=reference)
+    data = one_test_data(
+        experiment, test.priors, solver=EXAMPLES[experiment.protocol].tight, reference=reference
+    )
     return program_with(protocol.program, data, folder), np.append(centre, test.mode.driving_error)
 
 
@@ -189,7 +188,7 @@ def test_the_density_is_prior_likelihood_and_jacobian(
     """The density less the Jacobian's logarithm does not depend on the coordinates."""
     example = EXAMPLES[protocol]
     experiment = example.load(name)
-    priors = resolved_priors(experiment)
+    (priors,) = problem_of([experiment], default_priors(experiment.material)).priors
     program, centre = program_in(experiment, what, tmp_path)
     rng = np.random.default_rng(5)
     # From close by to as far away as the prior reaches.
@@ -295,7 +294,7 @@ def test_the_truth_of_a_twin_is_recovered(
         assert result.manifest["coordinates"]["system"] == chart.name
     truth = truth_table(result)
     assert truth is not None
-    assert len(truth) == len(priors.free)
+    assert len(truth) == len(result.problem.free)
     print(truth.drop(columns="unit").to_string())
     for share in (50, 90):
         inside = int(truth[f"inside_{share}"].sum())

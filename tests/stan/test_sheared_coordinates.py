@@ -22,7 +22,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet, load_priors
-from pyburgers.protocols.coordinates import REFERENCE_FLOW_RATE
+from pyburgers.protocols.coordinates import REFERENCE_FLOW_RATE, Mode
 from pyburgers.protocols.forced_oscillation.experiment import (
     OscillationExperiment,
     load_forced_oscillation,
@@ -34,7 +34,7 @@ from pyburgers.protocols.forced_oscillation.sheared import SHIFTED_BY, find_shea
 from pyburgers.protocols.forced_oscillation.stan_data import ShearedReference
 from pyburgers.protocols.problem import ProblemMode, one_test, plain_coordinates, problem_of
 from pyburgers.protocols.program_data import PLACE, chart_block
-from pyburgers.protocols.protocol import Mode, protocol_of
+from pyburgers.protocols.protocol import protocol_of
 from pyburgers.protocols.stan_data import PLAIN, SolverOptions, StanData, solver_block
 from pyburgers.sampling.charts import ChosenChart, at_mode, choose_chart, curvature_at
 from pyburgers.sampling.starts import find_mode

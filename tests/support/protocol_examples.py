@@ -7,10 +7,12 @@ from types import MappingProxyType
 from typing import Any, ClassVar, Generic, TypeVar
 
 import attenuation_oracle
+import history_oracle
 import numpy as np
 import numpy.typing as npt
 import oracle
 from conftest import DUNITE, ICE
+from history_twins import history_twin, residual_covariance
 from numpy.polynomial import Polynomial
 from scipy import stats
 
@@ -28,6 +30,9 @@ from pyburgers.protocols.forced_oscillation.experiment import (
 )
 from pyburgers.protocols.forced_oscillation.preparation import Background, prepare
 from pyburgers.protocols.forced_oscillation.stan_data import START_MARGIN
+from pyburgers.protocols.loading_history.experiment import LoadingHistory
+from pyburgers.protocols.loading_history.stan_data import leg_of_times
+from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.options import SamplerOptions
 
 FloatArray = npt.NDArray[np.float64]
@@ -58,6 +63,8 @@ class Example(ABC, Generic[E]):
         Of a fit in earnest.
     certain : tuple of str or None
         Parameters whose truth a fit in earnest has inside its central 95 %; None for all.
+    tight : SolverOptions
+        With which densities are compared.
     divergences : int
         Draws of a fit in earnest that may diverge.
     """
@@ -77,6 +84,7 @@ class Example(ABC, Generic[E]):
     few: ClassVar[tuple[str, ...]]
     options: ClassVar[SamplerOptions]
     certain: ClassVar[tuple[str, ...] | None] = None
+    tight: ClassVar[SolverOptions] = SolverOptions(tolerance=1e-11, max_num_steps=1_000_000)
     divergences: ClassVar[int] = 0
 
     @abstractmethod
@@ -230,6 +238,50 @@ class ForcedOscillationExample(Example[OscillationExperiment]):
         return found
 
 
+class LoadingHistoryExample(Example[LoadingHistory]):
+    """Creep, loading and unloading, relaxation, and all of it in one test."""
+
+    twins = ("creep", "load and unload", "relaxation", "mixed")
+    quick = ("mixed, short",)
+    materials = MappingProxyType(
+        {
+            "truth": {},
+            "hardening": {"steady_state_fabric_factor": 1.5},
+            "compliant apparatus": {"apparatus_compliance": 2e-10},
+        }
+    )
+    few = ("kelvin_modulus", "activation_enthalpy", "stress_noise")
+    # Readings of strain are good to a thousandth of the whole.
+    tight = SolverOptions(tolerance=1e-13, max_num_steps=1_000_000)
+    options = SamplerOptions(chains=4, draws=1000, seed=20261122)
+
+    def load(self, name: str) -> LoadingHistory:
+        return history_twin("mixed", 16) if name in self.quick else history_twin(name, 100)
+
+    def solution(
+        self, experiment: LoadingHistory, values: Mapping[str, float], at: FloatArray
+    ) -> dict[str, FloatArray]:
+        legs = leg_of_times(experiment, at)
+        state = history_oracle.history(
+            values,
+            experiment.initial_grain_size,
+            experiment.legs,
+            [at[legs == k] for k in range(len(experiment.legs))],
+        )
+        names = ("stress_Pa", "strain", "kelvin_strain", "grain_size_m", "fabric_factor")
+        return dict(zip(names, state[[0, 1, 2, 5, 6]], strict=True))
+
+    def log_likelihood(
+        self, experiment: LoadingHistory, values: Mapping[str, float], response: FloatArray
+    ) -> FloatArray:
+        covariance = residual_covariance(
+            values, experiment.time, experiment.reading_stage, experiment.response_is_strain
+        )
+        factor = np.linalg.cholesky(covariance)
+        scaled = np.linalg.solve(factor, experiment.reading - response)
+        return np.asarray(stats.norm.logpdf(scaled) - np.log(np.diag(factor)))
+
+
 class AttenuationExample(Example[AttenuationExperiment]):
     """Tables of ice about two median stresses, and of measured olivine."""
 
@@ -290,5 +342,6 @@ class AttenuationExample(Example[AttenuationExperiment]):
 EXAMPLES: Mapping[str, Example[Any]] = {
     "constant_rate": ConstantRateExample(),
     "forced_oscillation": ForcedOscillationExample(),
+    "loading_history": LoadingHistoryExample(),
     "attenuation": AttenuationExample(),
 }

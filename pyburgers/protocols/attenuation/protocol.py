@@ -11,6 +11,7 @@ from markupsafe import Markup
 
 from pyburgers.common.errors import InputError
 from pyburgers.drawing.page_parts import PageTable
+from pyburgers.model.display import Quantity
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.model.prior_families import is_fixed_at
 from pyburgers.model.priors import PriorSet
@@ -26,7 +27,7 @@ from pyburgers.protocols.attenuation.stan_data import (
     tests_block,
 )
 from pyburgers.protocols.attenuation.table import MODULUS, NO_READINGS
-from pyburgers.protocols.protocol import FittedTest, Protocol, Quantity
+from pyburgers.protocols.protocol import FittedTest, Protocol
 
 FloatArray = npt.NDArray[np.float64]
 

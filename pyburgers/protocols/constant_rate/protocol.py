@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from markupsafe import Markup
 
-from pyburgers.model.display import STRAIN_FACTOR, STRAIN_UNIT, STRESS_FACTOR, STRESS_UNIT
+from pyburgers.model.display import STRAIN_FACTOR, STRAIN_UNIT, STRESS_FACTOR, STRESS_UNIT, Quantity
 from pyburgers.model.flow_law_prior import PeakTest
 from pyburgers.model.parameters import REFERENCE_STRESS_QUANTITY
 from pyburgers.protocols.constant_rate.experiment import (
@@ -25,7 +25,7 @@ from pyburgers.protocols.constant_rate.stan_data import (
     tests_block,
 )
 from pyburgers.protocols.constant_rate.valley import ValleyChart
-from pyburgers.protocols.protocol import Protocol, Quantity
+from pyburgers.protocols.protocol import Protocol
 from pyburgers.protocols.stan_data import StanData
 
 FloatArray = npt.NDArray[np.float64]

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from markupsafe import Markup
 
 from pyburgers.drawing.page_parts import PageTable
-from pyburgers.model.display import STRAIN_FACTOR, STRESS_FACTOR, STRESS_UNIT
+from pyburgers.model.display import STRAIN_FACTOR, STRESS_FACTOR, STRESS_UNIT, Quantity
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.protocols.forced_oscillation.experiment import (
     OscillationExperiment,
@@ -31,7 +31,7 @@ from pyburgers.protocols.forced_oscillation.stan_data import (
     reference_origin,
     tests_block,
 )
-from pyburgers.protocols.protocol import FittedTest, Protocol, Quantity
+from pyburgers.protocols.protocol import FittedTest, Protocol
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -10,10 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from pyburgers.model.prior_families import Prior
-from pyburgers.protocols.coordinates import Layout, PlainCoordinates
+from pyburgers.protocols.coordinates import Layout, Mode, PlainCoordinates
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.protocols.forced_oscillation.stan_data import ShearedReference, sheared_block
-from pyburgers.protocols.protocol import AtMode, Chart, ChartUnsuited, Mode
+from pyburgers.protocols.protocol import AtMode, Chart, ChartUnsuited
 from pyburgers.protocols.stan_data import StanData
 
 FloatArray = npt.NDArray[np.float64]

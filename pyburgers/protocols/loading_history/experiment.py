@@ -52,6 +52,7 @@ class LoadingHistory(Experiment):
     """
 
     protocol: ClassVar[str] = "loading_history"
+    residual_correlation: ClassVar[str] = "residual_correlation_time"
     stages: tuple[Stage, ...]
     time: FloatArray
     reading_stage: IntArray

@@ -1,0 +1,312 @@
+"""Figures of a fit of a loading history: what is drawn, and how to read it.
+
+Every function takes a fit and returns a figure of its own, and refuses the fit of another kind of
+test (`InputError`).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from scipy import stats
+
+from pyburgers.common.draws import TAIL, all_draws, central_band
+from pyburgers.common.errors import InputError
+from pyburgers.drawing.page_parts import FigureRecipe
+from pyburgers.drawing.panels import (
+    LINES_AND_AREAS,
+    MEDIAN_LABEL,
+    FittedCurve,
+    draw_data,
+    draw_retrodictions,
+    legend_above,
+)
+from pyburgers.drawing.style import BLACK, BLUE, GREY, ORANGE, PURPLE, VERMILION, few_ticks, style
+from pyburgers.model.display import STRAIN_FACTOR, STRAIN_UNIT, STRESS_FACTOR, STRESS_UNIT
+from pyburgers.protocols.loading_history.experiment import LoadingHistory
+from pyburgers.protocols.protocol import FittedTest
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+TIME_UNITS = (("s", 1.0), ("min", 60.0), ("h", 3600.0), ("days", 86400.0))
+LEAST_TIME_UNITS = 10
+"""Times are shown in the largest unit of which a test lasts at least as many."""
+
+STAGE_COLOURS = (BLUE, VERMILION, "#009E73", PURPLE, ORANGE, "#56B4E9")
+
+
+@dataclass(frozen=True)
+class _Shown:
+    """How a quantity that is read is shown."""
+
+    name: str
+    label: str
+    residual_label: str
+    factor: float
+    noise: str
+
+
+_STRESS = _Shown(
+    "stress",
+    f"differential stress ({STRESS_UNIT})",
+    f"residual ({STRESS_UNIT})",
+    STRESS_FACTOR,
+    "stress_noise",
+)
+_STRAIN = _Shown(
+    "strain",
+    f"axial strain ({STRAIN_UNIT})",
+    f"residual ({STRAIN_UNIT})",
+    STRAIN_FACTOR,
+    "strain_noise",
+)
+
+HISTORY_CAPTION = (
+    "The test along time, its stages shaded in turn. Stress and strain: readings (circles) where "
+    "one of them was read, the predictive median (solid line), solutions for single draws (thin "
+    "lines) and the band that should hold 90 % of new readings, noise included; what is imposed "
+    "has no band. Below each: readings minus the predictive median, with the band that should hold "
+    "90 % of residuals if they were noise alone; a run on one side of zero means that the model "
+    "misses something there, or that the readings drift."
+)
+
+
+def history(fit: FittedTest) -> Figure:
+    """Draw stress, strain and residuals along time."""
+    experiment = loading_history_test(fit)
+    curves = {shown.name: _curve(fit, shown) for shown in (_STRESS, _STRAIN)}
+    panels = [(name, part) for name in curves for part in ("curve", "residuals")]
+    panels = [(n, part) for n, part in panels if part == "curve" or curves[n].position.size > 0]
+    heights = [3.0 if part == "curve" else 1.2 for _, part in panels]
+    with style():
+        figure = Figure(figsize=(8.0, 1.2 + 0.95 * sum(heights)), layout="constrained")
+        axes = figure.subplots(len(panels), 1, sharex=True, height_ratios=heights)
+        for panel, (name, part) in zip(axes, panels, strict=True):
+            _shade_stages(panel, experiment)
+            if part == "curve":
+                _draw_solutions(panel, curves[name], is_read=curves[name].position.size > 0)
+            else:
+                _draw_residuals(panel, curves[name])
+        axes[-1].set_xlabel(curves["stress"].position_label)
+        axes[0].set_title(experiment.title, loc="left")
+        legend_above(figure, [axes[[name for name, _ in panels].index(_main(experiment).name)]])
+    return figure
+
+
+def fitted_curve(fit: FittedTest) -> FittedCurve:
+    """Gather what was read along time, and as a fit has it; of two quantities that read more."""
+    return _curve(fit, _main(loading_history_test(fit)))
+
+
+RESPONSE_CAPTION = (
+    "The same solutions as the field draws them; lines are posterior medians, areas hold 90 % of "
+    "draws, a colour for each stage. (a) Stress against strain. (b) Strain rate against strain on "
+    "a logarithmic scale: a minimum is where the Kelvin element is exhausted and softening wins; "
+    "rates of recovery, which run backwards, are drawn dashed. (c) What was read in each stage, "
+    "against the time since the stage began on a logarithmic scale, over its value at the end of "
+    "the stage: relaxation and transient creep are seen from their first readings on."
+)
+
+
+def response(fit: FittedTest) -> Figure:
+    """Draw stress against strain, the rate against strain, and stages on logarithmic time."""
+    experiment = loading_history_test(fit)
+    predictions = fit.posterior["predictions"].to_dataset()
+    time = predictions["time"].to_numpy()
+    values = {
+        name: all_draws(predictions[name]).astype(np.float64)
+        for name in ("stress", "strain", "strain_rate")
+    }
+    middle = {name: np.nanmedian(draws, axis=0) for name, draws in values.items()}
+    stage_of = stages_of_times(experiment, time)
+    with style():
+        figure = Figure(figsize=(8.6, 7.6), layout="constrained")
+        places = figure.subplot_mosaic([["curve", "rate"], ["log", "log"]])
+        for number, stage in enumerate(experiment.stages):
+            here = np.flatnonzero(stage_of == number)
+            colour = STAGE_COLOURS[number % len(STAGE_COLOURS)]
+            strain = STRAIN_FACTOR * middle["strain"][here]
+            places["curve"].plot(
+                strain, STRESS_FACTOR * middle["stress"][here], color=colour, linewidth=1.6
+            )
+            _draw_rate(places["rate"], strain, values["strain_rate"][:, here], colour)
+            name = "strain" if stage.driven == "stress" else "stress"
+            _draw_log_time(
+                places["log"],
+                time[here] - stage.start_time,
+                values[name][:, here],
+                colour,
+                f"stage {number + 1}: {name}",
+            )
+            read = experiment.reading_stage == number
+            if read.any():
+                since = experiment.time[read] - stage.start_time
+                end = np.nanmedian(values[name][:, here[-1]])
+                places["log"].plot(
+                    since[since > 0],
+                    experiment.reading[read][since > 0] / end,
+                    linestyle="none",
+                    marker="o",
+                    markersize=2.5,
+                    color=BLACK,
+                    markerfacecolor="white",
+                    markeredgewidth=0.5,
+                )
+        _label_response(places)
+        figure.suptitle(f"{experiment.title}\n{LINES_AND_AREAS}", fontsize=10)
+    return figure
+
+
+def loading_history_test(fit: FittedTest) -> LoadingHistory:
+    """Return the experiment of a fit, which has to be a loading history.
+
+    Raises
+    ------
+    InputError
+        If it is not.
+    """
+    if not isinstance(fit.experiment, LoadingHistory):
+        raise InputError(
+            f"{fit.experiment.id}: found a test of protocol {fit.experiment.protocol!r}, expected "
+            "the fit of a loading history."
+        )
+    return fit.experiment
+
+
+def stages_of_times(experiment: LoadingHistory, time: FloatArray) -> IntArray:
+    """Return the stage, from 0, of times (s) of a solution.
+
+    Of two equal times at which stages meet the first belongs to the one that ends there.
+    """
+    inner = np.array([stage.end_time for stage in experiment.stages[:-1]])
+    behind = np.isin(time, inner) & (np.diff(time, prepend=-1.0) == 0)
+    return np.asarray(np.searchsorted(inner, time, side="left") + behind, dtype=np.int64)
+
+
+def time_unit(experiment: LoadingHistory) -> tuple[str, float]:
+    """Return the unit in which the times of a test are shown, and its seconds."""
+    fitting = [unit for unit in TIME_UNITS if experiment.end_time >= LEAST_TIME_UNITS * unit[1]]
+    return fitting[-1] if fitting else TIME_UNITS[0]
+
+
+def _main(experiment: LoadingHistory) -> _Shown:
+    return _STRAIN if 2 * experiment.response_is_strain.sum() >= experiment.n_points else _STRESS
+
+
+def _curve(fit: FittedTest, shown: _Shown) -> FittedCurve:
+    """Gather a quantity along time as read and as a fit has it, in display units."""
+    experiment = loading_history_test(fit)
+    unit, seconds = time_unit(experiment)
+    predictions = fit.posterior["predictions"].to_dataset()
+    predicted = fit.posterior["model_response"]["response"].median(("chain", "draw")).to_numpy()
+    is_read = experiment.response_is_strain == (shown is _STRAIN)
+    draws = fit.posterior["posterior"].to_dataset()
+    noise = float(draws[shown.noise].mean()) if shown.noise in draws else 0.0
+    return FittedCurve(
+        grid=predictions["time"].to_numpy() / seconds,
+        solutions=all_draws(predictions[shown.name]) * shown.factor,
+        replicated=all_draws(predictions[f"{shown.name}_replicated"]) * shown.factor,
+        position=experiment.time[is_read] / seconds,
+        data=experiment.reading[is_read] * shown.factor,
+        residuals=(experiment.reading - predicted)[is_read] * shown.factor,
+        error=None,
+        data_label=f"{experiment.provenance.kind} data",
+        noise_band=float(stats.norm.ppf(1.0 - TAIL)) * noise * shown.factor,
+        position_label=f"time ({unit})",
+        label=shown.label,
+        residual_label=shown.residual_label,
+        heading=experiment.title,
+        marks=[(stage.start_time / seconds, "") for stage in experiment.stages[1:]],
+        limits=(0.0, 1.01 * experiment.end_time / seconds),
+    )
+
+
+def _shade_stages(axes: Axes, experiment: LoadingHistory) -> None:
+    _, seconds = time_unit(experiment)
+    for stage in experiment.stages[1::2]:
+        axes.axvspan(
+            stage.start_time / seconds,
+            stage.end_time / seconds,
+            color=GREY,
+            alpha=0.18,
+            linewidth=0,
+        )
+
+
+def _draw_solutions(axes: Axes, curve: FittedCurve, *, is_read: bool) -> None:
+    if is_read:
+        low, _, high = central_band(curve.replicated)
+        axes.fill_between(
+            curve.grid, low, high, color=ORANGE, alpha=0.35, linewidth=0, label="90 % band"
+        )
+    draw_retrodictions(axes, curve.grid, curve.solutions)
+    axes.plot(curve.grid, curve.median, color=VERMILION, linewidth=1.4, label=MEDIAN_LABEL)
+    if is_read:
+        draw_data(axes, curve.position, curve.data, curve.error, curve.data_label)
+    axes.set_xlim(*(curve.limits or (None, None)))
+    axes.set_ylabel(curve.label)
+
+
+def _draw_residuals(axes: Axes, curve: FittedCurve) -> None:
+    axes.axhspan(-curve.noise_band, curve.noise_band, color=ORANGE, alpha=0.35, linewidth=0)
+    axes.axhline(0.0, color=BLUE, linewidth=1.0)
+    axes.plot(
+        curve.position, curve.residuals, linestyle="none", marker="o", markersize=3, color=BLACK
+    )
+    axes.yaxis.set_major_locator(few_ticks(4))
+    axes.set_ylabel(curve.residual_label)
+
+
+def _draw_rate(axes: Axes, strain: FloatArray, rates: FloatArray, colour: str) -> None:
+    """Draw the magnitude of strain rates (1/s), those that run backwards dashed."""
+    low, middle, high = central_band(rates)
+    for sign, line in ((1, "-"), (-1, "--")):
+        runs = sign * middle > 0
+        if not runs.any():
+            continue
+        shown, one, other = (
+            np.where(runs, np.maximum(sign * each, 1e-30), np.nan) for each in (middle, low, high)
+        )
+        bottom, top = np.fmin(one, other), np.fmax(one, other)
+        axes.fill_between(
+            strain, np.maximum(bottom, 0.1 * shown), top, color=colour, alpha=0.22, linewidth=0
+        )
+        axes.plot(strain, shown, linestyle=line, color=colour, linewidth=1.6)
+    axes.set_yscale("log")
+
+
+def _draw_log_time(
+    axes: Axes, since: FloatArray, values: FloatArray, colour: str, label: str
+) -> None:
+    """Draw a stage over its median value at the end."""
+    end = np.nanmedian(values[:, -1])
+    later = since > 0
+    if end == 0:
+        return
+    low, middle, high = central_band(values[:, later] / end)
+    axes.fill_between(since[later], low, high, color=colour, alpha=0.22, linewidth=0)
+    axes.plot(since[later], middle, color=colour, linewidth=1.6, label=label)
+
+
+def _label_response(places: dict[str, Axes]) -> None:
+    places["curve"].set_title("(a) stress against strain", loc="left")
+    places["curve"].set_ylabel(_STRESS.label)
+    places["rate"].set_title("(b) strain rate", loc="left")
+    places["rate"].set_ylabel("strain rate (1/s)")
+    for name in ("curve", "rate"):
+        places[name].set_xlabel(_STRAIN.label)
+    places["log"].set_title("(c) stages on logarithmic time", loc="left")
+    places["log"].set_xscale("log")
+    places["log"].set_xlabel("time since the start of the stage (s)")
+    places["log"].set_ylabel("response / response at the end (–)")
+    places["log"].legend(loc="best", ncols=2)
+
+
+LOADING_HISTORY_FIGURES = (
+    FigureRecipe("history", "Stress and strain along time", HISTORY_CAPTION, history),
+    FigureRecipe("response", "How the material answers", RESPONSE_CAPTION, response),
+)
+"""What the report of such a fit shows beside the figures of its posterior."""

@@ -1,0 +1,203 @@
+"""Tests under any loading history as a protocol."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from types import MappingProxyType
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+from markupsafe import Markup
+
+from pyburgers.drawing.page_parts import PageTable
+from pyburgers.model.display import STRAIN_FACTOR, STRAIN_UNIT, STRESS_FACTOR, STRESS_UNIT, Quantity
+from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
+from pyburgers.protocols.loading_history.experiment import LoadingHistory
+from pyburgers.protocols.loading_history.figures import LOADING_HISTORY_FIGURES, fitted_curve
+from pyburgers.protocols.loading_history.files import load_loading_history, save_loading_history
+from pyburgers.protocols.loading_history.minimum_rates import minimum_rate_table
+from pyburgers.protocols.loading_history.priors import priors_of
+from pyburgers.protocols.loading_history.stan_data import (
+    grid_block,
+    reference_origin,
+    tests_block,
+    times_of_readings,
+)
+from pyburgers.protocols.protocol import FittedTest, Protocol
+
+FloatArray = npt.NDArray[np.float64]
+
+STRESS = Quantity("stress", "stress_Pa", "Pa", STRESS_UNIT, STRESS_FACTOR)
+STRAIN = Quantity("strain", "strain", "1", STRAIN_UNIT, STRAIN_FACTOR)
+
+
+class LoadingHistoryProtocol(Protocol[LoadingHistory]):
+    """Strain or stress is imposed in stages; the other one is read along time."""
+
+    name = "loading_history"
+    clock = Quantity("time", "time_s", "s", "s", 1.0)
+    response = Quantity("response", "response", "SI", "SI", 1.0)
+    noise = "strain_noise"
+    reference = REFERENCE_FLOW_RATE_QUANTITY
+    grid_quantities = MappingProxyType(
+        {
+            "grid_stress": ("stress", "Pa"),
+            "grid_stress_replicated": ("stress_replicated", "Pa"),
+            "grid_strain": ("strain", "1"),
+            "grid_strain_replicated": ("strain_replicated", "1"),
+            "grid_strain_rate": ("strain_rate", "1/s"),
+            "grid_kelvin_strain": ("kelvin_strain", "1"),
+            "grid_path_strain": ("path_strain", "1"),
+            "grid_grain_size": ("grain_size", "m"),
+            "grid_fabric_factor": ("fabric_factor", "1"),
+        }
+    )
+    warmup = 300
+    target_acceptance = 0.9
+    figures = LOADING_HISTORY_FIGURES
+    reference_text = Markup(
+        "The reference flow rate <i>ε̇</i><sub>0</sub>, at which the undeformed material flows "
+        "under the largest stress of the test, follows from the other parameters, and so does its "
+        "prior."
+    )
+
+    load = staticmethod(load_loading_history)
+    save = staticmethod(save_loading_history)
+    reference_origin = staticmethod(reference_origin)
+    tests_block = staticmethod(tests_block)
+    grid_block = staticmethod(grid_block)
+    priors_of = staticmethod(priors_of)
+    curve = staticmethod(fitted_curve)
+
+    @property
+    def read(self) -> tuple[Quantity, ...]:
+        """Stress where strain is imposed, strain where stress is."""
+        return STRESS, STRAIN
+
+    def without_data(self, experiment: LoadingHistory) -> LoadingHistory:
+        """Return the test as it is: its readings set the scales of the solution."""
+        return experiment
+
+    def prediction_grid(self, experiment: LoadingHistory) -> FloatArray:
+        """Return times, denser at the start of every stage."""
+        return _time_grid(experiment, np.union1d(np.geomspace(1e-4, 1, 24), np.linspace(0, 1, 25)))
+
+    def output_grid(self, experiment: LoadingHistory) -> FloatArray:
+        """Return times, dense at the start of every stage, those of the readings among them."""
+        shape = np.union1d(np.geomspace(1e-5, 1, 80), np.linspace(0, 1, 81))
+        grid = _time_grid(experiment, shape)
+        return np.sort(np.concatenate([grid, np.setdiff1d(experiment.time, grid)]))
+
+    def solution(
+        self, experiment: LoadingHistory, draw: Mapping[str, FloatArray]
+    ) -> dict[str, FloatArray]:
+        """Return the solution along time; the strain is that which is read."""
+        return {
+            "time_s": draw["grid_time"],
+            "strain": draw["grid_strain"],
+            "stress_Pa": draw["grid_stress"],
+            "kelvin_strain": draw["grid_kelvin_strain"],
+            "grain_size_m": draw["grid_grain_size"],
+            "fabric_factor": draw["grid_fabric_factor"],
+        }
+
+    def simulated_positions(self, experiment: LoadingHistory) -> FloatArray:
+        """Return the times of the readings, twice where one stands behind a jump."""
+        return times_of_readings(experiment)[0]
+
+    def response_in(self, experiment: LoadingHistory, solution: pd.DataFrame) -> FloatArray:
+        """Return stress or strain of every reading."""
+        at_readings = solution.iloc[times_of_readings(experiment)[1]]
+        is_strain = experiment.response_is_strain
+        return np.where(is_strain, at_readings["strain"], at_readings["stress_Pa"])
+
+    def observed_positions(self, experiment: LoadingHistory) -> dict[str, tuple[FloatArray, str]]:
+        """Return times, stages from 0, what is read, and stated errors where all have one."""
+        is_strain = experiment.response_is_strain
+        found = {
+            "time": (experiment.time, "s"),
+            "segment": (experiment.reading_stage.astype(np.float64), "1"),
+            "quantity": (is_strain.astype(np.float64), "1"),
+        }
+        errors = (experiment.stress_uncertainty, experiment.strain_uncertainty)
+        if all(errors[int(kind)] is not None for kind in np.unique(is_strain)):
+            of_kinds = np.array([0.0 if error is None else error for error in errors])
+            found["reading_error"] = (of_kinds[is_strain.astype(int)], "SI")
+        return found
+
+    def with_noise(
+        self,
+        experiment: LoadingHistory,
+        response: FloatArray,
+        values: Mapping[str, float],
+        rng: np.random.Generator,
+    ) -> LoadingHistory:
+        """Put readings with residuals, which may correlate in time, in the place of others."""
+        return replace(experiment, reading=response + _draw_residuals(experiment, values, rng))
+
+    def without_point(self, experiment: LoadingHistory, point: int) -> LoadingHistory:
+        """Return the test without a reading."""
+        return replace(
+            experiment,
+            time=np.delete(experiment.time, point),
+            reading_stage=np.delete(experiment.reading_stage, point),
+            reading=np.delete(experiment.reading, point),
+        )
+
+    def facts(self, experiment: LoadingHistory) -> Sequence[tuple[str, str]]:
+        """Return stages and number of readings."""
+        n_strain = int(experiment.response_is_strain.sum())
+        read = [
+            f"{number} of {name}"
+            for number, name in ((n_strain, "strain"), (experiment.n_points - n_strain, "stress"))
+            if number > 0
+        ]
+        return (
+            (
+                "Stages",
+                f"{len(experiment.stages)}, solved in {len(experiment.legs)} parts over which what "
+                "is imposed is linear in time",
+            ),
+            (
+                "Readings",
+                f"{' and '.join(read)}, of {experiment.n_readings_in_file} in the file",
+            ),
+        )
+
+    def tables(self, fit: FittedTest) -> tuple[PageTable, ...]:
+        """Return the minimum creep rates."""
+        return minimum_rate_table(fit)
+
+
+def _time_grid(experiment: LoadingHistory, shape: FloatArray) -> FloatArray:
+    """Spread times in the same way over every stage, from its start to its end: both count.
+
+    The start of a later stage is so the second of two equal times, behind a jump of the stress.
+    """
+    parts = []
+    for stage in experiment.stages:
+        time = stage.start_time + shape * (stage.end_time - stage.start_time)
+        time[-1] = stage.end_time
+        parts.append(time)
+    return np.concatenate(parts)
+
+
+def _draw_residuals(
+    experiment: LoadingHistory, values: Mapping[str, float], rng: np.random.Generator
+) -> FloatArray:
+    """Residuals (Pa or fraction), shape (n_points,), as `stan/statistics/residuals.stan` says."""
+    is_strain, n = experiment.response_is_strain, experiment.n_points
+    noise = np.where(is_strain, values.get("strain_noise", 0.0), values["stress_noise"])
+    correlation_time = values.get("residual_correlation_time", 0.0)
+    if correlation_time == 0:
+        return np.asarray(noise * rng.standard_normal(n))
+    share = values.get("residual_correlated_share", 1.0)
+    part: FloatArray = np.sqrt(share) * rng.standard_normal(n)
+    step = np.diff(experiment.time) / correlation_time
+    correlation, spread = np.exp(-step), np.sqrt(-np.expm1(-2 * step))
+    for k in np.flatnonzero(np.diff(experiment.reading_stage) == 0):
+        part[k + 1] = correlation[k] * part[k] + spread[k] * part[k + 1]
+    return np.asarray(noise * (part + np.sqrt(1 - share) * rng.standard_normal(n)))
+
+
+PROTOCOL = LoadingHistoryProtocol()

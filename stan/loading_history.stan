@@ -1,0 +1,155 @@
+// Nonlinear Burgers model of tests under any loading history: strain or stress imposed, piecewise
+// linear in time, the other one read. Maxwell spring and power-law dashpot in series with a
+// Kelvin-Voigt element, grain size and fabric evolving with the path strain (Maor, Hansen,
+// Jerolmack and Goldsby, Eqs. 1-5), solved leg by leg (protocols/loading_history_dynamics.stan).
+//
+// All values are SI. Priors, fixed parameters, solver tolerance and the likelihood switch are
+// data, and parameters of several tests are shared, partially pooled or separate, as in
+// constant_rate.stan. Coordinates are plain.
+functions {
+#include physics/parameters.stan
+#include physics/flow_law.stan
+#include physics/kelvin_element.stan
+#include physics/microstructure.stan
+#include protocols/loading_history_rates.stan
+#include protocols/loading_history_legs.stan
+#include protocols/loading_history_dynamics.stan
+#include statistics/priors.stan
+#include statistics/residuals.stan
+#include charts/plain.stan
+#include charts/pooling.stan
+}
+data {
+#include data/tests.stan
+#include data/loading_history.stan
+#include data/priors.stan
+#include data/coordinates.stan
+#include data/solver.stan
+  // Where generated quantities report the solution, apart from the readings.
+  array[n_tests + 1] int<lower=0> grid_end;
+  array[grid_end[n_tests + 1]] real<lower=0, upper=1> grid_time_in_leg;
+  array[leg_end[n_tests + 1]] int<lower=0> n_grid_in_leg;
+  vector[grid_end[n_tests + 1]] grid_time; // s since the start of the test
+  array[grid_end[n_tests + 1]] int<lower=0> grid_stage; // of its test
+}
+transformed data {
+  int n_points = point_end[n_tests + 1];
+  int n_grid = grid_end[n_tests + 1];
+  // What some free parameter changes; the rest is constant to the solver.
+  array[n_parameters()] int is_free = free_in_any_test(own_parameter, pooled_parameter);
+  array[size(varying_rates(is_free))] int varying = varying_rates(is_free);
+  array[leg_end[n_tests + 1]] vector[n_history_rates()] fixed;
+  array[n_tests] vector[n_history_constants()] test;
+  array[n_tests] vector[n_parameters()] prior_mass
+    = prior_log_masses(prior_family, prior_location, prior_scale, prior_lower, prior_upper);
+  for (e in 1 : n_tests) {
+    fixed[part(leg_end, e)] = fixed_rates(prior_location[e], leg[part(leg_end, e)],
+                                          initial_grain_size[e], stress_scale[e],
+                                          strain_scale[e]);
+    test[e] = history_constants(prior_location[e], initial_grain_size[e], stress_scale[e],
+                                strain_scale[e]);
+  }
+}
+parameters {
+  vector[n_coordinates] coordinate;
+}
+transformed parameters {
+#include charts/parameters_of_tests.stan
+  vector[n_tests] log_reference; // ln of the flow rate (s) at stress_scale and d_0
+  for (e in 1 : n_tests) {
+#include charts/given_parameters.stan
+    vector[n_parameters() + 1] mapped
+      = parameters_from_plain(coordinate[own_position[own]], own_parameter[own], quantity[own],
+                              given, replaced_parameter[e], 0, log(stress_scale[e]),
+                              initial_grain_size[e], temperature[e]);
+    parameter[e] = head(mapped, n_parameters());
+    log_reference[e] = log_flow_rate(stress_scale[e], initial_grain_size[e], temperature[e],
+                                     parameter[e][i_stress_exponent()],
+                                     parameter[e][i_grain_size_exponent()],
+                                     parameter[e][i_activation_enthalpy()],
+                                     parameter[e][i_beta()]);
+    log_jacobian += pooled[n_parameters() + 1] + mapped[n_parameters() + 1];
+    log_pooling += pooled[n_parameters() + 2];
+  }
+#include statistics/prior_density.stan
+}
+model {
+  target += lprior + log_jacobian + log_pooling;
+  if (use_likelihood) {
+    for (e in 1 : n_tests) {
+      array[point_end[e + 1] - point_end[e]] int points = part(point_end, e);
+      vector[size(points)] response
+        = history_readings(history_solution(parameter[e], prior_location[e], varying,
+                                            leg[part(leg_end, e)], fixed[part(leg_end, e)],
+                                            test[e], point_time_in_leg[points],
+                                            n_points_in_leg[part(leg_end, e)],
+                                            initial_grain_size[e], tolerance, max_num_steps),
+                           is_strain[points], parameter[e]);
+      vector[size(points)] noise = reading_noise(is_strain[points], parameter[e]);
+      // Residuals over their standard deviations, so that stress and strain have one process.
+      target += stress_log_density(rep_vector(0, size(points)),
+                                   (response - response_observed[points]) ./ noise, 1,
+                                   correlated_residuals, point_time[points],
+                                   point_stage[points],
+                                   parameter[e][i_residual_correlation_time()],
+                                   parameter[e][i_residual_correlated_share()])
+                - sum(log(noise));
+    }
+  }
+}
+generated quantities {
+  vector[n_points] response_model; // Pa or 1
+  vector[n_points] response_replicated;
+  vector[n_points] log_lik; // of each point given those before it
+  // Of each point given all others; where residuals are independent, log_lik is that already.
+  vector[correlated_residuals ? n_points : 0] log_lik_given_others;
+  // Of the coordinates, as the model block has it; here for runs of this block by itself.
+  real log_density = lprior + log_jacobian + log_pooling;
+  vector[n_grid] grid_stress; // Pa
+  vector[n_grid] grid_stress_replicated;
+  vector[n_grid] grid_strain; // as it is read
+  vector[n_grid] grid_strain_replicated;
+  vector[n_grid] grid_strain_rate; // 1/s
+  vector[n_grid] grid_kelvin_strain;
+  vector[n_grid] grid_path_strain;
+  vector[n_grid] grid_grain_size; // m
+  vector[n_grid] grid_fabric_factor;
+  for (e in 1 : n_tests) {
+    array[point_end[e + 1] - point_end[e]] int points = part(point_end, e);
+    vector[size(points)] noise = reading_noise(is_strain[points], parameter[e]);
+    real correlation_time = parameter[e][i_residual_correlation_time()];
+    real share = parameter[e][i_residual_correlated_share()];
+    response_model[points]
+      = history_readings(history_solution(parameter[e], prior_location[e], varying,
+                                          leg[part(leg_end, e)], fixed[part(leg_end, e)], test[e],
+                                          point_time_in_leg[points],
+                                          n_points_in_leg[part(leg_end, e)],
+                                          initial_grain_size[e], tolerance, max_num_steps),
+                         is_strain[points], parameter[e]);
+    response_replicated[points]
+      = response_model[points]
+        + noise
+          .* residuals_rng(point_time[points], point_stage[points], 1, correlation_time, share);
+    {
+      vector[size(points)] residual
+        = (response_observed[points] - response_model[points]) ./ noise;
+      if (correlated_residuals) {
+        log_lik[points] = residual_log_densities(residual, 1, point_time[points],
+                                                 point_stage[points], correlation_time, share)
+                          - log(noise);
+        log_lik_given_others[points]
+          = residual_log_densities_given_others(residual, 1, point_time[points],
+                                                point_stage[points], correlation_time, share)
+            - log(noise);
+      } else {
+        for (i in 1 : size(points)) {
+          log_lik[points[i]] = std_normal_lpdf(residual[i]) - log(noise[i]);
+        }
+      }
+    }
+    if (use_likelihood) {
+      log_density += sum(log_lik[points]);
+    }
+  }
+#include protocols/loading_history_grid.stan
+}

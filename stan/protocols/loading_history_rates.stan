@@ -1,0 +1,219 @@
+/**
+ * Rates of the Burgers model along a leg of a loading history: what strain-driven and
+ * stress-driven legs have in common.
+ *
+ * A leg is a part of a test over which strain or stress is linear in time. Time runs from 0 to 1
+ * over its duration D, and all states are O(1):
+ *
+ *   y = stress/S,  z = E_K kelvin_strain/S,  x = dashpot_strain/e,  g = path_strain/e,  u = d/d_0,
+ *
+ * with S a stress and e a strain of the test (data), path_strain = integral of |strain rate| of the
+ * specimen. In the unit e/D of strain rates,
+ *
+ *   v_K = (S/(E_K e)) dz/dt,  dz/dt = (D E_K/eta_K) q,  q = y - z,
+ *   v_d = v_0 sgn(y) (|y|/F)^n (d/d_0)^-p,
+ *
+ * v_0 the rate of the undeformed dashpot at stress S. With a power-law Kelvin element its linear
+ * driving stress stands for q (physics/kelvin_element.stan), with a hyperbolic-sine dashpot
+ * power_law_stress(y, sigma_L/S, F) for y in v_d.
+ *
+ * What the solver needs stands in one vector, at places h_NAME(). Only what a free parameter
+ * changes is handed to it as varying, because every varying number costs it sensitivities; the
+ * rest, as the whole microstructure where it is constant, is data.
+ */
+
+int n_history_rates() { return 13; }
+
+int h_log_dashpot_rate() { return 1; } // ln v_0
+int h_stress_exponent() { return 2; } // n
+int h_grain_size_exponent() { return 3; } // p
+int h_kelvin_decay() { return 4; } // D E_K/eta_K
+int h_kelvin_compliance() { return 5; } // S/(E_K e)
+int h_spring_compliance() { return 6; } // S/(E_M e)
+int h_apparatus_compliance() { return 7; } // C S/e
+int h_grain_size_deficit() { return 8; } // 1 - d_ss/d_0
+int h_grain_size_decay() { return 9; } // e/epsilon_c1
+int h_fabric_deficit() { return 10; } // 1 - F_ss
+int h_fabric_decay() { return 11; } // e/epsilon_c2
+int h_kelvin_stress_exponent() { return 12; } // n_K
+int h_breakdown_stress() { return 13; } // sigma_L/S
+
+/** Places in the constants of a test, which are data. */
+int n_history_constants() { return 6; }
+
+int c_stress_scale() { return 1; } // S, Pa
+int c_strain_scale() { return 2; } // e
+int c_log_kelvin_unit() { return 3; } // ln(S/q_0)
+int c_piezometer() { return 4; } // d_1/d_0; 0: the grain size has a steady state of its own
+int c_piezometer_exponent() { return 5; }
+int c_piezometer_stress_floor() { return 6; } // Pa
+
+/** Constants of a test: see their places. */
+vector history_constants(data vector constant, data real initial_grain_size,
+                         data real stress_scale, data real strain_scale) {
+  return [stress_scale, strain_scale,
+          log(stress_scale / constant[i_kelvin_reference_stress()]),
+          constant[i_piezometer_reference_grain_size()] / initial_grain_size,
+          constant[i_piezometer_exponent()], constant[i_piezometer_stress_floor()]]';
+}
+
+/**
+ * What a leg is solved with: see the places of its numbers.
+ *
+ * @param parameter in the order of physics/parameters.stan
+ * @param constant parameters that are never inferred, at their places in the same order
+ * @param duration D, s
+ * @param temperature of the leg, K
+ */
+vector history_rates(vector parameter, data vector constant, data real duration,
+                     data real temperature, data real initial_grain_size,
+                     data real stress_scale, data real strain_scale) {
+  real kelvin_viscosity = kelvin_viscosity_at(parameter[i_kelvin_viscosity()],
+                                              parameter[i_kelvin_activation_enthalpy()],
+                                              temperature,
+                                              constant[i_kelvin_reference_temperature()]);
+  return [log_flow_rate(stress_scale, initial_grain_size, temperature,
+                        parameter[i_stress_exponent()], parameter[i_grain_size_exponent()],
+                        parameter[i_activation_enthalpy()], parameter[i_beta()])
+          + log(duration / strain_scale),
+          parameter[i_stress_exponent()], parameter[i_grain_size_exponent()],
+          duration * parameter[i_kelvin_modulus()] / kelvin_viscosity,
+          stress_scale / (parameter[i_kelvin_modulus()] * strain_scale),
+          stress_scale / (parameter[i_maxwell_modulus()] * strain_scale),
+          parameter[i_apparatus_compliance()] * stress_scale / strain_scale,
+          1 - parameter[i_steady_state_grain_size()] / initial_grain_size,
+          strain_scale / parameter[i_critical_strain_grain_size()],
+          1 - parameter[i_steady_state_fabric_factor()],
+          strain_scale / parameter[i_critical_strain_fabric()],
+          parameter[i_kelvin_stress_exponent()],
+          parameter[i_breakdown_stress()] / stress_scale]';
+}
+
+/**
+ * Places of the numbers above that some free parameter changes.
+ *
+ * @param is_free of each parameter, whether it is inferred in any test
+ */
+array[] int varying_rates(data array[] int is_free) {
+  array[n_history_rates()] int varies = rep_array(0, n_history_rates());
+  int n_varying = 0;
+  varies[h_log_dashpot_rate()]
+    = max(is_free[{i_stress_exponent(), i_grain_size_exponent(), i_activation_enthalpy(),
+                   i_beta()}]);
+  varies[h_stress_exponent()] = is_free[i_stress_exponent()];
+  varies[h_grain_size_exponent()] = is_free[i_grain_size_exponent()];
+  varies[h_kelvin_decay()] = max(is_free[{i_kelvin_modulus(), i_kelvin_viscosity(),
+                                          i_kelvin_activation_enthalpy()}]);
+  varies[h_kelvin_compliance()] = is_free[i_kelvin_modulus()];
+  varies[h_spring_compliance()] = is_free[i_maxwell_modulus()];
+  varies[h_apparatus_compliance()] = is_free[i_apparatus_compliance()];
+  varies[h_grain_size_deficit()] = is_free[i_steady_state_grain_size()];
+  varies[h_grain_size_decay()] = is_free[i_critical_strain_grain_size()];
+  varies[h_fabric_deficit()] = is_free[i_steady_state_fabric_factor()];
+  varies[h_fabric_decay()] = is_free[i_critical_strain_fabric()];
+  varies[h_kelvin_stress_exponent()] = is_free[i_kelvin_stress_exponent()];
+  varies[h_breakdown_stress()] = is_free[i_breakdown_stress()];
+  n_varying = sum(varies);
+  {
+    array[n_varying] int places;
+    int found = 0;
+    for (k in 1 : n_history_rates()) {
+      if (varies[k]) {
+        found += 1;
+        places[found] = k;
+      }
+    }
+    return places;
+  }
+}
+
+/** Place of each number among the varying ones, 0 where it does not vary. */
+array[] int place_among(data array[] int varying) {
+  array[n_history_rates()] int place = rep_array(0, n_history_rates());
+  for (k in 1 : size(varying)) {
+    place[varying[k]] = k;
+  }
+  return place;
+}
+
+/**
+ * A number that a leg is solved with.
+ *
+ * @param which its place
+ * @param varying the numbers that vary
+ * @param place of each among them, 0 where it does not vary
+ * @param fixed all numbers at given parameters; those that vary have no effect
+ */
+real history_rate(data int which, vector varying, data array[] int place, data vector fixed) {
+  return place[which] == 0 ? fixed[which] : varying[place[which]];
+}
+
+/** Whether a number may differ from a value without effect. */
+int in_use(data int which, data array[] int place, data vector fixed, data real without_effect) {
+  return place[which] > 0 || fixed[which] != without_effect;
+}
+
+/** dz/dt of the Kelvin element. */
+real history_kelvin_rate(real y, real z, vector varying, data array[] int place,
+                         data vector fixed, data vector test) {
+  real decay = history_rate(h_kelvin_decay(), varying, place, fixed);
+  if (in_use(h_kelvin_stress_exponent(), place, fixed, 1)) {
+    return decay
+           * linear_driving_stress(y - z,
+                                   history_rate(h_kelvin_stress_exponent(), varying, place,
+                                                fixed),
+                                   test[c_log_kelvin_unit()]);
+  }
+  return decay * (y - z);
+}
+
+/**
+ * Rate of the dashpot, v_d.
+ *
+ * @param g path strain over e
+ * @param u d/d_0 where the grain size follows a piezometer; elsewhere it has no effect
+ */
+real history_dashpot_rate(real y, real g, real u, vector varying, data array[] int place,
+                          data vector fixed, data vector test) {
+  real log_grain_size = 0;
+  real log_fabric = 0;
+  real flow_stress = y;
+  if (test[c_piezometer()] > 0) {
+    log_grain_size = log(u);
+  } else if (in_use(h_grain_size_deficit(), place, fixed, 0)) {
+    log_grain_size
+      = log_relative_microstructure(g,
+                                    history_rate(h_grain_size_deficit(), varying, place, fixed),
+                                    history_rate(h_grain_size_decay(), varying, place, fixed));
+  }
+  if (in_use(h_fabric_deficit(), place, fixed, 0)) {
+    log_fabric
+      = log_relative_microstructure(g,
+                                    history_rate(h_fabric_deficit(), varying, place, fixed),
+                                    history_rate(h_fabric_decay(), varying, place, fixed));
+  }
+  if (in_use(h_breakdown_stress(), place, fixed, 0)) {
+    flow_stress = power_law_stress(y, history_rate(h_breakdown_stress(), varying, place, fixed),
+                                   exp(log_fabric));
+  }
+  return signed_power(flow_stress, log_fabric,
+                      history_rate(h_stress_exponent(), varying, place, fixed),
+                      history_rate(h_log_dashpot_rate(), varying, place, fixed)
+                      - history_rate(h_grain_size_exponent(), varying, place, fixed)
+                        * log_grain_size);
+}
+
+/** du/dt of a grain size that follows a piezometer, at a rate of the path strain in e/D. */
+real history_grain_growth(real y, real u, real path_rate, vector varying,
+                          data array[] int place, data vector fixed, data vector test) {
+  return path_rate * history_rate(h_grain_size_decay(), varying, place, fixed)
+         * (piezometer_grain_size(test[c_stress_scale()] * y, test[c_piezometer()],
+                                  test[c_piezometer_exponent()],
+                                  test[c_piezometer_stress_floor()])
+            - u);
+}
+
+/** Magnitude; of 0 with the slope 0. */
+real magnitude(real x) {
+  return x < 0 ? -x : (x > 0 ? x : 0);
+}

@@ -1,0 +1,33 @@
+// Solutions of loading histories at given parameters, for tests.
+functions {
+#include physics/parameters.stan
+#include physics/flow_law.stan
+#include physics/kelvin_element.stan
+#include physics/microstructure.stan
+#include protocols/loading_history_rates.stan
+#include protocols/loading_history_legs.stan
+#include protocols/loading_history_dynamics.stan
+}
+data {
+  int<lower=0> n_legs;
+  int<lower=0> n_times;
+  vector[n_parameters()] parameter;
+  matrix[n_legs, 5] leg;
+  array[n_times] real time;
+  array[n_legs] int n_in_leg;
+  real initial_grain_size;
+  real stress_scale;
+  real strain_scale;
+  real tolerance;
+}
+transformed data {
+  array[n_legs] vector[n_history_rates()] fixed
+    = fixed_rates(parameter, leg, initial_grain_size, stress_scale, strain_scale);
+  vector[n_history_constants()] test
+    = history_constants(parameter, initial_grain_size, stress_scale, strain_scale);
+}
+generated quantities {
+  array[n_times] vector[6] solution
+    = history_solution(parameter, parameter, rep_array(0, 0), leg, fixed, test, time, n_in_leg,
+                       initial_grain_size, tolerance, 1000000);
+}

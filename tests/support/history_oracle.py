@@ -1,0 +1,94 @@
+"""Loading histories solved with scipy: the equations as the paper prints them, SI units."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
+import oracle
+from scipy.integrate import solve_ivp
+
+from pyburgers.protocols.loading_history.stages import Leg
+
+FloatArray = npt.NDArray[np.float64]
+
+STRESS, STRAIN, KELVIN, DASHPOT, PATH, GRAINS, FABRIC = range(7)
+"""Rows of a solution: Pa, fractions, m, and F."""
+
+
+def history(
+    parameters: Mapping[str, float],
+    initial_grain_size: float,
+    legs: Sequence[Leg],
+    times: Sequence[FloatArray],
+) -> FloatArray:
+    """Solution of a test that starts at rest, at times (s) of each leg, shape (7, n_times).
+
+    Every state has a rate of its own: nothing is known in advance, nothing is eliminated.
+    """
+    elastic = 1 / parameters["maxwell_modulus"]
+    state = np.array([0.0, 0.0, 0.0, 0.0, 0.0, initial_grain_size, 1.0])
+    parts = []
+    for leg, wanted in zip(legs, times, strict=True):
+        if leg.driven == "stress":
+            jump = leg.start_value - state[STRESS]
+            state = state.copy()
+            state[STRESS] = leg.start_value
+            state[STRAIN] += (elastic + parameters.get("apparatus_compliance", 0.0)) * jump
+            _deform(state, parameters, elastic * abs(jump))
+        duration = leg.end_time - leg.start_time
+        since = np.minimum(wanted - leg.start_time, duration)
+        solved = solve_ivp(
+            _rates,
+            (0.0, duration),
+            state,
+            method="LSODA",
+            rtol=1e-11,
+            args=(parameters, leg),
+            atol=1e-13 * np.array([1e8, 1, 1, 1, 1, 1e-3, 1]),
+            t_eval=(outputs := np.unique(np.append(since, duration))),
+        )
+        assert solved.success, solved.message
+        parts.append(solved.y[:, np.searchsorted(outputs, since)])
+        state = solved.y[:, -1]
+    return np.concatenate(parts, axis=1)
+
+
+def _deform(state: FloatArray, parameters: Mapping[str, float], path: float) -> None:
+    """Let the microstructure evolve over a path strain at once."""
+    state[PATH] += path
+    wanted = oracle.wanted_grain_size(parameters, state[STRESS])
+    for row, steady, critical in (
+        (GRAINS, wanted, "critical_strain_grain_size"),
+        (FABRIC, parameters["steady_state_fabric_factor"], "critical_strain_fabric"),
+    ):
+        state[row] = steady + (state[row] - steady) * np.exp(-path / parameters[critical])
+
+
+def _rates(
+    _time: float, state: FloatArray, parameters: Mapping[str, float], leg: Leg
+) -> FloatArray:
+    """Rates of all states in a leg."""
+    stress, grains, fabric = state[STRESS], state[GRAINS], state[FABRIC]
+    apparatus = parameters.get("apparatus_compliance", 0.0)
+    elastic = 1 / parameters["maxwell_modulus"]
+    kelvin = oracle.kelvin_rate(parameters, leg.temperature, stress, state[KELVIN])
+    dashpot = float(oracle.dashpot_rate(parameters, leg.temperature, stress, grains, fabric))
+    if leg.driven == "stress":
+        stress_rate = leg.rate
+    else:
+        stress_rate = (leg.rate - kelvin - dashpot) / (elastic + apparatus)
+    specimen = elastic * stress_rate + kelvin + dashpot
+    wanted = oracle.wanted_grain_size(parameters, stress)
+    return np.array(
+        [
+            stress_rate,
+            specimen + apparatus * stress_rate,
+            kelvin,
+            dashpot,
+            abs(specimen),
+            abs(specimen) * (wanted - grains) / parameters["critical_strain_grain_size"],
+            abs(specimen)
+            * (parameters["steady_state_fabric_factor"] - fabric)
+            / parameters["critical_strain_fabric"],
+        ]
+    )

@@ -1,0 +1,110 @@
+"""Synthetic loading histories of ice, solved with scipy, with noise from a seed."""
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+
+import history_oracle
+import numpy as np
+import numpy.typing as npt
+
+from pyburgers.protocols.experiment import Provenance
+from pyburgers.protocols.loading_history.experiment import LoadingHistory
+from pyburgers.protocols.loading_history.stages import Stage, legs_of
+
+FloatArray = npt.NDArray[np.float64]
+
+TEMPERATURE, GRAIN_SIZE = 260.0, 230e-6
+
+TRUTH: Mapping[str, float] = MappingProxyType(
+    {
+        "maxwell_modulus": 4.83e9,
+        "kelvin_modulus": 0.8e9,
+        "kelvin_viscosity": 1.2e11,
+        "stress_exponent": 3.78,
+        "grain_size_exponent": 0.55,
+        "activation_enthalpy": 62.08e3,
+        "beta": -7.29e-4,
+        "steady_state_grain_size": 100e-6,
+        "steady_state_fabric_factor": 0.6,
+        "critical_strain_grain_size": 0.05,
+        "critical_strain_fabric": 0.15,
+        "stress_noise": 4e4,
+        "strain_noise": 1e-4,
+        "residual_correlation_time": 150.0,
+        "residual_correlated_share": 0.6,
+    }
+)
+
+_STAGES: Mapping[str, Sequence[tuple[str, float, float]]] = MappingProxyType(
+    {
+        "creep": (("stress", 4000.0, 5e6),),
+        "load and unload": (
+            ("stress", 1500.0, 5e6),
+            ("stress", 1000.0, 5e5),
+            ("stress", 1500.0, 6e6),
+        ),
+        "relaxation": (("strain_rate", 600.0, 1e-4), ("hold_strain", 3000.0, 0.0)),
+        "mixed": (
+            ("strain_rate", 500.0, 1e-4),
+            ("hold_strain", 500.0, 0.0),
+            ("stress", 2500.0, 5e6),
+        ),
+    }
+)
+"""Control, duration (s) and value of the stages of each."""
+
+
+def history_twin(
+    name: str, n_readings: int, seed: int = 20261122, values: Mapping[str, float] = TRUTH
+) -> LoadingHistory:
+    """One of the histories above, as many readings in each stage, dense at its start."""
+    stages, start = [], 0.0
+    for control, duration, value in _STAGES[name]:
+        stages.append(Stage(control, start, start + duration, TEMPERATURE, value))  # type: ignore[arg-type]
+        start += duration
+    shape = np.union1d(np.geomspace(2e-3, 1.0, n_readings // 2), np.linspace(0.0, 1.0, n_readings))
+    shape = shape[1:]
+    times = [s.start_time + shape * (s.end_time - s.start_time) for s in stages]
+    solution = history_oracle.history(values, GRAIN_SIZE, legs_of(stages), times)
+    stage = np.repeat(np.arange(len(stages)), shape.size)
+    is_strain = np.array([s.driven == "stress" for s in stages])[stage]
+    if not is_strain.any():
+        values = {**values, "residual_correlation_time": 0.0}
+    exact = np.where(is_strain, solution[history_oracle.STRAIN], solution[history_oracle.STRESS])
+    time = np.concatenate(times)
+    factor = np.linalg.cholesky(residual_covariance(values, time, stage, is_strain))
+    rng = np.random.default_rng(seed)
+    return LoadingHistory(
+        id=name.replace(" ", "_"),
+        material="ice",
+        temperature=TEMPERATURE,
+        initial_grain_size=GRAIN_SIZE,
+        provenance=Provenance("synthetic", "scipy"),
+        metadata=MappingProxyType({}),
+        notices=(),
+        true_parameters=values,
+        stages=tuple(stages),
+        time=time,
+        reading_stage=stage,
+        reading=exact + factor @ rng.standard_normal(time.size),
+        n_readings_in_file=time.size,
+    )
+
+
+def residual_covariance(
+    values: Mapping[str, float],
+    time: FloatArray,
+    stage: npt.NDArray[np.int64],
+    is_strain: npt.NDArray[np.bool_],
+) -> FloatArray:
+    """Covariance of the residuals of readings, which may correlate in time."""
+    noise = np.where(is_strain, values.get("strain_noise", 1.0), values["stress_noise"])
+    together = np.equal.outer(stage, stage)
+    correlation_time = values.get("residual_correlation_time", 0.0)
+    share = values.get("residual_correlated_share", 1.0) if correlation_time > 0 else 0.0
+    since = np.abs(np.subtract.outer(time, time))
+    correlation = share * np.exp(-since / (correlation_time or 1.0))
+    covariance: FloatArray = np.outer(noise, noise) * (
+        together * correlation + (1 - share) * np.eye(time.size)
+    )
+    return covariance

@@ -17,7 +17,6 @@ from pyburgers.model.variants import variant_of
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.loading_history.files import load_loading_history
 from pyburgers.protocols.protocol import protocol_of
-from pyburgers.sampling.options import SamplerOptions
 from pyburgers.studies.halite import (
     LAWS,
     PARTS,
@@ -37,7 +36,7 @@ def record() -> LoadingHistory:
 
 
 def test_the_fit_hardens() -> None:
-    tasks = halite_tasks(HALITE, SamplerOptions())
+    tasks = halite_tasks(HALITE)
     (test,), priors = tasks[RUN].experiments, tasks[RUN].priors
     assert test.id == RUN
     assert test.provenance.kind == "measured"
@@ -96,7 +95,7 @@ def test_the_page_says_how_much_is_left_over_and_where(
     }
     monkeypatch.setattr(SampledFit, "verdicts", lambda fit: verdicts)
     made = make_fit(tmp_path, chains=2, draws=50)
-    fit = with_problem(made, record, halite_tasks(HALITE, SamplerOptions())[RUN].priors)
+    fit = with_problem(made, record, halite_tasks(HALITE)[RUN].priors)
     missed = np.where(parts_of_readings(record) == "unloading", 4e-4, 1e-4)
     model = np.broadcast_to(record.response - missed, (2, 50, record.n_points))
     name = protocol_of(record).response.name

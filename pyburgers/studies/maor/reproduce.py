@@ -159,7 +159,7 @@ def reproduce(
     )
     problems = _problems(preset, handed_on)
     of_dunite = dunite_tasks(shipped_data_directory() / "dunite", PRESETS[preset])
-    of_halite = halite_tasks(shipped_data_directory() / "halite", PRESETS["quick"])
+    of_halite = halite_tasks(shipped_data_directory() / "halite")
     tasks = {**problems, **of_dunite, **of_halite}
     begun = {name: tasks[name] for name in LONGEST_FIRST}
     found = fit_side_by_side(begun, runs, command=command)

@@ -14,6 +14,7 @@ functions {
 #include protocols/constant_rate_dynamics.stan
 #include statistics/priors.stan
 #include statistics/residuals.stan
+#include statistics/measured_microstructure.stan
 #include charts/plain.stan
 #include charts/pooling.stan
 #include charts/valley/pins.stan
@@ -37,6 +38,7 @@ data {
 transformed data {
   int n_points = point_end[n_tests + 1];
   int n_grid = grid_end[n_tests + 1];
+  int n_measured = measured_end[n_tests + 1];
   int n_states = n_constant_rate_states(prior_location[1]);
   array[n_tests] vector[n_parameters()] prior_mass
     = prior_log_masses(prior_family, prior_location, prior_scale, prior_lower, prior_upper);
@@ -89,6 +91,7 @@ model {
   if (use_likelihood) {
     for (e in 1 : n_tests) {
       array[point_end[e + 1] - point_end[e]] int points = part(point_end, e);
+      array[measured_end[e + 1] - measured_end[e]] int sections = part(measured_end, e);
       array[strain_end[e + 1] - strain_end[e]] vector[n_states] solution
         = constant_rate_solution(parameter[e], prior_location[e], strain[part(strain_end, e)],
                                  n_strains_in_segment[part(segment_end, e)],
@@ -96,20 +99,33 @@ model {
                                  segment_rate[part(segment_end, e)], initial_grain_size[e],
                                  temperature[e], power_law_kelvin, tolerance, max_num_steps);
       target += stress_log_density(stress_observed[points],
-                                   to_vector(solution[strain_of_point[points], 1]),
+                                   stress_reading_factor(parameter[e])
+                                   * to_vector(solution[strain_of_point[points], 1]),
                                    parameter[e][i_stress_noise()], correlated_residuals,
                                    point_strain[points], point_segment[points],
                                    parameter[e][i_residual_correlation_strain()],
                                    parameter[e][i_residual_correlated_share()]);
+      if (size(sections) > 0) {
+        array[size(sections)] int places = strain_of_measured[sections];
+        target += sum(microstructure_log_densities(
+          measured[sections],
+          microstructure_along(solution[places], strain[part(strain_end, e)][places],
+                               parameter[e], initial_grain_size[e])));
+      }
     }
   }
 }
 generated quantities {
+  // All stresses as the load cell reads them.
   vector[n_points] stress_model; // Pa
   vector[n_points] stress_replicated; // Pa
   vector[n_points] log_lik; // of each point given those before it
   // Of each point given all others; where residuals are independent, log_lik is that already.
   vector[correlated_residuals ? n_points : 0] log_lik_given_others;
+  // Where the microstructure was measured: grain size (m) and fabric factor.
+  matrix[n_measured, 2] microstructure_model;
+  matrix[n_measured, 2] microstructure_replicated;
+  matrix[n_measured, 2] microstructure_log_lik;
   // Of the coordinates, as the model block has it; here for runs of this block by itself.
   real log_density = lprior + log_jacobian + log_pooling;
   vector[n_grid] grid_stress; // Pa
@@ -124,6 +140,7 @@ generated quantities {
   vector[n_grid] grid_fabric_softening;
   for (e in 1 : n_tests) {
     array[point_end[e + 1] - point_end[e]] int points = part(point_end, e);
+    array[measured_end[e + 1] - measured_end[e]] int sections = part(measured_end, e);
     real noise = parameter[e][i_stress_noise()];
     real correlation_strain = parameter[e][i_residual_correlation_strain()];
     real share = parameter[e][i_residual_correlated_share()];
@@ -133,7 +150,8 @@ generated quantities {
                                segment_start[part(segment_end, e)],
                                segment_rate[part(segment_end, e)], initial_grain_size[e],
                                temperature[e], power_law_kelvin, tolerance, max_num_steps);
-    stress_model[points] = to_vector(solution[strain_of_point[points], 1]);
+    stress_model[points] = stress_reading_factor(parameter[e])
+                           * to_vector(solution[strain_of_point[points], 1]);
     stress_replicated[points] = stress_model[points]
                                 + residuals_rng(point_strain[points], point_segment[points],
                                                 noise, correlation_strain, share);
@@ -151,8 +169,18 @@ generated quantities {
         log_lik[i] = normal_lpdf(stress_observed[i] | stress_model[i], noise);
       }
     }
+    if (size(sections) > 0) {
+      array[size(sections)] int places = strain_of_measured[sections];
+      microstructure_model[sections]
+        = microstructure_along(solution[places], strain[part(strain_end, e)][places],
+                               parameter[e], initial_grain_size[e]);
+      microstructure_replicated[sections]
+        = microstructure_rng(measured[sections], microstructure_model[sections]);
+      microstructure_log_lik[sections]
+        = microstructure_log_densities(measured[sections], microstructure_model[sections]);
+    }
     if (use_likelihood) {
-      log_density += sum(log_lik[points]);
+      log_density += sum(log_lik[points]) + sum(microstructure_log_lik[sections]);
     }
   }
 #include protocols/constant_rate_grid.stan

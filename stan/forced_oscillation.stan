@@ -36,6 +36,7 @@ transformed data {
   array[n_errors] int strain_error_position; // among the coordinates
   array[n_tests] vector[n_parameters()] prior_mass
     = prior_log_masses(prior_family, prior_location, prior_scale, prior_lower, prior_upper);
+  array[n_tests] int uncertain_calibration;
   array[n_tests] vector[n_record()] record; // what the shifts want to know of a test
   for (i in 1 : n_errors) {
     strain_error_position[i] = n_coordinates - n_errors + i;
@@ -52,6 +53,8 @@ transformed data {
                        / initial_grain_size[e] - 1)
                       / size(points);
     }
+    uncertain_calibration[e] = prior_scale[e][i_stress_calibration_error()] > 0
+                               || prior_location[e][i_stress_calibration_error()] != 0;
     record[e] = [stress_scale[e], start_stress[e], stress_amplitude[e], storage_compliance[e],
                  loss_compliance[e], period[e], growth_limit, typical_path_strain[e],
                  initial_grain_size[e], temperature[e]]';
@@ -78,7 +81,8 @@ transformed parameters {
                                    given, replaced_parameter[e], 0, log(stress_scale[e]),
                                    initial_grain_size[e], temperature[e]);
     parameter[e] = head(mapped, n_parameters());
-    log_reference[e] = log_flow_rate(stress_scale[e], initial_grain_size[e], temperature[e],
+    log_reference[e] = log_flow_rate(stress_scale[e], initial_grain_size[e],
+                                     true_temperature(parameter[e], temperature[e]),
                                      parameter[e][i_stress_exponent()],
                                      parameter[e][i_grain_size_exponent()],
                                      parameter[e][i_activation_enthalpy()],
@@ -101,9 +105,9 @@ model {
                           background[e], background_range[e],
                           strain_error[part(error_end, e)],
                           coordinate[strain_error_position[part(error_end, e)]],
-                          initial_grain_size[e], temperature[e], start_stress[e],
-                          stress_scale[e], strain_scale[e], power_law_kelvin, tolerance,
-                          max_num_steps);
+                          uncertain_calibration[e], initial_grain_size[e], temperature[e],
+                          start_stress[e], stress_scale[e], strain_scale[e],
+                          power_law_kelvin, tolerance, max_num_steps);
       vector[size(points)] stress = to_vector(solution[ : , 1]);
       real noise = parameter[e][i_stress_noise()];
       stress -= trend_shape[points] * (trend_fit[points]' * (stress - stress_observed[points]));
@@ -113,6 +117,7 @@ model {
   }
 }
 generated quantities {
+  // All stresses as the load cell reads them.
   vector[n_points] stress_model; // Pa, without the trend below
   vector[n_points] stress_replicated; // Pa, without the trend of its noise either
   vector[n_points] log_lik;
@@ -144,8 +149,9 @@ generated quantities {
                         first_tau[e], period[e], strain_sine[e], strain_cosine[e],
                         background[e], background_range[e],
                         strain_error[part(error_end, e)],
-                        coordinate[strain_error_position[part(error_end, e)]], initial_grain_size[e],
-                        temperature[e], start_stress[e], stress_scale[e], strain_scale[e],
+                        coordinate[strain_error_position[part(error_end, e)]],
+                        uncertain_calibration[e], initial_grain_size[e], temperature[e],
+                        start_stress[e], stress_scale[e], strain_scale[e],
                         power_law_kelvin, tolerance, max_num_steps);
     stress_model[points] = to_vector(solution[1 : size(points), 1]);
     trend[e] = trend_fit[points]' * (stress_model[points] - stress_observed[points]);
@@ -165,17 +171,20 @@ generated quantities {
     }
     for (j in 1 : size(here)) {
       vector[3] state = solution[size(points) + j];
+      real stress = state[1] / stress_reading_factor(parameter[e]);
       int i = here[j];
       grid_stress[i] = state[1];
       grid_kelvin_strain[i] = state[2];
       grid_grain_size[i] = state[3];
       grid_dashpot_rate[i] = dashpot_strain_rate(
-                               power_law_stress(state[1], parameter[e][i_breakdown_stress()], 1),
+                               power_law_stress(stress, parameter[e][i_breakdown_stress()], 1),
                                state[3], 1,
                                parameter[e][i_stress_exponent()],
                                parameter[e][i_grain_size_exponent()],
                                log_rate_factor(parameter[e][i_activation_enthalpy()],
-                                               parameter[e][i_beta()], temperature[e]));
+                                               parameter[e][i_beta()],
+                                               true_temperature(parameter[e],
+                                                                temperature[e])));
     }
     grid_oscillating_stress[here] = grid_stress[here] - grid_trend_shape[here] * trend[e];
     for (i in here) {

@@ -253,13 +253,15 @@ def _sizes(leftover: Leftover) -> dict[str, object]:
     """Share of the variance of the data that is left over, and its size in display units."""
     squares = (leftover.observed**2).mean(axis=0)
     data = response_in(leftover.group, "observed_data").to_numpy()
-    kinds = {kind: leftover.quantity == kind for kind in leftover.weight}
-    spread = np.zeros(data.size)
-    for kind, here in kinds.items():
-        spread[here] = np.var(data[here]) * leftover.weight[kind] ** 2
-    sizes = [leftover.size_text(squares[here].mean() ** 0.5, kind) for kind, here in kinds.items()]
+    about_mean, sizes = np.zeros(data.size), []
+    for kind in np.unique(leftover.quantity):
+        here = leftover.quantity == kind
+        about_mean[here] = leftover.weight[here] * (data[here] - data[here].mean())
+        size = float(np.mean(squares[here] / leftover.weight[here] ** 2) ** 0.5)
+        sizes.append(leftover.size_text(size, int(kind)))
+    spread = float((about_mean**2).sum())
     return {
-        "share_of_variance": squares.sum() / spread.sum() if spread.sum() > 0 else np.nan,
+        "share_of_variance": float(squares.sum()) / spread if spread > 0 else np.nan,
         "root_mean_square": " and ".join(sizes),
     }
 
@@ -293,7 +295,7 @@ def _segment_name(leftover: Leftover, points: npt.NDArray[np.int64]) -> str:
 def _beside(leftover: Leftover, residual: float, point: int) -> str:
     """Return how far data lie from the model at a point, such as ``12 MPa above it``."""
     read = leftover.protocol.read[leftover.quantity[point]]
-    size = abs(residual) / leftover.weight[int(leftover.quantity[point])]
+    size = abs(residual) / leftover.weight[point]
     far = f"{size * read.display_factor:.2g} {read.display_unit}"
     return f"{far} {'above' if residual > 0 else 'below'} the model"
 

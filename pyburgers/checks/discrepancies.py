@@ -66,8 +66,8 @@ class Leftover:
         Residuals of the data and of replicated ones, SI; where readings have errors of their own,
         over these, times their mean. Of several quantities each is weighed by what replicates
         leave over of it.
-    weight : dict of int to float
-        By what residuals of each quantity are multiplied, where there are several.
+    weight : array, shape (n,)
+        What residuals are multiplied by for that; 1 where they do not differ.
     discrepancies : dict of str to (array, array), each of shape (draws,)
         Numbers of the data and of the replicates; large ones speak against the model.
     """
@@ -80,7 +80,7 @@ class Leftover:
     quantity: npt.NDArray[np.int64]
     observed: FloatArray
     replicated: FloatArray
-    weight: Mapping[int, float]
+    weight: FloatArray
     discrepancies: dict[str, tuple[FloatArray, FloatArray]] = field(repr=False)
 
     @property
@@ -90,10 +90,9 @@ class Leftover:
         return mean
 
     def size_text(self, size: float, quantity: int) -> str:
-        """Return a size of weighed residuals of a quantity in its display unit."""
+        """Return a size of residuals of a quantity (SI) in its display unit."""
         read = self.protocol.read[quantity]
-        shown = size / self.weight[quantity] * read.display_factor
-        return f"{shown:.3g} {read.display_unit}"
+        return f"{size * read.display_factor:.3g} {read.display_unit}"
 
     def place(self, first: int, last: int) -> str:
         """Return where readings lie, such as ``strain 5.1 to 6 %``."""
@@ -261,11 +260,6 @@ def _leftover(name: str, group: xr.DataTree) -> Leftover:
     observed, replicated = (_by_draw(values - model) for values in (data, replicas))
     weight = _of_one_size(replicated, quantity) if spread is None else spread.mean() / spread
     observed, replicated = observed * weight, replicated * weight
-    kinds = np.unique(quantity)
-    weight_of = {
-        int(kind): 1.0 if kinds.size == 1 else float(weight[quantity == kind].mean())
-        for kind in kinds
-    }
     of_replicas = _by_draw(replicas)
     low, high = np.quantile(of_replicas, (TAIL, 1.0 - TAIL), axis=0)
     outside = [
@@ -288,7 +282,7 @@ def _leftover(name: str, group: xr.DataTree) -> Leftover:
         quantity,
         observed,
         replicated,
-        weight_of,
+        weight,
         pairs,
     )
 

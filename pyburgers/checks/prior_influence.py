@@ -306,4 +306,5 @@ def cumulative_distance(draws: FloatArray, weights: FloatArray) -> float:
     # The terms (q - p) / (2 ln 2) of the two directed divergences cancel in their sum.
     divergence = width @ (xlogy(p, p / middle) + xlogy(q, q / middle)) / np.log(2.0)
     bound = width @ (p + q)
-    return float(np.sqrt(max(0.0, divergence) / bound))
+    # Draws that never vary, such as a reference stress of a known flow law, are the same.
+    return float(np.sqrt(max(0.0, divergence) / bound)) if bound > 0 else 0.0

@@ -41,9 +41,9 @@ def add_options(command: argparse.ArgumentParser) -> None:
         "--leave-out",
         choices=["points", "tests"],
         default="points",
-        help="what is predicted from the rest: points (default), or whole tests of joint fits, for "
-        "which each is fitted again without each of its tests, in RUN/leave_out; then one RUN will "
-        "do",
+        help="what is predicted from the rest: points (default), or whole tests of joint fits and "
+        "temperatures of tables of attenuation, for which each is fitted again without each of "
+        "them, in RUN/leave_out; then one RUN will do",
     )
     command.add_argument(
         "--no-refit",

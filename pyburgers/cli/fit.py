@@ -19,6 +19,7 @@ from pyburgers.model.pooling import parse_pooling
 from pyburgers.model.priors import PriorSet, default_priors, load_priors, with_flow_law
 from pyburgers.model.variants import parse_choices, with_variant
 from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.problem import of_one_protocol
 from pyburgers.protocols.protocol import load_experiment
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.report.joint_section import pooling_table, shown_pooling_table
@@ -54,7 +55,7 @@ def run(options: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
     choices = parse_choices(options.variant)
     pool = parse_pooling(options.pool)
-    experiments = [load_experiment(path) for path in options.experiments]
+    experiments = of_one_protocol([load_experiment(path) for path in options.experiments])
     first = experiments[0]
     if pool and len(experiments) == 1:
         raise InputError(f"--pool {options.pool[0]}: found one experiment, expected several.")

@@ -4,6 +4,7 @@ import argparse
 import errno
 import io
 import os
+import resource
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
@@ -13,6 +14,9 @@ from pyburgers.common.errors import InputError, PyburgersError
 from pyburgers.common.messages import messages_to
 
 EXIT_INTERRUPTED = 130
+
+LEAST_MEMORY = 600_000_000
+"""Limit of memory (bytes) below which libraries of linear algebra wait for more without an end."""
 
 COMMANDS = {
     "doctor": "what is installed, what is missing",
@@ -87,6 +91,12 @@ def _run(arguments: Sequence[str]) -> int:
     """Run a command; return its exit code."""
     if any("\0" in argument for argument in arguments):
         raise InputError("found a zero byte in an argument, expected text.")
+    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if limit != resource.RLIM_INFINITY and limit < LEAST_MEMORY:
+        raise InputError(
+            f"memory is limited to {limit / 1e6:.0f} MB, expected at least "
+            f"{LEAST_MEMORY / 1e6:.0f} MB; raise the limit (ulimit -v)."
+        )
     options = _parse(arguments)
     with messages_to(sys.stderr):
         code: int = options.run(options)

@@ -275,12 +275,15 @@ def _build(sources: _Sources, tools: Toolchain, executable: Path) -> None:
                 f"{tools.compiler}; make's last lines:\n{last_lines(make.stdout)}"
             )
         partial = executable.with_name(f".{executable.name}.partial")
-        shutil.copy2(program.with_suffix(""), partial)
-        record = _Record(
-            sha256=sha256_of_file(partial), sources=_sources_key(sources, tools.cmdstan_path)
-        )
-        write_json(_record_file(executable), record.model_dump())
-        partial.replace(executable)
+        try:
+            shutil.copy2(program.with_suffix(""), partial)
+            record = _Record(
+                sha256=sha256_of_file(partial), sources=_sources_key(sources, tools.cmdstan_path)
+            )
+            write_json(_record_file(executable), record.model_dump())
+            partial.replace(executable)
+        finally:
+            partial.unlink(missing_ok=True)
 
 
 def _folder_for_make() -> Path:

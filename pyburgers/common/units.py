@@ -22,6 +22,7 @@ UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
         "molar energy": {"J/mol": 1.0, "kJ/mol": 1e3},
         "inverse molar energy": {"mol/J": 1.0, "mol/kJ": 1e-3},
         "temperature": {"K": 1.0},
+        "relative error": {"1": 1.0, "percent": 1e-2},
         "inverse temperature": {"1/K": 1.0, "1e-6/K": 1e-6},
         "dimensionless": {"1": 1.0},
     }

@@ -1,8 +1,9 @@
-"""How well joint fits predict a whole test that they have not seen.
+"""How well joint fits predict a whole test that they have not seen, or fits of one test a part.
 
 The density of a test given the others, its own parameters integrated out under their priors, is a
 ratio of marginal likelihoods: that of all tests over that of all but this one. The joint fit is
-repeated without each test for the latter.
+repeated without each test for the latter. The same holds for parts of a single test, such as the
+temperatures of a table of attenuation.
 """
 
 import logging
@@ -92,10 +93,7 @@ def _ordered(found: Mapping[str, LeaveOneTestOut], joints: Mapping[str, Fit]) ->
 
 def _kept_without(joint: Fit) -> Mapping[str, Fit] | None:
     """Return the finished fits without each test, None where one is missing."""
-    folders = {
-        test: joint.directory.path / LEFT_OUT_FOLDER / test
-        for test in joint.manifest["experiments"]
-    }
+    folders = {test: joint.directory.path / LEFT_OUT_FOLDER / test for test in joint.problem.parts}
     for folder in folders.values():
         run = RunDirectory(folder)
         if not run.manifest_file.is_file() or run.read_manifest().get("status") != "complete":
@@ -104,17 +102,17 @@ def _kept_without(joint: Fit) -> Mapping[str, Fit] | None:
 
 
 def check_several_tests(joint: Fit) -> None:
-    """Check that a test can be left out of a fit.
+    """Check that a test, or a part of a single one, can be left out of a fit.
 
     Raises
     ------
     InputError
-        If it is of one test.
+        If it is of one test without parts.
     """
-    if len(joint.problem.experiments) < 2:
+    if len(joint.problem.parts) < 2:
         raise InputError(
             f"{joint.directory.path}: is not a joint fit, it is a fit of {joint.problem.name} "
-            "alone, expected at least two tests to leave one out."
+            "alone, expected at least two tests, or a test with parts, to leave one out."
         )
 
 
@@ -152,8 +150,8 @@ def _left_out(joint: Fit, fit_others: Callable[[str], Fit]) -> LeaveOneTestOut:
     fit_others : callable
         Receives the name of a test, returns the fit without it.
     """
-    experiments = {experiment.id: experiment for experiment in joint.problem.experiments}
-    tests = tuple(sorted(experiments))
+    parts = joint.problem.parts
+    tests = tuple(sorted(parts))
     all_tests = log_marginal_likelihood(joint)
     doubts = _doubts(joint)
     without = []
@@ -163,10 +161,11 @@ def _left_out(joint: Fit, fit_others: Callable[[str], Fit]) -> LeaveOneTestOut:
         doubts += _doubts(others)
     return LeaveOneTestOut(
         tests=tests,
-        n_points=np.array([experiments[test].n_points for test in tests]),
+        n_points=np.array([parts[test] for test in tests]),
         all_tests=all_tests,
         without=tuple(without),
         doubts=doubts,
+        kind=joint.problem.parts_name,
     )
 
 

@@ -153,6 +153,8 @@ class LeaveOneTestOut:
         Those of the fits without each test.
     doubts : tuple of str
         A sentence for each of these fits whose draws failed a check.
+    kind : str
+        What is left out, in the plural: tests, or parts of a single one.
     """
 
     tests: tuple[str, ...]
@@ -160,6 +162,7 @@ class LeaveOneTestOut:
     all_tests: LogIntegral
     without: tuple[LogIntegral, ...]
     doubts: tuple[str, ...]
+    kind: str = "tests"
 
     @property
     def elpd(self) -> FloatArray:
@@ -396,27 +399,28 @@ def table_of_tests(comparison: ComparisonByTest) -> pd.DataFrame:
 def sentences_by_test(comparison: ComparisonByTest) -> tuple[str, ...]:
     """One sentence for each pair of fits, or for a single one, then those of what is doubtful."""
     results = list(comparison.results.items())
+    kind = results[0][1].kind
     if len(results) == 1:
         ((name, only),) = results
         said = [
-            f"{name}: the tests have, each given the others, a log density of {only.total:.1f} "
+            f"{name}: the {kind} have, each given the others, a log density of {only.total:.1f} "
             f"together, Monte Carlo error {only.total_error:.1f}; it means something only beside "
             "that of another fit of the same tests."
         ]
     else:
-        said = [pair.sentence("left-out tests") for pair in pairs_by_test(comparison)]
+        said = [pair.sentence(f"left-out {kind}") for pair in pairs_by_test(comparison)]
         elpd = {name: one.elpd for name, one in results}
-        said += _about_weights(elpd, comparison.weights, "tests")
+        said += _about_weights(elpd, comparison.weights, kind)
         if len(results[0][1].tests) == 2:
             said.append(
-                "Of two tests the standard error says little: what the one tells about the other "
+                f"Of two {kind} the standard error says little: what the one tells about the other "
                 "is as much as the other tells about it."
             )
     for name, result in results:
         said += [f"{name}: {doubt}" for doubt in result.doubts]
         said += [
             f"{name}: the log density of {test} has a Monte Carlo error of {error:.1f}, more than "
-            f"{LARGEST_ERROR:g}; run the fit and those without single tests for longer."
+            f"{LARGEST_ERROR:g}; run the fit and those without single {kind} for longer."
             for test, error in zip(result.tests, result.error, strict=True)
             if error > LARGEST_ERROR
         ]

@@ -9,6 +9,7 @@ import numpy.typing as npt
 from pyburgers.common.atomic_files import sha256_of_json
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
+from pyburgers.posterior.labelled_draws import MICROSTRUCTURE
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -26,13 +27,18 @@ def data_hash(one: Fit) -> str:
     """Hash of observed values and of where they were observed, in all tests."""
     if one.is_joint:
         return sha256_of_json({name: data_hash(test) for name, test in one.tests().items()})
+    columns = {
+        group: one.posterior[group].to_dataset().data_vars
+        for group in ("observed_data", "constant_data")
+    }
+    if MICROSTRUCTURE in one.posterior.children:
+        columns[MICROSTRUCTURE] = (
+            one.posterior[MICROSTRUCTURE].to_dataset()[["measured", "error"]].data_vars
+        )
     return sha256_of_json(
         {
-            group: {
-                str(name): values.to_numpy().tolist()
-                for name, values in one.posterior[group].to_dataset().data_vars.items()
-            }
-            for group in ("observed_data", "constant_data")
+            group: {str(name): values.to_numpy().tolist() for name, values in variables.items()}
+            for group, variables in columns.items()
         }
     )
 

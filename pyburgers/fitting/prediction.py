@@ -9,50 +9,28 @@ import xarray as xr
 
 from pyburgers.cmdstan.draw_files import Draws
 from pyburgers.cmdstan.program import load_program
-from pyburgers.common.draws import all_draws, evenly_spaced
 from pyburgers.common.errors import InputError, SamplingError
-from pyburgers.model.parameters import PARAMETER_BY_NAME, PROGRAM_PARAMETERS, STANDARD_VALUES
-from pyburgers.model.prior_families import Prior, fixed_prior
+from pyburgers.fitting.new_test import (
+    Source,
+    holding,
+    of_the_file,
+    under_conditions,
+    values_for,
+    with_laws,
+    with_noises,
+)
+from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.priors import PriorSet
-from pyburgers.model.variants import variant_of, with_variant
 from pyburgers.posterior.groups import drawn_at_points, grid_group, groups_at_points
-from pyburgers.posterior.labelled_draws import label_draws, own_name
+from pyburgers.posterior.labelled_draws import label_draws
 from pyburgers.protocols.conditions import conditions, outside
-from pyburgers.protocols.coordinates import CENTRE, SPREAD
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.problem import Problem, one_test
+from pyburgers.protocols.problem import one_test
 from pyburgers.protocols.program_data import program_data
-from pyburgers.protocols.protocol import FittedTest, protocol_of
+from pyburgers.protocols.protocol import protocol_of
 from pyburgers.protocols.stan_data import REFERENCE_SOLVER
 
 FloatArray = npt.NDArray[np.float64]
-
-BOX_MARGIN = 0.5
-"""Range of a parameter's draws by which the bounds of its coordinate lie outside them."""
-
-RESIDUAL_CORRELATION = ("residual_correlation_strain", "residual_correlated_share")
-
-
-@dataclass(frozen=True, eq=False)
-class Source:
-    """Draws that a prediction is made from.
-
-    Attributes
-    ----------
-    problem : Problem
-        What was fitted.
-    tests : mapping of str to FittedTest
-        What the fit says of each test, by its name.
-    posterior : DataTree
-        Labelled draws of all tests together.
-    cautions : tuple of str
-        What is wrong with the fit: sentences.
-    """
-
-    problem: Problem
-    tests: Mapping[str, FittedTest]
-    posterior: xr.DataTree
-    cautions: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,9 +111,12 @@ def predict_test(
         raise InputError(f"draws: found {draws}, expected at least 1.")
     rng = np.random.default_rng(seed)
     protocol = protocol_of(experiment)
-    kept, values, notes = _values(source, draws, separate_from, rng)
-    priors, law_notes = _with_laws(
-        _holding(values, source.problem.priors[0]), source.problem, experiment
+    kept, values, notes = values_for(source, draws, separate_from, rng)
+    values = {**values, **of_the_file(experiment, kept.size, rng)}
+    values, condition_notes = under_conditions(source, experiment, kept, values, rng)
+    values, noise_notes = with_noises(values, source.problem, experiment)
+    priors, law_notes = with_laws(
+        holding(values, source.problem.priors[0]), source.problem, experiment
     )
     problem = one_test(experiment, priors)
     (coordinates,) = problem.coordinates
@@ -148,15 +129,13 @@ def predict_test(
     grid = protocol.prediction_grid(experiment)
     data = program_data(problem, solver=REFERENCE_SOLVER, grids=[grid])
     solved, found = load_program(protocol.program).generate_at(data, "coordinate", rows, seed=seed)
-    drawn, solved = _finite(found, solved, next(iter(protocol.grid_quantities)))
+    drawn, solved = _finite(found, solved, list(protocol.grid_quantities))
     if not solved.any():
         raise SamplingError(
             f"{experiment.id}: no solution at any of {kept.size} draws, expected one; the "
             "conditions of the test may lie too far from those that were fitted."
         )
     posterior = _tree(drawn, kept[solved], values, solved, experiment, priors)
-    noise = PARAMETER_BY_NAME[protocol.noise]
-    scatter = float(posterior["posterior"][protocol.noise].mean()) * noise.display_factor
     prediction = Prediction(
         experiment=experiment,
         priors=priors,
@@ -168,12 +147,7 @@ def predict_test(
             *_beyond(source, experiment, posterior),
             *_unsolved(int(np.sum(~solved)), kept.size),
         ),
-        notes=(
-            *notes,
-            *law_notes,
-            f"New readings scatter by the {noise.label} of the fit, {scatter:.3g} "
-            f"{noise.display_unit} on average.",
-        ),
+        notes=(*notes, *condition_notes, *law_notes, *noise_notes),
     )
     posterior.attrs = {
         "title": prediction.title,
@@ -186,124 +160,14 @@ def predict_test(
     return prediction
 
 
-def _values(
-    source: Source, draws: int | None, separate_from: str | None, rng: np.random.Generator
-) -> tuple[npt.NDArray[np.int64], dict[str, FloatArray], list[str]]:
-    """Return numbers of draws, every parameter of a new test in them (SI), and where they are from.
-
-    A shared parameter has the value of all tests, a partially pooled one is drawn from centre and
-    spread, a separate one is that of a test of the fit, all separate ones of a draw of the same.
-    """
-    problem, tests = source.problem, source.tests
-    if separate_from is not None and separate_from not in tests:
-        raise InputError(
-            f"test {separate_from!r}: is not one of the fit, expected one of {', '.join(tests)}."
-        )
-    groups = [test.posterior["posterior"].to_dataset() for test in tests.values()]
-    numbers = np.arange(groups[0].sizes["chain"] * groups[0].sizes["draw"])
-    kept = numbers if draws is None else evenly_spaced(numbers, draws)
-    by_test = {
-        name: np.stack([all_draws(group[name])[kept] for group in groups]).astype(np.float64)
-        for name in problem.priors[0].priors
-    }
-    turn = np.arange(kept.size) % len(tests)
-    if separate_from is not None:
-        turn = np.full(kept.size, list(tests).index(separate_from))
-    values = {name: own[turn, np.arange(kept.size)] for name, own in by_test.items()}
-    if problem.is_single:
-        return kept, values, []
-    for name in problem.partial:
-        values[name] = _of_a_new_test(source, name, kept, rng)
-    notes = []
-    if problem.partial:
-        notes.append(
-            f"A new test's own {_listed(problem.partial)} drawn from the centre and spread of the "
-            "tests."
-        )
-    separate = [n for n in problem.free if n not in (*problem.shared, *problem.partial)]
-    if separate:
-        notes.append(
-            f"Separate between the tests, and here of {separate_from or 'each test in turn'}: "
-            f"{_listed(separate)}."
-        )
-    return kept, values, notes
-
-
-def _of_a_new_test(
-    source: Source, name: str, kept: npt.NDArray[np.int64], rng: np.random.Generator
-) -> FloatArray:
-    """Draw a partially pooled parameter (SI) of a test that was not fitted, for kept draws."""
-    group = source.posterior["posterior"].to_dataset()
-    centre, spread = (all_draws(group[own_name(name, owner)])[kept] for owner in (CENTRE, SPREAD))
-    plain = source.problem.coordinates[0]
-    k = plain.quantities.index(name)
-    real = plain.of_quantity(k, centre) + spread * rng.standard_normal(kept.size)
-    return np.array([plain.value(k, position) for position in real])
-
-
-def _holding(values: Mapping[str, FloatArray], fitted: PriorSet) -> PriorSet:
-    """Return bounds around draws, so that every draw has coordinates; what never varies is fixed.
-
-    Parameters between two bounds keep coordinates of their own, none is that of a point of the
-    flow law.
-    """
-    return PriorSet(
-        material=fitted.material,
-        title=f"draws of a fit with {fitted.title}",
-        priors={name: _box(name, own) for name, own in values.items()},
-        name="draws",
-    )
-
-
-def _box(name: str, values: FloatArray) -> Prior:
-    low, high = float(values.min()), float(values.max())
-    if low == high:
-        return fixed_prior(PARAMETER_BY_NAME[name], low, "fixed in the fit")
-    margin = BOX_MARGIN * (high - low)
-    lower, upper = low - margin, high + margin
-    middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
-    unit = PARAMETER_BY_NAME[name].si_unit
-    return Prior(name, "uniform", middle, half, lower, upper, unit, "draws of a fit")
-
-
-def _with_laws(
-    priors: PriorSet, fitted: Problem, experiment: Experiment
-) -> tuple[PriorSet, list[str]]:
-    """Return priors that give a test the laws of a fit, as far as such a test has them, and notes.
-
-    Raises
-    ------
-    InputError
-        If the test needs a law that the fit has not.
-    """
-    notes = []
-    laws = variant_of(fitted.priors[0], fitted.experiments[0])
-    if laws.residuals not in experiment.laws.get("residuals", (laws.residuals,)):
-        standard = (
-            fixed_prior(PARAMETER_BY_NAME[name], STANDARD_VALUES[name], "not of such tests")
-            for name in RESIDUAL_CORRELATION
-        )
-        priors = priors.exchanging(*standard)
-        notes.append("Noise of new readings is independent here, in the fit it is correlated.")
-    own = {} if laws.grain_size == "evolving" else {"grain_size": laws.grain_size}
-    priors = with_variant(priors, experiment, own)
-    here = variant_of(priors, experiment).record()
-    notes += [
-        f"The {part.replace('_', ' ')} is {here[part]} in such a test, {law} in the fit."
-        for part, law in laws.record().items()
-        if part != "residuals" and here[part] != law
-    ]
-    return priors, notes
-
-
 def _finite(
-    parts: Sequence[Draws], solved: npt.NDArray[np.bool_], response: str
+    parts: Sequence[Draws], solved: npt.NDArray[np.bool_], names: Sequence[str]
 ) -> tuple[Draws, npt.NDArray[np.bool_]]:
-    """Put parts together without draws that have no finite response on the grid."""
+    """Put parts together without draws that are not finite in all of some variables."""
     if not parts:
         return Draws({}, np.empty((1, 0, 0))), solved
     joined = Draws(parts[0].variables, np.concatenate([part.values for part in parts], axis=1))
-    finite = np.isfinite(joined[response][0]).all(axis=-1)
+    finite = np.all([np.isfinite(joined[name][0]).all(axis=-1) for name in names], axis=0)
     solved = solved.copy()
     solved[solved] = finite
     return Draws(joined.variables, joined.values[:, finite]), solved
@@ -360,7 +224,3 @@ def _beyond(source: Source, experiment: Experiment, posterior: xr.DataTree) -> l
 
 def _unsolved(number: int, total: int) -> list[str]:
     return [f"{number} of {total} draws have no solution and are left out."] if number else []
-
-
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(PARAMETER_BY_NAME[name].label for name in names)

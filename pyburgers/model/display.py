@@ -12,8 +12,15 @@ STRAIN_UNIT, STRAIN_FACTOR = "%", 1.0 / UNITS["strain"]["percent"]
 LENGTH_UNIT, LENGTH_FACTOR = "µm", 1.0 / UNITS["length"]["um"]
 """Units of curves and the factors from SI."""
 
-_GREEK = {r"\eta": "η", r"\sigma": "σ", r"\beta": "β", r"\dot\epsilon": "ε̇", r"\epsilon": "ε"}
-_UNIT_TEXT = {"1": "–", "um": "µm", "1e-6/s": "10⁻⁶/s", "1e-6/K": "10⁻⁶/K"}
+_GREEK = {
+    r"\Delta ": "Δ",
+    r"\eta": "η",
+    r"\sigma": "σ",
+    r"\beta": "β",
+    r"\dot\epsilon": "ε̇",
+    r"\epsilon": "ε",
+}
+_UNIT_TEXT = {"1": "–", "um": "µm", "1e-6/s": "10⁻⁶/s", "1e-6/K": "10⁻⁶/K", "percent": "%"}
 
 
 @dataclass(frozen=True)

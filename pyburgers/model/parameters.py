@@ -323,12 +323,41 @@ VARIANT_PARAMETERS: tuple[Parameter, ...] = (
 )
 """Parameters of variants (`docs/variants.md`), which a prior file may name."""
 
-STANDARD_VALUES: Mapping[str, float] = MappingProxyType(
-    {p.name: p.standard for p in VARIANT_PARAMETERS if p.standard is not None}
+CONDITION_PARAMETERS: tuple[Parameter, ...] = (
+    Parameter(
+        "temperature_error",
+        r"\Delta T",
+        "true less stated temperature",
+        "temperature",
+        "K",
+        "K",
+        standard=0.0,
+    ),
+    Parameter(
+        "stress_calibration_error",
+        r"c",
+        "relative error of the load cell",
+        "relative error",
+        "1",
+        "percent",
+        standard=0.0,
+    ),
 )
-"""SI values of the parameters of variants where nothing is said about them."""
+"""Errors of the conditions of a test; their priors come from its file, not from the material's."""
 
-PROGRAM_PARAMETERS: tuple[Parameter, ...] = (*PARAMETERS, *VARIANT_PARAMETERS)
+STANDARD_VALUES: Mapping[str, float] = MappingProxyType(
+    {
+        p.name: p.standard
+        for p in (*VARIANT_PARAMETERS, *CONDITION_PARAMETERS)
+        if p.standard is not None
+    }
+)
+"""SI values of the parameters of variants and conditions where nothing is said about them."""
+
+MATERIAL_PARAMETERS: tuple[Parameter, ...] = (*PARAMETERS, *VARIANT_PARAMETERS)
+"""What a prior file may name."""
+
+PROGRAM_PARAMETERS: tuple[Parameter, ...] = (*MATERIAL_PARAMETERS, *CONDITION_PARAMETERS)
 """The parameter vector of the Stan programs for curves."""
 
 PIEZOMETER = (
@@ -337,6 +366,9 @@ PIEZOMETER = (
     "piezometer_stress_floor",
 )
 """What the piezometer of a material is given by; without a grain size it has none."""
+
+CONDITIONS = frozenset(p.name for p in CONDITION_PARAMETERS)
+"""Errors of the conditions of a test, by name."""
 
 KELVIN_REFERENCES: Mapping[str, str] = MappingProxyType(
     {

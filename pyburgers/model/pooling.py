@@ -10,7 +10,7 @@ from typing import Any, Literal, get_args
 
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import nearest
-from pyburgers.model.parameters import CONSTANTS, PROGRAM_PARAMETERS
+from pyburgers.model.parameters import CONDITIONS, CONSTANTS, PROGRAM_PARAMETERS
 
 Kind = Literal["shared", "partial", "separate"]
 
@@ -26,7 +26,7 @@ ALL = "all"
 
 DEFAULT_KINDS: Mapping[str, Kind] = MappingProxyType(
     {
-        **{p.name: "shared" for p in PROGRAM_PARAMETERS if p.name not in CONSTANTS},
+        **{p.name: "shared" for p in PROGRAM_PARAMETERS if p.name not in CONSTANTS | CONDITIONS},
         "steady_state_grain_size": "partial",
         "steady_state_fabric_factor": "separate",
         "critical_strain_grain_size": "separate",
@@ -54,7 +54,8 @@ class Pooling:
     Attributes
     ----------
     kinds : mapping of str to {"shared", "partial", "separate"}
-        Every parameter that can be inferred. "shared": one value for all tests; "partial": a value
+        Every parameter that can be inferred but for `CONDITIONS`, whose tests are said by what they
+        were made with. "shared": one value for all tests; "partial": a value
         for each, normal around a common centre on the real line behind the parameter's bounds;
         "separate": values that know nothing of each other.
     spread_scales : mapping of str to float
@@ -66,7 +67,7 @@ class Pooling:
 
     def of_kind(self, kind: Kind, names: Sequence[str]) -> tuple[str, ...]:
         """Return those of some parameters that are pooled in a way, in their order."""
-        return tuple(name for name in names if self.kinds[name] == kind)
+        return tuple(name for name in names if self.kinds.get(name) == kind)
 
     def record(self) -> dict[str, Any]:
         """Return what a manifest holds."""
@@ -95,6 +96,11 @@ def pooling_of(options: Mapping[str, str] | None = None) -> Pooling:
     for name in options:
         if name in CONSTANTS:
             raise InputError(f"--pool {name}: is a constant of the model, expected a parameter.")
+        if name in CONDITIONS:
+            raise InputError(
+                f"--pool {name}: is shared by the tests that name the same furnace or load cell, "
+                "expected the keys 'furnace' or 'load_cell' in their files instead."
+            )
         if name not in (*DEFAULT_KINDS, ALL):
             raise InputError(
                 f"--pool {name}: unknown parameter {name!r}, {nearest(name, [*DEFAULT_KINDS, ALL])}"

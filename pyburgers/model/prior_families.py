@@ -17,7 +17,7 @@ from scipy import stats
 
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, factor_to_si
-from pyburgers.model.parameters import CONSTANTS, STANDARD_VALUES, Parameter
+from pyburgers.model.parameters import CONDITIONS, CONSTANTS, STANDARD_VALUES, Parameter
 
 if TYPE_CHECKING:
     from scipy.stats._distn_infrastructure import rv_continuous_frozen
@@ -45,7 +45,13 @@ MAY_BE_ZERO = frozenset(
 """Parameters that may be fixed at zero."""
 
 UNSIGNED = frozenset(
-    {"beta", "activation_enthalpy", "modulus_temperature_coefficient", "strain_offset"}
+    {
+        "beta",
+        "activation_enthalpy",
+        "modulus_temperature_coefficient",
+        "strain_offset",
+        *CONDITIONS,
+    }
 )
 """Parameters whose priors may reach below zero."""
 

@@ -15,7 +15,9 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, nearest, read_toml, write_toml
 from pyburgers.model.flow_law_prior import FlowLawPrior, FlowLawTable
 from pyburgers.model.parameters import (
+    CONDITIONS,
     GIVEN_TOGETHER,
+    MATERIAL_PARAMETERS,
     PARAMETER_BY_NAME,
     PARAMETERS,
     PROGRAM_PARAMETERS,
@@ -49,7 +51,7 @@ class PriorSet:
         What the priors are for.
     priors : mapping of str to Prior
         Every one of `pyburgers.model.parameters.PARAMETERS`, in their order, then those of variants
-        that are given; the others have their standard values.
+        and of conditions that are given; the others have their standard values.
     name : str
         Name of the file without its ending.
     notes : str or None
@@ -194,10 +196,15 @@ def load_priors(path: str | Path) -> PriorSet:
     path = Path(path)
     file = read_toml(path, _PriorFile)
     for name in file.parameters:
+        if name in CONDITIONS:
+            raise InputError(
+                f"{path}: found {name!r} in [parameters], expected it in the file of a test "
+                "(temperature_sd_K or stress_calibration_sd): it belongs to no material."
+            )
         if name not in PARAMETER_BY_NAME:
             raise InputError(
                 f"{path}: unknown parameter {name!r} in [parameters], "
-                f"{nearest(name, PARAMETER_BY_NAME)}"
+                f"{nearest(name, [p.name for p in MATERIAL_PARAMETERS])}"
             )
     for parameter in PARAMETERS:
         if parameter.name not in file.parameters:
@@ -207,7 +214,7 @@ def load_priors(path: str | Path) -> PriorSet:
             )
     priors = {
         p.name: load_prior(path, p, file.parameters[p.name])
-        for p in PROGRAM_PARAMETERS
+        for p in MATERIAL_PARAMETERS
         if p.name in file.parameters
     }
     _check_given_together(path, priors)
@@ -220,7 +227,7 @@ def load_priors(path: str | Path) -> PriorSet:
 
 
 def save_priors(
-    priors: PriorSet, path: Path, parameters: Sequence[Parameter] = PROGRAM_PARAMETERS
+    priors: PriorSet, path: Path, parameters: Sequence[Parameter] = MATERIAL_PARAMETERS
 ) -> None:
     """Write a prior file in SI units; `load_priors` reads back an equal set.
 
@@ -231,7 +238,8 @@ def save_priors(
     path : Path
         The TOML file; its folder must exist.
     parameters : sequence of Parameter
-        In their order; those that the set does not give are left out.
+        In their order; those that the set does not give are left out. Conditions are in the files
+        of the tests.
     """
     tables = {}
     for parameter in parameters:

@@ -12,6 +12,7 @@ from pyburgers.cmdstan.program import Program, load_program
 from pyburgers.common.errors import SamplingError
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.priors import PriorSet
+from pyburgers.posterior import microstructure
 from pyburgers.posterior.groups import (
     PRIOR_DENSITY,
     drawn_at_points,
@@ -21,6 +22,7 @@ from pyburgers.posterior.groups import (
 )
 from pyburgers.posterior.labelled_draws import (
     DRIVING_ERRORS,
+    MICROSTRUCTURE,
     OF_ALL_TESTS,
     TESTS,
     keep_posterior,
@@ -61,12 +63,12 @@ def build_posterior(run: RunDirectory, problem: Problem) -> xr.DataTree:
         before it), log_likelihood_given_others (where residuals are correlated; elsewhere the
         same), log_prior, model_response and posterior_predictive (at the observed points, without
         and with noise), predictions (on a grid of the protocol's clock), posterior_mean_solution,
-        observed_data, constant_data, and `DRIVING_ERRORS` where errors of what drives the tests
-        were sampled; dimensions chain, draw, point, and the clock. Stresses of an
-        oscillating test are without trend where its background is removed, save that of
-        posterior_mean_solution. Of several tests these in tests/ID for each, with `OF_ALL_TESTS`;
-        and at the top those of points of all tests, one after the other, and of draws: shared
-        parameters by their names, others as NAME[TEST], NAME[centre] and NAME[spread].
+        observed_data, constant_data, `MICROSTRUCTURE` where it was measured, and `DRIVING_ERRORS`
+        where errors of what drives the tests were sampled; dimensions chain, draw, point, and the
+        clock. Stresses of an oscillating test are without trend where its background is removed,
+        save that of posterior_mean_solution. Of several tests these in tests/ID for each, with
+        `OF_ALL_TESTS`; and at the top those of points of all tests, one after the other, and of
+        draws: shared parameters by their names, others as NAME[TESTS], NAME[centre], NAME[spread].
     """
     manifest = run.read_manifest()
     protocol, experiments = problem.protocol, problem.experiments
@@ -101,18 +103,26 @@ def build_posterior(run: RunDirectory, problem: Problem) -> xr.DataTree:
             experiment,
             priors,
         )
+    common = point_groups(at_points, experiments)
+    total = at_points["log_lik"].sum("point", skipna=False)
+    if microstructure.LOG_LIKELIHOOD in fit:
+        measured = microstructure.microstructure_group(fit, experiments, chains)
+        common[MICROSTRUCTURE] = measured
+        total = total + measured["log_likelihood"].sum(("section", "quantity"))
+        for e, (experiment, own) in enumerate(zip(experiments, tests.values(), strict=True)):
+            if experiment.microstructure:
+                own[MICROSTRUCTURE] = microstructure.of_test(measured, experiments, e)
     if problem.is_single:
         (groups,) = tests.values()
     else:
-        total = xr.Dataset({"total": at_points["log_lik"].sum("point", skipna=False)})
         groups = {
             "posterior": _all_draws(fit, problem, draws, chains),
             "sample_stats": stats,
-            **point_groups(at_points, experiments),
+            **common,
             **{
                 f"{TESTS}/{test}/{name}": group
                 for test, own in tests.items()
-                for name, group in {**own, OF_ALL_TESTS: total}.items()
+                for name, group in {**own, OF_ALL_TESTS: xr.Dataset({"total": total})}.items()
             },
         }
     if any(experiment.n_driving_errors for experiment in experiments):
@@ -156,9 +166,10 @@ def _all_draws(
     first = draws[problem.experiments[0].id]
     variables = {name: first[name] for name in problem.shared}
     own = [name for name in problem.free if name not in problem.shared]
-    for test, of_test in draws.items():
+    for e, of_test in enumerate(draws.values()):
         variables |= {
-            own_name(name, test): of_test[name] for name in (*own, problem.protocol.reference.name)
+            own_name(name, problem.owner(name, e)): of_test[name]
+            for name in (*own, problem.protocol.reference.name)
         }
     if problem.partial:
         pooled = fit.dataset(["pooled_centre", "pooled_spread"]).assign_coords(chains)
@@ -313,13 +324,17 @@ def _sampled_log_likelihood(fit: Draws) -> xr.DataArray:
     """Log likelihood that the chains have sampled, as their log density holds it.
 
     Not the sum of ``log_lik``: while sampling the solver also keeps its sensitivities to the
-    tolerance, generated quantities have none, so the two solutions take different steps.
+    tolerance, generated quantities have none, so the two solutions take different steps. Measured
+    microstructure is left out: what the solver leaves off there is nothing beside its errors.
     """
     log_density = sample_stats(fit)["lp"]
     terms = fit.dataset(["lprior", "log_jacobian", "log_pooling"])
     other = terms.to_array().sum("variable", skipna=False)
     # By values: the labels of draws and chains differ between the two.
-    return log_density - other.to_numpy()
+    others = other.to_numpy()
+    if microstructure.LOG_LIKELIHOOD in fit:
+        others = others + fit[microstructure.LOG_LIKELIHOOD].sum(axis=(2, 3))
+    return log_density - others
 
 
 def _solution_at_mean(draws: xr.Dataset, priors: PriorSet, experiment: Experiment) -> xr.Dataset:

@@ -56,6 +56,9 @@ OF_ALL_TESTS = "log_likelihood_of_all_tests"
 DRIVING_ERRORS = "driving_errors"
 """Group of the errors of what drives the tests, which only tests have where these are sampled."""
 
+MICROSTRUCTURE = "microstructure"
+"""Group of what is measured of it and of draws of that, which only such tests have."""
+
 TESTS = "tests"
 """Group that holds the groups of every test of a joint fit."""
 
@@ -107,7 +110,10 @@ def total_log_likelihood(posterior: xr.DataTree) -> xr.DataArray:
     """
     if OF_ALL_TESTS in posterior.children:
         return posterior[OF_ALL_TESTS].to_dataset()["total"]
-    return response_in(posterior, "log_likelihood").sum("point")
+    total = response_in(posterior, "log_likelihood").sum("point")
+    if MICROSTRUCTURE in posterior.children:
+        total = total + posterior[MICROSTRUCTURE]["log_likelihood"].sum(("section", "quantity"))
+    return total
 
 
 def keep_posterior(

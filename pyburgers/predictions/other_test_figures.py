@@ -11,6 +11,8 @@ from pyburgers.common.draws import all_draws
 from pyburgers.drawing.panels import draw_data
 from pyburgers.drawing.style import BLUE, ORANGE, VERMILION, style
 from pyburgers.fitting.prediction import Prediction
+from pyburgers.model.display import Quantity
+from pyburgers.predictions.other_tests import answers, read_quantities
 from pyburgers.protocols.protocol import protocol_of
 
 FloatArray = npt.NDArray[np.float64]
@@ -29,54 +31,52 @@ PREDICTION_CAPTION = (
 def prediction_figure(prediction: Prediction) -> Figure:
     """Draw bands of the solution and of new readings, data where the test has some, and cautions.
 
-    What may make the prediction worthless stands in the title.
+    Each quantity that the test answers with has a panel. What may make the prediction worthless
+    stands in the title.
     """
+    shown = answers(prediction)
     with style():
-        figure = Figure(figsize=(8.0, 5.2), layout="constrained")
-        axes = figure.subplots()
-        draw_prediction(axes, prediction)
+        figure = Figure(figsize=(8.0, 1.6 + 3.6 * len(shown)), layout="constrained")
+        panels = figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
+        for axes, quantity in zip(panels, shown, strict=True):
+            _draw(axes, prediction, quantity)
         said = [
             line
             for sentence in (prediction.title, *prediction.cautions)
             for line in textwrap.wrap(sentence, TITLE_WIDTH)
         ]
         figure.suptitle("\n".join(said), fontsize=9, x=0.01, ha="left")
-        axes.legend(loc="best")
+        panels[0].legend(loc="best")
+        panels[-1].set_xlabel(protocol_of(prediction.experiment).clock.label)
     return figure
 
 
-def draw_prediction(axes: Axes, prediction: Prediction) -> None:
-    """Draw bands of a prediction, and data where there are some."""
+def _draw(axes: Axes, prediction: Prediction, quantity: Quantity) -> None:
+    """Draw bands of a quantity, and data where there are some."""
     experiment = prediction.experiment
-    protocol = protocol_of(experiment)
-    clock, response = protocol.clock, protocol.response
+    clock, factor = protocol_of(experiment).clock, quantity.display_factor
     predictions = prediction.posterior["predictions"].to_dataset()
     position = predictions[clock.name].to_numpy() * clock.display_factor
     solved, new = (
-        all_draws(predictions[name]) * response.display_factor
-        for name in (response.name, f"{response.name}_replicated")
+        all_draws(predictions[name]) * factor
+        for name in (quantity.name, f"{quantity.name}_replicated")
     )
     _fill(axes, position, new, 90, ORANGE, 0.35, "90 % of new readings")
     _fill(axes, position, solved, 90, BLUE, 0.25, "90 % of solutions")
     _fill(axes, position, solved, 50, BLUE, 0.45, "50 % of solutions")
-    axes.plot(
-        position,
-        np.median(solved, axis=0),
-        color=VERMILION,
-        linewidth=1.6,
-        label="predictive median",
-    )
-    if experiment.n_points > 0:
+    median = np.median(solved, axis=0)
+    axes.plot(position, median, color=VERMILION, linewidth=1.6, label="predictive median")
+    own = np.array([name == quantity.name for name in read_quantities(experiment)], dtype=bool)
+    if own.any():
         draw_data(
             axes,
-            experiment.position * clock.display_factor,
-            experiment.response * response.display_factor,
+            experiment.position[own] * clock.display_factor,
+            experiment.response[own] * factor,
             None,
             f"{experiment.provenance.kind} data",
         )
     axes.margins(x=0.01)
-    axes.set_xlabel(clock.label)
-    axes.set_ylabel(response.label)
+    axes.set_ylabel(quantity.label)
 
 
 def _fill(

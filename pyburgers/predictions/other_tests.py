@@ -12,6 +12,7 @@ from pyburgers.common.draws import all_draws, evenly_spaced
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import count_points
 from pyburgers.fitting.prediction import Prediction
+from pyburgers.model.display import Quantity
 from pyburgers.posterior.labelled_draws import response_in
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.protocol import protocol_of
@@ -33,49 +34,53 @@ OVERVIEW = 8
 DENSITY = "log predictive density a reading"
 
 
+def answers(prediction: Prediction) -> tuple[Quantity, ...]:
+    """Return what the test answers with: of what can be read, that which is not imposed."""
+    protocol = protocol_of(prediction.experiment)
+    predictions = prediction.posterior["predictions"].to_dataset()
+    varies = {
+        quantity.name: float(np.ptp(all_draws(predictions[quantity.name]), axis=0).max()) > 0
+        for quantity in protocol.read
+    }
+    return tuple(one for one in protocol.read if varies[one.name]) or protocol.read
+
+
 def band_table(prediction: Prediction) -> pd.DataFrame:
     """Return bands of the solution and of new readings along the clock, in SI units.
 
     Returns
     -------
     DataFrame
-        A column of the clock, then RESPONSE_q5 to RESPONSE_q95 of the solution and
-        new_RESPONSE_q5 to new_RESPONSE_q95 of readings, such as stress_Pa_q5.
+        A column of the clock, then for each of `answers` RESPONSE_q5 to RESPONSE_q95 of the
+        solution and new_RESPONSE_q5 to new_RESPONSE_q95 of readings, such as stress_Pa_q5.
     """
-    protocol = protocol_of(prediction.experiment)
+    clock = protocol_of(prediction.experiment).clock
     predictions = prediction.posterior["predictions"].to_dataset()
-    name = protocol.response.name
-    return pd.DataFrame(
-        {
-            protocol.clock.column: predictions[protocol.clock.name].to_numpy(),
-            **_quantiles(all_draws(predictions[name]), protocol.response.column),
-            **_quantiles(
-                all_draws(predictions[f"{name}_replicated"]), f"new_{protocol.response.column}"
-            ),
-        }
-    )
+    columns = {clock.column: predictions[clock.name].to_numpy()}
+    for one in answers(prediction):
+        solved, new = (all_draws(predictions[n]) for n in (one.name, f"{one.name}_replicated"))
+        columns |= {**_quantiles(solved, one.column), **_quantiles(new, f"new_{one.column}")}
+    return pd.DataFrame(columns)
 
 
 def overview_table(prediction: Prediction) -> pd.DataFrame:
     """Return bands at a few positions for people, as text in display units."""
-    protocol = protocol_of(prediction.experiment)
-    clock, response = protocol.clock, protocol.response
+    clock = protocol_of(prediction.experiment).clock
     table = band_table(prediction)
     shown = table.iloc[np.linspace(0, len(table) - 1, OVERVIEW).round().astype(int)]
-    factor = response.display_factor
 
-    def bands(column: str) -> list[str]:
+    def bands(column: str, factor: float) -> list[str]:
         low, median, high = (shown[f"{column}_q{q}"] * factor for q in (5, 50, 95))
         rows = zip(low, median, high, strict=True)
         return [f"{middle:.4g} [{least:.4g}, {most:.4g}]" for least, middle, most in rows]
 
-    return pd.DataFrame(
-        {
-            clock.label: [f"{value:.4g}" for value in shown[clock.column] * clock.display_factor],
-            f"{response.label}, median and 90 %": bands(response.column),
-            "of new readings": bands(f"new_{response.column}"),
-        }
-    )
+    columns = {
+        clock.label: [f"{value:.4g}" for value in shown[clock.column] * clock.display_factor]
+    }
+    for one in answers(prediction):
+        columns[f"{one.label}, median and 90 %"] = bands(one.column, one.display_factor)
+        columns[f"new readings of {one.name}"] = bands(f"new_{one.column}", one.display_factor)
+    return pd.DataFrame(columns)
 
 
 def reading_table(prediction: Prediction) -> pd.DataFrame:
@@ -84,8 +89,9 @@ def reading_table(prediction: Prediction) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        A column of the clock, measured_RESPONSE, the columns of `band_table` at the readings, and
-        share_below: the share of predicted readings below the measured one.
+        A column of the clock, where several quantities are read also its name, measured_RESPONSE,
+        the columns of `band_table` at the readings, and share_below: the share of predicted
+        readings below the measured one.
 
     Raises
     ------
@@ -99,12 +105,22 @@ def reading_table(prediction: Prediction) -> pd.DataFrame:
     return pd.DataFrame(
         {
             protocol.clock.column: experiment.position,
+            **({"quantity": read_quantities(experiment)} if len(protocol.read) > 1 else {}),
             f"measured_{protocol.response.column}": experiment.response,
             **_quantiles(solved, protocol.response.column),
             **_quantiles(new, f"new_{protocol.response.column}"),
             "share_below": np.mean(new < experiment.response, axis=0),
         }
     )
+
+
+def read_quantities(experiment: Experiment) -> list[str]:
+    """Return the name of what each reading is of, shape (n_points,)."""
+    protocol = protocol_of(experiment)
+    numbers, _ = protocol.observed_positions(experiment).get(
+        "quantity", (np.zeros(experiment.n_points), "1")
+    )
+    return [protocol.read[int(number)].name for number in numbers]
 
 
 def score_table(prediction: Prediction) -> pd.DataFrame:

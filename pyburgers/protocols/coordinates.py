@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
@@ -124,7 +125,7 @@ class Layout:
     """Which coordinate of a fit stands for what.
 
     They stand in this order: the first test's, the other tests' own ones, centres, spreads, errors
-    of what drives the tests.
+    of what drives the tests. A value that tests share is the first one's of them.
 
     Attributes
     ----------
@@ -132,9 +133,11 @@ class Layout:
         Parameters with a coordinate in every test by itself.
     position : array of int, shape (n_tests, n_names)
         Where the coordinate of each parameter of each test stands, from 0; that of a shared
-        parameter is the same in all tests.
+        parameter is the same in all tests that share it.
+    source : array of int, shape (n_tests, n_names)
+        Test whose value each is, from 0: another one only of shared parameters.
     shared, partial : tuple of str
-        Shared and partially pooled parameters among them.
+        Shared (by some tests at least) and partially pooled parameters among them.
     centre, spread : array of int, shape (n_partial,)
         Where centres and spreads of the latter stand.
     errors : tuple of array of int
@@ -143,6 +146,7 @@ class Layout:
 
     names: tuple[str, ...]
     position: IntArray
+    source: IntArray
     shared: tuple[str, ...]
     partial: tuple[str, ...]
     centre: IntArray
@@ -168,14 +172,21 @@ class Layout:
     def own(self, test: int) -> list[int]:
         """Places among the names of the parameters that a test has by itself.
 
-        Shared ones are the first test's.
+        Shared ones are the first test's of those that share them.
         """
-        others = self.partial if test == 0 else (*self.partial, *self.shared)
-        return [i for i, name in enumerate(self.names) if name not in others]
+        return [
+            i
+            for i, name in enumerate(self.names)
+            if name not in self.partial and self.source[test, i] == test
+        ]
 
 
 def layout_of(
-    names: Sequence[str], n_tests: int, pooling: Pooling, n_errors: Sequence[int] = ()
+    names: Sequence[str],
+    n_tests: int,
+    pooling: Pooling,
+    n_errors: Sequence[int] = (),
+    sources: Mapping[str, Sequence[int]] = MappingProxyType({}),
 ) -> Layout:
     """Lay the coordinates of a fit out.
 
@@ -189,18 +200,28 @@ def layout_of(
         How they hang together.
     n_errors : sequence of int, optional
         Errors of what drives each test; default none.
+    sources : mapping of str to sequence of int, optional
+        Of parameters that the pooling does not name: the test whose value each test has.
     """
+    shared_by_all, partial = (pooling.of_kind(kind, names) for kind in ("shared", "partial"))
+    source = np.zeros((n_tests, len(names)), dtype=np.int64)
+    for i, name in enumerate(names):
+        if name not in shared_by_all:
+            source[:, i] = sources.get(name, range(n_tests))
+    position = np.zeros_like(source)
+    following = 0
+    for e, i in np.ndindex(*position.shape):
+        if source[e, i] == e:
+            position[e, i] = following
+            following += 1
+        else:
+            position[e, i] = position[source[e, i], i]
     # One test shares with nobody.
-    shared = pooling.of_kind("shared", names) if n_tests > 1 else ()
-    partial = pooling.of_kind("partial", names)
-    position = np.zeros((n_tests, len(names)), dtype=np.int64)
-    position[0] = np.arange(len(names))
-    following = len(names)
-    for e in range(1, n_tests):
-        for i, name in enumerate(names):
-            position[e, i] = i if name in shared else following
-            following += name not in shared
+    changes = (source != np.arange(n_tests)[:, np.newaxis]).any(axis=0)
+    shared = tuple(name for name, change in zip(names, changes, strict=True) if change)
     centre = following + np.arange(len(partial))
     ends = following + 2 * len(partial) + np.cumsum([0, *(n_errors or [0] * n_tests)])
     errors = tuple(np.arange(start, end) for start, end in pairwise(ends))
-    return Layout(tuple(names), position, shared, partial, centre, centre + len(partial), errors)
+    return Layout(
+        tuple(names), position, source, shared, partial, centre, centre + len(partial), errors
+    )

@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass
 from datetime import date, datetime, time
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -20,10 +20,15 @@ from pydantic import Field
 
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import NAME, Table, nearest, write_toml
-from pyburgers.model.parameters import PARAMETER_BY_NAME
+from pyburgers.model.parameters import CONDITIONS, PARAMETER_BY_NAME
+from pyburgers.protocols.microstructure import MeasuredMicrostructure
 
 FloatArray = npt.NDArray[np.float64]
 MetadataValue = str | float | int | bool
+
+
+LARGEST_TEMPERATURE_SHARE = 0.1
+"""Largest standard deviation of a temperature over it: a wider error would reach zero kelvin."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +52,34 @@ class Provenance:
     notes: str | None = None
 
 
+@dataclass(frozen=True)
+class UncertainCondition:
+    """A condition of a test that is known up to an error, normal about 0.
+
+    Attributes
+    ----------
+    parameter : str
+        The error: one of `pyburgers.model.parameters.CONDITIONS`.
+    sd : float
+        Its standard deviation (K; 1 of the load cell).
+    apparatus : str or None
+        Furnace or load cell that gives it, with one error in all tests that name it.
+    """
+
+    parameter: str
+    sd: float
+    apparatus: str | None
+
+
+CONDITION_KEYS: Mapping[str, tuple[str, str]] = MappingProxyType(
+    {
+        "temperature_error": ("temperature_sd_K", "furnace"),
+        "stress_calibration_error": ("stress_calibration_sd", "load_cell"),
+    }
+)
+"""Keys of files that state the standard deviation of an error, and the apparatus."""
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Experiment(ABC):
     """What deformation tests of all protocols share, in SI units.
@@ -58,14 +91,23 @@ class Experiment(ABC):
     laws : mapping of str to sequence of str
         Laws that such tests can be fitted with, by part of the model
         (`pyburgers.model.variants.CHOICES`): any of a part that is not named. A constant as well.
+    parts_name : str
+        What the parts of a test are, in the plural. A constant as well.
     residual_correlation : str
         Parameter along which residuals may correlate: over strain or over time. A constant as well.
+    may_be_uncertain : frozenset of str
+        Errors of conditions (`pyburgers.model.parameters.CONDITIONS`) that the program of such
+        tests knows. A constant as well.
     id, material : str
         Sample and material; the material names the default priors.
     temperature : float
-        Kelvin.
+        Kelvin, as stated.
     initial_grain_size : float
         Metres, where the data start.
+    uncertain : tuple of UncertainCondition
+        Conditions that are not taken as known.
+    microstructure : tuple of MeasuredMicrostructure
+        What was measured beside the response, by increasing strain.
     provenance : Provenance
         Where the data come from.
     metadata : mapping
@@ -80,7 +122,9 @@ class Experiment(ABC):
     laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType(
         {"kelvin": ("linear", "power_law")}
     )
+    parts_name: ClassVar[str] = "parts"
     residual_correlation: ClassVar[str] = "residual_correlation_strain"
+    may_be_uncertain: ClassVar[frozenset[str]] = CONDITIONS
     id: str
     material: str
     temperature: float
@@ -89,6 +133,8 @@ class Experiment(ABC):
     metadata: Mapping[str, MetadataValue]
     notices: tuple[str, ...]
     true_parameters: Mapping[str, float] | None
+    uncertain: tuple[UncertainCondition, ...] = ()
+    microstructure: tuple[MeasuredMicrostructure, ...] = ()
 
     @property
     @abstractmethod
@@ -116,6 +162,21 @@ class Experiment(ABC):
         return len(self.response)
 
     @property
+    def parts(self) -> Mapping[str, int]:
+        """Readings in each part that can be predicted from the others, by name; none in most."""
+        return MappingProxyType({})
+
+    def without_part(self, name: str) -> Self:
+        """Return the test without one of its `parts`.
+
+        Raises
+        ------
+        InputError
+            If it has no such part.
+        """
+        raise InputError(f"{self.id}: has no part {name!r}, {nearest(name, self.parts)}")
+
+    @property
     def n_driving_errors(self) -> int:
         """Number of uncertain numbers in what drives the test, which are inferred with it."""
         return 0
@@ -141,6 +202,18 @@ class ExperimentFile(Table):
     protocol: str = Field(description="the kind of test")
     temperature_K: float = Field(description="the temperature in kelvin")  # noqa: N815 (the key of the file, K for kelvin)
     initial_grain_size_m: float = Field(description="the mean grain size at the start in metres")
+    temperature_sd_K: float | None = Field(  # noqa: N815
+        None, gt=0, description="the standard deviation of the temperature's error in kelvin"
+    )
+    furnace: str | None = Field(
+        None, min_length=1, description="the furnace whose temperature is uncertain"
+    )
+    stress_calibration_sd: float | None = Field(
+        None, gt=0, le=0.2, description="the standard deviation of the load cell's relative error"
+    )
+    load_cell: str | None = Field(
+        None, min_length=1, description="the load cell whose calibration is uncertain"
+    )
     notices: list[str] = Field(
         default_factory=list, description="remarks of an earlier reading of the same data"
     )
@@ -175,6 +248,7 @@ def shared_values(path: Path, file: ExperimentFile) -> dict[str, Any]:
         "material": file.material,
         "temperature": file.temperature_K,
         "initial_grain_size": file.initial_grain_size_m,
+        "uncertain": _uncertain_conditions(path, file),
         "provenance": Provenance(**file.provenance.model_dump()),
         "metadata": MappingProxyType(dict(file.metadata)),
         "true_parameters": _true_parameters(path, file),
@@ -204,6 +278,15 @@ def write_experiment(experiment: Experiment, directory: Path, own: Mapping[str, 
         "protocol": experiment.protocol,
         "temperature_K": experiment.temperature,
         "initial_grain_size_m": experiment.initial_grain_size,
+        **{
+            key: value
+            for condition in experiment.uncertain
+            for key, value in zip(
+                CONDITION_KEYS[condition.parameter],
+                (condition.sd, condition.apparatus),
+                strict=True,
+            )
+        },
         **own,
         "notices": list(experiment.notices),
         "provenance": asdict(experiment.provenance),
@@ -240,6 +323,27 @@ def _check_conditions(path: Path, file: ExperimentFile) -> None:
                 f"{path}: key {key!r} in [metadata]: found {kind}, expected a string, a number, "
                 "true or false."
             )
+
+
+def _uncertain_conditions(path: Path, file: ExperimentFile) -> tuple[UncertainCondition, ...]:
+    """Check and return the conditions that have a standard deviation."""
+    found = []
+    for parameter, (sd_key, apparatus_key) in CONDITION_KEYS.items():
+        sd, apparatus = getattr(file, sd_key), getattr(file, apparatus_key)
+        if sd is not None:
+            found.append(UncertainCondition(parameter, sd, apparatus))
+        elif apparatus is not None:
+            raise InputError(
+                f"{path}: key {sd_key!r} is missing, expected it because {apparatus_key!r} is "
+                f"{apparatus!r}."
+            )
+    sd = file.temperature_sd_K
+    if sd is not None and sd > LARGEST_TEMPERATURE_SHARE * file.temperature_K:
+        raise InputError(
+            f"{path}: key 'temperature_sd_K': found {sd:g}, expected at most "
+            f"{LARGEST_TEMPERATURE_SHARE:g} of the temperature, {file.temperature_K:g} K."
+        )
+    return tuple(found)
 
 
 def _true_parameters(path: Path, file: ExperimentFile) -> Mapping[str, float] | None:

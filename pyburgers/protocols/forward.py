@@ -20,6 +20,7 @@ from pyburgers.model.parameters import (
 from pyburgers.model.prior_families import MAY_BE_ZERO
 from pyburgers.model.variants import check_piezometer
 from pyburgers.protocols.experiment import Experiment, Provenance
+from pyburgers.protocols.microstructure import with_drawn_microstructure
 from pyburgers.protocols.program_data import given_parameters, solve
 from pyburgers.protocols.protocol import protocol_of
 from pyburgers.protocols.stan_data import REFERENCE_SOLVER, SolverOptions
@@ -192,6 +193,7 @@ def simulate_data(
     response = protocol.response_in(experiment, solution)
     simulated: E = replace(
         protocol.with_noise(experiment, response, values, rng),
+        microstructure=with_drawn_microstructure(experiment.microstructure, solution, rng),
         provenance=Provenance("synthetic", f"pyburgers, {source}"),
         true_parameters=values,
     )

@@ -1,6 +1,6 @@
-"""What is fitted: tests of one material and protocol, their priors, and how they are pooled."""
+"""What is fitted: tests of one material, their priors, and how they are pooled."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -9,12 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from pyburgers.common.errors import InputError
-from pyburgers.model.parameters import Parameter
+from pyburgers.model.parameters import CONDITIONS, PARAMETER_BY_NAME, Parameter
 from pyburgers.model.pooling import SEPARATE, Pooling
+from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import FLOW_LAW, PriorSet
 from pyburgers.model.variants import check_variant
 from pyburgers.protocols.coordinates import Layout, Mode, PlainCoordinates, layout_of
-from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.experiment import CONDITION_KEYS, Experiment
 from pyburgers.protocols.protocol import Protocol, protocol_of
 
 FloatArray = npt.NDArray[np.float64]
@@ -31,7 +32,8 @@ class Problem:
     given_priors : PriorSet
         For all tests, not resolved.
     priors : tuple of PriorSet
-        Of each test, resolved; they differ only where a prior is a share of the largest stress.
+        Of each test, resolved; they differ only where a prior is a share of the largest stress, or
+        in the errors of the test's conditions.
     pooling : Pooling
         How the tests hang together; a partially pooled parameter has centre and spread even where
         one test alone is left.
@@ -69,8 +71,44 @@ class Problem:
 
     @property
     def shared(self) -> tuple[str, ...]:
-        """Names of the shared ones among them."""
-        return self.pooling.of_kind("shared", self.free)
+        """Names of those among them that have one value in all tests."""
+        return tuple(name for name in self.free if self.kind(name) == "shared")
+
+    def kind(self, name: str) -> str:
+        """Return how a parameter is pooled: the kind, or by apparatus where only some share it."""
+        sources = self._apparatus.get(name)
+        if sources is None:
+            return self.pooling.kinds[name]
+        return {1: "shared", len(sources): "separate"}.get(len(set(sources)), "by apparatus")
+
+    def owner(self, name: str, test: int) -> str:
+        """Return the joined names of the tests that have the value of a test (from 0)."""
+        sources = self._apparatus.get(name, range(len(self.experiments)))
+        return "+".join(
+            experiment.id
+            for experiment, source in zip(self.experiments, sources, strict=True)
+            if source == sources[test]
+        )
+
+    def hanging_together(self, drawn: Sequence[Mapping[str, float]]) -> list[dict[str, float]]:
+        """Return values of the parameters of each test, shared ones those of the first of them."""
+        names = self.layout.names
+        return [
+            {**own, **{name: drawn[k][name] for name, k in zip(names, sources, strict=True)}}
+            for own, sources in zip(drawn, self.layout.source, strict=True)
+        ]
+
+    @property
+    def _apparatus(self) -> dict[str, list[int]]:
+        """Errors of conditions, with the first test that was made with the same apparatus."""
+        made_with = [
+            {one.parameter: one.apparatus for one in e.uncertain} for e in self.experiments
+        ]
+        found = {}
+        for name in made_with[0]:
+            names = [own.get(name) for own in made_with]
+            found[name] = [e if own is None else names.index(own) for e, own in enumerate(names)]
+        return found
 
     @cached_property
     def layout(self) -> Layout:
@@ -80,6 +118,7 @@ class Problem:
             len(self.experiments),
             self.pooling,
             [experiment.n_driving_errors for experiment in self.experiments],
+            self._apparatus,
         )
 
     @property
@@ -96,19 +135,35 @@ class Problem:
         """Return each test by itself, with its resolved priors."""
         return tuple(map(one_test, self.experiments, self.priors))
 
-    def without(self, test: str) -> "Problem":
-        """Take a test out, and keep the prior densities of what is left.
+    @property
+    def parts(self) -> dict[str, int]:
+        """What can be left out, with its number of readings: a test, or a part of a single one."""
+        if len(self.experiments) > 1:
+            return {experiment.id: experiment.n_points for experiment in self.experiments}
+        return dict(self.experiments[0].parts)
+
+    @property
+    def parts_name(self) -> str:
+        """What the parts are, in the plural."""
+        return "tests" if len(self.experiments) > 1 else self.experiments[0].parts_name
+
+    def without(self, part: str) -> "Problem":
+        """Take out a test, or a part of a single one, and keep the prior densities of the rest.
 
         Where the prior of a shared parameter is a share of the largest stress, it stays that of
         all tests.
 
         Parameters
         ----------
-        test : str
-            Name of one of at least two tests.
+        part : str
+            One of `parts`.
         """
-        priors = _with_shared(self.given_priors, self.priors[0], self.shared)
-        kept = [experiment for experiment in self.experiments if experiment.id != test]
+        if len(self.experiments) == 1:
+            kept = [self.experiments[0].without_part(part)]
+            return problem_of(kept, self.priors[0], self.pooling)
+        shared = [name for name in self.shared if name not in CONDITIONS]
+        priors = _with_shared(self.given_priors, self.priors[0], shared)
+        kept = [experiment for experiment in self.experiments if experiment.id != part]
         return problem_of(kept, priors, self.pooling)
 
 
@@ -138,6 +193,8 @@ def problem_of(
 ) -> Problem:
     """Check tests, priors and pooling, and resolve the priors for each test.
 
+    Tests of several protocols are taken as loading histories.
+
     A prior that is a share of the largest stress takes that of the test, or of all tests where
     the parameter is shared.
 
@@ -153,9 +210,10 @@ def problem_of(
     Raises
     ------
     InputError
-        If tests are of different materials or protocols, have no data or the same name, or a
-        pooling does not go with the priors.
+        If tests are of different materials or of protocols that do not go together, have no data
+        or the same name, or a pooling does not go with the priors.
     """
+    experiments = of_one_protocol(experiments)
     names = [experiment.id for experiment in experiments]
     for name in names:
         if names.count(name) > 1:
@@ -166,7 +224,13 @@ def problem_of(
     for experiment in experiments:
         _check_test(experiment, experiments[0], priors)
     largest = [experiment.largest_stress for experiment in experiments]
-    of_tests = protocol_of(experiments[0]).priors_of(experiments, priors)
+    _check_conditions(experiments)
+    of_tests = tuple(
+        own.exchanging(*condition_priors(experiment))
+        for experiment, own in zip(
+            experiments, protocol_of(experiments[0]).priors_of(experiments, priors), strict=True
+        )
+    )
     _check_same_free(experiments, of_tests)
     shared = pooling.of_kind("shared", of_tests[0].free)
     common = of_tests[0].resolved(max(largest))
@@ -177,6 +241,39 @@ def problem_of(
     problem = Problem(tuple(experiments), priors, resolved, pooling)
     _check_pooling(problem)
     return problem
+
+
+def condition_priors(experiment: Experiment) -> tuple[Prior, ...]:
+    """Return the priors of the errors of a test's conditions."""
+    return tuple(
+        Prior.of_family(
+            condition.parameter,
+            "normal",
+            {"location": 0.0, "scale": condition.sd},
+            unit=PARAMETER_BY_NAME[condition.parameter].si_unit,
+            source="stated in the file of the test",
+        )
+        for condition in experiment.uncertain
+    )
+
+
+def of_one_protocol(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
+    """Return tests as they are, or as loading histories where their protocols differ.
+
+    Raises
+    ------
+    InputError
+        If one of several protocols cannot be a loading history.
+    """
+    if len({experiment.protocol for experiment in experiments}) == 1:
+        return tuple(experiments)
+    for experiment in experiments:
+        if experiment.uncertain or experiment.microstructure:
+            raise InputError(
+                f"{experiment.id}: has uncertain conditions or measured microstructure, which "
+                "loading histories do not take, expected tests of one protocol."
+            )
+    return tuple(protocol_of(experiment).as_history(experiment) for experiment in experiments)
 
 
 def plain_coordinates(experiment: Experiment, priors: PriorSet) -> PlainCoordinates:
@@ -230,18 +327,44 @@ def _check_test(experiment: Experiment, first: Experiment, priors: PriorSet) -> 
     """Check that a test can be fitted, together with a first one."""
     if experiment.n_points == 0:
         raise InputError(f"{experiment.id}: the experiment has no data, expected a [data] table.")
-    for what, found, expected in (
-        ("protocol", experiment.protocol, first.protocol),
-        ("material", experiment.material, first.material),
-    ):
-        if found != expected:
-            raise InputError(
-                f"{experiment.id}: is of the {what} {found}, expected {expected} like {first.id}, "
-                f"because a joint fit is of one {what}."
-            )
+    if experiment.material != first.material:
+        raise InputError(
+            f"{experiment.id}: is of the material {experiment.material}, expected "
+            f"{first.material} like {first.id}, because a joint fit is of one material."
+        )
     check_variant(priors, experiment)
     protocol_of(experiment).check_priors(experiment, priors)
     _check_not_in_prior(experiment, priors)
+
+
+def _check_conditions(experiments: Sequence[Experiment]) -> None:
+    """Ask for the same uncertain conditions in all tests, and one error of one apparatus."""
+    for experiment in experiments:
+        for one in experiment.uncertain:
+            if one.parameter not in experiment.may_be_uncertain:
+                raise InputError(
+                    f"{experiment.id}: key {CONDITION_KEYS[one.parameter][0]!r}: found {one.sd:g}, "
+                    f"expected none because tests of the protocol {experiment.protocol} take it as "
+                    "known."
+                )
+    for name, (sd_key, apparatus_key) in CONDITION_KEYS.items():
+        stated = {
+            test.id: one for test in experiments for one in test.uncertain if one.parameter == name
+        }
+        missing = [test.id for test in experiments if test.id not in stated]
+        if stated and missing:
+            raise InputError(
+                f"{missing[0]}: key {sd_key!r} is missing, expected it because {min(stated)} of "
+                "the same joint fit has it; a condition that is well known has a small one."
+            )
+        for test, one in stated.items():
+            for other, again in stated.items():
+                same = one.apparatus is not None and one.apparatus == again.apparatus
+                if same and one.sd != again.sd:
+                    raise InputError(
+                        f"{test}: key {sd_key!r} is {one.sd:g}, in {other} it is {again.sd:g}, "
+                        f"expected one number for the {apparatus_key} {one.apparatus!r}."
+                    )
 
 
 def _check_not_in_prior(experiment: Experiment, priors: PriorSet) -> None:

@@ -225,6 +225,10 @@ def _coordinate_block(problem: Problem, layout: Layout) -> StanData:
         "n_coordinates": layout.size,
         "n_shared": len(layout.shared),
         "shared_parameter": [PLACE[name] for name in layout.shared],
+        "shared_from": [
+            [int(row[layout.names.index(name)]) + 1 for name in layout.shared]
+            for row in layout.source
+        ],
         "own_end": ends(len(places) for places in own),
         "own_parameter": list(chain.from_iterable(parameters)),
         "own_position": [

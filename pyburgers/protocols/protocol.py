@@ -29,6 +29,7 @@ from pyburgers.drawing.panels import FittedCurve
 from pyburgers.model.display import Quantity
 from pyburgers.model.flow_law_prior import PeakTest
 from pyburgers.model.parameters import Parameter
+from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.coordinates import Layout, Mode, PlainCoordinates
 from pyburgers.protocols.experiment import Experiment
@@ -317,6 +318,21 @@ class Protocol(ABC, Generic[E]):
             Gives the noise.
         """
 
+    def stated_priors(self, experiment: E) -> tuple[Prior, ...]:
+        """Return priors of what belongs to a test itself, as far as its file states some."""
+        return ()
+
+    def noises(self, experiment: E) -> Mapping[str, float | None]:
+        """Return the parameters that are noise of readings of a test, and their stated errors."""
+        return {self.noise: None}
+
+    def as_history(self, experiment: E) -> Experiment:
+        """Return a test as a loading history (`InputError` if it is none), to go with any other."""
+        raise InputError(
+            f"{experiment.id}: a test of the protocol {self.name} cannot be fitted together with "
+            f"tests of other protocols, expected tests of {self.name} alone."
+        )
+
     def check_priors(self, experiment: E, priors: PriorSet) -> None:
         """Check that a test can be fitted with priors (`InputError`); most can with any."""
 
@@ -325,10 +341,7 @@ class Protocol(ABC, Generic[E]):
         return None
 
     def reading_noise(self, experiment: E, values: Mapping[str, FloatArray]) -> FloatArray:
-        """Return standard deviations of the readings (SI), shape (n_draws, n_points).
-
-        Values are draws of parameters, those of the noise among them, shape (n_draws,).
-        """
+        """Return standard deviations of readings (SI), (n_draws, n_points), from parameters."""
         return np.repeat(values[self.noise][:, np.newaxis], experiment.n_points, axis=1)
 
     def peak_test(self, experiment: E) -> PeakTest | None:
@@ -425,16 +438,9 @@ def load_experiment(path: str | Path) -> Experiment:
 
 
 def save_experiment(experiment: Experiment, directory: Path) -> Path:
-    """Write a self-contained copy in SI units.
+    """Write a self-contained copy in SI units into an existing folder.
 
     `load_experiment` reads back exactly equal contents, notices included.
-
-    Parameters
-    ----------
-    experiment : Experiment
-        What to write.
-    directory : Path
-        An existing folder.
 
     Returns
     -------

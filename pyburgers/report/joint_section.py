@@ -39,14 +39,15 @@ def pooling_table(joint: Fit, separate: Sequence[Fit] = ()) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Columns quantity, test, pooling ("shared", "partial", "separate", or "derived" for the
-        reference stress), mean, sd, and NaN where there is no fit of the test alone separate_mean,
+        Columns quantity, test, pooling (`Problem.kind`, or "derived" for the reference stress),
+        mean, sd, and NaN where there is no fit of the test alone separate_mean,
         separate_sd and sd_ratio, joint over separate.
     """
     tests, alone = joint.tests(), fits_alone(joint, separate)
-    kinds = {**joint.problem.pooling.kinds, joint.problem.protocol.reference.name: "derived"}
+    problem, reference = joint.problem, joint.problem.protocol.reference.name
     rows = []
-    for quantity in (*joint.problem.free, joint.problem.protocol.reference.name):
+    for quantity in (*problem.free, reference):
+        kind = "derived" if quantity == reference else problem.kind(quantity)
         for name, fit in tests.items():
             mean, sd = _moments(fit, quantity)
             other, alone_mean, alone_sd = alone[name], np.nan, np.nan
@@ -56,7 +57,7 @@ def pooling_table(joint: Fit, separate: Sequence[Fit] = ()) -> pd.DataFrame:
                 {
                     "quantity": quantity,
                     "test": name,
-                    "pooling": kinds[quantity],
+                    "pooling": kind,
                     "mean": mean,
                     "sd": sd,
                     "separate_mean": alone_mean,

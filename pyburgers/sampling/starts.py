@@ -46,8 +46,7 @@ def draw_initial_values(problem: Problem, *, seed: int, chain: int) -> dict[str,
     reference = problem.protocol.reference.name
     for _ in range(INITIAL_ATTEMPTS):
         drawn = [priors.sample(rng) for priors in problem.priors]
-        shared = {name: drawn[0][name] for name in problem.shared}
-        values = [{**own, **shared} for own in drawn]
+        values = problem.hanging_together(drawn)
         spreads = np.abs(rng.standard_normal(len(problem.partial)))
         try:
             solutions = [

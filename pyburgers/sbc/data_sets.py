@@ -26,6 +26,7 @@ from pyburgers.cmdstan.program import load_program
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError, SamplingError, SystemFailureError
 from pyburgers.fitting.fit import Fit, fit_problem
+from pyburgers.model.parameters import CONDITIONS
 from pyburgers.model.priors import PriorSet, default_priors, load_priors, shipped_prior_files
 from pyburgers.posterior.labelled_draws import (
     convergence_table,
@@ -177,7 +178,8 @@ def check_template(problem: Problem) -> None:
     if not first.free:
         raise InputError(f"{first.title}: all parameters are fixed, expected a free one to rank.")
     for own in problem.priors[1:]:
-        differing = [name for name in first.free if own[name] != first[name]]
+        free = [name for name in first.free if name not in CONDITIONS]
+        differing = [name for name in free if own[name] != first[name]]
         if differing:
             raise InputError(
                 f"{first.title}: the prior of {differing[0]} is a share of the largest stress of "
@@ -239,11 +241,8 @@ def _draw(
     template: Problem, rng: np.random.Generator
 ) -> tuple[list[dict[str, float]], dict[str, float]]:
     """Draw the parameters of every test from the prior, and centres and spreads (`Simulated`)."""
-    drawn = [priors.sample(rng) for priors in template.priors]
+    drawn = template.hanging_together([priors.sample(rng) for priors in template.priors])
     pooled: dict[str, float] = {}
-    for name in template.shared:
-        for own in drawn[1:]:
-            own[name] = drawn[0][name]
     for name in template.partial:
         # The first test's draw is that of the centre: both have the same prior.
         centre = drawn[0][name]
@@ -409,13 +408,14 @@ def rank_truth(
     # Place of the true value, and the name to rank it by.
     ranked = {name: (name, truth[name]) for truth in truths[:1] for name in truth if name in found}
     if not problem.is_single:
-        for experiment, driven, truth in zip(
-            problem.experiments, template.experiments, truths, strict=True
-        ):
+        for e, truth in enumerate(truths):
             ranked |= {
-                own_name(name, experiment.id): (own_name(name, driven.id), value)
+                own_name(name, problem.owner(name, e)): (
+                    own_name(name, template.owner(name, e)),
+                    value,
+                )
                 for name, value in truth.items()
-                if own_name(name, experiment.id) in found
+                if own_name(name, problem.owner(name, e)) in found
             }
     ranked |= {name: (name, value) for name, value in simulated.pooled.items()}
     values = {name: (draws[column], value) for column, (name, value) in ranked.items()}

@@ -74,6 +74,7 @@ real log_slope_of_bounded(real u, data row_vector quantity) {
  * @param samples_stress 1: the stress at the rate exp(given) is sampled, 0: the rate at the
  *   stress exp(given)
  * @param given ln(rate s) or ln(stress / Pa)
+ * @param temperature stated; the point of the flow law is that at the true one
  * @return parameters, then ln |d(replaced parameter)/d(ln stress or ln rate)|
  */
 vector resolve_flow(vector parameter, data int replaced_parameter, data int samples_stress,
@@ -83,6 +84,7 @@ vector resolve_flow(vector parameter, data int replaced_parameter, data int samp
   if (replaced_parameter > 0) {
     real n = parameter[i_stress_exponent()];
     real p = parameter[i_grain_size_exponent()];
+    real at_temperature = true_temperature(parameter, temperature);
     real sampled = parameter[replaced_parameter];
     real log_rate = samples_stress ? given : sampled;
     real log_stress = samples_stress ? sampled : given;
@@ -90,12 +92,12 @@ vector resolve_flow(vector parameter, data int replaced_parameter, data int samp
       real beta = parameter[i_beta()];
       resolved[replaced_parameter] = activation_enthalpy_from_flow(log_rate, log_stress,
                                                                    initial_grain_size,
-                                                                   temperature, n, p, beta);
-      log_slope = -log(1 / (gas_constant() * temperature) - beta);
+                                                                   at_temperature, n, p, beta);
+      log_slope = -log(1 / (gas_constant() * at_temperature) - beta);
     } else {
       real activation_enthalpy = parameter[i_activation_enthalpy()];
       resolved[replaced_parameter] = beta_from_flow(log_rate, log_stress, initial_grain_size,
-                                                    temperature, n, p, activation_enthalpy);
+                                                    at_temperature, n, p, activation_enthalpy);
       log_slope = -log(activation_enthalpy);
     }
     if (samples_stress) {

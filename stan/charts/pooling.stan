@@ -1,7 +1,8 @@
 /**
  * Several tests: parameters that are shared, partially pooled or separate.
  *
- * Every test has the same free parameters. A shared one has a coordinate in the first test only.
+ * Every test has the same free parameters. A shared one has a coordinate in the first of the tests
+ * that share it: all tests, or those of one furnace or load cell.
  * Behind a partially pooled one is a real number u in every test (charts/plain.stan), normal with
  * a common centre and spread; the centre has the parameter's own prior, the spread a half-normal
  * one. The coordinate of u is centred and scaled by pooling and data together, data taken as
@@ -10,10 +11,18 @@
  * In plain coordinates data have no say in this.
  */
 
-/** Values of one test with those that it shares with the first one. */
-vector with_shared(vector value, vector first, data array[] int shared_parameter) {
+/**
+ * Values of one test with those that it shares with others.
+ *
+ * @param parameter of every test; those of earlier ones are known
+ * @param shared_from the test whose value it is, for each of the shared parameters
+ */
+vector with_shared(vector value, array[] vector parameter, data array[] int shared_from,
+                   data array[] int shared_parameter) {
   vector[num_elements(value)] common = value;
-  common[shared_parameter] = first[shared_parameter];
+  for (h in 1 : size(shared_parameter)) {
+    common[shared_parameter[h]] = parameter[shared_from[h]][shared_parameter[h]];
+  }
   return common;
 }
 

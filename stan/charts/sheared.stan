@@ -32,7 +32,7 @@ int r_period() { return 6; } // s
 int r_growth_limit() { return 7; } // piezometer's mean grain size over d_0, less 1
 int r_path_strain() { return 8; } // half of the record's
 int r_grain_size() { return 9; } // d_0, m
-int r_temperature() { return 10; } // K
+int r_temperature() { return 10; } // stated, K
 
 /**
  * ln(d/d_0) half way through a record, roughly: the piezometer's grain size is taken as constant.
@@ -121,7 +121,7 @@ vector kelvin_left_over(real maxwell_modulus, real dashpot, data vector complian
  * @param enthalpy, beta means and standard deviations of the priors of Q_M and beta
  */
 real probable_beta(real log_rate, real stress_exponent, real grain_size_exponent,
-                   data real log_stress, data real initial_grain_size, data real temperature,
+                   data real log_stress, data real initial_grain_size, real temperature,
                    data vector enthalpy, data vector beta) {
   real exponent = log_rate + grain_size_exponent * log(initial_grain_size)
                   - stress_exponent * log_stress;
@@ -134,7 +134,7 @@ real probable_beta(real log_rate, real stress_exponent, real grain_size_exponent
 /**
  * Shifts at given plain coordinates, one for each of a test's own ones.
  *
- * n, p and E_M are not shifted; epsilon_c1 needs p; the flow rate needs n, p and epsilon_c1; the
+ * n, p, E_M and the error of the temperature are not shifted; epsilon_c1 needs p; the flow rate needs n, p and epsilon_c1; the
  * others need these.
  *
  * @param plain coordinates
@@ -156,7 +156,7 @@ vector shears(vector plain, vector given, data array[] int place, data matrix qu
   real p;
   real log_rate;
   for (k in {i_maxwell_modulus(), i_stress_exponent(), i_grain_size_exponent(),
-             i_critical_strain_grain_size()}) {
+             i_critical_strain_grain_size(), i_temperature_error()}) {
     if (place[k] > 0) {
       parameter[k] = bounded_from_real(plain[place[k]], quantity[place[k]]);
     }
@@ -173,12 +173,12 @@ vector shears(vector plain, vector given, data array[] int place, data matrix qu
                    / quantity[flow, i_scale()];
   } else {
     log_rate = log_flow_rate(record[r_flow_stress()], record[r_grain_size()],
-                             record[r_temperature()], n, p,
+                             true_temperature(parameter, record[r_temperature()]), n, p,
                              parameter[i_activation_enthalpy()], parameter[i_beta()]);
   }
   if (replaced_parameter == i_activation_enthalpy() && place[i_beta()] > 0) {
     shifts[place[i_beta()]] = probable_beta(log_rate, n, p, log(record[r_flow_stress()]),
-      record[r_grain_size()], record[r_temperature()],
+      record[r_grain_size()], true_temperature(parameter, record[r_temperature()]),
       [location[i_activation_enthalpy()], scale[i_activation_enthalpy()]]',
       [location[i_beta()], scale[i_beta()]]');
   }

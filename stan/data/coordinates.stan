@@ -1,9 +1,10 @@
 // Coordinates: those of the first test, the own ones of the others, centres, spreads.
 int<lower=0> n_coordinates;
 int<lower=1, upper=2> coordinate_system; // 1 plain, 2 those of the program's chart
-// Parameters whose coordinates in the first test are those of all tests.
+// Parameters that tests share, and whose they are in each test: the first's that shares them.
 int<lower=0, upper=n_parameters()> n_shared;
 array[n_shared] int<lower=1, upper=n_parameters()> shared_parameter;
+array[n_tests, n_shared] int<lower=1, upper=n_tests> shared_from;
 // A test's own ones: places of the parameters and of their coordinates, and their quantities
 // (charts/plain.stan).
 array[n_tests + 1] int<lower=0> own_end;

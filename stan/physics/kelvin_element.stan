@@ -30,7 +30,7 @@ real log_thermal_slowing(real activation_enthalpy, real temperature, real refere
  * @param activation_enthalpy Q_K, J/mol
  * @return Pa s
  */
-real kelvin_viscosity_at(real viscosity, real activation_enthalpy, data real temperature,
+real kelvin_viscosity_at(real viscosity, real activation_enthalpy, real temperature,
                          data real reference_temperature) {
   return viscosity
          * exp(log_thermal_slowing(activation_enthalpy, temperature, reference_temperature));

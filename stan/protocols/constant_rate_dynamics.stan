@@ -27,10 +27,12 @@
  * ln(S_0/Pa) at given parameters: log_reference_stress().
  *
  * @param parameter in the order of physics/parameters.stan
+ * @param temperature stated, K
  */
 real log_reference_stress_at(vector parameter, data real strain_rate,
                              data real initial_grain_size, data real temperature) {
-  return log_reference_stress(strain_rate, initial_grain_size, temperature,
+  return log_reference_stress(strain_rate, initial_grain_size,
+                              true_temperature(parameter, temperature),
                               parameter[i_stress_exponent()],
                               parameter[i_grain_size_exponent()],
                               parameter[i_activation_enthalpy()], parameter[i_beta()]);
@@ -277,7 +279,7 @@ array[] vector constant_rate_segment(vector initial_state, data real start_strai
  * @param segment_start strain at which each segment starts, the first 0
  * @param segment_rate imposed strain rate of each segment, 1/s
  * @param initial_grain_size m
- * @param temperature of the test, K
+ * @param temperature stated, K
  * @param power_law_kelvin 0: the Kelvin element is linear, and n_K and q_0 have no effect
  * @return array over output strains of [stress (Pa), kelvin strain], and the grain size (m) where
  *   it is a third state
@@ -295,7 +297,7 @@ array[] vector constant_rate_solution(vector parameter, data vector constant,
                                                       initial_grain_size, temperature));
   real kelvin_viscosity = kelvin_viscosity_at(parameter[i_kelvin_viscosity()],
                                               parameter[i_kelvin_activation_enthalpy()],
-                                              temperature,
+                                              true_temperature(parameter, temperature),
                                               constant[i_kelvin_reference_temperature()]);
   array[size(strain)] vector[n_states] solution;
   vector[n_states] state;
@@ -333,4 +335,28 @@ array[] vector constant_rate_solution(vector parameter, data vector constant,
     }
   }
   return solution;
+}
+
+/**
+ * Grain size (m) and fabric factor along a solution.
+ *
+ * @param solution value of constant_rate_solution()
+ * @param strain of its rows
+ * @param parameter, initial_grain_size as there
+ * @return columns: grain size, fabric factor
+ */
+matrix microstructure_along(array[] vector solution, data array[] real strain, vector parameter,
+                            data real initial_grain_size) {
+  matrix[size(strain), 2] microstructure;
+  for (i in 1 : size(strain)) {
+    microstructure[i, 1] = num_elements(solution[i]) == 3
+                           ? solution[i][3]
+                           : microstructure_at(strain[i], initial_grain_size,
+                                               parameter[i_steady_state_grain_size()],
+                                               parameter[i_critical_strain_grain_size()]);
+    microstructure[i, 2] = microstructure_at(strain[i], 1,
+                                             parameter[i_steady_state_fabric_factor()],
+                                             parameter[i_critical_strain_fabric()]);
+  }
+  return microstructure;
 }

@@ -4,12 +4,15 @@
     real n = parameter[e][i_stress_exponent()];
     real p = parameter[e][i_grain_size_exponent()];
     real log_factor = log_rate_factor(parameter[e][i_activation_enthalpy()],
-                                      parameter[e][i_beta()], temperature[e]);
+                                      parameter[e][i_beta()],
+                                      true_temperature(parameter[e], temperature[e]));
     real breakdown_stress = parameter[e][i_breakdown_stress()];
+    real reading_factor = stress_reading_factor(parameter[e]);
     real kelvin_modulus = parameter[e][i_kelvin_modulus()];
     real kelvin_viscosity
       = kelvin_viscosity_at(parameter[e][i_kelvin_viscosity()],
-                            parameter[e][i_kelvin_activation_enthalpy()], temperature[e],
+                            parameter[e][i_kelvin_activation_enthalpy()],
+                            true_temperature(parameter[e], temperature[e]),
                             prior_location[e][i_kelvin_reference_temperature()]);
     array[size(here)] vector[n_states] solution
       = constant_rate_solution(parameter[e], prior_location[e], grid_strain[here],
@@ -17,31 +20,26 @@
                                segment_start[part(segment_end, e)],
                                segment_rate[part(segment_end, e)], initial_grain_size[e],
                                temperature[e], power_law_kelvin, tolerance, max_num_steps);
+    matrix[size(here), 2] microstructure
+      = microstructure_along(solution, grid_strain[here], parameter[e], initial_grain_size[e]);
     for (j in 1 : size(here)) {
       int i = here[j];
+      real stress = solution[j][1];
       real kelvin_rate;
-      grid_stress[i] = solution[j][1];
+      grid_stress[i] = stress * reading_factor;
       grid_kelvin_strain[i] = solution[j][2];
-      grid_grain_size[i] = n_states == 3
-                           ? solution[j][3]
-                           : microstructure_at(grid_strain[i], initial_grain_size[e],
-                                               parameter[e][i_steady_state_grain_size()],
-                                               parameter[e][i_critical_strain_grain_size()]);
-      grid_fabric_factor[i] = microstructure_at(grid_strain[i], 1,
-                                                parameter[e][i_steady_state_fabric_factor()],
-                                                parameter[e][i_critical_strain_fabric()]);
-      kelvin_rate = linear_driving_stress(grid_stress[i]
-                                          - kelvin_modulus * grid_kelvin_strain[i],
+      grid_grain_size[i] = microstructure[j, 1];
+      grid_fabric_factor[i] = microstructure[j, 2];
+      kelvin_rate = linear_driving_stress(stress - kelvin_modulus * grid_kelvin_strain[i],
                                           parameter[e][i_kelvin_stress_exponent()],
                                           -log(prior_location[e][i_kelvin_reference_stress()]))
                     / kelvin_viscosity;
-      grid_dashpot_share[i] = dashpot_strain_rate(power_law_stress(grid_stress[i],
-                                                                   breakdown_stress,
+      grid_dashpot_share[i] = dashpot_strain_rate(power_law_stress(stress, breakdown_stress,
                                                                    grid_fabric_factor[i]),
                                                   grid_grain_size[i],
                                                   grid_fabric_factor[i], n, p, log_factor)
                               / grid_rate[i];
-      grid_stress_slope[i] = parameter[e][i_maxwell_modulus()]
+      grid_stress_slope[i] = reading_factor * parameter[e][i_maxwell_modulus()]
                              * (1 - grid_dashpot_share[i] - kelvin_rate / grid_rate[i]);
       grid_grain_size_softening[i] = pow(grid_grain_size[i] / initial_grain_size[e], p / n);
       grid_fabric_softening[i] = strength_factor(grid_strain[i], 1,

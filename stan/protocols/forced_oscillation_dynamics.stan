@@ -76,7 +76,7 @@ vector forced_oscillation_rates(real rate, int evolves, vector state, real kelvi
                                 real kelvin_decay, real stress_exponent,
                                 real grain_size_exponent,
                                 real log_dashpot_rate, real inverse_critical_strain,
-                                data real stress_scale, data real strain_scale,
+                                real stress_scale, data real strain_scale,
                                 data real unit, data vector piezometer) {
   real dashpot_rate = signed_power(flow_stress, 0, stress_exponent,
                                    log_dashpot_rate
@@ -105,7 +105,7 @@ vector forced_oscillation_rhs(real tau, vector state, real stiffness, real kelvi
                               real inverse_critical_strain, vector sine,
                               vector cosine, vector background,
                               data vector background_range, data real first_tau,
-                              data real stress_scale, data real strain_scale,
+                              real stress_scale, data real strain_scale,
                               data real unit, data vector piezometer) {
   real rate = oscillating_rate(tau, sine, cosine, background, background_range, first_tau)
               / strain_scale;
@@ -130,11 +130,11 @@ vector forced_oscillation_power_law_kelvin_rhs(real tau, vector state, real stif
                                                vector sine, vector cosine,
                                                vector background,
                                                data vector background_range,
-                                               data real first_tau, data real stress_scale,
+                                               data real first_tau, real stress_scale,
                                                data real strain_scale,
                                                data real unit, data vector piezometer,
                                                real kelvin_stress_exponent,
-                                               data real log_kelvin_unit) {
+                                               real log_kelvin_unit) {
   real rate = oscillating_rate(tau, sine, cosine, background, background_range, first_tau)
               / strain_scale;
   real kelvin_excess = linear_driving_stress(state[1] - state[2], kelvin_stress_exponent,
@@ -159,11 +159,11 @@ vector forced_oscillation_hyperbolic_sine_rhs(real tau, vector state, real stiff
                                               vector sine, vector cosine,
                                               vector background,
                                               data vector background_range,
-                                              data real first_tau, data real stress_scale,
+                                              data real first_tau, real stress_scale,
                                               data real strain_scale,
                                               data real unit, data vector piezometer,
                                               real kelvin_stress_exponent,
-                                              data real log_kelvin_unit, real breakdown) {
+                                              real log_kelvin_unit, real breakdown) {
   real rate = oscillating_rate(tau, sine, cosine, background, background_range, first_tau)
               / strain_scale;
   real kelvin_excess = linear_driving_stress(state[1] - state[2], kelvin_stress_exponent,
@@ -180,7 +180,7 @@ vector forced_oscillation_hyperbolic_sine_rhs(real tau, vector state, real stiff
  * Stress, Kelvin strain and grain size at the given times of a record.
  *
  * The model starts cycles ahead of the record, where the oscillating strain passes through zero,
- * at `start_stress` with a Kelvin element that has settled under it. For a solid any other phase
+ * at the stress `relative_start` with a Kelvin element that has settled under it. For a solid any other phase
  * would leave a constant stress behind that only the dashpot relaxes, over many cycles. One call
  * of the solver covers these cycles and the record: its initial state is data, and sensitivities
  * to a state reached after the cycles would be three more for the solver to follow.
@@ -193,8 +193,8 @@ vector forced_oscillation_hyperbolic_sine_rhs(real tau, vector state, real stiff
  * @param period s
  * @param sine, cosine, background, background_range see oscillating_rate()
  * @param initial_grain_size d_0, m
- * @param temperature of the test, K
- * @param start_stress stress at the start of the spin-up: the bias of the record, Pa
+ * @param temperature stated, K
+ * @param relative_start stress at the start of the spin-up over S: the bias of the record
  * @param stress_scale, strain_scale S (Pa) and e
  * @param power_law_kelvin 0: the Kelvin element is linear, and n_K and q_0 have no effect
  * @return array over times of [stress (Pa), Kelvin strain, grain size (m)]
@@ -206,14 +206,15 @@ array[] vector forced_oscillation_solution(vector parameter, data vector constan
                                            vector background,
                                            data vector background_range,
                                            data real initial_grain_size,
-                                           data real temperature, data real start_stress,
-                                           data real stress_scale, data real strain_scale,
+                                           data real temperature, data real relative_start,
+                                           real stress_scale, data real strain_scale,
                                            data int power_law_kelvin, data real tolerance,
                                            data int max_num_steps) {
+  real at_temperature = true_temperature(parameter, temperature);
   real kelvin_modulus = parameter[i_kelvin_modulus()];
   real kelvin_viscosity = kelvin_viscosity_at(parameter[i_kelvin_viscosity()],
                                               parameter[i_kelvin_activation_enthalpy()],
-                                              temperature,
+                                              at_temperature,
                                               constant[i_kelvin_reference_temperature()]);
   real stress_exponent = parameter[i_stress_exponent()];
   real grain_size_exponent = parameter[i_grain_size_exponent()];
@@ -221,7 +222,7 @@ array[] vector forced_oscillation_solution(vector parameter, data vector constan
   real stiffness = parameter[i_maxwell_modulus()] * strain_scale / stress_scale;
   real kelvin_fluidity = stress_scale * period / (kelvin_viscosity * strain_scale);
   real kelvin_decay = kelvin_modulus * period / kelvin_viscosity;
-  real log_dashpot_rate = log(exp(log_flow_rate(stress_scale, initial_grain_size, temperature,
+  real log_dashpot_rate = log(exp(log_flow_rate(stress_scale, initial_grain_size, at_temperature,
                                                 stress_exponent, grain_size_exponent,
                                                 parameter[i_activation_enthalpy()],
                                                 parameter[i_beta()]))
@@ -231,7 +232,7 @@ array[] vector forced_oscillation_solution(vector parameter, data vector constan
     // The state at the start is an expression of data: constant to the solver.
     if (constant[i_breakdown_stress()] != 0) {
       solution = ode_bdf_tol(forced_oscillation_hyperbolic_sine_rhs,
-                             [start_stress / stress_scale, start_stress / stress_scale,
+                             [relative_start, relative_start,
                               1 / grain_size_unit()]',
                              start_tau, tau, tolerance, tolerance, max_num_steps, stiffness,
                              kelvin_fluidity, kelvin_decay, stress_exponent,
@@ -246,7 +247,7 @@ array[] vector forced_oscillation_solution(vector parameter, data vector constan
                              parameter[i_breakdown_stress()] / stress_scale);
     } else if (power_law_kelvin) {
       solution = ode_bdf_tol(forced_oscillation_power_law_kelvin_rhs,
-                             [start_stress / stress_scale, start_stress / stress_scale,
+                             [relative_start, relative_start,
                               1 / grain_size_unit()]',
                              start_tau, tau, tolerance, tolerance, max_num_steps, stiffness,
                              kelvin_fluidity, kelvin_decay, stress_exponent,
@@ -260,7 +261,7 @@ array[] vector forced_oscillation_solution(vector parameter, data vector constan
                              log(stress_scale / constant[i_kelvin_reference_stress()]));
     } else {
       solution = ode_bdf_tol(forced_oscillation_rhs,
-                             [start_stress / stress_scale, start_stress / stress_scale,
+                             [relative_start, relative_start,
                               1 / grain_size_unit()]',
                              start_tau, tau, tolerance, tolerance, max_num_steps, stiffness,
                              kelvin_fluidity, kelvin_decay, stress_exponent,
@@ -281,36 +282,46 @@ array[] vector forced_oscillation_solution(vector parameter, data vector constan
 }
 
 /**
- * As forced_oscillation_solution(), with errors of the driving strain.
+ * As forced_oscillation_solution(), with errors of the driving strain and of the load cell; the
+ * stresses are what the cell reads, at the start, in stress_scale and in what is returned.
  *
- * Without any the strain is data, which spares the solver their sensitivities.
+ * Without any, strain and stress scale are data, which spares the solver their sensitivities.
  *
  * @param sine, cosine, background most probable values
  * @param error_factor what one unit of each error adds to sine, cosine and background: a row each
  * @param error standardised errors
+ * @param uncertain_calibration 0: c is 0
  */
 array[] vector driven_solution(vector parameter, data vector constant, data array[] real tau,
                                data real start_tau, data real first_tau, data real period,
                                data vector sine, data vector cosine, data vector background,
                                data vector background_range, data matrix error_factor,
-                               vector error, data real initial_grain_size,
-                               data real temperature, data real start_stress,
-                               data real stress_scale, data real strain_scale,
+                               vector error, data int uncertain_calibration,
+                               data real initial_grain_size, data real temperature,
+                               data real start_stress, data real stress_scale,
+                               data real strain_scale,
                                data int power_law_kelvin, data real tolerance,
                                data int max_num_steps) {
   int n = num_elements(sine);
   vector[cols(error_factor)] change = error_factor' * error;
-  if (num_elements(error) == 0) {
+  real factor = stress_reading_factor(parameter);
+  array[size(tau)] vector[3] solution;
+  if (num_elements(error) == 0 && !uncertain_calibration) {
     return forced_oscillation_solution(parameter, constant, tau, start_tau, first_tau, period,
                                        sine, cosine, background, background_range,
-                                       initial_grain_size, temperature, start_stress,
-                                       stress_scale, strain_scale, power_law_kelvin, tolerance,
-                                       max_num_steps);
+                                       initial_grain_size, temperature,
+                                       start_stress / stress_scale, stress_scale, strain_scale,
+                                       power_law_kelvin, tolerance, max_num_steps);
   }
-  return forced_oscillation_solution(parameter, constant, tau, start_tau, first_tau, period,
-                                     sine + change[1 : n], cosine + change[n + 1 : 2 * n],
-                                     background + tail(change, num_elements(background)), background_range,
-                                     initial_grain_size, temperature, start_stress,
-                                     stress_scale, strain_scale, power_law_kelvin, tolerance,
-                                     max_num_steps);
+  solution = forced_oscillation_solution(parameter, constant, tau, start_tau, first_tau, period,
+                                         sine + change[1 : n], cosine + change[n + 1 : 2 * n],
+                                         background + tail(change, num_elements(background)),
+                                         background_range, initial_grain_size, temperature,
+                                         start_stress / stress_scale, stress_scale / factor,
+                                         strain_scale, power_law_kelvin, tolerance,
+                                         max_num_steps);
+  for (i in 1 : size(tau)) {
+    solution[i][1] *= factor;
+  }
+  return solution;
 }

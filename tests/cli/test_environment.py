@@ -123,6 +123,18 @@ def test_a_full_disk_is_told_and_what_was_there_stays(tmp_path: Path) -> None:
     assert out.read_text(encoding="utf-8") == "old"
 
 
+def test_too_little_memory_is_told_and_not_waited_for() -> None:
+    code, error = ended(
+        "resource.setrlimit(resource.RLIMIT_AS, (300_000_000, resource.RLIM_INFINITY))\n"
+        f"sys.exit(main(['fit', {TEST!r}]))"
+    )
+    assert (code, error) == (
+        2,
+        "pyburgers: memory is limited to 300 MB, expected at least 600 MB; raise the limit "
+        "(ulimit -v).\n",
+    )
+
+
 def test_bytes_that_are_no_text_are_escaped() -> None:
     code, error = ended(r"sys.exit(main(['check', '/nowhere\udcff']))")
     assert (code, "\\udcff: not a run directory" in error) == (2, True)

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,9 +12,12 @@ from protocol_examples import TWIN_FILE
 
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
-from pyburgers.fitting.prediction import Prediction, Source, predict_test
+from pyburgers.fitting.new_test import Source
+from pyburgers.fitting.prediction import Prediction, predict_test
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import PriorSet
+from pyburgers.predictions.other_test_figures import prediction_figure
+from pyburgers.predictions.other_tests import answers, band_table, reading_table, score_table
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, RateSegment
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forced_oscillation.experiment import (
@@ -21,6 +25,8 @@ from pyburgers.protocols.forced_oscillation.experiment import (
     with_known_strain,
 )
 from pyburgers.protocols.forward import simulate
+from pyburgers.protocols.loading_history.experiment import LoadingHistory, Stated
+from pyburgers.protocols.loading_history.stages import Stage
 from pyburgers.protocols.problem import one_test, problem_of
 from pyburgers.protocols.protocol import FittedTest, protocol_of
 from pyburgers.studies.maor.before_data import prior_draws
@@ -228,3 +234,63 @@ def test_all_is_kept_in_the_file(small_fit: Fit, tmp_path: Path) -> None:
     with xr.open_datatree(tmp_path / "draws.nc", engine="h5netcdf") as kept:
         assert kept.attrs["fitted_to"] == "PIL40"
         assert kept.attrs["cautions"].splitlines() == list(prediction.cautions)
+
+
+def creep(experiment: ConstantRateExperiment, **changes: Any) -> LoadingHistory:
+    """Return a creep test with a jump of the stress, without readings, of the same sample."""
+    stages = (
+        Stage("stress", 0.0, 600.0, 255.0, 2e6),
+        Stage("stress", 600.0, 1200.0, 255.0, 1e6),
+    )
+    values: dict[str, Any] = {
+        "id": "creep",
+        "material": experiment.material,
+        "temperature": 255.0,
+        "initial_grain_size": experiment.initial_grain_size,
+        "provenance": experiment.provenance,
+        "metadata": experiment.metadata,
+        "notices": (),
+        "true_parameters": None,
+        "stages": stages,
+        "time": np.empty(0),
+        "reading_stage": np.empty(0, dtype=np.int64),
+        "reading": np.empty(0),
+    }
+    return LoadingHistory(**{**values, **changes})
+
+
+def test_creep_is_predicted_from_a_test_at_constant_rate(
+    small_fit: Fit, small_problem: Problem, tmp_path: Path
+) -> None:
+    prediction = small_fit.predict(creep(small_problem.experiment), draws=5)
+    predictions = prediction.posterior["predictions"].to_dataset().isel(chain=0, draw=2)
+    solution = simulate(
+        prediction.experiment, values_of(prediction, 2), at=predictions["time"].to_numpy()
+    )
+    np.testing.assert_allclose(predictions["strain"], solution["strain"], rtol=1e-5, atol=1e-12)
+    assert any("no strain noise" in note or "have no noise" in note for note in prediction.notes)
+    assert [one.name for one in answers(prediction)] == ["strain"]
+    assert "strain_q50" in band_table(prediction)
+    assert len(prediction_figure(prediction).axes) == 1
+
+
+def test_readings_need_a_noise_that_somebody_knows(small_fit: Fit, small_problem: Problem) -> None:
+    readings = {
+        "time": np.array([300.0, 900.0]),
+        "reading_stage": np.array([0, 1]),
+        "reading": np.array([1e-3, 2e-3]),
+    }
+    target = creep(small_problem.experiment, **readings)
+    with pytest.raises(InputError, match="the file states none"):
+        small_fit.predict(target, draws=5)
+    prediction = small_fit.predict(replace(target, strain_uncertainty=1e-4), draws=20)
+    assert "that the file of the test states, 0.01 percent on average" in prediction.notes[-1]
+    assert reading_table(prediction)["quantity"].tolist() == ["strain", "strain"]
+    assert np.isfinite(score_table(prediction)["found"]).all()
+
+
+def test_the_zero_of_the_strain_is_that_of_the_file(small_fit: Fit, small_problem: Problem) -> None:
+    target = creep(small_problem.experiment, strain_offset=Stated(5e-3, 1e-3))
+    drawn = small_fit.predict(target).posterior["posterior"]["strain_offset"].to_numpy()
+    assert drawn.mean() == pytest.approx(5e-3, abs=3e-4)
+    assert drawn.std() == pytest.approx(1e-3, rel=0.2)

@@ -7,7 +7,7 @@ import pytest
 from conftest import ICE, with_fixed
 
 from pyburgers.common.errors import InputError
-from pyburgers.model.parameters import CONSTANTS, PROGRAM_PARAMETERS
+from pyburgers.model.parameters import CONSTANTS, MATERIAL_PARAMETERS
 from pyburgers.model.pooling import (
     DEFAULT_KINDS,
     DEFAULT_SPREAD_SCALE,
@@ -33,7 +33,7 @@ def problem(**pool: str) -> Problem:
 
 
 def test_every_parameter_has_a_default() -> None:
-    assert set(DEFAULT_KINDS) == {p.name for p in PROGRAM_PARAMETERS} - CONSTANTS
+    assert set(DEFAULT_KINDS) == {p.name for p in MATERIAL_PARAMETERS} - CONSTANTS
 
 
 def test_options_change_what_they_name() -> None:

@@ -188,7 +188,9 @@ def test_the_density_is_prior_likelihood_and_jacobian(
     """The density less the Jacobian's logarithm does not depend on the coordinates."""
     example = EXAMPLES[protocol]
     experiment = example.load(name)
-    (priors,) = problem_of([experiment], default_priors(experiment.material)).priors
+    (priors,) = problem_of(
+        [experiment], default_priors(experiment.material, experiment.protocol)
+    ).priors
     program, centre = program_in(experiment, what, tmp_path)
     rng = np.random.default_rng(5)
     # From close by to as far away as the prior reaches.

@@ -13,7 +13,8 @@ from refusals import refusal
 from pyburgers.common.errors import InputError
 from pyburgers.model.priors import default_priors
 from pyburgers.model.variants import with_variant
-from pyburgers.protocols.attenuation.experiment import AttenuationExperiment, load_attenuation
+from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
+from pyburgers.protocols.attenuation.files import load_attenuation
 from pyburgers.protocols.attenuation.table import Elasticity
 from pyburgers.protocols.forward import simulate
 from pyburgers.protocols.problem import problem_of

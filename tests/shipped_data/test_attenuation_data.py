@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from conftest import ICE
 
-from pyburgers.protocols.attenuation.experiment import load_attenuation
+from pyburgers.protocols.attenuation.files import load_attenuation
 
 OLIVINE = ICE.parent / "olivine"
 

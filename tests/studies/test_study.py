@@ -326,8 +326,8 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
     keys = [section.key for section in shown["extras"]]
     of_study = ["statements", "counterparts", "model", "attenuation", "preparation", "background"]
     assert keys[0] == "rate_steps"
-    assert keys[1] == "measured_creep"
-    assert keys[2].startswith("joint_")
-    assert keys[3:11] == [*of_study, "stress_floor", "peak_stress"]
+    assert keys[2] == "measured_creep"
+    assert keys[3].startswith("joint_")
+    assert keys[4:12] == [*of_study, "stress_floor", "peak_stress"]
     assert names[:-1] == ["PIL40", "PIL72", "PIL105", "olivine_kept", "olivine_removed"]
     assert outcome.peak_stress.data.id == PEAK_STRESS_TABLE

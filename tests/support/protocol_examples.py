@@ -16,7 +16,8 @@ from history_twins import history_twin, residual_covariance
 from numpy.polynomial import Polynomial
 from scipy import stats
 
-from pyburgers.protocols.attenuation.experiment import AttenuationExperiment, load_attenuation
+from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
+from pyburgers.protocols.attenuation.files import load_attenuation
 from pyburgers.protocols.constant_rate.experiment import (
     ConstantRateExperiment,
     RateSegment,

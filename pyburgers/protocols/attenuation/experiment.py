@@ -1,33 +1,20 @@
-"""Tables of attenuation and modulus as tests: their files."""
+"""Tables of attenuation and modulus as tests."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Any, ClassVar, Literal
+from typing import ClassVar, Self
 
 import numpy as np
-from pydantic import Field
 
-from pyburgers.common.columns import Column, TextFilesTable, read_columns, write_columns
 from pyburgers.common.errors import InputError
-from pyburgers.common.toml_files import Table, factor_to_si, read_toml
 from pyburgers.protocols.attenuation.table import (
     Conditions,
-    Deformation,
     Elasticity,
     FloatArray,
     Readings,
-    check_table,
 )
-from pyburgers.protocols.experiment import (
-    Experiment,
-    ExperimentFile,
-    shared_values,
-    write_experiment,
-)
-
-CELSIUS_ZERO = 273.15
+from pyburgers.protocols.experiment import Experiment
 
 UNSTATED_STRESS = 1e6
 """Axial stress (Pa) at which the flow rate of a linear dashpot is sampled where none is stated."""
@@ -50,6 +37,7 @@ class AttenuationExperiment(Experiment):
     """
 
     protocol: ClassVar[str] = "attenuation"
+    may_be_uncertain: ClassVar[frozenset[str]] = frozenset()
     laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType(
         {
             "kelvin": ("linear", "extended", "extended_peak", "andrade"),
@@ -58,9 +46,36 @@ class AttenuationExperiment(Experiment):
             "residuals": ("independent",),
         }
     )
+    parts_name: ClassVar[str] = "temperatures"
     conditions: Conditions
     readings: Readings
     elasticity: Elasticity
+
+    @property
+    def parts(self) -> Mapping[str, int]:
+        """Readings at each temperature, the hottest first."""
+        temperature = self.conditions.temperature
+        quantities = 2 if self.readings.modulus.size else 1
+        return MappingProxyType(
+            {
+                _temperature_name(own): quantities * int(np.sum(temperature == own))
+                for own in np.unique(temperature)[::-1]
+            }
+        )
+
+    def without_part(self, name: str) -> Self:
+        """Return the table without a temperature."""
+        if name not in self.parts:
+            return super().without_part(name)
+        names = np.array([_temperature_name(own) for own in self.conditions.temperature])
+        kept = np.flatnonzero(names != name)
+        if kept.size == 0:
+            raise InputError(f"{self.id}: has no other temperature than {name}, expected several.")
+        return replace(
+            self,
+            conditions=self.conditions.ordered(kept),
+            readings=self.readings.ordered(kept),
+        )
 
     @property
     def position(self) -> FloatArray:
@@ -103,324 +118,5 @@ class AttenuationExperiment(Experiment):
         )
 
 
-class _AttenuationTable(Table):
-    deformation: Deformation = Field(
-        description="axial (stress is axial, the modulus Young's) or shear"
-    )
-    poisson_ratio: float | None = Field(
-        None, gt=-1, lt=0.5, description="Poisson's ratio, in shear"
-    )
-    bulk_modulus_Pa: float | None = Field(  # noqa: N815 - a key with its unit
-        None, gt=0, description="the bulk modulus in Pa, in shear"
-    )
-    median_stress_Pa: float | None = Field(  # noqa: N815
-        None, ge=0, description="the median stress of every row in Pa"
-    )
-    amplitude_Pa: float | None = Field(  # noqa: N815
-        None, gt=0, description="the amplitude of the stress of every row in Pa"
-    )
-
-
-class _DataTable(TextFilesTable):
-    file: str = Field(description="the data file")
-    period_column: Column | None = None
-    period_unit: str | None = Field(None, description="s, min or h")
-    frequency_column: Column | None = None
-    frequency_unit: str | None = Field(None, description="Hz")
-    temperature_column: Column | None = None
-    temperature_unit: Literal["K", "C"] = Field("K", description="K or C")
-    least_temperature: float | None = Field(
-        None, description="the temperature below which rows are left out, in its unit"
-    )
-    stress_unit: str = Field("MPa", description="Pa, MPa or GPa")
-    median_stress_column: Column | None = None
-    amplitude_column: Column | None = None
-    attenuation_column: Column
-    attenuation_form: Literal["tan_delta", "log10_tan_delta"] = Field(
-        description="tan_delta (1/Q is the same) or log10_tan_delta"
-    )
-    attenuation_uncertainty_column: Column | None = None
-    attenuation_uncertainty: float | None = Field(
-        None, gt=0, description="the standard deviation of every tan delta"
-    )
-    limit_column: Column | None = None
-    limit: float | None = Field(
-        None, description="a reading at or below which attenuation is only known to be at most it"
-    )
-    modulus_column: Column | None = None
-    modulus_unit: str | None = Field(None, description="Pa, MPa or GPa")
-    modulus_uncertainty_column: Column | None = None
-    modulus_uncertainty: float | None = Field(
-        None, gt=0, description="the standard deviation of every modulus, in its unit"
-    )
-
-
-class _AttenuationFile(ExperimentFile):
-    protocol: Literal["attenuation"] = Field(description="the kind of test")
-    temperature_K: float = Field(  # noqa: N815
-        description="the temperature in kelvin for which the flow rate is given, and of rows "
-        "without their own"
-    )
-    initial_grain_size_m: float = Field(description="the mean grain size in metres")
-    attenuation: _AttenuationTable = Field(description="the table about the cycles")
-    data: _DataTable = Field(description="the table that names the data file")
-
-
-def load_attenuation(path: str | Path) -> AttenuationExperiment:
-    """Read and check the file of a table of attenuation and its data file.
-
-    Parameters
-    ----------
-    path : str or Path
-        The TOML file (`docs/attenuation_data.md`).
-
-    Raises
-    ------
-    InputError
-        If a file, key, unit or number is not what it has to be.
-    """
-    path = Path(path)
-    file = read_toml(path, _AttenuationFile)
-    data = file.data
-    source = data.folder(path) / data.file
-    periods = _one_of(path, data, "period_column", "frequency_column")
-    columns = _columns(path, data, periods)
-    found = dict(
-        zip(
-            columns,
-            read_columns(source, data, columns, where=path, file_key="'file' in [data]"),
-            strict=True,
-        )
-    )
-    if data.least_temperature is not None:
-        found = _from_temperature(path, found, data.least_temperature)
-    order = found[periods]
-    n_rows = order.size
-    celsius = CELSIUS_ZERO if data.temperature_unit == "C" else 0.0
-    with np.errstate(divide="ignore"):  # a frequency of 0 is refused below
-        period = order if periods == "period_column" else 1 / order
-    conditions = Conditions(
-        period=period,
-        temperature=found["temperature_column"] + celsius
-        if "temperature_column" in found
-        else np.full(n_rows, file.temperature_K),
-        median_stress=_stress(path, file, found, "median_stress", n_rows),
-        amplitude=_stress(path, file, found, "amplitude", n_rows),
-    )
-    readings = _readings(path, data, found, n_rows)
-    increasing = "period" if periods == "period_column" else "frequency"
-    check_table(conditions, readings, order, str(source), increasing)
-    by_period = np.lexsort((conditions.period, conditions.spectrum))
-    return AttenuationExperiment(
-        **shared_values(path, file),
-        conditions=conditions.ordered(by_period),
-        readings=readings.ordered(by_period),
-        elasticity=_elasticity(path, file.attenuation),
-        notices=tuple(dict.fromkeys([*file.notices, *_notices(conditions, readings)])),
-    )
-
-
-def save_attenuation(experiment: AttenuationExperiment, directory: Path) -> Path:
-    """Write a self-contained copy in SI units, ``experiment.toml`` and ``experiment.csv``.
-
-    `load_attenuation` reads back exactly equal contents, notices included.
-
-    Parameters
-    ----------
-    experiment : AttenuationExperiment
-        What to write.
-    directory : Path
-        An existing folder.
-
-    Returns
-    -------
-    Path
-        The TOML file.
-    """
-    conditions, readings = experiment.conditions, experiment.readings
-    table: dict[str, FloatArray] = {
-        "period_s": conditions.period,
-        "temperature_K": conditions.temperature,
-        "median_stress_Pa": conditions.median_stress,
-        "tan_delta": readings.tan_delta,
-        "tan_delta_uncertainty": readings.tan_delta_error,
-        "limit": readings.limit,
-    }
-    data: dict[str, Any] = {
-        "file": "experiment.csv",
-        "separator": ",",
-        "header": True,
-        "period_column": "period_s",
-        "period_unit": "s",
-        "temperature_column": "temperature_K",
-        "temperature_unit": "K",
-        "stress_unit": "Pa",
-        "median_stress_column": "median_stress_Pa",
-        "attenuation_column": "tan_delta",
-        "attenuation_form": "tan_delta",
-        "attenuation_uncertainty_column": "tan_delta_uncertainty",
-        "limit_column": "limit",
-    }
-    if experiment.amplitude_is_stated:
-        table["amplitude_Pa"] = conditions.amplitude
-        data["amplitude_column"] = "amplitude_Pa"
-    if readings.modulus.size:
-        table |= {"modulus_Pa": readings.modulus, "uncertainty_Pa": readings.modulus_error}
-        data |= {
-            "modulus_column": "modulus_Pa",
-            "modulus_unit": "Pa",
-            "modulus_uncertainty_column": "uncertainty_Pa",
-        }
-    write_columns(directory / "experiment.csv", table)
-    elasticity = experiment.elasticity
-    attenuation = {
-        "deformation": elasticity.deformation,
-        "poisson_ratio": elasticity.poisson_ratio,
-        "bulk_modulus_Pa": elasticity.bulk_modulus,
-    }
-    return write_experiment(experiment, directory, {"attenuation": attenuation, "data": data})
-
-
-def _one_of(path: Path, data: _DataTable, first: str, second: str) -> str:
-    """Return which of two keys is given; it has to be one."""
-    given = [key for key in (first, second) if getattr(data, key) is not None]
-    if len(given) != 1:
-        found = "both" if given else "neither"
-        raise InputError(
-            f"{path}: found {found} of the keys {first!r} and {second!r} in [data], expected one."
-        )
-    return given[0]
-
-
-def _columns(path: Path, data: _DataTable, periods: str) -> dict[str, tuple[str, str] | None]:
-    """Return the columns to read, with the keys of their units."""
-    units: dict[str, tuple[str, str] | None] = {
-        periods: ("period_unit", "time")
-        if periods == "period_column"
-        else ("frequency_unit", "frequency"),
-        "temperature_column": None,
-        "median_stress_column": ("stress_unit", "stress"),
-        "amplitude_column": ("stress_unit", "stress"),
-        "attenuation_column": None,
-        "attenuation_uncertainty_column": None,
-        "limit_column": None,
-        "modulus_column": ("modulus_unit", "stress"),
-        "modulus_uncertainty_column": ("modulus_unit", "stress"),
-    }
-    wanted = {key: unit for key, unit in units.items() if getattr(data, key) is not None}
-    for key, unit in wanted.items():
-        if unit is not None and getattr(data, unit[0]) is None:
-            raise InputError(
-                f"{path}: key {unit[0]!r} in [data] is missing, expected the unit of {key!r}."
-            )
-    for name in ("attenuation_uncertainty", "limit", "modulus_uncertainty"):
-        if getattr(data, name) is not None and f"{name}_column" in wanted:
-            raise InputError(
-                f"{path}: found both of the keys {name!r} and '{name}_column' in [data], expected "
-                "at most one."
-            )
-    for key in ("modulus_uncertainty", "modulus_uncertainty_column"):
-        if getattr(data, key) is not None and "modulus_column" not in wanted:
-            raise InputError(f"{path}: key {key!r} in [data] needs the key 'modulus_column'.")
-    return wanted
-
-
-def _from_temperature(
-    path: Path, found: Mapping[str, FloatArray], least: float
-) -> dict[str, FloatArray]:
-    """Take the rows at least as hot as the file asks for."""
-    if "temperature_column" not in found:
-        raise InputError(
-            f"{path}: key 'least_temperature' in [data] needs the key 'temperature_column'."
-        )
-    kept = found["temperature_column"] >= least
-    if not kept.any():
-        raise InputError(
-            f"{path}: key 'least_temperature' in [data]: found {least:g}, "
-            f"expected at most the highest of the table, {found['temperature_column'].max():g}."
-        )
-    return {key: column[kept] for key, column in found.items()}
-
-
-def _stress(
-    path: Path, file: _AttenuationFile, found: Mapping[str, FloatArray], name: str, n_rows: int
-) -> FloatArray:
-    """Median stress or amplitude (Pa) of every row, 0 where it is not said."""
-    column, number = f"{name}_column", getattr(file.attenuation, f"{name}_Pa")
-    if column not in found:
-        return np.full(n_rows, number or 0.0)
-    if number is not None:
-        raise InputError(
-            f"{path}: found the key '{name}_Pa' in [attenuation] and {column!r} in [data], "
-            "expected at most one."
-        )
-    if name == "amplitude" and not np.all(found[column] > 0):
-        raise InputError(
-            f"{path}: column {getattr(file.data, column)!r} holds amplitudes that are not "
-            "positive, expected all or none to be stated."
-        )
-    return found[column]
-
-
-def _readings(
-    path: Path, data: _DataTable, found: Mapping[str, FloatArray], n_rows: int
-) -> Readings:
-    """Return what was read, in SI."""
-
-    def every(name: str, factor: float = 1.0) -> FloatArray:
-        """Return a column, or one number for all rows."""
-        number = getattr(data, name)
-        constant = np.full(n_rows, 0.0 if number is None else factor * number)
-        return found.get(f"{name}_column", constant)
-
-    in_logarithms = data.attenuation_form == "log10_tan_delta"
-    tan_delta, limit = found["attenuation_column"], every("limit")
-    if in_logarithms:
-        stated = data.limit is not None or "limit_column" in found
-        tan_delta, limit = 10**tan_delta, 10**limit if stated else limit
-    modulus = found.get("modulus_column", np.empty(0))
-    factor = (
-        1.0
-        if data.modulus_unit is None
-        else factor_to_si(data.modulus_unit, "stress", f"{path}: key 'modulus_unit' in [data]")
-    )
-    return Readings(
-        tan_delta=tan_delta,
-        tan_delta_error=every("attenuation_uncertainty"),
-        limit=limit,
-        modulus=modulus,
-        modulus_error=every("modulus_uncertainty", factor)[: modulus.size],
-    )
-
-
-def _elasticity(path: Path, table: _AttenuationTable) -> Elasticity:
-    """Check and return how shear and axial quantities are related."""
-    given = [key for key in ("poisson_ratio", "bulk_modulus_Pa") if getattr(table, key) is not None]
-    wanted = 1 if table.deformation == "shear" else 0
-    if len(given) != wanted:
-        expected = (
-            "exactly one of the keys 'poisson_ratio' and 'bulk_modulus_Pa'"
-            if wanted
-            else "none: they turn axial quantities into those of shear"
-        )
-        raise InputError(
-            f"{path}: key 'deformation' in [attenuation] is {table.deformation!r}, found "
-            f"{' and '.join(given) or 'neither elastic constant'}, expected {expected}."
-        )
-    return Elasticity(table.deformation, table.poisson_ratio, table.bulk_modulus_Pa)
-
-
-def _notices(conditions: Conditions, readings: Readings) -> list[str]:
-    """Say what the table leaves open."""
-    notices = []
-    if not np.all(conditions.amplitude > 0):
-        notices.append(
-            "The amplitude of the stress is not stated: cycles are taken as so small that the "
-            "dashpot is linear."
-        )
-    n_limits = int(readings.is_limit.sum())
-    if n_limits:
-        notices.append(
-            f"{n_limits} of {conditions.n_rows} attenuations are upper limits, not values."
-        )
-    return notices
+def _temperature_name(temperature: float) -> str:
+    return f"{temperature:g}K"

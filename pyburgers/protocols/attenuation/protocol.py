@@ -15,12 +15,9 @@ from pyburgers.model.display import Quantity
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.model.prior_families import is_fixed_at
 from pyburgers.model.priors import PriorSet
-from pyburgers.protocols.attenuation.experiment import (
-    AttenuationExperiment,
-    load_attenuation,
-    save_attenuation,
-)
+from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
 from pyburgers.protocols.attenuation.figures import ATTENUATION_FIGURES, fitted_curve, rms_table
+from pyburgers.protocols.attenuation.files import load_attenuation, save_attenuation
 from pyburgers.protocols.attenuation.stan_data import (
     grid_block,
     reference_origin,
@@ -32,8 +29,8 @@ from pyburgers.protocols.protocol import FittedTest, Protocol
 FloatArray = npt.NDArray[np.float64]
 
 TYPICAL_SPREAD = (0.1, 0.01)
-"""Of ln(tan delta) and ln(modulus): what residuals of the two are weighed by where no error is
-stated."""
+"""Of ln(tan delta) and ln(modulus): with stated errors, what residuals are weighed by where not all
+errors are stated."""
 
 OUTPUTS_PER_SPECTRUM, PREDICTIONS_PER_SPECTRUM = 60, 25
 """Places in a spectrum of a smooth curve, and of the predictive bands."""
@@ -59,8 +56,8 @@ class Attenuation(Protocol[AttenuationExperiment]):
             "grid_log_maxwell_time": ("log_maxwell_time", "1"),
         }
     )
-    warmup = 300
-    target_acceptance = 0.9
+    warmup = 500
+    target_acceptance = 0.95
     figures = ATTENUATION_FIGURES
     reference_text = Markup(
         "The reference flow rate <i>ε̇</i><sub>0</sub>, at which the dashpot flows at the "
@@ -78,6 +75,14 @@ class Attenuation(Protocol[AttenuationExperiment]):
     tests_block = staticmethod(tests_block)
     grid_block = staticmethod(grid_block)
     curve = staticmethod(fitted_curve)
+
+    @property
+    def read(self) -> tuple[Quantity, ...]:
+        """Attenuation and modulus, both as logarithms."""
+        return (
+            replace(self.response, display_unit="in ln tan δ"),
+            replace(self.response, display_unit="in ln modulus"),
+        )
 
     def check_priors(self, experiment: AttenuationExperiment, priors: PriorSet) -> None:
         """Ask for what the likelihood and a dashpot without known stress need.
@@ -146,12 +151,12 @@ class Attenuation(Protocol[AttenuationExperiment]):
             "place": (place, "1"),
             "period": (period, "s"),
             "temperature": (experiment.conditions.temperature[rows], "K"),
-            "is_modulus": (quantity.astype(np.float64), "1"),
+            "quantity": (quantity.astype(np.float64), "1"),
             "segment": (np.floor(place), "1"),
             **(
                 {"reading_error": (stated, "1")}
                 if has_errors
-                else {"typical_error": (np.array(TYPICAL_SPREAD)[quantity], "1")}
+                else {"typical_error": (np.hypot(np.array(TYPICAL_SPREAD)[quantity], stated), "1")}
             ),
         }
 
@@ -160,7 +165,7 @@ class Attenuation(Protocol[AttenuationExperiment]):
         period, temperature = (
             along[name].to_numpy()[[first, last]] for name in ("period", "temperature")
         )
-        what = "modulus" if along["is_modulus"][first] else "attenuation"
+        what = "modulus" if along["quantity"][first] else "attenuation"
         return (
             f"{what} at {' to '.join(dict.fromkeys(f'{v:.4g}' for v in temperature))} K, period "
             f"{' to '.join(dict.fromkeys(f'{v:.3g}' for v in period))} s"

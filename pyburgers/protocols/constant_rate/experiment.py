@@ -28,6 +28,12 @@ from pyburgers.protocols.experiment import (
     shared_values,
     write_experiment,
 )
+from pyburgers.protocols.microstructure import (
+    MeasuredMicrostructure,
+    MicrostructureTable,
+    measured_microstructure,
+    microstructure_tables,
+)
 
 
 @dataclass(frozen=True)
@@ -59,7 +65,7 @@ class ConstantRateExperiment(Experiment):
     stress : array, shape (n_points,)
         Differential stress (Pa, compression positive) that the model is compared with.
     final_strain : float
-        Strain at which the protocol ends, not below the last data strain.
+        Strain at which the protocol ends, not below that of the last datum.
     stress_uncertainty : float or None
         Standard deviation of a reading (Pa) where it is stated, for checks of the residuals.
     """
@@ -168,6 +174,9 @@ class _ConstantRateFile(ExperimentFile):
     )
     segments: list[_SegmentTable] = Field(min_length=1, description="one table for each rate")
     data: _DataTable | None = None
+    microstructure: list[MicrostructureTable] = Field(
+        default_factory=list, description="one table for each strain; in the unit of [data]"
+    )
 
 
 def load_constant_rate(path: str | Path) -> ConstantRateExperiment:
@@ -175,10 +184,8 @@ def load_constant_rate(path: str | Path) -> ConstantRateExperiment:
 
     Strains that are out of order or outside their segment by a reading error (see
     `pyburgers.protocols.constant_rate.curves`) are put right with a notice. Points at zero strain
-    are dropped with a
-    notice: the model starts at rest, where its stress is zero whatever the parameters. Where data
-    files hold time, it counts from the start of the test and strain follows from the imposed
-    rates.
+    are dropped with one: the model starts at rest, with no stress whatever the parameters. Where
+    data files hold time, it counts from the start, and strain follows from the imposed rates.
 
     Parameters
     ----------
@@ -197,7 +204,9 @@ def load_constant_rate(path: str | Path) -> ConstantRateExperiment:
     _check_data_keys(path, file)
     segments = tuple(RateSegment(s.start_strain, s.strain_rate_per_s) for s in file.segments)
     curves = _read_curves(path, file, segments)
-    final_strain = _final_strain(path, file, segments, curves)
+    unit = None if file.data is None else file.data.strain_unit
+    microstructure = measured_microstructure(path, file.microstructure, unit, file.final_strain)
+    final_strain = _final_strain(path, file, segments, curves, microstructure)
     strain, stress, changes = join_curves(curves, final_strain)
     return ConstantRateExperiment(
         **values,
@@ -206,6 +215,7 @@ def load_constant_rate(path: str | Path) -> ConstantRateExperiment:
         stress=stress,
         final_strain=final_strain,
         stress_uncertainty=_stress_uncertainty(path, file.data),
+        microstructure=microstructure,
         notices=tuple(dict.fromkeys([*file.notices, *changes, *_remarks(strain, stress)])),
     )
 
@@ -251,6 +261,7 @@ def save_constant_rate(experiment: ConstantRateExperiment, directory: Path) -> P
                 for s in experiment.segments
             ],
             "data": data,
+            "microstructure": microstructure_tables(experiment.microstructure) or None,
         },
     )
 
@@ -386,13 +397,18 @@ def _strain_at(time: FloatArray, segments: Sequence[RateSegment]) -> FloatArray:
 
 
 def _final_strain(
-    path: Path, file: _ConstantRateFile, segments: Sequence[RateSegment], curves: Sequence[Curve]
+    path: Path,
+    file: _ConstantRateFile,
+    segments: Sequence[RateSegment],
+    curves: Sequence[Curve],
+    microstructure: Sequence[MeasuredMicrostructure],
 ) -> float:
     """Return the end of the protocol: the key, or else the largest strain in the data."""
     last_start = segments[-1].start_strain
     last_segment = f"'start_strain' in [[segments]] number {len(segments)}"
     if file.final_strain is None:
-        final = max(float(np.max(curve.strain)) for curve in curves)
+        last_seen = [one.strain for one in microstructure[-1:]]
+        final = float(max(*last_seen, *(np.max(curve.strain) for curve in curves), 0.0))
         if final <= last_start:
             raise InputError(
                 f"{path}: key {last_segment} is {last_start:g}, but the data end at strain "

@@ -87,7 +87,8 @@ SOFTENING_CAPTION = (
     "Share of the total softening, on a logarithmic scale, that grain size accounts for at the "
     "final strain; below 0 or above 1 one of the two hardens, and the outermost 1 % of draws may "
     "be cut off. The data fix the product well; where the histogram is broad, they do not tell "
-    "which of the two mechanisms did it."
+    "which of the two mechanisms did it. Circles with bars in (a) and (b): what was measured, with "
+    "its standard deviation, where it was."
 )
 
 
@@ -128,6 +129,7 @@ def softening(fit: FittedTest) -> Figure:
             heading="(c) strength factors",
             label="flow stress / undeformed (–)",
         )
+        _draw_measured(grains, fabric, experiment)
         for axes, top in ((grains, None), (fabric, 1.05), (strength, None)):
             axes.set_ylim(0.0, top)
             axes.set_xlabel(STRAIN_LABEL)
@@ -135,6 +137,25 @@ def softening(fit: FittedTest) -> Figure:
         _draw_share(share, by_grains[:, -1], by_fabric[:, -1])
         figure.suptitle(f"{experiment.title}\n{LINES_AND_AREAS}", fontsize=10)
     return figure
+
+
+def _draw_measured(grains: Axes, fabric: Axes, experiment: ConstantRateExperiment) -> None:
+    """Draw measured grain sizes and fabric factors with their standard deviations."""
+    measured = np.array([[one.strain, *one.numbers] for one in experiment.microstructure])
+    if not measured.size:
+        return
+    strain, size, log_error, factor, error = measured.T
+    strain = strain * STRAIN_FACTOR
+    some = error > 0
+    for axes, position, value, spread in (
+        (grains, strain, size * LENGTH_FACTOR, size * log_error * LENGTH_FACTOR),
+        (fabric, strain[some], factor[some], error[some]),
+    ):
+        if position.size:
+            axes.errorbar(
+                position, value, spread, fmt="o", color=BLACK, mfc="white", label="measured"
+            )
+            axes.legend(loc="best")
 
 
 def _draw_share(axes: Axes, by_grains: FloatArray, by_fabric: FloatArray) -> None:

@@ -8,7 +8,16 @@ import numpy as np
 import numpy.typing as npt
 from markupsafe import Markup
 
-from pyburgers.model.display import STRAIN_FACTOR, STRAIN_UNIT, STRESS_FACTOR, STRESS_UNIT, Quantity
+from pyburgers.common.units import with_error
+from pyburgers.model.display import (
+    LENGTH_FACTOR,
+    LENGTH_UNIT,
+    STRAIN_FACTOR,
+    STRAIN_UNIT,
+    STRESS_FACTOR,
+    STRESS_UNIT,
+    Quantity,
+)
 from pyburgers.model.flow_law_prior import PeakTest
 from pyburgers.model.parameters import REFERENCE_STRESS_QUANTITY
 from pyburgers.protocols.constant_rate.experiment import (
@@ -25,6 +34,8 @@ from pyburgers.protocols.constant_rate.stan_data import (
     tests_block,
 )
 from pyburgers.protocols.constant_rate.valley import ValleyChart
+from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.loading_history.conversion import as_history
 from pyburgers.protocols.protocol import Protocol
 from pyburgers.protocols.stan_data import StanData
 
@@ -68,7 +79,7 @@ class ConstantRate(Protocol[ConstantRateExperiment]):
 
     def without_data(self, experiment: ConstantRateExperiment) -> ConstantRateExperiment:
         """Return the test without its points."""
-        return replace(experiment, strain=np.empty(0), stress=np.empty(0))
+        return replace(experiment, strain=np.empty(0), stress=np.empty(0), microstructure=())
 
     def prediction_grid(self, experiment: ConstantRateExperiment) -> FloatArray:
         """Return strains, denser at each segment's start."""
@@ -97,6 +108,10 @@ class ConstantRate(Protocol[ConstantRateExperiment]):
             "fabric_factor": draw["grid_fabric_factor"],
         }
 
+    def simulated_positions(self, experiment: ConstantRateExperiment) -> FloatArray:
+        """Return the strains of stresses and of measured microstructure."""
+        return np.union1d(experiment.strain, [one.strain for one in experiment.microstructure])
+
     def observed_positions(
         self, experiment: ConstantRateExperiment
     ) -> dict[str, tuple[FloatArray, str]]:
@@ -119,6 +134,14 @@ class ConstantRate(Protocol[ConstantRateExperiment]):
     ) -> ConstantRateExperiment:
         """Put stresses with residuals, which may correlate along strain, in the place of others."""
         return replace(experiment, stress=response + _draw_residuals(experiment, values, rng))
+
+    def noises(self, experiment: ConstantRateExperiment) -> Mapping[str, float | None]:
+        """Return the noise of the stress."""
+        return {self.noise: experiment.stress_uncertainty}
+
+    def as_history(self, experiment: ConstantRateExperiment) -> Experiment:
+        """Return the test as stages of constant rate."""
+        return as_history(experiment)
 
     def peak_test(self, experiment: ConstantRateExperiment) -> PeakTest | None:
         """Return the largest stress at the first rate."""
@@ -154,7 +177,25 @@ class ConstantRate(Protocol[ConstantRateExperiment]):
         return (
             ("Strain rate", Markup("; ").join(rates)),
             ("Points", f"{experiment.n_points}, test ends at {end:.3g} % strain"),
+            *_microstructure_facts(experiment),
         )
+
+
+def _microstructure_facts(experiment: ConstantRateExperiment) -> list[tuple[str, str]]:
+    """Say what was measured of the microstructure, if anything."""
+    if not experiment.microstructure:
+        return []
+    said = []
+    for one in experiment.microstructure:
+        size, error = (LENGTH_FACTOR * value for value in (one.grain_size, one.grain_size_sd))
+        fabric = ""
+        if one.fabric_factor is not None and one.fabric_factor_sd is not None:
+            fabric = f", fabric factor {with_error(one.fabric_factor, one.fabric_factor_sd)}"
+        said.append(
+            f"grain size {with_error(size, error)} {LENGTH_UNIT}{fabric} at "
+            f"{one.strain * STRAIN_FACTOR:.3g} % strain"
+        )
+    return [("Measured microstructure", "; ".join(said))]
 
 
 def _mantissa_and_exponent(number: float) -> tuple[str, str]:

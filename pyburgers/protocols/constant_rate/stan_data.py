@@ -80,7 +80,18 @@ def tests_block(
     experiments: Sequence[ConstantRateExperiment], priors: Sequence[PriorSet]
 ) -> StanData:
     """Return the block `stan/data/constant_rate.stan`."""
-    outputs = [solver_strains(e, e.strain) for e in experiments]
+    outputs = [
+        solver_strains(e, np.append(e.strain, [one.strain for one in e.microstructure]))
+        for e in experiments
+    ]
+    at_points, at_measured = (
+        [places[part] for (_, _, places), part in zip(outputs, parts, strict=True)]
+        for parts in (
+            [slice(e.n_points) for e in experiments],
+            [slice(e.n_points, None) for e in experiments],
+        )
+    )
+    measured = [one.numbers for e in experiments for one in e.microstructure]
     segments = [segment for e in experiments for segment in e.segments]
     return {
         "segment_end": ends(len(e.segments) for e in experiments),
@@ -89,8 +100,13 @@ def tests_block(
         "strain_end": ends(strain.size for strain, _, _ in outputs),
         "strain": np.concatenate([strain for strain, _, _ in outputs]).tolist(),
         "n_strains_in_segment": list(chain.from_iterable(counts for _, counts, _ in outputs)),
-        "strain_of_point": np.concatenate([places + 1 for _, _, places in outputs]).tolist(),
-        "point_strain": np.concatenate([strain[places] for strain, _, places in outputs]).tolist(),
+        "strain_of_point": np.concatenate([places + 1 for places in at_points]).tolist(),
+        "point_strain": np.concatenate(
+            [strain[places] for (strain, _, _), places in zip(outputs, at_points, strict=True)]
+        ).tolist(),
+        "measured_end": ends(len(e.microstructure) for e in experiments),
+        "strain_of_measured": np.concatenate([places + 1 for places in at_measured]).tolist(),
+        "measured": np.array(measured).reshape(-1, 4).tolist(),
         "point_segment": np.concatenate([segment_of_points(e) for e in experiments]).tolist(),
         "stress_observed": np.concatenate([e.stress for e in experiments]).tolist(),
         "correlated_residuals": int(

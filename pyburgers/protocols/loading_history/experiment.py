@@ -53,6 +53,7 @@ class LoadingHistory(Experiment):
 
     protocol: ClassVar[str] = "loading_history"
     residual_correlation: ClassVar[str] = "residual_correlation_time"
+    may_be_uncertain: ClassVar[frozenset[str]] = frozenset()
     stages: tuple[Stage, ...]
     time: FloatArray
     reading_stage: IntArray

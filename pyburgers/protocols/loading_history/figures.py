@@ -202,13 +202,20 @@ def _curve(fit: FittedTest, shown: _Shown) -> FittedCurve:
     unit, seconds = time_unit(experiment)
     predictions = fit.posterior["predictions"].to_dataset()
     predicted = fit.posterior["model_response"]["response"].median(("chain", "draw")).to_numpy()
+    time = predictions["time"].to_numpy()
+    imposed = np.array([stage.driven == shown.name for stage in experiment.stages])
+    solutions, replicated = (
+        all_draws(predictions[name]) * shown.factor
+        for name in (shown.name, f"{shown.name}_replicated")
+    )
     is_read = experiment.response_is_strain == (shown is _STRAIN)
     draws = fit.posterior["posterior"].to_dataset()
     noise = float(draws[shown.noise].mean()) if shown.noise in draws else 0.0
     return FittedCurve(
-        grid=predictions["time"].to_numpy() / seconds,
-        solutions=all_draws(predictions[shown.name]) * shown.factor,
-        replicated=all_draws(predictions[f"{shown.name}_replicated"]) * shown.factor,
+        grid=time / seconds,
+        solutions=solutions,
+        # What is imposed has no reading error.
+        replicated=np.where(imposed[stages_of_times(experiment, time)], solutions, replicated),
         position=experiment.time[is_read] / seconds,
         data=experiment.reading[is_read] * shown.factor,
         residuals=(experiment.reading - predicted)[is_read] * shown.factor,

@@ -44,7 +44,8 @@ def priors_of(experiments: Sequence[LoadingHistory], priors: PriorSet) -> tuple[
     reads_strain = any(e.response_is_strain.any() for e in experiments)
     reads_stress = any((~e.response_is_strain).any() for e in experiments)
     return tuple(
-        _of_file(_of_readings(e, priors, reads_strain, reads_stress), e) for e in experiments
+        _of_readings(e, priors, reads_strain, reads_stress).exchanging(*stated_priors(e))
+        for e in experiments
     )
 
 
@@ -68,12 +69,12 @@ def _of_readings(
     return priors
 
 
-def _of_file(priors: PriorSet, experiment: LoadingHistory) -> PriorSet:
-    for name in ("apparatus_compliance", "strain_offset"):
-        stated: Stated | None = getattr(experiment, name)
-        if stated is not None:
-            priors = priors.exchanging(_stated_prior(name, stated))
-    return priors
+def stated_priors(experiment: LoadingHistory) -> tuple[Prior, ...]:
+    """Return priors of the apparatus and of the zero of the strain that the test's file states."""
+    stated: dict[str, Stated | None] = {
+        name: getattr(experiment, name) for name in ("apparatus_compliance", "strain_offset")
+    }
+    return tuple(_stated_prior(name, one) for name, one in stated.items() if one is not None)
 
 
 def _stated_prior(name: str, stated: Stated) -> Prior:

@@ -12,11 +12,13 @@ from markupsafe import Markup
 from pyburgers.drawing.page_parts import PageTable
 from pyburgers.model.display import STRAIN_FACTOR, STRAIN_UNIT, STRESS_FACTOR, STRESS_UNIT, Quantity
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
+from pyburgers.model.prior_families import Prior
+from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.loading_history.figures import LOADING_HISTORY_FIGURES, fitted_curve
 from pyburgers.protocols.loading_history.files import load_loading_history, save_loading_history
 from pyburgers.protocols.loading_history.minimum_rates import minimum_rate_table
-from pyburgers.protocols.loading_history.priors import priors_of
+from pyburgers.protocols.loading_history.priors import priors_of, stated_priors
 from pyburgers.protocols.loading_history.stan_data import (
     grid_block,
     reference_origin,
@@ -134,6 +136,32 @@ class LoadingHistoryProtocol(Protocol[LoadingHistory]):
     ) -> LoadingHistory:
         """Put readings with residuals, which may correlate in time, in the place of others."""
         return replace(experiment, reading=response + _draw_residuals(experiment, values, rng))
+
+    def stated_priors(self, experiment: LoadingHistory) -> tuple[Prior, ...]:
+        """Return those of the apparatus and of the zero of the strain."""
+        return stated_priors(experiment)
+
+    def noises(self, experiment: LoadingHistory) -> Mapping[str, float | None]:
+        """Return the noises of what is read in its stages."""
+        driven = {stage.driven for stage in experiment.stages}
+        errors = {
+            "strain_noise": ("stress", experiment.strain_uncertainty),
+            "stress_noise": ("strain", experiment.stress_uncertainty),
+        }
+        return {name: error for name, (imposed, error) in errors.items() if imposed in driven}
+
+    def as_history(self, experiment: LoadingHistory) -> Experiment:
+        """Return the test, which is one."""
+        return experiment
+
+    def reading_noise(
+        self, experiment: LoadingHistory, values: Mapping[str, FloatArray]
+    ) -> FloatArray:
+        """Return the noise of what each reading is of."""
+        none = np.zeros_like(values["stress_noise"])
+        strain, stress = (values.get(name, none) for name in ("strain_noise", "stress_noise"))
+        is_strain = experiment.response_is_strain
+        return np.where(is_strain, strain[:, np.newaxis], stress[:, np.newaxis])
 
     def without_point(self, experiment: LoadingHistory, point: int) -> LoadingHistory:
         """Return the test without a reading."""

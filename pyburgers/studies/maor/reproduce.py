@@ -40,6 +40,7 @@ from pyburgers.studies.dunite import (
     dunite_tasks,
     rate_steps_section,
 )
+from pyburgers.studies.dunite_predictions import predicted_tests, predictions_section
 from pyburgers.studies.halite import RUN as HALITE_RUN
 from pyburgers.studies.halite import halite_section, halite_tasks
 from pyburgers.studies.maor.sections import study_sections
@@ -135,9 +136,10 @@ def reproduce(
     """Fit the experiments of the study and write the page; continue where a call stopped.
 
     The page has the fits, those of measured dunite and rock salt first and with them which law
-    describes steps of the strain rate and where creep of salt is missed, attenuation as the ice
-    fits predict it, what the treatment of the olivine record changes, the paper's statements, the
-    flow law of measured peak stresses, and what that adds to one of the curves.
+    describes steps of the strain rate, what two tests predict of others and where creep of salt is
+    missed, attenuation as the ice fits predict it, what the treatment of the olivine record
+    changes, the paper's statements, the flow law of measured peak stresses, and what that adds to
+    one of the curves.
 
     Parameters
     ----------
@@ -179,6 +181,7 @@ def reproduce(
         joints=[joint],
         extras=(
             rate_steps_section({name: found[name] for name in STEPPED}),
+            predictions_section(joint, predicted_tests(shipped_data_directory() / "dunite")),
             halite_section(found[HALITE_RUN]),
             *joint_sections([joint], list(alone.values())),
             *study_sections(ice_fits, olivine_fits, measured),

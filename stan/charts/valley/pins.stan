@@ -17,10 +17,14 @@
  * charts/valley/valley.stan.
  *
  * The Kelvin rate is the exact response of the Kelvin element to the piecewise linear reference
- * curve; with q = E_K kelvin_strain it obeys dq/dt = (stress - q) E_K/eta_K.
+ * curve; with q = E_K kelvin_strain it obeys dq/dt = (stress - q) E_K/eta_K. The curve is that of the
+ * readings; stress and q are in proportion to it.
+ *
+ * @param reading_factor of the load cell, over the stress
  */
 vector log_strength_at_pins(data matrix knot, data matrix pin, real maxwell_modulus,
-                            real kelvin_modulus, real kelvin_viscosity, real stress_exponent) {
+                            real kelvin_modulus, real kelvin_viscosity, real stress_exponent,
+                            real reading_factor) {
   vector[rows(knot)] x = col(knot, 1) * (kelvin_modulus / kelvin_viscosity);
   vector[rows(knot)] decay = exp(-x);
   vector[rows(pin)] log_strength;
@@ -37,10 +41,11 @@ vector log_strength_at_pins(data matrix knot, data matrix pin, real maxwell_modu
       real dashpot_share;
       m += 1;
       kelvin_share = (knot[k, 2] - q) / (kelvin_viscosity * pin[m, 3]);
-      dashpot_share = 1 - kelvin_share - pin[m, 2] / maxwell_modulus;
+      dashpot_share = 1 - kelvin_share / reading_factor
+                      - pin[m, 2] / maxwell_modulus / reading_factor;
       // A smooth floor: far from the reference the others may ask for a share below 0.
       dashpot_share = 0.15 + log1p_exp(20 * (dashpot_share - 0.15)) / 20;
-      log_strength[m] = log(knot[k, 2]) - (log(dashpot_share) - pin[m, 4]) / stress_exponent;
+      log_strength[m] = log(knot[k, 2] / reading_factor) - (log(dashpot_share) - pin[m, 4]) / stress_exponent;
     }
   }
   return log_strength;

@@ -227,7 +227,8 @@ vector asked_of_pins(vector parameter, data int stress_given, real log_stress,
                                                         parameter[i_maxwell_modulus()],
                                                         parameter[i_kelvin_modulus()],
                                                         parameter[i_kelvin_viscosity()],
-                                                        parameter[i_stress_exponent()]);
+                                                        parameter[i_stress_exponent()],
+                                                        stress_reading_factor(parameter));
   return append_row([parameter[i_grain_size_exponent()] / parameter[i_stress_exponent()],
                      log(parameter[i_steady_state_grain_size()] / initial_grain_size)]',
                     stress_given ? log_strength - log_stress : log_strength);

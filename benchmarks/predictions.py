@@ -1,0 +1,211 @@
+"""How often bands of predicted tests cover the truth, beside how often they say they do.
+
+Truths from priors; for each a short constant-rate test with a step of the rate and noise, its fit,
+and the creep test that the same truth gives, predicted from the fit:
+
+    python benchmarks/predictions.py         # 50 twins, minutes on two idle cores
+"""
+
+import argparse
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+import pandas as pd
+from sampling import RESULTS, ROOT, markdown
+from scipy import stats
+
+from pyburgers.fitting.fit import Fit, fit
+from pyburgers.fitting.prediction import Prediction
+from pyburgers.model.parameters import PARAMETER_BY_NAME
+from pyburgers.model.prior_families import fixed_prior
+from pyburgers.model.priors import PriorSet, default_priors
+from pyburgers.predictions.other_tests import BANDS
+from pyburgers.protocols.constant_rate.experiment import (
+    ConstantRateExperiment,
+    RateSegment,
+    load_constant_rate,
+)
+from pyburgers.protocols.experiment import Provenance
+from pyburgers.protocols.forward import simulate, simulate_data
+from pyburgers.protocols.loading_history.experiment import LoadingHistory
+from pyburgers.protocols.loading_history.stages import Stage
+from pyburgers.sampling.options import SamplerOptions
+
+EXPLANATION = """# Predicted creep
+
+Written by `python benchmarks/predictions.py`; do not edit. All tests are **synthetic**. Truths come
+from the priors of ice, with {free} free
+and the rest known (fixed at the truth of PIL40). Each gives a constant-rate test of {points} points
+to {final:g} % strain with one step of the rate and noise of {noise:g} % of the largest stress. It
+is fitted ({chains} chains of {warmup} + {draws} iterations), and the fit predicts a creep test of
+the same truth: {stress:g} MPa for {time:g} h, then {lower:g} MPa as long. Whether the true strain
+lies in the bands of the solution is counted at the ends of both stages and early in each, {n}
+twins, {left_out} of them left out because R-hat was above {rhat:g}.
+
+{table}
+
+`expected` is the range that holds 95 % of such counts if every band had its nominal probability.
+"""
+
+FREE = ("kelvin_viscosity", "stress_exponent", "activation_enthalpy", "stress_noise")
+"""As few as let elements and flow law matter, so that many twins can be fitted."""
+
+NOISE = 0.01
+STRESS, LOWER_STRESS, STAGE_TIME = 3e6, 1.5e6, 1800.0
+OPTIONS = SamplerOptions(chains=2, warmup=100, draws=100, parallel_chains=1)
+WORST_RHAT = 1.1
+SHARES = (0.02, 1.0)
+"""Of a stage, where its strain is looked at."""
+
+
+def main() -> None:
+    """Simulate, fit and predict every twin and write the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--twins", type=int, default=50)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--runs", type=Path, help="folder that keeps the fits; default: none")
+    options = parser.parse_args()
+    template, priors = constant_rate_template(), mostly_known()
+    rows, left_out = [], 0
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = options.runs or Path(scratch)
+        for number in range(options.twins):
+            rng = np.random.default_rng([options.seed, number])
+            truth = draw_truth(priors, rng)
+            test = simulate_data(template, truth, rng, source="benchmarks/predictions.py")
+            out = folder / str(number)
+            fitted = (
+                Fit.load(out)
+                if out.exists()
+                else fit(test, priors, out=out, options=replace(OPTIONS, seed=number + 1))
+            )
+            if fitted.summary()["rhat"].max() > WORST_RHAT:
+                left_out += 1
+                continue
+            rows += hits(fitted, truth)
+    table = coverage(pd.DataFrame(rows))
+    text = EXPLANATION.format(
+        free=", ".join(PARAMETER_BY_NAME[name].label for name in FREE),
+        points=template.n_points,
+        final=100 * template.final_strain,
+        noise=100 * NOISE,
+        chains=OPTIONS.chains,
+        warmup=OPTIONS.warmup,
+        draws=OPTIONS.draws,
+        stress=STRESS / 1e6,
+        lower=LOWER_STRESS / 1e6,
+        time=STAGE_TIME / 3600,
+        n=options.twins,
+        left_out=left_out,
+        rhat=WORST_RHAT,
+        table=markdown(table),
+    )
+    (RESULTS / "predictions.md").write_text(text, encoding="utf-8")
+    print(text)
+
+
+def constant_rate_template() -> ConstantRateExperiment:
+    """Return a short test with a step of the rate; its stresses do not matter."""
+    twin = load_constant_rate(ROOT / "data" / "ice" / "PIL40.toml")
+    strain = np.concatenate([np.geomspace(5e-4, 0.02, 10), np.linspace(0.021, 0.03, 6)])
+    return replace(
+        twin,
+        segments=(RateSegment(0.0, 1e-4), RateSegment(0.02, 2e-5)),
+        strain=strain,
+        stress=np.full_like(strain, 5e6),
+        final_strain=0.03,
+    )
+
+
+def mostly_known() -> PriorSet:
+    """Return the priors of ice with all but a few parameters known."""
+    twin = load_constant_rate(ROOT / "data" / "ice" / "PIL40.toml")
+    assert twin.true_parameters is not None
+    fixed = (
+        fixed_prior(PARAMETER_BY_NAME[name], value, "truth of PIL40")
+        for name, value in twin.true_parameters.items()
+        if name not in FREE
+    )
+    return default_priors("ice").exchanging(*fixed)
+
+
+def draw_truth(priors: PriorSet, rng: np.random.Generator) -> dict[str, float]:
+    """Draw the free parameters; the noise is a share of the largest stress without noise."""
+    values = priors.resolved(1e7).sample(rng)
+    clean = simulate(constant_rate_template(), values)
+    return {**values, "stress_noise": NOISE * float(clean["stress_Pa"].max())}
+
+
+def creep_of(test: ConstantRateExperiment) -> LoadingHistory:
+    """Return the creep test, without readings, of the sample of another one."""
+    bounds = (0.0, STAGE_TIME, 2 * STAGE_TIME)
+    stages = tuple(
+        Stage("stress", start, end, test.temperature, value)
+        for start, end, value in zip(bounds, bounds[1:], (STRESS, LOWER_STRESS), strict=False)
+    )
+    return LoadingHistory(
+        id="creep",
+        material=test.material,
+        temperature=test.temperature,
+        initial_grain_size=test.initial_grain_size,
+        provenance=Provenance("synthetic", "benchmarks/predictions.py"),
+        metadata=MappingProxyType({}),
+        notices=(),
+        true_parameters=None,
+        stages=stages,
+        time=np.empty(0),
+        reading_stage=np.empty(0, dtype=np.int64),
+        reading=np.empty(0),
+    )
+
+
+def hits(fitted: Fit, truth: dict[str, float]) -> list[dict[str, object]]:
+    """Return whether the true strains of the creep test lie in the bands, a row for each."""
+    assert isinstance(fitted.experiment, ConstantRateExperiment)
+    creep = creep_of(fitted.experiment)
+    prediction = fitted.predict(creep)
+    solved = prediction.posterior["predictions"].to_dataset()
+    time = solved["time"].to_numpy()
+    true = simulate(creep, truth, at=time)["strain"].to_numpy()
+    rows: list[dict[str, object]] = []
+    for place in places(prediction):
+        draws = solved["strain"].to_numpy()[0, :, place]
+        row: dict[str, object] = {"time": f"{time[place] / 3600:.3g} h"}
+        for band in BANDS:
+            tail = (1 - band / 100) / 2
+            low, high = np.quantile(draws, [tail, 1 - tail])
+            row[f"{band} %"] = bool(low <= true[place] <= high)
+        rows.append(row)
+    return rows
+
+
+def places(prediction: Prediction) -> list[int]:
+    """Return where on the grid of a prediction the strain is looked at."""
+    time = prediction.posterior["predictions"]["time"].to_numpy()
+    wanted = [STAGE_TIME * (stage + share) for stage in (0, 1) for share in SHARES]
+    return [int(np.argmin(np.abs(time - one))) for one in wanted]
+
+
+def coverage(rows: pd.DataFrame) -> pd.DataFrame:
+    """Count hits by time and band, with the range that holds 95 % of such counts."""
+    found = []
+    for time, group in rows.groupby("time", sort=False):
+        for band in BANDS:
+            low, high = stats.binom.interval(0.95, len(group), band / 100)
+            found.append(
+                {
+                    "time": time,
+                    "band": f"{band} %",
+                    "inside": int(group[f"{band} %"].sum()),
+                    "twins": len(group),
+                    "expected": f"{low:.0f} to {high:.0f}",
+                }
+            )
+    return pd.DataFrame(found)
+
+
+if __name__ == "__main__":
+    main()

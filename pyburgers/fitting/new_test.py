@@ -1,0 +1,254 @@
+"""Parameters of a test that was not fitted, from draws of a fit: values, noise, laws."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from pyburgers.common.draws import all_draws, evenly_spaced
+from pyburgers.common.errors import InputError
+from pyburgers.model.display import unit_text
+from pyburgers.model.parameters import CONDITIONS, PARAMETER_BY_NAME, STANDARD_VALUES
+from pyburgers.model.prior_families import Prior, fixed_prior
+from pyburgers.model.priors import PriorSet
+from pyburgers.model.variants import variant_of, with_variant
+from pyburgers.posterior.labelled_draws import own_name
+from pyburgers.protocols.coordinates import CENTRE, SPREAD
+from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.problem import Problem
+from pyburgers.protocols.protocol import FittedTest, protocol_of
+
+FloatArray = npt.NDArray[np.float64]
+
+BOX_MARGIN = 0.5
+"""Range of a parameter's draws by which the bounds of its coordinate lie outside them."""
+
+RESIDUAL_CORRELATION = (
+    "residual_correlation_strain",
+    "residual_correlation_time",
+    "residual_correlated_share",
+)
+
+OF_A_TEST = ("apparatus_compliance", "strain_offset")
+"""Parameters of a test and its apparatus, which say nothing of another one."""
+
+NEGLIGIBLE_NOISE = 1.0
+"""Noise (Pa) of a stress that has none: programs want some."""
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """Draws that a prediction is made from.
+
+    Attributes
+    ----------
+    problem : Problem
+        What was fitted.
+    tests : mapping of str to FittedTest
+        What the fit says of each test, by its name.
+    posterior : DataTree
+        Labelled draws of all tests together.
+    cautions : tuple of str
+        What is wrong with the fit: sentences.
+    """
+
+    problem: Problem
+    tests: Mapping[str, FittedTest]
+    posterior: xr.DataTree
+    cautions: tuple[str, ...]
+
+
+def values_for(
+    source: Source, draws: int | None, separate_from: str | None, rng: np.random.Generator
+) -> tuple[npt.NDArray[np.int64], dict[str, FloatArray], list[str]]:
+    """Return numbers of draws, every parameter of a new test in them (SI), and where they are from.
+
+    A shared parameter has the value of all tests, a partially pooled one is drawn from centre and
+    spread, a separate one is that of a test of the fit, all separate ones of a draw of the same.
+    """
+    problem, tests = source.problem, source.tests
+    if separate_from is not None and separate_from not in tests:
+        raise InputError(
+            f"test {separate_from!r}: is not one of the fit, expected one of {', '.join(tests)}."
+        )
+    groups = [test.posterior["posterior"].to_dataset() for test in tests.values()]
+    numbers = np.arange(groups[0].sizes["chain"] * groups[0].sizes["draw"])
+    kept = numbers if draws is None else evenly_spaced(numbers, draws)
+    by_test = {
+        name: np.stack([all_draws(group[name])[kept] for group in groups]).astype(np.float64)
+        for name in problem.priors[0].priors
+        if all(name in group for group in groups)
+    }
+    turn = np.arange(kept.size) % len(tests)
+    if separate_from is not None:
+        turn = np.full(kept.size, list(tests).index(separate_from))
+    values = {name: own[turn, np.arange(kept.size)] for name, own in by_test.items()}
+    if problem.is_single:
+        return kept, values, []
+    for name in problem.partial:
+        values[name] = _of_a_new_test(source, name, kept, rng)
+    notes = []
+    if problem.partial:
+        notes.append(
+            f"A new test's own {_listed(problem.partial)} drawn from the centre and spread of the "
+            "tests."
+        )
+    separate = [n for n in problem.free if n not in (*problem.shared, *problem.partial)]
+    if separate:
+        notes.append(
+            f"Separate between the tests, and here of {separate_from or 'each test in turn'}: "
+            f"{_listed(separate)}."
+        )
+    return kept, values, notes
+
+
+def _of_a_new_test(
+    source: Source, name: str, kept: npt.NDArray[np.int64], rng: np.random.Generator
+) -> FloatArray:
+    """Draw a partially pooled parameter (SI) of a test that was not fitted, for kept draws."""
+    group = source.posterior["posterior"].to_dataset()
+    centre, spread = (all_draws(group[own_name(name, owner)])[kept] for owner in (CENTRE, SPREAD))
+    plain = source.problem.coordinates[0]
+    k = plain.quantities.index(name)
+    real = plain.of_quantity(k, centre) + spread * rng.standard_normal(kept.size)
+    return np.array([plain.value(k, position) for position in real])
+
+
+def of_the_file(
+    experiment: Experiment, n_draws: int, rng: np.random.Generator
+) -> dict[str, FloatArray]:
+    """Return what belongs to a test and its apparatus (SI): as its file states it, or none."""
+    stated = {prior.parameter: prior for prior in protocol_of(experiment).stated_priors(experiment)}
+    return {
+        name: np.array([stated[name].sample(rng) for _ in range(n_draws)])
+        if name in stated
+        else np.full(n_draws, STANDARD_VALUES[name])
+        for name in OF_A_TEST
+    }
+
+
+def under_conditions(
+    source: Source,
+    experiment: Experiment,
+    kept: npt.NDArray[np.int64],
+    values: Mapping[str, FloatArray],
+    rng: np.random.Generator,
+) -> tuple[dict[str, FloatArray], list[str]]:
+    """Return values with the errors of the conditions of a new test, and where they are from.
+
+    The errors of a fitted test are another's, save where both were made with the same apparatus.
+    """
+    others = {name: own for name, own in values.items() if name not in CONDITIONS}
+    notes = []
+    for condition in experiment.uncertain:
+        name = condition.parameter
+        label = PARAMETER_BY_NAME[name].label
+        same = [
+            test.id
+            for test in source.problem.experiments
+            for one in test.uncertain
+            if one.parameter == name
+            and one.apparatus == condition.apparatus
+            and (one.apparatus is not None or test.id == experiment.id)
+        ]
+        if same:
+            fitted = source.tests[same[0]].posterior["posterior"].to_dataset()[name]
+            others[name] = all_draws(fitted)[kept].astype(np.float64)
+            notes.append(f"The {label} is that of {same[0]}.")
+        else:
+            others[name] = condition.sd * rng.standard_normal(kept.size)
+            notes.append(f"The {label} is drawn anew, as the file states it.")
+    return others, notes
+
+
+def with_noises(
+    values: Mapping[str, FloatArray], fitted: Problem, experiment: Experiment
+) -> tuple[dict[str, FloatArray], list[str]]:
+    """Return values with the noise of new readings: that of the fit, a stated one, or none.
+
+    Raises
+    ------
+    InputError
+        If there are readings whose noise nobody knows.
+    """
+    found, notes = dict(values), []
+    n_draws = len(next(iter(values.values())))
+    for name, stated in protocol_of(experiment).noises(experiment).items():
+        noise = PARAMETER_BY_NAME[name]
+        if name in fitted.free:
+            size, origin = float(values[name].mean()), "of the fit"
+        elif stated is not None:
+            size, origin = stated, "that the file of the test states"
+            found[name] = np.full(n_draws, stated)
+        elif experiment.n_points > 0:
+            raise InputError(
+                f"{experiment.id}: the fit has no {noise.label} and the file states none, expected "
+                "an uncertainty of the readings in [data]."
+            )
+        else:
+            found[name] = np.full(n_draws, STANDARD_VALUES.get(name, NEGLIGIBLE_NOISE))
+            notes.append(f"The fit has no {noise.label}, so that new readings have no noise here.")
+            continue
+        shown = f"{size * noise.display_factor:.3g} {unit_text(noise)}"
+        notes.append(f"New readings scatter by the {noise.label} {origin}, {shown} on average.")
+    return found, notes
+
+
+def holding(values: Mapping[str, FloatArray], fitted: PriorSet) -> PriorSet:
+    """Return bounds around draws, so that every draw has coordinates; what never varies is fixed.
+
+    Parameters between two bounds keep coordinates of their own, none is that of a point of the
+    flow law.
+    """
+    return PriorSet(
+        material=fitted.material,
+        title=f"draws of a fit with {fitted.title}",
+        priors={name: _box(name, own) for name, own in values.items()},
+        name="draws",
+    )
+
+
+def _box(name: str, values: FloatArray) -> Prior:
+    low, high = float(values.min()), float(values.max())
+    if low == high:
+        return fixed_prior(PARAMETER_BY_NAME[name], low, "fixed in the fit")
+    margin = BOX_MARGIN * (high - low)
+    lower, upper = low - margin, high + margin
+    middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
+    unit = PARAMETER_BY_NAME[name].si_unit
+    return Prior(name, "uniform", middle, half, lower, upper, unit, "draws of a fit")
+
+
+def with_laws(
+    priors: PriorSet, fitted: Problem, experiment: Experiment
+) -> tuple[PriorSet, list[str]]:
+    """Return priors that give a test the laws of a fit, as far as such a test has them, and notes.
+
+    Raises
+    ------
+    InputError
+        If the test needs a law that the fit has not.
+    """
+    notes = []
+    laws = variant_of(fitted.priors[0], fitted.experiments[0])
+    if laws.residuals not in experiment.laws.get("residuals", (laws.residuals,)):
+        standard = (
+            fixed_prior(PARAMETER_BY_NAME[name], STANDARD_VALUES[name], "not of such tests")
+            for name in RESIDUAL_CORRELATION
+        )
+        priors = priors.exchanging(*standard)
+    own = {} if laws.grain_size == "evolving" else {"grain_size": laws.grain_size}
+    priors = with_variant(priors, experiment, own)
+    here = variant_of(priors, experiment).record()
+    notes += [
+        f"{part.replace('_', ' ').capitalize()}: {here[part]} in such a test, {law} in the fit."
+        for part, law in laws.record().items()
+        if here[part] != law
+    ]
+    return priors, notes
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(PARAMETER_BY_NAME[name].label for name in names)

@@ -1,0 +1,69 @@
+"""Measured microstructure in labelled draws: a group of its own, apart from the response."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import xarray as xr
+
+from pyburgers.cmdstan.draw_files import Draws
+from pyburgers.protocols.experiment import Experiment
+
+COLUMNS = ("grain_size", "fabric_factor")
+"""What a row of `stan/statistics/measured_microstructure.stan` is about."""
+
+LOG_LIKELIHOOD = "microstructure_log_lik"
+"""Name in programs that take measured microstructure; not there where none was measured."""
+
+
+def microstructure_group(
+    fit: Draws, experiments: Sequence[Experiment], chains: Mapping[str, list[int]]
+) -> xr.Dataset:
+    """Gather what was measured of the microstructure of tests, and draws of it.
+
+    Parameters
+    ----------
+    fit : Draws
+        Chains of a program whose tests have measured microstructure.
+    experiments : sequence of Experiment
+        The tests, whose measurements stand one after the other.
+    chains : mapping
+        Coordinate of the dimension chain.
+
+    Returns
+    -------
+    Dataset, dimensions chain, draw, section, quantity
+        model, replicated and log_likelihood (0 where nothing was measured); and without draws
+        measured (NaN there) and error, the standard deviation of the fabric factor, and of the
+        logarithm of the grain size; quantities are `COLUMNS`, the grain size in m. The strain of
+        each section is a coordinate.
+    """
+    drawn = {
+        "model": "microstructure_model",
+        "replicated": "microstructure_replicated",
+        "log_likelihood": LOG_LIKELIHOOD,
+    }
+    dimensions = ("chain", "draw", "section", "quantity")
+    sections = [one for experiment in experiments for one in experiment.microstructure]
+    numbers = np.array([one.numbers for one in sections])
+    measured, error = numbers[:, ::2], numbers[:, 1::2]
+    was_measured = error > 0
+    return xr.Dataset(
+        {
+            **{name: (dimensions, fit[column]) for name, column in drawn.items()},
+            "measured": (dimensions[2:], np.where(was_measured, measured, np.nan)),
+            "error": (dimensions[2:], np.where(was_measured, error, np.nan)),
+        },
+        {
+            **chains,
+            "section": np.arange(len(sections)),
+            "strain": ("section", [one.strain for one in sections]),
+            "quantity": list(COLUMNS),
+        },
+    )
+
+
+def of_test(group: xr.Dataset, experiments: Sequence[Experiment], test: int) -> xr.Dataset:
+    """Return the part of `microstructure_group` that is about one test, counted from 0."""
+    before = sum(len(experiment.microstructure) for experiment in experiments[:test])
+    own = group.isel(section=slice(before, before + len(experiments[test].microstructure)))
+    return own.assign_coords(section=np.arange(own.sizes["section"]))

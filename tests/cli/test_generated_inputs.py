@@ -1,0 +1,293 @@
+"""Generated inputs: every reader and option says a sentence or works, soon, and writes nothing.
+
+The fast suite looks at a sample, the slow one at 10,000; both are the same at every run.
+"""
+
+import json
+import os
+import signal
+import tempfile
+import tomllib
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+import tomli_w
+from hypothesis import HealthCheck, assume, given, seed, settings
+from hypothesis import strategies as st
+from mutations import NAMES as ODD_NAMES
+from mutations import NUMBERS, TEXT, changed_bytes, changed_tables
+
+from pyburgers.cli.main import COMMANDS, main
+from pyburgers.common.errors import PyburgersError
+from pyburgers.flow_law_tables.inputs import load_peak_stress, load_peak_stress_priors
+from pyburgers.model.priors import default_priors, load_priors
+from pyburgers.predictions.measured_attenuation import load_measured_attenuation
+from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.forward import load_parameters
+from pyburgers.protocols.problem import problem_of
+from pyburgers.protocols.program_data import program_data
+from pyburgers.protocols.protocol import NAMES, load_experiment
+from pyburgers.protocols.stan_data import SolverOptions
+
+DATA = Path(__file__).parents[2] / "data"
+LIMIT_S = 10.0
+FEW, MANY = 0.03, 1.0
+"""Share of the 10,000 inputs."""
+
+
+@dataclass(frozen=True)
+class Reader:
+    """A shipped input file, the files beside it, and what reads it."""
+
+    file: Path
+    read: Callable[[Path], object]
+
+    @property
+    def beside(self) -> list[Path]:
+        return [path for path in self.file.parent.glob("*.csv") if path != self.file]
+
+
+def _experiment_for_a_fit(path: Path) -> object:
+    """Read a test and go on with it as far as a fit does without Stan."""
+    experiment: Experiment = load_experiment(path)
+    problem = problem_of([experiment], default_priors(experiment.material))
+    return program_data(problem, solver=SolverOptions())
+
+
+def _readers() -> Iterator[Reader]:
+    for path in sorted(DATA.rglob("*.toml")):
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+        if content.get("protocol") in NAMES:
+            yield Reader(path, _experiment_for_a_fit)
+        elif content.get("protocol") == "peak_stress":
+            yield Reader(path, load_peak_stress)
+        elif path.parent.name == "peak_stress":
+            yield Reader(path, load_peak_stress_priors)
+        elif path.parent.name in ("priors", "calibration"):
+            yield Reader(path, load_priors)
+
+
+READERS = tuple(_readers())
+PARAMETERS = {
+    name: value
+    for reader in READERS
+    if reader.file.stem == "PIL40"
+    for name, value in tomllib.loads(reader.file.read_text("utf-8"))["true_parameters"].items()
+}
+POINTS = b"# somebody\nfrequency_Hz,tan_delta,tan_delta_sd,series\n0.001,0.41,0.03,a\n0.01,0.3,,b\n"
+
+
+@contextmanager
+def bounded() -> Iterator[None]:
+    """Stop what takes more processor time than `LIMIT_S`."""
+
+    def stop(*_: object) -> None:
+        raise TimeoutError(f"took more than {LIMIT_S:g} s")
+
+    before = signal.signal(signal.SIGPROF, stop)
+    signal.setitimer(signal.ITIMER_PROF, LIMIT_S)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, before)
+
+
+def check(read: Callable[[Path], object], folder: Path, name: str, content: bytes) -> None:
+    """Read a file; nothing but an error of the package's own may come of it."""
+    (folder / name).write_bytes(content)
+    before = sorted(folder.rglob("*"))
+    with bounded(), suppress(PyburgersError):
+        read(folder / name)
+    assert sorted(folder.rglob("*")) == before
+    assert (folder / name).read_bytes() == content
+
+
+def examples(number: int) -> Callable[[Callable[[st.DataObject], None]], Callable[[], None]]:
+    """Make a test of a function of drawn data, the same at every run."""
+
+    def decorate(function: Callable[[st.DataObject], None]) -> Callable[[], None]:
+        wrapped = settings(
+            max_examples=number,
+            deadline=None,
+            database=None,
+            suppress_health_check=list(HealthCheck),
+        )(given(st.data())(function))
+        test: Callable[[], None] = seed(20)(wrapped)
+        return test
+
+    return decorate
+
+
+@contextmanager
+def folder_with(files: Sequence[Path]) -> Iterator[Path]:
+    """Give a folder that looks as if it held some files."""
+    with tempfile.TemporaryDirectory() as name:
+        for file in files:
+            (Path(name) / file.name).symlink_to(file)
+        yield Path(name)
+
+
+def changed_keys(number: int) -> None:
+    @examples(number)
+    def run(data: st.DataObject) -> None:
+        reader = data.draw(st.sampled_from(READERS))
+        table = tomllib.loads(reader.file.read_text(encoding="utf-8"))
+        changed = data.draw(changed_tables(table))
+        try:
+            text = tomli_w.dumps(changed)
+        except (ValueError, TypeError):  # not what TOML holds
+            assume(False)
+        with folder_with(reader.beside) as folder:
+            check(reader.read, folder, reader.file.name, text.encode())
+
+    run()
+
+
+def changed_files(number: int) -> None:
+    @examples(number)
+    def run(data: st.DataObject) -> None:
+        reader = data.draw(st.sampled_from(READERS))
+        content = data.draw(changed_bytes(reader.file.read_bytes()))
+        with folder_with(reader.beside) as folder:
+            check(reader.read, folder, reader.file.name, content)
+
+    run()
+
+
+def changed_columns(number: int) -> None:
+    with_columns = [
+        reader
+        for reader in READERS
+        if "data" in tomllib.loads(reader.file.read_text(encoding="utf-8"))
+    ]
+
+    @examples(number)
+    def run(data: st.DataObject) -> None:
+        reader = data.draw(st.sampled_from(with_columns))
+        text = reader.file.read_text(encoding="utf-8")
+        named = [file for file in reader.beside if f'"{file.name}"' in text]
+        assume(named)
+        changed = data.draw(st.sampled_from(named))
+        content = data.draw(changed_bytes(changed.read_bytes()))
+        others = [file for file in reader.beside if file != changed]
+        with folder_with([*others, reader.file]) as folder:
+            check(lambda _: reader.read(folder / reader.file.name), folder, changed.name, content)
+
+    run()
+
+
+def other_files(number: int) -> None:
+    files = {
+        "parameters.json": (load_parameters, json.dumps(PARAMETERS, indent=1).encode()),
+        "points.csv": (load_measured_attenuation, POINTS),
+    }
+
+    @examples(number)
+    def run(data: st.DataObject) -> None:
+        name = data.draw(st.sampled_from(sorted(files)))
+        read, content = files[name]
+        with folder_with([]) as folder:
+            check(read, folder, name, data.draw(changed_bytes(content)))
+
+    run()
+
+
+OPTIONS = {
+    "fit": (
+        *("--pool", "--variant", "--priors", "--priors-from", "--out", "--chains", "--warmup"),
+        *("--draws", "--seed", "--adapt-delta", "--max-treedepth", "--coordinates"),
+        *("--chain-timeout", "--parallel-chains", "--tolerance", "--prior-only"),
+    ),
+    "check": (),
+    "simulate": ("--parameters", "--out"),
+    "fit-peak-stress": ("--priors", "--curve-priors", "--without", "--out", "--chains", "--seed"),
+    "compare": ("--out", "--leave-out", "--no-refit"),
+    "sbc": (
+        *("--priors", "--out", "--simulations", "--ranked-draws", "--refits", "--stress-range"),
+        *("--results-of", "--jobs", "--chains", "--warmup", "--draws", "--seed", "--variant"),
+    ),
+    "report": ("--out", "--title"),
+}
+TESTS = tuple(str(reader.file) for reader in READERS if "data/priors" not in str(reader.file))
+WORDS = st.one_of(
+    NUMBERS.map(str),
+    TEXT,
+    ODD_NAMES,
+    st.sampled_from([*TESTS, "all=shared", "kelvin=power_law", "beta=partial:2", "out", "points"]),
+    st.sampled_from(
+        [str(DATA), str(DATA / "priors" / "ice.toml"), str(DATA / "ice" / "PIL40.csv")]
+    ),
+)
+
+
+def options(number: int) -> None:
+    @examples(number)
+    def run(data: st.DataObject) -> None:
+        command = data.draw(st.sampled_from(sorted(OPTIONS)))
+        arguments = [command, data.draw(st.sampled_from(TESTS) | WORDS)]
+        for _ in range(data.draw(st.integers(0, 4))):
+            named = st.sampled_from(OPTIONS[command]) if OPTIONS[command] else WORDS
+            arguments += [data.draw(named), data.draw(WORDS)]
+        with folder_with([]) as folder, bounded():
+            os.chdir(folder)
+            try:
+                code = main(arguments)
+            except SystemExit as end:  # how argparse refuses
+                code = int(end.code or 0)
+            finally:
+                os.chdir(DATA)
+            assert code in (0, 1, 2)
+            assert not list(folder.iterdir())
+
+    run()
+
+
+SHARES = [
+    pytest.param(changed_keys, 4000, id="keys"),
+    pytest.param(changed_files, 2000, id="files"),
+    pytest.param(changed_columns, 1500, id="columns"),
+    pytest.param(other_files, 500, id="others"),
+]
+
+
+@pytest.mark.parametrize(
+    ("generate", "number"), SHARES, ids=lambda one: getattr(one, "__name__", "")
+)
+def test_a_sample_of_files_is_read_or_refused(generate: Callable[[int], None], number: int) -> None:
+    generate(int(FEW * number))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("generate", "number"), SHARES, ids=lambda one: getattr(one, "__name__", "")
+)
+def test_files_are_read_or_refused(generate: Callable[[int], None], number: int) -> None:
+    generate(int(MANY * number))
+
+
+@pytest.fixture
+def without_stan(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """What needs Stan ends where it would begin."""
+    monkeypatch.setenv("CMDSTAN", str(tmp_path / "nothing"))
+    monkeypatch.chdir(tmp_path)
+
+
+def test_a_sample_of_options_works_or_is_refused(
+    without_stan: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options(int(FEW * 2000))
+
+
+@pytest.mark.slow
+def test_options_work_or_are_refused(
+    without_stan: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options(int(MANY * 2000))
+
+
+def test_every_command_is_tried_that_reads_files() -> None:
+    assert set(COMMANDS) - set(OPTIONS) <= {"doctor", "install-cmdstan", "predict", "reproduce"}

@@ -1,0 +1,135 @@
+"""Tests of several protocols fitted together, as loading histories that share a flow law."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import ICE, with_fixed
+from history_twins import GRAIN_SIZE, TEMPERATURE, TRUTH, history_twin
+from protocol_examples import TWIN_FILE
+
+from pyburgers.common.errors import InputError
+from pyburgers.comparison.by_tests import leave_one_test_out
+from pyburgers.fitting.fit import Fit, fit
+from pyburgers.model.pooling import pooling_of
+from pyburgers.model.priors import PriorSet, default_priors
+from pyburgers.protocols.constant_rate.experiment import (
+    ConstantRateExperiment,
+    RateSegment,
+    load_constant_rate,
+)
+from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.forced_oscillation.experiment import load_forced_oscillation
+from pyburgers.protocols.forward import simulate_data
+from pyburgers.protocols.loading_history.experiment import LoadingHistory
+from pyburgers.protocols.problem import of_one_protocol, problem_of
+from pyburgers.report.joint_section import joint_sections
+from pyburgers.report.page import write_report
+from pyburgers.sampling.options import SamplerOptions
+
+FREE = ("maxwell_modulus", "activation_enthalpy", "stress_noise")
+"""Of the material; noise and drift of strain readings are free as well."""
+
+OPTIONS = SamplerOptions(chains=2, warmup=150, draws=100, seed=11)
+
+
+def constant_rate_test(name: str = "curve", rate: float = 1e-4) -> ConstantRateExperiment:
+    """A short curve of the material of the twins."""
+    strain = np.geomspace(5e-4, 0.02, 15)
+    template = replace(
+        load_constant_rate(ICE / "PIL40.toml"),
+        id=name,
+        temperature=TEMPERATURE,
+        initial_grain_size=GRAIN_SIZE,
+        segments=(RateSegment(0.0, rate),),
+        strain=strain,
+        stress=np.full_like(strain, 5e6),
+        final_strain=0.02,
+    )
+    values = {name: value for name, value in TRUTH.items() if "residual" not in name}
+    return simulate_data(template, values, np.random.default_rng(3), source="a test")
+
+
+def known_priors() -> PriorSet:
+    known = {n: v for n, v in TRUTH.items() if n in default_priors("ice").free and n not in FREE}
+    return with_fixed(default_priors("ice"), known)
+
+
+def three_tests() -> list[Experiment]:
+    return [constant_rate_test(), history_twin("creep", 12), history_twin("relaxation", 8)]
+
+
+@pytest.fixture(scope="module")
+def mixed(programs: None, tmp_path_factory: pytest.TempPathFactory) -> Fit:
+    out = tmp_path_factory.mktemp("mixed") / "run"
+    return fit(three_tests(), known_priors(), out=out, options=OPTIONS)
+
+
+def test_tests_of_one_protocol_stay_as_they_are() -> None:
+    curves = [constant_rate_test(), constant_rate_test("other", 1e-5)]
+    assert of_one_protocol(curves) == tuple(curves)
+
+
+def test_tests_of_several_protocols_become_histories() -> None:
+    experiments = three_tests()
+    problem = problem_of(experiments, known_priors(), pooling_of())
+    assert problem.protocol.name == "loading_history"
+    curve = problem.experiments[0]
+    assert isinstance(curve, LoadingHistory)
+    np.testing.assert_array_equal(curve.response, experiments[0].response)
+    assert problem.experiments[1] is experiments[1]
+    assert set(problem.shared) == {"maxwell_modulus", "activation_enthalpy"}
+    assert {"stress_noise", "strain_noise"} <= set(problem.free)
+
+
+def test_an_oscillation_stays_with_its_own_kind() -> None:
+    record = replace(load_forced_oscillation(TWIN_FILE), material="ice")
+    with pytest.raises(InputError, match="forced_oscillation cannot be fitted together with"):
+        problem_of([constant_rate_test(), record], known_priors(), pooling_of())
+
+
+def test_the_flow_law_is_one_and_the_noises_are_not(mixed: Fit) -> None:
+    draws = {name: test.posterior["posterior"].to_dataset() for name, test in mixed.tests().items()}
+    assert list(draws) == ["curve", "creep", "relaxation"]
+    for name in ("maxwell_modulus", "activation_enthalpy"):
+        shared = draws["curve"][name]
+        np.testing.assert_array_equal(shared, draws["creep"][name])
+        assert abs(float(shared.mean()) - TRUTH[name]) < 4 * float(shared.std())
+    assert not np.array_equal(draws["curve"]["stress_noise"], draws["relaxation"]["stress_noise"])
+    assert draws["creep"]["strain_noise"].mean() == pytest.approx(TRUTH["strain_noise"], rel=0.7)
+
+
+def test_it_is_read_back_and_predicts_a_test_of_either_kind(mixed: Fit) -> None:
+    again = Fit.load(mixed.directory.path)
+    assert again.problem.name == "curve+creep+relaxation"
+    slower = again.predict(constant_rate_test("slower", 1e-5), draws=20, separate_from="curve")
+    new = slower.posterior["posterior_predictive"]["stress"].to_numpy()[0]
+    assert np.mean(np.abs(new.mean(axis=0) - slower.experiment.response)) < 3e5
+    unload = again.predict(history_twin("load and unload", 8), draws=20, separate_from="creep")
+    strain = unload.posterior["model_response"]["response"].to_numpy()[0]
+    np.testing.assert_allclose(
+        np.median(strain, axis=0)[-1], unload.experiment.response[-1], rtol=0.1
+    )
+
+
+@pytest.mark.usefixtures("sketched")
+def test_it_has_a_page(mixed: Fit, tmp_path: Path) -> None:
+    page = write_report(
+        list(mixed.tests().values()),
+        tmp_path / "page",
+        title="mixed",
+        command="test",
+        joints=[mixed],
+        extras=joint_sections([mixed], []),
+    )
+    text = page.read_text(encoding="utf-8")
+    assert "curve" in text
+    assert "relaxation" in text
+
+
+@pytest.mark.slow
+def test_each_test_is_left_out(mixed: Fit) -> None:
+    found = leave_one_test_out(mixed, command="test")
+    assert found.tests == ("creep", "curve", "relaxation")
+    assert np.isfinite(found.elpd).all()

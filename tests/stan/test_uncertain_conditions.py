@@ -1,0 +1,226 @@
+"""Errors of temperature and load cell: what they do to a solution, density and coordinates."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from conftest import ICE
+from log_density import Program, program_with
+from scipy import stats
+from stan_data import parameters_in
+
+from pyburgers.model.parameters import PROGRAM_PARAMETERS
+from pyburgers.model.pooling import pooling_of
+from pyburgers.model.priors import default_priors
+from pyburgers.protocols.coordinates import Mode
+from pyburgers.protocols.experiment import Experiment, UncertainCondition
+from pyburgers.protocols.forced_oscillation.experiment import (
+    OscillationExperiment,
+    load_forced_oscillation,
+)
+from pyburgers.protocols.forward import simulate
+from pyburgers.protocols.problem import Problem, problem_of
+from pyburgers.protocols.program_data import chart_block, program_data
+from pyburgers.protocols.protocol import load_experiment
+from pyburgers.protocols.stan_data import SolverOptions
+from pyburgers.sampling.charts import at_mode
+
+FloatArray = npt.NDArray[np.float64]
+pytestmark = pytest.mark.usefixtures("programs")
+
+TIGHT = SolverOptions(tolerance=1e-11, max_num_steps=1_000_000)
+OLIVINE = ICE.parent / "olivine" / "olivine_twin.toml"
+TEMPERATURE, CALIBRATION = "temperature_error", "stress_calibration_error"
+SD = {ICE / "PIL40.toml": (2.0, 0.02), OLIVINE: (50.0, 0.02)}
+SOURCES = tuple(SD)
+
+
+def uncertain(source: Path) -> Experiment:
+    temperature, calibration = SD[source]
+    return replace(
+        load_experiment(source),
+        uncertain=(
+            UncertainCondition(TEMPERATURE, temperature, "furnace"),
+            UncertainCondition(CALIBRATION, calibration, "cell"),
+        ),
+    )
+
+
+def truth_of(experiment: Experiment) -> dict[str, float]:
+    """Every parameter."""
+    assert experiment.true_parameters is not None
+    priors = default_priors(experiment.material)
+    return {
+        p.name: experiment.true_parameters.get(p.name, priors[p.name].location)
+        for p in PROGRAM_PARAMETERS
+    }
+
+
+@pytest.mark.parametrize("source", SOURCES)
+def test_an_error_of_the_temperature_is_another_temperature(source: Path) -> None:
+    experiment = load_experiment(source)
+    truth, error = truth_of(experiment), SD[source][0]
+    # The Kelvin viscosity is thermally activated, too.
+    truth |= {"kelvin_activation_enthalpy": 3e4, "kelvin_reference_temperature": 300.0}
+    at = experiment.position[::7]
+    found = simulate(experiment, {**truth, TEMPERATURE: error}, at=at)
+    hotter = replace(experiment, temperature=experiment.temperature + error)
+    expected = simulate(hotter, truth, at=at)
+    for column in found:
+        np.testing.assert_allclose(found[column], expected[column], rtol=1e-12, err_msg=column)
+    assert found.attrs == pytest.approx(expected.attrs, rel=1e-12)
+    assert np.ptp(found["stress_Pa"] - simulate(experiment, truth, at=at)["stress_Pa"]) > 1e4
+
+
+def test_a_load_cell_reads_in_proportion() -> None:
+    experiment = load_experiment(ICE / "PIL40.toml")
+    truth, at = truth_of(experiment), experiment.position[::7]
+    found = simulate(experiment, {**truth, CALIBRATION: 0.03}, at=at)
+    right = simulate(experiment, truth, at=at)
+    right["stress_Pa"] *= 1.03
+    for column in found:
+        np.testing.assert_allclose(found[column], right[column], rtol=1e-12, err_msg=column)
+    assert found.attrs == right.attrs  # of the stress itself
+
+
+def test_the_bias_of_an_oscillation_is_a_reading_too() -> None:
+    experiment = load_forced_oscillation(OLIVINE)
+    truth, at = truth_of(experiment), experiment.position[::7]
+    found = simulate(experiment, {**truth, CALIBRATION: 0.03}, at=at)
+    expected = simulate(starting_at(experiment, 1 / 1.03), truth, at=at)
+    np.testing.assert_allclose(found["stress_Pa"], 1.03 * expected["stress_Pa"], rtol=1e-7)
+    np.testing.assert_allclose(found["grain_size_m"], expected["grain_size_m"], rtol=1e-6)
+    np.testing.assert_allclose(found["kelvin_strain"], expected["kelvin_strain"], rtol=1e-6)
+
+
+def starting_at(experiment: OscillationExperiment, factor: float) -> OscillationExperiment:
+    """The record with the stress where the model starts changed by a factor."""
+    prepared = experiment.prepared
+    return replace(
+        experiment, prepared=replace(prepared, start_stress=factor * prepared.start_stress)
+    )
+
+
+def program_in(
+    problem: Problem, system: str, folder: Path, solver: SolverOptions = TIGHT
+) -> tuple[Program, FloatArray]:
+    """The program in plain coordinates or in its chart, and the coordinates of the truths."""
+    data = program_data(problem, solver=solver)
+    references: list[object] = []
+    centre = np.zeros(problem.layout.size)
+    alone = zip(problem.alone(), problem.layout.position, strict=True)
+    for one, places in reversed(list(alone)):
+        (experiment,), (coordinates,) = one.experiments, one.coordinates
+        values = truth_of(experiment)
+        name = problem.protocol.reference.name
+        point = simulate(experiment, values, at=experiment.position).attrs[name]
+        mode = Mode(
+            values, coordinates.at({**values, name: point}), np.zeros(experiment.n_driving_errors)
+        )
+        centre[places] = mode.coordinate
+        if system != "plain":
+            test = at_mode(one, mode, solver)
+            assert problem.protocol.chart is not None
+            reference, centre[places] = problem.protocol.chart.reference(test)
+            covariance = 0.04 * np.eye(len(places))
+            references.insert(0, problem.protocol.chart.rescaled(reference, test, covariance))
+    data |= chart_block(problem, references)
+    return program_with(problem.protocol.program, data, folder), centre
+
+
+@pytest.mark.parametrize("source", SOURCES)
+def test_the_density_is_the_same_in_both_coordinates(source: Path, tmp_path: Path) -> None:
+    """Less the Jacobian's logarithm, and it holds the priors of the errors."""
+    problem = problem_of([uncertain(source)], default_priors(load_experiment(source).material))
+    (experiment,), (coordinates,), (priors,) = (
+        problem.experiments,
+        problem.coordinates,
+        problem.priors,
+    )
+    plain, _ = program_in(problem, "plain", tmp_path / "plain")
+    chart, centre = program_in(problem, "chart", tmp_path / "chart")
+    rng = np.random.default_rng(5)
+    name = problem.protocol.reference.name
+    for width in (0.1, 0.3, 0.6):
+        point = centre + width * rng.standard_normal(centre.size)
+        there = chart.columns_at({"coordinate": point.tolist()})
+        values = parameters_in(there)
+        assert values[TEMPERATURE] != 0
+        assert values[CALIBRATION] != 0
+        prior = sum(priors[free].distribution().logpdf(values[free]) for free in priors.free)
+        assert there["lprior"] == pytest.approx(prior, rel=1e-8)
+        same = coordinates.at({**values, name: float(np.exp(there["log_reference.1"]))})
+        same = np.append(same, point[point.size - experiment.n_driving_errors :])
+        here = plain.columns_at({"coordinate": same.tolist()})
+        assert parameters_in(here) == pytest.approx(values, rel=1e-9)
+        densities = [one["lp__"] - one["log_jacobian"] for one in (here, there)]
+        assert densities[0] == pytest.approx(densities[1], rel=1e-9)
+
+
+@pytest.mark.parametrize("system", ["plain", "chart"])
+@pytest.mark.parametrize("source", SOURCES)
+def test_the_jacobian_is_that_of_the_map(source: Path, system: str, tmp_path: Path) -> None:
+    problem = problem_of([uncertain(source)], default_priors(load_experiment(source).material))
+    # The map knows of no solution.
+    program, centre = program_in(problem, system, tmp_path, SolverOptions())
+    free, size = problem.free, len(problem.free)
+    start = centre + 0.2 * np.random.default_rng(7).standard_normal(centre.size)
+
+    def parameters(coordinate: FloatArray) -> FloatArray:
+        values = parameters_in(program.columns_at({"coordinate": coordinate.tolist()}))
+        return np.array([values[name] for name in free])
+
+    scale, step, columns = np.abs(parameters(start)), 2e-3, []
+    for k in range(size):
+        shift = step * np.eye(centre.size)[k]
+        one, two = (parameters(start + m * shift) - parameters(start - m * shift) for m in (1, 2))
+        columns.append((8 * one - two) / (12 * step) / scale)
+    _, logarithm = np.linalg.slogdet(np.column_stack(columns))
+    found = program.columns_at({"coordinate": start.tolist()})["log_jacobian"]
+    assert found == pytest.approx(logarithm + np.log(scale).sum(), abs=1e-5)
+
+
+@pytest.mark.parametrize("source", SOURCES)
+def test_the_gradient_is_the_slope_of_the_density(source: Path, tmp_path: Path) -> None:
+    problem = problem_of([uncertain(source)], default_priors(load_experiment(source).material))
+    program, centre = program_in(problem, "chart", tmp_path)
+    point = centre + 0.1 * np.random.default_rng(8).standard_normal(centre.size)
+    gradient = program.at({"coordinate": point.tolist()}).gradient
+    names, step = problem.layout.names, 1e-3
+    for k in (names.index(TEMPERATURE), names.index(CALIBRATION), names.index("stress_exponent")):
+        shift = step * np.eye(point.size)[k]
+        above, below = (
+            program.columns_at({"coordinate": (point + sign * shift).tolist()})["lp__"]
+            for sign in (1, -1)
+        )
+        slope = (above - below) / (2 * step)
+        assert gradient[k] == pytest.approx(slope, rel=1e-3, abs=1e-4 * np.abs(gradient).max())
+
+
+def test_tests_of_one_furnace_have_one_value_and_one_prior(tmp_path: Path) -> None:
+    """And the density of three tests is that made by hand."""
+    conditions = (("big", 2.0), (None, 1.0), ("big", 2.0))
+    tests = [
+        replace(
+            load_experiment(ICE / f"{name}.toml"),
+            uncertain=(UncertainCondition(TEMPERATURE, sd, furnace),),
+        )
+        for name, (furnace, sd) in zip(("PIL40", "PIL72", "PIL105"), conditions, strict=True)
+    ]
+    pooling = pooling_of({"all": "separate"})
+    problem = problem_of(tests, default_priors("ice"), pooling)
+    program, centre = program_in(problem, "chart", tmp_path)
+    point = centre + 0.2 * np.random.default_rng(9).standard_normal(centre.size)
+    columns = program.columns_at({"coordinate": point.tolist()})
+    values = [parameters_in(columns, e) for e in (1, 2, 3)]
+    errors = [own[TEMPERATURE] for own in values]
+    assert errors[0] == errors[2] != errors[1]
+    prior = sum(
+        priors[name].distribution().logpdf(own[name])
+        for own, priors in zip(values, problem.priors, strict=True)
+        for name in priors.free
+    )
+    prior -= stats.norm.logpdf(errors[0], 0, 2.0)  # counted twice
+    assert columns["lprior"] == pytest.approx(prior, rel=1e-9)

@@ -22,8 +22,8 @@ from scipy.stats import beta
 
 from pyburgers.checks.discrepancies import LEVEL, discrepancies_of
 
-LEVELS = (0.01, 0.02, 0.03, 0.04, 0.05, 0.06, 0.08, 0.1)
-DRAWS = 600
+LEVELS = (0.003, 0.005, 0.01, 0.02, 0.05, 0.1)
+DRAWS = 400
 CONFIDENCE = 0.975
 
 logger = logging.getLogger("check_sizes")
@@ -48,7 +48,7 @@ def upper_limit(count: int, n: int) -> float:
 
 def models(runs: list[Path]) -> dict[str, LinearModel]:
     """Linear models like those of runs, and straight lines."""
-    found = {"a straight line": LinearModel.of_polynomials(100, steps=0, degree=1)}
+    found = {"a straight line": LinearModel.of_polynomials(60, steps=0, degree=1)}
     for run in runs:
         with xr.open_datatree(run / "posterior.nc", engine="h5netcdf") as posterior:
             found[run.name] = LinearModel.like(posterior.load())

@@ -3,7 +3,7 @@
 Tables like that of Qi and Goldsby (2021) are simulated from Table 1's priors and fitted; the flow
 law of one more test is ranked in the prior handed on (pyburgers.sbc.hand_over). With --curves the
 row of PIL40 is left out, and curves of the one more test, taken like PIL40, are fitted with the
-prior handed on and their parameters ranked; all tables come first. Each table and each curve is a
+prior handed on and their parameters ranked. Each table and each curve is a
 file that is written when it is done: the same command continues. Synthetic throughout.
 """
 
@@ -91,19 +91,16 @@ class Stage:
         """Return where the outcome of a seed is."""
         return self.folder / f"{self.kind}_{seed:06d}.json"
 
-    def run(self, scratch: Path, written: Callable[[], None]) -> None:
-        """Do what is missing."""
-        self.folder.mkdir(parents=True, exist_ok=True)
-        for seed in self.seeds:
-            if self.file(seed).is_file():
-                continue
-            try:
-                record = {"seed": seed, "failure": None, **self.do_one(seed, scratch)}
-            except (InputError, SamplingError) as error:
-                record = {"seed": seed, "failure": str(error), "ranks": {}, "n_refits": 0}
-            shutil.rmtree(scratch, ignore_errors=True)
-            write_json(self.file(seed), record)
-            written()
+    def run(self, seed: int, scratch: Path) -> None:
+        """Do the one with a seed, if it is missing."""
+        if self.file(seed).is_file():
+            return
+        try:
+            record = {"seed": seed, "failure": None, **self.do_one(seed, scratch)}
+        except (InputError, SamplingError) as error:
+            record = {"seed": seed, "failure": str(error), "ranks": {}, "n_refits": 0}
+        shutil.rmtree(scratch, ignore_errors=True)
+        write_json(self.file(seed), record)
 
     @property
     def done(self) -> list[Record]:
@@ -270,9 +267,11 @@ def main() -> None:
         for stage in stages:
             write_text(out / f"{stage.kind}s.csv", rank_table(stage.done).to_csv(index=False))
 
-    for stage in stages:
-        stage.run(out / "scratch", write)
-    write()
+    folder.mkdir(parents=True, exist_ok=True)
+    for seed in seeds:
+        for stage in stages:
+            stage.run(seed, out / "scratch")
+        write()
     sys.stdout.write(report(stages, command))
 
 

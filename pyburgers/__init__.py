@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from pyburgers.comparison.marginal_likelihood import log_marginal_likelihood
     from pyburgers.comparison.results import Comparison, ComparisonByTest
     from pyburgers.fitting.fit import Fit, JointFit, fit, fit_jointly
+    from pyburgers.fitting.prediction import Prediction
     from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress, flow_law_prior
     from pyburgers.flow_law_tables.inputs import (
         PeakStressData,
@@ -53,6 +54,7 @@ _NAMES = {
     "comparison.by_tests": ("ComparisonByTest", "compare_by_test"),
     "comparison.marginal_likelihood": ("log_marginal_likelihood",),
     "fitting.fit": ("Fit", "JointFit", "fit", "fit_jointly"),
+    "fitting.prediction": ("Prediction",),
     "flow_law_tables.fit": ("PeakStressFit", "fit_peak_stress", "flow_law_prior"),
     "flow_law_tables.inputs": (
         "PeakStressData",
@@ -91,6 +93,7 @@ __all__ = [
     "Outcome",
     "PeakStressData",
     "PeakStressFit",
+    "Prediction",
     "PriorSet",
     "PyburgersError",
     "Regime",

@@ -18,8 +18,6 @@ from pyburgers.checks.discrepancies import (
     Family,
     Leftover,
     discrepancies_of,
-    longest_run,
-    segment_parts,
 )
 from pyburgers.checks.fit_checks import (
     LEAST_DRAWS,
@@ -29,6 +27,7 @@ from pyburgers.checks.fit_checks import (
     Outcome,
     check,
 )
+from pyburgers.checks.residual_numbers import longest_run, segment_parts
 from pyburgers.posterior.labelled_draws import CORRELATED, response_in
 
 NARROW = "the intervals of its parameters are then too narrow"
@@ -138,7 +137,7 @@ def _finding(draws: CheckedDraws, discrepancies: tuple[str, ...], tell: Tell) ->
     if outcome is Outcome.YES:
         return Finding(outcome, table, told.good)
     if outcome is Outcome.CANNOT_TELL:
-        few = f"{family.n_draws} draws are too few to tell whether it is chance: "
+        few = f"{family.n_replicates} draws are too few to tell whether it is chance: "
         return Finding(outcome, table, few + told.bad, "raise --draws")
     return Finding(outcome, table, told.bad, told.remedy)
 
@@ -158,8 +157,8 @@ def _tell_coverage(leftover: Leftover, family: Family, row: Row) -> Told:
 def _tell_trend(leftover: Leftover, family: Family, row: Row) -> Told:
     run, where = _run(leftover)
     found = (
-        f"neighbouring residuals of {leftover.name} correlate with {row['found']:.2f} (at most "
-        f"{row['at_most']:.2f} expected of a correct model)"
+        f"signed ranks of neighbouring residuals of {leftover.name} correlate with "
+        f"{row['found']:.2f} (at most {row['at_most']:.2f} expected of a correct model)"
     )
     return Told(
         f"No trend: {found}.",

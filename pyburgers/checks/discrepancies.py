@@ -3,9 +3,10 @@
 At each draw a number such as the autocorrelation of the residuals is taken of the data and of the
 replicated data of that draw (a posterior predictive check of a realised discrepancy, Gelman, Meng
 and Stern 1996, Statistica Sinica 6, 733-807). All such numbers of all tests of a fit are one
-family: the probability of the worst is compared with that of the worst of each replicate, so that
-in 1 of 100 fits at most a correct model fails any of them (`docs/checks.md`), however many there
-are and however they hang together.
+family: the probability of the worst is compared with that of the worst of each replicate that is
+fitted as the data were (`pyburgers.checks.refits`), so that in 1 of 100 fits at most a correct
+model fails any of them (`docs/checks.md`), however many there are, however they hang together and
+however far the posterior follows the data.
 """
 
 from collections.abc import Mapping
@@ -19,21 +20,28 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.checks.fit_checks import CheckedDraws, Outcome
+from pyburgers.checks.refits import refitted_means, refitted_residuals, scale_of
+from pyburgers.checks.residual_numbers import (
+    TINY,
+    autocorrelation,
+    largest_residual,
+    longest_runs,
+    segment_parts,
+    signed_ranks,
+)
 from pyburgers.common.draws import TAIL
-from pyburgers.posterior.labelled_draws import TESTS, response_in
+from pyburgers.posterior.labelled_draws import CORRELATED, TESTS, response_in
 from pyburgers.protocols.protocol import Protocol, protocols
 
 FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
-LEVEL = 0.01
-"""Probability of the worst discrepancy of a fit, under a correct model, at which it counts."""
+LEVEL = 0.003
+"""Family probability at which a discrepancy counts. Simulated fits of correct models have it about
+as often as it says (`benchmarks/check_sizes.py`); it is well below 1 in 100 so that the upper
+confidence limit of such a count is, too."""
 
 READING_ERROR_FACTOR = 1.5
 """Reading errors are seldom known better: residuals may be as much larger than the stated one."""
-
-TINY = 1e-100
-"""Keeps residuals that are exactly 0 from a division by 0."""
 
 AUTOCORRELATION = "autocorrelation"
 RUN = "longest run"
@@ -62,14 +70,14 @@ class Leftover:
         Part of the test that each reading belongs to, from 0.
     quantity : array of int, shape (n,)
         What each reading is of: number in the protocol's `read`.
-    observed, replicated : array, shape (draws, n)
-        Residuals of the data and of replicated ones, SI; where readings have errors of their own,
-        over these, times their mean. Of several quantities each is weighed by what replicates
-        leave over of it.
+    observed : array, shape (draws, n)
+        Residuals of the data, SI; where readings have errors of their own, over these, times their
+        mean. Of several quantities each is weighed by what replicates leave over of it.
     weight : array, shape (n,)
         What residuals are multiplied by for that; 1 where they do not differ.
-    discrepancies : dict of str to (array, array), each of shape (draws,)
-        Numbers of the data and of the replicates; large ones speak against the model.
+    discrepancies : dict of str to (array, array)
+        Numbers of the data, shape (draws,), and of replicated data that are fitted as the data
+        were, shape (replicates, their draws); large ones speak against the model.
     """
 
     name: str
@@ -79,7 +87,6 @@ class Leftover:
     segment: npt.NDArray[np.int64]
     quantity: npt.NDArray[np.int64]
     observed: FloatArray
-    replicated: FloatArray
     weight: FloatArray
     discrepancies: dict[str, tuple[FloatArray, FloatArray]] = field(repr=False)
 
@@ -118,13 +125,13 @@ class Family:
         Index discrepancy and test; columns found (mean over the draws), at_most (the mean from
         which on it fails), probability (that a replicate has as much) and family_probability (that
         a replicate has any discrepancy as improbable).
-    n_draws : int
+    n_replicates : int
         Number of replicates.
     """
 
     tests: Mapping[str, Leftover]
     table: pd.DataFrame
-    n_draws: int
+    n_replicates: int
 
     def outcome(self, row: "pd.Series[float]") -> Outcome:
         """Whether the model is right in a discrepancy.
@@ -133,13 +140,13 @@ class Family:
         """
         if row["family_probability"] <= LEVEL:
             return Outcome.NO
-        beyond_all = row["probability"] < 2 / (self.n_draws + 1)
+        beyond_all = row["family_probability"] * (self.n_replicates + 1) < 1.5
         return Outcome.CANNOT_TELL if beyond_all else Outcome.YES
 
 
 @lru_cache(maxsize=1)
 def discrepancies_of(draws: CheckedDraws) -> Family:
-    """Compare what a fit leaves over with what replicated data do."""
+    """Compare what a fit leaves over with what fits of replicated data do."""
     posterior = draws.posterior
     groups = posterior[TESTS].children if TESTS in posterior.children else {"the test": posterior}
     tests = {name: _leftover(name, group) for name, group in groups.items()}
@@ -148,89 +155,82 @@ def discrepancies_of(draws: CheckedDraws) -> Family:
         for test, leftover in tests.items()
         for name, pair in leftover.discrepancies.items()
     }
-    found, replicated = (np.stack(each) for each in zip(*pairs.values(), strict=True))
-    probability, least, family = family_probabilities(found, replicated)
-    table = pd.DataFrame(
-        {
-            "found": found.mean(axis=1),
-            "at_most": [
-                _largest_mean(own, of_data, least)
-                for own, of_data in zip(replicated, found, strict=True)
-            ],
-            "probability": probability,
-            "family_probability": family,
-        },
-        pd.MultiIndex.from_tuples(list(pairs), names=["discrepancy", "test"]),
-    )
-    return Family(tests, table, found.shape[1])
+    # Errors as stated are so far below what they may be that they are a family of their own.
+    alone = {key: key[0] == OVER_READING_ERROR for key in pairs}
+    ordered = {key: np.sort(refits, axis=None) for key, (_, refits) in pairs.items()}
+    shares = {
+        key: share_as_large(ordered[key], refits).mean(axis=1) for key, (_, refits) in pairs.items()
+    }
+    least = {
+        kind: np.min([shares[key] for key in pairs if alone[key] == kind], axis=0)
+        for kind in set(alone.values())
+    }
+    rows = []
+    for key, (found, _) in pairs.items():
+        probability = float(share_as_large(ordered[key], found).mean())
+        of_family = least[alone[key]]
+        rows.append(
+            {
+                "found": found.mean(),
+                "at_most": _largest_mean(ordered[key], found, of_family),
+                "probability": probability,
+                "family_probability": family_probability(probability, of_family),
+            }
+        )
+    index = pd.MultiIndex.from_tuples(list(pairs), names=["discrepancy", "test"])
+    return Family(tests, pd.DataFrame(rows, index), next(iter(least.values())).size)
 
 
-def family_probabilities(
-    found: FloatArray, replicated: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Probabilities of discrepancies one by one, and of the worst of all.
+def family_probability(probability: float, least: FloatArray) -> float:
+    """Probability that the worst discrepancy of a replicate is as improbable.
 
     Parameters
     ----------
-    found, replicated : array, shape (k, draws)
-        Discrepancies of the data and of replicated data at each draw.
+    probability : float
+        Of a discrepancy of the data.
+    least : array, shape (replicates,)
+        Least probability of each replicate that was fitted as the data were.
+    """
+    return float((1 + np.sum(least <= probability)) / (least.size + 1))
+
+
+def share_as_large(ordered: FloatArray, found: FloatArray) -> FloatArray:
+    """Share of ascending numbers that are as large, what was found counted as one more.
 
     Returns
     -------
-    probability : array, shape (k,)
-        That a replicate has as much, over the draws; the data count as one replicate more.
-    least : array, shape (draws,)
-        The least probability of each replicate, among the others and the data.
-    family : array, shape (k,)
-        That the least probability of a replicate is as low as the one of a discrepancy.
+    array, shape of `found`
     """
-    n = found.shape[1]
-    probability = np.array(
-        [
-            (1.0 + _at_least(own, of_data).mean()) / (n + 1)
-            for own, of_data in zip(replicated, found, strict=True)
-        ]
-    )
-    of_replicates = np.stack(
-        [
-            (_at_least(own, own) + _at_least(of_data, own) / n) / (n + 1)
-            for own, of_data in zip(replicated, found, strict=True)
-        ]
-    )
-    least = of_replicates.min(axis=0)
-    family = np.array([(1.0 + np.sum(least <= p)) / (n + 1) for p in probability])
-    return probability, least, family
+    below = np.searchsorted(ordered, found, side="left")
+    return np.asarray((1.0 + ordered.size - below) / (ordered.size + 1), dtype=np.float64)
 
 
-def _largest_mean(replicated: FloatArray, found: FloatArray, least: FloatArray) -> float:
+def _largest_mean(ordered: FloatArray, found: FloatArray, least: FloatArray) -> float:
     """Return the largest mean of a discrepancy that passes, its spread over the draws as it is.
 
     Parameters
     ----------
-    replicated, found, least : array, shape (draws,)
-        A discrepancy of replicates and data, and the third result of `family_probabilities`.
+    ordered : array
+        A discrepancy of replicates, ascending.
+    found : array, shape (draws,)
+        Of the data.
+    least : array, shape (replicates,)
+        As for `family_probability`.
     """
-    n = found.size
-    allowed = np.sort(least)[int(LEVEL * (n + 1)) - 1]
+    allowed = np.sort(least)[max(0, int(LEVEL * (least.size + 1)) - 1)]
     about_mean = found - found.mean()
     low, high = (
         float(extreme - spread)
         for extreme, spread in (
-            (replicated.min(), about_mean.max()),
-            (replicated.max(), about_mean.min()),
+            (ordered[0], about_mean.max()),
+            (ordered[-1], about_mean.min()),
         )
     )
     while high - low > 1e-3 * abs(high):
         middle = 0.5 * (low + high)
-        probability = (1.0 + _at_least(replicated, about_mean + middle).mean()) / (n + 1)
+        probability = share_as_large(ordered, about_mean + middle).mean()
         low, high = (middle, high) if probability >= allowed else (low, middle)
     return low
-
-
-def _at_least(values: FloatArray, bounds: FloatArray) -> FloatArray:
-    """Count values that are at least each bound, shape of the bounds."""
-    below = np.searchsorted(np.sort(values), bounds, side="left")
-    return np.asarray(values.size - below, dtype=np.float64)
 
 
 def _leftover(name: str, group: xr.DataTree) -> Leftover:
@@ -261,30 +261,18 @@ def _leftover(name: str, group: xr.DataTree) -> Leftover:
     weight = _of_one_size(replicated, quantity) if spread is None else spread.mean() / spread
     observed, replicated = observed * weight, replicated * weight
     of_replicas = _by_draw(replicas)
-    low, high = np.quantile(of_replicas, (TAIL, 1.0 - TAIL), axis=0)
-    outside = [
-        ((each < low) | (each > high)).mean(axis=1)
-        for each in (data.to_numpy()[np.newaxis], of_replicas)
-    ]
-    pairs = {OUTSIDE: (np.repeat(outside[0], len(outside[1])), outside[1])}
-    of_data, of_replicates = (
-        _numbers(residuals, segment, position) for residuals in (observed, replicated)
-    )
-    pairs |= {each: (of_data[each], of_replicates[each]) for each in of_data}
+    band = np.quantile(of_replicas, (TAIL, 1.0 - TAIL), axis=0)
+    means = refitted_means(observed, replicated, correlated=CORRELATED in group.children)
+    band_beside = (band - _by_draw(model).mean(axis=0)) * weight
+    refits = _numbers_of_refits(observed, means, segment, position)
+    refits[OUTSIDE] = _outside(means / scale_of(means), band_beside)[:, None]
+    found = _numbers(observed, segment, position)
+    found[OUTSIDE] = np.full(len(observed), _outside(observed.mean(axis=0), band_beside))
     if error is not None:
-        pairs[OVER_READING_ERROR] = _over_reading_error(observed / error.mean())
-    return Leftover(
-        name,
-        group,
-        protocol,
-        position,
-        segment,
-        quantity,
-        observed,
-        replicated,
-        weight,
-        pairs,
-    )
+        found[OVER_READING_ERROR] = np.sqrt(((observed / error.mean()) ** 2).mean(axis=1))
+        refits[OVER_READING_ERROR] = _sizes_of_errors(len(means), position.size)
+    pairs = {each: (found[each], refits[each]) for each in found}
+    return Leftover(name, group, protocol, position, segment, quantity, observed, weight, pairs)
 
 
 def _of_one_size(replicated: FloatArray, quantity: npt.NDArray[np.int64]) -> FloatArray:
@@ -294,6 +282,31 @@ def _of_one_size(replicated: FloatArray, quantity: npt.NDArray[np.int64]) -> Flo
     return np.array([largest / max(sizes[k], TINY) for k in quantity])
 
 
+def _numbers_of_refits(
+    observed: FloatArray,
+    means: FloatArray,
+    segment: npt.NDArray[np.int64],
+    position: FloatArray,
+) -> dict[str, FloatArray]:
+    """`_numbers` of replicates that are fitted as the data were, shape (replicates, draws)."""
+    parts = [
+        {
+            name: numbers.reshape(residuals.shape[:2])
+            for name, numbers in _numbers(
+                residuals.reshape(-1, position.size), segment, position
+            ).items()
+        }
+        for residuals in refitted_residuals(observed, means)
+    ]
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def _outside(values: FloatArray, band: FloatArray) -> FloatArray:
+    """Share of readings, shape (..., n), outside a band, shape (2, n)."""
+    share: FloatArray = ((values < band[0]) | (values > band[1])).mean(axis=-1)
+    return share
+
+
 def _numbers(
     residuals: FloatArray, segment: npt.NDArray[np.int64], position: FloatArray
 ) -> dict[str, FloatArray]:
@@ -301,7 +314,7 @@ def _numbers(
     joined = np.diff(segment) == 0
     trend, spread = segment_parts(residuals, segment, position)
     found = {
-        AUTOCORRELATION: autocorrelation(residuals, joined),
+        AUTOCORRELATION: autocorrelation(signed_ranks(residuals), joined),
         RUN: longest_runs(residuals, joined),
         LARGEST: largest_residual(residuals),
         SEGMENT_TREND: trend.max(axis=0),
@@ -315,124 +328,13 @@ def _by_draw(values: xr.DataArray) -> FloatArray:
     return np.asarray(ordered.reshape(-1, ordered.shape[-1]), dtype=np.float64)
 
 
-def _over_reading_error(scaled: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Root mean square of residuals over the reading error, and of normal errors as large.
-
-    Parameters
-    ----------
-    scaled : array, shape (draws, n)
-        Residuals over the reading error.
-    """
-    draws, n = scaled.shape
-    squares = np.random.default_rng(n).chisquare(n, draws)
-    errors = READING_ERROR_FACTOR * np.sqrt(squares / n)
-    return np.sqrt((scaled**2).mean(axis=1)), errors
-
-
-def autocorrelation(residuals: FloatArray, joined: BoolArray) -> FloatArray:
-    """Lag-1 autocorrelation about zero.
-
-    Parameters
-    ----------
-    residuals : array, shape (..., n)
-        Along the clock.
-    joined : array of bool, shape (n - 1,)
-        Whether a point and the next one are of one segment, and so count as a pair.
+def _sizes_of_errors(n_replicates: int, n: int) -> FloatArray:
+    """Root mean squares of n errors as much larger than stated as they may be, over the stated one.
 
     Returns
     -------
-    array, shape (...,)
+    array, shape (n_replicates, 1)
     """
-    pairs = residuals[..., 1:] * residuals[..., :-1]
-    found: FloatArray = pairs @ joined / np.maximum((residuals**2).sum(-1), TINY)
-    return found
-
-
-def longest_runs(residuals: FloatArray, joined: BoolArray) -> FloatArray:
-    """Length of the longest run of residuals of one sign in one segment.
-
-    Parameters
-    ----------
-    residuals : array, shape (draws, n)
-        Along the clock.
-    joined : array of bool, shape (n - 1,)
-        As for `autocorrelation`.
-
-    Returns
-    -------
-    array, shape (draws,)
-    """
-    positive = residuals > 0
-    run = np.ones(residuals.shape[0])
-    longest = run.copy()
-    for i, together in enumerate(joined, start=1):
-        goes_on = together & (positive[:, i] == positive[:, i - 1])
-        run = np.where(goes_on, run + 1, 1)
-        np.maximum(longest, run, out=longest)
-    return longest
-
-
-def longest_run(residuals: FloatArray, joined: BoolArray) -> tuple[int, int]:
-    """Return the first and the last point, from 0, of the longest run of one sign in one segment.
-
-    Parameters
-    ----------
-    residuals : array, shape (n,)
-        Along the clock.
-    joined : array of bool, shape (n - 1,)
-        As for `autocorrelation`.
-    """
-    ends = np.flatnonzero((np.diff(residuals > 0) != 0) | ~joined) + 1
-    edges = np.concatenate([[0], ends, [residuals.size]])
-    longest = int(np.diff(edges).argmax())
-    return int(edges[longest]), int(edges[longest + 1]) - 1
-
-
-def largest_residual(residuals: FloatArray) -> FloatArray:
-    """Largest residual over the root mean square of the others, shape (draws,)."""
-    squares = residuals**2
-    largest = squares.max(axis=1)
-    others = np.maximum(squares.sum(axis=1) - largest, TINY)
-    found: FloatArray = np.sqrt(largest * max(1, squares.shape[1] - 1) / others)
-    return found
-
-
-def segment_parts(
-    residuals: FloatArray, segment: npt.NDArray[np.int64], position: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """How much of a test's residuals each segment holds, as a straight line and in all.
-
-    Parameters
-    ----------
-    residuals : array, shape (draws, n)
-        Along the clock.
-    segment, position : array, shape (n,)
-        Of the readings.
-
-    Returns
-    -------
-    trend : array, shape (segments, draws)
-        Sum of squares of the straight line through the residuals of the segment, over the mean
-        square of all.
-    spread : array, shape (segments, draws)
-        Mean square of the segment over that of all.
-    """
-    squares = residuals**2
-    mean_square = np.maximum(squares.mean(axis=1), TINY)
-    trend, spread = [], []
-    for one in np.unique(segment):
-        here = segment == one
-        line = _line_basis(position[here])
-        trend.append(((residuals[:, here] @ line) ** 2).sum(axis=1) / mean_square)
-        spread.append(squares[:, here].mean(axis=1) / mean_square)
-    return np.stack(trend), np.stack(spread)
-
-
-def _line_basis(position: FloatArray) -> FloatArray:
-    """Orthonormal columns that span straight lines at positions, shape (n, 1 or 2)."""
-    level: FloatArray = np.full((position.size, 1), position.size**-0.5)
-    slope = position - position.mean()
-    length = np.linalg.norm(slope)
-    if length == 0 or position.size < 3:
-        return level
-    return np.column_stack([level, slope / length])
+    squares = np.random.default_rng(n).chisquare(n, (n_replicates, 1))
+    sizes: FloatArray = READING_ERROR_FACTOR * np.sqrt(squares / n)
+    return sizes

@@ -24,6 +24,7 @@ from pyburgers.protocols.protocol import load_experiment
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.report.joint_section import pooling_table, shown_pooling_table
 from pyburgers.report.tables import parameter_table
+from pyburgers.sampling.run_directory import RunDirectory
 
 logger = logging.getLogger(__name__)
 
@@ -55,13 +56,15 @@ def run(options: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
     choices = parse_choices(options.variant)
     pool = parse_pooling(options.pool)
-    experiments = of_one_protocol([load_experiment(path) for path in options.experiments])
-    first = experiments[0]
+    experiments = [load_experiment(path) for path in options.experiments]
+    first = of_one_protocol(experiments)[0]
     if pool and len(experiments) == 1:
         raise InputError(f"--pool {options.pool[0]}: found one experiment, expected several.")
     priors = with_variant(_priors_for(first, options.priors), first, choices)
     source: Path | None = options.priors_from
     if source is not None:
+        if (run := RunDirectory(source)).manifest_file.is_file():
+            run.require_unchanged()
         priors = with_flow_law(priors, load_flow_law_of_run(source), f"--priors-from {source}")
     for experiment in experiments:
         for notice in experiment.notices:

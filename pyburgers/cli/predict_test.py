@@ -3,6 +3,8 @@
 import argparse
 from pathlib import Path
 
+import pandas as pd
+
 from pyburgers.cli.shared import writing
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.errors import InputError
@@ -64,25 +66,26 @@ def run(options: argparse.Namespace) -> int:
         separate_from=options.separate_from,
         seed=options.seed,
     )
-    files = _write(prediction, out)
+    scores = score_table(prediction) if prediction.experiment.n_points > 0 else None
+    files = _write(prediction, scores, out)
     print(prediction.title)
     for sentence in (*prediction.cautions, *prediction.notes):
         print(sentence)
     print(overview_table(prediction).to_string(index=False))
-    if prediction.experiment.n_points > 0:
-        print(score_sentence(prediction))
+    if scores is not None:
+        print(score_sentence(prediction, scores))
     for file in files:
         print(file)
     return 0
 
 
-def _write(prediction: Prediction, out: Path) -> list[Path]:
+def _write(prediction: Prediction, scores: pd.DataFrame | None, out: Path) -> list[Path]:
     """Write the files; return their names."""
     files = [out.with_suffix(suffix) for suffix in (".csv", ".nc", ".png", ".svg")]
     tables = {out: band_table(prediction)}
-    if prediction.experiment.n_points > 0:
+    if scores is not None:
         tables[out.with_name(f"{out.stem}_readings.csv")] = reading_table(prediction)
-        tables[out.with_name(f"{out.stem}_scores.csv")] = score_table(prediction).reset_index()
+        tables[out.with_name(f"{out.stem}_scores.csv")] = scores.reset_index()
     with writing(out):
         for file, table in tables.items():
             write_text(file, table.to_csv(index=False))

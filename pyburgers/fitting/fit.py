@@ -328,7 +328,7 @@ def fit(
     use_likelihood: bool = True,
     command: str = "pyburgers.fit(...)",
 ) -> Fit:
-    """Fit the nonlinear Burgers model to a test, or to several of one material and protocol.
+    """Fit the nonlinear Burgers model to a test, or to several of one material.
 
     Parameters
     ----------

@@ -179,6 +179,10 @@ def with_noises(
         noise = PARAMETER_BY_NAME[name]
         if name in fitted.free:
             size, origin = float(values[name].mean()), "of the fit"
+        elif stated == 0:
+            found[name] = np.zeros(n_draws)
+            notes.append(f"New readings have no {noise.label} beside their stated errors.")
+            continue
         elif stated is not None:
             size, origin = stated, "that the file of the test states"
             found[name] = np.full(n_draws, stated)

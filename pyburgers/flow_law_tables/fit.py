@@ -316,6 +316,7 @@ def fit_peak_stress(
     result = PeakStressFit.load(run.path)
     if not any(priors[p.name].is_fixed for p in FLOW_LAW_PARAMETERS):
         flow_law_prior(result).save(run.path / FLOW_LAW_PRIOR_FILE)
+        run.note_hash(run.path / FLOW_LAW_PRIOR_FILE)
     write_tables(result)
     return replace(result, manifest=run.read_manifest())
 

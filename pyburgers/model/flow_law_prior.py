@@ -289,6 +289,10 @@ class FlowLawTable(Table):
 
     def flow_law_prior(self, material: str, where: str) -> FlowLawPrior:
         """Return the flow law of a material, checked; `where` is the file in messages."""
+        if len({len(row) for row in self.covariance}) > 1:
+            raise InputError(
+                f"{where}: found a covariance whose rows differ in length, expected a square one."
+            )
         return FlowLawPrior(
             quantities=tuple(self.quantities),
             mean=np.array(self.mean),
@@ -303,10 +307,11 @@ class FlowLawTable(Table):
 def _is_covariance(matrix: FloatArray) -> bool:
     """Whether a matrix is symmetric and positive definite, whatever the units of its rows."""
     variance = np.diag(matrix)
-    if not (np.allclose(matrix, matrix.T, rtol=1e-6, atol=0.0) and np.all(variance > 0)):
-        return False
-    correlation = matrix / np.sqrt(np.outer(variance, variance))
-    return bool(np.linalg.eigvalsh(correlation).min() > 0)
+    with np.errstate(over="ignore"):  # numbers as large as that make no covariance
+        if not (np.allclose(matrix, matrix.T, rtol=1e-6, atol=0.0) and np.all(variance > 0)):
+            return False
+        correlation = matrix / np.sqrt(variance) / np.sqrt(variance)[:, None]
+    return bool(np.all(np.isfinite(correlation)) and np.linalg.eigvalsh(correlation).min() > 0)
 
 
 def load_flow_law_of_run(directory: Path) -> FlowLawPrior:

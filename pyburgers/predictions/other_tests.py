@@ -31,6 +31,9 @@ COMPARED = 400
 OVERVIEW = 8
 """Rows of `overview_table`."""
 
+MIXED = 1000
+"""Draws at most that give a density together."""
+
 DENSITY = "log predictive density a reading"
 
 
@@ -147,10 +150,11 @@ def score_table(prediction: Prediction) -> pd.DataFrame:
     new = _new_readings(prediction)
     if len(new) < 2:
         raise InputError(f"{experiment.id}: found one draw, expected at least two for a score.")
-    own = evenly_spaced(np.arange(len(new)), COMPARED)
-    readings = np.vstack([experiment.response, new[own]])
+    kept = evenly_spaced(np.arange(len(new)), MIXED)
+    own = evenly_spaced(np.arange(len(kept)), COMPARED)
+    readings = np.vstack([experiment.response, new[kept[own]]])
     scores = {f"coverage of the {band} % band": _coverage(readings, new, band) for band in BANDS}
-    scores[DENSITY] = _mean_log_density(prediction, readings, own)
+    scores[DENSITY] = _mean_log_density(prediction, readings, kept, own)
     return pd.DataFrame.from_dict(
         {
             name: {
@@ -166,9 +170,8 @@ def score_table(prediction: Prediction) -> pd.DataFrame:
     ).rename_axis("score")
 
 
-def score_sentence(prediction: Prediction) -> str:
-    """Say how the readings of a test lie in what was predicted (`score_table`)."""
-    scores = score_table(prediction)
+def score_sentence(prediction: Prediction, scores: pd.DataFrame) -> str:
+    """Say how the readings of a test lie in what was predicted, from its `score_table`."""
     said = [
         f"{_share(scores, row, 'found')} in the {band} % band (the draws expect "
         f"{_share(scores, row, 'expected')}, and in 90 % of such tests "
@@ -228,19 +231,23 @@ def _coverage(readings: FloatArray, new: FloatArray, band: int) -> FloatArray:
 
 
 def _mean_log_density(
-    prediction: Prediction, readings: FloatArray, own: npt.NDArray[np.int64]
+    prediction: Prediction,
+    readings: FloatArray,
+    kept: npt.NDArray[np.int64],
+    own: npt.NDArray[np.int64],
 ) -> FloatArray:
-    """Mean over points of the log density of sets of readings, shape (n_sets,).
+    """Mean over points of the log density that kept draws give to sets of readings, (n_sets,).
 
-    The first set is measured; the others are replicated from the draws of given numbers, each of
-    which is left out where its own set is scored: a draw knows the truth that its set was made
-    from, which no prediction does.
+    The first set is measured; the others are replicated from some of the kept draws, each of which
+    is left out where its own set is scored: a draw knows the truth that its set was made from,
+    which no prediction does.
     """
     experiment = prediction.experiment
     solved = all_draws(response_in(prediction.posterior, "model_response"))
     group = prediction.posterior["posterior"].to_dataset()
     values = {str(name): all_draws(column) for name, column in group.items()}
     noise = protocol_of(experiment).reading_noise(experiment, values)
+    solved, noise = solved[kept], noise[kept]
     found = np.empty(len(readings))
     for number, reading in enumerate(readings):
         density = -0.5 * ((reading - solved) / noise) ** 2 - np.log(noise)

@@ -47,11 +47,17 @@ def conditions(experiment: Experiment, predictions: xr.Dataset) -> Ranges:
     clock = protocol.clock.name
     median[f"grid_{clock}"] = predictions[clock].to_numpy()
     solution = protocol.solution(experiment, median)
+    temperatures = experiment.temperatures
+    found = {
+        "temperature": (float(temperatures.min()), float(temperatures.max())),
+        "initial grain size": (experiment.initial_grain_size, experiment.initial_grain_size),
+    }
+    if "time_s" not in solution:  # cycles in closed form
+        return found
     passed = np.diff(solution["time_s"])
     rate = np.abs(np.diff(solution["strain"])[passed > 0] / passed[passed > 0])
     return {
-        "temperature": (experiment.temperature, experiment.temperature),
-        "initial grain size": (experiment.initial_grain_size, experiment.initial_grain_size),
+        **found,
         "strain rate": (float(rate.min()), float(rate.max())),
         "strain": (0.0, float(np.abs(solution["strain"]).max())),
         "stress": (0.0, float(np.abs(solution["stress_Pa"]).max())),
@@ -64,10 +70,11 @@ def outside(target: Ranges, fitted: Sequence[Ranges]) -> tuple[str, ...]:
     Parameters
     ----------
     target, fitted
-        Of `conditions`; the latter of one to many tests.
+        Of `conditions`; the latter of one to many tests. Those that all have are compared.
     """
     phrases = []
-    for name, (low, high) in target.items():
+    for name in (name for name in target if all(name in one for one in fitted)):
+        low, high = target[name]
         least = min(one[name][0] for one in fitted)
         most = max(one[name][1] for one in fitted)
         if low < least * (1 - ROUNDING) or high > most * (1 + ROUNDING):

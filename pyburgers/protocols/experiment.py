@@ -162,6 +162,11 @@ class Experiment(ABC):
         return len(self.response)
 
     @property
+    def temperatures(self) -> FloatArray:
+        """All temperatures (K) of the test, in any order."""
+        return np.array([self.temperature])
+
+    @property
     def parts(self) -> Mapping[str, int]:
         """Readings in each part that can be predicted from the others, by name; none in most."""
         return MappingProxyType({})

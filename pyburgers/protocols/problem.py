@@ -213,6 +213,8 @@ def problem_of(
         If tests are of different materials or of protocols that do not go together, have no data
         or the same name, or a pooling does not go with the priors.
     """
+    for experiment in experiments:
+        _check_not_in_prior(experiment, priors)
     experiments = of_one_protocol(experiments)
     names = [experiment.id for experiment in experiments]
     for name in names:
@@ -334,7 +336,6 @@ def _check_test(experiment: Experiment, first: Experiment, priors: PriorSet) -> 
         )
     check_variant(priors, experiment)
     protocol_of(experiment).check_priors(experiment, priors)
-    _check_not_in_prior(experiment, priors)
 
 
 def _check_conditions(experiments: Sequence[Experiment]) -> None:

@@ -213,6 +213,12 @@ class RunDirectory:
         current = self.read_manifest() if self.manifest_file.is_file() else {}
         write_json(self.manifest_file, {**current, **changes})
 
+    def note_hash(self, file: Path) -> None:
+        """Note the hash of a file that was written after the chains and will be read back."""
+        hashes = self.read_manifest().get("hashes", {})
+        name = file.relative_to(self.path).as_posix()
+        self.update_manifest({"hashes": {**hashes, name: sha256_of_file(file)}})
+
     @contextmanager
     def claimed(self, fingerprint: str, folders: Sequence[str] = FOLDERS) -> Iterator[None]:
         """Hold the directory for a run with these inputs, new or to be continued.

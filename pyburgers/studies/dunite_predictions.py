@@ -47,7 +47,8 @@ def predictions_section(joint: Fit, experiments: Sequence[Experiment]) -> PageSe
         for caution in first.cautions
         if all(caution in one.cautions for one in predictions.values())
     ]
-    table = pd.concat({name: score_table(one) for name, one in predictions.items()})
+    scores = {name: score_table(one) for name, one in predictions.items()}
+    table = pd.concat(scores)
     table.index.names = ["test", "score"]
     return PageSection(
         key=KEY,
@@ -57,7 +58,7 @@ def predictions_section(joint: Fit, experiments: Sequence[Experiment]) -> PageSe
             f"{' and '.join(predictions)}, which took no part in it, from {DRAWS} draws at most. "
             f"{' '.join(first.notes[:-1])}",
             *common,
-            *(_found(name, one, common) for name, one in predictions.items()),
+            *(_found(one, scores[name], common) for name, one in predictions.items()),
             "Readings of a test hang together: one truth made them all. What is expected of a "
             "score comes from tests that the draws themselves would give, scored alike; a "
             "share below of 0.00 or 1.00 says that hardly one of them looks like the measured one.",
@@ -84,9 +85,10 @@ def predictions_section(joint: Fit, experiments: Sequence[Experiment]) -> PageSe
     )
 
 
-def _found(name: str, prediction: Prediction, common: Sequence[str]) -> str:
+def _found(prediction: Prediction, scores: pd.DataFrame, common: Sequence[str]) -> str:
     own = [caution for caution in prediction.cautions if caution not in common]
-    return " ".join([f"{name}:", *own, prediction.notes[-1], score_sentence(prediction)])
+    said = (f"{prediction.experiment.id}:", *own, prediction.notes[-1])
+    return " ".join((*said, score_sentence(prediction, scores)))
 
 
 def _shown(table: pd.DataFrame) -> pd.DataFrame:

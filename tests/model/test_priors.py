@@ -2,11 +2,13 @@
 
 import logging
 import math
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+import tomli_w
 from refusals import refusal
 from scipy import stats
 
@@ -315,6 +317,24 @@ class TestBadInput:
 
     def test_missing_file(self, tmp_path: Path) -> None:
         assert "does not exist" in refusal(tmp_path / "none.toml", load_priors)
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        (lambda rows: [rows[0][:3], *rows[1:]], "whose rows differ in length"),
+        (lambda rows: rows[:3], "expected (4,) and (4, 4)"),
+        (lambda rows: [[1e308] * 4] * 4, "not symmetric and positive definite"),
+    ],
+)
+def test_a_wrong_covariance_of_the_flow_law_is_refused(
+    change: Callable[[list[list[float]]], object], expected: str, tmp_path: Path
+) -> None:
+    table = tomllib.loads(shipped_prior_files()["halite"].read_text(encoding="utf-8"))
+    table["flow_law"]["covariance"] = change(table["flow_law"]["covariance"])
+    path = tmp_path / "halite.toml"
+    path.write_text(tomli_w.dumps(table), encoding="utf-8")
+    assert expected in refusal(path, load_priors)
 
 
 def test_priors_of_another_material_are_told(caplog: pytest.LogCaptureFixture) -> None:

@@ -80,8 +80,9 @@ def test_the_density_is_that_of_all_draws_together() -> None:
     stress = prediction.experiment.response
     solved = prediction.posterior["model_response"]["stress"].to_numpy()[0]
     each = np.log(stats.norm.pdf(stress, solved, NOISE).mean(axis=0))
-    assert score_table(prediction)["found"][DENSITY] == pytest.approx(each.mean())
-    assert f"{each.mean():.2f}" in score_sentence(prediction)
+    scores = score_table(prediction)
+    assert scores["found"][DENSITY] == pytest.approx(each.mean())
+    assert f"{each.mean():.2f}" in score_sentence(prediction, scores)
 
 
 def test_what_is_expected_is_what_happens_where_the_draws_are_right() -> None:

@@ -48,3 +48,11 @@ def test_a_measured_misfit_is_told_whatever_the_sampling(
     sentence = result.verdicts()[CheckKind.DESCRIPTION].sentence
     assert "too narrow" in sentence
     assert "residuals=autocorrelated" in sentence
+
+
+def test_bad_readings_at_the_start_do_not_hide_what_is_missed_behind_steps(tmp_path: Path) -> None:
+    """Three hold most of the squares of 4580; its first readings after each step lie above."""
+    result = fit_of(tmp_path / "run", "4580")
+    failed = {one.name for one in result.checks() if one.outcome is Outcome.NO}
+    assert failed == {"residual trend"}
+    assert result.describes_data is Outcome.NO

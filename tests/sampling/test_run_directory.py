@@ -146,6 +146,21 @@ def test_the_folder_of_half_files_goes_with_the_claim(tmp_path: Path) -> None:
     assert not (run.path / ".scratch").exists()
 
 
+def test_a_file_that_was_noted_later_is_looked_at_too(tmp_path: Path) -> None:
+    run = RunDirectory(tmp_path / "run")
+    file = run.path / "law.json"
+    with run.claimed("abc"):
+        write_json(file, {"n": 3})
+        run.note_hash(file)
+    run.require_unchanged()
+    write_json(file, {"n": 4})
+    with pytest.raises(InputError, match=r"run: law\.json has changed since the run"):
+        run.require_unchanged()
+    file.unlink()
+    with pytest.raises(InputError, match=r"law\.json is missing"), run.claimed("abc"):
+        pass
+
+
 def test_a_second_process_is_kept_out_until_the_first_is_gone(tmp_path: Path) -> None:
     run = RunDirectory(tmp_path / "run")
     code = (

@@ -223,6 +223,35 @@ def test_another_configuration_in_the_same_folder_is_refused(
     assert_refused(code, capsys, "holds a run of other inputs", "choose another --out")
 
 
+@pytest.mark.parametrize(
+    ("name", "old", "new", "word"),
+    [
+        ("manifest.json", '"n_ranked": 19', '"n_ranked": "x"', "'n_ranked' in [plan]: found 'x'"),
+        ("manifest.json", '"draws": 20', '"drows": 20', "unknown key 'drows' in [plan.sampler]"),
+        ("manifest.json", '"command"', '"cmd"', "key 'command' is missing"),
+        ("inputs/priors.toml", "ice", "ICE", "inputs/priors.toml has changed"),
+        ("simulations/simulation_000002.json", '"seed"', '"sead"', "unknown key 'sead'"),
+        ("simulations/simulation_000002.json", "{", "", "is not valid JSON"),
+    ],
+)
+def test_what_was_damaged_or_changed_is_told(
+    name: str,
+    old: str,
+    new: str,
+    word: str,
+    finished: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    out = tmp_path / "out"
+    shutil.copytree(finished, out)
+    text = (out / name).read_text(encoding="utf-8")
+    assert old in text
+    (out / name).write_text(text.replace(old, new, 1), encoding="utf-8")
+    capsys.readouterr()
+    assert_refused(main(["sbc", "--results-of", str(out)]), capsys, word)
+
+
 def test_bad_numbers_and_files_are_refused(
     small_problem: Problem, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

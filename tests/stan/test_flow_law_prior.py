@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from conftest import ICE, valley_of, with_fixed, write_problem
+from history_twins import history_twin
 from oracle import GAS_CONSTANT
 from scipy import stats
 from stan_data import one_test_data
@@ -27,6 +28,7 @@ from pyburgers.model.flow_law_prior import (
     FlowLawPrior,
     PeakTest,
 )
+from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import (
     FLOW_LAW,
     PriorSet,
@@ -210,6 +212,8 @@ def test_a_curve_is_not_fitted_with_a_flow_law_that_it_has_gone_into(
             continue
         with pytest.raises(InputError, match=r"PIL40: may be the test with 0\.000169 1/s"):
             problem_of([curve], priors)
+        with pytest.raises(InputError, match="PIL40: may be the test"):
+            problem_of([curve, history_twin("creep", 8)], priors, pooling_of())
         command = ["fit", str(ICE / "PIL40.toml"), "--priors-from", str(tmp_path)]
         assert main([*command, "--out", str(tmp_path / "run")]) == 2
         assert "fit-peak-stress --without" in capsys.readouterr().err

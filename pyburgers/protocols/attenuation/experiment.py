@@ -52,6 +52,11 @@ class AttenuationExperiment(Experiment):
     elasticity: Elasticity
 
     @property
+    def temperatures(self) -> FloatArray:
+        """Temperatures of the rows."""
+        return self.conditions.temperature
+
+    @property
     def parts(self) -> Mapping[str, int]:
         """Readings at each temperature, the hottest first."""
         temperature = self.conditions.temperature

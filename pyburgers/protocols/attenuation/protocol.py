@@ -201,6 +201,15 @@ class Attenuation(Protocol[AttenuationExperiment]):
         )
         return replace(experiment, readings=noisy)
 
+    def noises(self, experiment: AttenuationExperiment) -> Mapping[str, float | None]:
+        """Return the scatters, which may be none where all errors are stated."""
+        readings = experiment.readings
+        errors = {
+            "attenuation_scatter": readings.tan_delta_error,
+            "modulus_scatter": readings.modulus_error,
+        }
+        return {name: 0.0 if np.all(error > 0) else None for name, error in errors.items()}
+
     def reading_noise(
         self, experiment: AttenuationExperiment, values: Mapping[str, FloatArray]
     ) -> FloatArray:

@@ -75,6 +75,11 @@ class LoadingHistory(Experiment):
         return self.stages[-1].end_time
 
     @property
+    def temperatures(self) -> FloatArray:
+        """Temperatures of the stages."""
+        return np.array([stage.temperature for stage in self.stages])
+
+    @property
     def position(self) -> FloatArray:
         """Times of the readings."""
         return self.time

@@ -1,0 +1,102 @@
+"""What replicated data leave over once they are fitted as the data were.
+
+A posterior follows the data that it is held against: what a fit leaves over is smaller and less
+smooth than the noise was. Replicated data beside the draw that made them show the noise, not what a
+fit leaves of it. So each replicate is fitted too, with the response taken as linear in the
+parameters and normal (a calibration of posterior predictive probabilities as of Hjort, Dahl and
+Steinbakk 2006, Journal of the American Statistical Association 101, 1157-1174, with linear fits in
+place of new chains).
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from pyburgers.checks.residual_numbers import TINY
+
+FloatArray = npt.NDArray[np.float64]
+
+MOST_REPLICATES = 2000
+"""Replicates that are fitted, evenly spaced among the draws."""
+
+DRAWS_OF_REFIT = 20
+"""Draws of the posterior of each."""
+
+CHUNK = 2_000_000
+"""Numbers held at a time."""
+
+
+def evenly(n_draws: int, wanted: int) -> npt.NDArray[np.int64]:
+    """Return positions of draws, evenly spaced, all where there are no more than wanted."""
+    return np.linspace(0, n_draws - 1, min(n_draws, wanted)).astype(np.int64)
+
+
+def refitted_means(observed: FloatArray, noise: FloatArray, *, correlated: bool) -> FloatArray:
+    """Mean residuals of replicated data over their own posteriors.
+
+    With q the deviations of the draws of the response from their mean, V the covariance of the
+    noise and K = cov(q) / V the share of a change of the data that the posterior mean follows, a
+    replicate that lies a from the mean response of the data's fit leaves a - K (a - r), where r is
+    what the data leave.
+
+    Parameters
+    ----------
+    observed : array, shape (draws, n)
+        Residuals of the data at each draw.
+    noise : array, shape (draws, n)
+        Residuals of the replicated data of each draw, at this draw.
+    correlated : bool
+        Whether residuals correlate in the model; else V is diagonal.
+
+    Returns
+    -------
+    array, shape (replicates, n)
+    """
+    mean = observed.mean(axis=0)
+    deviation = observed - mean
+    away = (noise - deviation)[evenly(len(noise), MOST_REPLICATES)]
+    factor = np.diag(np.sqrt(np.maximum(np.mean(noise**2, axis=0), TINY)))
+    if correlated:
+        factor = np.linalg.cholesky(noise.T @ noise / len(noise) + 1e-6 * factor**2)
+    whitened = np.linalg.solve(factor, deviation.T)
+    share, axes = np.linalg.eigh(whitened @ whitened.T / len(observed))
+    # A posterior of a response that is linear follows data by no more than they change.
+    follows = (axes * np.minimum(share, 1.0)) @ axes.T
+    gain = factor @ np.linalg.solve(factor.T, follows.T).T
+    return np.asarray(away - (away - mean) @ gain.T, dtype=np.float64)
+
+
+def scale_of(means: FloatArray) -> FloatArray:
+    """Size of what each replicate leaves over that of all, with which its noise and widths go.
+
+    Returns
+    -------
+    array, shape (replicates, 1)
+    """
+    squares = np.mean(means**2, axis=1, keepdims=True)
+    size: FloatArray = np.sqrt(squares / max(float(squares.mean()), TINY))
+    return size
+
+
+def refitted_residuals(observed: FloatArray, means: FloatArray) -> Iterator[FloatArray]:
+    """Residuals of replicated data at draws of their own posteriors.
+
+    Parameters
+    ----------
+    observed : array, shape (draws, n)
+        Residuals of the data at each draw.
+    means : array, shape (replicates, n)
+        From `refitted_means`.
+
+    Yields
+    ------
+    array, shape (some replicates, `DRAWS_OF_REFIT`, n)
+        All replicates in turn.
+    """
+    deviation = (observed - observed.mean(axis=0))[evenly(len(observed), DRAWS_OF_REFIT)]
+    scale = scale_of(means)
+    step = max(1, CHUNK // deviation.size)
+    for start in range(0, len(means), step):
+        part = slice(start, start + step)
+        yield means[part, None, :] + scale[part, :, None] * deviation

@@ -1,0 +1,140 @@
+"""Numbers that residuals along a clock have: how they go together, how large the largest is."""
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+TINY = 1e-100
+"""Keeps residuals that are exactly 0 from a division by 0."""
+
+
+def autocorrelation(residuals: FloatArray, joined: BoolArray) -> FloatArray:
+    """Lag-1 autocorrelation about zero.
+
+    Parameters
+    ----------
+    residuals : array, shape (..., n)
+        Along the clock.
+    joined : array of bool, shape (n - 1,)
+        Whether a point and the next one are of one segment, and so count as a pair.
+
+    Returns
+    -------
+    array, shape (...,)
+    """
+    pairs = residuals[..., 1:] * residuals[..., :-1]
+    found: FloatArray = pairs @ joined / np.maximum((residuals**2).sum(-1), TINY)
+    return found
+
+
+def signed_ranks(residuals: FloatArray) -> FloatArray:
+    """Rank of the size of each residual, from 1, over the number of residuals, with its sign.
+
+    A few bad readings hold most of the squares and hide how the others go together; no rank is
+    more than 1.7 times the root mean square of all.
+
+    Parameters
+    ----------
+    residuals : array, shape (..., n)
+
+    Returns
+    -------
+    array, shape (..., n)
+    """
+    order = np.abs(residuals).argsort(axis=-1)
+    ranks = np.empty_like(residuals)
+    every = np.arange(1.0, residuals.shape[-1] + 1) / residuals.shape[-1]
+    np.put_along_axis(ranks, order, np.broadcast_to(every, order.shape), axis=-1)
+    return np.copysign(ranks, residuals)
+
+
+def longest_runs(residuals: FloatArray, joined: BoolArray) -> FloatArray:
+    """Length of the longest run of residuals of one sign in one segment.
+
+    Parameters
+    ----------
+    residuals : array, shape (draws, n)
+        Along the clock.
+    joined : array of bool, shape (n - 1,)
+        As for `autocorrelation`.
+
+    Returns
+    -------
+    array, shape (draws,)
+    """
+    positive = residuals > 0
+    run = np.ones(residuals.shape[0])
+    longest = run.copy()
+    for i, together in enumerate(joined, start=1):
+        goes_on = together & (positive[:, i] == positive[:, i - 1])
+        run = np.where(goes_on, run + 1, 1)
+        np.maximum(longest, run, out=longest)
+    return longest
+
+
+def longest_run(residuals: FloatArray, joined: BoolArray) -> tuple[int, int]:
+    """Return the first and the last point, from 0, of the longest run of one sign in one segment.
+
+    Parameters
+    ----------
+    residuals : array, shape (n,)
+        Along the clock.
+    joined : array of bool, shape (n - 1,)
+        As for `autocorrelation`.
+    """
+    ends = np.flatnonzero((np.diff(residuals > 0) != 0) | ~joined) + 1
+    edges = np.concatenate([[0], ends, [residuals.size]])
+    longest = int(np.diff(edges).argmax())
+    return int(edges[longest]), int(edges[longest + 1]) - 1
+
+
+def largest_residual(residuals: FloatArray) -> FloatArray:
+    """Largest residual over the root mean square of the others, shape (draws,)."""
+    squares = residuals**2
+    largest = squares.max(axis=1)
+    others = np.maximum(squares.sum(axis=1) - largest, TINY)
+    found: FloatArray = np.sqrt(largest * max(1, squares.shape[1] - 1) / others)
+    return found
+
+
+def segment_parts(
+    residuals: FloatArray, segment: npt.NDArray[np.int64], position: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """How much of a test's residuals each segment holds, as a straight line and in all.
+
+    Parameters
+    ----------
+    residuals : array, shape (draws, n)
+        Along the clock.
+    segment, position : array, shape (n,)
+        Of the readings.
+
+    Returns
+    -------
+    trend : array, shape (segments, draws)
+        Sum of squares of the straight line through the residuals of the segment, over the mean
+        square of all.
+    spread : array, shape (segments, draws)
+        Mean square of the segment over that of all.
+    """
+    squares = residuals**2
+    mean_square = np.maximum(squares.mean(axis=1), TINY)
+    trend, spread = [], []
+    for one in np.unique(segment):
+        here = segment == one
+        line = _line_basis(position[here])
+        trend.append(((residuals[:, here] @ line) ** 2).sum(axis=1) / mean_square)
+        spread.append(squares[:, here].mean(axis=1) / mean_square)
+    return np.stack(trend), np.stack(spread)
+
+
+def _line_basis(position: FloatArray) -> FloatArray:
+    """Orthonormal columns that span straight lines at positions, shape (n, 1 or 2)."""
+    level: FloatArray = np.full((position.size, 1), position.size**-0.5)
+    slope = position - position.mean()
+    length = np.linalg.norm(slope)
+    if length == 0 or position.size < 3:
+        return level
+    return np.column_stack([level, slope / length])

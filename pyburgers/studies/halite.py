@@ -32,7 +32,7 @@ LAWS: Mapping[str, str] = {"grain_size": "constant"}
 """Grains do not change in 1.6 % of strain; hardening and the hyperbolic sine are in the priors."""
 
 SHORT = SamplerOptions(chains=2, warmup=150, draws=150, seed=1)
-"""Few draws: each takes about a second, and the page says what they do not tell."""
+"""Few draws: an iteration takes about a second."""
 
 HOUR, DAY = 3600.0, 86400.0
 

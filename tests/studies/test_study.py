@@ -25,10 +25,8 @@ from pyburgers.predictions.stress_cycles import PAPER_REGIMES
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.protocols.forced_oscillation.response import oscillation_of
 from pyburgers.protocols.forward import simulate
-from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.report.page import write_report
 from pyburgers.studies.dunite import JOINT_RUN, ONE_RATE, STEPPED, TOGETHER
-from pyburgers.studies.halite import RUN as HALITE_RUN
 from pyburgers.studies.maor import sections as maor_sections
 from pyburgers.studies.maor.attenuation import MICROSTRUCTURE_SENTENCE
 from pyburgers.studies.maor.coverage import coverage_table
@@ -293,9 +291,6 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
             assert [one.id for one in problem.experiments] == list(TOGETHER)
             return joint
         assert out.name == experiment.id
-        if isinstance(experiment, LoadingHistory):
-            fit = make_fit(out, draws=100, command=experiment.id)
-            return with_problem(fit, experiment, priors.resolved(8e6))
         if isinstance(experiment, OscillationExperiment):
             treatment = experiment.prepared.background
             assert experiment.id == f"olivine_{treatment}"
@@ -309,15 +304,11 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
 
     monkeypatch.setattr("pyburgers.studies.maor.reproduce.fit_side_by_side", quickly)
     monkeypatch.setattr("pyburgers.studies.maor.reproduce.write_report", written)
-    # A made-up fit of a history has no solution to show (tests/studies/test_measured_creep.py).
-    section = PageSection("measured_creep", "", ())
-    monkeypatch.setattr("pyburgers.studies.maor.reproduce.halite_section", lambda fit: section)
     outcome = reproduce("quick", tmp_path, command="make report")
-    measured = [ONE_RATE, *STEPPED, *joint.tests(), HALITE_RUN]
+    measured = [ONE_RATE, *STEPPED, *joint.tests()]
     names = [*study_experiments(), COMBINED_RUN]
     assert outcome.fits[-1].priors.flow_law is not None
-    others = [fit for fit in outcome.fits[:-1] if fit.experiment.id != HALITE_RUN]
-    assert all(fit.priors.flow_law is None for fit in others)
+    assert all(fit.priors.flow_law is None for fit in outcome.fits[:-1])
     assert outcome.page == tmp_path / "index.html"
     for fits in (outcome.fits, shown["fits"]):
         assert [fit.experiment.id for fit in fits] == [*measured, *names]
@@ -326,8 +317,7 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
     keys = [section.key for section in shown["extras"]]
     of_study = ["statements", "counterparts", "model", "attenuation", "preparation", "background"]
     assert keys[0] == "rate_steps"
-    assert keys[2] == "measured_creep"
-    assert keys[3].startswith("joint_")
-    assert keys[4:12] == [*of_study, "stress_floor", "peak_stress"]
+    assert keys[1].startswith("joint_")
+    assert keys[2:10] == [*of_study, "stress_floor", "peak_stress"]
     assert names[:-1] == ["PIL40", "PIL72", "PIL105", "olivine_kept", "olivine_removed"]
     assert outcome.peak_stress.data.id == PEAK_STRESS_TABLE

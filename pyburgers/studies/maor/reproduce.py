@@ -41,8 +41,6 @@ from pyburgers.studies.dunite import (
     rate_steps_section,
 )
 from pyburgers.studies.dunite_predictions import predicted_tests, predictions_section
-from pyburgers.studies.halite import RUN as HALITE_RUN
-from pyburgers.studies.halite import halite_section, halite_tasks
 from pyburgers.studies.maor.sections import study_sections
 
 logger = logging.getLogger(__name__)
@@ -78,7 +76,6 @@ HANDED_ON_RUN = f"{PEAK_STRESS_TABLE}_handed_on"
 
 
 LONGEST_FIRST = (
-    HALITE_RUN,
     JOINT_RUN,
     "olivine_removed",
     *STEPPED,
@@ -135,11 +132,10 @@ def reproduce(
 ) -> Outcome:
     """Fit the experiments of the study and write the page; continue where a call stopped.
 
-    The page has the fits, those of measured dunite and rock salt first and with them which law
-    describes steps of the strain rate, what two tests predict of others and where creep of salt is
-    missed, attenuation as the ice fits predict it, what the treatment of the olivine record
-    changes, the paper's statements, the flow law of measured peak stresses, and what that adds to
-    one of the curves.
+    The page has the fits, those of measured dunite first and with them which law describes steps
+    of the strain rate and what two tests predict of others, attenuation as the ice fits predict
+    it, what the treatment of the olivine record changes, the paper's statements, the flow law of
+    measured peak stresses, and what that adds to one of the curves.
 
     Parameters
     ----------
@@ -161,14 +157,12 @@ def reproduce(
     )
     problems = _problems(preset, handed_on)
     of_dunite = dunite_tasks(shipped_data_directory() / "dunite", PRESETS[preset])
-    of_halite = halite_tasks(shipped_data_directory() / "halite")
-    tasks = {**problems, **of_dunite, **of_halite}
+    tasks = {**problems, **of_dunite}
     begun = {name: tasks[name] for name in LONGEST_FIRST}
     found = fit_side_by_side(begun, runs, command=command)
     joint = found[JOINT_RUN]
     alone = {name: found[name] for name in of_dunite if name != JOINT_RUN}
-    of_rock = [*alone.values(), *joint.tests().values(), found[HALITE_RUN]]
-    fits = [*of_rock, *(found[name] for name in problems)]
+    fits = [*alone.values(), *joint.tests().values(), *(found[name] for name in problems)]
     ice_fits = {name: found[name] for name in ICE_TWINS}
     olivine_fits: dict[str, Fit] = {
         background: found[name] for background, name in OLIVINE_RUNS.items()
@@ -176,13 +170,12 @@ def reproduce(
     page = write_report(
         fits,
         out,
-        title=f"Nonlinear Burgers fits of dunite, rock salt, ice and olivine ({preset} preset)",
+        title=f"Nonlinear Burgers fits of dunite, ice and olivine ({preset} preset)",
         command=command,
         joints=[joint],
         extras=(
             rate_steps_section({name: found[name] for name in STEPPED}),
             predictions_section(joint, predicted_tests(shipped_data_directory() / "dunite")),
-            halite_section(found[HALITE_RUN]),
             *joint_sections([joint], list(alone.values())),
             *study_sections(ice_fits, olivine_fits, measured),
             peak_stress_section(peak_stress),

@@ -37,7 +37,7 @@ transformed data {
   int n_grid = grid_end[n_tests + 1];
   // What some free parameter changes; the rest is constant to the solver.
   array[n_parameters()] int is_free = free_in_any_test(own_parameter, pooled_parameter);
-  array[size(varying_rates(is_free))] int varying = varying_rates(is_free);
+  array[size(varying_rates(is_free, has_part(element, is_of_peak())))] int varying = varying_rates(is_free, has_part(element, is_of_peak()));
   array[leg_end[n_tests + 1]] vector[n_history_rates()] fixed;
   array[n_tests] vector[n_history_constants()] test;
   array[n_tests] vector[n_parameters()] prior_mass
@@ -81,7 +81,7 @@ model {
       vector[size(points)] response
         = history_readings(history_solution(parameter[e], prior_location[e], varying,
                                             leg[part(leg_end, e)], fixed[part(leg_end, e)],
-                                            test[e], point_time_in_leg[points],
+                                            test[e], element, point_time_in_leg[points],
                                             n_points_in_leg[part(leg_end, e)],
                                             initial_grain_size[e], tolerance, max_num_steps),
                            is_strain[points], parameter[e]);
@@ -122,7 +122,7 @@ generated quantities {
     response_model[points]
       = history_readings(history_solution(parameter[e], prior_location[e], varying,
                                           leg[part(leg_end, e)], fixed[part(leg_end, e)], test[e],
-                                          point_time_in_leg[points],
+                                          element, point_time_in_leg[points],
                                           n_points_in_leg[part(leg_end, e)],
                                           initial_grain_size[e], tolerance, max_num_steps),
                          is_strain[points], parameter[e]);

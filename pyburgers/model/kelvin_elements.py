@@ -49,7 +49,7 @@ def peak_elements(width: float, error: float) -> tuple[FloatArray, FloatArray]:
     Parameters
     ----------
     width : float
-        Standard deviation of ln(t) of the widest peak.
+        Standard deviation of ln(t) of the widest peak; 0 is one element.
     error : float
         As for `band_elements`.
 
@@ -60,6 +60,8 @@ def peak_elements(width: float, error: float) -> tuple[FloatArray, FloatArray]:
     weight : array, shape (n,)
         Its share of the peak's relaxed compliance.
     """
+    if width == 0:
+        return np.zeros(1), np.ones(1)
     # The normal density is larger at the poles, by exp[(pole/width)^2/2].
     needed = math.log(4 / error) + 0.5 * (_POLE / width) ** 2
     step = min(_ALIASING, 2 * math.pi * _POLE / (width * needed))

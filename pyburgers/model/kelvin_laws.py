@@ -5,6 +5,7 @@ A law is on where its switch is not left at its standard value. The equations ar
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Literal
 
@@ -12,7 +13,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.model.parameters import PARAMETER_BY_NAME, STANDARD_VALUES
 from pyburgers.model.prior_families import Prior, fixed_prior, is_fixed_at
 
-KelvinLaw = Literal["linear", "power_law", "extended", "extended_peak", "andrade"]
+KelvinLaw = Literal["linear", "power_law", "two_elements", "extended", "extended_peak", "andrade"]
 
 _BAND = ("relaxation_time_decades", "relaxation_exponent")
 
@@ -20,6 +21,7 @@ PARAMETERS_OF_LAW: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "linear": (),
         "power_law": ("kelvin_stress_exponent",),
+        "two_elements": ("peak_strength", "peak_time_decades"),
         "extended": _BAND,
         "extended_peak": (*_BAND, "peak_strength", "peak_time_decades", "peak_width"),
         "andrade": ("andrade_exponent",),
@@ -36,6 +38,14 @@ _SWITCHES: Mapping[str, KelvinLaw] = MappingProxyType(
     }
 )
 """Parameters whose standard value takes a law out."""
+
+_STRENGTH = "peak_strength"
+_SECOND_ELEMENT = (
+    "Not in the paper: a second element of a thirtieth of the elastic compliance up to thrice it"
+)
+
+_WIDTH = "peak_width"
+"""Without one the peak is a second element."""
 
 _COMPLIANCE = "kelvin_modulus"
 """Of Andrade creep, a convention: after the time eta_K/E_K it has reached stress/E_K."""
@@ -59,6 +69,8 @@ def kelvin_law(priors: Mapping[str, Prior], where: str) -> KelvinLaw:
     on = [law for switch, law in _SWITCHES.items() if not _is_standard(priors, switch)]
     if on == ["extended", "extended_peak"]:
         return "extended_peak"
+    if on == ["extended_peak"] and _is_standard(priors, _WIDTH):
+        return "two_elements"
     if len(on) > 1 or on == ["extended_peak"]:
         names = [name for name, law in _SWITCHES.items() if law in on]
         raise InputError(
@@ -104,13 +116,18 @@ def changes_for(
             "Kelvin part is Andrade creep, expected the priors of the material."
         )
     wanted = PARAMETERS_OF_LAW[law]
-    taken_out = [name for name in _SWITCHES if name in priors and name not in wanted]
+    switches = (*_SWITCHES, _WIDTH)
+    taken_out = [name for name in switches if name in priors and name not in wanted]
     put_in = [
         name
         for name in wanted
-        if name not in priors or (name in _SWITCHES and _is_standard(priors, name))
+        if name not in priors or (name in switches and _is_standard(priors, name))
     ]
     values = {name: STANDARD_VALUES[name] for name in taken_out}
+    if law == "two_elements":
+        values[_WIDTH] = STANDARD_VALUES[_WIDTH]  # a strength asks for one
+        second = replace(freed[_STRENGTH], location=0.3, scale=1.5, source=_SECOND_ELEMENT)
+        freed = {**freed, _STRENGTH: second}
     if law != "linear":
         values |= {name: value for name, value in references.items() if name not in priors}
     if law == "andrade" and not priors[_COMPLIANCE].is_fixed:

@@ -291,7 +291,7 @@ VARIANT_PARAMETERS: tuple[Parameter, ...] = (
         "dimensionless",
         "1",
         "1",
-        standard=1.0,
+        standard=0.0,
     ),
     Parameter(
         "andrade_exponent",

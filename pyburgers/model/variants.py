@@ -77,9 +77,9 @@ class ModelVariant:
 
     Attributes
     ----------
-    kelvin : {"linear", "power_law", "extended", "extended_peak", "andrade"}
-        Kelvin element with a linear or power-law dashpot, or a band of relaxation times, one with
-        a peak on top, or Andrade creep (`pyburgers.model.kelvin_laws`).
+    kelvin : {"linear", "power_law", "two_elements", "extended", "extended_peak", "andrade"}
+        Kelvin element with a linear or power-law dashpot, or two linear ones, or a band of
+        relaxation times, one with a peak on top, or Andrade creep (`pyburgers.model.kelvin_laws`).
     maxwell : {"power_law", "linear", "hyperbolic_sine"}
         Dashpot of the Maxwell element.
     grain_size : {"evolving", "constant", "piezometric"}
@@ -229,6 +229,13 @@ def check_variant(priors: PriorSet, experiment: Test) -> None:
         raise InputError(
             f"{experiment.id}: kelvin={variant.kelvin} is not for tests of the protocol "
             f"{experiment.protocol}, expected {' or '.join(experiment.laws['kelvin'])}."
+        )
+    if not _allows(experiment, "kelvin", "extended") and not is_fixed_at(
+        priors["kelvin_grain_size_exponent"], 0.0
+    ):
+        raise InputError(
+            f"{experiment.id}: kelvin_grain_size_exponent has no effect in tests of the protocol "
+            f"{experiment.protocol}, expected it fixed at 0."
         )
     if variant.residuals == "independent":
         return

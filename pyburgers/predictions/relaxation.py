@@ -56,8 +56,11 @@ class KelvinPart:
     def _is_andrade(self) -> bool:
         return bool(self.values["andrade_exponent"].any())
 
-    def _elements(self) -> Iterator[tuple[FloatArray, FloatArray]]:
-        """Relaxation times (s) and compliances (1/Pa) of its elements, shape of the draws each."""
+    def elements(self) -> Iterator[tuple[FloatArray, FloatArray]]:
+        """Yield relaxation time (s) and compliance (1/Pa) of its elements, shape of the draws each.
+
+        Andrade creep has none.
+        """
         values, compliance = self.values, 1 / self.values["kelvin_modulus"]
         width = np.log(10) * values["relaxation_time_decades"]
         if width.any():
@@ -90,7 +93,7 @@ class KelvinPart:
             angle = 0.5 * np.pi * exponent
             return size * np.cos(angle), size * np.sin(angle)
         storage, loss = np.zeros(()), np.zeros(())
-        for time, compliance in self._elements():
+        for time, compliance in self.elements():
             delay = angular_frequency * time[..., np.newaxis]
             share = compliance[..., np.newaxis] / (1 + delay**2)
             storage, loss = storage + share, loss + share * delay
@@ -105,7 +108,7 @@ class KelvinPart:
             )
         strain = np.zeros(())
         with np.errstate(divide="ignore"):  # without viscosity it follows at once
-            for relaxation, compliance in self._elements():
+            for relaxation, compliance in self.elements():
                 strain = strain - compliance * np.expm1(-time / relaxation)
         return strain
 

@@ -13,3 +13,6 @@ array[leg_end[n_tests + 1]] int<lower=0> n_points_in_leg;
 vector[point_end[n_tests + 1]] point_time; // s since the start of the test
 array[point_end[n_tests + 1]] int<lower=0> point_stage; // of its test
 int<lower=0, upper=1> correlated_residuals; // 0: tau_r is 0 and residuals are independent
+// Elements of the Kelvin part (history_elements()): part of its law, place in it, weight.
+int<lower=1> n_elements;
+matrix[n_elements, 3] element;

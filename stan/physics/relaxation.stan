@@ -8,7 +8,8 @@
  *   band          J = (1/E_K) integral of p(t)/(1 + i omega t) dt,  p ~ t^(alpha - 1) between
  *                 tau_L = tau/10^decades and tau_H = tau, with the integral 1
  *   and a peak    J + (Delta_P/E_M) integral of q(t)/(1 + i omega t) dt, q log-normal about
- *                 tau_P = tau/10^peak_decades with the standard deviation sigma_P of ln(t)
+ *                 tau_P = tau/10^peak_decades with the standard deviation sigma_P of ln(t); with
+ *                 sigma_P = 0 a second element of the time tau_P
  *   Andrade       J = (1/E_K) Gamma(1 + a) (i omega tau)^-a, the creep (t/tau)^a/E_K
  *
  * (band and peak: Jackson and Faul 2010, Physics of the Earth and Planetary Interiors 183,
@@ -105,6 +106,11 @@ matrix band_compliance(vector log_x, real exponent, real log_width) {
   return compliance;
 }
 
+/** Storage and loss of one element over its relaxed compliance, ln(omega tau) given; (n, 2). */
+matrix element_compliance(vector log_x) {
+  return append_col(inv_logit(-2 * log_x), 0.5 * inv(cosh(log_x)));
+}
+
 /**
  * Storage and loss of a log-normal peak of relaxation times over its relaxed compliance.
  *
@@ -188,12 +194,13 @@ matrix kelvin_compliance(vector log_x, vector parameter) {
   if (log_width > 0) {
     found = compliance * band_compliance(log_x, parameter[i_relaxation_exponent()], log_width);
   } else {
-    found = compliance * append_col(inv_logit(-2 * log_x), 0.5 * inv(cosh(log_x)));
+    found = compliance * element_compliance(log_x);
   }
   if (parameter[i_peak_strength()] > 0) {
+    vector[n] from_peak = log_x - log(10) * parameter[i_peak_time_decades()];
+    real width = parameter[i_peak_width()];
     found += parameter[i_peak_strength()] / parameter[i_maxwell_modulus()]
-             * peak_compliance(log_x - log(10) * parameter[i_peak_time_decades()],
-                               parameter[i_peak_width()]);
+             * (width > 0 ? peak_compliance(from_peak, width) : element_compliance(from_peak));
   }
   return found;
 }

@@ -34,23 +34,26 @@ array[] vector fixed_rates(data vector parameter, data matrix leg, data real ini
  * @param leg a row for each leg, see the places above
  * @param fixed what each leg is solved with at `constant` (fixed_rates())
  * @param test constants of the test (history_constants())
+ * @param element elements of the Kelvin part (history_elements())
  * @param time of each output since the start of its leg over its duration, from 0 to 1
  * @param n_in_leg number of outputs in each leg, one leg after the other
  * @param initial_grain_size d_0, m
  * @return array over outputs of [stress (Pa), strain (that of the apparatus included), Kelvin
- *   strain, path strain of the specimen, dashpot strain, d/d_0 (1 where it follows no piezometer)]
+ *   strain, path strain of the specimen, dashpot strain, d/d_0 (1 where it follows no piezometer),
+ *   rate of the Kelvin strain (1/s)]
  */
 array[] vector history_solution(vector parameter, data vector constant,
                                 data array[] int varying, data matrix leg,
                                 data array[] vector fixed, data vector test,
-                                data array[] real time, data array[] int n_in_leg,
+                                data matrix element, data array[] real time, data array[] int n_in_leg,
                                 data real initial_grain_size, data real tolerance,
                                 data int max_num_steps) {
   array[n_history_rates()] int place = place_among(varying);
   real stress_scale = test[c_stress_scale()];
   real strain_scale = test[c_strain_scale()];
-  array[size(time)] vector[6] solution;
-  vector[5] state = [0, 0, 0, 0, 1]';
+  array[size(time)] vector[7] solution;
+  int n_states = 5 + n_summed(element);
+  vector[n_states] state = append_row([0, 0, 0, 0, 1]', rep_vector(0, n_summed(element)));
   int before = 0;
   for (k in 1 : rows(leg)) {
     int n = n_in_leg[k];
@@ -59,7 +62,8 @@ array[] vector history_solution(vector parameter, data vector constant,
                       initial_grain_size, test[c_stress_scale()], test[c_strain_scale()]);
     real kelvin = every[h_kelvin_compliance()];
     real elastic = every[h_spring_compliance()] + every[h_apparatus_compliance()];
-    array[n + 1] vector[5] states;
+    matrix[rows(element), 2] elements = history_elements(element, every[varying], place, fixed[k]);
+    array[n + 1] vector[n_states] states;
     if (leg[k, l_is_stress_driven()] > 0) {
       real y_0 = leg[k, l_start_stress()] / stress_scale;
       real jump = every[h_spring_compliance()] * magnitude(y_0 - state[1]);
@@ -77,13 +81,13 @@ array[] vector history_solution(vector parameter, data vector constant,
                                  leg[k, l_start_stress()] / test[c_stress_scale()],
                                  leg[k, l_rate()] * leg[k, l_duration()]
                                  / test[c_stress_scale()],
-                                 every[varying], place, fixed[k], test, tolerance,
+                                 every[varying], place, fixed[k], test, element, tolerance,
                                  max_num_steps);
     } else {
       states = strain_driven_leg(state, k == 1, time[before + 1 : before + n],
                                  leg[k, l_rate()] * leg[k, l_duration()]
                                  / test[c_strain_scale()],
-                                 every[varying], place, fixed[k], test, tolerance,
+                                 every[varying], place, fixed[k], test, element, tolerance,
                                  max_num_steps);
     }
     for (i in 1 : n) {
@@ -92,7 +96,12 @@ array[] vector history_solution(vector parameter, data vector constant,
            strain_scale
            * (elastic * states[i][1] + kelvin * states[i][2] + states[i][3]),
            strain_scale * kelvin * states[i][2], strain_scale * states[i][4],
-           strain_scale * states[i][3], states[i][5]]';
+           strain_scale * states[i][3], states[i][5],
+           strain_scale / leg[k, l_duration()] * kelvin
+           * dot_product(elements[ : , 2],
+                         history_kelvin_rates(states[i][1], kelvin_states(states[i], element),
+                                              elements, every[varying], place, fixed[k],
+                                              test))]';
     }
     state = states[n + 1];
     before += n;
@@ -107,20 +116,14 @@ array[] vector history_solution(vector parameter, data vector constant,
  * @param leg that it lies in
  * @param grain_size m
  */
-real history_strain_rate(vector state, data row_vector leg, vector parameter,
-                         data vector constant, real grain_size, real fabric_factor) {
-  real driving_stress = state[1] - parameter[i_kelvin_modulus()] * state[3];
+real history_strain_rate(vector state, data row_vector leg, vector parameter, real grain_size,
+                         real fabric_factor) {
   if (leg[l_is_stress_driven()] == 0) {
     return leg[l_rate()];
   }
   return leg[l_rate()]
          * (1 / parameter[i_maxwell_modulus()] + parameter[i_apparatus_compliance()])
-         + linear_driving_stress(driving_stress, parameter[i_kelvin_stress_exponent()],
-                                 -log(constant[i_kelvin_reference_stress()]))
-           / kelvin_viscosity_at(parameter[i_kelvin_viscosity()],
-                                 parameter[i_kelvin_activation_enthalpy()],
-                                 leg[l_temperature()],
-                                 constant[i_kelvin_reference_temperature()])
+         + state[7]
          + dashpot_strain_rate(power_law_stress(state[1], parameter[i_breakdown_stress()],
                                                 fabric_factor),
                                grain_size, fabric_factor, parameter[i_stress_exponent()],

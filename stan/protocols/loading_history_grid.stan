@@ -1,16 +1,16 @@
   // The solution on the grid, and what follows from it.
   for (e in 1 : n_tests) {
     array[grid_end[e + 1] - grid_end[e]] int here = part(grid_end, e);
-    array[size(here)] vector[6] solution
+    array[size(here)] vector[7] solution
       = history_solution(parameter[e], prior_location[e], varying, leg[part(leg_end, e)],
-                         fixed[part(leg_end, e)], test[e], grid_time_in_leg[here],
+                         fixed[part(leg_end, e)], test[e], element, grid_time_in_leg[here],
                          n_grid_in_leg[part(leg_end, e)], initial_grain_size[e], tolerance,
                          max_num_steps);
     int j = 0;
     for (k in part(leg_end, e)) {
       for (i in 1 : n_grid_in_leg[k]) {
         int at = grid_end[e] + j + i;
-        vector[6] state = solution[j + i];
+        vector[7] state = solution[j + i];
         grid_stress[at] = state[1];
         grid_strain[at] = state[2] + parameter[e][i_strain_offset()];
         grid_kelvin_strain[at] = state[3];
@@ -27,8 +27,7 @@
                                                    parameter[e][i_steady_state_fabric_factor()],
                                                    parameter[e][i_critical_strain_fabric()]);
         grid_strain_rate[at] = history_strain_rate(state, row(leg, k), parameter[e],
-                                                   prior_location[e], grid_grain_size[at],
-                                                   grid_fabric_factor[at]);
+                                                   grid_grain_size[at], grid_fabric_factor[at]);
       }
       j += n_grid_in_leg[k];
     }

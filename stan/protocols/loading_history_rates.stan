@@ -15,14 +15,17 @@
  *
  * v_0 the rate of the undeformed dashpot at stress S. With a power-law Kelvin element its linear
  * driving stress stands for q (physics/kelvin_element.stan), with a hyperbolic-sine dashpot
- * power_law_stress(y, sigma_L/S, F) for y in v_d.
+ * power_law_stress(y, sigma_L/S, F) for y in v_d. A Kelvin part with many relaxation times
+ * (physics/relaxation.stan) is a sum of elements, each with a z_k of its own:
+ *
+ *   dz_k/dt = c_k (D E_K/eta_K) (y - z_k),  z = sum of w_k z_k.
  *
  * What the solver needs stands in one vector, at places h_NAME(). Only what a free parameter
  * changes is handed to it as varying, because every varying number costs it sensitivities; the
  * rest, as the whole microstructure where it is constant, is data.
  */
 
-int n_history_rates() { return 13; }
+int n_history_rates() { return 18; }
 
 int h_log_dashpot_rate() { return 1; } // ln v_0
 int h_stress_exponent() { return 2; } // n
@@ -37,6 +40,11 @@ int h_fabric_deficit() { return 10; } // 1 - F_ss
 int h_fabric_decay() { return 11; } // e/epsilon_c2
 int h_kelvin_stress_exponent() { return 12; } // n_K
 int h_breakdown_stress() { return 13; } // sigma_L/S
+int h_band_width() { return 14; } // ln(tau_H/tau_L)
+int h_band_exponent() { return 15; } // alpha
+int h_peak_strength() { return 16; } // Delta_P E_K/E_M
+int h_peak_shift() { return 17; } // ln(tau_H/tau_P)
+int h_peak_width() { return 18; } // sigma_P
 
 /** Places in the constants of a test, which are data. */
 int n_history_constants() { return 6; }
@@ -72,12 +80,14 @@ vector history_rates(vector parameter, data vector constant, data real duration,
                                               parameter[i_kelvin_activation_enthalpy()],
                                               temperature,
                                               constant[i_kelvin_reference_temperature()]);
+  real log_coarser = log(initial_grain_size / constant[i_kelvin_reference_grain_size()]);
   return [log_flow_rate(stress_scale, initial_grain_size, temperature,
                         parameter[i_stress_exponent()], parameter[i_grain_size_exponent()],
                         parameter[i_activation_enthalpy()], parameter[i_beta()])
           + log(duration / strain_scale),
           parameter[i_stress_exponent()], parameter[i_grain_size_exponent()],
-          duration * parameter[i_kelvin_modulus()] / kelvin_viscosity,
+          duration * parameter[i_kelvin_modulus()] / kelvin_viscosity
+          * exp(-parameter[i_kelvin_grain_size_exponent()] * log_coarser),
           stress_scale / (parameter[i_kelvin_modulus()] * strain_scale),
           stress_scale / (parameter[i_maxwell_modulus()] * strain_scale),
           parameter[i_apparatus_compliance()] * stress_scale / strain_scale,
@@ -86,15 +96,20 @@ vector history_rates(vector parameter, data vector constant, data real duration,
           1 - parameter[i_steady_state_fabric_factor()],
           strain_scale / parameter[i_critical_strain_fabric()],
           parameter[i_kelvin_stress_exponent()],
-          parameter[i_breakdown_stress()] / stress_scale]';
+          parameter[i_breakdown_stress()] / stress_scale,
+          log(10) * parameter[i_relaxation_time_decades()], parameter[i_relaxation_exponent()],
+          parameter[i_peak_strength()] * parameter[i_kelvin_modulus()]
+          / parameter[i_maxwell_modulus()],
+          log(10) * parameter[i_peak_time_decades()], parameter[i_peak_width()]]';
 }
 
 /**
  * Places of the numbers above that some free parameter changes.
  *
  * @param is_free of each parameter, whether it is inferred in any test
+ * @param has_peak whether relaxation times have a peak
  */
-array[] int varying_rates(data array[] int is_free) {
+array[] int varying_rates(data array[] int is_free, data int has_peak) {
   array[n_history_rates()] int varies = rep_array(0, n_history_rates());
   int n_varying = 0;
   varies[h_log_dashpot_rate()]
@@ -103,7 +118,8 @@ array[] int varying_rates(data array[] int is_free) {
   varies[h_stress_exponent()] = is_free[i_stress_exponent()];
   varies[h_grain_size_exponent()] = is_free[i_grain_size_exponent()];
   varies[h_kelvin_decay()] = max(is_free[{i_kelvin_modulus(), i_kelvin_viscosity(),
-                                          i_kelvin_activation_enthalpy()}]);
+                                          i_kelvin_activation_enthalpy(),
+                                          i_kelvin_grain_size_exponent()}]);
   varies[h_kelvin_compliance()] = is_free[i_kelvin_modulus()];
   varies[h_spring_compliance()] = is_free[i_maxwell_modulus()];
   varies[h_apparatus_compliance()] = is_free[i_apparatus_compliance()];
@@ -113,6 +129,13 @@ array[] int varying_rates(data array[] int is_free) {
   varies[h_fabric_decay()] = is_free[i_critical_strain_fabric()];
   varies[h_kelvin_stress_exponent()] = is_free[i_kelvin_stress_exponent()];
   varies[h_breakdown_stress()] = is_free[i_breakdown_stress()];
+  varies[h_band_width()] = is_free[i_relaxation_time_decades()];
+  varies[h_band_exponent()] = is_free[i_relaxation_exponent()];
+  varies[h_peak_strength()] = has_peak
+                              * max(is_free[{i_peak_strength(), i_kelvin_modulus(),
+                                             i_maxwell_modulus()}]);
+  varies[h_peak_shift()] = is_free[i_peak_time_decades()];
+  varies[h_peak_width()] = is_free[i_peak_width()];
   n_varying = sum(varies);
   {
     array[n_varying] int places;
@@ -153,18 +176,75 @@ int in_use(data int which, data array[] int place, data vector fixed, data real 
   return place[which] > 0 || fixed[which] != without_effect;
 }
 
-/** dz/dt of the Kelvin element. */
-real history_kelvin_rate(real y, real z, vector varying, data array[] int place,
-                         data vector fixed, data vector test) {
-  real decay = history_rate(h_kelvin_decay(), varying, place, fixed);
-  if (in_use(h_kelvin_stress_exponent(), place, fixed, 1)) {
-    return decay
-           * linear_driving_stress(y - z,
-                                   history_rate(h_kelvin_stress_exponent(), varying, place,
-                                                fixed),
-                                   test[c_log_kelvin_unit()]);
+/** Parts of a law that an element may belong to, in the first column of `element`. */
+int is_only_element() { return 0; }
+int is_of_band() { return 1; }
+int is_of_peak() { return 2; }
+
+/** Whether elements of a part are among them. */
+int has_part(data matrix element, data int which) {
+  for (k in 1 : rows(element)) {
+    if (element[k, 1] == which) {
+      return 1;
+    }
   }
-  return decay * (y - z);
+  return 0;
+}
+
+/**
+ * Decay c_k D E_K/eta_K and compliance w_k of each element of the Kelvin part.
+ *
+ * @param element a row each: the part of the law that it belongs to; its place in the band, from 0
+ *   at the shortest to 1 at the longest ln(time), or in the peak, in standard deviations of ln(time);
+ *   its weight in an integral over the place
+ * @return (n, 2)
+ */
+matrix history_elements(data matrix element, vector varying, data array[] int place,
+                        data vector fixed) {
+  int n = rows(element);
+  real decay = history_rate(h_kelvin_decay(), varying, place, fixed);
+  matrix[n, 2] elements;
+  if (n == 1) {
+    elements[1] = [decay, 1];
+    return elements;
+  }
+  {
+    real width = history_rate(h_band_width(), varying, place, fixed);
+    real exponent = history_rate(h_band_exponent(), varying, place, fixed);
+    real strength = history_rate(h_peak_strength(), varying, place, fixed);
+    real shift = history_rate(h_peak_shift(), varying, place, fixed);
+    real spread = history_rate(h_peak_width(), varying, place, fixed);
+    real density = width == 0 ? 1 : exponent * width / -expm1(-exponent * width);
+    for (k in 1 : n) {
+      if (element[k, 1] == is_of_band()) {
+        real below = (1 - element[k, 2]) * width;
+        elements[k] = [decay * exp(below), element[k, 3] * density * exp(-exponent * below)];
+      } else if (element[k, 1] == is_of_peak()) {
+        elements[k] = [decay * exp(shift - spread * element[k, 2]), element[k, 3] * strength];
+      } else {
+        elements[k] = [decay, 1];
+      }
+    }
+  }
+  return elements;
+}
+
+/**
+ * dz/dt of each element of the Kelvin part.
+ *
+ * @param z of each
+ * @param elements of history_elements()
+ */
+vector history_kelvin_rates(real y, vector z, matrix elements, vector varying,
+                            data array[] int place, data vector fixed, data vector test) {
+  if (in_use(h_kelvin_stress_exponent(), place, fixed, 1)) {
+    return [elements[1, 1]
+            * linear_driving_stress(y - z[1],
+                                    history_rate(h_kelvin_stress_exponent(), varying, place,
+                                                 fixed),
+                                    test[c_log_kelvin_unit()])]';
+  }
+  return elements[ : , 1] .* (y - z);
 }
 
 /**

@@ -12,12 +12,16 @@ from conftest import Problem, with_fixed
 from pyburgers.common.draws import all_draws
 from pyburgers.common.units import with_error
 from pyburgers.fitting.fit import Fit, fit, fit_jointly
+from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.protocols.experiment import UncertainCondition
 from pyburgers.protocols.forward import simulate_data
+from pyburgers.protocols.microstructure import MeasuredMicrostructure
+from pyburgers.protocols.problem import problem_of
 from pyburgers.report.joint_section import pooling_table, shown_pooling_table
 from pyburgers.sampling.options import SamplerOptions
+from pyburgers.sbc.data_sets import check_template, simulate_from_prior
 
 pytestmark = pytest.mark.usefixtures("programs")
 
@@ -121,6 +125,25 @@ def test_tests_of_one_furnace_have_one_error(small_problem: Problem, tmp_path: P
     assert predicted[1].std() == pytest.approx(5.0, rel=0.2)
     elsewhere = joint.predict(replace(new, uncertain=()))
     assert TEMPERATURE not in elsewhere.posterior["posterior"]
+
+
+def test_simulated_tests_of_one_furnace_go_wrong_together(small_problem: Problem) -> None:
+    """And their microstructure is measured anew."""
+    big, own = (UncertainCondition(TEMPERATURE, 2.0, name) for name in ("big", None))
+    seen = (MeasuredMicrostructure(0.02, 220e-6, 10e-6),)
+    tests = [
+        replace(small_problem.experiment, id=name, uncertain=(condition,), microstructure=seen)
+        for name, condition in (("A", big), ("B", own), ("C", big))
+    ]
+    template = problem_of(tests, known_material(small_problem), pooling_of())
+    check_template(template)
+    made = simulate_from_prior(template, seed=3).problem
+    errors = [(test.true_parameters or {})[TEMPERATURE] for test in made.experiments]
+    assert errors[0] == errors[2] != errors[1]
+    assert 0 not in errors
+    sizes = [test.microstructure[0].grain_size for test in made.experiments]
+    assert len({*sizes, 220e-6}) == 4
+    assert made.owner(TEMPERATURE, 0) == "A_simulated_3+C_simulated_3"
 
 
 def draws_of_prediction(joint: Fit, experiment: ConstantRateExperiment) -> xr.DataArray:

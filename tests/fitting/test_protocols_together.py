@@ -19,10 +19,11 @@ from pyburgers.protocols.constant_rate.experiment import (
     RateSegment,
     load_constant_rate,
 )
-from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.experiment import Experiment, UncertainCondition
 from pyburgers.protocols.forced_oscillation.experiment import load_forced_oscillation
 from pyburgers.protocols.forward import simulate_data
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
+from pyburgers.protocols.microstructure import MeasuredMicrostructure
 from pyburgers.protocols.problem import of_one_protocol, problem_of
 from pyburgers.report.joint_section import joint_sections
 from pyburgers.report.page import write_report
@@ -87,6 +88,15 @@ def test_an_oscillation_stays_with_its_own_kind() -> None:
     record = replace(load_forced_oscillation(TWIN_FILE), material="ice")
     with pytest.raises(InputError, match="forced_oscillation cannot be fitted together with"):
         problem_of([constant_rate_test(), record], known_priors(), pooling_of())
+
+
+def test_what_a_history_does_not_take_is_refused() -> None:
+    curve, creep = constant_rate_test(), history_twin("creep", 12)
+    measured = replace(curve, microstructure=(MeasuredMicrostructure(0.02, 1e-4, 1e-5),))
+    furnace = replace(curve, uncertain=(UncertainCondition("temperature_error", 2.0, None),))
+    for test in (measured, furnace):
+        with pytest.raises(InputError, match="which loading histories do not take"):
+            problem_of([test, creep], known_priors(), pooling_of())
 
 
 def test_the_flow_law_is_one_and_the_noises_are_not(mixed: Fit) -> None:

@@ -24,6 +24,7 @@ from pyburgers.comparison.results import comparison_table
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, Conditions, FlowLawPrior
 from pyburgers.model.parameters import (
+    MATERIAL_PARAMETERS,
     PARAMETERS,
     PIEZOMETER,
     PROGRAM_PARAMETERS,
@@ -127,6 +128,7 @@ def with_any_law(experiment: ConstantRateExperiment) -> AnyLaw:
 @pytest.mark.parametrize(
     ("law", "free"),
     [
+        ("two_elements", {"peak_strength", "peak_time_decades"}),
         ("extended", {"relaxation_time_decades", "relaxation_exponent"}),
         (
             "extended_peak",
@@ -166,6 +168,11 @@ def test_one_law_of_the_kelvin_part_takes_the_place_of_another(
     band = with_variant(peak, test, {"kelvin": "extended"})
     assert variant_of(band, test).kelvin == "extended"
     assert band["relaxation_exponent"] == peak["relaxation_exponent"]
+    two = with_variant(peak, test, {"kelvin": "two_elements"})
+    assert variant_of(two, test).kelvin == "two_elements"
+    assert variant_of(with_variant(two, test, {"kelvin": "extended_peak"}), test).kelvin == (
+        "extended_peak"
+    )
     linear = with_variant(band, test, {"kelvin": "linear"})
     assert variant_of(linear, test) == ModelVariant()
     creep = with_variant(priors, test, {"kelvin": "andrade"})
@@ -382,6 +389,22 @@ VARIANT_TABLES = {
     "piezometer_stress_floor": '"fixed"\nvalue = 1.0\nunit = "MPa"',
     "breakdown_stress": '"uniform"\nlower = 1.0\nupper = 50.0\nunit = "MPa"',
     "residual_correlated_share": '"uniform"\nlower = 0.0\nupper = 1.0\nunit = "1"',
+    "modulus_temperature_coefficient": '"fixed"\nvalue = 1e-4\nunit = "1/K"',
+    "modulus_reference_temperature": '"fixed"\nvalue = 260.0\nunit = "K"',
+    "attenuation_scatter": '"half_normal"\nscale = 0.1\nunit = "1"',
+    "modulus_scatter": '"half_normal"\nscale = 0.1\nunit = "1"',
+    "strain_noise": '"lognormal"\nlocation = 0.01\nscale = 1.0\nunit = "percent"',
+    "residual_correlation_time": '"lognormal"\nlocation = 1.0\nscale = 1.0\nunit = "h"',
+    "strain_offset": '"fixed"\nvalue = 0.01\nunit = "percent"',
+    "apparatus_compliance": '"fixed"\nvalue = 0.1\nunit = "1/GPa"',
+    "relaxation_time_decades": '"uniform"\nlower = 1.0\nupper = 9.0\nunit = "1"',
+    "relaxation_exponent": '"uniform"\nlower = 0.1\nupper = 0.9\nunit = "1"',
+    "peak_strength": '"lognormal"\nlocation = 0.1\nscale = 1.0\nunit = "1"',
+    "peak_time_decades": '"uniform"\nlower = 0.0\nupper = 9.0\nunit = "1"',
+    "peak_width": '"lognormal"\nlocation = 3.0\nscale = 0.5\nunit = "1"',
+    "andrade_exponent": '"uniform"\nlower = 0.1\nupper = 0.9\nunit = "1"',
+    "kelvin_grain_size_exponent": '"normal"\nlocation = 1.2\nscale = 0.3\nlower = 0\nunit = "1"',
+    "kelvin_reference_grain_size": '"fixed"\nvalue = 10.0\nunit = "um"',
 }
 
 
@@ -396,7 +419,7 @@ def prior_file(folder: Path, tables: dict[str, str]) -> Path:
 
 def test_prior_files_may_name_the_parameters_of_variants(tmp_path: Path) -> None:
     priors = load_priors(prior_file(tmp_path, VARIANT_TABLES))
-    assert list(priors.priors) == [p.name for p in PROGRAM_PARAMETERS]
+    assert list(priors.priors) == [p.name for p in MATERIAL_PARAMETERS]
     assert priors["kelvin_activation_enthalpy"].location == 60e3
     assert priors["residual_correlation_strain"].location == 0.01
 
@@ -416,6 +439,12 @@ def test_prior_files_may_name_the_parameters_of_variants(tmp_path: Path) -> None
             "key 'lower': found 0.5, expected at least 1",
         ),
         ({"kelvin_stress_exponent": '"fixed"\nvalue = 0.9\nunit = "1"'}, "key 'value': found 0.9"),
+        (
+            {"relaxation_exponent": '"uniform"\nlower = 0.1\nupper = 1.0\nunit = "1"'},
+            "key 'upper': found 1, expected less than 1",
+        ),
+        ({"peak_width": None}, r"\[parameters.peak_width\] is missing"),
+        ({"relaxation_exponent": None}, "because relaxation_time_decades is not fixed"),
     ],
 )
 def test_wrong_tables_are_named(

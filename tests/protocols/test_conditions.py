@@ -15,6 +15,7 @@ from pyburgers.model.pooling import SEPARATE, pooling_of
 from pyburgers.model.priors import default_priors, load_priors, save_priors
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
 from pyburgers.protocols.experiment import UncertainCondition
+from pyburgers.protocols.loading_history.conversion import as_history
 from pyburgers.protocols.problem import Problem, problem_of
 from pyburgers.protocols.program_data import PLACE, program_data
 from pyburgers.protocols.protocol import load_experiment, save_experiment
@@ -139,3 +140,14 @@ def test_joint_fits_ask_for_conditions_that_go_together() -> None:
         problem_of([other, known], default_priors("ice"), SEPARATE)
     with pytest.raises(InputError, match="furnace"):
         pooling_of({TEMPERATURE: "shared"})
+
+
+def test_histories_take_their_conditions_as_known() -> None:
+    """Rather than that an error is dropped where tests of several protocols are fitted."""
+    history = as_history(load_constant_rate(ICE / "PIL40.toml"))
+    wrong = replace(history, uncertain=(UncertainCondition(TEMPERATURE, 5.0, None),))
+    with pytest.raises(InputError, match="'temperature_sd_K': found 5, expected none"):
+        problem_of([wrong], default_priors("ice"))
+    other = uncertain(load_constant_rate(ICE / "PIL72.toml"), 5.0, None)
+    with pytest.raises(InputError, match="PIL72: has uncertain conditions"):
+        problem_of([history, other], default_priors("ice"), pooling_of())

@@ -19,6 +19,8 @@ data {
   real stress_scale;
   real strain_scale;
   real tolerance;
+  int n_elements;
+  matrix[n_elements, 3] element;
 }
 transformed data {
   array[n_legs] vector[n_history_rates()] fixed
@@ -27,7 +29,7 @@ transformed data {
     = history_constants(parameter, initial_grain_size, stress_scale, strain_scale);
 }
 generated quantities {
-  array[n_times] vector[6] solution
-    = history_solution(parameter, parameter, rep_array(0, 0), leg, fixed, test, time, n_in_leg,
+  array[n_times] vector[7] solution
+    = history_solution(parameter, parameter, rep_array(0, 0), leg, fixed, test, element, time, n_in_leg,
                        initial_grain_size, tolerance, 1000000);
 }

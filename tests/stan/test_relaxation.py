@@ -38,6 +38,7 @@ BOUNDS = {
 
 OF_LAW: Mapping[str, tuple[str, ...]] = {
     "one element": (),
+    "two elements": ("peak_strength", "peak_time_decades"),
     "band": ("relaxation_time_decades", "relaxation_exponent"),
     "band and peak": (
         "relaxation_time_decades",
@@ -114,6 +115,11 @@ def compliance_oracle(law: str, values: Mapping[str, float], log_x: float) -> Fl
     if law == "one element":
         element = 1 / (1 + 1j * np.exp(log_x))
         return unit * np.array([element.real, -element.imag])
+    if law == "two elements":
+        shift = np.log(10) * values["peak_time_decades"]
+        second = values["peak_strength"] / values["maxwell_modulus"]
+        two = unit * parts(np.array(log_x)) + second * parts(np.array(log_x - shift))
+        return np.asarray(two)
     if law == "andrade":
         exponent = values["andrade_exponent"]
         creep = gamma(1 + exponent) * (1j * np.exp(log_x)) ** -exponent
@@ -132,6 +138,10 @@ def creep_oracle(law: str, values: Mapping[str, float], log_t: float) -> float:
     unit = 1 / values["kelvin_modulus"]
     if law == "one element":
         return float(-unit * np.expm1(-np.exp(log_t)))
+    if law == "two elements":
+        since = log_t + np.log(10) * values["peak_time_decades"]
+        second = values["peak_strength"] / values["maxwell_modulus"]
+        return float(-unit * np.expm1(-np.exp(log_t)) - second * np.expm1(-np.exp(since)))
     if law == "andrade":
         return float(unit * np.exp(values["andrade_exponent"] * log_t))
     exponent = values["relaxation_exponent"]

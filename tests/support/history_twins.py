@@ -29,7 +29,7 @@ TRUTH: Mapping[str, float] = MappingProxyType(
         "critical_strain_grain_size": 0.05,
         "critical_strain_fabric": 0.15,
         "stress_noise": 4e4,
-        "strain_noise": 1e-4,
+        "strain_noise": 5e-4,
         "residual_correlation_time": 150.0,
         "residual_correlated_share": 0.6,
     }

@@ -40,7 +40,7 @@ class AttenuationExperiment(Experiment):
     may_be_uncertain: ClassVar[frozenset[str]] = frozenset()
     laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType(
         {
-            "kelvin": ("linear", "extended", "extended_peak", "andrade"),
+            "kelvin": ("linear", "two_elements", "extended", "extended_peak", "andrade"),
             "grain_size": ("constant",),
             "fabric": ("constant",),
             "residuals": ("independent",),

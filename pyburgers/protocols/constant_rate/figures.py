@@ -153,7 +153,14 @@ def _draw_measured(grains: Axes, fabric: Axes, experiment: ConstantRateExperimen
     ):
         if position.size:
             axes.errorbar(
-                position, value, spread, fmt="o", color=BLACK, mfc="white", label="measured"
+                position,
+                value,
+                spread,
+                fmt="o",
+                color=BLACK,
+                mfc="white",
+                clip_on=False,  # the last strain is the end of the axis
+                label="measured",
             )
             axes.legend(loc="best")
 

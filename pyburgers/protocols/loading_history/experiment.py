@@ -1,6 +1,8 @@
 """Tests under a history of imposed strain and stress: what was imposed, what was read."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
@@ -52,6 +54,9 @@ class LoadingHistory(Experiment):
     """
 
     protocol: ClassVar[str] = "loading_history"
+    laws: ClassVar[Mapping[str, Sequence[str]]] = MappingProxyType(
+        {"kelvin": ("linear", "power_law", "two_elements", "extended", "extended_peak")}
+    )
     residual_correlation: ClassVar[str] = "residual_correlation_time"
     may_be_uncertain: ClassVar[frozenset[str]] = frozenset()
     stages: tuple[Stage, ...]

@@ -8,6 +8,7 @@ import numpy.typing as npt
 from pyburgers.model.prior_families import is_fixed_at
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
+from pyburgers.protocols.loading_history.kelvin_rows import elements_block
 from pyburgers.protocols.stan_data import StanData, ends
 
 FloatArray = npt.NDArray[np.float64]
@@ -75,6 +76,7 @@ def tests_block(experiments: Sequence[LoadingHistory], priors: Sequence[PriorSet
         "correlated_residuals": int(
             not all(is_fixed_at(own["residual_correlation_time"], 0.0) for own in priors)
         ),
+        **elements_block(priors),
     }
 
 

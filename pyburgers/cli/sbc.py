@@ -92,7 +92,7 @@ def run(options: argparse.Namespace) -> int:
     templates = [load_experiment(path) for path in options.experiments]
     first = templates[0]
     priors = (
-        calibration_priors(first.material)
+        calibration_priors(first.material, first.protocol)
         if options.priors is None
         else load_priors(options.priors)
     )

@@ -153,12 +153,14 @@ def _left_out(joint: Fit, fit_others: Callable[[str], Fit]) -> LeaveOneTestOut:
     parts = joint.problem.parts
     tests = tuple(sorted(parts))
     all_tests = log_marginal_likelihood(joint)
-    doubts = _doubts(joint)
+    doubts = _doubts(joint, joint.problem.name)
     without = []
     for test in tests:
         others = fit_others(test)
         without.append(log_marginal_likelihood(others))
-        doubts += _doubts(others)
+        same = others.problem.name == joint.problem.name
+        name = f"{joint.problem.name} without {test}" if same else others.problem.name
+        doubts += _doubts(others, name)
     return LeaveOneTestOut(
         tests=tests,
         n_points=np.array([parts[test] for test in tests]),
@@ -200,7 +202,7 @@ def fit_without(joint: Fit, test: str, out: Path, *, command: str) -> Fit:
     )
 
 
-def _doubts(joint: Fit) -> tuple[str, ...]:
+def _doubts(joint: Fit, name: str) -> tuple[str, ...]:
     """Say which checks of its draws a fit failed."""
     failed = [
         result.name
@@ -210,6 +212,6 @@ def _doubts(joint: Fit) -> tuple[str, ...]:
     if not failed:
         return ()
     return (
-        f"The fit of {joint.problem.name} failed its check of {' and '.join(failed)}: its "
+        f"The fit of {name} failed its check of {' and '.join(failed)}: its "
         "marginal likelihood may be off by more than the error says.",
     )

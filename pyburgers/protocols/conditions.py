@@ -15,6 +15,7 @@ Ranges = Mapping[str, tuple[float, float]]
 SHOWN: Mapping[str, tuple[str, float]] = {
     "temperature": ("K", 1.0),
     "initial grain size": ("um", UNITS["length"]["um"]),
+    "period": ("s", 1.0),
     "strain rate": ("1/s", 1.0),
     "strain": ("%", UNITS["strain"]["percent"]),
     "stress": ("MPa", UNITS["stress"]["MPa"]),
@@ -29,7 +30,7 @@ def conditions(experiment: Experiment, predictions: xr.Dataset) -> Ranges:
     """Return the smallest and the largest value (SI) of every condition of a test.
 
     Strain and stress count from zero, and like the strain rate by their size; they are those of
-    the median solution.
+    the median solution. Tables of attenuation have periods in their place.
 
     Parameters
     ----------
@@ -52,6 +53,8 @@ def conditions(experiment: Experiment, predictions: xr.Dataset) -> Ranges:
         "temperature": (float(temperatures.min()), float(temperatures.max())),
         "initial grain size": (experiment.initial_grain_size, experiment.initial_grain_size),
     }
+    if "period_s" in solution:
+        found["period"] = (float(solution["period_s"].min()), float(solution["period_s"].max()))
     if "time_s" not in solution:  # cycles in closed form
         return found
     passed = np.diff(solution["time_s"])

@@ -151,17 +151,19 @@ class Replication:
     coordinates: str | None = None
 
 
-def calibration_priors(material: str) -> PriorSet:
+def calibration_priors(material: str, protocol: str | None = None) -> PriorSet:
     """Return the priors that a material's program is calibrated with.
 
-    Those in ``data/priors/calibration``, whose noise is never next to none, or the material's own
-    where there are none.
+    Those of the protocol where it has its own; those in ``data/priors/calibration``, whose noise is
+    never next to none; or the material's own.
 
     Raises
     ------
     InputError
-        If the material has neither.
+        If the material has none.
     """
+    if protocol is not None and material in shipped_prior_files(protocol):
+        return default_priors(material, protocol)
     files = shipped_prior_files("calibration")
     return load_priors(files[material]) if material in files else default_priors(material)
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import attenuation_oracle
 import numpy as np
 import pytest
+import xarray as xr
 from conftest import ICE
 from refusals import refusal
 
@@ -16,6 +17,7 @@ from pyburgers.model.variants import with_variant
 from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
 from pyburgers.protocols.attenuation.files import load_attenuation
 from pyburgers.protocols.attenuation.table import Elasticity
+from pyburgers.protocols.conditions import conditions, outside
 from pyburgers.protocols.forward import simulate
 from pyburgers.protocols.problem import problem_of
 from pyburgers.protocols.protocol import protocol_of
@@ -244,3 +246,21 @@ def test_simulated_readings_have_scatter_and_stated_errors() -> None:
     for part, spread in zip((left[:, :36], left[:, 36:]), wanted, strict=True):
         assert part.std() == pytest.approx(spread, rel=0.05)
         assert abs(part.mean()) < 0.05 * spread
+
+
+def test_conditions_of_a_table_are_temperatures_and_periods() -> None:
+    table, protocol = load_attenuation(A1802), protocol_of(load_attenuation(A1802))
+    place = protocol.prediction_grid(table)
+    solutions = xr.Dataset(
+        {
+            name: (("chain", "draw", "place"), np.zeros((1, 1, place.size)))
+            for name, _ in protocol.grid_quantities.values()
+        },
+        {"place": place},
+    )
+    found = conditions(table, solutions)
+    assert found["temperature"] == (1173.15, 1473.15)
+    np.testing.assert_allclose(found["period"], (1.28, 1000), rtol=0.5)
+    warmer = {**found, "temperature": (1173.15, 1573.15), "strain": (0.0, 0.01)}
+    assert outside(warmer, [found]) == ("temperature 1173 to 1573 K (fitted: 1173 to 1473)",)
+    assert outside(found, [found]) == ()

@@ -362,6 +362,8 @@ def test_templates_need_data_and_priors_that_are_the_same_for_all_tests() -> Non
 
 def test_calibrations_use_the_priors_of_the_paper_with_noise_that_is_never_next_to_none() -> None:
     assert calibration_priors("dunite") == default_priors("dunite")
+    assert calibration_priors("ice", "constant_rate") == calibration_priors("ice")
+    assert calibration_priors("ice", "attenuation") == default_priors("ice", "attenuation")
     for material in ("ice", "olivine"):
         found, paper = calibration_priors(material), default_priors(material)
         for name in paper.free:

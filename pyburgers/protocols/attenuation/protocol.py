@@ -58,6 +58,7 @@ class Attenuation(Protocol[AttenuationExperiment]):
     )
     warmup = 500
     target_acceptance = 0.95
+    points_together = "a row of the table gives attenuation and modulus together"
     figures = ATTENUATION_FIGURES
     reference_text = Markup(
         "The reference flow rate <i>ε̇</i><sub>0</sub>, at which the dashpot flows at the "

@@ -284,7 +284,7 @@ def test_readings_need_a_noise_that_somebody_knows(small_fit: Fit, small_problem
     with pytest.raises(InputError, match="the file states none"):
         small_fit.predict(target, draws=5)
     prediction = small_fit.predict(replace(target, strain_uncertainty=1e-4), draws=20)
-    assert "that the file of the test states, 0.01 percent on average" in prediction.notes[-1]
+    assert "that the file of the test states, 0.01 % on average" in prediction.notes[-1]
     assert reading_table(prediction)["quantity"].tolist() == ["strain", "strain"]
     assert np.isfinite(score_table(prediction)["found"]).all()
 

@@ -121,6 +121,7 @@ def test_places_lead_back_to_periods_and_spectra(edit: Edit) -> None:
     ("changes", "rows", "words"),
     [
         ([("poisson_ratio = 0.25", "")], ROWS, "neither elastic constant"),
+        ([('id = "t"', 'id = "t"\ntemperature_sd_K = 5.0')], ROWS, "at their stated conditions"),
         ([('"shear"', '"axial"')], ROWS, "turn axial quantities"),
         (
             [("poisson_ratio = 0.25", "poisson_ratio = 0.25\nbulk_modulus_Pa = 1e11")],

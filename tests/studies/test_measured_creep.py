@@ -1,16 +1,31 @@
 """Measured rock salt in the study: its fit, and where the page says that the model misses it."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 from conftest import DUNITE
+from synthetic_fit import make_fit, with_problem
 
+from pyburgers.checks.fit_checks import CheckKind, Outcome
+from pyburgers.checks.verdicts import Verdict
+from pyburgers.drawing.style import image
+from pyburgers.fitting.fit import SampledFit
 from pyburgers.model.variants import variant_of
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.loading_history.files import load_loading_history
-from pyburgers.sampling.options import SamplerOptions
-from pyburgers.studies.halite import LAWS, PARTS, RUN, halite_tasks, left_over, parts_of_readings
+from pyburgers.protocols.protocol import protocol_of
+from pyburgers.studies.halite import (
+    LAWS,
+    PARTS,
+    RUN,
+    halite_section,
+    halite_tasks,
+    left_over,
+    parts_of_readings,
+)
 
 HALITE = DUNITE.parent / "halite"
 
@@ -21,12 +36,13 @@ def record() -> LoadingHistory:
 
 
 def test_the_fit_hardens() -> None:
-    tasks = halite_tasks(HALITE, SamplerOptions())
+    tasks = halite_tasks(HALITE)
     (test,), priors = tasks[RUN].experiments, tasks[RUN].priors
     assert test.id == RUN
     assert test.provenance.kind == "measured"
     record = variant_of(priors, test).record()
     assert {part: record[part] for part in LAWS} == LAWS
+    assert record["maxwell"] == "hyperbolic_sine"
     assert priors.priors["steady_state_fabric_factor"].upper == np.inf
 
 
@@ -69,3 +85,31 @@ def test_a_part_without_readings_has_no_row(record: LoadingHistory) -> None:
         reading_stage=record.reading_stage[early],
     )
     assert list(left_over(few, np.ones(few.n_points)).index) == ["loading", "all"]
+
+
+def test_the_page_says_how_much_is_left_over_and_where(
+    record: LoadingHistory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    verdicts = {
+        kind: Verdict(kind, Outcome.NO, f"The answer about {kind.value}.") for kind in CheckKind
+    }
+    monkeypatch.setattr(SampledFit, "verdicts", lambda fit: verdicts)
+    made = make_fit(tmp_path, chains=2, draws=50)
+    fit = with_problem(made, record, halite_tasks(HALITE)[RUN].priors)
+    missed = np.where(parts_of_readings(record) == "unloading", 4e-4, 1e-4)
+    model = np.broadcast_to(record.response - missed, (2, 50, record.n_points))
+    name = protocol_of(record).response.name
+    fit.posterior["model_response"] = xr.Dataset({name: (("chain", "draw", "point"), model)})
+    section = halite_section(fit)
+    told = " ".join(section.paragraphs)
+    assert "Honorio" in told
+    assert "CC BY 4.0" in told
+    assert "maxwell=hyperbolic_sine" in told
+    assert "worst in the part 'unloading': 0.0004, on the mean +0.0004" in told
+    for kind in CheckKind:
+        assert f"The answer about {kind.value}." in told
+    (table,) = section.tables
+    assert table.saved["part"].tolist() == [*PARTS, "all"]
+    assert table.shown.set_index("part").loc["unloading", "rms (1e-4)"] == "4.0"
+    (figure,) = section.figures
+    assert image(figure.draw(), "png")

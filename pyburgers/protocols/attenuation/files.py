@@ -19,7 +19,12 @@ from pyburgers.protocols.attenuation.table import (
     Readings,
     check_table,
 )
-from pyburgers.protocols.experiment import ExperimentFile, shared_values, write_experiment
+from pyburgers.protocols.experiment import (
+    CONDITION_KEYS,
+    ExperimentFile,
+    shared_values,
+    write_experiment,
+)
 
 CELSIUS_ZERO = 273.15
 
@@ -102,6 +107,12 @@ def load_attenuation(path: str | Path) -> AttenuationExperiment:
     """
     path = Path(path)
     file = read_toml(path, _AttenuationFile)
+    for key, _ in CONDITION_KEYS.values():
+        if getattr(file, key) is not None:
+            raise InputError(
+                f"{path}: key {key!r}: found {getattr(file, key):g}, expected none, because tables "
+                "of attenuation are fitted at their stated conditions."
+            )
     data = file.data
     source = data.folder(path) / data.file
     periods = _one_of(path, data, "period_column", "frequency_column")

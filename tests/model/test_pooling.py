@@ -100,7 +100,7 @@ def test_unsuited_tests_are_refused() -> None:
     with pytest.raises(InputError, match="has no data"):
         problem_of([first, empty], priors, pooling)
     oscillating = load_experiment(ICE.parent / "olivine" / "olivine_twin.toml")
-    with pytest.raises(InputError, match="expected constant_rate"):
+    with pytest.raises(InputError, match="cannot be fitted together with tests of other protocols"):
         problem_of([first, oscillating], priors, pooling)
 
 

@@ -78,7 +78,7 @@ REFUSED = {
     "in place of Q_M": ([*TWINS, "--pool", "activation_enthalpy=partial"], "reference stress"),
     "one test": ([TWINS[0], "--pool", "beta=shared"], "found one experiment, expected several"),
     "a test twice": ([TWINS[0], TWINS[0]], "stands 2 times"),
-    "an oscillating test": ([TWINS[0], OSCILLATION], "cannot be fitted together with tests of other protocols"),
+    "an oscillating test": ([TWINS[0], OSCILLATION], "cannot be fitted together"),
     "sheared coordinates": ([*TWINS, "--coordinates", "sheared"], "expected --coordinates auto"),
 }
 

@@ -607,10 +607,8 @@ def test_leaving_a_point_out_in_earnest_agrees_with_the_conditional_density(
     assert exact.elpd[point] == pytest.approx(approximate.elpd[point], abs=0.3)
 
 
-def test_coverage_of_correlated_residuals_expects_runs_outside(correlated_fit: Fit) -> None:
-    """Residuals that leave the band together make a low coverage less of a surprise."""
-    check = check_coverage(CheckedDraws(correlated_fit.posterior))
-    n_points = correlated_fit.experiment.n_points
-    binomial = stats.binom.ppf(0.01, n_points, 0.9) / n_points
-    assert 1.0 - check.table["at_most"].item() < binomial
-    assert check.passed
+def test_correlated_residuals_of_a_right_model_pass(correlated_fit: Fit) -> None:
+    """Fitted replicates have a noise of their own, which takes runs outside the band with it."""
+    coverage = check_coverage(CheckedDraws(correlated_fit.posterior))
+    assert coverage.table["found"].item() <= coverage.table["at_most"].item()
+    assert coverage.passed

@@ -14,6 +14,10 @@ LENGTH_UNIT, LENGTH_FACTOR = "µm", 1.0 / UNITS["length"]["um"]
 
 _GREEK = {
     r"\Delta ": "Δ",
+    r"\Delta": "Δ",
+    r"\delta": "δ",
+    r"\alpha": "α",
+    r"\tau": "τ",
     r"\eta": "η",
     r"\sigma": "σ",
     r"\beta": "β",

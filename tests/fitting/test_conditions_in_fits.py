@@ -72,7 +72,7 @@ def test_a_wrong_temperature_is_found_where_the_flow_law_is_known(
     test = simulated(small_problem, seed, {TEMPERATURE: 6.0}, stated)
     result = fit(test, known_material(small_problem), out=tmp_path, options=QUICK)
     drawn = all_draws(draws_of(result)[TEMPERATURE])
-    record_property("mean_sd", (drawn.mean(), drawn.std()))
+    record_property("mean_sd", (float(drawn.mean()), float(drawn.std())))
     assert drawn.std() < 1
     assert abs(drawn.mean() - 6.0) < 3.5 * drawn.std()
 

@@ -389,7 +389,7 @@ def test_the_flow_law_is_handed_on_as_json(ice_fit: PeakStressFit) -> None:
 @pytest.mark.parametrize(
     ("content", "expected"),
     [
-        ("{", "is not a flow law prior"),
+        ("{", "is not valid JSON"),
         ('{"mean": [1.0]}', "is not a flow law prior"),
         (
             '{"quantities": ["a", "b"], "mean": [1.0], "covariance": [[1.0]], "conditions": '

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from conftest import sketch_pictures
+from conftest import ICE, sketch_pictures
 from page import Page
 from synthetic_fit import TRUTH, make_fit, with_problem
 from synthetic_olivine_fit import make_olivine_fit
@@ -25,6 +25,7 @@ from pyburgers.predictions.stress_cycles import PAPER_REGIMES
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.protocols.forced_oscillation.response import oscillation_of
 from pyburgers.protocols.forward import simulate
+from pyburgers.protocols.protocol import load_experiment
 from pyburgers.report.page import write_report
 from pyburgers.studies.dunite import JOINT_RUN, ONE_RATE, STEPPED, TOGETHER
 from pyburgers.studies.maor import sections as maor_sections
@@ -304,6 +305,10 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
 
     monkeypatch.setattr("pyburgers.studies.maor.reproduce.fit_side_by_side", quickly)
     monkeypatch.setattr("pyburgers.studies.maor.reproduce.write_report", written)
+    monkeypatch.setattr(
+        "pyburgers.studies.maor.reproduce.predicted_tests",
+        lambda _: [load_experiment(ICE / "PIL105.toml")],
+    )
     outcome = reproduce("quick", tmp_path, command="make report")
     measured = [ONE_RATE, *STEPPED, *joint.tests()]
     names = [*study_experiments(), COMBINED_RUN]
@@ -317,7 +322,8 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
     keys = [section.key for section in shown["extras"]]
     of_study = ["statements", "counterparts", "model", "attenuation", "preparation", "background"]
     assert keys[0] == "rate_steps"
-    assert keys[1].startswith("joint_")
-    assert keys[2:10] == [*of_study, "stress_floor", "peak_stress"]
+    assert keys[1] == "predicted_tests"
+    assert keys[2].startswith("joint_")
+    assert keys[3:11] == [*of_study, "stress_floor", "peak_stress"]
     assert names[:-1] == ["PIL40", "PIL72", "PIL105", "olivine_kept", "olivine_removed"]
     assert outcome.peak_stress.data.id == PEAK_STRESS_TABLE

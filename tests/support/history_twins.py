@@ -69,7 +69,7 @@ def history_twin(
     stage = np.repeat(np.arange(len(stages)), shape.size)
     is_strain = np.array([s.driven == "stress" for s in stages])[stage]
     if not is_strain.any():
-        values = {**values, "residual_correlation_time": 0.0}
+        values = MappingProxyType({**values, "residual_correlation_time": 0.0})
     exact = np.where(is_strain, solution[history_oracle.STRAIN], solution[history_oracle.STRESS])
     time = np.concatenate(times)
     factor = np.linalg.cholesky(residual_covariance(values, time, stage, is_strain))

@@ -3,8 +3,8 @@
     python fit_measured_creep.py --out halite
 
 The page has the fit, both verdicts on it, and where in the loading history the model misses the
-record. With the default numbers it takes some ten minutes on two cores, and the draws are few: the
-page says what they do not tell.
+record. It is slow: while the sampler warms up an iteration takes about a second, and the posterior has
+several modes, so that chains may disagree; the page says so then (docs/loading_history.md).
 """
 
 import argparse

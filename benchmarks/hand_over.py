@@ -95,6 +95,7 @@ class Stage:
         """Do the one with a seed, if it is missing."""
         if self.file(seed).is_file():
             return
+        shutil.rmtree(scratch, ignore_errors=True)  # of a run that was interrupted
         try:
             record = {"seed": seed, "failure": None, **self.do_one(seed, scratch)}
         except (InputError, SamplingError) as error:

@@ -3,7 +3,7 @@
     python fit_measured_creep.py --out halite
 
 The page has the fit, both verdicts on it, and where in the loading history the model misses the
-record. It is slow: while the sampler warms up an iteration takes about a second, and the posterior has
+record. It is slow: while the sampler warms up an iteration takes about a second. The posterior has
 several modes, so that chains may disagree; the page says so then (docs/loading_history.md).
 """
 

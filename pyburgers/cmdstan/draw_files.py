@@ -41,6 +41,11 @@ class Draws:
         """Return all variables of the program at one draw of the first chain."""
         return {name: self[name][0, draw] for name in self.variables if not name.endswith("__")}
 
+    def finite_in(self, names: Iterable[str]) -> tuple["Draws", npt.NDArray[np.bool_]]:
+        """Return the draws of one chain that are finite in all of some variables, and which."""
+        finite = np.all([np.isfinite(self[name][0]).all(axis=-1) for name in names], axis=0)
+        return Draws(self.variables, self.values[:, finite]), finite
+
     def dataset(self, names: Iterable[str]) -> xr.Dataset:
         """Return variables with dimensions chain, draw, and NAME_dim_K for their own."""
         n_chains, n_draws, _ = self.values.shape

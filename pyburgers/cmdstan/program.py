@@ -315,7 +315,7 @@ class Program:
         points: FloatArray,
         digits: int | None = None,
         seed: int = 1,
-    ) -> tuple[npt.NDArray[np.bool_], list[Draws]]:
+    ) -> tuple[npt.NDArray[np.bool_], Draws]:
         """Compute generated quantities at points where the program does not stop.
 
         Parameters
@@ -323,13 +323,13 @@ class Program:
         data, name, points
             As for `gradients`.
         digits, seed
-            As for `generate`; each part has a seed of its own.
+            As for `generate`; each part that is solved at once has a seed of its own.
 
         Returns
         -------
         solved : array of bool, shape (n_points,)
-        parts : list of Draws
-            Of one chain each; together they hold the solved points in their order.
+        draws : Draws
+            Of one chain: the solved points in their order. Without any it has no variables.
         """
         names = [
             *(f"sampler{k}__" for k in range(7)),
@@ -350,7 +350,10 @@ class Program:
                 else:
                     parts.append(part)
                     solved[some] = True
-        return solved, parts
+        if not parts:
+            return solved, Draws({}, np.empty((1, 0, 0)))
+        values = np.concatenate([part.values for part in parts], axis=1)
+        return solved, Draws(parts[0].variables, values)
 
     def _run(
         self, folder: Path, method: Sequence[str], *, seed: int, failure: str, tolerated: str = ""

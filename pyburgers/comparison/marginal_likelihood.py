@@ -88,10 +88,10 @@ def log_density_at(program: Program, data: StanData, points: FloatArray) -> Floa
     points : array, shape (n_points, n_coordinates)
         Coordinates.
     """
-    solved, parts = program.generate_at(data, "coordinate", points, ALL_DIGITS)
+    solved, drawn = program.generate_at(data, "coordinate", points, ALL_DIGITS)
     found = np.full(len(points), -np.inf)
-    if parts:
-        found[solved] = np.concatenate([part["log_density"][0] for part in parts])
+    if solved.any():
+        found[solved] = drawn["log_density"][0]
     return np.where(np.isnan(found), -np.inf, found)
 
 

@@ -1,6 +1,6 @@
 """What draws of a fit say of another test: its response, solved for every draw."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -128,8 +128,9 @@ def predict_test(
     )
     grid = protocol.prediction_grid(experiment)
     data = program_data(problem, solver=REFERENCE_SOLVER, grids=[grid])
-    solved, found = load_program(protocol.program).generate_at(data, "coordinate", rows, seed=seed)
-    drawn, solved = _finite(found, solved, list(protocol.grid_quantities))
+    solved, drawn = load_program(protocol.program).generate_at(data, "coordinate", rows, seed=seed)
+    if solved.any():
+        drawn, solved[solved] = drawn.finite_in(protocol.grid_quantities)
     if not solved.any():
         raise SamplingError(
             f"{experiment.id}: no solution at any of {kept.size} draws, expected one; the "
@@ -158,19 +159,6 @@ def predict_test(
         "clock": protocol.clock.name,
     }
     return prediction
-
-
-def _finite(
-    parts: Sequence[Draws], solved: npt.NDArray[np.bool_], names: Sequence[str]
-) -> tuple[Draws, npt.NDArray[np.bool_]]:
-    """Put parts together without draws that are not finite in all of some variables."""
-    if not parts:
-        return Draws({}, np.empty((1, 0, 0))), solved
-    joined = Draws(parts[0].variables, np.concatenate([part.values for part in parts], axis=1))
-    finite = np.all([np.isfinite(joined[name][0]).all(axis=-1) for name in names], axis=0)
-    solved = solved.copy()
-    solved[solved] = finite
-    return Draws(joined.variables, joined.values[:, finite]), solved
 
 
 def _tree(

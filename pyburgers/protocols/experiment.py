@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass
 from datetime import date, datetime, time
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, ClassVar, Literal, Self
+from typing import Any, ClassVar, Literal, Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -185,6 +185,34 @@ class Experiment(ABC):
     def n_driving_errors(self) -> int:
         """Number of uncertain numbers in what drives the test, which are inferred with it."""
         return 0
+
+
+E = TypeVar("E", bound=Experiment)
+
+
+def of_kind(experiment: Experiment, kind: type[E], expected: str) -> E:
+    """Return the experiment of a fit, which has to be of a kind.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        Of the fit.
+    kind : type
+        What it has to be.
+    expected : str
+        The kind in words.
+
+    Raises
+    ------
+    InputError
+        If it is another.
+    """
+    if not isinstance(experiment, kind):
+        raise InputError(
+            f"{experiment.id}: found a test of protocol {experiment.protocol!r}, expected the fit "
+            f"of {expected}."
+        )
+    return experiment
 
 
 class ProvenanceTable(Table):

@@ -12,7 +12,6 @@ from matplotlib.figure import Figure
 from scipy import stats
 
 from pyburgers.common.draws import TAIL, all_draws
-from pyburgers.common.errors import InputError
 from pyburgers.drawing.page_parts import FigureRecipe, PageTable
 from pyburgers.drawing.panels import (
     LINES_AND_AREAS,
@@ -22,6 +21,7 @@ from pyburgers.drawing.panels import (
 from pyburgers.drawing.style import BLACK, BLUE, VERMILION, style
 from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
 from pyburgers.protocols.attenuation.table import ATTENUATION, MODULUS
+from pyburgers.protocols.experiment import of_kind
 from pyburgers.protocols.protocol import FittedTest
 
 FloatArray = npt.NDArray[np.float64]
@@ -66,12 +66,7 @@ def attenuation_test(fit: FittedTest) -> AttenuationExperiment:
     InputError
         If it is not.
     """
-    if not isinstance(fit.experiment, AttenuationExperiment):
-        raise InputError(
-            f"{fit.experiment.id}: found a test of protocol {fit.experiment.protocol!r}, expected "
-            "the fit of a table of attenuation."
-        )
-    return fit.experiment
+    return of_kind(fit.experiment, AttenuationExperiment, "a table of attenuation")
 
 
 def _spectra(fit: FittedTest) -> list[_Spectrum]:

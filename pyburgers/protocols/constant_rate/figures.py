@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 from scipy import stats
 
 from pyburgers.common.draws import TAIL, all_draws
-from pyburgers.common.errors import InputError
 from pyburgers.drawing.page_parts import FigureRecipe
 from pyburgers.drawing.panels import (
     LINES_AND_AREAS,
@@ -29,6 +28,7 @@ from pyburgers.model.display import (
     STRESS_UNIT,
 )
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, rate_text
+from pyburgers.protocols.experiment import of_kind
 from pyburgers.protocols.protocol import FittedTest
 
 FloatArray = npt.NDArray[np.float64]
@@ -198,12 +198,7 @@ def constant_rate_test(fit: FittedTest) -> ConstantRateExperiment:
     InputError
         If it is not.
     """
-    if not isinstance(fit.experiment, ConstantRateExperiment):
-        raise InputError(
-            f"{fit.experiment.id}: found a test of protocol {fit.experiment.protocol!r}, expected "
-            "the fit of a test at imposed strain rate."
-        )
-    return fit.experiment
+    return of_kind(fit.experiment, ConstantRateExperiment, "a test at imposed strain rate")
 
 
 CONSTANT_RATE_FIGURES = (

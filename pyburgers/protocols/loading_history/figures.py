@@ -13,7 +13,6 @@ from matplotlib.figure import Figure
 from scipy import stats
 
 from pyburgers.common.draws import TAIL, all_draws, central_band
-from pyburgers.common.errors import InputError
 from pyburgers.drawing.page_parts import FigureRecipe
 from pyburgers.drawing.panels import (
     LINES_AND_AREAS,
@@ -25,6 +24,7 @@ from pyburgers.drawing.panels import (
 )
 from pyburgers.drawing.style import BLACK, BLUE, GREY, ORANGE, PURPLE, VERMILION, few_ticks, style
 from pyburgers.model.display import STRAIN_FACTOR, STRAIN_UNIT, STRESS_FACTOR, STRESS_UNIT
+from pyburgers.protocols.experiment import of_kind
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.protocol import FittedTest
 
@@ -168,12 +168,7 @@ def loading_history_test(fit: FittedTest) -> LoadingHistory:
     InputError
         If it is not.
     """
-    if not isinstance(fit.experiment, LoadingHistory):
-        raise InputError(
-            f"{fit.experiment.id}: found a test of protocol {fit.experiment.protocol!r}, expected "
-            "the fit of a loading history."
-        )
-    return fit.experiment
+    return of_kind(fit.experiment, LoadingHistory, "a loading history")
 
 
 def stages_of_times(experiment: LoadingHistory, time: FloatArray) -> IntArray:

@@ -191,31 +191,24 @@ def prior_draws(fit: FittedTest, *, n_draws: int, seed: int) -> PriorDraws:
     )
     grid = protocol.prediction_grid(fit.experiment)
     data = program_data(problem, solver=SolverOptions(), grids=[grid])
-    kept, parts = load_program(protocol.program).generate_at(data, "coordinate", rows)
-    response = next(iter(protocol.grid_quantities))
-    finite = np.array(
-        [np.isfinite(row).all() for part in parts for row in part[response][0]], dtype=bool
-    )
-    kept[kept] = finite
+    kept, drawn = load_program(protocol.program).generate_at(data, "coordinate", rows)
+    if kept.any():
+        drawn, kept[kept] = drawn.finite_in([next(iter(protocol.grid_quantities))])
     if not kept.any():
         raise SamplingError(
             f"{fit.experiment.id}: none of {n_draws} draws from the prior has a solution; "
             "check the units and the bounds of the priors."
         )
-    solved = {
-        column: np.concatenate([part[column][0] for part in parts])[finite]
-        for column in protocol.grid_quantities
-    }
     clock = protocol.clock.name
     dimensions = ("chain", "draw", clock)
     labels = {"chain": [1], "draw": np.flatnonzero(kept)}
     groups = {
         "posterior": xr.Dataset(
-            {name: (dimensions[:2], drawn[None, kept]) for name, drawn in values.items()}, labels
+            {name: (dimensions[:2], own[None, kept]) for name, own in values.items()}, labels
         ),
         "predictions": xr.Dataset(
             {
-                name: (dimensions, solved[column][None], {"units": unit})
+                name: (dimensions, drawn[column], {"units": unit})
                 for column, (name, unit) in protocol.grid_quantities.items()
             },
             {**labels, clock: grid},

@@ -1,4 +1,7 @@
-"""Exceptions: one class for each exit code of the command line."""
+"""Exceptions: one class for each exit code of the command line, and words for their sentences."""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
 
 
 class PyburgersError(Exception):
@@ -26,3 +29,10 @@ class SamplingError(PyburgersError):
 
 class SystemFailureError(PyburgersError):
     """The system did not start a program, or ended it: says nothing about model and data."""
+
+
+def nearest(name: str, valid: Iterable[str]) -> str:
+    """Return the end of a sentence: the valid spelling nearest to `name`, or all of them."""
+    names = list(valid)
+    close = get_close_matches(name, names, n=1)
+    return f"did you mean {close[0]!r}?" if close else f"expected one of {', '.join(names)}."

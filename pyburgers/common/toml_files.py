@@ -4,11 +4,10 @@ The structure of a file is a pydantic model derived from `Table`; what a key mus
 its field's description, which the messages quote.
 """
 
-import difflib
 import json
 import re
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
@@ -16,7 +15,7 @@ import tomli_w
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from pyburgers.common.atomic_files import write_text
-from pyburgers.common.errors import InputError
+from pyburgers.common.errors import InputError, nearest
 from pyburgers.common.units import UNITS
 
 
@@ -131,13 +130,6 @@ def checked(path: Path, table: Mapping[str, Any], structure: type[TableT]) -> Ta
         return structure.model_validate(table)
     except ValidationError as error:
         raise InputError(f"{path}: {_sentence(error, structure)}") from None
-
-
-def nearest(name: str, valid: Iterable[str]) -> str:
-    """Return the end of a sentence: the valid spelling nearest to `name`, or all of them."""
-    names = list(valid)
-    close = difflib.get_close_matches(name, names, n=1)
-    return f"did you mean {close[0]!r}?" if close else f"expected one of {', '.join(names)}."
 
 
 def factor_to_si(unit: str, quantity: str, where: str) -> float:

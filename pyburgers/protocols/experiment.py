@@ -18,8 +18,8 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from pyburgers.common.errors import InputError
-from pyburgers.common.toml_files import NAME, Table, nearest, write_toml
+from pyburgers.common.errors import InputError, nearest
+from pyburgers.common.toml_files import NAME, Table, write_toml
 from pyburgers.model.parameters import CONDITIONS, PARAMETER_BY_NAME
 from pyburgers.protocols.microstructure import MeasuredMicrostructure
 

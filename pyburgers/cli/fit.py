@@ -5,6 +5,7 @@ import logging
 from pathlib import Path
 from typing import Any
 
+from pyburgers.cli.file_hints import doubts
 from pyburgers.cli.shared import (
     add_model_options,
     add_sampler_options,
@@ -70,7 +71,7 @@ def run(options: argparse.Namespace) -> int:
             run.require_unchanged()
         priors = with_flow_law(priors, load_flow_law_of_run(source), f"--priors-from {source}")
     for experiment in experiments:
-        for notice in experiment.notices:
+        for notice in (*experiment.notices, *doubts(experiment)):
             logger.info(f"note: {notice}")
     settings: dict[str, Any] = {
         "out": options.out or Path("runs") / "+".join(experiment.id for experiment in experiments),

@@ -30,6 +30,7 @@ COMMANDS = {
     "doctor": "what is installed, what is missing",
     "install-cmdstan": "get and build CmdStan",
     "fit": "fit an experiment, or several in a joint fit",
+    "check-file": "all that is wrong with an input file, and hints",
     "check": "the checks of a run again",
     "simulate": "forward solution at given parameters",
     "predict": "what a fit says about other experiments",
@@ -69,7 +70,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         finally:
             sys.stdout.flush()
     except PyburgersError as error:
-        return _ended(str(error), error.exit_code)
+        more = len(error.sentences) - 1 if isinstance(error, InputError) else 0
+        told = f" `pyburgers check-file` tells {more} more." if more else ""
+        return _ended(f"{error}{told}", error.exit_code)
     except ModuleNotFoundError as error:
         return _ended(f"{error}; `pyburgers doctor` says what to do.", 1)
     except BrokenPipeError:

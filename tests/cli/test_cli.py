@@ -14,6 +14,7 @@ import pandas as pd
 import pytest
 from conftest import ICE, Problem
 from refusals import assert_refused
+from small_inputs import CURVE, EXPERIMENT, PRIORS
 
 from pyburgers.checks.registry import CHECKS
 from pyburgers.cli.main import COMMANDS, main
@@ -22,30 +23,6 @@ from pyburgers.protocols.constant_rate.experiment import load_constant_rate
 from pyburgers.protocols.protocol import protocols
 from pyburgers.sampling.options import COORDINATES
 
-EXPERIMENT = """\
-id = "sample-1"
-material = "ice"
-protocol = "constant_rate"
-temperature_K = 263.0
-initial_grain_size_m = 230e-6
-
-[[segments]]
-start_strain = 0.0
-strain_rate_per_s = 1e-4
-
-[data]
-file = "curve.csv"
-strain_column = "strain"
-strain_unit = "fraction"
-stress_column = "stress"
-stress_unit = "MPa"
-
-[provenance]
-kind = "measured"
-source = "Somebody (2020)"
-"""
-CURVE = "strain,stress\n0.01,2.0\n0.02,3.0\n0.03,4.0\n0.04,5.0\n"
-PRIORS = (ICE.parent / "priors" / "ice.toml").read_text(encoding="utf-8")
 COLUMNS = ["time_s", "strain", "stress_Pa", "kelvin_strain", "grain_size_m", "fabric_factor"]
 
 Write = Callable[..., list[str]]

@@ -319,7 +319,13 @@ def _readings(
     tan_delta, limit = found["attenuation_column"], every("limit")
     if in_logarithms:
         stated = data.limit is not None or "limit_column" in found
-        tan_delta, limit = 10**tan_delta, 10**limit if stated else limit
+        with np.errstate(over="ignore"):
+            tan_delta, limit = 10**tan_delta, 10**limit if stated else limit
+        if np.isinf(tan_delta).any() or np.isinf(limit).any():
+            raise InputError(
+                f"{path}: key 'attenuation_form' in [data]: found logarithms beyond 308, expected "
+                "those of tan delta to the base 10."
+            )
     modulus = found.get("modulus_column", np.empty(0))
     factor = (
         1.0

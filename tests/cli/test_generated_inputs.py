@@ -207,6 +207,7 @@ OPTIONS = {
     ),
     "check": (),
     "check-file": (),
+    "new": ("--protocol", "--material", "--temperature-K", "--grain-size-m", "--strain-rate-per-s"),
     "simulate": ("--parameters", "--out"),
     "fit-peak-stress": ("--priors", "--curve-priors", "--without", "--out", "--chains", "--seed"),
     "compare": ("--out", "--leave-out", "--no-refit"),

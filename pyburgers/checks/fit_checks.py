@@ -203,7 +203,7 @@ def check_effective_sample_size(draws: CheckedDraws) -> Finding:
         table,
         f"{worst} has only {value:.0f} effectively independent draws, {ESS_LIMIT} are wanted for "
         "stable intervals",
-        "raise --draws in proportion",
+        "add draws in proportion (--more-draws, or --draws from the start)",
         unusable=value < ESS_USABLE,
     )
 

@@ -203,7 +203,7 @@ OPTIONS = {
     "fit": (
         *("--pool", "--variant", "--priors", "--priors-from", "--out", "--chains", "--warmup"),
         *("--draws", "--seed", "--adapt-delta", "--max-treedepth", "--coordinates"),
-        *("--chain-timeout", "--parallel-chains", "--tolerance", "--prior-only"),
+        *("--chain-timeout", "--parallel-chains", "--tolerance", "--prior-only", "--more-draws"),
     ),
     "check": (),
     "check-file": (),

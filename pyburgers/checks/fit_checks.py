@@ -15,7 +15,7 @@ import xarray as xr
 
 from pyburgers.common.draws import TAIL
 from pyburgers.posterior.labelled_draws import convergence_table, pareto_k, response_in
-from pyburgers.sampling.chains import ChainFailure
+from pyburgers.sampling.failures import ChainFailure
 
 
 class CheckKind(Enum):

@@ -20,7 +20,7 @@ from pyburgers.checks.fit_checks import (
 from pyburgers.checks.registry import CHECKS
 from pyburgers.checks.verdicts import Verdict, verdicts, verdicts_record
 from pyburgers.common.atomic_files import write_json, write_text
-from pyburgers.sampling.chains import ChainFailure, missing_chains
+from pyburgers.sampling.failures import ChainFailure, missing_chains
 from pyburgers.sampling.run import tighten_solver
 from pyburgers.sampling.run_directory import RunDirectory
 

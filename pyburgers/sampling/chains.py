@@ -4,12 +4,12 @@ import logging
 import re
 import shutil
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from multiprocessing import parent_process
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TextIO
 
 import numpy as np
 from rich.console import Console
@@ -20,6 +20,7 @@ from pyburgers.cmdstan.program import Program
 from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.processes import Running, cores, side_by_side
 from pyburgers.common.toml_files import read_json
+from pyburgers.sampling.failures import ChainFailure
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run_directory import RunDirectory
 
@@ -162,53 +163,6 @@ class Extension:
 
     number: int
     draws: int
-
-
-@dataclass(frozen=True)
-class ChainFailure:
-    """A chain that did not finish.
-
-    Attributes
-    ----------
-    chain : int
-        Identifier.
-    reason : str
-        What ended it, where, and what to try, as one sentence.
-    by_system : bool
-        Whether the system killed it or the disk was full: another try may end well.
-    """
-
-    chain: int
-    reason: str
-    by_system: bool = False
-
-
-def missing_chains(
-    finished: Iterable[int], manifest: Mapping[str, Any]
-) -> tuple[ChainFailure, ...]:
-    """Return the chains that a run was asked for and does not have, and why.
-
-    Parameters
-    ----------
-    finished : iterable of int
-        Chains that are there.
-    manifest : mapping
-        Of the run.
-    """
-    there = set(finished)
-    noted = {failure["chain"]: ChainFailure(**failure) for failure in manifest["failures"]}
-    return tuple(
-        noted.get(
-            chain,
-            ChainFailure(
-                chain,
-                f"Chain {chain} has not run to its end because the run was stopped; run the "
-                "same command again: it runs only the missing chains.",
-            ),
-        )
-        for chain in range(1, manifest["sampler"]["chains"] + 1)
-        if chain not in there
-    )
 
 
 def run_side_by_side(

@@ -27,9 +27,10 @@ from pyburgers.protocols.problem import Problem
 from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.protocol import save_experiment
 from pyburgers.protocols.stan_data import SolverOptions, StanData
-from pyburgers.sampling.chains import ChainFailure, Extension, run_side_by_side
+from pyburgers.sampling.chains import Extension, run_side_by_side
 from pyburgers.sampling.changes import Wanted, refusal
 from pyburgers.sampling.charts import ChosenChart, check_coordinates, choose_chart
+from pyburgers.sampling.failures import ChainFailure
 from pyburgers.sampling.options import INDECISIVE, SamplerOptions
 from pyburgers.sampling.run_directory import RunDirectory
 from pyburgers.sampling.starts import draw_initial_values, draw_start_around, find_mode
@@ -112,7 +113,7 @@ def run_chains(
     if run.manifest_file.is_file() and run.read_manifest().get("fingerprint") != identity:
         if not overwrite:
             raise InputError(refusal(run, wanted))
-        run.clear()
+        run.clear(identity)
     with run.claimed(identity):
         _write_inputs(run, problem)
         if not run.stan_data_file.is_file():

@@ -33,11 +33,11 @@ WRITTEN = frozenset(
     {
         *FOLDERS,
         *("failures", "leave_out", "superseded", ".scratch"),
-        *("manifest.json", "stan_data.json", "metric.json", "checks.json"),
+        *("stan_data.json", "metric.json", "checks.json"),
         *("posterior.nc", "summary.csv"),
     }
 )
-"""What a fit writes into its run directory."""
+"""What a fit writes into its run directory beside its manifest."""
 
 
 @dataclass(frozen=True)
@@ -339,8 +339,13 @@ class RunDirectory:
         except OSError as error:
             raise InputError(f"{self.path}: cannot be written ({error.strerror}).") from error
 
-    def clear(self) -> None:
-        """Remove the run, and nothing else that may lie in the directory.
+    def clear(self, fingerprint: str) -> None:
+        """Remove the run, and nothing else that may lie in the directory, to make place for one.
+
+        Parameters
+        ----------
+        fingerprint : str
+            Of the run that comes.
 
         Raises
         ------
@@ -349,14 +354,15 @@ class RunDirectory:
         """
         with self._locked():
             try:
-                # The manifest goes last: with it the rest is known as a run.
-                for entry in sorted(self.path.iterdir(), key=lambda one: one == self.manifest_file):
+                for entry in self.path.iterdir():
                     if entry.name not in WRITTEN and not entry.name.startswith(UNFINISHED):
                         continue
                     if entry.is_dir() and not entry.is_symlink():
                         shutil.rmtree(entry)
                     else:
                         entry.unlink()
+                # Until here the manifest says what is left of the old run.
+                write_json(self.manifest_file, {"fingerprint": fingerprint, "status": "claimed"})
             except OSError as error:
                 raise InputError(f"{self.path}: cannot be removed ({error.strerror}).") from error
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from conftest import SMALL_RUN, Problem, with_fixed
+from conftest import SMALL_RUN, Problem, pair_of, with_fixed
 
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit, fit
@@ -40,7 +40,10 @@ def test_what_differs_is_told(small_fit: Fit, small_problem: Problem) -> None:
             ("readings of test PIL40",),
         ),
         ({"experiments": replace(test, temperature=255.0)}, ("the file of test PIL40",)),
-        ({"experiments": replace(test, id="other")}, ("tests other where the run has PIL40",)),
+        (
+            {"experiments": pair_of(small_problem)},
+            ("tests PIL40+other where the run has PIL40",),
+        ),
         (
             {"priors": with_fixed(priors, {"activation_enthalpy": 6e4})},
             ("prior of activation_enthalpy",),

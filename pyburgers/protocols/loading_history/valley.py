@@ -50,7 +50,8 @@ class LoadingHistoryValley(ValleyChart[LoadingHistory]):
         flowed = np.ptp(curve.path_strain[at_readings])
         unit = curve.dashpot_rate[places]
         # Where stress is imposed, it is exactly linear between the ends of a leg.
-        kept = ~driven_by_stress | curve.is_end | np.isin(np.arange(curve.leg.size), places)
+        shows = np.where(driven_by_stress, curve.is_end, curve.is_knot)
+        kept = shows | np.isin(np.arange(curve.leg.size), places)
         return Pins(
             knot_time=curve.time[kept],
             knot_stress=curve.stress[kept],
@@ -83,6 +84,7 @@ class _Curve:
     time: FloatArray
     leg: IntArray
     is_end: BoolArray
+    is_knot: BoolArray
     is_reading: BoolArray
     stress: FloatArray
     path_strain: FloatArray
@@ -98,13 +100,11 @@ def _along(test: AtMode[LoadingHistory]) -> _Curve:
     legs, of_reading = experiment.legs, leg_of_readings(experiment)
     n = max(MIN_KNOTS, N_KNOTS // len(legs))
     shape = np.union1d(np.geomspace(1e-3, 1.0, n // 2 + 1), np.linspace(0.0, 1.0, n // 2 + 1))
-    times = [
-        np.union1d(
-            np.append(leg.start_time + shape[:-1] * (leg.end_time - leg.start_time), leg.end_time),
-            experiment.time[of_reading == k],
-        )
-        for k, leg in enumerate(legs)
+    knots = [
+        np.append(leg.start_time + shape[:-1] * (leg.end_time - leg.start_time), leg.end_time)
+        for leg in legs
     ]
+    times = [np.union1d(own, experiment.time[of_reading == k]) for k, own in enumerate(knots)]
     time, leg = np.concatenate(times), np.repeat(np.arange(len(legs)), [t.size for t in times])
     found = test.solution(time)
     elastic = 1 / values["maxwell_modulus"] + values["apparatus_compliance"]
@@ -121,6 +121,7 @@ def _along(test: AtMode[LoadingHistory]) -> _Curve:
         time=time,
         leg=leg,
         is_end=np.concatenate([np.isin(t, t[[0, -1]]) for t in times]),
+        is_knot=np.concatenate([np.isin(t, own) for t, own in zip(times, knots, strict=True)]),
         is_reading=np.concatenate(
             [np.isin(t, experiment.time[of_reading == k]) for k, t in enumerate(times)]
         ),

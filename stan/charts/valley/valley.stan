@@ -24,7 +24,7 @@
  * which it would have to jump.
  *
  * The widths of these four, of the Maxwell modulus and of the Kelvin viscosity grow with the
- * stress noise s as far as the data, not the prior, set them; few points leave s, and with it the
+ * noise s as far as the data, not the prior, set them; few points leave s, and with it the
  * widths, uncertain by a factor, which would be a funnel.
  *
  * Solutions are reached by Gauss-Newton steps from a reference point (the posterior mode), and
@@ -250,6 +250,19 @@ real loading_compliance(real kelvin_modulus, real kelvin_viscosity, real time) {
 }
 
 /**
+ * ln of the standard deviation of the part of the residuals that does not correlate, over the whole;
+ * 0 where that is no matter of a test's own parameters.
+ *
+ * Where residuals drift for long their whole standard deviation is next to unknown, while that of
+ * their independent part is not, and that is what widths follow.
+ *
+ * @param correlated_share w
+ */
+real log_independent_part(data int is_own, real correlated_share) {
+  return is_own ? 0.5 * log1m(correlated_share) : 0;
+}
+
+/**
  * What charts/valley/least_squares.stan wants to know of the reference point, with the compliance of
  * the Kelvin element in the elastic rise.
  *
@@ -264,7 +277,9 @@ vector valley_reference(data vector parameter, data vector coordinate, data arra
   return append_row([coordinate[place[i_critical_strain_grain_size()]],
                      coordinate[place[i_critical_strain_fabric()]],
                      1 - parameter[i_steady_state_fabric_factor()], log_stress,
-                     log(parameter[noise]),
+                     log(parameter[noise])
+                     + log_independent_part(place[i_residual_correlated_share()] > 0,
+                                            parameter[i_residual_correlated_share()]),
                      loading_compliance(parameter[i_kelvin_modulus()],
                                         parameter[i_kelvin_viscosity()], conditions[4])]',
                     asked_of_pins(parameter, replaced_parameter == 0, log_stress, conditions[2],
@@ -301,20 +316,33 @@ vector plain_from_valley(vector coordinate, vector given, data array[] int place
                                i_steady_state_fabric_factor()}];
   int stress_given = replaced_parameter == 0;
   int flow = stress_given ? 0 : place[replaced_parameter];
+  int share = place[i_residual_correlated_share()];
   vector[num_elements(coordinate)] plain;
   vector[num_elements(given)] parameter = given;
   real log_noise_ratio; // ln(s/s of the reference point)
   real log_stress = 0;
   real log_jacobian = 0;
   vector[5] softening;
+  real log_independent = 0; // of the noise; in place of the whole in its coordinates
+  real log_independent_reference = 0;
   // The noise first: widths of others go with it.
+  if (share > 0) {
+    parameter[i_residual_correlated_share()] = bounded_from_real(
+      plain_from_straightened(coordinate[share], guide[share, 1], guide[share, 2])[1],
+      quantity[share]);
+    log_independent = log_independent_part(1, parameter[i_residual_correlated_share()]);
+    log_independent_reference
+      = log_independent_part(1, bounded_from_real(guide[share, 1], quantity[share]));
+  }
   if (place[noise] > 0) {
     int i = place[noise];
     parameter[noise]
-      = bounded_from_real(plain_from_straightened(coordinate[i], guide[i, 1], guide[i, 2])[1],
+      = bounded_from_real(plain_from_straightened(coordinate[i] - log_independent
+                                                  + log_independent_reference,
+                                                  guide[i, 1], guide[i, 2])[1],
                           quantity[i]);
   }
-  log_noise_ratio = log(parameter[noise]) - reference[5];
+  log_noise_ratio = log(parameter[noise]) + log_independent - reference[5];
   // From the last to the first: the Maxwell modulus follows the Kelvin element.
   for (from_last in 1 : num_elements(given)) {
     int k = num_elements(given) + 1 - from_last;
@@ -323,6 +351,9 @@ vector plain_from_valley(vector coordinate, vector given, data array[] int place
       real log_width = guide[i, 3] * log_noise_ratio;
       real displacement = coordinate[i] * exp(log_width);
       vector[2] straight;
+      if (k == i_stress_noise() || k == i_strain_noise()) {
+        displacement -= log_independent - log_independent_reference;
+      }
       if (k == i_maxwell_modulus() && guide[i, 2] < 0) {
         // The curve fixes what both springs give together in the elastic rise.
         displacement -= quantity[i, i_scale()] / guide[i, 2]

@@ -56,7 +56,7 @@ class LoadingHistoryProtocol(Protocol[LoadingHistory]):
         }
     )
     warmup = 300
-    target_acceptance = 0.9
+    target_acceptance = 0.96
     chart = LoadingHistoryValley()
     figures = LOADING_HISTORY_FIGURES
     reference_text = Markup(

@@ -250,6 +250,17 @@ real loading_compliance(real kelvin_modulus, real kelvin_viscosity, real time) {
 }
 
 /**
+ * What the Kelvin element takes over of the compliance in the elastic rise, so that a part of it is
+ * left to the spring, whose modulus would else run away where that element is the softer one.
+ *
+ * @param compliance in units of a tenth of the spring's at the reference point
+ */
+real left_to_spring(real compliance) { return 9 - log1p_exp(9 - compliance); }
+
+/** Largest ln(s/s of the reference point) that widths follow: beyond, no solver follows them. */
+real largest_log_ratio() { return 1.5; }
+
+/**
  * ln of the standard deviation of the part of the residuals that does not correlate, over the whole;
  * 0 where that is no matter of a test's own parameters.
  *
@@ -342,7 +353,9 @@ vector plain_from_valley(vector coordinate, vector given, data array[] int place
                                                   guide[i, 1], guide[i, 2])[1],
                           quantity[i]);
   }
-  log_noise_ratio = log(parameter[noise]) + log_independent - reference[5];
+  log_noise_ratio = largest_log_ratio()
+                    * tanh((log(parameter[noise]) + log_independent - reference[5])
+                           / largest_log_ratio());
   // From the last to the first: the Maxwell modulus follows the Kelvin element.
   for (from_last in 1 : num_elements(given)) {
     int k = num_elements(given) + 1 - from_last;
@@ -356,10 +369,11 @@ vector plain_from_valley(vector coordinate, vector given, data array[] int place
       }
       if (k == i_maxwell_modulus() && guide[i, 2] < 0) {
         // The curve fixes what both springs give together in the elastic rise.
-        displacement -= quantity[i, i_scale()] / guide[i, 2]
-                        * (loading_compliance(parameter[i_kelvin_modulus()],
-                                              parameter[i_kelvin_viscosity()], conditions[4])
-                           - reference[6]);
+        displacement += left_to_spring(quantity[i, i_scale()] / -guide[i, 2]
+                                       * (loading_compliance(parameter[i_kelvin_modulus()],
+                                                             parameter[i_kelvin_viscosity()],
+                                                             conditions[4])
+                                          - reference[6]));
       }
       straight = plain_from_straightened(displacement, guide[i, 1], guide[i, 2]);
       plain[i] = straight[1];

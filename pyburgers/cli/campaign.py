@@ -46,7 +46,7 @@ def run(options: argparse.Namespace) -> int:
         print(f"{name}: could not be done: {error}")
     with writing(out):
         print(f"table: {write_status(table, out)}")
-    if workers.do_all and (table["status"] == COMPLETE).any():
+    if options.part is None and (table["status"] == COMPLETE).any():
         print(f"The page is {write_page(campaign, out, command=command)}")
     if failed:
         return EXIT_NOT_DONE

@@ -63,7 +63,7 @@ def run(options: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
     if options.leave_out == "tests":
         return _compare_by_test(options)
-    if options.scheduler is not None or options.jobs is not None or options.part != (1, 1):
+    if (options.scheduler, options.jobs, options.part) != (None, None, None):
         raise InputError("--jobs, --scheduler and --part: go with --leave-out tests.")
     directories: list[Path] = options.directories
     fits = {
@@ -96,9 +96,9 @@ def _compare_by_test(options: argparse.Namespace) -> int:
         check_several_tests(joint)
     command = command_line()
     with workers_of(options) as workers:
-        if not workers.do_all:
+        if options.part is not None:
             fit_without_tests(joints, workers=workers, command=command)
-            print(f"fits of part {workers.part}/{workers.parts} are done")
+            print("fits of part {}/{} are done".format(*options.part))
             return 0
         with writing(options.out):
             # Ahead of the fits, which take long.

@@ -28,9 +28,9 @@ def run(options: argparse.Namespace) -> int:
     measured = None if options.measured is None else load_measured_attenuation(options.measured)
     preset, out, command = options.preset, options.out, command_line()
     with workers_of(options) as workers:
-        if not workers.do_all:
+        if options.part is not None:
             fit_part(preset, out, workers=workers, command=command)
-            print(f"fits of part {workers.part}/{workers.parts} are done")
+            print("fits of part {}/{} are done".format(*options.part))
             return 0
         outcome = reproduce(preset, out, workers=workers, command=command, measured=measured)
     print(f"The page is {outcome.page}")

@@ -116,7 +116,7 @@ def run(options: argparse.Namespace) -> int:
             workers=workers,
             command=command_line(),
         )
-    if not workers.do_all:
+    if options.part is not None:
         print(f"data sets done: {len(calibration.replications)} of {plan.simulations}")
         return 0
     return _write(calibration, out)

@@ -26,7 +26,6 @@ def add_worker_options(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--part",
         type=_part,
-        default=(1, 1),
         metavar="I/N",
         help="do the I-th of N parts of the tasks and nothing else, such as in a job array; the "
         "same command without it then gathers the results",
@@ -52,10 +51,9 @@ def workers_of(options: argparse.Namespace) -> Iterator[Workers]:
     SystemFailureError
         If workers were lost again and again.
     """
-    part, parts = options.part
     address: str | None = options.scheduler
     if address is None:
-        yield Workers(jobs=options.jobs, part=part, parts=parts)
+        yield Workers(jobs=options.jobs, part=options.part)
         return
     if options.jobs is not None:
         raise InputError("--jobs: does not go with --scheduler, whose workers are what they are.")
@@ -73,7 +71,7 @@ def workers_of(options: argparse.Namespace) -> Iterator[Workers]:
         # Equal tasks are not one: each writes its own folder.
         executor = client.get_executor(pure=False)
         try:
-            yield Workers(executor, part=part, parts=parts)
+            yield Workers(executor, part=options.part)
         except KilledWorker as error:
             raise SystemFailureError(
                 f"--scheduler {address}: several workers ended during the same task; see what "

@@ -29,15 +29,14 @@ class Workers:
         processes of this machine.
     jobs : int or None
         How many processes of this machine; None takes one for each core.
-    part, parts : int
-        Which of how many parts of the tasks this call does, from 1; the other parts are for other
-        calls, such as those of a job array.
+    part : tuple of two int, or None
+        Which, from 1, of how many parts of the tasks this call does; the other parts are for other
+        calls, such as those of a job array. None does all tasks.
     """
 
     executor: Executor | None = None
     jobs: int | None = None
-    part: int = 1
-    parts: int = 1
+    part: tuple[int, int] | None = None
 
     def __post_init__(self) -> None:
         """Check the values.
@@ -48,20 +47,16 @@ class Workers:
             If there are no processes, or there is no such part.
         """
         number_of_processes(self.jobs, 1)
-        if not 1 <= self.part <= self.parts:
+        which, number = self.part or (1, 1)
+        if not 1 <= which <= number:
             raise InputError(
-                f"part is {self.part}/{self.parts}, expected one from 1/{self.parts} to "
-                f"{self.parts}/{self.parts}."
+                f"part is {which}/{number}, expected one from 1/{number} to {number}/{number}."
             )
-
-    @property
-    def do_all(self) -> bool:
-        """Whether no task is left to other calls."""
-        return self.parts == 1
 
     def mine(self, tasks: Mapping[Key, Value]) -> dict[Key, Value]:
         """Return the tasks of this part: every so many-th, so that parts take about as long."""
-        return {key: tasks[key] for key in list(tasks)[self.part - 1 :: self.parts]}
+        which, number = self.part or (1, 1)
+        return {key: tasks[key] for key in list(tasks)[which - 1 :: number]}
 
     def processes(self, n_tasks: int) -> int:
         """Return how many processes of this machine do a number of tasks."""

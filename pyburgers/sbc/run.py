@@ -262,7 +262,7 @@ def calibrate(
     identity = _fingerprint(problem, plan, load_program(problem.protocol.program).key)
     run = RunDirectory(out)
     folders = ("inputs", SIMULATIONS)
-    if workers.do_all:
+    if workers.part is None:
         with run.claimed(identity, folders):
             _write_inputs(run, problem, plan, command)
             _run_missing(run, plan, workers)

@@ -6,7 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import psutil
@@ -94,19 +94,23 @@ def test_a_killed_worker_costs_its_task_and_results_are_those_of_this_machine(
     out = tmp_path / "out"
     first, *others = (f"alone-standard-own-seed{seed}" for seed in SEEDS)
     command = [sys.executable, "-m", "pyburgers.cli.main", "campaign", str(plan)]
-    running = subprocess.Popen(
-        [*command, "--out", str(out), "--scheduler", scheduler, "--part", "1/1"]
-    )
+    elsewhere = ("--out", str(out), "--scheduler", scheduler, "--part", "1/1")
 
     def killed_in_the_middle() -> bool:
         for worker in workers:
-            if any(f"{first}/" in " ".join(one.cmdline()) for one in worker.children()):
-                worker.send_signal(signal.SIGKILL)
-                return True
+            with suppress(psutil.NoSuchProcess):  # a chain that ended in the meantime
+                if any(f"{first}/" in " ".join(one.cmdline()) for one in worker.children()):
+                    worker.send_signal(signal.SIGKILL)
+                    return True
         return False
 
-    wait_until("worker that runs chains", killed_in_the_middle)
-    assert running.wait(DEADLINE) in (0, 3)
+    with ExitStack() as stack:
+        running = subprocess.Popen([*command, *elsewhere])
+        stack.callback(running.wait)
+        stack.callback(running.kill)
+        wait_until("worker that runs chains", killed_in_the_middle)
+        assert running.wait(DEADLINE) in (0, 3)
+    assert not (out / "report").exists()
     for name in (first, *others):
         one = Fit.load(out / "runs" / name)
         assert one.manifest["status"] == "complete"

@@ -204,10 +204,10 @@ def fit_part(preset: str, out: Path, *, workers: Workers, command: str) -> None:
     dunite = dunite_tasks(shipped_data_directory() / "dunite", PRESETS[preset])
     tasks = {**_problems(preset), **dunite}
     mine = workers.mine({name: tasks[name] for name in LONGEST_FIRST if name in tasks})
-    if workers.part == 1:
+    if workers.part is None or workers.part[0] == 1:
         _, handed_on = _fit_peak_stresses(runs, command)
         mine[COMBINED_RUN] = _combined(handed_on)
-    fit_side_by_side(mine, runs, workers=replace(workers, part=1, parts=1), command=command)
+    fit_side_by_side(mine, runs, workers=replace(workers, part=None), command=command)
 
 
 def _runs(out: Path, preset: str) -> Path:

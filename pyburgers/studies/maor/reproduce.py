@@ -43,6 +43,7 @@ from pyburgers.studies.dunite import (
 )
 from pyburgers.studies.dunite_predictions import predicted_tests, predictions_section
 from pyburgers.studies.maor.sections import study_sections
+from pyburgers.studies.olivine_spectra import run_name, spectra_section, spectra_tasks
 
 logger = logging.getLogger(__name__)
 
@@ -85,7 +86,11 @@ LONGEST_FIRST = (
     COMBINED_RUN,
     "PIL105",
     "olivine_kept",
+    run_name("band"),
+    run_name("band", without_hottest=True),
     ONE_RATE,
+    run_name("one element"),
+    run_name("one element", without_hottest=True),
 )
 """Order in which the fits begin, so that none is left over for one core at the end."""
 
@@ -139,9 +144,10 @@ def reproduce(
     """Fit the experiments of the study and write the page; continue where a call stopped.
 
     The page has the fits, those of measured dunite first and with them which law describes steps
-    of the strain rate and what two tests predict of others, attenuation as the ice fits predict
-    it, what the treatment of the olivine record changes, the paper's statements, the flow law of
-    measured peak stresses, and what that adds to one of the curves.
+    of the strain rate and what two tests predict of others, measured attenuation of olivine and
+    what two laws make of it, attenuation as the ice fits predict it, what the treatment of the
+    olivine record changes, the paper's statements, the flow law of measured peak stresses, and
+    what that adds to one of the curves.
 
     Parameters
     ----------
@@ -161,8 +167,8 @@ def reproduce(
     compile_programs([stan_directory() / f"{name}.stan" for name in PROGRAMS])
     peak_stress, handed_on = _fit_peak_stresses(runs, command)
     problems = {**_problems(preset), COMBINED_RUN: _combined(handed_on)}
-    of_dunite = dunite_tasks(shipped_data_directory() / "dunite", PRESETS[preset])
-    tasks = {**problems, **of_dunite}
+    of_dunite, of_spectra = _measured_dunite(preset), _measured_spectra(preset)
+    tasks = {**problems, **of_dunite, **of_spectra}
     begun = {name: tasks[name] for name in LONGEST_FIRST}
     found = fit_side_by_side(begun, runs, workers=workers, command=command)
     joint = found[JOINT_RUN]
@@ -181,6 +187,7 @@ def reproduce(
         extras=(
             rate_steps_section({name: found[name] for name in STEPPED}),
             predictions_section(joint, predicted_tests(shipped_data_directory() / "dunite")),
+            spectra_section({name: found[name] for name in of_spectra}),
             *joint_sections([joint], list(alone.values())),
             *study_sections(ice_fits, olivine_fits, measured),
             peak_stress_section(peak_stress),
@@ -201,8 +208,7 @@ def fit_part(preset: str, out: Path, *, workers: Workers, command: str) -> None:
         needs them.
     """
     runs = _runs(out, preset)
-    dunite = dunite_tasks(shipped_data_directory() / "dunite", PRESETS[preset])
-    tasks = {**_problems(preset), **dunite}
+    tasks = {**_problems(preset), **_measured_dunite(preset), **_measured_spectra(preset)}
     mine = workers.mine({name: tasks[name] for name in LONGEST_FIRST if name in tasks})
     if workers.part is None or workers.part[0] == 1:
         _, handed_on = _fit_peak_stresses(runs, command)
@@ -252,6 +258,16 @@ def _problems(preset: str) -> dict[str, Task]:
         name: task_of([one], default_priors(one.material), _options(preset, name))
         for name, one in study_experiments().items()
     }
+
+
+def _measured_dunite(preset: str) -> dict[str, Task]:
+    """Fits of measured dunite, by the names of their runs."""
+    return dunite_tasks(shipped_data_directory() / "dunite", PRESETS[preset])
+
+
+def _measured_spectra(preset: str) -> dict[str, Task]:
+    """Fits of measured attenuation of olivine, by the names of their runs."""
+    return spectra_tasks(shipped_data_directory() / "olivine", PRESETS[preset])
 
 
 def _combined(handed_on: PeakStressFit) -> Task:

@@ -1,11 +1,13 @@
 """A hundred kills of every command that fits: same results, no orphans, nothing left behind."""
 
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 from conftest import Problem
-from kills import assert_survives
+from kills import assert_survives, results
 
 from pyburgers.fitting.fit import Fit
 
@@ -34,6 +36,44 @@ def inputs_of(problem: Problem) -> tuple[str, ...]:
 def test_fit(small_problem: Problem, tmp_path: Path) -> None:
     command = (*MAIN, "fit", *inputs_of(small_problem), *SAMPLER, "--out", "OUT")
     assert_survives(command, tmp_path, kills=40, seed=1)
+
+
+def test_two_processes_in_one_run_directory(small_problem: Problem, tmp_path: Path) -> None:
+    """One does the fit; the other is told, or came so late that it finds all done."""
+
+    def start(out: Path) -> subprocess.Popen[str]:
+        command = (*MAIN, "fit", *inputs_of(small_problem), *SAMPLER, "--out", str(out))
+        return subprocess.Popen([sys.executable, *command], stderr=subprocess.PIPE, text=True)
+
+    alone = start(tmp_path / "alone")
+    alone.communicate()
+    both = [start(tmp_path / "both") for _ in range(2)]
+    said = [one.communicate()[1] for one in both]
+    refused = [text for one, text in zip(both, said, strict=True) if one.returncode == 2]
+    assert len(refused) <= 1
+    assert all("another process is running a fit here" in text for text in refused)
+    assert {one.returncode for one in both} <= {2, alone.returncode}
+    assert results(tmp_path / "both") == results(tmp_path / "alone")
+
+
+def test_two_processes_in_a_fresh_cache(
+    small_problem: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One compiles, the other waits for it."""
+    monkeypatch.setenv("PYBURGERS_CACHE", str(tmp_path / "cache"))
+    outs = [tmp_path / name for name in ("one", "other")]
+    both = [
+        subprocess.Popen(
+            [sys.executable, *MAIN, "fit", *inputs_of(small_problem), *SAMPLER, "--out", str(out)]
+        )
+        for out in outs
+    ]
+    codes = {one.wait() for one in both}
+    assert len(codes) == 1
+    assert codes <= {0, 3, 4}
+    assert results(outs[0]) == results(outs[1])
+    assert len(list((tmp_path / "cache").glob("*/constant_rate"))) == 1
+    assert not list((tmp_path / "cache").glob("*/.*.partial"))
 
 
 def test_sbc(small_problem: Problem, tmp_path: Path) -> None:

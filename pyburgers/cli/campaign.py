@@ -34,9 +34,9 @@ def run(options: argparse.Namespace) -> int:
     command = command_line()
     failed = {}
     if not options.status:
-        with writing(out):
-            out.mkdir(parents=True, exist_ok=True)
         with workers_of(options) as workers:
+            with writing(out):
+                out.mkdir(parents=True, exist_ok=True)
             failed = run_campaign(campaign, out, workers=workers, command=command)
     table = status_table(campaign, out)
     print(table.drop(columns=["test", "variant", "priors", "seed"]).to_string())

@@ -11,6 +11,7 @@ from pyburgers.cli.shared import (
     exit_code,
     sampler_options,
 )
+from pyburgers.cli.workers import add_worker_options, workers_of
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import UNITS
 from pyburgers.drawing.style import write_images
@@ -46,24 +47,21 @@ def add_options(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--priors",
         type=Path,
-        help="prior file (default: the material's in data/priors/calibration, or its own)",
+        help="prior file (default the material's in data/priors/calibration, or its own)",
     )
-    command.add_argument("--out", type=Path, help="default: calibrations/ID, or ID+ID")
+    command.add_argument("--out", type=Path, help="folder; default calibrations/ID, or ID+ID")
     command.add_argument(
         "--simulations",
         type=int,
         default=200,
-        help="data sets, default 200; fixed with the first one",
+        help="data sets; fixed with the first one",
     )
-    command.add_argument(
-        "--ranked-draws", type=int, default=N_RANKED, help=f"of each fit, default {N_RANKED}"
-    )
+    command.add_argument("--ranked-draws", type=int, default=N_RANKED, help="of each fit")
     command.add_argument(
         "--refits",
         type=int,
         default=REFITS,
-        help=f"repetitions, {LONGER} times as long each, of a fit that has not converged; default "
-        f"{REFITS}",
+        help=f"repetitions, {LONGER} times as long each, of a fit that has not converged",
     )
     command.add_argument(
         "--stress-range",
@@ -78,7 +76,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
         metavar="FOLDER",
         help="fit nothing: write the results of a calibration as far as it has come",
     )
-    command.add_argument("--jobs", type=int, help="processes, default one for each core")
+    add_worker_options(command)
     add_sampler_options(command, CALIBRATION_OPTIONS, SHORT_RUN)
 
 
@@ -97,22 +95,27 @@ def run(options: argparse.Namespace) -> int:
         else load_priors(options.priors)
     )
     out = options.out or Path("calibrations") / "+".join(template.id for template in templates)
-    calibration = calibrate(
-        templates,
-        with_variant(priors, first, parse_choices(options.variant)),
-        out=out,
-        plan=CalibrationPlan(
-            simulations=options.simulations,
-            seed=options.seed,
-            n_ranked=options.ranked_draws,
-            sampler=sampler_options(options, CALIBRATION_OPTIONS),
-            refits=options.refits,
-            stress_range=_in_pa(options.stress_range),
-        ),
-        pool=parse_pooling(options.pool),
-        jobs=options.jobs,
-        command=command_line(),
+    plan = CalibrationPlan(
+        simulations=options.simulations,
+        seed=options.seed,
+        n_ranked=options.ranked_draws,
+        sampler=sampler_options(options, CALIBRATION_OPTIONS),
+        refits=options.refits,
+        stress_range=_in_pa(options.stress_range),
     )
+    with workers_of(options) as workers:
+        calibration = calibrate(
+            templates,
+            with_variant(priors, first, parse_choices(options.variant)),
+            out=out,
+            plan=plan,
+            pool=parse_pooling(options.pool),
+            workers=workers,
+            command=command_line(),
+        )
+    if options.part is not None:
+        print(f"data sets done: {len(calibration.replications)} of {plan.simulations}")
+        return 0
     return _write(calibration, out)
 
 

@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 from mutations import NAMES as ODD_NAMES
 from mutations import NUMBERS, TEXT, changed_bytes, changed_tables
 
+from pyburgers.cli.check_file import check as check_file
 from pyburgers.cli.main import COMMANDS, main
 from pyburgers.common.errors import PyburgersError
 from pyburgers.flow_law_tables.inputs import load_peak_stress, load_peak_stress_priors
@@ -31,6 +32,7 @@ from pyburgers.protocols.problem import problem_of
 from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.protocol import NAMES, load_experiment
 from pyburgers.protocols.stan_data import SolverOptions
+from pyburgers.studies.campaign import load_campaign
 
 DATA = Path(__file__).parents[2] / "data"
 LIMIT_S = 10.0
@@ -77,6 +79,18 @@ PARAMETERS = {
     if reader.file.stem == "PIL40"
     for name, value in tomllib.loads(reader.file.read_text("utf-8"))["true_parameters"].items()
 }
+PLAN = f"""
+id = "laws"
+seeds = [1, 2]
+tests.alone = ["{DATA / "ice" / "PIL40.toml"}"]
+tests.two = ["{DATA / "ice" / "PIL40.toml"}", "{DATA / "ice" / "PIL72.toml"}"]
+variants.standard = {{}}
+variants.power = {{ kelvin = "power_law" }}
+priors.shipped = "default"
+priors.own = "{DATA / "priors" / "ice.toml"}"
+pool.stress_noise = "separate"
+sampler.draws = 500
+"""
 POINTS = b"# somebody\nfrequency_Hz,tan_delta,tan_delta_sd,series\n0.001,0.41,0.03,a\n0.01,0.3,,b\n"
 
 
@@ -142,7 +156,8 @@ def changed_keys(number: int) -> None:
         except (ValueError, TypeError):  # not what TOML holds
             assume(False)
         with folder_with(reader.beside) as folder:
-            check(reader.read, folder, reader.file.name, text.encode())
+            read = data.draw(st.sampled_from([reader.read, check_file]))
+            check(read, folder, reader.file.name, text.encode())
 
     run()
 
@@ -175,7 +190,8 @@ def changed_columns(number: int) -> None:
         content = data.draw(changed_bytes(changed.read_bytes()))
         others = [file for file in reader.beside if file != changed]
         with folder_with([*others, reader.file]) as folder:
-            check(lambda _: reader.read(folder / reader.file.name), folder, changed.name, content)
+            read = data.draw(st.sampled_from([reader.read, check_file]))
+            check(lambda _: read(folder / reader.file.name), folder, changed.name, content)
 
     run()
 
@@ -184,6 +200,7 @@ def other_files(number: int) -> None:
     files = {
         "parameters.json": (load_parameters, json.dumps(PARAMETERS, indent=1).encode()),
         "points.csv": (load_measured_attenuation, POINTS),
+        "plan.toml": (load_campaign, PLAN.encode()),
     }
 
     @examples(number)
@@ -203,6 +220,7 @@ OPTIONS = {
         *("--chain-timeout", "--parallel-chains", "--tolerance", "--prior-only"),
     ),
     "check": (),
+    "check-file": (),
     "simulate": ("--parameters", "--out"),
     "fit-peak-stress": ("--priors", "--curve-priors", "--without", "--out", "--chains", "--seed"),
     "compare": ("--out", "--leave-out", "--no-refit"),
@@ -210,6 +228,7 @@ OPTIONS = {
         *("--priors", "--out", "--simulations", "--ranked-draws", "--refits", "--stress-range"),
         *("--results-of", "--jobs", "--chains", "--warmup", "--draws", "--seed", "--variant"),
     ),
+    "campaign": ("--out", "--status", "--jobs", "--part"),
     "report": ("--out", "--title"),
     "predict": ("--out", "--test", "--elastic-modulus-Pa", "--measured", "--evolving"),
 }

@@ -87,5 +87,5 @@ $(VENV)/.docs-installed: $(VENV)/.installed
 
 $(VENV)/.lint-installed: $(VENV)/.installed
 	@echo "==> Installing ruff, mypy and type stubs into $(VENV)"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,lint]'
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,docs,lint]'
 	@touch $@

@@ -65,8 +65,7 @@ def run(command: list[str], folder: Path, expected: Collection[int] = (0,)) -> R
             cwd=folder,
             env=environment,
             stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
+            capture_output=True,
             text=True,
             timeout=LONGEST_SECONDS,
         )
@@ -98,4 +97,6 @@ def shortened(output: str, most: int) -> str:
         return "\n".join(lines)
     head = most // 2
     left_out = len(lines) - most
-    return "\n".join([*lines[:head], f"... {left_out} lines ...", *lines[len(lines) - most + head :]])
+    return "\n".join(
+        [*lines[:head], f"... {left_out} lines ...", *lines[len(lines) - most + head :]]
+    )

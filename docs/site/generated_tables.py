@@ -84,7 +84,12 @@ def combination_lines() -> list[str]:
             for c in found
             if c.outcome == REFUSED
         )
-        lines += [":::{dropdown} What is refused, and why", *(f"- {law}: {why}" for law, why in refused), ":::", ""]
+        lines += [
+            ":::{dropdown} What is refused, and why",
+            *(f"- {law}: {why}" for law, why in refused),
+            ":::",
+            "",
+        ]
     return lines
 
 

@@ -2,8 +2,8 @@
 
     python docs/site/make_draws.py
 
-Fits a synthetic ice test and a digitised dunite test with fixed seeds, which takes minutes, and keeps
-some draws of each. Run it again when the model or the priors change.
+Fits a synthetic ice test and a digitised dunite test with fixed seeds, which takes minutes, and
+keeps some draws of each. Run it again when the model or the priors change.
 """
 
 import argparse

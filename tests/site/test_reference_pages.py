@@ -57,8 +57,13 @@ def test_the_keys_of_shipped_files_are_listed(name: str) -> None:
     for top, value in content.items():
         held = value[0] if isinstance(value, list) and isinstance(value[0], dict) else value
         if isinstance(held, dict):
-            assert f"`[{top}]`" in listed or f"`[[{top}]]`" in listed or f"`[{top}." in listed or (
-                f"| `{top}` |" in listed  # a table of free names, such as [metadata]
+            assert (
+                f"`[{top}]`" in listed
+                or f"`[[{top}]]`" in listed
+                or f"`[{top}." in listed
+                or (
+                    f"| `{top}` |" in listed  # a table of free names, such as [metadata]
+                )
             )
         else:
             assert f"| `{top}` |" in listed
@@ -130,8 +135,9 @@ def test_shipped_tests_take_the_laws_that_the_table_allows(
             continue
         if c.outcome == FROZEN:
             choice["grain_size"] = "constant"
-        assert variant_of(with_variant(priors, experiment, choice), experiment).record()[
-            c.part
-        ] == c.law
+        assert (
+            variant_of(with_variant(priors, experiment, choice), experiment).record()[c.part]
+            == c.law
+        )
         if c.outcome == STANDARD:
             assert variant_of(priors, experiment).record()[c.part] == c.law

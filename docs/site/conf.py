@@ -41,6 +41,7 @@ myst_heading_anchors = 3
 
 autodoc_typehints = "none"  # the docstrings say them
 autodoc_member_order = "bysource"
+autosummary_generate = False
 numpydoc_show_class_members = False
 
 html_theme = "furo"

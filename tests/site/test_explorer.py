@@ -146,7 +146,8 @@ def test_the_slider_of_the_reference_stress_holds_it() -> None:
     )
     given = {"p": draw | {"stress_exponent": 2.7}, "test": [rate, temperature, size]}
     held = in_node(
-        "model.referenceStress({...p, beta: model.betaOfReferenceStress(p, 5e6, ...test)}, ...test)",
+        "model.referenceStress("
+        "{...p, beta: model.betaOfReferenceStress(p, 5e6, ...test)}, ...test)",
         **given,
     )
     assert held == pytest.approx(5e6, rel=1e-12)

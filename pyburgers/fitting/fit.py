@@ -2,7 +2,7 @@
 
 import logging
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Self
@@ -10,14 +10,12 @@ from typing import Any, Self
 import pandas as pd
 import xarray as xr
 
-from pyburgers.checks.fit_checks import (
-    Outcome,
-)
+from pyburgers.checks.fit_checks import Outcome, check_solver
 from pyburgers.checks.prior_influence import Influence, conflict_sentence, prior_influence
 from pyburgers.common.errors import InputError, nearest
 from pyburgers.fitting.new_test import Source
 from pyburgers.fitting.prediction import Prediction, predict_test
-from pyburgers.fitting.sampled_fit import SampledFit, sample_until_solved, write_tables
+from pyburgers.fitting.sampled_fit import SampledFit, write_tables
 from pyburgers.model.pooling import SEPARATE, pooling_from, pooling_of
 from pyburgers.model.priors import PriorSet, load_priors, note_other_material
 from pyburgers.model.variants import ModelVariant, variant_of
@@ -29,10 +27,13 @@ from pyburgers.protocols.protocol import load_experiment
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.manifest import FitManifest
 from pyburgers.sampling.options import SamplerOptions
-from pyburgers.sampling.run import run_chains
+from pyburgers.sampling.run import run_chains, tighten_solver
 from pyburgers.sampling.run_directory import RunDirectory
 
 logger = logging.getLogger(__name__)
+
+MAX_REFITS = 2
+"""Times that a run is repeated at a tighter tolerance of the solver."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -355,6 +356,26 @@ def fit_problem(
         more_draws = 0  # chains that are run again get the same number
         return Fit.load(run.path)
 
-    result = sample_until_solved(sample, run)
+    result = _sample_until_solved(sample, run)
     write_tables(result)
     return replace(result, manifest=run.read_manifest())
+
+
+def _sample_until_solved(sample: Callable[[], Fit], run: RunDirectory) -> Fit:
+    """Sample, and again at a tighter tolerance of the solver where its check fails.
+
+    Parameters
+    ----------
+    sample : callable
+        Runs missing chains and loads the fit.
+    run : RunDirectory
+        Where they are.
+    """
+    while True:
+        result = sample()
+        check = check_solver(result.checked_draws)
+        n_refits = len(result.manifest["refits"])
+        if check.outcome is not Outcome.NO or n_refits == MAX_REFITS or result.missing_chains():
+            return result
+        tight = tighten_solver(run, float(check.table["pareto_k"].iloc[0]))
+        logger.info(f"{check.sentence} Sampling all chains again at a tolerance of {tight:g}.")

@@ -1,10 +1,8 @@
 """A finished run of chains, whatever was fitted: its checks, its tables, when it is done."""
 
-import logging
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any
 
 import pandas as pd
 import xarray as xr
@@ -14,20 +12,13 @@ from pyburgers.checks.fit_checks import (
     CheckKind,
     CheckResult,
     Outcome,
-    check_solver,
     run_checks,
 )
 from pyburgers.checks.registry import CHECKS
 from pyburgers.checks.verdicts import Verdict, verdicts, verdicts_record
 from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.sampling.failures import ChainFailure, missing_chains
-from pyburgers.sampling.run import tighten_solver
 from pyburgers.sampling.run_directory import RunDirectory
-
-logger = logging.getLogger(__name__)
-
-MAX_REFITS = 2
-"""Times that a run is repeated at a tighter tolerance of the solver."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,29 +81,6 @@ class SampledFit(ABC):
         return missing_chains(
             self.posterior["posterior"]["chain"].to_numpy().tolist(), self.manifest
         )
-
-
-AnyFit = TypeVar("AnyFit", bound=SampledFit)
-
-
-def sample_until_solved(sample: Callable[[], AnyFit], run: RunDirectory) -> AnyFit:
-    """Sample, and again at a tighter tolerance of the solver where its check fails.
-
-    Parameters
-    ----------
-    sample : callable
-        Runs missing chains and loads the fit.
-    run : RunDirectory
-        Where they are.
-    """
-    while True:
-        result = sample()
-        check = check_solver(result.checked_draws)
-        n_refits = len(result.manifest["refits"])
-        if check.outcome is not Outcome.NO or n_refits == MAX_REFITS or result.missing_chains():
-            return result
-        tight = tighten_solver(run, float(check.table["pareto_k"].iloc[0]))
-        logger.info(f"{check.sentence} Sampling all chains again at a tolerance of {tight:g}.")
 
 
 def write_tables(result: SampledFit) -> None:

@@ -356,7 +356,7 @@ class RunDirectory:
         InputError
             If another process runs here, or files cannot be removed.
         """
-        with self._locked():
+        with self._locked(0.0):
             try:
                 for entry in self.path.iterdir():
                     if entry.name not in WRITTEN and not entry.name.startswith(UNFINISHED):

@@ -46,7 +46,7 @@ from pyburgers.model.display import (
 from pyburgers.model.flow_law_prior import GAS_CONSTANT, FlowLawPrior
 from pyburgers.model.priors import FLOW_LAW
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.report.page import file_key, page_keys
+from pyburgers.report.names import file_key, page_keys
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -21,7 +21,7 @@ from pyburgers.model.display import axis_label, shown_quantity, symbol_text, uni
 from pyburgers.posterior.labelled_draws import own_name
 from pyburgers.protocols.coordinates import CENTRE, SPREAD
 from pyburgers.protocols.protocol import protocol_of
-from pyburgers.report.page import joint_key, page_keys
+from pyburgers.report.names import joint_key, page_keys
 from pyburgers.report.tables import checks_page_table
 
 

@@ -12,6 +12,7 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.checks.fit_checks import CheckResult, Outcome
+from pyburgers.checks.prior_influence import Influence, Origin
 from pyburgers.common.units import number, rounded
 from pyburgers.drawing.page_parts import PageTable
 from pyburgers.fitting.fit import Fit
@@ -24,7 +25,12 @@ INTERVALS = (50, 90, 95)
 """Central intervals (%) in which the truth behind synthetic data is looked for."""
 
 
-def parameter_table(summary: pd.DataFrame, priors: PriorSet) -> pd.DataFrame:
+def parameter_table(
+    summary: pd.DataFrame,
+    priors: PriorSet,
+    influences: Mapping[str, Influence],
+    truth: pd.DataFrame | None = None,
+) -> pd.DataFrame:
     """Posterior beside prior, a row for each sampled quantity, then the fixed parameters.
 
     Parameters
@@ -33,27 +39,58 @@ def parameter_table(summary: pd.DataFrame, priors: PriorSet) -> pd.DataFrame:
         Posterior table in SI units (`Fit.summary`).
     priors : PriorSet
         Priors of the fit, resolved.
+    influences : mapping of str to Influence
+        What each quantity owes to prior and data; empty without likelihood.
+    truth : DataFrame, optional
+        `truth_table` of synthetic data.
 
     Returns
     -------
     DataFrame
         Text. Columns symbol, quantity, unit, mean, sd, 5 %, 95 %, prior, sd / prior sd (how much
-        of the prior's width is left), ESS bulk, ESS tail, R-hat. The reference stress has no
-        prior of its own.
+        of the prior's width is left); decided by, with influences; truth and its distance, where
+        it is known. The reference stress has no prior of its own.
     """
-    rows = [
-        {
-            **posterior_row(shown_quantity(str(name)), row.to_dict(), priors.priors.get(str(name))),
-            "ESS bulk": f"{row['ess_bulk']:.0f}",
-            "ESS tail": f"{row['ess_tail']:.0f}",
-            "R-hat": f"{row['rhat']:.3f}",
-        }
-        for name, row in summary.iterrows()
-    ]
+    rows = []
+    for name, row in summary.iterrows():
+        quantity, key = shown_quantity(str(name)), str(name)
+        shown = posterior_row(quantity, row.to_dict(), priors.priors.get(key))
+        if key in influences:
+            shown["decided by"] = DECIDED_BY[influences[key].origin]
+        if truth is not None and key in truth.index:
+            shown |= _truth_beside(quantity, truth.loc[key])
+        rows.append(shown)
     for name, prior in priors.priors.items():
         if prior.is_fixed:
             rows.append(fixed_row(PARAMETER_BY_NAME[name], prior))
     return pd.DataFrame(rows).fillna("")
+
+
+DECIDED_BY = {
+    Origin.PRIOR: "prior",
+    Origin.DATA: "data",
+    Origin.AGREEMENT: "either",
+    Origin.BOTH: "both",
+    Origin.DISAGREEMENT: "disagree",
+}
+"""Words for what a number comes from."""
+
+
+def _truth_beside(quantity: Parameter, row: "pd.Series[Any]") -> dict[str, str]:
+    """Return the true value in display units, and its distance."""
+    factor = quantity.display_factor
+    return {
+        "truth": rounded(row["truth"] * factor, row["sd"] * factor),
+        "off by (sd)": f"{(row['truth'] - row['mean']) / row['sd']:+.2f}",
+    }
+
+
+def truth_sentence(truth: pd.DataFrame) -> str:
+    """Say how many of the true values lie inside the central intervals."""
+    found = ", ".join(
+        f"{int(truth[f'inside_{share}'].sum())} in that of {share} %" for share in INTERVALS
+    )
+    return f"Of {len(truth)} true values, inside the central interval: {found}."
 
 
 def posterior_row(
@@ -109,6 +146,31 @@ def prior_table(priors: PriorSet) -> pd.DataFrame:
     )
 
 
+def prior_sources(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
+    """Where the priors of all fits come from, each source of a quantity once.
+
+    Parameters
+    ----------
+    tables : mapping of str to DataFrame
+        `prior_table` by name of the fit.
+
+    Returns
+    -------
+    DataFrame
+        Text. Columns symbol, quantity, source, fits (all, or their names).
+    """
+    stacked = pd.concat(
+        [table.assign(fits=name) for name, table in tables.items()], ignore_index=True
+    )
+    grouped = stacked.groupby(["symbol", "quantity", "source"], sort=False)["fits"]
+    found = grouped.agg(lambda names: _all_or(list(names), len(tables)))
+    return found.reset_index()
+
+
+def _all_or(names: Sequence[str], n_fits: int) -> str:
+    return "all" if len(names) == n_fits else ", ".join(names)
+
+
 def truth_table(fit: Fit) -> pd.DataFrame | None:
     """Compare the posterior with the parameters behind synthetic data.
 
@@ -142,33 +204,6 @@ def _inside(values: xr.DataArray, truth: float, share: int) -> bool:
     """Whether a number lies in the central interval that holds `share` % of the draws."""
     low, high = np.quantile(values, [0.5 - share / 200, 0.5 + share / 200])
     return bool(low <= truth <= high)
-
-
-def shown_truth_table(truth: pd.DataFrame) -> pd.DataFrame:
-    """Return a `truth_table` as text in display units, with the counts in its last row."""
-    rows = []
-    for name, row in truth.iterrows():
-        quantity = shown_quantity(str(name))
-        factor = quantity.display_factor
-        sd = row["sd"] * factor
-        rows.append(
-            {
-                **_named(quantity),
-                "truth": rounded(row["truth"] * factor, sd),
-                "mean": rounded(row["mean"] * factor, sd),
-                "sd": rounded(sd, sd),
-                "distance (sd)": f"{(row['truth'] - row['mean']) / row['sd']:+.2f}",
-                **{
-                    f"in {share} % interval": "yes" if row[f"inside_{share}"] else "no"
-                    for share in INTERVALS
-                },
-            }
-        )
-    counts = {
-        f"in {share} % interval": f"{truth[f'inside_{share}'].sum()} of {len(truth)}"
-        for share in INTERVALS
-    }
-    return pd.DataFrame([*rows, {"quantity": "all parameters", **counts}]).fillna("")
 
 
 VERDICT_WORDS = {Outcome.YES: "passed", Outcome.NO: "FAILED", Outcome.CANNOT_TELL: "cannot tell"}

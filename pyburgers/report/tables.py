@@ -234,6 +234,7 @@ def checks_page_table(title: str, checks: Sequence[CheckResult]) -> PageTable:
         words=("check", "verdict"),
         sentences=("sentence",),
         bad={"verdict": [not one.passed for one in checks]},
+        in_files=True,
     )
 
 

@@ -63,7 +63,9 @@ def test_every_symbol_can_be_printed_without_mathematics() -> None:
 
 def test_the_parameter_table_shows_the_summary_in_display_units(fit: Fit) -> None:
     summary = fit.summary()
-    shown = tables.parameter_table(summary, fit.priors).set_index("quantity")
+    truth = tables.truth_table(fit)
+    influences = fit.influences()[fit.problem.name]
+    shown = tables.parameter_table(summary, fit.priors, influences, truth).set_index("quantity")
     row = shown.loc["Kelvin viscosity"]
     sd = summary["sd"]["kelvin_viscosity"] / 1e9
     assert row["mean"] == rounded(summary["mean"]["kelvin_viscosity"] / 1e9, sd)
@@ -74,6 +76,25 @@ def test_the_parameter_table_shows_the_summary_in_display_units(fit: Fit) -> Non
     assert shown.loc["pre-exponent ln(A)/Q", "prior"] == "fixed"
     assert shown.loc["pre-exponent ln(A)/Q", "mean"] == "-0.729"
     assert len(shown) == len(PARAMETERS) + 1
+    assert set(shown["decided by"]) <= {
+        "",
+        *tables.DECIDED_BY.values(),
+    }
+    exponent = shown.loc["stress exponent"]
+    distance = (TRUTH["stress_exponent"] - summary["mean"]["stress_exponent"]) / summary["sd"][
+        "stress_exponent"
+    ]
+    assert exponent["off by (sd)"] == f"{distance:+.2f}"
+    assert float(exponent["truth"]) == pytest.approx(TRUTH["stress_exponent"], rel=0.1)
+
+
+def test_each_source_of_a_prior_stands_once(fit: Fit) -> None:
+    table = tables.prior_table(fit.priors)
+    other = table.assign(source=["elsewhere", *table["source"][1:]])
+    found = tables.prior_sources({"A": table, "B": table, "C": other})
+    assert len(found) == len(table) + 1
+    assert found["fits"].tolist().count("all") == len(table) - 1
+    assert set(found[found["quantity"] == table["quantity"][0]]["fits"]) == {"A, B", "C"}
 
 
 def test_the_truth_is_looked_for_in_each_interval(fit: Fit) -> None:
@@ -84,8 +105,7 @@ def test_the_truth_is_looked_for_in_each_interval(fit: Fit) -> None:
         draws = fit.posterior["posterior"][str(name)].to_numpy()
         low, high = np.quantile(draws, [0.05, 0.95])
         assert row["inside_90"] == (low <= TRUTH[str(name)] <= high)
-    shown = tables.shown_truth_table(truth).iloc[-1]
-    assert shown["in 90 % interval"] == f"{truth['inside_90'].sum()} of {len(truth)}"
+    assert f"{truth['inside_90'].sum()} in that of 90 %" in tables.truth_sentence(truth)
 
 
 def test_a_truth_far_away_is_outside_every_interval(tmp_path: Path) -> None:

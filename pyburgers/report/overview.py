@@ -60,11 +60,10 @@ class Entry:
         """Say what speaks against a yes to a question, without what to do about it."""
         verdict = self.verdicts[kind]
         found = [one for one in self.checks if one.check.kind is kind and not one.passed]
-        if verdict.outcome is Outcome.YES or not found:
-            return [verdict.sentence]
-        unusable = any(one.unusable for one in self.checks)
-        if kind is CheckKind.DESCRIPTION and unusable:
+        if kind is CheckKind.DESCRIPTION and any(one.unusable for one in self.checks):
             return [f"{ANSWERS[kind][verdict.outcome]}: the draws are of no use."]
+        if not found:
+            return [verdict.sentence]
         said = [f"{ANSWERS[kind][verdict.outcome]}."]
         meanings = {one.meaning: one.name for one in reversed(found)}
         return said + [

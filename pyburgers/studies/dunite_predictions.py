@@ -48,12 +48,13 @@ def predictions_section(joint: Fit, experiments: Sequence[Experiment]) -> PageSe
         if all(caution in one.cautions for one in predictions.values())
     ]
     scores = {name: score_table(one) for name, one in predictions.items()}
+    said = {name: score_sentence(one, scores[name]) for name, one in predictions.items()}
     table = pd.concat(scores)
     table.index.names = ["test", "score"]
     return PageSection(
         key=KEY,
         title=f"Predicted before it is seen: {experiments[0].material}",
-        paragraphs=tuple(score_sentence(one, scores[name]) for name, one in predictions.items()),
+        paragraphs=tuple(f"{name}: {text}" for name, text in said.items()),
         details=(
             f"The fit of {' and '.join(joint.manifest['experiments'])} together predicts "
             f"{' and '.join(predictions)}, which took no part in it, from {DRAWS} draws at most. "
@@ -80,7 +81,7 @@ def predictions_section(joint: Fit, experiments: Sequence[Experiment]) -> PageSe
                 PREDICTION_CAPTION,
                 # What speaks against it stands in the text above.
                 partial(prediction_figure, replace(one, cautions=())),
-                score_sentence(one, scores[name]),
+                said[name],
             )
             for name, one in predictions.items()
         ),

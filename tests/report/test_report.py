@@ -130,7 +130,7 @@ def test_strings_from_files_are_escaped(folder: Path, page: Page) -> None:
 
 def test_synthetic_data_are_announced_by_name_at_the_top(page: Page) -> None:
     banner = page.text.index("SYNTHETIC DATA: A")
-    assert banner < page.text.index("Overview")
+    assert banner < page.text.rindex("Overview")
     assert "say nothing about nature" in page.text
     assert "page-synthetic-data" in page.ids
     assert "SYNTHETIC DATA: A , B" not in page.text
@@ -365,7 +365,7 @@ def shown(oscillations: Path) -> Page:
 
 def test_an_oscillation_says_what_was_done_to_the_record(shown: Page) -> None:
     assert not shown.open
-    assert "SYNTHETIC DATA: olivine_removed , olivine_kept" in shown.text
+    assert "SYNTHETIC DATA: removed , kept" in shown.text
     assert shown.text.count("Period 300 s") == 2
     assert shown.text.count("Strain amplitude 0.2 %") == 2
     assert shown.text.count("on record, 2 of spin-up ahead of it") == 2
@@ -383,7 +383,7 @@ def test_amplitude_and_lag_stand_beside_those_of_replicated_data(
     shown: Page, oscillations: Path
 ) -> None:
     inside, outside = (
-        pd.read_csv(oscillations / "tables" / f"olivine_{background}_response.csv", index_col=0)
+        pd.read_csv(oscillations / "tables" / f"{background}_response.csv", index_col=0)
         for background in BACKGROUNDS
     )
     assert inside["inside"].tolist() == [True, True]
@@ -394,4 +394,4 @@ def test_amplitude_and_lag_stand_beside_those_of_replicated_data(
 
 def test_figures_of_an_oscillation_are_files(oscillations: Path) -> None:
     for name in ("stress_time", "stress_loop", "amplitude_phase", "microstructure", "pairs"):
-        assert (oscillations / "figures" / f"olivine_kept_{name}.png").is_file()
+        assert (oscillations / "figures" / f"kept_{name}.png").is_file()

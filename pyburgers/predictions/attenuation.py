@@ -12,7 +12,7 @@ any power law and any amplitude::
     g(sigma) = sgn(sigma) (|sigma|/F)^n d^-p exp[Q_M (beta - 1/(R T))]
 
 (of a hyperbolic sine with sigma_L sinh[|sigma|/(F sigma_L)] in place of |sigma|/F; J1_K and J2_K
-are those of one Kelvin element, those of other laws are in `pyburgers.predictions.relaxation`).
+are those of one Kelvin element, those of other laws are in `pyburgers.model.relaxation`).
 
 The dashpot's fluidity B depends on the regime of stresses but not on frequency. Higher harmonics
 of the strain and its steady drift do not enter: tan(delta) is that of the fundamental.
@@ -31,6 +31,7 @@ import numpy.typing as npt
 import xarray as xr
 
 from pyburgers.common.atomic_files import write_atomically
+from pyburgers.model.relaxation import KelvinPart, kelvin_part
 from pyburgers.predictions.assumptions import (
     CRITICAL_SHARE,
     checked_share,
@@ -45,7 +46,6 @@ from pyburgers.predictions.closed_forms import (
     half_period,
 )
 from pyburgers.predictions.material import Material, fitted_material
-from pyburgers.predictions.relaxation import KelvinPart, kelvin_part
 from pyburgers.predictions.stress_cycles import (
     DRAW_DIMENSIONS,
     HOLD_TIME,
@@ -83,7 +83,7 @@ def attenuation_spectrum(
     parameters : mapping of str to array
         Draws of `PARAMETER_NAMES` (SI), all of one shape: ``()``, ``(draw,)`` or
         ``(chain, draw)``. With `pyburgers.predictions.assumptions.EVOLUTION` it is told where
-        frozen microstructure fails, with `pyburgers.predictions.relaxation.RELAXATION_PARAMETERS`
+        frozen microstructure fails, with `pyburgers.model.relaxation.RELAXATION_PARAMETERS`
         the Kelvin part follows another linear law. Other names are ignored.
     frequencies : array, shape (n_frequencies,)
         Hz, positive.

@@ -21,10 +21,10 @@ import xarray as xr
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import UNITS, number
 from pyburgers.model.display import STRESS_UNIT
+from pyburgers.model.relaxation import kelvin_part
 from pyburgers.predictions.attenuation import attenuation_spectrum, flat_draws
 from pyburgers.predictions.imposed_stress import solve_imposed_stress
 from pyburgers.predictions.material import Material
-from pyburgers.predictions.relaxation import kelvin_part
 from pyburgers.predictions.stress_cycles import (
     HOLD_TIME,
     PAPER_REGIMES,

@@ -17,11 +17,11 @@ from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.model.parameters import PIEZOMETER, PROGRAM_PARAMETERS
-from pyburgers.predictions.assumptions import EVOLUTION
-from pyburgers.predictions.relaxation import (
+from pyburgers.model.relaxation import (
     RELAXATION_PARAMETERS,
     require_one_relaxation_time,
 )
+from pyburgers.predictions.assumptions import EVOLUTION
 from pyburgers.predictions.stress_cycles import (
     BREAKDOWN,
     HOLD_TIME,

@@ -12,8 +12,8 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.units import UNITS, number
 from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT
 from pyburgers.model.parameters import PIEZOMETER
+from pyburgers.model.relaxation import RELAXATION_PARAMETERS
 from pyburgers.predictions.assumptions import EVOLUTION
-from pyburgers.predictions.relaxation import RELAXATION_PARAMETERS
 from pyburgers.predictions.stress_cycles import (
     BREAKDOWN,
     MODULUS_OF_TEMPERATURE,

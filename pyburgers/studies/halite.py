@@ -140,6 +140,7 @@ def halite_section(fit: Fit) -> PageSection:
         details=(
             f"Measured: {test.provenance.source} ({test.provenance.licence}). Differential stress "
             "was imposed and is taken as it was measured; axial strain is the response.",
+            *(verdict.sentence for verdict in fit.verdicts().values()),
         ),
         tables=(
             PageTable(

@@ -13,7 +13,7 @@ from pyburgers.model.kelvin_laws import PARAMETERS_OF_LAW
 from pyburgers.model.parameters import PROGRAM_PARAMETERS, STANDARD_VALUES
 from pyburgers.model.prior_families import fixed_prior
 from pyburgers.model.priors import default_priors
-from pyburgers.predictions.relaxation import kelvin_part
+from pyburgers.model.relaxation import kelvin_part
 from pyburgers.protocols.loading_history.kelvin_rows import ELEMENT_ERROR, elements_block
 
 FloatArray = npt.NDArray[np.float64]

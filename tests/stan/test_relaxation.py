@@ -11,7 +11,7 @@ from scipy.special import gamma
 from pyburgers.cmdstan.program import load_program
 from pyburgers.model.kelvin_elements import band_elements, peak_elements
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
-from pyburgers.predictions.relaxation import kelvin_part
+from pyburgers.model.relaxation import kelvin_part
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -241,3 +241,20 @@ def test_a_peak_is_the_sum_of_as_many_elements_as_its_error_asks_for(
 
 def test_a_band_of_twelve_decades_takes_three_to_four_elements_a_decade() -> None:
     assert 36 <= band_elements(12 * np.log(10), 1e-4)[0].size <= 52
+
+
+@pytest.mark.parametrize("law", ["band", "band and peak", "andrade"])
+def test_the_spectrum_of_times_adds_up_to_the_compliance(law: str) -> None:
+    sets = random_sets(law, seed=3)[:20]
+    for values in sets:
+        values["peak_width"] = max(values["peak_width"], 1.0)  # a grid sees no narrower peak
+    drawn = {name: np.array([one[name] for one in sets]) for name in BOUNDS}
+    part = kelvin_part(drawn, 1300.0, np.full(len(sets), 5e-6))
+    log_time = np.log(part.longest_time)[:, np.newaxis] + np.linspace(-90.0, 60.0, 60_001)
+    elements = [
+        (part.spectrum(grid)[k] / (1 + 1j * np.exp(np.log(0.3) + grid)))
+        for k, grid in enumerate(log_time)
+    ]
+    found = np.trapezoid(np.array(elements), log_time, axis=-1)
+    storage, loss = part.compliance(np.array([0.3]))
+    assert np.abs(found - (storage - 1j * loss)[:, 0]).max() < 2e-3 * np.abs(found).max()

@@ -22,6 +22,7 @@ from pyburgers.predictions.attenuation import predict_attenuation
 from pyburgers.predictions.attenuation_tables import quantile_table
 from pyburgers.predictions.measured_attenuation import MeasuredAttenuation
 from pyburgers.predictions.stress_cycles import PAPER_REGIMES
+from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.protocols.forced_oscillation.response import oscillation_of
 from pyburgers.protocols.forward import simulate
@@ -45,6 +46,7 @@ from pyburgers.studies.maor.sections import (
     study_sections,
     time_domain_table,
 )
+from pyburgers.studies.olivine_spectra import LAWS, run_name
 
 
 @pytest.fixture(scope="module")
@@ -292,6 +294,8 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
             assert [one.id for one in problem.experiments] == list(TOGETHER)
             return joint
         assert out.name == experiment.id
+        if isinstance(experiment, AttenuationExperiment):
+            return make_fit(out, name=experiment.id, draws=100)
         if isinstance(experiment, OscillationExperiment):
             treatment = experiment.prepared.background
             assert experiment.id == f"olivine_{treatment}"
@@ -309,6 +313,10 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
         "pyburgers.studies.maor.reproduce.predicted_tests",
         lambda _: [load_experiment(ICE / "PIL105.toml")],
     )
+    monkeypatch.setattr(
+        "pyburgers.studies.maor.reproduce.spectra_section",
+        lambda fits: PageSection(key="spectra", title="", paragraphs=tuple(fits)),
+    )
     outcome = reproduce("quick", tmp_path, command="make report")
     measured = [ONE_RATE, *STEPPED, *joint.tests()]
     names = [*study_experiments(), COMBINED_RUN]
@@ -323,7 +331,10 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
     of_study = ["statements", "counterparts", "model", "attenuation", "preparation", "background"]
     assert keys[0] == "rate_steps"
     assert keys[1] == "predicted_tests"
-    assert keys[2].startswith("joint_")
-    assert keys[3:11] == [*of_study, "stress_floor", "peak_stress"]
+    assert keys[2] == "spectra"
+    spectra = [run_name(law, without_hottest=part) for law in LAWS for part in (False, True)]
+    assert list(shown["extras"][2].paragraphs) == spectra
+    assert keys[3].startswith("joint_")
+    assert keys[4:12] == [*of_study, "stress_floor", "peak_stress"]
     assert names[:-1] == ["PIL40", "PIL72", "PIL105", "olivine_kept", "olivine_removed"]
     assert outcome.peak_stress.data.id == PEAK_STRESS_TABLE

@@ -6,6 +6,7 @@ from types import MappingProxyType
 from typing import ClassVar, Self
 
 import numpy as np
+import numpy.typing as npt
 
 from pyburgers.common.errors import InputError
 from pyburgers.protocols.attenuation.table import (
@@ -72,10 +73,20 @@ class AttenuationExperiment(Experiment):
         """Return the table without a temperature."""
         if name not in self.parts:
             return super().without_part(name)
-        names = np.array([_temperature_name(own) for own in self.conditions.temperature])
-        kept = np.flatnonzero(names != name)
-        if kept.size == 0:
+        if len(self.parts) == 1:
             raise InputError(f"{self.id}: has no other temperature than {name}, expected several.")
+        return self._rows(np.flatnonzero(self._names != name))
+
+    def only_part(self, name: str) -> Self:
+        """Return what the table has of a temperature, one of `parts`."""
+        return self._rows(np.flatnonzero(self._names == name))
+
+    @property
+    def _names(self) -> npt.NDArray[np.str_]:
+        """Temperature of each row, as `parts` names it."""
+        return np.array([_temperature_name(own) for own in self.conditions.temperature])
+
+    def _rows(self, kept: npt.NDArray[np.int64]) -> Self:
         return replace(
             self,
             conditions=self.conditions.ordered(kept),

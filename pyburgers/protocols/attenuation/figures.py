@@ -229,7 +229,7 @@ RESIDUALS_CAPTION = (
 def residuals(fit: FittedTest) -> Figure:
     """Draw residuals against period by temperature."""
     experiment = attenuation_test(fit)
-    left = _residuals(fit)
+    left = left_over(fit)
     draws = fit.posterior["posterior"].to_dataset()
     period = experiment.conditions.period
     with style():
@@ -266,7 +266,7 @@ def residuals(fit: FittedTest) -> Figure:
     return figure
 
 
-def _residuals(fit: FittedTest) -> tuple[FloatArray, FloatArray]:
+def left_over(fit: FittedTest) -> tuple[FloatArray, FloatArray]:
     """Return recorded less median modelled reading, of attenuation and of modulus, by row."""
     experiment = attenuation_test(fit)
     modelled = fit.posterior["model_response"]["log_reading"].median(("chain", "draw")).to_numpy()
@@ -287,7 +287,7 @@ def rms_by_temperature(fit: FittedTest) -> pd.DataFrame:
     """
     experiment = attenuation_test(fit)
     by_temperature = experiment.conditions.temperature
-    left = _residuals(fit)
+    left = left_over(fit)
     known = ~experiment.readings.is_limit
     rows = {}
     for name, here in [
@@ -346,7 +346,7 @@ def fitted_curve(fit: FittedTest) -> FittedCurve:
         replicated=replicated,
         position=experiment.position,
         data=experiment.response,
-        residuals=np.concatenate(_residuals(fit)),
+        residuals=np.concatenate(left_over(fit)),
         error=None,
         data_label=f"{experiment.provenance.kind} data",
         noise_band=float(stats.norm.ppf(1.0 - TAIL)) * scatter,

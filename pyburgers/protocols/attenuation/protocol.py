@@ -18,6 +18,7 @@ from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
 from pyburgers.protocols.attenuation.figures import ATTENUATION_FIGURES, fitted_curve, rms_table
 from pyburgers.protocols.attenuation.files import load_attenuation, save_attenuation
+from pyburgers.protocols.attenuation.spectrum import SPECTRUM_FIGURE
 from pyburgers.protocols.attenuation.stan_data import (
     grid_block,
     reference_origin,
@@ -59,15 +60,15 @@ class Attenuation(Protocol[AttenuationExperiment]):
     warmup = 500
     target_acceptance = 0.95
     points_together = "a row of the table gives attenuation and modulus together"
-    figures = ATTENUATION_FIGURES
+    figures = (*ATTENUATION_FIGURES, SPECTRUM_FIGURE)
     reference_text = Markup(
         "The reference flow rate <i>ε̇</i><sub>0</sub>, at which the dashpot flows at the "
         "temperature of the file's head and the largest stress of the table (1 MPa where none is "
         "stated), follows from the other parameters, and so does its prior."
     )
     remedy = (
-        "try a law of the Kelvin part with more relaxation times (--variant kelvin=extended), or "
-        "fit the temperatures by themselves to see which of them disagrees"
+        "compare laws of the Kelvin part, such as a band of relaxation times (--variant "
+        "kelvin=extended), or fit the temperatures by themselves to see which of them disagrees"
     )
 
     load = staticmethod(load_attenuation)

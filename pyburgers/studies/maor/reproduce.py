@@ -42,6 +42,7 @@ from pyburgers.studies.dunite import (
 )
 from pyburgers.studies.dunite_predictions import predicted_tests, predictions_section
 from pyburgers.studies.maor.sections import study_sections
+from pyburgers.studies.olivine_spectra import run_name, spectra_section, spectra_tasks
 
 logger = logging.getLogger(__name__)
 
@@ -84,7 +85,11 @@ LONGEST_FIRST = (
     COMBINED_RUN,
     "PIL105",
     "olivine_kept",
+    run_name("band"),
+    run_name("band", without_hottest=True),
     ONE_RATE,
+    run_name("one element"),
+    run_name("one element", without_hottest=True),
 )
 """Order in which the fits begin, so that none is left over for one core at the end."""
 
@@ -133,9 +138,10 @@ def reproduce(
     """Fit the experiments of the study and write the page; continue where a call stopped.
 
     The page has the fits, those of measured dunite first and with them which law describes steps
-    of the strain rate and what two tests predict of others, attenuation as the ice fits predict
-    it, what the treatment of the olivine record changes, the paper's statements, the flow law of
-    measured peak stresses, and what that adds to one of the curves.
+    of the strain rate and what two tests predict of others, measured attenuation of olivine and
+    what two laws make of it, attenuation as the ice fits predict it, what the treatment of the
+    olivine record changes, the paper's statements, the flow law of measured peak stresses, and
+    what that adds to one of the curves.
 
     Parameters
     ----------
@@ -157,7 +163,8 @@ def reproduce(
     )
     problems = _problems(preset, handed_on)
     of_dunite = dunite_tasks(shipped_data_directory() / "dunite", PRESETS[preset])
-    tasks = {**problems, **of_dunite}
+    of_spectra = spectra_tasks(shipped_data_directory() / "olivine", PRESETS[preset])
+    tasks = {**problems, **of_dunite, **of_spectra}
     begun = {name: tasks[name] for name in LONGEST_FIRST}
     found = fit_side_by_side(begun, runs, command=command)
     joint = found[JOINT_RUN]
@@ -176,6 +183,7 @@ def reproduce(
         extras=(
             rate_steps_section({name: found[name] for name in STEPPED}),
             predictions_section(joint, predicted_tests(shipped_data_directory() / "dunite")),
+            spectra_section({name: found[name] for name in of_spectra}),
             *joint_sections([joint], list(alone.values())),
             *study_sections(ice_fits, olivine_fits, measured),
             peak_stress_section(peak_stress),

@@ -1,4 +1,4 @@
-"""Linear laws of the Kelvin part, of many draws: compliance at frequencies, and creep.
+"""Linear laws of the Kelvin part, of many draws: compliance at frequencies, creep, spectrum.
 
 As in ``stan/physics/relaxation.stan``, with which tests compare it; here the integrals over
 relaxation times are sums of Kelvin elements, which answer in frequency and in time.
@@ -98,6 +98,43 @@ class KelvinPart:
             share = compliance[..., np.newaxis] / (1 + delay**2)
             storage, loss = storage + share, loss + share * delay
         return storage, loss
+
+    def spectrum(self, log_time: FloatArray) -> FloatArray:
+        """Return the density of the compliance over ln of the relaxation time, 1/Pa.
+
+        Elements of one time, which have no density, are left out.
+
+        Parameters
+        ----------
+        log_time : array, shape (n,)
+            ln(time / s).
+
+        Returns
+        -------
+        array, shape of the draws and (n,)
+        """
+        values = {name: own[..., np.newaxis] for name, own in self.values.items()}
+        compliance = 1 / values["kelvin_modulus"]
+        below = np.log(self.longest_time)[..., np.newaxis] - log_time
+        if self._is_andrade:
+            exponent = values["andrade_exponent"]
+            return np.asarray(
+                compliance * exponent / gamma(1 - exponent) * np.exp(-exponent * below)
+            )
+        width = np.log(10) * values["relaxation_time_decades"]
+        density = np.zeros(below.shape)
+        if width.any():
+            exponent = values["relaxation_exponent"]
+            scale = compliance * exponent / -np.expm1(-exponent * width)
+            density += np.where(
+                (below >= 0) & (below <= width), scale * np.exp(-exponent * below), 0.0
+            )
+        spread = values["peak_width"]
+        if values["peak_strength"].any() and spread.any():
+            away = (below - np.log(10) * values["peak_time_decades"]) / spread
+            strength = values["peak_strength"] / values["maxwell_modulus"]
+            density += strength / (spread * np.sqrt(2 * np.pi)) * np.exp(-0.5 * away**2)
+        return density
 
     def creep(self, time: float) -> FloatArray:
         """Return the strain over the stress that was put on a time (s) ago, shape of the draws."""

@@ -312,7 +312,7 @@ def _write_section(name: str, fit: Fit, out: Path) -> Section:
         name=name,
         fit=fit,
         entry=entry_of(key, name, fit, checks, influences),
-        parameters=tables.parameter_table(summary, fit.priors, influences, truth),
+        parameters=tables.result_table(summary, fit.priors, influences, truth),
         priors=files["priors"],
         sampler=sampler,
         influences=influences,

@@ -25,12 +25,7 @@ INTERVALS = (50, 90, 95)
 """Central intervals (%) in which the truth behind synthetic data is looked for."""
 
 
-def parameter_table(
-    summary: pd.DataFrame,
-    priors: PriorSet,
-    influences: Mapping[str, Influence],
-    truth: pd.DataFrame | None = None,
-) -> pd.DataFrame:
+def parameter_table(summary: pd.DataFrame, priors: PriorSet) -> pd.DataFrame:
     """Posterior beside prior, a row for each sampled quantity, then the fixed parameters.
 
     Parameters
@@ -39,31 +34,70 @@ def parameter_table(
         Posterior table in SI units (`Fit.summary`).
     priors : PriorSet
         Priors of the fit, resolved.
-    influences : mapping of str to Influence
-        What each quantity owes to prior and data; empty without likelihood.
-    truth : DataFrame, optional
-        `truth_table` of synthetic data.
 
     Returns
     -------
     DataFrame
         Text. Columns symbol, quantity, unit, mean, sd, 5 %, 95 %, prior, sd / prior sd (how much
-        of the prior's width is left); decided by, with influences; truth and its distance, where
-        it is known. The reference stress has no prior of its own.
+        of the prior's width is left), ESS bulk, ESS tail, R-hat. The reference stress has no
+        prior of its own.
     """
-    rows = []
-    for name, row in summary.iterrows():
-        quantity, key = shown_quantity(str(name)), str(name)
-        shown = posterior_row(quantity, row.to_dict(), priors.priors.get(key))
-        if key in influences:
-            shown["decided by"] = DECIDED_BY[influences[key].origin]
-        if truth is not None and key in truth.index:
-            shown |= _truth_beside(quantity, truth.loc[key])
-        rows.append(shown)
+    rows = [
+        {
+            **posterior_row(shown_quantity(str(name)), row.to_dict(), priors.priors.get(str(name))),
+            "ESS bulk": f"{row['ess_bulk']:.0f}",
+            "ESS tail": f"{row['ess_tail']:.0f}",
+            "R-hat": f"{row['rhat']:.3f}",
+        }
+        for name, row in summary.iterrows()
+    ]
     for name, prior in priors.priors.items():
         if prior.is_fixed:
             rows.append(fixed_row(PARAMETER_BY_NAME[name], prior))
     return pd.DataFrame(rows).fillna("")
+
+
+SAMPLER_COLUMNS = ("ESS bulk", "ESS tail", "R-hat")
+"""What a `parameter_table` says of the sampler rather than of the parameters."""
+
+
+def result_table(
+    summary: pd.DataFrame,
+    priors: PriorSet,
+    influences: Mapping[str, Influence],
+    truth: pd.DataFrame | None,
+) -> pd.DataFrame:
+    """Return what a page says of the parameters of a fit.
+
+    Parameters
+    ----------
+    summary, priors
+        As for `parameter_table`.
+    influences : mapping of str to Influence
+        What each quantity owes to prior and data; empty without likelihood.
+    truth : DataFrame or None
+        `truth_table` of synthetic data.
+
+    Returns
+    -------
+    DataFrame
+        Text. `parameter_table` without `SAMPLER_COLUMNS`; with influences a column decided by,
+        with a truth the columns truth and off by (sd).
+    """
+    table = parameter_table(summary, priors).drop(columns=list(SAMPLER_COLUMNS))
+    names = [*map(str, summary.index), *("" for _ in range(len(table) - len(summary)))]
+    if influences:
+        table["decided by"] = [
+            DECIDED_BY[influences[name].origin] if name in influences else "" for name in names
+        ]
+    if truth is not None:
+        beside = {
+            str(name): _truth_beside(shown_quantity(str(name)), row)
+            for name, row in truth.iterrows()
+        }
+        known = pd.DataFrame([beside.get(name, {}) for name in names]).fillna("")
+        table = pd.concat([table, known], axis=1)
+    return table
 
 
 DECIDED_BY = {

@@ -55,24 +55,20 @@ def browser() -> Iterator[Any]:
 def page_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A page of two fits of the same synthetic data and a measured one, with hostile texts."""
     folder = tmp_path_factory.mktemp("browser")
+    runs = folder / "runs"
     fits = [
-        make_fit(folder / "runs" / name, **options)
-        for name, options in (
-            ("first", {"name": "A", "chains": 2, "draws": 300, "divergences": 5, "apart": 3.0}),
-            ("second", {"name": "A", "chains": 2, "draws": 300}),
-            (
-                "a measured one",
-                {
-                    "name": "B",
-                    "kind": "measured",
-                    "chains": 2,
-                    "draws": 600,
-                    "material": HOSTILE,
-                    "metadata": {HOSTILE: HOSTILE},
-                    "command": HOSTILE,
-                },
-            ),
-        )
+        make_fit(runs / "first", name="A", chains=2, draws=300, divergences=5, apart=3.0),
+        make_fit(runs / "second", name="A", chains=2, draws=300),
+        make_fit(
+            runs / "a measured one",
+            name="B",
+            kind="measured",
+            chains=2,
+            draws=600,
+            material=HOSTILE,
+            metadata={HOSTILE: HOSTILE},
+            command=HOSTILE,
+        ),
     ]
     extra = PageSection("part", HOSTILE, (HOSTILE,), details=(HOSTILE,), alarms=(HOSTILE,))
     return write_report(

@@ -264,7 +264,10 @@ def flow_law_source_section(fits: Mapping[str, Fit]) -> tuple[PageSection, ...]:
     section = PageSection(
         key=f"flow_law_{file_key(both)}",
         title=f"Flow law of {alone}, with another source and without",
-        paragraphs=(agreement,),
+        paragraphs=(
+            agreement,
+            *(synthetic if experiment.provenance.kind == "synthetic" else ()),
+        ),
         details=(
             f"The other source is {law.source}. {alone} is the fit of the curve alone with the "
             f"material's own priors; {both} has the other source as a joint prior of n, p, "
@@ -272,7 +275,6 @@ def flow_law_source_section(fits: Mapping[str, Fit]) -> tuple[PageSection, ...]:
             "Mean ± standard deviation. Where both together are wider than the curve alone, the "
             "curve's number was that of its own prior, which the other source replaces.",
             _temperature_correction(law, experiment, draws["other source alone"]),
-            *(synthetic if experiment.provenance.kind == "synthetic" else ()),
         ),
         tables=(
             PageTable(

@@ -249,7 +249,7 @@ def render_page(
         kinds=tuple(CheckKind),
         outcomes=Outcome,
         synthetic=[s for s in sections if s.experiment.provenance.kind == "synthetic"],
-        prior_sources=tables.prior_sources({s.name: s.priors for s in sections}),
+        prior_sources=tables.prior_sources([s.priors for s in sections]),
         prior_notes=list(dict.fromkeys(s.fit.priors.notes for s in sections if s.fit.priors.notes)),
         reference_texts=list(dict.fromkeys(s.protocol.reference_text for s in sections)),
         tex=_TEX,

@@ -180,29 +180,24 @@ def prior_table(priors: PriorSet) -> pd.DataFrame:
     )
 
 
-def prior_sources(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """Where the priors of all fits come from, each source of a quantity once.
+def prior_sources(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
+    """Gather where the priors of all fits come from, each source once.
 
     Parameters
     ----------
-    tables : mapping of str to DataFrame
-        `prior_table` by name of the fit.
+    tables : sequence of DataFrame
+        `prior_table` of each fit.
 
     Returns
     -------
     DataFrame
-        Text. Columns symbol, quantity, source, fits (all, or their names).
+        Text. Columns of (symbols of the quantities), source.
     """
-    stacked = pd.concat(
-        [table.assign(fits=name) for name, table in tables.items()], ignore_index=True
+    stacked = pd.concat(tables, ignore_index=True)
+    symbols = stacked.groupby("source", sort=False)["symbol"].agg(
+        lambda found: ", ".join(dict.fromkeys(found))
     )
-    grouped = stacked.groupby(["symbol", "quantity", "source"], sort=False)["fits"]
-    found = grouped.agg(lambda names: _all_or(list(names), len(tables)))
-    return found.reset_index()
-
-
-def _all_or(names: Sequence[str], n_fits: int) -> str:
-    return "all" if len(names) == n_fits else ", ".join(names)
+    return pd.DataFrame({"of": symbols.tolist(), "source": symbols.index.tolist()})
 
 
 def truth_table(fit: Fit) -> pd.DataFrame | None:

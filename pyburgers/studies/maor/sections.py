@@ -316,6 +316,7 @@ def attenuation_section(
                     quantile_table(spectrum),
                     words=("regime",),
                     sentences=("frozen microstructure",),
+                    in_files=name != first,
                 )
                 for name, spectrum in spectra.items()
             ),

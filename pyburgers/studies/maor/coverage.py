@@ -8,7 +8,7 @@ from pyburgers.drawing.page_parts import PageSection, PageTable
 from pyburgers.protocols.protocol import FittedTest
 from pyburgers.studies.maor.statements import Statement
 
-COUNTERPARTS_KEY = "counterparts"
+COUNTERPARTS_KEY, CLAIMS_PLACE = "counterparts", "Statement by statement"
 
 APPENDIX = (
     "the appendix is not public: this is what we take the reference in the paper's text to mean"
@@ -45,7 +45,7 @@ def coverage_table(
         *_ice_rows(ids),
         *(_olivine_rows([fit.experiment.id for fit in olivine_fits.values()])),
         _points_row(has_points=has_points),
-        *((one.source, one.text, "Statement by statement", str(one.verdict)) for one in statements),
+        *((one.source, one.text, CLAIMS_PLACE, str(one.verdict)) for one in statements),
     ]
     return pd.DataFrame(rows, columns=["paper", "shows or says", "on this page", "note"])
 
@@ -143,10 +143,10 @@ def coverage_section(table: pd.DataFrame) -> PageSection:
             PageTable(
                 "table",
                 "Counterparts",
-                table.drop(columns="shows or says"),
+                table[table["on this page"] != CLAIMS_PLACE],
                 table,
                 words=("paper",),
-                sentences=("on this page", "note"),
+                sentences=("shows or says", "on this page", "note"),
             ),
         ),
     )

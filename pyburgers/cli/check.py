@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from pyburgers.cli.shared import print_checks
+from pyburgers.cli.terminal import print_checks
 from pyburgers.fitting.fit import Fit
 
 

@@ -35,13 +35,13 @@ def add_options(command: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
     command.add_argument("directories", type=Path, nargs="+", metavar="RUN")
     command.add_argument(
-        "--out", type=Path, default=Path("comparison"), metavar="DIR", help="default: comparison"
+        "--out", type=Path, default=Path("comparison"), metavar="DIR", help="folder"
     )
     command.add_argument(
         "--leave-out",
         choices=["points", "tests"],
         default="points",
-        help="what is predicted from the rest: points (default), or whole tests of joint fits and "
+        help="what is predicted from the rest: points, or whole tests of joint fits and "
         "temperatures of tables of attenuation, for which each is fitted again without each of "
         "them, in RUN/leave_out; then one RUN will do",
     )

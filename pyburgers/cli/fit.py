@@ -5,13 +5,15 @@ import logging
 from pathlib import Path
 from typing import Any
 
+from pyburgers.cli.file_hints import doubts
 from pyburgers.cli.shared import (
     add_model_options,
     add_sampler_options,
+    by_protocol,
     command_line,
-    print_checks,
     sampler_options,
 )
+from pyburgers.cli.terminal import print_checks, print_table
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import fit
 from pyburgers.model.flow_law_prior import load_flow_law_of_run
@@ -33,7 +35,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
     command.add_argument("experiments", type=Path, nargs="+", metavar="EXPERIMENT.toml")
     add_model_options(command)
-    command.add_argument("--priors", type=Path, help="prior file (default: the material's)")
+    command.add_argument("--priors", type=Path, help="prior file (default the material's)")
     command.add_argument(
         "--priors-from",
         type=Path,
@@ -41,11 +43,13 @@ def add_options(command: argparse.ArgumentParser) -> None:
         help="a run of fit-peak-stress whose flow law replaces the priors of n, p, Q_M and beta",
     )
     command.add_argument(
-        "--out", type=Path, help="run directory (default: runs/ID, of a joint fit runs/ID+ID)"
+        "--out", type=Path, help="run directory (default runs/ID, of a joint fit runs/ID+ID)"
     )
     add_sampler_options(command)
     command.add_argument(
-        "--tolerance", type=float, help="of the ODE solver (default: the protocol's)"
+        "--tolerance",
+        type=float,
+        help=f"of the ODE solver{by_protocol(lambda one: one.solver.tolerance)}",
     )
     command.add_argument(
         "--prior-only", action="store_true", help="switch the likelihood off: sample the prior"
@@ -67,7 +71,7 @@ def run(options: argparse.Namespace) -> int:
             run.require_unchanged()
         priors = with_flow_law(priors, load_flow_law_of_run(source), f"--priors-from {source}")
     for experiment in experiments:
-        for notice in experiment.notices:
+        for notice in (*experiment.notices, *doubts(experiment)):
             logger.info(f"note: {notice}")
     settings: dict[str, Any] = {
         "out": options.out or Path("runs") / "+".join(experiment.id for experiment in experiments),
@@ -82,7 +86,7 @@ def run(options: argparse.Namespace) -> int:
         if result.is_joint
         else parameter_table(result.summary(), result.priors)
     )
-    print(table.to_string(index=False))
+    print_table(table, ["quantity", "unit", "pooling", "fit"])
     print(f"run directory: {result.directory.path}")
     return print_checks(result.checks(), result.prior_conflicts())
 

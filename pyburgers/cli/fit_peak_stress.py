@@ -2,11 +2,18 @@
 
 import argparse
 import logging
+from dataclasses import replace
 from pathlib import Path
 
-from pyburgers.cli.shared import add_sampler_options, command_line, print_checks, sampler_options
+from pyburgers.cli.shared import (
+    DEFAULT_OPTIONS,
+    add_sampler_options,
+    command_line,
+    sampler_options,
+)
+from pyburgers.cli.terminal import print_checks, print_table
 from pyburgers.drawing.style import write_images
-from pyburgers.flow_law_tables.fit import fit_peak_stress
+from pyburgers.flow_law_tables.fit import WARMUP, fit_peak_stress
 from pyburgers.flow_law_tables.inputs import (
     default_peak_stress_priors,
     load_peak_stress,
@@ -46,7 +53,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
         "flow law of the others (fit --priors-from); may be repeated",
     )
     command.add_argument("--out", type=Path, help="run directory (default: runs/ID)")
-    add_sampler_options(command, PEAK_STRESS_OPTIONS)
+    add_sampler_options(command, PEAK_STRESS_OPTIONS, replace(DEFAULT_OPTIONS, warmup=WARMUP))
 
 
 def run(options: argparse.Namespace) -> int:
@@ -71,6 +78,6 @@ def run(options: argparse.Namespace) -> int:
     )
     folder = result.directory.path
     write_images(flow_law(result), folder / "flow_law.png")
-    print(flow_law_table(result).to_string(index=False))
+    print_table(flow_law_table(result), ["quantity", "unit"])
     print(f"run directory: {folder}")
     return print_checks(result.checks())

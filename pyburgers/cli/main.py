@@ -1,3 +1,4 @@
+# PYTHON_ARGCOMPLETE_OK
 """Command line: which command, what its errors and an interrupt come to."""
 
 import argparse
@@ -10,7 +11,14 @@ from collections.abc import Sequence
 from contextlib import suppress
 from importlib import import_module
 
-from pyburgers.common.errors import InputError, PyburgersError
+from pyburgers.cli.parser import (
+    COMPLETING,
+    OneLineParser,
+    ShowVersion,
+    complete,
+    words_to_complete,
+)
+from pyburgers.common.errors import InputError, PyburgersError, nearest
 from pyburgers.common.messages import messages_to
 
 EXIT_INTERRUPTED = 130
@@ -22,6 +30,7 @@ COMMANDS = {
     "doctor": "what is installed, what is missing",
     "install-cmdstan": "get and build CmdStan",
     "fit": "fit an experiment, or several in a joint fit",
+    "check-file": "all that is wrong with an input file, and hints",
     "check": "the checks of a run again",
     "simulate": "forward solution at given parameters",
     "predict": "what a fit says about other experiments",
@@ -61,7 +70,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         finally:
             sys.stdout.flush()
     except PyburgersError as error:
-        return _ended(str(error), error.exit_code)
+        more = len(error.sentences) - 1 if isinstance(error, InputError) else 0
+        told = f" `pyburgers check-file` tells {more} more." if more else ""
+        return _ended(f"{error}{told}", error.exit_code)
     except ModuleNotFoundError as error:
         return _ended(f"{error}; `pyburgers doctor` says what to do.", 1)
     except BrokenPipeError:
@@ -141,21 +152,28 @@ def _drop_output() -> None:
 
 def _parse(arguments: Sequence[str]) -> argparse.Namespace:
     """Parse the command line, with no other module than that of the command."""
-    parser = argparse.ArgumentParser(
+    parser = OneLineParser(
         prog="pyburgers",
         description="Fit a nonlinear Burgers model to deformation tests, one by one or together.",
         epilog=EXIT_CODES,
     )
+    parser.add_argument("--version", action=ShowVersion)
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    if COMPLETING in os.environ:
+        arguments = words_to_complete()
     for name, purpose in COMMANDS.items():
-        command = commands.add_parser(name, help=purpose, epilog=EXIT_CODES)
+        command = commands.add_parser(name, help=purpose, description=purpose, epilog=EXIT_CODES)
         if name in arguments[:1]:
             module = import_module(f"pyburgers.cli.{name.replace('-', '_')}")
             module.add_options(command)
             command.set_defaults(run=module.run)
             if hasattr(module, "with_default"):
                 arguments = [name, *module.with_default(arguments[1:])]
-    return parser.parse_args(arguments)
+    if COMPLETING in os.environ:
+        complete(parser)
+    if arguments and not arguments[0].startswith("-") and arguments[0] not in COMMANDS:
+        raise InputError(f"unknown command {arguments[0]!r}, {nearest(arguments[0], COMMANDS)}")
+    return parser.parse_all(arguments)
 
 
 if __name__ == "__main__":

@@ -85,7 +85,10 @@ def add_options(command: argparse.ArgumentParser) -> None:
     ):
         command.add_argument(option, type=float, metavar=metavar, help=what)
     command.add_argument(
-        "--microstructure", default="initial", help="initial (default) or steady-state"
+        "--microstructure",
+        choices=("initial", "steady-state"),
+        default="initial",
+        help="grain size and fabric",
     )
     command.add_argument(
         "--evolving",
@@ -110,9 +113,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
         help="measured attenuation to draw over it: columns frequency_Hz, tan_delta and, if you "
         "like, tan_delta_sd and series",
     )
-    command.add_argument(
-        "--seed", type=int, default=1, help="of draws of the elastic modulus (default 1)"
-    )
+    command.add_argument("--seed", type=int, default=1, help="of draws of the elastic modulus")
     command.set_defaults(predict=_attenuation)
 
 

@@ -46,24 +46,21 @@ def add_options(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--priors",
         type=Path,
-        help="prior file (default: the material's in data/priors/calibration, or its own)",
+        help="prior file (default the material's in data/priors/calibration, or its own)",
     )
-    command.add_argument("--out", type=Path, help="default: calibrations/ID, or ID+ID")
+    command.add_argument("--out", type=Path, help="folder; default calibrations/ID, or ID+ID")
     command.add_argument(
         "--simulations",
         type=int,
         default=200,
-        help="data sets, default 200; fixed with the first one",
+        help="data sets; fixed with the first one",
     )
-    command.add_argument(
-        "--ranked-draws", type=int, default=N_RANKED, help=f"of each fit, default {N_RANKED}"
-    )
+    command.add_argument("--ranked-draws", type=int, default=N_RANKED, help="of each fit")
     command.add_argument(
         "--refits",
         type=int,
         default=REFITS,
-        help=f"repetitions, {LONGER} times as long each, of a fit that has not converged; default "
-        f"{REFITS}",
+        help=f"repetitions, {LONGER} times as long each, of a fit that has not converged",
     )
     command.add_argument(
         "--stress-range",

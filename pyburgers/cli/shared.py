@@ -3,22 +3,20 @@
 import argparse
 import shlex
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
-from pyburgers.checks.fit_checks import CheckKind, CheckResult, Outcome
-from pyburgers.checks.verdicts import verdicts
+from pyburgers.cli.parser import complete_with
 from pyburgers.common.errors import InputError
 from pyburgers.model.variants import CHOICES
-from pyburgers.report.tables import checks_table
-from pyburgers.sampling.options import SamplerOptions
+from pyburgers.protocols.protocol import Protocol, protocols
+from pyburgers.sampling.options import COORDINATES, SamplerOptions
 
 EXIT_CHECK_FAILED = 3
 """Of a fit: its posterior was not sampled well, or too few draws tell whether it was."""
-EXIT_NOT_DESCRIBED = 4
-"""The posterior was sampled well, but the model is not shown to describe the data."""
 SAMPLER_OPTIONS = tuple(field.name for field in fields(SamplerOptions))
 DEFAULT_OPTIONS = SamplerOptions()
 
@@ -34,7 +32,7 @@ def add_model_options(command: argparse.ArgumentParser) -> None:
         "value; separate, a value for each; partial or partial:SCALE, values around a common "
         "centre with a spread whose prior has this scale; may be repeated",
     )
-    command.add_argument(
+    variant = command.add_argument(
         "--variant",
         action="append",
         default=[],
@@ -42,6 +40,7 @@ def add_model_options(command: argparse.ArgumentParser) -> None:
         help="another law for a part of the model, such as kelvin=power_law; may be repeated: "
         + ", ".join(f"{part}={'|'.join(laws)}" for part, laws in CHOICES.items()),
     )
+    complete_with(variant, [f"{part}={law}" for part, laws in CHOICES.items() for law in laws])
 
 
 def add_sampler_options(
@@ -53,14 +52,40 @@ def add_sampler_options(
     for name in SAMPLER_OPTIONS:
         if name not in names:
             continue
-        kind = {"adapt_delta": float, "chain_timeout": float, "coordinates": str}.get(name, int)
-        default = getattr(defaults, name)
         command.add_argument(
             f"--{name.replace('_', '-')}",
-            type=kind,
-            default=default,
-            help="default: by protocol or none" if default is None else f"default {default}",
+            type={"adapt_delta": float, "chain_timeout": float, "coordinates": str}.get(name, int),
+            choices=COORDINATES if name == "coordinates" else None,
+            default=(default := getattr(defaults, name)),
+            help=_SAMPLER_HELP[name] + (_UNLESS_GIVEN.get(name, "") if default is None else ""),
         )
+
+
+def by_protocol(value: Callable[[Protocol[Any]], float]) -> str:
+    """Return the default of an option that depends on the kind of test, for its help."""
+    values = {name: f"{value(one):g}" for name, one in protocols().items()}
+    same = set(values.values())
+    listed = same if len(same) == 1 else (f"{found} {name}" for name, found in values.items())
+    return f"; default {', '.join(listed)}"
+
+
+_SAMPLER_HELP = {
+    "chains": "number of chains",
+    "warmup": "iterations ahead of the draws",
+    "draws": "draws of each chain",
+    "seed": "of initial values and chains",
+    "adapt_delta": "target acceptance",
+    "max_treedepth": "trajectories have at most 2**max_treedepth - 1 leapfrog steps",
+    "coordinates": "of the sampler (docs/coordinates.md); auto takes those that suit the test",
+    "chain_timeout": "seconds after which a chain is stopped",
+    "parallel_chains": "chains side by side",
+}
+_UNLESS_GIVEN = {
+    "warmup": by_protocol(lambda one: one.warmup),
+    "adapt_delta": by_protocol(lambda one: one.target_acceptance),
+    "chain_timeout": "; default no limit",
+    "parallel_chains": "; default one for each core",
+}
 
 
 def sampler_options(
@@ -83,27 +108,6 @@ def writing(out: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise InputError(f"--out {out}: cannot be written ({error.strerror}).") from error
-
-
-def print_checks(checks: Sequence[CheckResult], conflicts: Sequence[str] = ()) -> int:
-    """Print both verdicts on a run with the checks behind them; return the exit code.
-
-    What prior and data disagree about follows; it does not count for the code.
-    """
-    answers = verdicts(checks)
-    for kind, verdict in answers.items():
-        print(f"\n{kind.value} {verdict.outcome.value.upper()}\n{verdict.sentence}")
-        for row in checks_table(
-            [check for check in checks if check.check.kind is kind]
-        ).itertuples():
-            print(f"{row.verdict:<11}  {row.check}: {row.sentence}")
-    if conflicts:
-        print("\nDo prior and data agree? NO", *conflicts, sep="\n")
-    if answers[CheckKind.SAMPLING].outcome is not Outcome.YES:
-        return EXIT_CHECK_FAILED
-    asked = any(check.check.kind is CheckKind.DESCRIPTION for check in checks)
-    described = answers[CheckKind.DESCRIPTION].outcome is Outcome.YES
-    return EXIT_NOT_DESCRIBED if asked and not described else 0
 
 
 def exit_code(passed: bool) -> int:

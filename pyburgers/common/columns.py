@@ -3,7 +3,8 @@
 import csv
 import math
 import os
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -13,7 +14,7 @@ from pydantic import Field, PlainValidator
 from pydantic_core import PydanticCustomError
 
 from pyburgers.common.atomic_files import write_text
-from pyburgers.common.errors import InputError
+from pyburgers.common.errors import InputError, all_of
 from pyburgers.common.toml_files import Table, factor_to_si, read_text
 
 FloatArray = npt.NDArray[np.float64]
@@ -21,6 +22,9 @@ Separator = Literal[",", "whitespace"]
 
 DATA_ROOT_VARIABLE = "PYBURGERS_DATA"
 """Environment variable that takes the place of the key `data_root`."""
+
+NAMED_CELLS = 3
+"""Cells of a column that are named where they hold no numbers."""
 
 COMMENT = "#"
 """Lines that start with this are skipped, like blank ones."""
@@ -118,26 +122,51 @@ def read_columns(
         missing, no row is one of those wanted, or a cell is empty, not a number or not finite; the
         message names file, line and column.
     """
-    factors = [
-        1.0
-        if unit is None
-        else factor_to_si(getattr(data, unit[0]), unit[1], f"{where}: key {unit[0]!r} in [data]")
-        for unit in columns.values()
-    ]
+    factors, found = all_of(
+        lambda: all_of(*(partial(_factor, data, unit, where) for unit in columns.values())),
+        lambda: _numbers(source, data, columns, where, file_key, may_be_empty),
+    )
+    with np.errstate(over="ignore"):
+        scaled = [values * factor for values, factor in zip(found, factors, strict=True)]
+    for key, values in zip(columns, scaled, strict=True):
+        if np.isinf(values).any():
+            raise InputError(
+                f"{source}: column {getattr(data, key)!r} holds a number that is too large for its "
+                "unit, expected a finite one in SI."
+            )
+    return scaled
+
+
+def _numbers(
+    source: Path,
+    data: TextFilesTable,
+    columns: Iterable[str],
+    where: Path,
+    file_key: str,
+    may_be_empty: Container[str],
+) -> list[FloatArray]:
+    """Read columns of the rows that are wanted, in the units of the file."""
     rows = _rows(source, read_text(source, f"{where}: key {file_key}"), data.separator)
     names = rows.pop(0)[1] if data.header and rows else None
     if not rows:
         raise InputError(f"{source}: no data rows; expected at least one row of numbers.")
     for name, value in data.rows.items():
         rows = _selected(rows, names, name, value, f"{where}: key 'rows'", source)
-    found = []
-    for key, factor in zip(columns, factors, strict=True):
+
+    def numbers(key: str) -> FloatArray:
         column = getattr(data, key)
         index = _index(column, names, len(rows[0][1]), f"{where}: key {key!r} in [data]", source)
-        gaps = key in may_be_empty
-        cells = np.array([_cell(source, line, row, index, column, gaps) for line, row in rows])
-        found.append(cells * factor)
-    return found
+        return _column(source, rows, index, column, key in may_be_empty)
+
+    return all_of(*(partial(numbers, key) for key in columns))
+
+
+def _factor(data: TextFilesTable, unit: tuple[str, str] | None, where: Path) -> float:
+    """Return what turns a column into SI."""
+    if unit is None:
+        return 1.0
+    key, quantity = unit
+    return factor_to_si(getattr(data, key), quantity, f"{where}: key {key!r} in [data]")
 
 
 def write_columns(path: Path, columns: Mapping[str, Sequence[float] | FloatArray]) -> None:
@@ -209,6 +238,31 @@ def _index(column: str | int, names: list[str] | None, n_cells: int, where: str,
             f"because {path} has no header."
         )
     return column - 1
+
+
+def _column(
+    path: Path,
+    rows: Sequence[tuple[int, list[str]]],
+    index: int,
+    column: str | int,
+    may_be_empty: bool,
+) -> FloatArray:
+    """Return the numbers in one column; of many bad cells the first ones are named."""
+    values, sentences = [], list[str]()
+    for line, row in rows:
+        try:
+            values.append(_cell(path, line, row, index, column, may_be_empty))
+        except InputError as error:
+            sentences += error.sentences
+    if len(sentences) > NAMED_CELLS:
+        more = len(sentences) - NAMED_CELLS
+        sentences = [
+            *sentences[:NAMED_CELLS],
+            f"{path}: column {column!r}: {more} more cells are not numbers either.",
+        ]
+    if sentences:
+        raise InputError(*sentences)
+    return np.array(values)
 
 
 def _cell(

@@ -1,4 +1,8 @@
-"""Exceptions: one class for each exit code of the command line."""
+"""Exceptions: one class for each exit code of the command line, and words for their sentences."""
+
+from collections.abc import Callable, Iterable, Sequence
+from difflib import get_close_matches
+from typing import Any
 
 
 class PyburgersError(Exception):
@@ -11,9 +15,41 @@ class PyburgersError(Exception):
 
 
 class InputError(PyburgersError):
-    """A file, a key, a column or an option is not what it has to be."""
+    """A file, a key, a column or an option is not what it has to be.
+
+    Parameters
+    ----------
+    *sentences : str
+        What is wrong. The first is the message; a file may have more faults than one.
+    """
 
     exit_code = 2
+
+    def __init__(self, *sentences: str) -> None:
+        super().__init__(*sentences)
+        self.sentences = sentences
+
+    def __str__(self) -> str:
+        """Return the first sentence."""
+        return self.sentences[0]
+
+
+class StructureError(InputError):
+    """Keys of a file are missing, unknown, or hold something of another type.
+
+    Parameters
+    ----------
+    *sentences : str
+        One for each key.
+    faults : sequence of (tuple, bool)
+        Where each key is, and whether it is unknown there.
+    """
+
+    def __init__(
+        self, *sentences: str, faults: Sequence[tuple[tuple[int | str, ...], bool]]
+    ) -> None:
+        super().__init__(*sentences)
+        self.faults = tuple(faults)
 
 
 class ToolchainError(PyburgersError):
@@ -26,3 +62,29 @@ class SamplingError(PyburgersError):
 
 class SystemFailureError(PyburgersError):
     """The system did not start a program, or ended it: says nothing about model and data."""
+
+
+def all_of(*steps: Callable[[], Any]) -> list[Any]:
+    """Take steps that do not need each other; return what they return.
+
+    Raises
+    ------
+    InputError
+        If steps raise it: one with what all of them say.
+    """
+    found, sentences = [], list[str]()
+    for step in steps:
+        try:
+            found.append(step())
+        except InputError as error:
+            sentences += error.sentences
+    if sentences:
+        raise InputError(*dict.fromkeys(sentences))
+    return found
+
+
+def nearest(name: str, valid: Iterable[str]) -> str:
+    """Return the end of a sentence: the valid spelling nearest to `name`, or all of them."""
+    names = list(valid)
+    close = get_close_matches(name, names, n=1)
+    return f"did you mean {close[0]!r}?" if close else f"expected one of {', '.join(names)}."

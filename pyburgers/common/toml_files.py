@@ -4,19 +4,19 @@ The structure of a file is a pydantic model derived from `Table`; what a key mus
 its field's description, which the messages quote.
 """
 
-import difflib
 import json
 import re
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
 import tomli_w
 from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic_core import ErrorDetails
 
 from pyburgers.common.atomic_files import write_text
-from pyburgers.common.errors import InputError
+from pyburgers.common.errors import InputError, StructureError, nearest
 from pyburgers.common.units import UNITS
 
 
@@ -33,6 +33,9 @@ NAME = r"^[A-Za-z0-9_][A-Za-z0-9._-]{0,99}$"
 
 DEEPEST = 100
 """Parts of a dotted key. Time to read one goes with the square of their number."""
+
+UNKNOWN = "extra_forbidden"
+"""Kind of error of pydantic's for a key that a table does not know."""
 
 _PART = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+"""
 _DEEP_KEY = re.compile(rf"(?<![\w-])(?:{_PART}){{{DEEPEST}}}")
@@ -76,17 +79,27 @@ def read_toml(path: Path, structure: type[TableT]) -> TableT:
     Raises
     ------
     InputError
-        If the file cannot be read, is not TOML, or does not have the structure; the message names
-        the first key at fault, unknown keys before all others.
+        If the file cannot be read, is not TOML, or does not have the structure; a sentence for
+        each key at fault, unknown keys before all others.
+    """
+    return checked(path, read_tables(path), structure)
+
+
+def read_tables(path: Path) -> dict[str, Any]:
+    """Read a TOML file, whatever it holds.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or is not TOML.
     """
     text = read_text(path)
     if _DEEP_KEY.search(text):
         raise InputError(f"{path}: a key has more than {DEEPEST} parts, expected a few.")
     try:
-        table = tomllib.loads(text)
+        return tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: not a valid TOML file: {error}.") from None
-    return checked(path, table, structure)
 
 
 def read_json(path: Path) -> dict[str, Any]:
@@ -123,21 +136,19 @@ def checked(path: Path, table: Mapping[str, Any], structure: type[TableT]) -> Ta
 
     Raises
     ------
-    InputError
-        If they do not have it; the message names the first key at fault, unknown keys before all
-        others.
+    StructureError
+        If they do not have it; a sentence for each key at fault, unknown keys before all others.
     """
     try:
         return structure.model_validate(table)
     except ValidationError as error:
-        raise InputError(f"{path}: {_sentence(error, structure)}") from None
-
-
-def nearest(name: str, valid: Iterable[str]) -> str:
-    """Return the end of a sentence: the valid spelling nearest to `name`, or all of them."""
-    names = list(valid)
-    close = difflib.get_close_matches(name, names, n=1)
-    return f"did you mean {close[0]!r}?" if close else f"expected one of {', '.join(names)}."
+        errors = error.errors(include_url=False)
+        unknown_first = sorted(errors, key=lambda entry: entry["type"] != UNKNOWN)
+        sentences = dict.fromkeys(_sentence(entry, structure) for entry in unknown_first)
+        raise StructureError(
+            *(f"{path}: {text}" for text in sentences),
+            faults=[(entry["loc"], entry["type"] == UNKNOWN) for entry in unknown_first],
+        ) from None
 
 
 def factor_to_si(unit: str, quantity: str, where: str) -> float:
@@ -179,27 +190,24 @@ def _without_none(table: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _sentence(error: ValidationError, structure: type[Table]) -> str:
-    """First error of a validation in words: key, what was found, what was expected."""
-    errors = error.errors(include_url=False)
-    unknown = [entry for entry in errors if entry["type"] == "extra_forbidden"]
-    first = (unknown or errors)[0]
-    location = first["loc"]
+def _sentence(entry: ErrorDetails, structure: type[Table]) -> str:
+    """Return an error in words: key, what was found, what was expected."""
+    location = entry["loc"]
     parent = _model_at(structure, location[:-1])
     name = str(location[-1])
     key = f"key {_describe(location)}"
     field = parent.model_fields.get(name)
     meaning = field.description if field is not None else None
-    if first["type"] == "extra_forbidden":
+    if entry["type"] == UNKNOWN:
         return f"unknown {key}, {nearest(name, parent.model_fields)}"
-    if first["type"] == "missing":
+    if entry["type"] == "missing":
         return f"{key} is missing, expected {meaning or 'a value'}."
-    expected = first["msg"].replace("Input should be ", "")
+    expected = entry["msg"].replace("Input should be ", "")
     if expected.startswith(("greater", "less")):
         expected = f"a number {expected}"
-    if meaning is not None and first["type"] != "column":
+    if meaning is not None and entry["type"] != "column":
         expected = f"{expected} ({meaning})"
-    return f"{key}: found {_shown(first['input'])}, expected {expected}."
+    return f"{key}: found {_shown(entry['input'])}, expected {expected}."
 
 
 def _describe(location: tuple[int | str, ...]) -> str:

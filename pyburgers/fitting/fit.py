@@ -23,8 +23,7 @@ from pyburgers.checks.prior_influence import Influence, conflict_sentence, prior
 from pyburgers.checks.registry import CHECKS
 from pyburgers.checks.verdicts import Verdict, verdicts, verdicts_record
 from pyburgers.common.atomic_files import write_json, write_text
-from pyburgers.common.errors import InputError
-from pyburgers.common.toml_files import nearest
+from pyburgers.common.errors import InputError, nearest
 from pyburgers.fitting.new_test import Source
 from pyburgers.fitting.prediction import Prediction, predict_test
 from pyburgers.model.pooling import SEPARATE, pooling_from, pooling_of

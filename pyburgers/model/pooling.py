@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Literal, get_args
 
-from pyburgers.common.errors import InputError
-from pyburgers.common.toml_files import nearest
+from pyburgers.common.errors import InputError, nearest
 from pyburgers.model.parameters import CONDITIONS, CONSTANTS, PROGRAM_PARAMETERS
 
 Kind = Literal["shared", "partial", "separate"]

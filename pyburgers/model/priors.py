@@ -11,8 +11,8 @@ from types import MappingProxyType
 import numpy as np
 from pydantic import Field
 
-from pyburgers.common.errors import InputError
-from pyburgers.common.toml_files import Table, nearest, read_toml, write_toml
+from pyburgers.common.errors import InputError, nearest
+from pyburgers.common.toml_files import Table, read_toml, write_toml
 from pyburgers.model.flow_law_prior import FlowLawPrior, FlowLawTable
 from pyburgers.model.parameters import (
     CONDITIONS,

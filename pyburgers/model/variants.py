@@ -13,8 +13,7 @@ from typing import Literal, Protocol, get_args, get_type_hints
 import numpy as np
 import numpy.typing as npt
 
-from pyburgers.common.errors import InputError
-from pyburgers.common.toml_files import nearest
+from pyburgers.common.errors import InputError, nearest
 from pyburgers.model.kelvin_laws import KelvinLaw, changes_for, kelvin_law
 from pyburgers.model.parameters import PARAMETER_BY_NAME, PIEZOMETER
 from pyburgers.model.prior_families import Prior, fixed_prior, is_fixed_at

@@ -18,8 +18,8 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from pyburgers.common.errors import InputError
-from pyburgers.common.toml_files import NAME, Table, nearest, write_toml
+from pyburgers.common.errors import InputError, all_of, nearest
+from pyburgers.common.toml_files import NAME, Table, write_toml
 from pyburgers.model.parameters import CONDITIONS, PARAMETER_BY_NAME
 from pyburgers.protocols.microstructure import MeasuredMicrostructure
 
@@ -275,16 +275,20 @@ def shared_values(path: Path, file: ExperimentFile) -> dict[str, Any]:
     InputError
         If a value is not what it has to be.
     """
-    _check_conditions(path, file)
+    _, uncertain, true_parameters = all_of(
+        lambda: _check_conditions(path, file),
+        lambda: _uncertain_conditions(path, file),
+        lambda: _true_parameters(path, file),
+    )
     return {
         "id": file.id,
         "material": file.material,
         "temperature": file.temperature_K,
         "initial_grain_size": file.initial_grain_size_m,
-        "uncertain": _uncertain_conditions(path, file),
+        "uncertain": uncertain,
         "provenance": Provenance(**file.provenance.model_dump()),
         "metadata": MappingProxyType(dict(file.metadata)),
-        "true_parameters": _true_parameters(path, file),
+        "true_parameters": true_parameters,
     }
 
 
@@ -333,29 +337,32 @@ def write_experiment(experiment: Experiment, directory: Path, own: Mapping[str, 
 
 def _check_conditions(path: Path, file: ExperimentFile) -> None:
     """Check everything that needs no data file."""
+    sentences = []
     if not re.fullmatch(NAME, file.id):
-        raise InputError(
+        sentences.append(
             f"{path}: key 'id': found {file.id!r}, expected at most 100 letters, digits, '.', '_' "
             "or '-', the first a letter, digit or '_', because it names files."
         )
     if not 50 <= file.temperature_K <= 3000:
         hint = "; it looks like degrees Celsius, add 273.15" if file.temperature_K < 50 else ""
-        raise InputError(
+        sentences.append(
             f"{path}: key 'temperature_K': found {file.temperature_K:g}, expected kelvin between "
             f"50 and 3000{hint}."
         )
     if not 0 < file.initial_grain_size_m < 1:
-        raise InputError(
+        sentences.append(
             f"{path}: key 'initial_grain_size_m': found {file.initial_grain_size_m:g}, expected "
             "metres between 0 and 1 (230 um is 230e-6)."
         )
     for key, value in file.metadata.items():
         if not isinstance(value, str | bool | int | float):
             kind = "a date" if isinstance(value, date | datetime | time) else "a table or list"
-            raise InputError(
+            sentences.append(
                 f"{path}: key {key!r} in [metadata]: found {kind}, expected a string, a number, "
                 "true or false."
             )
+    if sentences:
+        raise InputError(*sentences)
 
 
 def _uncertain_conditions(path: Path, file: ExperimentFile) -> tuple[UncertainCondition, ...]:

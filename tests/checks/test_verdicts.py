@@ -14,7 +14,7 @@ from pyburgers.checks.fit_checks import (
     Outcome,
 )
 from pyburgers.checks.verdicts import verdicts
-from pyburgers.cli.shared import print_checks
+from pyburgers.cli.terminal import print_checks
 
 SAMPLING, DESCRIPTION = CheckKind.SAMPLING, CheckKind.DESCRIPTION
 YES, NO, CANNOT_TELL = Outcome.YES, Outcome.NO, Outcome.CANNOT_TELL

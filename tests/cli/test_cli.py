@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -13,36 +14,15 @@ import pandas as pd
 import pytest
 from conftest import ICE, Problem
 from refusals import assert_refused
+from small_inputs import CURVE, EXPERIMENT, PRIORS
 
 from pyburgers.checks.registry import CHECKS
 from pyburgers.cli.main import COMMANDS, main
 from pyburgers.fitting.fit import Fit
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
+from pyburgers.protocols.protocol import protocols
+from pyburgers.sampling.options import COORDINATES
 
-EXPERIMENT = """\
-id = "sample-1"
-material = "ice"
-protocol = "constant_rate"
-temperature_K = 263.0
-initial_grain_size_m = 230e-6
-
-[[segments]]
-start_strain = 0.0
-strain_rate_per_s = 1e-4
-
-[data]
-file = "curve.csv"
-strain_column = "strain"
-strain_unit = "fraction"
-stress_column = "stress"
-stress_unit = "MPa"
-
-[provenance]
-kind = "measured"
-source = "Somebody (2020)"
-"""
-CURVE = "strain,stress\n0.01,2.0\n0.02,3.0\n0.03,4.0\n0.04,5.0\n"
-PRIORS = (ICE.parent / "priors" / "ice.toml").read_text(encoding="utf-8")
 COLUMNS = ["time_s", "strain", "stress_Pa", "kelvin_strain", "grain_size_m", "fabric_factor"]
 
 Write = Callable[..., list[str]]
@@ -175,7 +155,6 @@ def test_a_material_without_priors_names_those_with(
         ("--tolerance", "-1"),
         ("--tolerance", "nan"),
         ("--chain-timeout", "0"),
-        ("--coordinates", "polar"),
     ],
     ids=" ".join,
 )
@@ -394,14 +373,74 @@ def test_simulate_refuses_an_unwritable_file(
     assert not list(tmp_path.glob(".*"))
 
 
-@pytest.mark.parametrize("arguments", [[], ["fit"], ["dance"], ["fit", "a.toml", "--draws", "x"]])
-def test_a_wrong_command_line_is_exit_code_2(
-    arguments: list[str], capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ([], ("COMMAND", "`pyburgers --help`")),
+        (["fit"], ("EXPERIMENT.toml", "`pyburgers fit --help`")),
+        (["fitt"], ("unknown command 'fitt'", "did you mean 'fit'?")),
+        (["fit", "a.toml", "--draws", "x"], ("--draws", "'x'")),
+        (["fit", "a.toml", "--drwas=5"], ("unknown option --drwas,", "did you mean --draws?")),
+        (["fit", "a.toml", "--coordinates", "polar"], ("--coordinates", "'polar'", "valley")),
+        (["check", "a", "b"], ("unknown argument b", "`pyburgers check --help`")),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_a_wrong_command_line_costs_one_line(
+    arguments: list[str], words: tuple[str, ...], capsys: pytest.CaptureFixture[str]
 ) -> None:
+    assert_refused(main(arguments), capsys, *words)
+
+
+def test_the_version_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as stopped:
-        main(arguments)
-    assert stopped.value.code == 2
-    assert "usage: pyburgers" in capsys.readouterr().err
+        main(["--version"])
+    assert stopped.value.code == 0
+    assert capsys.readouterr().out == f"pyburgers {version('pyburgers')}\n"
+
+
+def test_help_shows_defaults_and_choices(capsys: pytest.CaptureFixture[str]) -> None:
+    def shown(*arguments: str) -> str:
+        with pytest.raises(SystemExit):
+            main([*arguments, "--help"])
+        return " ".join(capsys.readouterr().out.split())
+
+    text = shown("fit")
+    assert "draws of each chain; default 1000" in text
+    assert "--coordinates {auto,plain,valley,sheared}" in text
+    for name, protocol in protocols().items():
+        assert f"{protocol.warmup} {name}" in text
+    assert "iterations ahead of the draws; default 300 --draws" in shown("sbc")
+    assert "--microstructure {initial,steady-state}" in shown("predict", "attenuation")
+
+
+@pytest.mark.parametrize(
+    ("line", "offered"),
+    [
+        ("pyburgers fi", {"fit", "fit-peak-stress"}),
+        ("pyburgers sbc --re", {"--refits", "--results-of"}),
+        ("pyburgers fit --coordinates ", set(COORDINATES)),
+        (
+            "pyburgers fit --variant maxwell",
+            {"maxwell=power_law", "maxwell=linear", "maxwell=hyperbolic_sine"},
+        ),
+    ],
+)
+def test_a_shell_is_told_what_may_stand_next(line: str, offered: set[str], tmp_path: Path) -> None:
+    answer = tmp_path / "answer"
+    subprocess.run(
+        [sys.executable, "-m", "pyburgers.cli.main"],
+        env={
+            **os.environ,
+            "_ARGCOMPLETE": "1",
+            "_ARGCOMPLETE_IFS": "\n",
+            "_ARGCOMPLETE_STDOUT_FILENAME": str(answer),
+            "COMP_LINE": line,
+            "COMP_POINT": str(len(line)),
+        },
+        check=True,
+    )
+    assert {word.strip() for word in answer.read_text().split("\n")} == offered
 
 
 def test_the_module_and_the_console_script_are_the_same_command() -> None:

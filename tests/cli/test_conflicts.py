@@ -2,7 +2,7 @@
 
 import pytest
 
-from pyburgers.cli.shared import print_checks
+from pyburgers.cli.terminal import print_checks
 
 
 def test_conflicts_have_a_block_of_their_own(capsys: pytest.CaptureFixture[str]) -> None:

@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 from mutations import NAMES as ODD_NAMES
 from mutations import NUMBERS, TEXT, changed_bytes, changed_tables
 
+from pyburgers.cli.check_file import check as check_file
 from pyburgers.cli.main import COMMANDS, main
 from pyburgers.common.errors import PyburgersError
 from pyburgers.flow_law_tables.inputs import load_peak_stress, load_peak_stress_priors
@@ -142,7 +143,8 @@ def changed_keys(number: int) -> None:
         except (ValueError, TypeError):  # not what TOML holds
             assume(False)
         with folder_with(reader.beside) as folder:
-            check(reader.read, folder, reader.file.name, text.encode())
+            read = data.draw(st.sampled_from([reader.read, check_file]))
+            check(read, folder, reader.file.name, text.encode())
 
     run()
 
@@ -175,7 +177,8 @@ def changed_columns(number: int) -> None:
         content = data.draw(changed_bytes(changed.read_bytes()))
         others = [file for file in reader.beside if file != changed]
         with folder_with([*others, reader.file]) as folder:
-            check(lambda _: reader.read(folder / reader.file.name), folder, changed.name, content)
+            read = data.draw(st.sampled_from([reader.read, check_file]))
+            check(lambda _: read(folder / reader.file.name), folder, changed.name, content)
 
     run()
 
@@ -203,6 +206,7 @@ OPTIONS = {
         *("--chain-timeout", "--parallel-chains", "--tolerance", "--prior-only"),
     ),
     "check": (),
+    "check-file": (),
     "simulate": ("--parameters", "--out"),
     "fit-peak-stress": ("--priors", "--curve-priors", "--without", "--out", "--chains", "--seed"),
     "compare": ("--out", "--leave-out", "--no-refit"),

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from pyburgers.common.columns import Column, TextFilesTable, read_columns, write_columns
-from pyburgers.common.errors import InputError
+from pyburgers.common.errors import InputError, all_of
 from pyburgers.common.toml_files import Table, factor_to_si, read_toml
 from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
 from pyburgers.protocols.attenuation.table import (
@@ -113,41 +113,17 @@ def load_attenuation(path: str | Path) -> AttenuationExperiment:
                 f"{path}: key {key!r}: found {getattr(file, key):g}, expected none, because tables "
                 "of attenuation are fitted at their stated conditions."
             )
-    data = file.data
-    source = data.folder(path) / data.file
-    periods = _one_of(path, data, "period_column", "frequency_column")
-    columns = _columns(path, data, periods)
-    found = dict(
-        zip(
-            columns,
-            read_columns(source, data, columns, where=path, file_key="'file' in [data]"),
-            strict=True,
-        )
+    values, elasticity, (conditions, readings) = all_of(
+        lambda: shared_values(path, file),
+        lambda: _elasticity(path, file.attenuation),
+        lambda: _table(path, file),
     )
-    if data.least_temperature is not None:
-        found = _from_temperature(path, found, data.least_temperature)
-    order = found[periods]
-    n_rows = order.size
-    celsius = CELSIUS_ZERO if data.temperature_unit == "C" else 0.0
-    with np.errstate(divide="ignore"):  # a frequency of 0 is refused below
-        period = order if periods == "period_column" else 1 / order
-    conditions = Conditions(
-        period=period,
-        temperature=found["temperature_column"] + celsius
-        if "temperature_column" in found
-        else np.full(n_rows, file.temperature_K),
-        median_stress=_stress(path, file, found, "median_stress", n_rows),
-        amplitude=_stress(path, file, found, "amplitude", n_rows),
-    )
-    readings = _readings(path, data, found, n_rows)
-    increasing = "period" if periods == "period_column" else "frequency"
-    check_table(conditions, readings, order, str(source), increasing)
     by_period = np.lexsort((conditions.period, conditions.spectrum))
     return AttenuationExperiment(
-        **shared_values(path, file),
+        **values,
         conditions=conditions.ordered(by_period),
         readings=readings.ordered(by_period),
-        elasticity=_elasticity(path, file.attenuation),
+        elasticity=elasticity,
         notices=tuple(dict.fromkeys([*file.notices, *_notices(conditions, readings)])),
     )
 
@@ -211,6 +187,40 @@ def save_attenuation(experiment: AttenuationExperiment, directory: Path) -> Path
         "bulk_modulus_Pa": elasticity.bulk_modulus,
     }
     return write_experiment(experiment, directory, {"attenuation": attenuation, "data": data})
+
+
+def _table(path: Path, file: _AttenuationFile) -> tuple[Conditions, Readings]:
+    """Read and check the rows, in the order of the data file."""
+    data = file.data
+    source = data.folder(path) / data.file
+    periods = _one_of(path, data, "period_column", "frequency_column")
+    columns = _columns(path, data, periods)
+    found = dict(
+        zip(
+            columns,
+            read_columns(source, data, columns, where=path, file_key="'file' in [data]"),
+            strict=True,
+        )
+    )
+    if data.least_temperature is not None:
+        found = _from_temperature(path, found, data.least_temperature)
+    order = found[periods]
+    n_rows = order.size
+    celsius = CELSIUS_ZERO if data.temperature_unit == "C" else 0.0
+    with np.errstate(divide="ignore"):  # a frequency of 0 is refused below
+        period = order if periods == "period_column" else 1 / order
+    conditions = Conditions(
+        period=period,
+        temperature=found["temperature_column"] + celsius
+        if "temperature_column" in found
+        else np.full(n_rows, file.temperature_K),
+        median_stress=_stress(path, file, found, "median_stress", n_rows),
+        amplitude=_stress(path, file, found, "amplitude", n_rows),
+    )
+    readings = _readings(path, data, found, n_rows)
+    increasing = "period" if periods == "period_column" else "frequency"
+    check_table(conditions, readings, order, str(source), increasing)
+    return conditions, readings
 
 
 def _one_of(path: Path, data: _DataTable, first: str, second: str) -> str:
@@ -309,7 +319,13 @@ def _readings(
     tan_delta, limit = found["attenuation_column"], every("limit")
     if in_logarithms:
         stated = data.limit is not None or "limit_column" in found
-        tan_delta, limit = 10**tan_delta, 10**limit if stated else limit
+        with np.errstate(over="ignore"):
+            tan_delta, limit = 10**tan_delta, 10**limit if stated else limit
+        if np.isinf(tan_delta).any() or np.isinf(limit).any():
+            raise InputError(
+                f"{path}: key 'attenuation_form' in [data]: found logarithms beyond 308, expected "
+                "those of tan delta to the base 10."
+            )
     modulus = found.get("modulus_column", np.empty(0))
     factor = (
         1.0

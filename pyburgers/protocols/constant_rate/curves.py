@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import count_points
+from pyburgers.model.parameters import PARAMETERS
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -25,6 +26,10 @@ A curve digitised from a figure is good to about 1 % of the axis. In the dunite 
 and Paterson (1984) as digitised by Masuti and Barbot (2021), strains of tests to 7-12 % are out of
 order by 1e-5 (4581) and 1e-4 (4580), and the first segment of 4580 ends 5e-4 beyond the rate step.
 """
+
+
+LATE_STRAIN = 0.01
+"""Strain of a first reading beyond which strain may not count from the start of loading."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +105,43 @@ def join_curves(
     if curves and strain.size == 0:
         raise InputError(f"{curves[0].place}: every point is at zero strain, expected a curve.")
     return strain, stress, notices
+
+
+def remarks_on(strain: FloatArray, stress: FloatArray) -> list[str]:
+    """Say what a reader should know about a curve that can be used.
+
+    The sentences name no file, so that a saved copy gives the same ones.
+
+    Parameters
+    ----------
+    strain, stress : array, shape (n_points,)
+        Strain (fraction, not decreasing) and stress (Pa).
+    """
+    if strain.size == 0:
+        return []
+    remarks = []
+    repeated = np.count_nonzero(np.diff(strain) == 0)
+    if repeated > 0:
+        remarks.append(f"{count_points(repeated)} at the same strain as the point before.")
+    if strain.size < len(PARAMETERS):
+        remarks.append(
+            f"{count_points(strain.size)} for the {len(PARAMETERS)} parameters of the model: what "
+            "the data do not fix is left to the priors."
+        )
+    if strain[0] > LATE_STRAIN:
+        remarks.append(
+            f"The first reading is at a strain of {100 * strain[0]:.2g} %: the model starts at "
+            "rest at zero strain, so check that strain counts from the start of loading."
+        )
+    if np.mean(stress < 0) > 0.5:
+        remarks.append(
+            "Most stresses are negative, but compression is positive in this model: check the sign."
+        )
+    if strain[-1] > 1:
+        remarks.append(
+            f"The largest strain is {strain[-1]:g} as a fraction: check that it is not in percent."
+        )
+    return remarks
 
 
 def _inside(curve: Curve, tolerance: float) -> tuple[FloatArray, list[str]]:

@@ -16,11 +16,9 @@ from pyburgers.common.columns import (
     read_columns,
     write_columns,
 )
-from pyburgers.common.errors import InputError
+from pyburgers.common.errors import InputError, all_of
 from pyburgers.common.toml_files import Table, factor_to_si, read_toml
-from pyburgers.common.units import count_points
-from pyburgers.model.parameters import PARAMETERS
-from pyburgers.protocols.constant_rate.curves import Curve, join_curves
+from pyburgers.protocols.constant_rate.curves import Curve, join_curves, remarks_on
 from pyburgers.protocols.experiment import (
     Experiment,
     ExperimentFile,
@@ -199,11 +197,12 @@ def load_constant_rate(path: str | Path) -> ConstantRateExperiment:
     """
     path = Path(path)
     file = read_toml(path, _ConstantRateFile)
-    values = shared_values(path, file)
-    _check_segments(path, file.segments)
-    _check_data_keys(path, file)
     segments = tuple(RateSegment(s.start_strain, s.strain_rate_per_s) for s in file.segments)
-    curves = _read_curves(path, file, segments)
+    values, _, curves = all_of(
+        lambda: shared_values(path, file),
+        lambda: _check_segments(path, file.segments),
+        lambda: _read_curves(path, file, segments),
+    )
     unit = None if file.data is None else file.data.strain_unit
     microstructure = measured_microstructure(path, file.microstructure, unit, file.final_strain)
     final_strain = _final_strain(path, file, segments, curves, microstructure)
@@ -216,7 +215,7 @@ def load_constant_rate(path: str | Path) -> ConstantRateExperiment:
         final_strain=final_strain,
         stress_uncertainty=_stress_uncertainty(path, file.data),
         microstructure=microstructure,
-        notices=tuple(dict.fromkeys([*file.notices, *changes, *_remarks(strain, stress)])),
+        notices=tuple(dict.fromkeys([*file.notices, *changes, *remarks_on(strain, stress)])),
     )
 
 
@@ -328,6 +327,7 @@ def _read_curves(
     path: Path, file: _ConstantRateFile, segments: Sequence[RateSegment]
 ) -> list[Curve]:
     """Read the data files, in SI units but otherwise as they are."""
+    _check_data_keys(path, file)
     data = file.data
     if data is None:
         return []
@@ -421,30 +421,3 @@ def _final_strain(
             f"{last_start:g}, the {last_segment}."
         )
     return file.final_strain
-
-
-def _remarks(strain: FloatArray, stress: FloatArray) -> list[str]:
-    """Sentences about data that can be used but that a reader should know about.
-
-    They name no file, so that a saved copy gives the same ones.
-    """
-    if strain.size == 0:
-        return []
-    remarks = []
-    repeated = np.count_nonzero(np.diff(strain) == 0)
-    if repeated > 0:
-        remarks.append(f"{count_points(repeated)} at the same strain as the point before.")
-    if strain.size < len(PARAMETERS):
-        remarks.append(
-            f"{count_points(strain.size)} for the {len(PARAMETERS)} parameters of the model: what "
-            "the data do not fix is left to the priors."
-        )
-    if np.mean(stress < 0) > 0.5:
-        remarks.append(
-            "Most stresses are negative, but compression is positive in this model: check the sign."
-        )
-    if strain[-1] > 1:
-        remarks.append(
-            f"The largest strain is {strain[-1]:g} as a fraction: check that it is not in percent."
-        )
-    return remarks

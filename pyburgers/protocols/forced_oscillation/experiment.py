@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from pyburgers.common.columns import Column, TextFilesTable, read_columns, write_columns
-from pyburgers.common.errors import InputError
+from pyburgers.common.errors import InputError, all_of
 from pyburgers.common.toml_files import Table, read_toml
 from pyburgers.common.units import UNITS
 from pyburgers.model.display import STRAIN_FACTOR, STRAIN_UNIT
@@ -112,7 +112,7 @@ class _OscillationTable(Table):
     start_stress_Pa: float | None = Field(  # noqa: N815 - a key with its unit
         None, description="where the model starts with the background kept (default: the bias)"
     )
-    spin_up_cycles: int = Field(2, ge=1, description="cycles ahead of the record")
+    spin_up_cycles: int = Field(2, ge=1, le=10_000, description="cycles ahead of the record")
 
 
 class _DataTable(TextFilesTable):
@@ -166,9 +166,12 @@ def load_forced_oscillation(path: str | Path) -> OscillationExperiment:
     """
     path = Path(path)
     file = read_toml(path, _OscillationFile)
-    values = shared_values(path, file)
-    strain_time, strain, strain_uncertainty = _read_series(path, file.data, "strain")
-    stress_time, stress, stress_uncertainty = _read_series(path, file.data, "stress")
+    values, (strain_time, strain, strain_uncertainty), series = all_of(
+        lambda: shared_values(path, file),
+        lambda: _read_series(path, file.data, "strain"),
+        lambda: _read_series(path, file.data, "stress"),
+    )
+    stress_time, stress, stress_uncertainty = series
     record = OscillationRecord(
         strain_time=strain_time,
         strain=strain,

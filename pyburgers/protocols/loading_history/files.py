@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from pyburgers.common.columns import write_columns
+from pyburgers.common.errors import all_of
 from pyburgers.common.toml_files import Table, factor_to_si, read_toml
 from pyburgers.protocols.experiment import (
     ExperimentFile,
@@ -82,36 +83,13 @@ def load_loading_history(path: str | Path) -> LoadingHistory:
     """
     path = Path(path)
     file = read_toml(path, _LoadingHistoryFile)
-    values = shared_values(path, file)
-    conventions = Conventions.of(
-        path,
-        time_unit=file.stage_time_unit,
-        stress_unit=file.stage_stress_unit,
-        compression=file.compression,
-        measures=(file.stress_measure, file.strain_measure),
-    )
-    bounds = stage_bounds(path, file.stages, conventions.time)
-    offset = _strain_offset(path, file, conventions.sign)
-    readings = NO_READINGS
-    if file.data is not None:
-        raw = read_readings(path, file.data, bounds, conventions.sign)
-        readings = true_readings(path, raw, file.stress_measure, file.strain_measure)
-    test = Test(
-        path=path,
-        temperature=file.temperature_K,
-        conventions=conventions,
-        bounds=bounds,
-        readings=readings,
-        stress_error=_uncertainty(path, file.data, "stress"),
-        strain_error=_uncertainty(path, file.data, "strain"),
-        first_strain=(offset.value, offset.sd) if offset else (0.0, 0.0),
-    )
+    values, (test, offset) = all_of(lambda: shared_values(path, file), lambda: _test(path, file))
     stages, changes = read_stages(test, file.stages)
     changes = _turned(file) + changes
     response: list[Literal["stress", "strain"]] = [
         "strain" if stage.driven == "stress" else "stress" for stage in stages
     ]
-    found = responses(path, readings, response)
+    found = responses(path, test.readings, response)
     used, more = _used(found, stages, file.data)
     for change in changes + more:
         logger.info("%s: %s", file.id, change)
@@ -160,6 +138,34 @@ def save_loading_history(experiment: LoadingHistory, directory: Path) -> Path:
     if experiment.n_points > 0:
         own["data"] = _write_readings(experiment, directory)
     return write_experiment(experiment, directory, own)
+
+
+def _test(path: Path, file: _LoadingHistoryFile) -> tuple[Test, Stated | None]:
+    """Return what stages are read with, and the zero of strain."""
+    conventions = Conventions.of(
+        path,
+        time_unit=file.stage_time_unit,
+        stress_unit=file.stage_stress_unit,
+        compression=file.compression,
+        measures=(file.stress_measure, file.strain_measure),
+    )
+    bounds = stage_bounds(path, file.stages, conventions.time)
+    offset = _strain_offset(path, file, conventions.sign)
+    readings = NO_READINGS
+    if file.data is not None:
+        raw = read_readings(path, file.data, bounds, conventions.sign)
+        readings = true_readings(path, raw, file.stress_measure, file.strain_measure)
+    test = Test(
+        path=path,
+        temperature=file.temperature_K,
+        conventions=conventions,
+        bounds=bounds,
+        readings=readings,
+        stress_error=_uncertainty(path, file.data, "stress"),
+        strain_error=_uncertainty(path, file.data, "strain"),
+        first_strain=(offset.value, offset.sd) if offset else (0.0, 0.0),
+    )
+    return test, offset
 
 
 def _strain_offset(path: Path, file: _LoadingHistoryFile, sign: int) -> Stated | None:

@@ -1,0 +1,152 @@
+"""`pyburgers check-file`: everything that is wrong with an input file, and what to do about it."""
+
+import argparse
+import tempfile
+from collections.abc import Callable, Mapping
+from copy import deepcopy
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any
+
+from pyburgers.cli.file_hints import doubts, hints, text_files
+from pyburgers.common.errors import InputError, StructureError
+from pyburgers.common.toml_files import read_tables, write_toml
+from pyburgers.common.units import count_points
+from pyburgers.flow_law_tables.inputs import load_peak_stress
+from pyburgers.model.priors import load_priors
+from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.protocol import load_experiment
+
+STAND_INS: Mapping[str, Any] = {
+    "id": "test",
+    "material": "ice",
+    "temperature_K": 263.0,
+    "initial_grain_size_m": 1e-3,
+    "provenance": {"kind": "measured", "source": "unknown"},
+    "kind": "measured",
+    "source": "unknown",
+    "start_strain": 0.0,
+    "strain_rate_per_s": 1e-4,
+    "strain_unit": "fraction",
+    "stress_unit": "MPa",
+    "time_unit": "s",
+}
+"""What stands in for keys that are missing or of another type, to look at the rest of a file."""
+
+
+def add_options(command: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    command.add_argument(
+        "files", type=Path, nargs="+", metavar="FILE.toml", help="of an experiment, or of priors"
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the command; return its exit code."""
+    return max([check(path) for path in options.files])
+
+
+def check(path: Path) -> int:
+    """Print all that is wrong with a file, or what it holds; return the exit code."""
+    content = read_tables(path)
+    errors, loaded = all_errors(path, content)
+    lines = [f"error: {sentence}" for sentence in errors]
+    lines += [f"hint: {sentence}" for sentence in hints(path, content)]
+    if isinstance(loaded, Experiment):
+        lines += [f"warning: {sentence}" for sentence in (*loaded.notices, *doubts(loaded))]
+    for line in lines:
+        print(line)
+    if errors:
+        print(f"{path}: {len(errors)} error{'s' * (len(errors) > 1)}; it cannot be used yet")
+        return InputError.exit_code
+    what = ""
+    if isinstance(loaded, Experiment):
+        points = count_points(loaded.n_points)
+        what = f", {loaded.id}: {loaded.protocol} of {loaded.material}, {points}"
+    print(f"{path}: no errors{what}")
+    return 0
+
+
+def all_errors(path: Path, content: Mapping[str, Any]) -> tuple[list[str], object]:
+    """Read a file, and as much of it as can be read where keys of it are wrong.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    content : mapping
+        What it holds.
+
+    Returns
+    -------
+    errors : list of str
+        Sentences.
+    loaded : object
+        What it was read into; None where there are errors.
+    """
+    load = _reader(content)
+    try:
+        return [], load(path)
+    except StructureError as error:
+        mended = _mended(content, error)
+        further = [] if mended is None else _errors_of(mended, path, load)
+        return [*error.sentences, *further], None
+    except InputError as error:
+        return list(error.sentences), None
+
+
+def _reader(content: Mapping[str, Any]) -> Callable[[Path], object]:
+    """Return what reads a file of its kind."""
+    if "parameters" in content and "protocol" not in content:
+        return load_priors
+    return load_peak_stress if content.get("protocol") == "peak_stress" else load_experiment
+
+
+def _mended(content: Mapping[str, Any], error: StructureError) -> dict[str, Any] | None:
+    """Return the content with its keys put right, None where nothing can stand in for one.
+
+    What an unknown key holds goes to the key that is missing beside it, if they are alike.
+    """
+    mended = deepcopy(dict(content))
+    missing = [location for location, unknown in error.faults if not unknown]
+    for location, unknown in error.faults:
+        *above, key = location
+        table: Any = mended
+        try:
+            for part in above:
+                table = table[part]
+            if unknown:
+                value = table.pop(key)
+                beside = [str(one[-1]) for one in missing if [*one[:-1]] == above]
+                for meant in get_close_matches(str(key), beside, n=1):
+                    table[meant] = value
+                    missing.remove((*above, meant))
+            elif location in missing:
+                table[key] = deepcopy(STAND_INS[str(key)])
+        except (KeyError, IndexError, TypeError):
+            return None
+    return mended
+
+
+def _errors_of(
+    content: dict[str, Any], path: Path, load: Callable[[Path], object]
+) -> tuple[str, ...]:
+    """Return the errors of content as if it stood in a file at `path`."""
+    for table, key in text_files(content):
+        table[key] = str((path.parent / table[key]).absolute())
+    data = content.get("data")
+    if isinstance(data, dict) and isinstance(data.get("data_root"), str):
+        data["data_root"] = str((path.parent / data["data_root"]).absolute())
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder) / path.name
+        write_toml(copy, content)
+        try:
+            load(copy)
+        except InputError as error:
+            there = f"{path.parent.absolute()}/"
+            here = "" if path.parent == Path() else f"{path.parent}/"
+            return tuple(
+                sentence.replace(str(copy), str(path)).replace(there, here)
+                for sentence in error.sentences
+            )
+    return ()

@@ -1,0 +1,106 @@
+"""The parser of the command line: errors in one line, defaults and choices in the help."""
+
+import argparse
+import os
+from collections.abc import Sequence
+from difflib import get_close_matches
+from importlib.metadata import version
+from typing import Any, NoReturn
+
+from pyburgers.common.errors import InputError
+
+COMPLETING = "_ARGCOMPLETE"
+"""Environment variable that a shell sets when it asks for completions."""
+
+
+class ShowVersion(argparse.Action):
+    """Print the version, which is looked up only when it is asked for."""
+
+    def __init__(self, option_strings: Sequence[str], dest: str, **_: Any) -> None:
+        super().__init__(option_strings, argparse.SUPPRESS, nargs=0, help="the version, and end")
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object, **__: object) -> None:
+        """Print it and end."""
+        print(f"pyburgers {version('pyburgers')}")
+        parser.exit()
+
+
+class HelpWithDefaults(argparse.HelpFormatter):
+    """Help that ends with the default of an option, where it has one that says something."""
+
+    def _get_help_string(self, action: argparse.Action) -> str | None:
+        text, default = action.help or "", action.default
+        told = default is None or default is argparse.SUPPRESS or default in ([], False)
+        if told or not action.option_strings:
+            return text
+        shown = " ".join(map(str, default)) if isinstance(default, list | tuple) else default
+        ending = f"default {shown}".replace("%", "%%")
+        return f"{text}; {ending}" if text else ending
+
+
+class OneLineParser(argparse.ArgumentParser):
+    """Says in one line what is wrong with the arguments of a command."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **{"formatter_class": HelpWithDefaults, **kwargs})
+
+    def error(self, message: str) -> NoReturn:
+        """Refuse the arguments.
+
+        Raises
+        ------
+        InputError
+            Always; it names the help of the command.
+        """
+        raise InputError(f"{message.rstrip('.')}; see `{self.prog} --help`.")
+
+    def options(self) -> list[str]:
+        """Return the long options of the parser and of those below it."""
+        found = []
+        for action in self._actions:
+            found += [name for name in action.option_strings if name.startswith("--")]
+            if isinstance(action, argparse._SubParsersAction):
+                for parser in action.choices.values():
+                    found += parser.options()
+        return found
+
+    def parse_all(self, arguments: Sequence[str]) -> argparse.Namespace:
+        """Parse arguments, all of which have to be known.
+
+        Raises
+        ------
+        InputError
+            If one is not; the message names the option that was meant.
+        """
+        parsed, unknown = self.parse_known_args(arguments)
+        if not unknown:
+            return parsed
+        name = unknown[0].split("=")[0]
+        meant = get_close_matches(name, self.options(), n=1) if name.startswith("-") else []
+        end = f"did you mean {meant[0]}?" if meant else f"see `{self._told(arguments)} --help`."
+        kind = "option" if name.startswith("-") else "argument"
+        raise InputError(f"unknown {kind} {name}, {end}")
+
+    def _told(self, arguments: Sequence[str]) -> str:
+        return " ".join([self.prog, *arguments[:1]])
+
+
+def complete(parser: argparse.ArgumentParser) -> None:
+    """Answer a shell that asks what may stand next; ends the process."""
+    import argcomplete
+
+    argcomplete.autocomplete(parser, always_complete_options="long")
+
+
+def words_to_complete() -> list[str]:
+    """Return the words that stand on the line of a shell that asks what may stand next."""
+    return os.environ.get("COMP_LINE", "").split()[1:]
+
+
+def complete_with(action: argparse.Action, choices: Sequence[str]) -> None:
+    """Give a shell what an argument may be, where others are possible too."""
+
+    def completer(**_: object) -> Sequence[str]:
+        return choices
+
+    vars(action)["completer"] = completer

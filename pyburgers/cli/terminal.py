@@ -1,0 +1,108 @@
+"""What a fit prints: tables no wider than the terminal, verdicts, colours where there are some."""
+
+from collections.abc import Sequence
+
+import pandas as pd
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from pyburgers.checks.fit_checks import CheckKind, CheckResult, Outcome
+from pyburgers.checks.verdicts import verdicts
+from pyburgers.cli.shared import EXIT_CHECK_FAILED
+from pyburgers.report.tables import VERDICT_WORDS
+
+EXIT_NOT_DESCRIBED = 4
+"""The posterior was sampled well, but the model is not shown to describe the data."""
+
+WIDTH = 80
+"""Columns of output that goes elsewhere than to a terminal."""
+
+COLOURS = {Outcome.YES: "green", Outcome.NO: "bold red", Outcome.CANNOT_TELL: "yellow"}
+
+SHORT_TITLES = {"sd / prior sd": "sd/prior", "ESS bulk": "ESS", "sd joint / alone": "sd ratio"}
+HIDDEN = ("symbol", "ESS tail", "prior")
+"""Columns of tables for a page that a terminal has no room for."""
+
+FOLDED, LEAST_FOLDED = "quantity", 20
+"""Column whose cells may take several lines, and how narrow it may become."""
+
+
+def print_table(table: pd.DataFrame, keys: Sequence[str]) -> None:
+    """Print a table of text in blocks of columns that fit, each with the columns `keys` first.
+
+    Parameters
+    ----------
+    table : DataFrame
+        Text (`pyburgers.report.tables`).
+    keys : sequence of str
+        Columns that say what a row is about.
+    """
+    console = _console()
+    named = [name for name in keys if name in table]
+    room = console.width + 1 - sum(_width(table, name) for name in named)
+    blocks: list[list[str]] = [[]]
+    for name in (str(name) for name in table if name not in (*named, *HIDDEN)):
+        if blocks[-1] and sum(_width(table, one) for one in [*blocks[-1], name]) > room:
+            blocks.append([])
+        blocks[-1].append(name)
+    for number, block in enumerate(blocks):
+        if number:
+            console.print()
+        console.print(_drawn(table[[*named, *block]], named))
+
+
+def print_checks(checks: Sequence[CheckResult], conflicts: Sequence[str] = ()) -> int:
+    """Print both verdicts on a run with the checks behind them; return the exit code.
+
+    What prior and data disagree about follows; it does not count for the code.
+    """
+    console, answers = _console(), verdicts(checks)
+    for kind, verdict in answers.items():
+        colour = COLOURS[verdict.outcome]
+        heading = Text(f"\n{kind.value} ", "bold").append(verdict.outcome.value.upper(), colour)
+        console.print(heading, soft_wrap=True)
+        console.print(verdict.sentence, soft_wrap=True)
+        for check in checks:
+            if check.check.kind is kind:
+                word = Text(f"{VERDICT_WORDS[check.outcome]:<11}  ", COLOURS[check.outcome])
+                console.print(word.append(f"{check.name}: {check.sentence}", ""), soft_wrap=True)
+    if conflicts:
+        heading = Text("\nDo prior and data agree? ", "bold").append("NO", COLOURS[Outcome.NO])
+        console.print(heading, soft_wrap=True)
+        for conflict in conflicts:
+            console.print(conflict, soft_wrap=True)
+    if answers[CheckKind.SAMPLING].outcome is not Outcome.YES:
+        return EXIT_CHECK_FAILED
+    asked = any(check.check.kind is CheckKind.DESCRIPTION for check in checks)
+    described = answers[CheckKind.DESCRIPTION].outcome is Outcome.YES
+    return EXIT_NOT_DESCRIBED if asked and not described else 0
+
+
+def _console() -> Console:
+    """Return where output goes: in colours where it is a terminal and NO_COLOR is not set."""
+    console = Console(highlight=False, markup=False, emoji=False)
+    if not console.is_terminal:
+        console.width = WIDTH
+    return console
+
+
+def _width(table: pd.DataFrame, name: str) -> int:
+    """Columns of the terminal that a column takes, with the space behind it."""
+    cells = max(map(len, table[name].astype(str)), default=0)
+    if name == FOLDED:
+        cells = min(cells, LEAST_FOLDED)
+    return max(len(SHORT_TITLES.get(name, name)), cells) + 1
+
+
+def _drawn(table: pd.DataFrame, keys: Sequence[str]) -> Table:
+    drawn = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0), header_style="bold")
+    for name in map(str, table):
+        drawn.add_column(
+            SHORT_TITLES.get(name, name),
+            justify="left" if name in keys else "right",
+            no_wrap=name != FOLDED,
+        )
+    for row in table.itertuples(index=False):
+        drawn.add_row(*(Text(str(cell)) for cell in row))
+    return drawn

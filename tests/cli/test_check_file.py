@@ -1,0 +1,165 @@
+"""`pyburgers check-file`: all that is wrong with a file at once, and what may be behind it."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from small_inputs import CURVE, DATA, EXPERIMENT, PRIORS
+
+from pyburgers.cli.main import main
+from pyburgers.protocols.protocol import load_experiment
+
+Checked = Callable[..., tuple[int, list[str]]]
+
+
+@pytest.fixture
+def checked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Checked:
+    """Check the file of an experiment, parts of it replaced; return exit code and lines."""
+
+    def checked(*replaced: tuple[str, str], curve: str = CURVE) -> tuple[int, list[str]]:
+        text = EXPERIMENT
+        for old, new in replaced:
+            assert old in text
+            text = text.replace(old, new, 1)
+        (tmp_path / "test.toml").write_text(text, encoding="utf-8")
+        (tmp_path / "curve.csv").write_text(curve, encoding="utf-8")
+        before = sorted(tmp_path.rglob("*"))
+        code = main(["check-file", str(tmp_path / "test.toml")])
+        assert sorted(tmp_path.rglob("*")) == before
+        out, error = capsys.readouterr()
+        assert error == ""
+        return code, out.splitlines()
+
+    return checked
+
+
+def of_kind(kind: str, lines: list[str]) -> list[str]:
+    return [line for line in lines if line.startswith(f"{kind}: ")]
+
+
+@pytest.mark.parametrize("name", ["ice/PIL40", "olivine/olivine_twin", "priors/ice"])
+def test_shipped_files_have_no_errors(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check-file", str(DATA / f"{name}.toml")]) == 0
+    out = capsys.readouterr().out
+    assert "no errors" in out
+    assert "error: " not in out
+
+
+def test_all_errors_of_keys_and_of_columns_are_told_at_once(checked: Checked) -> None:
+    code, lines = checked(
+        ("temperature_K = 263.0", "temperture_K = -10.0"),
+        ('id = "sample-1"', 'id = "sample 1"'),
+        ("= 1e-4", "= -1e-4"),
+        ("230e-6", "230.0"),
+        ('"fraction"', '"percents"'),
+        ('stress_column = "stress"', 'stress_column = "sigma"'),
+        ('kind = "measured"', 'kind = "guessed"'),
+        curve="strain,stress\n0.01,2\nabc,3\n,4\n",
+    )
+    assert code == 2
+    errors = of_kind("error", lines)
+    for word in (
+        "unknown key 'temperture_K'",
+        "key 'temperature_K' is missing",
+        "found -10",
+        "'sample 1'",
+        "strain_rate_per_s",
+        "found 230",
+        "'percents'",
+        "'sigma'",
+        "'guessed'",
+        "line 3, column 'strain': found 'abc'",
+        "line 4, column 'strain': found an empty cell",
+    ):
+        assert sum(word in error for error in errors) == 1, word
+    assert len(errors) == 11
+    assert lines[-1].endswith("11 errors; it cannot be used yet")
+
+
+def test_of_many_bad_cells_some_are_named_and_the_others_counted(checked: Checked) -> None:
+    rows = "\n".join(f"0.{k},x" for k in range(1, 9))
+    code, lines = checked(curve=f"strain,stress\n{rows}\n")
+    assert code == 2
+    assert len(of_kind("error", lines)) == 4
+    assert "5 more cells" in of_kind("error", lines)[-1]
+
+
+HINTS = {
+    "commented header": ((), "# strain,stress\n0.01,2\n0.02,3\n", "remove that '#'"),
+    "no header": ((), "0.01,2\n0.02,3\n", "write header = false"),
+    "header said to be none": (
+        (("[data]\n", "[data]\nheader = false\n"),),
+        CURVE,
+        "remove header = false",
+    ),
+    "semicolons": ((), "strain;stress\n0.01;2\n0.02;3\n", "semicolons"),
+    "tabs": ((), "strain\tstress\n0.01\t2\n0.02\t3\n", 'separator = "whitespace"'),
+    "decimal commas": ((), "strain;stress\n0,01;2\n0,02;3\n", "'0,01' (and 1 more)"),
+    "minus signs": ((), "strain,stress\n0.01,\u22122\n0.02,3\n", "no minus sign"),
+    "negative strain": ((), "strain,stress\n-0.01,2\n-0.02,3\n", "turn the signs"),
+    "percent as fraction": ((), "strain,stress\n1,2\n20,3\n", "percent rather than a fraction"),
+    "fraction as percent": (
+        (('"fraction"', '"percent"'),),
+        "strain,stress\n0.01,2\n0.2,3\n",
+        "a fraction rather than percent",
+    ),
+}
+
+
+@pytest.mark.parametrize(("replaced", "curve", "word"), HINTS.values(), ids=HINTS)
+def test_hints_say_what_may_be_behind(
+    replaced: tuple[tuple[str, str], ...], curve: str, word: str, checked: Checked
+) -> None:
+    _, lines = checked(*replaced, curve=curve)
+    assert any(word in line for line in of_kind("hint", lines)), lines
+
+
+@pytest.mark.parametrize(
+    ("replaced", "curve", "word"),
+    [
+        ((), "strain,stress\n0.015,2\n0.02,3\n", "1.5 %"),
+        ((("MPa", "GPa"),), "strain,stress\n0.001,2\n0.02,5000\n", "5000 GPa"),
+        ((("MPa", "Pa"),), CURVE, "5 Pa"),
+        ((("230e-6", "0.23"),), CURVE, "0.23 m"),
+        ((('"ice"', '"quartz"'),), CURVE, "--priors"),
+    ],
+)
+def test_unlikely_numbers_are_warned_about(
+    replaced: tuple[tuple[str, str], ...], curve: str, word: str, checked: Checked
+) -> None:
+    code, lines = checked(*replaced, curve=curve)
+    assert code == 0
+    assert any(word in line for line in of_kind("warning", lines)), lines
+
+
+def test_a_prior_file_is_checked_as_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "priors.toml"
+    path.write_text(PRIORS.replace("scale = 1e-6", "scale = -1e-6"), encoding="utf-8")
+    assert main(["check-file", str(path)]) == 2
+    assert "scale" in capsys.readouterr().out
+
+
+def test_other_commands_tell_the_first_error_and_how_many_there_are(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "test.toml"
+    path.write_text(EXPERIMENT.replace("temperature_K", "temperture_K"), encoding="utf-8")
+    assert main(["fit", str(path)]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert error.endswith("`pyburgers check-file` tells 1 more.\n")
+
+
+def test_what_stands_in_for_missing_keys_gives_no_errors_of_its_own(checked: Checked) -> None:
+    code, lines = checked(("temperature_K = 263.0\n", ""), ('strain_unit = "fraction"\n', ""))
+    assert code == 2
+    assert len(of_kind("error", lines)) == 2
+
+
+def test_a_good_file_is_read_as_a_fit_reads_it(checked: Checked, tmp_path: Path) -> None:
+    code, lines = checked()
+    assert code == 0
+    points = load_experiment(tmp_path / "test.toml").n_points
+    assert lines[-1] == (
+        f"{tmp_path / 'test.toml'}: no errors, sample-1: constant_rate of ice, {points} points"
+    )

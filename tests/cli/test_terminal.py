@@ -1,0 +1,59 @@
+"""Tables and verdicts in a terminal: 80 columns, colours only where they are wanted."""
+
+import io
+import re
+import sys
+
+import pandas as pd
+import pytest
+
+from pyburgers.cli.terminal import WIDTH, print_checks, print_table
+from pyburgers.fitting.fit import Fit
+from pyburgers.report.tables import parameter_table
+
+
+class Terminal(io.StringIO):
+    """Text that is written as to a terminal."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def test_the_table_of_a_fit_fits_and_holds_what_its_page_holds(
+    small_fit: Fit, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = parameter_table(small_fit.summary(), small_fit.priors)
+    print_table(table, ["quantity", "unit"])
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= WIDTH
+    assert lines[0].split()[:2] == ["quantity", "unit"]
+    words = " ".join(lines).split()
+    for column in ("unit", "mean", "sd", "5 %", "95 %", "ESS bulk", "R-hat"):
+        assert set(" ".join(table[column]).split()) <= set(words)
+
+
+def test_many_columns_come_in_blocks_that_repeat_what_a_row_is_about(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    columns = {f"test {k}": ["1.234 ± 0.567", "0.1 ± 0.2"] for k in range(9)}
+    print_table(pd.DataFrame({"quantity": ["a", "b"], **columns}), ["quantity"])
+    blocks = capsys.readouterr().out.rstrip("\n").split("\n\n")
+    assert len(blocks) > 1
+    shown = [block.splitlines()[0] for block in blocks]
+    assert all(line.startswith("quantity ") for line in shown)
+    assert all(sum(f"test {k}" in line for line in shown) == 1 for k in range(9))
+    assert max(len(line) for block in blocks for line in block.splitlines()) <= WIDTH
+
+
+@pytest.mark.parametrize(("no_colour", "coloured"), [(None, True), ("1", False)])
+def test_colours_are_for_terminals_that_want_them(
+    no_colour: str | None, coloured: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stdout", terminal)
+    monkeypatch.setenv("TERM", "xterm-256color")
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    if no_colour is not None:
+        monkeypatch.setenv("NO_COLOR", no_colour)
+    print_checks([])
+    assert bool(re.search(r"\033\[[\d;]*3\dm", terminal.getvalue())) is coloured

@@ -33,7 +33,10 @@ def main() -> None:
     options = replace(
         task.options, **{name: value for name, value in numbers.items() if value is not None}
     )
-    fit = pyburgers.fit(task.experiments[0], task.priors, out=given.out / "run", options=options)
+    problem = task.problem
+    fit = pyburgers.fit(
+        problem.experiments[0], problem.given_priors, out=given.out / "run", options=options
+    )
     page = write_report(
         [fit],
         given.out,

@@ -7,10 +7,15 @@ from pathlib import Path
 from typing import Any
 
 from pyburgers.cli.shared import command_line, exit_code, writing
+from pyburgers.cli.workers import add_worker_options, workers_of
 from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_points import compare
-from pyburgers.comparison.by_tests import check_several_tests, compare_by_test
+from pyburgers.comparison.by_tests import (
+    check_several_tests,
+    compare_by_test,
+    fit_without_tests,
+)
 from pyburgers.comparison.figures import left_out_tests, pointwise_differences
 from pyburgers.comparison.pairs import Pair
 from pyburgers.comparison.results import (
@@ -51,12 +56,15 @@ def add_options(command: argparse.ArgumentParser) -> None:
         help="only flag points whose Pareto k is above 0.7, do not fit again without them; points "
         "of joint fits are only flagged anyway",
     )
+    add_worker_options(command)
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
     if options.leave_out == "tests":
         return _compare_by_test(options)
+    if (options.scheduler, options.jobs, options.part) != (None, None, None):
+        raise InputError("--jobs, --scheduler and --part: go with --leave-out tests.")
     directories: list[Path] = options.directories
     fits = {
         name: Fit.load(directory)
@@ -87,10 +95,15 @@ def _compare_by_test(options: argparse.Namespace) -> int:
     for joint in joints.values():
         check_several_tests(joint)
     command = command_line()
-    with writing(options.out):
-        # Ahead of the fits, which take long.
-        options.out.mkdir(parents=True, exist_ok=True)
-    comparison = compare_by_test(joints, command=command)
+    with workers_of(options) as workers:
+        if options.part is not None:
+            fit_without_tests(joints, workers=workers, command=command)
+            print("fits of part {}/{} are done".format(*options.part))
+            return 0
+        with writing(options.out):
+            # Ahead of the fits, which take long.
+            options.out.mkdir(parents=True, exist_ok=True)
+        comparison = compare_by_test(joints, workers=workers, command=command)
     with writing(options.out):
         save_comparison_by_test(comparison, joints, options.out, command=command)
         write_images(left_out_tests(comparison), options.out / "comparison.png")

@@ -36,6 +36,7 @@ COMMANDS = {
     "predict": "what a fit says about other experiments",
     "fit-peak-stress": "fit a flow law to a table of peak stresses",
     "compare": "which of several fits, or joint fits, of the same data predicts best",
+    "campaign": "many fits: tests by laws, priors and seeds, and one page about them",
     "sbc": "is the fit calibrated: truths from the prior, data, fits, ranks",
     "report": "one HTML page about one or several runs, joint fits among them",
     "reproduce": "the study: fits of three ice tests and an olivine record, and the page",

@@ -4,8 +4,9 @@ import argparse
 from pathlib import Path
 
 from pyburgers.cli.shared import command_line
+from pyburgers.cli.workers import add_worker_options, workers_of
 from pyburgers.predictions.measured_attenuation import load_measured_attenuation
-from pyburgers.studies.maor.reproduce import PRESETS, reproduce
+from pyburgers.studies.maor.reproduce import PRESETS, fit_part, reproduce
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -19,11 +20,18 @@ def add_options(command: argparse.ArgumentParser) -> None:
         help="measured attenuation of ice to draw over the predicted: columns frequency_Hz, "
         "tan_delta and, if you like, tan_delta_sd and series",
     )
+    add_worker_options(command)
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
     measured = None if options.measured is None else load_measured_attenuation(options.measured)
-    outcome = reproduce(options.preset, options.out, command=command_line(), measured=measured)
+    preset, out, command = options.preset, options.out, command_line()
+    with workers_of(options) as workers:
+        if options.part is not None:
+            fit_part(preset, out, workers=workers, command=command)
+            print("fits of part {}/{} are done".format(*options.part))
+            return 0
+        outcome = reproduce(preset, out, workers=workers, command=command, measured=measured)
     print(f"The page is {outcome.page}")
     return 0

@@ -11,6 +11,7 @@ from pyburgers.cli.shared import (
     exit_code,
     sampler_options,
 )
+from pyburgers.cli.workers import add_worker_options, workers_of
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import UNITS
 from pyburgers.drawing.style import write_images
@@ -75,7 +76,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
         metavar="FOLDER",
         help="fit nothing: write the results of a calibration as far as it has come",
     )
-    command.add_argument("--jobs", type=int, help="processes, default one for each core")
+    add_worker_options(command)
     add_sampler_options(command, CALIBRATION_OPTIONS, SHORT_RUN)
 
 
@@ -94,22 +95,27 @@ def run(options: argparse.Namespace) -> int:
         else load_priors(options.priors)
     )
     out = options.out or Path("calibrations") / "+".join(template.id for template in templates)
-    calibration = calibrate(
-        templates,
-        with_variant(priors, first, parse_choices(options.variant)),
-        out=out,
-        plan=CalibrationPlan(
-            simulations=options.simulations,
-            seed=options.seed,
-            n_ranked=options.ranked_draws,
-            sampler=sampler_options(options, CALIBRATION_OPTIONS),
-            refits=options.refits,
-            stress_range=_in_pa(options.stress_range),
-        ),
-        pool=parse_pooling(options.pool),
-        jobs=options.jobs,
-        command=command_line(),
+    plan = CalibrationPlan(
+        simulations=options.simulations,
+        seed=options.seed,
+        n_ranked=options.ranked_draws,
+        sampler=sampler_options(options, CALIBRATION_OPTIONS),
+        refits=options.refits,
+        stress_range=_in_pa(options.stress_range),
     )
+    with workers_of(options) as workers:
+        calibration = calibrate(
+            templates,
+            with_variant(priors, first, parse_choices(options.variant)),
+            out=out,
+            plan=plan,
+            pool=parse_pooling(options.pool),
+            workers=workers,
+            command=command_line(),
+        )
+    if options.part is not None:
+        print(f"data sets done: {len(calibration.replications)} of {plan.simulations}")
+        return 0
     return _write(calibration, out)
 
 

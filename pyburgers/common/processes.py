@@ -6,9 +6,10 @@ import subprocess
 import threading
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from concurrent.futures import wait as wait_for
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import suppress
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field
 from multiprocessing import active_children, get_context, parent_process
 from multiprocessing.connection import wait
@@ -33,7 +34,9 @@ POLL_SECONDS = 0.03
 
 
 def cores() -> int:
-    """Return how many compilers, chains or fits to run at once."""
+    """Return how many compilers, chains or fits to run at once: the cores this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
@@ -226,11 +229,12 @@ def completed(
     *,
     processes: int,
     folder: Path,
+    executor: Executor | None = None,
 ) -> Generator[tuple[Key, Outcome], None, None]:
     """Call a function for each set of arguments in processes of their own.
 
     When a call raises, no further ones begin, and those that run go on to their end. An interrupt
-    ends them all.
+    ends them all, save those of an executor that was given.
 
     Parameters
     ----------
@@ -239,9 +243,11 @@ def completed(
     calls : mapping of any key to sequence
         Arguments of each call, begun in this order.
     processes : int
-        Calls at the same time.
+        Calls at the same time, where no executor is given.
     folder : Path
         Where the work goes, for error messages.
+    executor : Executor, optional
+        What does the calls; default processes of this machine, which end with this one.
 
     Yields
     ------
@@ -253,9 +259,7 @@ def completed(
     SystemFailureError
         If the system killed a process.
     """
-    with ProcessPoolExecutor(
-        processes, mp_context=get_context("spawn"), initializer=_end_with_parent
-    ) as pool:
+    with _own_processes(processes) if executor is None else nullcontext(executor) as pool:
         waiting = {pool.submit(work, *arguments): key for key, arguments in calls.items()}
         try:
             for future in as_completed(waiting):
@@ -265,9 +269,23 @@ def completed(
                 f"{folder}: the system killed a process; {FREE_MEMORY}"
             ) from error
         except BaseException as error:
+            begun = [future for future in waiting if not future.cancel()]
+            if isinstance(error, Exception):
+                wait_for(begun)
+            raise
+
+
+@contextmanager
+def _own_processes(number: int) -> Iterator[Executor]:
+    """Start processes that end with this one, and that an interrupt kills with their programs."""
+    with ProcessPoolExecutor(
+        number, mp_context=get_context("spawn"), initializer=_end_with_parent
+    ) as pool:
+        try:
+            yield pool
+        except BaseException as error:
             if not isinstance(error, Exception):
                 _kill_workers()
-            pool.shutdown(cancel_futures=True)
             raise
 
 

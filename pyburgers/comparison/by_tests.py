@@ -6,8 +6,7 @@ repeated without each test for the latter. The same holds for parts of a single 
 temperatures of a table of attenuation.
 """
 
-import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -15,15 +14,15 @@ import numpy.typing as npt
 
 from pyburgers.checks.fit_checks import CheckKind
 from pyburgers.common.errors import InputError
+from pyburgers.common.tasks import ALL_HERE, Workers
 from pyburgers.comparison.marginal_likelihood import log_marginal_likelihood
 from pyburgers.comparison.results import ComparisonByTest, LeaveOneTestOut
 from pyburgers.comparison.same_data import check_same_data, stacking_weights
-from pyburgers.fitting.fit import Fit, fit_problem
+from pyburgers.fitting.fit import Fit
+from pyburgers.fitting.side_by_side import Task, run_fits
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run_directory import RunDirectory
-
-logger = logging.getLogger(__name__)
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -33,7 +32,10 @@ LEFT_OUT_FOLDER = "leave_out"
 
 
 def compare_by_test(
-    joints: Mapping[str, Fit], *, command: str = "pyburgers.compare_by_test(...)"
+    joints: Mapping[str, Fit],
+    *,
+    workers: Workers = ALL_HERE,
+    command: str = "pyburgers.compare_by_test(...)",
 ) -> ComparisonByTest:
     """Compare joint fits of the same tests by how well they predict each from the others.
 
@@ -41,8 +43,10 @@ def compare_by_test(
     ----------
     joints : mapping of str to Fit
         At least one, by name.
+    workers : Workers
+        Who does the fits without single tests, all of them.
     command : str
-        What regenerates the fits without single tests, for their manifests.
+        What regenerates those fits, for their manifests.
 
     Raises
     ------
@@ -51,11 +55,44 @@ def compare_by_test(
     SamplingError
         If a fit without a test fails.
     """
+    fit_without_tests(joints, workers=workers, command=command)
+    found = {name: _left_out(joint) for name, joint in joints.items()}
+    return _ordered(found, joints)
+
+
+def fit_without_tests(joints: Mapping[str, Fit], *, workers: Workers, command: str) -> None:
+    """Repeat joint fits without each of their tests, with the same prior densities of what is left.
+
+    The fits go to ``leave_out/TEST`` in the run directories; those that are there are continued.
+
+    Parameters
+    ----------
+    joints, workers, command
+        As for `compare_by_test`, which says what is raised.
+    """
     for joint in joints.values():
         check_several_tests(joint)
     check_same_data(joints)
-    found = {name: leave_one_test_out(joint, command=command) for name, joint in joints.items()}
-    return _ordered(found, joints)
+    run_fits(
+        {
+            folder: _without(joint, test)
+            for joint in joints.values()
+            for test, folder in _folders_without(joint).items()
+        },
+        workers=workers,
+        command=command,
+    )
+
+
+def _without(joint: Fit, test: str) -> Task:
+    """Fit of all tests but one."""
+    solver = joint.manifest["solver"]
+    return Task(
+        joint.problem.without(test),
+        SamplerOptions(**joint.manifest["sampler"]),
+        SolverOptions(solver["tolerance"], solver["max_num_steps"]),
+        remark=f"({test} left out)",
+    )
 
 
 def compare_kept_by_test(joints: Mapping[str, Fit]) -> ComparisonByTest | None:
@@ -75,9 +112,8 @@ def compare_kept_by_test(joints: Mapping[str, Fit]) -> ComparisonByTest | None:
     check_same_data(joints)
     found = {}
     for name, joint in joints.items():
-        kept = _kept_without(joint)
-        if kept is not None:
-            found[name] = _left_out(joint, kept.__getitem__)
+        if all(map(_is_complete, _folders_without(joint).values())):
+            found[name] = _left_out(joint)
     return _ordered(found, joints) if found else None
 
 
@@ -91,14 +127,16 @@ def _ordered(found: Mapping[str, LeaveOneTestOut], joints: Mapping[str, Fit]) ->
     )
 
 
-def _kept_without(joint: Fit) -> Mapping[str, Fit] | None:
-    """Return the finished fits without each test, None where one is missing."""
-    folders = {test: joint.directory.path / LEFT_OUT_FOLDER / test for test in joint.problem.parts}
-    for folder in folders.values():
-        run = RunDirectory(folder)
-        if not run.manifest_file.is_file() or run.read_manifest().get("status") != "complete":
-            return None
-    return {test: Fit.load(folder) for test, folder in folders.items()}
+def _folders_without(joint: Fit) -> dict[str, Path]:
+    """Run directories of the fits without each test."""
+    above = joint.directory.path / LEFT_OUT_FOLDER
+    return {test: above / test for test in sorted(joint.problem.parts)}
+
+
+def _is_complete(folder: Path) -> bool:
+    """Tell whether a fit is finished."""
+    run = RunDirectory(folder)
+    return run.manifest_file.is_file() and run.read_manifest().get("status") == "complete"
 
 
 def check_several_tests(joint: Fit) -> None:
@@ -117,46 +155,33 @@ def check_several_tests(joint: Fit) -> None:
 
 
 def leave_one_test_out(
-    joint: Fit, *, command: str = "pyburgers.comparison.by_tests.leave_one_test_out(...)"
+    joint: Fit,
+    *,
+    workers: Workers = ALL_HERE,
+    command: str = "pyburgers.comparison.by_tests.leave_one_test_out(...)",
 ) -> LeaveOneTestOut:
-    """Leave each test of a joint fit out in turn, fitting again without it.
-
-    The fits are in ``leave_out/TEST`` in the run directory; those that are there are continued.
+    """Leave each test of a joint fit out in turn, fitting again without it (`fit_without_tests`).
 
     Parameters
     ----------
     joint : Fit
         Of at least two tests, with their data.
-    command
+    workers, command
         As for `compare_by_test`, which says what is raised.
     """
-    check_several_tests(joint)
-
-    def again(test: str) -> Fit:
-        logger.info(f"{joint.directory.path.name}: fitting again without {test}.")
-        out = joint.directory.path / LEFT_OUT_FOLDER / test
-        return fit_without(joint, test, out, command=command)
-
-    return _left_out(joint, again)
+    fit_without_tests({joint.problem.name: joint}, workers=workers, command=command)
+    return _left_out(joint)
 
 
-def _left_out(joint: Fit, fit_others: Callable[[str], Fit]) -> LeaveOneTestOut:
-    """Relate the marginal likelihood of all tests to that of all but each.
-
-    Parameters
-    ----------
-    joint : Fit
-        Of at least two tests.
-    fit_others : callable
-        Receives the name of a test, returns the fit without it.
-    """
+def _left_out(joint: Fit) -> LeaveOneTestOut:
+    """Relate the marginal likelihood of all tests to that of all but each, from finished fits."""
     parts = joint.problem.parts
     tests = tuple(sorted(parts))
     all_tests = log_marginal_likelihood(joint)
     doubts = _doubts(joint, joint.problem.name)
     without = []
-    for test in tests:
-        others = fit_others(test)
+    for test, folder in _folders_without(joint).items():
+        others = Fit.load(folder)
         without.append(log_marginal_likelihood(others))
         same = others.problem.name == joint.problem.name
         name = f"{joint.problem.name} without {test}" if same else others.problem.name
@@ -168,37 +193,6 @@ def _left_out(joint: Fit, fit_others: Callable[[str], Fit]) -> LeaveOneTestOut:
         without=tuple(without),
         doubts=doubts,
         kind=joint.problem.parts_name,
-    )
-
-
-def fit_without(joint: Fit, test: str, out: Path, *, command: str) -> Fit:
-    """Repeat a joint fit without one of its tests, with the same prior densities of what is left.
-
-    Parameters
-    ----------
-    joint : Fit
-        A joint fit.
-    test : str
-        Name of the test.
-    out : Path
-        Run directory.
-    command : str
-        What regenerates it, for the manifest.
-
-    Raises
-    ------
-    InputError
-        If `out` holds something else.
-    SamplingError
-        If no chain finished.
-    """
-    solver = joint.manifest["solver"]
-    return fit_problem(
-        joint.problem.without(test),
-        out=out,
-        options=SamplerOptions(**joint.manifest["sampler"]),
-        solver=SolverOptions(solver["tolerance"], solver["max_num_steps"]),
-        command=f"{command} ({test} left out)",
     )
 
 

@@ -1,18 +1,22 @@
-"""Several fits at the same time, so that no core waits for the last chain of a fit."""
+"""Many fits: each a task that one process does, on this machine or another, in its own folder."""
 
 import logging
+import os
 import sys
-import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+from pyburgers.common.errors import PyburgersError
 from pyburgers.common.messages import messages_to
-from pyburgers.common.processes import completed, cores, number_of_processes
-from pyburgers.fitting.fit import Fit, fit
-from pyburgers.model.priors import PriorSet, load_priors, save_priors
+from pyburgers.common.processes import cores
+from pyburgers.common.tasks import ALL_HERE, Workers
+from pyburgers.fitting.fit import Fit, fit_problem
+from pyburgers.model.pooling import SEPARATE, pooling_of
+from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.protocol import load_experiment, save_experiment
+from pyburgers.protocols.problem import Problem, problem_of
+from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.options import SamplerOptions
 
 logger = logging.getLogger(__name__)
@@ -24,92 +28,131 @@ class Task:
 
     Attributes
     ----------
-    experiments : tuple of Experiment
-        Tests with data; several are fitted together.
-    priors : PriorSet
-        Priors of every parameter.
+    problem : Problem
+        Tests, priors, pooling.
     options : SamplerOptions
-        Chains, iterations, seed; how many chains run side by side is set here.
-    pool : mapping of str to str
-        How parameters of several tests are pooled where it is not the default.
+        Chains, iterations, seed. On this machine, how many chains run side by side is set by how
+        many fits do.
+    solver : SolverOptions or None
+        None takes that of the protocol.
+    remark : str
+        What the run's manifest says behind the command.
     """
 
-    experiments: tuple[Experiment, ...]
-    priors: PriorSet
+    problem: Problem
     options: SamplerOptions
-    pool: Mapping[str, str] = field(default_factory=dict)
+    solver: SolverOptions | None = None
+    remark: str = ""
 
 
-def fit_side_by_side(
-    tasks: Mapping[str, Task], folder: Path, *, jobs: int | None = None, command: str
-) -> dict[str, Fit]:
-    """Do several fits, each in a process of its own; continue where a call stopped.
-
-    What the fits themselves say goes to standard error, a line each with the name of the fit
-    before it.
+def task_of(
+    experiments: Sequence[Experiment],
+    priors: PriorSet,
+    options: SamplerOptions,
+    pool: Mapping[str, str] | None = None,
+) -> Task:
+    """Return the task of a fit of tests with data; several are fitted together.
 
     Parameters
     ----------
-    tasks : mapping of str to Task
-        By name, begun in this order: those that take longest should come first.
-    folder : Path
-        Of the run directories, ``folder/NAME``.
-    jobs : int, optional
-        Fits at the same time; default one for each core. Cores that are left over run chains.
+    experiments, priors, options, pool
+        As for `pyburgers.fit`, which says what is raised.
+    """
+    pooling = pooling_of(pool) if len(experiments) > 1 else SEPARATE
+    return Task(problem_of(experiments, priors, pooling), options)
+
+
+def run_fits(
+    tasks: Mapping[Path, Task],
+    *,
+    workers: Workers = ALL_HERE,
+    command: str,
+    keep_going: bool = False,
+) -> dict[Path, PyburgersError]:
+    """Do several fits, each in a process of its own; continue where a call stopped.
+
+    What the fits themselves say goes to standard error of their processes, a line each with the
+    name of the fit before it.
+
+    Parameters
+    ----------
+    tasks : mapping of Path to Task
+        By run directory, begun in this order: those that take longest should come first.
+    workers : Workers
+        Who does them. On this machine, cores that are left over run chains.
     command : str
         What regenerates the runs, for their manifests.
+    keep_going : bool
+        Whether fits that cannot be done are returned instead of raised, and the others go on.
 
     Returns
     -------
-    dict of str to Fit
-        In the order of `tasks`.
+    dict of Path to PyburgersError
+        Fits that could not be done, and why.
 
     Raises
     ------
     InputError
         If an input is wrong or a run directory holds something else.
     SamplingError
-        If no chain of a fit finished, or the system killed a process.
+        If no chain of a fit finished.
+    SystemFailureError
+        If the system killed a process.
     """
-    processes = number_of_processes(jobs, len(tasks))
-    chains_each = max(1, cores() // processes)
-    with tempfile.TemporaryDirectory(prefix="pyburgers-") as scratch:
-        calls = {}
-        for name, task in tasks.items():
-            # What a task holds cannot travel between processes, its files can.
-            inputs = Path(scratch) / name
-            inputs.mkdir()
-            priors_file = inputs / "priors.toml"
-            save_priors(task.priors, priors_file)
-            options = replace(task.options, parallel_chains=chains_each)
-            files = []
-            for one in task.experiments:
-                (inputs / one.id).mkdir()
-                files.append(save_experiment(one, inputs / one.id))
-            pool = dict(task.pool)
-            calls[name] = (name, files, priors_file, pool, folder / name, options, command)
-        done = completed(_fit_files, calls, processes=processes, folder=folder)
-        for n_done, (name, _) in enumerate(done, start=1):
-            logger.info(f"Fit {name} is done, {n_done} of {len(tasks)}.")
-    return {name: Fit.load(folder / name) for name in tasks}
+    mine = workers.mine(tasks)
+    if not mine:
+        return {}
+    above = os.path.commonpath([out.absolute().parent for out in mine])
+    calls = {}
+    for out, task in mine.items():
+        name = out.absolute().relative_to(above).as_posix()
+        if workers.executor is None:
+            chains = max(1, cores() // workers.processes(len(mine)))
+            task = replace(task, options=replace(task.options, parallel_chains=chains))
+        # Elsewhere the working directory may be another one.
+        calls[out] = (name, task, out.absolute(), command, keep_going)
+    failed = {}
+    done = workers.completed(_do, calls, folder=Path(above))
+    for n_done, (out, error) in enumerate(done, start=1):
+        how = "is done" if error is None else f"could not be done ({error})"
+        logger.info(f"Fit {calls[out][0]} {how}, {n_done} of {len(mine)}.")
+        if error is not None:
+            failed[out] = error
+    return failed
 
 
-def _fit_files(
-    name: str,
-    experiment_files: Sequence[Path],
-    priors_file: Path,
-    pool: Mapping[str, str],
-    out: Path,
-    options: SamplerOptions,
-    command: str,
-) -> None:
-    """Fit what two files hold, in a process of its own."""
+def fit_side_by_side(
+    tasks: Mapping[str, Task], folder: Path, *, workers: Workers = ALL_HERE, command: str
+) -> dict[str, Fit]:
+    """Do several fits (`run_fits`) and return those of this part, in their order.
+
+    Parameters
+    ----------
+    tasks : mapping of str to Task
+        By name.
+    folder : Path
+        Of the run directories, ``folder/NAME``.
+    workers, command
+        As for `run_fits`, which says what is raised.
+    """
+    outs = {name: folder / name for name in tasks}
+    run_fits({outs[name]: task for name, task in tasks.items()}, workers=workers, command=command)
+    return {name: Fit.load(outs[name]) for name in workers.mine(tasks)}
+
+
+def _do(name: str, task: Task, out: Path, command: str, keep_going: bool) -> PyburgersError | None:
+    """Do a fit, in a process of its own; its folder holds all that comes of it."""
     with messages_to(sys.stderr, name):
-        fit(
-            [load_experiment(file) for file in experiment_files],
-            load_priors(priors_file),
-            pool=pool,
-            out=out,
-            options=options,
-            command=command,
-        )
+        try:
+            fit_problem(
+                task.problem,
+                out=out,
+                options=task.options,
+                solver=task.solver,
+                command=f"{command} {task.remark}".rstrip(),
+            )
+        except PyburgersError as error:
+            if not keep_going:
+                raise
+            return error
+    return None

@@ -220,7 +220,9 @@ class RunDirectory:
         self.update_manifest({"hashes": {**hashes, name: sha256_of_file(file)}})
 
     @contextmanager
-    def claimed(self, fingerprint: str, folders: Sequence[str] = FOLDERS) -> Iterator[None]:
+    def claimed(
+        self, fingerprint: str, folders: Sequence[str] = FOLDERS, *, patience: float = 0.0
+    ) -> Iterator[None]:
         """Hold the directory for a run with these inputs, new or to be continued.
 
         A second process is kept out; a killed process lets go.
@@ -231,6 +233,8 @@ class RunDirectory:
             Hash of everything that decides the draws.
         folders : sequence of str
             Folders to make in it.
+        patience : float
+            How long to wait for another process that holds it (s).
 
         Raises
         ------
@@ -239,7 +243,7 @@ class RunDirectory:
             the run has changed, or another process runs here.
         """
         self._refuse_others(fingerprint)
-        with self._locked():
+        with self._locked(patience):
             # Another process may have come first.
             self._refuse_others(fingerprint)
             self._prepare(fingerprint, folders)
@@ -274,9 +278,9 @@ class RunDirectory:
             raise InputError(f"{self.path}: cannot be read ({error.strerror}).") from error
 
     @contextmanager
-    def _locked(self) -> Iterator[None]:
+    def _locked(self, patience: float) -> Iterator[None]:
         """Keep other processes out."""
-        lock = FileLock(self.path / ".lock", timeout=0)
+        lock = FileLock(self.path / ".lock", timeout=patience)
         try:
             self.path.mkdir(parents=True, exist_ok=True)
             lock.acquire()

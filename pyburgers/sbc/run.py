@@ -2,8 +2,9 @@
 
 The folder of a calibration holds ``manifest.json``, ``inputs/`` (templates and priors) and
 ``simulations/simulation_SEED.json``, one for each data set, written when its fit is done; the same
-command continues with those that are missing. The number of data sets is fixed with the first one:
-nobody can stop, or go on, because of what the ranks look like.
+command continues with those that are missing. Several calls may do a part of them each. The number
+of data sets is fixed with the first one: nobody can stop, or go on, because of what the ranks look
+like.
 """
 
 import logging
@@ -15,12 +16,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from filelock import FileLock, Timeout
 from pydantic import ConfigDict, Field
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.atomic_files import sha256_of_json, write_json
 from pyburgers.common.errors import InputError, SystemFailureError
-from pyburgers.common.processes import completed, number_of_processes
+from pyburgers.common.tasks import ALL_HERE, Workers
 from pyburgers.common.toml_files import Table, read_json_table
 from pyburgers.model.pooling import SEPARATE, pooling_from, pooling_of
 from pyburgers.model.priors import PriorSet, load_priors, note_other_material, save_priors
@@ -55,6 +57,9 @@ SYSTEM_ATTEMPTS = 3
 
 SIMULATIONS = "simulations"
 """Folder of the data sets."""
+
+PATIENCE = 120.0
+"""How long a call that does a part waits for others to write the inputs (s)."""
 
 
 @dataclass(frozen=True)
@@ -213,7 +218,7 @@ def calibrate(
     out: Path,
     plan: CalibrationPlan,
     pool: Mapping[str, str] | None = None,
-    jobs: int | None = None,
+    workers: Workers = ALL_HERE,
     command: str = "pyburgers.calibrate(...)",
 ) -> Calibration:
     """Simulate data sets from the prior, fit each, and rank the truths; continue where one stopped.
@@ -232,8 +237,9 @@ def calibrate(
     pool : mapping of str to str, optional
         How parameters of several tests are pooled where it is not the default
         (`pyburgers.model.pooling.pooling_of`).
-    jobs : int, optional
-        Processes; default one for each core. Each runs one chain at a time.
+    workers : Workers
+        Who does the data sets; each process runs one chain at a time. Where this call does a part
+        of them, others may do the other parts at the same time.
     command : str
         What regenerates the calibration, for the manifest.
 
@@ -251,25 +257,32 @@ def calibrate(
     check_template(problem)
     note_other_material(priors, tests[0].material)
     check_coordinates(problem, plan.sampler.coordinates)
-    jobs = number_of_processes(jobs, plan.simulations)
     sampler = plan.sampler.suited_to(problem.protocol)
     plan = replace(plan, sampler=replace(sampler, parallel_chains=1))
     identity = _fingerprint(problem, plan, load_program(problem.protocol.program).key)
     run = RunDirectory(out)
-    with run.claimed(identity, ("inputs", SIMULATIONS)):
-        for test in tests:
+    folders = ("inputs", SIMULATIONS)
+    if workers.part is None:
+        with run.claimed(identity, folders):
+            _write_inputs(run, problem, plan, command)
+            _run_missing(run, plan, workers)
+            run.update_manifest({"status": "complete"})
+    else:
+        with run.claimed(identity, folders, patience=PATIENCE):
+            _write_inputs(run, problem, plan, command)
+        _run_missing(run, plan, workers)
+    return Calibration(problem, plan, _replications(run, plan), command)
+
+
+def _write_inputs(run: RunDirectory, problem: Problem, plan: CalibrationPlan, command: str) -> None:
+    """Save, in a claimed folder, what data sets are made of, and what will run."""
+    if "plan" not in run.read_manifest():  # else others may be reading the same inputs
+        for test in problem.experiments:
             folder = run.test_file(test.id).parent
             folder.mkdir(parents=True, exist_ok=True)
             save_experiment(test, folder)
         save_priors(problem.priors[0], run.priors_file)
-        run.update_manifest(_record(run, problem, plan, command))
-        missing = [seed for seed in plan.seeds if not simulation_file(run, seed).is_file()]
-        n_found = plan.simulations - len(missing)
-        if n_found:
-            logger.info(f"{n_found} of {plan.simulations} data sets are there already.")
-        _run_missing(run, missing, plan, jobs)
-        run.update_manifest({"status": "complete"})
-    return Calibration(problem, plan, _replications(run, plan), command)
+    run.update_manifest(_record(run, problem, plan, command))
 
 
 def load_calibration(folder: Path) -> Calibration:
@@ -350,19 +363,23 @@ def _record(
     }
 
 
-def _run_missing(run: RunDirectory, seeds: Sequence[int], plan: CalibrationPlan, jobs: int) -> None:
-    """Do data sets in processes of their own; stop handing them out when one fails."""
-    if not seeds:
+def _run_missing(run: RunDirectory, plan: CalibrationPlan, workers: Workers) -> None:
+    """Do the data sets of a part that are missing; stop handing them out when one fails."""
+    mine = workers.mine({seed: simulation_file(run, seed) for seed in plan.seeds})
+    missing = [
+        seed for seed, file in mine.items() if not file.is_file() or _scratch_of(file).exists()
+    ]
+    if len(missing) < len(mine):
+        n_found = len(mine) - len(missing)
+        logger.info(f"{n_found} of {len(mine)} data sets are there already.")
+    if not missing:
         return
-    done = completed(
-        _replicate_into,
-        {seed: (run.path, seed, plan) for seed in seeds},
-        processes=jobs,
-        folder=run.path,
-    )
+    # Elsewhere the working directory may be another one.
+    calls = {seed: (run.path.absolute(), seed, plan) for seed in missing}
+    done = workers.completed(_replicate_into, calls, folder=run.path)
     try:
         for n_done, (seed, outcome) in enumerate(done, start=1):
-            logger.info(f"Data set {seed}: {outcome}, {n_done} of {len(seeds)}.")
+            logger.info(f"Data set {seed}: {outcome}, {n_done} of {len(missing)}.")
     except BaseException:
         run.update_manifest({"status": "interrupted"})
         raise
@@ -371,26 +388,47 @@ def _run_missing(run: RunDirectory, seeds: Sequence[int], plan: CalibrationPlan,
 def _replicate_into(path: Path, seed: int, plan: CalibrationPlan) -> str:
     """Do one data set, in a process of its own, and write its file; return the outcome in a word.
 
-    The process reads the inputs itself: what the parent holds cannot be handed over. Chains that
-    the system ends say nothing about the data set: they are run again.
+    The process reads the inputs itself. Chains that the system ends say nothing about the data
+    set: they are run again.
     """
     run = RunDirectory(path)
-    scratch = run.new_scratch()
-    template = _template(run, run.read_manifest())
-    for tries_left in reversed(range(SYSTEM_ATTEMPTS)):
-        try:
-            replication = replicate(
-                template, scratch, seed=seed, options=plan.sampler, plan=plan.data_set
-            )
-            break
-        except SystemFailureError:
-            if not tries_left:
-                raise
-    write_json(simulation_file(run, seed), asdict(replication))
-    shutil.rmtree(scratch)
+    file = simulation_file(run, seed)
+    scratch = _scratch_of(file)
+    scratch.mkdir(exist_ok=True)
+    try:
+        with FileLock(scratch / ".lock", timeout=0):
+            if not file.is_file():
+                write_json(file, asdict(_replicate(run, scratch, seed, plan)))
+            replication = _read_replication(file)
+            shutil.rmtree(scratch)
+    except Timeout as error:
+        raise InputError(
+            f"{path}: another process is doing data set {seed}; wait for it, or let each do "
+            "another --part."
+        ) from error
     if replication.failure is not None:
         return "no fit"
     return "ranked" if replication.ranks else "not converged"
+
+
+def _scratch_of(file: Path) -> Path:
+    """Folder in which a data set is made; one that is left was not cleared by a killed process."""
+    return file.parent / f".{file.stem}"
+
+
+def _replicate(run: RunDirectory, scratch: Path, seed: int, plan: CalibrationPlan) -> Replication:
+    """Do one data set in a folder of its own, where fits of an earlier attempt go on."""
+    template = _template(run, run.read_manifest())
+    tries_left = SYSTEM_ATTEMPTS
+    while True:
+        tries_left -= 1
+        try:
+            return replicate(
+                template, scratch / "fits", seed=seed, options=plan.sampler, plan=plan.data_set
+            )
+        except SystemFailureError:
+            if not tries_left:
+                raise
 
 
 def _read_replication(file: Path) -> Replication:

@@ -23,7 +23,7 @@ from pyburgers.comparison.same_data import data_hash
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.drawing.panels import curve_with_residuals
 from pyburgers.fitting.fit import Fit
-from pyburgers.fitting.side_by_side import Task
+from pyburgers.fitting.side_by_side import Task, task_of
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.priors import default_priors
 from pyburgers.model.variants import with_variant
@@ -69,18 +69,18 @@ def dunite_tasks(folder: Path, options: SamplerOptions) -> dict[str, Task]:
     tests = {name: load_experiment(folder / f"{name}.toml") for name in ids}
     priors = default_priors("dunite")
     of_steps = {
-        name: Task(
+        name: task_of(
             (replace(tests[test], id=name),), with_variant(priors, tests[test], laws), options
         )
         for name, (test, laws) in STEPPED.items()
     }
-    joint = Task(
-        tuple(tests[name] for name in TOGETHER),
+    joint = task_of(
+        [tests[name] for name in TOGETHER],
         priors,
         options,
         pool=dict.fromkeys(APPARATUS, "separate"),
     )
-    return {ONE_RATE: Task((tests[ONE_RATE],), priors, options), **of_steps, JOINT_RUN: joint}
+    return {ONE_RATE: task_of([tests[ONE_RATE]], priors, options), **of_steps, JOINT_RUN: joint}
 
 
 def rate_steps_section(fits: Mapping[str, Fit]) -> PageSection:

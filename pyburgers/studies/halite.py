@@ -16,7 +16,7 @@ from pyburgers.checks.fit_checks import CheckKind
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.drawing.style import BLUE, GREEN, GREY, ORANGE, SKY_BLUE, VERMILION, style
 from pyburgers.fitting.fit import Fit
-from pyburgers.fitting.side_by_side import Task
+from pyburgers.fitting.side_by_side import Task, task_of
 from pyburgers.model.priors import load_priors, shipped_prior_file
 from pyburgers.model.variants import with_variant
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
@@ -59,7 +59,7 @@ def halite_tasks(folder: Path) -> dict[str, Task]:
     """
     test = load_loading_history(folder / f"{RUN}.toml")
     priors = load_priors(shipped_prior_file(test.material, "hardening"))
-    return {RUN: Task((test,), with_variant(priors, test, LAWS), SHORT)}
+    return {RUN: task_of([test], with_variant(priors, test, LAWS), SHORT)}
 
 
 def parts_of_readings(test: LoadingHistory) -> npt.NDArray[np.str_]:

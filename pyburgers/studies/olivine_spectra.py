@@ -24,7 +24,7 @@ from pyburgers.drawing.panels import draw_band, draw_data
 from pyburgers.drawing.style import BLUE, VERMILION, style
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.prediction import Prediction
-from pyburgers.fitting.side_by_side import Task
+from pyburgers.fitting.side_by_side import Task, task_of
 from pyburgers.model.priors import default_priors
 from pyburgers.model.variants import with_variant
 from pyburgers.predictions.other_tests import score_sentence, score_table
@@ -87,7 +87,7 @@ def spectra_tasks(folder: Path, options: SamplerOptions) -> dict[str, Task]:
         own = with_variant(priors, table, {"kelvin": kelvin})
         for experiment in (table, colder):
             name = run_name(law, without_hottest=experiment is colder)
-            tasks[name] = Task((replace(experiment, id=name),), own, options)
+            tasks[name] = task_of([replace(experiment, id=name)], own, options)
     return tasks
 
 

@@ -32,6 +32,7 @@ from pyburgers.protocols.problem import problem_of
 from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.protocol import NAMES, load_experiment
 from pyburgers.protocols.stan_data import SolverOptions
+from pyburgers.studies.campaign import load_campaign
 
 DATA = Path(__file__).parents[2] / "data"
 LIMIT_S = 10.0
@@ -78,6 +79,18 @@ PARAMETERS = {
     if reader.file.stem == "PIL40"
     for name, value in tomllib.loads(reader.file.read_text("utf-8"))["true_parameters"].items()
 }
+PLAN = f"""
+id = "laws"
+seeds = [1, 2]
+tests.alone = ["{DATA / "ice" / "PIL40.toml"}"]
+tests.two = ["{DATA / "ice" / "PIL40.toml"}", "{DATA / "ice" / "PIL72.toml"}"]
+variants.standard = {{}}
+variants.power = {{ kelvin = "power_law" }}
+priors.shipped = "default"
+priors.own = "{DATA / "priors" / "ice.toml"}"
+pool.stress_noise = "separate"
+sampler.draws = 500
+"""
 POINTS = b"# somebody\nfrequency_Hz,tan_delta,tan_delta_sd,series\n0.001,0.41,0.03,a\n0.01,0.3,,b\n"
 
 
@@ -187,6 +200,7 @@ def other_files(number: int) -> None:
     files = {
         "parameters.json": (load_parameters, json.dumps(PARAMETERS, indent=1).encode()),
         "points.csv": (load_measured_attenuation, POINTS),
+        "plan.toml": (load_campaign, PLAN.encode()),
     }
 
     @examples(number)
@@ -214,6 +228,7 @@ OPTIONS = {
         *("--priors", "--out", "--simulations", "--ranked-draws", "--refits", "--stress-range"),
         *("--results-of", "--jobs", "--chains", "--warmup", "--draws", "--seed", "--variant"),
     ),
+    "campaign": ("--out", "--status", "--jobs", "--part"),
     "report": ("--out", "--title"),
     "predict": ("--out", "--test", "--elastic-modulus-Pa", "--measured", "--evolving"),
 }

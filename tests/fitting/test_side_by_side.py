@@ -9,15 +9,16 @@ import xarray as xr
 from conftest import SMALL_RUN, Problem
 
 from pyburgers.common.errors import InputError
+from pyburgers.common.tasks import Workers
 from pyburgers.fitting.fit import Fit, fit
-from pyburgers.fitting.side_by_side import Task, fit_side_by_side
+from pyburgers.fitting.side_by_side import Task, fit_side_by_side, task_of
 
 
 @pytest.fixture
 def tasks(small_problem: Problem) -> dict[str, Task]:
     experiment, priors = small_problem.experiment, small_problem.priors
     return {
-        name: Task((replace(experiment, id=name),), priors, replace(SMALL_RUN, seed=seed))
+        name: task_of([replace(experiment, id=name)], priors, replace(SMALL_RUN, seed=seed))
         for name, seed in (("first", SMALL_RUN.seed), ("second", SMALL_RUN.seed + 1))
     }
 
@@ -31,7 +32,7 @@ def test_draws_and_runs_are_those_of_a_single_fit(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     caplog.set_level(logging.INFO, "pyburgers.fitting.side_by_side")
-    found = fit_side_by_side(tasks, tmp_path, jobs=2, command="make it")
+    found = fit_side_by_side(tasks, tmp_path, workers=Workers(jobs=2), command="make it")
     assert list(found) == ["first", "second"]
     assert sorted(sentence.split()[1] for sentence in caplog.messages) == ["first", "second"]
     error = capfd.readouterr().err
@@ -45,8 +46,8 @@ def test_draws_and_runs_are_those_of_a_single_fit(
     assert not draws[1].equals(draws[2])
     # The same inputs in this process continue the run, which lacks nothing.
     before = found["first"].manifest["chains"]
-    first = tasks["first"]
-    again = fit(first.experiments, first.priors, out=tmp_path / "first", options=first.options)
+    first = tasks["first"].problem
+    again = fit(first.experiments, first.given_priors, out=tmp_path / "first", options=SMALL_RUN)
     assert again.manifest["chains"] == before
 
 
@@ -56,5 +57,5 @@ def test_a_refused_fit_is_told_and_leaves_the_others_alone(
     (tmp_path / "second").mkdir()
     (tmp_path / "second" / "notes.txt").write_text("mine", encoding="utf-8")
     with pytest.raises(InputError, match=r"second: has files \(notes.txt\) but no manifest.json"):
-        fit_side_by_side(tasks, tmp_path, jobs=2, command="x")
+        fit_side_by_side(tasks, tmp_path, workers=Workers(jobs=2), command="x")
     assert Fit.load(tmp_path / "first").manifest["status"] == "complete"

@@ -9,6 +9,7 @@ import pytest
 import xarray as xr
 from conftest import ICE, resolved_priors, with_priors
 
+from pyburgers.common.tasks import Workers
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.model.priors import default_priors
 from pyburgers.posterior.labelled_draws import convergence_table, free_parameters, grain_size_share
@@ -91,7 +92,7 @@ def test_ranks_of_simulated_truths_are_uniform(tmp_path: Path) -> None:
         calibration_priors("ice"),
         out=tmp_path / "calibration",
         plan=CalibrationPlan(simulations=100, n_ranked=100, sampler=sampler),
-        jobs=2,
+        workers=Workers(jobs=2),
     )
     for sentence in count_sentences(calibration):
         print(sentence)

@@ -187,6 +187,21 @@ def test_a_killed_calibration_is_continued_to_the_same_result(
     assert contents(out) == outcomes
 
 
+def test_parts_that_run_at_the_same_time_come_to_the_same_result(
+    small_problem: Problem, outcomes: dict[str, bytes], tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    main_command = [sys.executable, "-m", "pyburgers.cli.main"]
+    parts = [
+        subprocess.Popen([*main_command, *command(small_problem, out, "--part", f"{which}/2")])
+        for which in (1, 2)
+    ]
+    assert [part.wait() for part in parts] == [0, 0]
+    assert not (out / "ranks.csv").exists()
+    assert main(command(small_problem, out)) == 0
+    assert contents(out) == outcomes
+
+
 def test_an_unfinished_calibration_is_shown_as_far_as_it_has_come(
     finished: Path, outcomes: dict[str, bytes], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

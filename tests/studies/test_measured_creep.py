@@ -37,7 +37,7 @@ def record() -> LoadingHistory:
 
 def test_the_fit_hardens() -> None:
     tasks = halite_tasks(HALITE)
-    (test,), priors = tasks[RUN].experiments, tasks[RUN].priors
+    (test,), priors = tasks[RUN].problem.experiments, tasks[RUN].problem.given_priors
     assert test.id == RUN
     assert test.provenance.kind == "measured"
     record = variant_of(priors, test).record()
@@ -95,7 +95,7 @@ def test_the_page_says_how_much_is_left_over_and_where(
     }
     monkeypatch.setattr(SampledFit, "verdicts", lambda fit: verdicts)
     made = make_fit(tmp_path, chains=2, draws=50)
-    fit = with_problem(made, record, halite_tasks(HALITE)[RUN].priors)
+    fit = with_problem(made, record, halite_tasks(HALITE)[RUN].problem.given_priors)
     missed = np.where(parts_of_readings(record) == "unloading", 4e-4, 1e-4)
     model = np.broadcast_to(record.response - missed, (2, 50, record.n_points))
     name = protocol_of(record).response.name

@@ -15,6 +15,7 @@ from pyburgers.fitting.fit import Fit, SampledFit
 from pyburgers.model.variants import variant_of, with_variant
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.studies.dunite import (
+    APPARATUS,
     JOINT_RUN,
     ONE_RATE,
     STEPPED,
@@ -29,14 +30,16 @@ def test_measured_tests_are_fitted_alone_by_several_laws_and_together() -> None:
     tasks = dunite_tasks(DUNITE, SamplerOptions())
     assert list(tasks) == [ONE_RATE, *STEPPED, JOINT_RUN]
     for name, task in tasks.items():
-        assert all(one.provenance.kind != "synthetic" for one in task.experiments)
-        assert [one.id for one in task.experiments] == (
+        assert all(one.provenance.kind != "synthetic" for one in task.problem.experiments)
+        assert [one.id for one in task.problem.experiments] == (
             list(TOGETHER) if name == JOINT_RUN else [name]
         )
     for name, (_, laws) in STEPPED.items():
-        record = variant_of(tasks[name].priors, tasks[name].experiments[0]).record()
+        problem = tasks[name].problem
+        record = variant_of(problem.given_priors, problem.experiments[0]).record()
         assert {part: record[part] for part in laws} == laws
-    assert set(tasks[JOINT_RUN].pool.values()) == {"separate"}
+    pooling = tasks[JOINT_RUN].problem.pooling
+    assert {pooling.kinds[name] for name in APPARATUS} == {"separate"}
 
 
 @pytest.fixture(scope="module")

@@ -42,9 +42,9 @@ def fits(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Fit]:
     folder = tmp_path_factory.mktemp("spectra")
     found = {}
     for name, task in spectra_tasks(OLIVINE, FEW).items():
-        (table,) = task.experiments
+        (table,), priors = task.problem.experiments, task.problem.given_priors
         assert isinstance(table, AttenuationExperiment)
-        found[name] = fit(few_rows(table, name), task.priors, out=folder / name, options=FEW)
+        found[name] = fit(few_rows(table, name), priors, out=folder / name, options=FEW)
     return found
 
 
@@ -53,7 +53,7 @@ def test_each_law_is_fitted_with_and_without_the_hottest_temperature() -> None:
     names = [run_name(law, without_hottest=part) for law in LAWS for part in (False, True)]
     assert list(tasks) == names
     for name, task in tasks.items():
-        (table,) = task.experiments
+        (table,) = task.problem.experiments
         assert isinstance(table, AttenuationExperiment)
         assert table.id == name
         assert table.provenance.kind == "measured"

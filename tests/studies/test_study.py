@@ -26,6 +26,7 @@ from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.protocols.forced_oscillation.response import oscillation_of
 from pyburgers.protocols.forward import simulate
+from pyburgers.protocols.problem import Problem
 from pyburgers.protocols.protocol import load_experiment
 from pyburgers.report.page import write_report
 from pyburgers.studies.dunite import JOINT_RUN, ONE_RATE, STEPPED, TOGETHER
@@ -282,11 +283,11 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
 ) -> None:
     shown: dict[str, Any] = {}
 
-    def quickly(problems: Mapping[str, Task], folder: Path, **_: object) -> dict[str, Fit]:
-        return {name: made(problem, folder / name) for name, problem in problems.items()}
+    def quickly(tasks: Mapping[str, Task], folder: Path, **_: object) -> dict[str, Fit]:
+        return {name: made(task.problem, folder / name) for name, task in tasks.items()}
 
-    def made(problem: Task, out: Path) -> Fit:
-        experiment, priors = problem.experiments[0], problem.priors
+    def made(problem: Problem, out: Path) -> Fit:
+        experiment, priors = problem.experiments[0], problem.given_priors
         assert priors.material == experiment.material
         assert out.parent == tmp_path / "runs" / "quick"
         if len(problem.experiments) > 1:

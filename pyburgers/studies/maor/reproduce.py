@@ -9,8 +9,9 @@ from types import MappingProxyType
 
 from pyburgers.cmdstan.program import compile_programs
 from pyburgers.cmdstan.toolchain import stan_directory
+from pyburgers.common.tasks import ALL_HERE, Workers
 from pyburgers.fitting.fit import Fit
-from pyburgers.fitting.side_by_side import Task, fit_side_by_side
+from pyburgers.fitting.side_by_side import Task, fit_side_by_side, task_of
 from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress, flow_law_prior
 from pyburgers.flow_law_tables.inputs import (
     PeakStressData,
@@ -133,7 +134,12 @@ def study_experiments() -> dict[str, Experiment]:
 
 
 def reproduce(
-    preset: str, out: Path, *, command: str, measured: MeasuredAttenuation | None = None
+    preset: str,
+    out: Path,
+    *,
+    workers: Workers = ALL_HERE,
+    command: str,
+    measured: MeasuredAttenuation | None = None,
 ) -> Outcome:
     """Fit the experiments of the study and write the page; continue where a call stopped.
 
@@ -149,24 +155,22 @@ def reproduce(
         A key of `PRESETS`.
     out : Path
         Folder of the page; the runs go into its subfolder ``runs``.
+    workers : Workers
+        Who does the fits, all of them.
     command : str
         Command that regenerates the page, for the manifests.
     measured : MeasuredAttenuation, optional
         Points to draw over the spectra of ice, such as those of the paper's Fig. 6, which are not
         public.
     """
-    runs = out / "runs" / preset
+    runs = _runs(out, preset)
     compile_programs([stan_directory() / f"{name}.stan" for name in PROGRAMS])
-    peak_stress, handed_on = (
-        _fit_peak_stress(runs / name, data, priors, command=command)
-        for name, (data, priors) in _peak_stress_problems().items()
-    )
-    problems = _problems(preset, handed_on)
-    of_dunite = dunite_tasks(shipped_data_directory() / "dunite", PRESETS[preset])
-    of_spectra = spectra_tasks(shipped_data_directory() / "olivine", PRESETS[preset])
+    peak_stress, handed_on = _fit_peak_stresses(runs, command)
+    problems = {**_problems(preset), COMBINED_RUN: _combined(handed_on)}
+    of_dunite, of_spectra = _measured_dunite(preset), _measured_spectra(preset)
     tasks = {**problems, **of_dunite, **of_spectra}
     begun = {name: tasks[name] for name in LONGEST_FIRST}
-    found = fit_side_by_side(begun, runs, command=command)
+    found = fit_side_by_side(begun, runs, workers=workers, command=command)
     joint = found[JOINT_RUN]
     alone = {name: found[name] for name in of_dunite if name != JOINT_RUN}
     fits = [*alone.values(), *joint.tests().values(), *(found[name] for name in problems)]
@@ -194,6 +198,38 @@ def reproduce(
     return Outcome(page=page, fits=tuple(fits), peak_stress=peak_stress)
 
 
+def fit_part(preset: str, out: Path, *, workers: Workers, command: str) -> None:
+    """Do a part of the study's fits, which `reproduce` then finds.
+
+    Parameters
+    ----------
+    preset, out, workers, command
+        As for `reproduce`. The first part also does the fits of peak stresses, and the one that
+        needs them.
+    """
+    runs = _runs(out, preset)
+    tasks = {**_problems(preset), **_measured_dunite(preset), **_measured_spectra(preset)}
+    mine = workers.mine({name: tasks[name] for name in LONGEST_FIRST if name in tasks})
+    if workers.part is None or workers.part[0] == 1:
+        _, handed_on = _fit_peak_stresses(runs, command)
+        mine[COMBINED_RUN] = _combined(handed_on)
+    fit_side_by_side(mine, runs, workers=replace(workers, part=None), command=command)
+
+
+def _runs(out: Path, preset: str) -> Path:
+    """Folder of the fits below that of the page."""
+    return out / "runs" / preset
+
+
+def _fit_peak_stresses(runs: Path, command: str) -> tuple[PeakStressFit, PeakStressFit]:
+    """Fit all measured peak stresses, and those whose flow law is handed on."""
+    everything, handed_on = (
+        _fit_peak_stress(runs / name, data, priors, command=command)
+        for name, (data, priors) in _peak_stress_problems().items()
+    )
+    return everything, handed_on
+
+
 def _peak_stress_problems() -> dict[str, tuple[PeakStressData, PriorSet]]:
     """Tables and priors of the two fits, by the names of their runs: the second is handed on.
 
@@ -216,26 +252,29 @@ def _fit_peak_stress(
     return fit_peak_stress(data, priors, out=out, command=command)
 
 
-def _problems(preset: str, handed_on: PeakStressFit) -> dict[str, Task]:
-    """Fits of the study, by the names of their runs, in the order of the page.
-
-    Parameters
-    ----------
-    preset : str
-        A key of `PRESETS`.
-    handed_on : PeakStressFit
-        The fit that gives one curve its flow law.
-    """
-    experiments = study_experiments()
-    problems = {
-        name: Task((one,), default_priors(one.material), _options(preset, name))
-        for name, one in experiments.items()
+def _problems(preset: str) -> dict[str, Task]:
+    """Fits of the study's tests, by the names of their runs, in the order of the page."""
+    return {
+        name: task_of([one], default_priors(one.material), _options(preset, name))
+        for name, one in study_experiments().items()
     }
-    combined = replace(experiments[COMBINED_TWIN], id=COMBINED_RUN)
-    priors = with_flow_law(
-        default_priors(combined.material), flow_law_prior(handed_on), HANDED_ON_RUN
-    )
-    return {**problems, COMBINED_RUN: Task((combined,), priors, PRESETS["quick"])}
+
+
+def _measured_dunite(preset: str) -> dict[str, Task]:
+    """Fits of measured dunite, by the names of their runs."""
+    return dunite_tasks(shipped_data_directory() / "dunite", PRESETS[preset])
+
+
+def _measured_spectra(preset: str) -> dict[str, Task]:
+    """Fits of measured attenuation of olivine, by the names of their runs."""
+    return spectra_tasks(shipped_data_directory() / "olivine", PRESETS[preset])
+
+
+def _combined(handed_on: PeakStressFit) -> Task:
+    """Fit of one of the curves that gets its flow law from peak stresses."""
+    twin = study_experiments()[COMBINED_TWIN]
+    priors = with_flow_law(default_priors(twin.material), flow_law_prior(handed_on), HANDED_ON_RUN)
+    return task_of([replace(twin, id=COMBINED_RUN)], priors, PRESETS["quick"])
 
 
 def _options(preset: str, name: str) -> SamplerOptions:

@@ -1,0 +1,54 @@
+"""`pyburgers campaign`: fits of tests by laws, priors and seeds, and one page about them."""
+
+import argparse
+from pathlib import Path
+
+from pyburgers.cli.shared import command_line, exit_code, writing
+from pyburgers.cli.workers import add_worker_options, workers_of
+from pyburgers.studies.campaign import (
+    COMPLETE,
+    load_campaign,
+    run_campaign,
+    status_table,
+    write_page,
+    write_status,
+)
+
+EXIT_NOT_DONE = 1
+
+
+def add_options(command: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    command.add_argument("plan", type=Path, metavar="PLAN.toml")
+    command.add_argument("--out", type=Path, metavar="DIR", help="default: campaigns/ID")
+    command.add_argument(
+        "--status", action="store_true", help="fit nothing: show how far each fit is"
+    )
+    add_worker_options(command)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the command; return its exit code."""
+    campaign = load_campaign(options.plan)
+    out = options.out or Path("campaigns") / campaign.id
+    command = command_line()
+    failed = {}
+    if not options.status:
+        with workers_of(options) as workers:
+            with writing(out):
+                out.mkdir(parents=True, exist_ok=True)
+            failed = run_campaign(campaign, out, workers=workers, command=command)
+    table = status_table(campaign, out)
+    print(table.drop(columns=["test", "variant", "priors", "seed"]).to_string())
+    if options.status:
+        return 0
+    for name, error in failed.items():
+        print(f"{name}: could not be done: {error}")
+    with writing(out):
+        print(f"table: {write_status(table, out)}")
+    if options.part is None and (table["status"] == COMPLETE).any():
+        print(f"The page is {write_page(campaign, out, command=command)}")
+    if failed:
+        return EXIT_NOT_DONE
+    done = table[table["status"] == COMPLETE]
+    return exit_code(bool((done["sampled_well"] == "yes").all()))

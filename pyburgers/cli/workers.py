@@ -1,0 +1,79 @@
+"""Who does the tasks of a command: processes of this machine, or Dask's; and which part of them."""
+
+import argparse
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from pyburgers.common.errors import InputError, SystemFailureError
+from pyburgers.common.tasks import Workers
+
+ANSWER_SECONDS = 30
+"""How long to wait for a scheduler."""
+
+
+def add_worker_options(command: argparse.ArgumentParser) -> None:
+    """Add the options that say who does tasks."""
+    command.add_argument(
+        "--jobs", type=int, metavar="N", help="tasks at the same time, default one for each core"
+    )
+    command.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="of Dask, such as tcp://node1:8786: its workers do the tasks "
+        "(needs pyburgers[cluster])",
+    )
+    command.add_argument(
+        "--part",
+        type=_part,
+        metavar="I/N",
+        help="do the I-th of N parts of the tasks and nothing else, such as in a job array; the "
+        "same command without it then gathers the results",
+    )
+
+
+def _part(text: str) -> tuple[int, int]:
+    """Parse one part of several."""
+    found = re.fullmatch(r"([1-9]\d{0,5})/([1-9]\d{0,5})", text)
+    if found is None:
+        raise argparse.ArgumentTypeError(f"found {text!r}, expected I/N such as 1/8")
+    return int(found[1]), int(found[2])
+
+
+@contextmanager
+def workers_of(options: argparse.Namespace) -> Iterator[Workers]:
+    """Return who does the tasks while the block runs.
+
+    Raises
+    ------
+    InputError
+        If there are no such workers, or Dask is not installed.
+    SystemFailureError
+        If workers were lost again and again.
+    """
+    address: str | None = options.scheduler
+    if address is None:
+        yield Workers(jobs=options.jobs, part=options.part)
+        return
+    if options.jobs is not None:
+        raise InputError("--jobs: does not go with --scheduler, whose workers are what they are.")
+    try:
+        from distributed import Client, KilledWorker
+    except ModuleNotFoundError as error:
+        raise InputError(
+            "--scheduler: Dask is not installed; get it with pip install 'pyburgers[cluster]'."
+        ) from error
+    try:
+        client = Client(address, timeout=ANSWER_SECONDS)
+    except (OSError, ValueError) as error:
+        raise InputError(f"--scheduler {address}: no scheduler of Dask answers there.") from error
+    with client:
+        # Equal tasks are not one: each writes its own folder.
+        executor = client.get_executor(pure=False)
+        try:
+            yield Workers(executor, part=options.part)
+        except KilledWorker as error:
+            raise SystemFailureError(
+                f"--scheduler {address}: several workers ended during the same task; see what "
+                "they wrote, then run the same command again: it does only what is missing."
+            ) from error

@@ -1,0 +1,356 @@
+"""Campaigns: fits of every combination of tests, laws, priors and seeds, and one page about them.
+
+The folder of a campaign holds ``runs/NAME/``, the run directory of each fit, ``status.csv`` and
+``report/``. What has come of a fit is read from its run directory alone, so that any number of
+processes on any machines can work on the same campaign.
+"""
+
+import logging
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+from typing import Annotated, Any
+
+import pandas as pd
+from pydantic import Field
+
+from pyburgers.checks.fit_checks import CheckKind
+from pyburgers.common.atomic_files import write_text
+from pyburgers.common.errors import InputError, PyburgersError
+from pyburgers.common.tasks import ALL_HERE, Workers
+from pyburgers.common.toml_files import NAME, Table, read_json, read_toml
+from pyburgers.drawing.page_parts import PageSection, PageTable
+from pyburgers.fitting.fit import Fit
+from pyburgers.fitting.side_by_side import Task, run_fits, task_of
+from pyburgers.model.priors import default_priors, load_priors, note_other_material
+from pyburgers.model.variants import with_variant
+from pyburgers.protocols.problem import of_one_protocol
+from pyburgers.protocols.protocol import load_experiment
+from pyburgers.report.comparison_sections import comparison_sections
+from pyburgers.report.joint_section import joint_sections
+from pyburgers.report.page import write_report
+from pyburgers.sampling.options import SamplerOptions
+from pyburgers.sampling.run_directory import RunDirectory
+
+logger = logging.getLogger(__name__)
+
+DEFAULTS = SamplerOptions()
+
+SHIPPED = "default"
+"""Stands in a plan for the priors that come with the package."""
+
+NOT_BEGUN = "not begun"
+COMPLETE = "complete"
+
+LONGEST_NAME = 200
+"""Letters of the name of a run, which is that of a folder."""
+
+Name = Annotated[str, Field(pattern=NAME)]
+
+
+class _SamplerTable(Table):
+    """Settings of the sampler that all fits of a campaign share; those of `SamplerOptions`."""
+
+    chains: int = DEFAULTS.chains
+    warmup: int | None = None
+    draws: int = DEFAULTS.draws
+    adapt_delta: float | None = None
+    max_treedepth: int = DEFAULTS.max_treedepth
+    coordinates: str = DEFAULTS.coordinates
+    chain_timeout: float | None = None
+
+
+class _PlanFile(Table):
+    id: Name = Field(description="a name of letters, digits, '_', '.' and '-'")
+    tests: dict[Name, Annotated[list[str], Field(min_length=1)]] = Field(
+        min_length=1,
+        description="a table that gives each test, or several to be fitted together, a name and a "
+        "list of files",
+    )
+    variants: dict[Name, dict[str, str]] = Field(
+        {"standard": {}},
+        min_length=1,
+        description="a table of tables: each variant by its name, with a law by part",
+    )
+    priors: dict[Name, str] = Field(
+        {SHIPPED: SHIPPED}, min_length=1, description="a table of prior files by name"
+    )
+    pool: dict[str, str] = Field({}, description="how joint fits pool parameters")
+    seeds: list[int] = Field([1], min_length=1, description="a list of whole numbers")
+    sampler: _SamplerTable = Field(_SamplerTable(), description="settings of the sampler")
+
+
+@dataclass(frozen=True)
+class Combination:
+    """What one fit of a campaign is of, by the names in its plan."""
+
+    test: str
+    variant: str
+    priors: str
+    seed: int
+
+    @property
+    def name(self) -> str:
+        """Name of the run."""
+        return f"{self.test}-{self.variant}-{self.priors}-seed{self.seed}"
+
+
+@dataclass(frozen=True, eq=False)
+class Campaign:
+    """Every fit of a plan.
+
+    Attributes
+    ----------
+    id : str
+        Name.
+    tasks : mapping of Combination to Task
+        Tests outermost, seeds innermost.
+    """
+
+    id: str
+    tasks: Mapping[Combination, Task]
+
+
+def load_campaign(path: Path) -> Campaign:
+    """Read a plan and everything that it names; nothing is fitted.
+
+    Raises
+    ------
+    InputError
+        If a file is wrong, or a combination cannot be fitted.
+    """
+    plan = read_toml(path, _PlanFile)
+    settings = plan.sampler.model_dump(exclude_unset=True)
+    tasks = {}
+    for test, files in plan.tests.items():
+        experiments = [load_experiment(path.parent / file) for file in files]
+        first = of_one_protocol(experiments)[0]
+        for variant, laws in plan.variants.items():
+            for name, file in plan.priors.items():
+                given = (
+                    default_priors(first.material, first.protocol)
+                    if file == SHIPPED
+                    else load_priors(path.parent / file)
+                )
+                note_other_material(given, first.material)
+                pool = plan.pool if len(experiments) > 1 else None
+                for seed in plan.seeds:
+                    one = Combination(test, variant, name, seed)
+                    try:
+                        priors = with_variant(given, first, laws)
+                        options = SamplerOptions(seed=seed, **settings)
+                        tasks[one] = task_of(experiments, priors, options, pool)
+                    except InputError as error:
+                        raise InputError(f"{path}: {one.name}: {error}") from error
+    _check_names(path, [one.name for one in tasks])
+    return Campaign(plan.id, tasks)
+
+
+def _check_names(path: Path, names: list[str]) -> None:
+    """Check that the names of runs can be those of different folders."""
+    (most_common, number) = Counter(names).most_common(1)[0]
+    if number > 1:
+        raise InputError(
+            f"{path}: {number} fits would have the name {most_common}, expected other names."
+        )
+    if len(longest := max(names, key=len)) > LONGEST_NAME:
+        raise InputError(
+            f"{path}: the name {longest} of a fit has {len(longest)} letters, expected at most "
+            f"{LONGEST_NAME}: shorten the names in the plan."
+        )
+
+
+def run_campaign(
+    campaign: Campaign, out: Path, *, workers: Workers = ALL_HERE, command: str
+) -> dict[str, PyburgersError]:
+    """Do the fits of a campaign, or a part of them; what is there already is continued.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        From `load_campaign`.
+    out : Path
+        Folder of the campaign.
+    workers : Workers
+        Who does the fits.
+    command : str
+        What regenerates them, for their manifests.
+
+    Returns
+    -------
+    dict of str to PyburgersError
+        Fits that could not be done, by the names of their runs, and why; the others went on.
+
+    Raises
+    ------
+    SystemFailureError
+        If the system killed a process.
+    """
+    tasks = {_folder(out, one): task for one, task in campaign.tasks.items()}
+    failed = run_fits(tasks, workers=workers, command=command, keep_going=True)
+    return {folder.name: error for folder, error in failed.items()}
+
+
+def status_table(campaign: Campaign, out: Path) -> pd.DataFrame:
+    """Return how far each fit of a campaign is, from what is in its run directory.
+
+    Parameters
+    ----------
+    campaign, out
+        As for `run_campaign`.
+
+    Returns
+    -------
+    DataFrame
+        Index run; columns test, variant, priors, seed, status, chains (finished), of_chains,
+        sampled_well, describes_data (yes, no, cannot tell, or nothing before a fit is complete),
+        chain_seconds (wall time of all finished chains).
+    """
+    rows = {one.name: _status(_folder(out, one), one, task) for one, task in campaign.tasks.items()}
+    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("run")
+
+
+def _status(folder: Path, one: Combination, task: Task) -> dict[str, Any]:
+    """Return the row of a fit."""
+    run = RunDirectory(folder)
+    begun = run.manifest_file.is_file()
+    status = run.read_manifest().get("status", NOT_BEGUN) if begun else NOT_BEGUN
+    chains = run.chain_records()
+    verdicts = {}
+    if status == COMPLETE and run.checks_file.is_file():
+        verdicts = read_json(run.checks_file).get("verdicts", {})
+    return {
+        "test": one.test,
+        "variant": one.variant,
+        "priors": one.priors,
+        "seed": one.seed,
+        "status": status,
+        "chains": len(chains),
+        "of_chains": task.options.chains,
+        **{
+            column: verdicts.get(kind.name.lower(), {}).get("outcome", "")
+            for column, kind in (
+                ("sampled_well", CheckKind.SAMPLING),
+                ("describes_data", CheckKind.DESCRIPTION),
+            )
+        },
+        "chain_seconds": round(sum(record["wall_seconds"] for record in chains.values()), 1),
+    }
+
+
+def write_status(table: pd.DataFrame, out: Path) -> Path:
+    """Write ``status.csv`` of a campaign; return the file."""
+    out.mkdir(parents=True, exist_ok=True)
+    file = out / "status.csv"
+    write_text(file, table.to_csv())
+    return file
+
+
+def write_page(campaign: Campaign, out: Path, *, command: str) -> Path:
+    """Write the page of a campaign, ``report/index.html``, about the fits that are complete.
+
+    Fits that differ only in their seed are of the same posterior: the page has the first of them,
+    and a table in which its seeds are held against each other.
+
+    Parameters
+    ----------
+    campaign, out
+        As for `run_campaign`.
+    command : str
+        What makes the page again.
+
+    Returns
+    -------
+    Path
+        The page.
+
+    Raises
+    ------
+    InputError
+        If no fit is complete.
+    """
+    table = status_table(campaign, out)
+    complete = [one for one in campaign.tasks if table["status"][one.name] == COMPLETE]
+    if not complete:
+        raise InputError(f"{out}: no fit of the campaign is complete, so there is no page yet.")
+    first, rows = [], []
+    for (test, variant, priors), group in groupby(
+        complete, key=lambda one: (one.test, one.variant, one.priors)
+    ):
+        fits = {one.seed: Fit.load(_folder(out, one)) for one in group}
+        first.append(next(iter(fits.values())))
+        rows.append(
+            {
+                "test": test,
+                "variant": variant,
+                "priors": priors,
+                "seeds": " ".join(map(str, fits)),
+                "between_seeds": _between_seeds(fits),
+            }
+        )
+    joints = [fit for fit in first if fit.is_joint]
+    alone = [fit for fit in first if not fit.is_joint]
+    fits_shown = [*(fit for joint in joints for fit in joint.tests().values()), *alone]
+    return write_report(
+        fits_shown,
+        out / "report",
+        title=f"Campaign {campaign.id}",
+        command=command,
+        joints=joints,
+        extras=(
+            _section(table, pd.DataFrame(rows)),
+            *joint_sections(joints, alone),
+            *comparison_sections([*joints, *fits_shown]),
+        ),
+        jobs=None,
+    )
+
+
+def _between_seeds(fits: Mapping[int, Fit]) -> float:
+    """Largest difference of a posterior mean between seeds, in posterior standard deviations."""
+    tables = [fit.summary() for fit in fits.values()]
+    means = pd.concat([table["mean"] for table in tables], axis=1)
+    spread = (means.max(axis=1) - means.min(axis=1)) / tables[0]["sd"]
+    return float(spread.max())
+
+
+def _section(status: pd.DataFrame, models: pd.DataFrame) -> PageSection:
+    """Return the part of the page about how far the campaign is and whether seeds agree."""
+    n_done = int((status["status"] == COMPLETE).sum())
+    shown_status = status.reset_index().drop(columns=["test", "variant", "priors", "seed"])
+    shown_models = models.assign(between_seeds=models["between_seeds"].map("{:.2f}".format))
+    renamed = {
+        "of_chains": "of",
+        "sampled_well": "sampled well?",
+        "describes_data": "describes the data?",
+        "chain_seconds": "chains took (s)",
+        "between_seeds": "largest difference between seeds (sd)",
+    }
+    return PageSection(
+        key="campaign",
+        title="The campaign",
+        paragraphs=(f"{n_done} of {len(status)} fits are complete.",),
+        tables=(
+            PageTable(
+                "status",
+                "How far each fit is",
+                shown_status.astype(str).rename(columns=renamed),
+                status.reset_index(),
+                words=("run", "status"),
+            ),
+            PageTable(
+                "models",
+                "Models, each shown by the fit of its first seed",
+                shown_models.rename(columns=renamed),
+                models,
+                words=("test", "variant", "priors", "seeds"),
+            ),
+        ),
+    )
+
+
+def _folder(out: Path, one: Combination) -> Path:
+    """Run directory of a fit."""
+    return out / "runs" / one.name

@@ -1,0 +1,160 @@
+"""`pyburgers campaign`: every combination of a plan, in parts, continued, refused, on one page."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pandas as pd
+import pytest
+import xarray as xr
+from conftest import SMALL_RUN, Problem
+from refusals import assert_refused
+
+from pyburgers.cli.main import main
+from pyburgers.fitting.fit import Fit
+from pyburgers.model.priors import save_priors
+from pyburgers.protocols.protocol import save_experiment
+from pyburgers.studies.campaign import load_campaign
+
+PLAN = f"""
+id = "small"
+seeds = [{SMALL_RUN.seed}, 12]
+
+[tests]
+alone = ["inputs/PIL40.toml"]
+
+[priors]
+own = "inputs/priors.toml"
+
+[sampler]
+chains = {SMALL_RUN.chains}
+warmup = {SMALL_RUN.warmup}
+draws = {SMALL_RUN.draws}
+"""
+
+NAMES = [f"alone-standard-own-seed{seed}" for seed in (SMALL_RUN.seed, 12)]
+
+MakePlan = Callable[..., Path]
+
+
+@pytest.fixture
+def make_plan(small_problem: Problem, tmp_path: Path) -> MakePlan:
+    """Write a plan beside the small problem, with some of its text exchanged."""
+
+    def make(*exchanged: tuple[str, str]) -> Path:
+        folder = tmp_path / "inputs"
+        folder.mkdir(exist_ok=True)
+        save_experiment(small_problem.experiment, folder).rename(folder / "PIL40.toml")
+        save_priors(small_problem.priors, folder / "priors.toml")
+        text = PLAN
+        for old, new in exchanged:
+            assert old in text
+            text = text.replace(old, new)
+        plan = tmp_path / "plan.toml"
+        plan.write_text(text, encoding="utf-8")
+        return plan
+
+    return make
+
+
+def test_parts_do_their_fits_and_the_whole_gathers_them_on_a_page(
+    programs: None,
+    make_plan: MakePlan,
+    small_fit: Fit,
+    tmp_path: Path,
+    sketched: None,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    plan, out = make_plan(), tmp_path / "out"
+    assert main(["campaign", str(plan), "--out", str(out), "--status"]) == 0
+    assert capsys.readouterr().out.count("not begun") == 2
+    assert not out.exists()
+    for part, done in (("2/2", {NAMES[1]}), ("1/2", set(NAMES))):
+        main(["campaign", str(plan), "--out", str(out), "--part", part])
+        assert {folder.name for folder in (out / "runs").iterdir()} == done
+        assert not (out / "report").exists()
+    before = {file: file.read_bytes() for file in (out / "runs").glob("*/chains/*/*")}
+    code = main(["campaign", str(plan), "--out", str(out)])
+    assert {file: file.read_bytes() for file in (out / "runs").glob("*/chains/*/*")} == before
+    table = pd.read_csv(out / "status.csv", index_col="run")
+    assert table.index.tolist() == NAMES
+    assert set(table["status"]) == {"complete"}
+    assert table["chains"].tolist() == [2, 2]
+    assert code == (0 if set(table["sampled_well"]) == {"yes"} else 3)
+    page = (out / "report" / "index.html").read_text(encoding="utf-8")
+    assert "2 of 2 fits are complete." in page
+    models = pd.read_csv(next((out / "report" / "tables").glob("*models*.csv")))
+    assert models["seeds"].tolist() == [f"{SMALL_RUN.seed} 12"]
+    assert 0 < models["between_seeds"][0] < 0.5
+    found = Fit.load(out / "runs" / NAMES[0]).posterior["posterior"].to_dataset()
+    same = small_fit.posterior["posterior"].to_dataset()
+    xr.testing.assert_identical(found.drop_attrs(), same.drop_attrs())
+
+
+def test_a_fit_that_cannot_be_done_leaves_the_others_alone(
+    programs: None, make_plan: MakePlan, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plan, out = make_plan(), tmp_path / "out"
+    stranger = out / "runs" / NAMES[0]
+    stranger.mkdir(parents=True)
+    (stranger / "notes.txt").write_text("mine", encoding="utf-8")
+    assert main(["campaign", str(plan), "--out", str(out), "--part", "1/1"]) == 1
+    said = capsys.readouterr().out
+    assert f"{NAMES[0]}: could not be done: {stranger}: has files (notes.txt)" in said
+    manifest = json.loads((out / "runs" / NAMES[1] / "manifest.json").read_text(encoding="utf-8"))
+    assert manifest["status"] == "complete"
+
+
+def test_a_plan_is_every_combination(make_plan: MakePlan) -> None:
+    laws = (
+        '[variants]\nstandard = {}\nfrozen = { grain_size = "constant" }\n\n[priors]\nd = "default"'
+    )
+    tests = '[tests]\nother = ["inputs/PIL40.toml"]'
+    tasks = load_campaign(make_plan(("[priors]", laws), ("[tests]", tests))).tasks
+    assert len(tasks) == 2 * 2 * 2 * 2
+    assert next(iter(tasks)).name == f"other-standard-d-seed{SMALL_RUN.seed}"
+    assert {task.options.seed for task in tasks.values()} == {SMALL_RUN.seed, 12}
+    assert {task.options.draws for task in tasks.values()} == {SMALL_RUN.draws}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "word"),
+    [
+        ("PIL40.toml", "none.toml", "none.toml does not exist"),
+        ("alone =", '"a/b" =', "a/b"),
+        ("chains =", "chain =", "unknown key 'chain' in [sampler]"),
+        ("draws = 100", "draws = 1", "alone-standard-own-seed11: draws is 1"),
+        ("[priors]", '[variants]\nx = { kelvin = "y" }\n[priors]', "kelvin"),
+        (
+            "[priors]",
+            '[variants]\na = {}\na-own = {}\n[priors]\nown-own = "default"',
+            "2 fits would have the name alone-a-own-own-seed11",
+        ),
+        (
+            "[priors]\nown",
+            f"[variants]\n{'v' * 99} = {{}}\n[priors]\n{'p' * 99}",
+            "letters, expected at most 200",
+        ),
+    ],
+)
+def test_wrong_plans_are_told_in_a_sentence(
+    old: str,
+    new: str,
+    word: str,
+    make_plan: MakePlan,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    out = tmp_path / "out"
+    assert_refused(main(["campaign", str(make_plan((old, new))), "--out", str(out)]), capsys, word)
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("part", ["0/2", "3/2", "1", "x/y", "-1/2"])
+def test_parts_that_there_are_not_are_refused(part: str, make_plan: MakePlan) -> None:
+    plan = str(make_plan())
+    try:
+        code = main(["campaign", plan, "--part", part])
+    except SystemExit as error:  # of the parser
+        code = int(str(error.code))
+    assert code == 2

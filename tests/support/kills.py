@@ -1,0 +1,199 @@
+"""Kill a command again and again, somewhere, and see that it ends where it would have anyway."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import psutil
+
+from pyburgers.common.atomic_files import UNFINISHED
+
+ORPHANS_END_WITHIN = 10.0
+"""Seconds."""
+
+LONGEST_RUN = 3600.0
+"""Seconds after which a command hangs."""
+
+HOW = ("parent killed", "one of its processes killed", "all killed", "terminated", "interrupted")
+
+RESULTS = (
+    *("draws.csv", "summary.csv", "simulation_*.json", "ranks.csv", "verdicts.csv"),
+    *("comparison.csv", "left_out_tests.csv"),
+)
+"""Files that are the same however often a command was killed, but for the times in comments."""
+
+
+@dataclass
+class Command:
+    """A command line that writes one folder.
+
+    Attributes
+    ----------
+    arguments : sequence of str
+        Of Python.
+    out : Path
+        What it writes.
+    done : list of str
+        Kills so far: how, and after how many seconds.
+    """
+
+    arguments: Sequence[str]
+    out: Path
+    done: list[str] = field(default_factory=list)
+
+    def start(self) -> subprocess.Popen[bytes]:
+        """Start it in a session of its own."""
+        return subprocess.Popen(
+            [sys.executable, *self.arguments],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            start_new_session=True,
+        )
+
+    def finish(self) -> float:
+        """Run it to its end; return how long that took (s)."""
+        started = time.monotonic()
+        process = self.start()
+        _, error = process.communicate(timeout=LONGEST_RUN)
+        assert process.returncode in (0, 3, 4), error.decode()
+        return time.monotonic() - started
+
+    def killed(self, after: float, how: str, rng: np.random.Generator) -> bool:
+        """Start it and kill it after some seconds; tell whether it was still running then."""
+        before = finished_chains(self.out)
+        process = self.start()
+        try:
+            process.communicate(timeout=after)
+            hit = False
+        except subprocess.TimeoutExpired:
+            hit = True
+            self.done.append(f"{how} after {after:.1f} s")
+            _kill(process, how, rng)
+            if how == "one of its processes killed":  # the others may go on
+                process.communicate(timeout=LONGEST_RUN)
+        end = time.monotonic() + ORPHANS_END_WITHIN
+        while left := in_session(process.pid):
+            assert time.monotonic() < end, f"{self.done[-1]}: {left} are left"
+            time.sleep(0.05)
+        process.communicate()
+        now = finished_chains(self.out)
+        assert {file: now.get(file) for file in before} == before, self.done
+        return hit
+
+
+def _kill(process: subprocess.Popen[bytes], how: str, rng: np.random.Generator) -> None:
+    """Do it; what has ended in the meantime is left in peace."""
+    if how == "parent killed":
+        process.kill()
+    elif how == "all killed":
+        os.killpg(process.pid, signal.SIGKILL)
+    elif how == "terminated":
+        process.terminate()
+    elif how == "interrupted":
+        os.killpg(process.pid, signal.SIGINT)
+    elif children := psutil.Process(process.pid).children(recursive=True):
+        chosen = children[int(rng.integers(len(children)))]
+        try:
+            chosen.kill()
+        except psutil.NoSuchProcess:
+            return
+
+
+def in_session(session: int) -> list[psutil.Process]:
+    """Processes of a session that run."""
+    found = []
+    for one in psutil.process_iter():
+        try:
+            if os.getsid(one.pid) == session and one.status() != psutil.STATUS_ZOMBIE:
+                found.append(one)
+        except (ProcessLookupError, psutil.NoSuchProcess):
+            continue
+    return found
+
+
+def finished_chains(out: Path) -> dict[Path, bytes]:
+    """Draws of all finished chains below a folder that is kept, byte for byte."""
+    files = [file for file in out.rglob("draws.csv") if not _is_scratch(file.relative_to(out))]
+    return {file.relative_to(out): file.read_bytes() for file in files}
+
+
+def _is_scratch(file: Path) -> bool:
+    return any(part.startswith(".") for part in file.parts)
+
+
+def results(out: Path) -> dict[Path, list[str]]:
+    """Lines of `RESULTS` below a folder, without comments."""
+    return {
+        file.relative_to(out): [
+            line
+            for line in file.read_text(encoding="utf-8").splitlines()
+            if not line.startswith("#")
+        ]
+        for pattern in RESULTS
+        for file in sorted(out.rglob(pattern))
+    }
+
+
+def leftovers(out: Path) -> list[Path]:
+    """What a finished command has no use for; its locks stay."""
+    return [
+        file
+        for file in out.rglob("*")
+        if file.name.startswith((".scratch", ".simulation", UNFINISHED))
+    ]
+
+
+def assert_survives(
+    arguments: Sequence[str],
+    out: Path,
+    *,
+    kills: int,
+    seed: int,
+    prepare: Callable[[Path], None] = Path.mkdir,
+) -> list[str]:
+    """Kill a command so many times, on its way to the same results; return how.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+        Of Python, with ``OUT`` for the folder that the command writes.
+    out : Path
+        A new folder.
+    kills : int
+        How often; a command that has ended begins anew in another folder.
+    seed : int
+        Of when and how.
+    prepare : callable
+        Makes the folder of an attempt.
+    """
+    rng = np.random.default_rng(seed)
+
+    def command(name: str) -> Command:
+        folder = out / name
+        prepare(folder)
+        return Command([one.replace("OUT", str(folder)) for one in arguments], folder)
+
+    whole = command("whole")
+    seconds = whole.finish()
+    expected = results(whole.out)
+    assert expected
+    done: list[str] = []
+    attempt = 0
+    while len(done) < kills:
+        attempt += 1
+        one = command(f"killed_{attempt}")
+        hit = True
+        while hit and len(done) + len(one.done) < kills:
+            how = HOW[int(rng.integers(len(HOW)))]
+            hit = one.killed(float(rng.uniform(0.0, 0.7 * seconds)), how, rng)
+        one.finish()
+        done += one.done
+        assert results(one.out) == expected, done
+        assert leftovers(one.out) == [], done
+    return done

@@ -422,3 +422,22 @@ class RunDirectory:
 def _is_ours(entry: Path) -> bool:
     """Tell whether a run killed before its first file may have left this."""
     return entry.name in {".lock", ".scratch"} or entry.name.startswith(UNFINISHED)
+
+
+def names_of_runs(directories: Sequence[Path]) -> list[str]:
+    """Name runs by their folders, with as many of the folders above as tell them apart.
+
+    Raises
+    ------
+    InputError
+        If two are the same.
+    """
+    parts = [directory.resolve().parts for directory in directories]
+    for depth in range(1, max(map(len, parts), default=1) + 1):
+        names = ["_".join(part[-depth:]) for part in parts]
+        if len(set(names)) == len(names):
+            return names
+    raise InputError(
+        f"found the same run twice among {', '.join(map(str, directories))}, expected "
+        "different ones."
+    )

@@ -101,7 +101,7 @@ def test_the_page_says_how_much_is_left_over_and_where(
     name = protocol_of(record).response.name
     fit.posterior["model_response"] = xr.Dataset({name: (("chain", "draw", "point"), model)})
     section = halite_section(fit)
-    told = " ".join(section.paragraphs)
+    told = " ".join((*section.paragraphs, *section.details))
     assert "Honorio" in told
     assert "CC BY 4.0" in told
     assert "maxwell=hyperbolic_sine" in told

@@ -3,6 +3,7 @@
 #   make report                 fit, and write the page (PRESET=paper for the full length)
 #   make test                   the fast test suite
 #   make lint                   format, style and types
+#   make docs                   the documentation site, build/site/index.html
 #   make bench                  sampling benchmark against the paper's form, about 35 minutes
 #   make clean                  remove what make wrote (never runs/, never CmdStan)
 #
@@ -14,7 +15,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 CANDIDATES := python3 python3.14 python3.13 python3.12 python3.11
 
-.PHONY: help report test lint bench clean venv install cmdstan
+.PHONY: help report test lint docs bench clean venv install cmdstan
 
 help:
 	@sed -n '2,/^$$/s/^# \{0,1\}//p' Makefile
@@ -32,6 +33,11 @@ lint: $(VENV)/.lint-installed
 	@$(BIN)/ruff format --check
 	@$(BIN)/ruff check
 	@$(BIN)/mypy
+
+docs: cmdstan $(VENV)/.docs-installed
+	@echo "==> Building the site: its pages run their commands, which takes some minutes"
+	@$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going -c docs/site . build/site
+	@echo "==> build/site/index.html"
 
 bench: cmdstan
 	@echo "==> Measuring the sampler against the paper's form"
@@ -74,7 +80,12 @@ $(VENV)/.installed: pyproject.toml $(VENV)/.created
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test]'
 	@touch $@
 
+$(VENV)/.docs-installed: $(VENV)/.installed
+	@echo "==> Installing Sphinx into $(VENV)"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,docs]'
+	@touch $@
+
 $(VENV)/.lint-installed: $(VENV)/.installed
 	@echo "==> Installing ruff, mypy and type stubs into $(VENV)"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,lint]'
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,docs,lint]'
 	@touch $@

@@ -62,7 +62,7 @@ class TextFilesTable(Table):
     data_root: str | None = Field(
         None, description="the folder, relative to this file, in which data files lie"
     )
-    separator: Separator = ","
+    separator: Separator = Field(",", description="what stands between the columns")
     header: bool = Field(True, description="whether the first row of a data file holds names")
     rows: dict[str, Cell] = Field(
         default_factory=dict, description="the rows to take: what they hold in columns of this name"

@@ -169,7 +169,9 @@ class _PeakStressFile(Table):
     material: str = Field(min_length=1, description="the material, such as ice")
     protocol: Literal["peak_stress"] = Field(description="the kind of table")
     data: _DataTable = Field(description="the table that says where the columns are")
-    peak_strain: _PeakStrainTable | None = None
+    peak_strain: _PeakStrainTable | None = Field(
+        None, description="at which strain the peaks lie, where it was read"
+    )
     provenance: ProvenanceTable = Field(description="the table that says where data come from")
 
 

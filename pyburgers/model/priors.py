@@ -157,7 +157,7 @@ class PriorFile(Table):
 
     material: str = Field(min_length=1, description="the material, such as ice")
     title: str = Field(min_length=1, description="a title for tables and figures")
-    notes: str | None = None
+    notes: str | None = Field(None, description="remarks for the reader")
 
     def prior_set(
         self, path: Path, priors: Mapping[str, Prior], flow_law: FlowLawPrior | None = None
@@ -175,7 +175,9 @@ class PriorFile(Table):
 
 class _PriorFile(PriorFile):
     parameters: dict[str, PriorTable] = Field(description="one table for each parameter")
-    flow_law: FlowLawTable | None = None
+    flow_law: FlowLawTable | None = Field(
+        None, description="a joint prior in the place of those of n, p, Q_M and beta"
+    )
 
 
 def load_priors(path: str | Path) -> PriorSet:

@@ -222,9 +222,9 @@ class ProvenanceTable(Table):
         description="measured, digitised or synthetic"
     )
     source: str = Field(min_length=1, description="the citation or origin of the data")
-    doi: str | None = None
-    licence: str | None = None
-    notes: str | None = None
+    doi: str | None = Field(None, description="the DOI of the source")
+    licence: str | None = Field(None, description="the licence of the data")
+    notes: str | None = Field(None, description="remarks about where the data come from")
 
 
 class ExperimentFile(Table):
@@ -251,8 +251,12 @@ class ExperimentFile(Table):
         default_factory=list, description="remarks of an earlier reading of the same data"
     )
     provenance: ProvenanceTable = Field(description="the table that says where data come from")
-    metadata: dict[str, Any] = Field(default_factory=dict)
-    true_parameters: dict[str, float] | None = None
+    metadata: dict[str, Any] = Field(
+        default_factory=dict, description="free remarks, which no computation uses"
+    )
+    true_parameters: dict[str, float] | None = Field(
+        None, description="the parameters (SI) behind synthetic data"
+    )
 
 
 def shared_values(path: Path, file: ExperimentFile) -> dict[str, Any]:

@@ -59,8 +59,12 @@ class _DataTable(TextFilesTable):
         None, description="the temperature below which rows are left out, in its unit"
     )
     stress_unit: str = Field("MPa", description="Pa, MPa or GPa")
-    median_stress_column: Column | None = None
-    amplitude_column: Column | None = None
+    median_stress_column: Column | None = Field(
+        None, description="the column of the median stress, in stress_unit"
+    )
+    amplitude_column: Column | None = Field(
+        None, description="the column of the stress amplitude, in stress_unit"
+    )
     attenuation_column: Column
     attenuation_form: Literal["tan_delta", "log10_tan_delta"] = Field(
         description="tan_delta (1/Q is the same) or log10_tan_delta"

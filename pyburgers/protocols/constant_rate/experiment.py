@@ -171,7 +171,7 @@ class _ConstantRateFile(ExperimentFile):
         None, gt=0, description="the strain (fraction) at the end of the test"
     )
     segments: list[_SegmentTable] = Field(min_length=1, description="one table for each rate")
-    data: _DataTable | None = None
+    data: _DataTable | None = Field(None, description="the table that names the data files")
     microstructure: list[MicrostructureTable] = Field(
         default_factory=list, description="one table for each strain; in the unit of [data]"
     )

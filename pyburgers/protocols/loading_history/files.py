@@ -56,13 +56,17 @@ class _LoadingHistoryFile(ExperimentFile):
     protocol: Literal["loading_history"] = Field(description="the kind of test")
     stage_time_unit: str = Field("s", description="s, min or h")
     stage_stress_unit: str = Field("Pa", description="Pa, MPa or GPa")
-    compression: Literal["positive", "negative"] = "positive"
-    stress_measure: Measure = "true"
-    strain_measure: Measure = "true"
+    compression: Literal["positive", "negative"] = Field(
+        "positive", description="the sign of a compression, of stages and data"
+    )
+    stress_measure: Measure = Field("true", description="of the stress, of stages and data")
+    strain_measure: Measure = Field("true", description="of the strain, of stages and data")
     stages: list[StageTable] = Field(min_length=1, description="one table for each stage")
-    apparatus: _ApparatusTable | None = None
-    strain_offset: _OffsetTable | None = None
-    data: HistoryDataTable | None = None
+    apparatus: _ApparatusTable | None = Field(None, description="how compliant the apparatus is")
+    strain_offset: _OffsetTable | None = Field(None, description="the zero of the strain readings")
+    data: HistoryDataTable | None = Field(
+        None, description="the table that names the data file; an empty cell is no reading"
+    )
 
 
 def load_loading_history(path: str | Path) -> LoadingHistory:

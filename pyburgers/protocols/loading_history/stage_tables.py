@@ -48,9 +48,13 @@ class StageTable(Table):
         None, ge=50, le=3000, description="the temperature in kelvin where it is another"
     )
     strain_rate_per_s: float | None = Field(None, description="the imposed strain rate in 1/s")
-    stress: float | None = Field(None, description="the imposed stress")
+    stress: float | None = Field(
+        None, description="the imposed stress in the unit stage_stress_unit"
+    )
     stress_rate: float | None = Field(None, description="stress over time, in the units of stages")
-    start_stress: float | None = Field(None, description="the stress at which the rate starts")
+    start_stress: float | None = Field(
+        None, description="the stress at which the rate starts, in the unit stage_stress_unit"
+    )
     knots: list[list[float]] | None = Field(
         None, min_length=2, description="pairs of time and strain (fraction) or stress"
     )

@@ -1,0 +1,137 @@
+"""Tables of the reference pages as lines of Markdown."""
+
+import argparse
+import re
+from collections.abc import Iterable, Sequence
+from importlib import import_module
+from itertools import groupby
+
+from combinations import FROZEN, POSSIBLE, REFUSED, STANDARD, combinations, materials
+from file_keys import key_tables, structures
+
+from pyburgers.cli.main import COMMANDS, EXIT_CODES
+from pyburgers.common.units import UNITS
+from pyburgers.model.display import symbol_text
+from pyburgers.model.parameters import (
+    CONDITION_PARAMETERS,
+    PARAMETERS,
+    VARIANT_PARAMETERS,
+    Parameter,
+)
+from pyburgers.model.prior_families import MAX_STRESS, OPTIONAL_KEYS, REQUIRED_KEYS
+from pyburgers.protocols.protocol import NAMES
+
+SHOWN = {STANDARD: "**yes**", POSSIBLE: "yes", FROZEN: "yes ¹", REFUSED: "–"}
+
+
+def key_lines(name: str) -> list[str]:
+    """Return the tables of a file, `name` as in `file_keys.structures`."""
+    lines = []
+    for table in key_tables(structures()[name]):
+        heading = f"`{table.heading}`" if table.heading else "Top of the file"
+        about = [table.meaning, "" if table.needed else "may be left out"]
+        lines += [f"### {heading}", "", f"{_sentence(about)}", ""]
+        rows = ((f"`{k.name}`", k.holds, k.unit, k.default, k.meaning) for k in table.keys)
+        lines += _table(("key", "holds", "unit", "default", "what it is"), rows)
+    return lines
+
+
+def parameter_lines() -> list[str]:
+    """Return every parameter that files may give, with the units that each may be given in."""
+    groups: Sequence[tuple[str, Sequence[Parameter]]] = (
+        ("Every prior file has these", PARAMETERS),
+        ("Of variants: they may be left out", VARIANT_PARAMETERS),
+        ("Errors of conditions: given by files of tests", CONDITION_PARAMETERS),
+    )
+    lines = []
+    for heading, parameters in groups:
+        rows = (
+            (
+                f"`{p.name}`",
+                symbol_text(p),
+                p.label,
+                ", ".join(f"`{unit}`" for unit in _units(p)),
+                "" if p.standard is None else f"{p.standard:g} {p.si_unit}",
+            )
+            for p in parameters
+        )
+        names = ("parameter", "symbol", "what it is", "units in files", "if left out (SI)")
+        lines += [f"### {heading}", "", *_table(names, rows)]
+    return lines
+
+
+def family_lines() -> list[str]:
+    """Return families of priors and the numbers that each needs."""
+    rows = (
+        (f"`{family}`", _codes(keys), _codes(OPTIONAL_KEYS.get(family, ())))
+        for family, keys in REQUIRED_KEYS.items()
+    )
+    return _table(("family", "needed numbers", "may have"), rows)
+
+
+def combination_lines() -> list[str]:
+    """Return what can be combined, a table for each kind of test."""
+    lines = []
+    for protocol in NAMES:
+        found = [c for c in combinations() if c.protocol == protocol]
+        rows = [
+            (f"`{part}={law}`", *(SHOWN[c.outcome] for c in group))
+            for (part, law), group in groupby(found, key=lambda c: (c.part, c.law))
+        ]
+        lines += [f"## `{protocol}`", "", *_table(("law", *materials()), rows)]
+        refused = dict.fromkeys(
+            (f"`{c.part}={c.law}`", c.reason.partition(": ")[2].replace("\n", " "))
+            for c in found
+            if c.outcome == REFUSED
+        )
+        lines += [
+            ":::{dropdown} What is refused, and why",
+            *(f"- {law}: {why}" for law, why in refused),
+            ":::",
+            "",
+        ]
+    return lines
+
+
+def command_lines() -> list[str]:
+    """Return the help of every command."""
+    lines = []
+    for name, purpose in COMMANDS.items():
+        parser = argparse.ArgumentParser(prog=f"pyburgers {name}", formatter_class=_Wide)
+        import_module(f"pyburgers.cli.{name.replace('-', '_')}").add_options(parser)
+        heading = f"{purpose[0].upper()}{purpose[1:]}."
+        help_text = parser.format_help().splitlines()
+        lines += [f"## `pyburgers {name}`", "", heading, "", "```text", *help_text, "```", ""]
+    return [*lines, _sentence([EXIT_CODES])]
+
+
+class _Wide(argparse.HelpFormatter):
+    """Help as wide as a page, whatever the terminal."""
+
+    def __init__(self, prog: str) -> None:
+        super().__init__(prog, width=100)
+
+
+def _units(parameter: Parameter) -> list[str]:
+    units = list(UNITS[parameter.quantity])
+    return [*units, MAX_STRESS] if parameter.name == "stress_noise" else units
+
+
+def _codes(names: Iterable[str]) -> str:
+    return ", ".join(f"`{name}`" for name in names)
+
+
+def _sentence(parts: Iterable[str]) -> str:
+    text = "; ".join(part for part in parts if part)
+    return f"{text[0].upper()}{text[1:]}." if text else ""
+
+
+def _table(names: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
+    """Return a table in Markdown."""
+    body = [" | ".join(re.sub(r"\|", r"\\|", cell) for cell in row) for row in rows]
+    return [
+        f"| {' | '.join(names)} |",
+        f"|{'---|' * len(names)}",
+        *(f"| {row} |" for row in body),
+        "",
+    ]

@@ -1,0 +1,143 @@
+"""Tables of the reference are complete, and say what the readers of files do."""
+
+import tomllib
+from pathlib import Path
+
+import pytest
+from combinations import FROZEN, REFUSED, STANDARD, Combination, combinations, materials
+from conftest import DUNITE, ICE
+from file_keys import Key, KeyTable, key_tables, structures
+from generated_tables import command_lines, key_lines, parameter_lines
+
+from pyburgers.cli.main import COMMANDS
+from pyburgers.common.errors import InputError
+from pyburgers.model.parameters import PROGRAM_PARAMETERS
+from pyburgers.model.priors import default_priors
+from pyburgers.model.variants import CHOICES, variant_of, with_variant
+from pyburgers.protocols.protocol import NAMES, load_experiment
+
+DATA = ICE.parent
+
+SHIPPED = {
+    "constant_rate": DUNITE / "dunite_4580.toml",
+    "forced_oscillation": DATA / "olivine" / "olivine_twin.toml",
+    "loading_history": DATA / "halite" / "halite_z3.toml",
+    "attenuation": DATA / "olivine" / "attenuation_A1802.toml",
+    "peak_stress": ICE / "peak_stress_qi_goldsby_2021.toml",
+    "priors": DATA / "priors" / "ice.toml",
+    "peak_stress_priors": DATA / "priors" / "peak_stress" / "ice.toml",
+}
+
+
+def tables(name: str) -> dict[str, KeyTable]:
+    return {table.heading: table for table in key_tables(structures()[name])}
+
+
+def key(name: str, heading: str, wanted: str) -> Key:
+    return next(found for found in tables(name)[heading].keys if found.name == wanted)
+
+
+def test_every_kind_of_file_has_its_page() -> None:
+    assert set(structures()) == set(SHIPPED)
+    assert set(NAMES) < set(structures())
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_every_key_is_explained(name: str) -> None:
+    for table in tables(name).values():
+        for found in table.keys:
+            assert found.meaning, f"{name} {table.heading} {found.name}"
+            assert found.holds
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_the_keys_of_shipped_files_are_listed(name: str) -> None:
+    listed = "\n".join(key_lines(name))
+    content = tomllib.loads(SHIPPED[name].read_text(encoding="utf-8"))
+    for top, value in content.items():
+        held = value[0] if isinstance(value, list) and isinstance(value[0], dict) else value
+        if isinstance(held, dict):
+            assert (
+                f"`[{top}]`" in listed
+                or f"`[[{top}]]`" in listed
+                or f"`[{top}." in listed
+                or (
+                    f"| `{top}` |" in listed  # a table of free names, such as [metadata]
+                )
+            )
+        else:
+            assert f"| `{top}` |" in listed
+
+
+def test_units_defaults_and_choices_are_told() -> None:
+    assert key("constant_rate", "", "temperature_K").unit == "K"
+    assert key("constant_rate", "", "temperature_K").default == "needed"
+    assert key("constant_rate", "[data]", "stress_uncertainty").unit == "`stress_unit`"
+    assert key("constant_rate", "[data]", "separator").default == '`","`'
+    assert key("constant_rate", "[[segments]]", "start_strain").unit == "fraction"
+    assert key("loading_history", "[[stages]]", "control").holds.count(" or ") == 5
+    assert key("loading_history", "[data]", "max_readings").default == "`400`"
+    assert key("attenuation", "[data]", "amplitude_column").unit == "`stress_unit`"
+    assert key("forced_oscillation", "[oscillation]", "background").default == '`"kept"`'
+    assert not tables("constant_rate")["[data]"].needed
+    assert tables("attenuation")["[data]"].needed
+    assert "[parameters.NAME]" in tables("priors")
+
+
+def test_a_key_that_is_not_needed_can_be_left_out(tmp_path: Path) -> None:
+    """What the table calls needed is what the reader asks for."""
+    text = (DUNITE / "dunite_4580.toml").read_text(encoding="utf-8")
+    for found in tables("constant_rate")[""].keys:
+        if found.default != "needed":
+            continue
+        lines = [line for line in text.splitlines() if not line.startswith(f"{found.name} =")]
+        file = tmp_path / "test.toml"
+        file.write_text("\n".join(lines), encoding="utf-8")
+        with pytest.raises(InputError, match=f"key '{found.name}' is missing"):
+            load_experiment(file)
+
+
+def test_all_parameters_and_commands_are_listed() -> None:
+    text = "\n".join(parameter_lines())
+    for parameter in PROGRAM_PARAMETERS:
+        assert f"| `{parameter.name}` |" in text
+    text = "\n".join(command_lines())
+    for name in COMMANDS:
+        assert f"usage: pyburgers {name}" in text
+
+
+@pytest.fixture(scope="module")
+def found() -> list[Combination]:
+    return combinations()
+
+
+def test_every_combination_is_tried_once(found: list[Combination]) -> None:
+    tried = [(c.material, c.protocol, c.part, c.law) for c in found]
+    laws = sum(len(laws) for laws in CHOICES.values())
+    assert len(tried) == len(set(tried)) == laws * len(NAMES) * len(materials())
+    for c in found:
+        assert (c.outcome == REFUSED) == bool(c.reason)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_shipped_tests_take_the_laws_that_the_table_allows(
+    name: str, found: list[Combination]
+) -> None:
+    experiment = load_experiment(SHIPPED[name])
+    priors = default_priors(experiment.material, name)
+    for c in found:
+        if (c.material, c.protocol) != (experiment.material, name):
+            continue
+        choice = {c.part: c.law}
+        if c.outcome == REFUSED:
+            with pytest.raises(InputError):
+                with_variant(priors, experiment, choice)
+            continue
+        if c.outcome == FROZEN:
+            choice["grain_size"] = "constant"
+        assert (
+            variant_of(with_variant(priors, experiment, choice), experiment).record()[c.part]
+            == c.law
+        )
+        if c.outcome == STANDARD:
+            assert variant_of(priors, experiment).record()[c.part] == c.law

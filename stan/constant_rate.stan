@@ -9,6 +9,7 @@
 functions {
 #include physics/parameters.stan
 #include physics/flow_law.stan
+#include physics/reference_stress.stan
 #include physics/kelvin_element.stan
 #include physics/microstructure.stan
 #include protocols/constant_rate_dynamics.stan
@@ -42,20 +43,7 @@ transformed data {
   int n_states = n_constant_rate_states(prior_location[1]);
   array[n_tests] vector[n_parameters()] prior_mass
     = prior_log_masses(prior_family, prior_location, prior_scale, prior_lower, prior_upper);
-  array[n_tests] vector[3] conditions; // first strain rate (1/s), d_0 (m), temperature (K)
-  array[n_tests + 1] int reference_end; // of the valley's references
-  vector[pin_end[n_tests + 1] + n_tests * n_reference()] reference;
-  for (e in 1 : n_tests) {
-    conditions[e] = [segment_rate[segment_end[e] + 1], initial_grain_size[e], temperature[e]]';
-    reference_end[e] = pin_end[e] + (e - 1) * n_reference();
-    reference_end[e + 1] = pin_end[e + 1] + e * n_reference();
-    if (coordinate_system == 2) {
-      reference[part(reference_end, e)]
-        = valley_reference(reference_parameter[e], guide[part(own_end, e), 1], own_place[e],
-                           replaced_parameter[e], conditions[e], knot[part(knot_end, e)],
-                           pin[part(pin_end, e)]);
-    }
-  }
+#include charts/valley_references.stan
 }
 parameters {
   vector[n_coordinates] coordinate;
@@ -65,18 +53,11 @@ transformed parameters {
   vector[n_tests] log_reference; // ln(S_0/Pa)
   for (e in 1 : n_tests) {
 #include charts/given_parameters.stan
-    vector[size(own) + 1] plain = append_row(coordinate[own_position[own]], 0);
-    vector[n_parameters() + 1] mapped;
-    if (coordinate_system == 2) {
-      plain = plain_from_valley(coordinate[own_position[own]], given, own_place[e],
-                                quantity[own], guide[own], replaced_parameter[e],
-                                conditions[e], knot[part(knot_end, e)], pin[part(pin_end, e)],
-                                reference[part(reference_end, e)]);
-    }
-    mapped = parameters_from_plain(head(plain, size(own)), own_parameter[own], quantity[own],
-                                   given, replaced_parameter[e], 1,
-                                   log(segment_rate[segment_end[e] + 1]),
-                                   initial_grain_size[e], temperature[e]);
+#include charts/valley_or_plain.stan
+    vector[n_parameters() + 1] mapped
+      = parameters_from_plain(head(plain, size(own)), own_parameter[own], quantity[own], given,
+                              replaced_parameter[e], 1, log(segment_rate[segment_end[e] + 1]),
+                              initial_grain_size[e], temperature[e]);
     parameter[e] = head(mapped, n_parameters());
     log_reference[e] = log_reference_stress_at(parameter[e], segment_rate[segment_end[e] + 1],
                                                initial_grain_size[e], temperature[e]);

@@ -5,10 +5,11 @@
 //
 // All values are SI. Priors, fixed parameters, solver tolerance and the likelihood switch are
 // data, and parameters of several tests are shared, partially pooled or separate, as in
-// constant_rate.stan. Coordinates are plain.
+// constant_rate.stan.
 functions {
 #include physics/parameters.stan
 #include physics/flow_law.stan
+#include physics/reference_stress.stan
 #include physics/kelvin_element.stan
 #include physics/microstructure.stan
 #include protocols/loading_history_rates.stan
@@ -18,12 +19,17 @@ functions {
 #include statistics/residuals.stan
 #include charts/plain.stan
 #include charts/pooling.stan
+#include charts/valley/pins.stan
+#include charts/valley/least_squares.stan
+#include charts/valley/quantiles.stan
+#include charts/valley/valley.stan
 }
 data {
 #include data/tests.stan
 #include data/loading_history.stan
 #include data/priors.stan
 #include data/coordinates.stan
+#include data/valley.stan
 #include data/solver.stan
   // Where generated quantities report the solution, apart from the readings.
   array[n_tests + 1] int<lower=0> grid_end;
@@ -49,6 +55,7 @@ transformed data {
     test[e] = history_constants(prior_location[e], initial_grain_size[e], stress_scale[e],
                                 strain_scale[e]);
   }
+#include charts/valley_references.stan
 }
 parameters {
   vector[n_coordinates] coordinate;
@@ -58,9 +65,10 @@ transformed parameters {
   vector[n_tests] log_reference; // ln of the flow rate (s) at stress_scale and d_0
   for (e in 1 : n_tests) {
 #include charts/given_parameters.stan
+#include charts/valley_or_plain.stan
     vector[n_parameters() + 1] mapped
-      = parameters_from_plain(coordinate[own_position[own]], own_parameter[own], quantity[own],
-                              given, replaced_parameter[e], 0, log(stress_scale[e]),
+      = parameters_from_plain(head(plain, size(own)), own_parameter[own], quantity[own], given,
+                              replaced_parameter[e], 0, log(stress_scale[e]),
                               initial_grain_size[e], temperature[e]);
     parameter[e] = head(mapped, n_parameters());
     log_reference[e] = log_flow_rate(stress_scale[e], initial_grain_size[e], temperature[e],
@@ -68,7 +76,8 @@ transformed parameters {
                                      parameter[e][i_grain_size_exponent()],
                                      parameter[e][i_activation_enthalpy()],
                                      parameter[e][i_beta()]);
-    log_jacobian += pooled[n_parameters() + 1] + mapped[n_parameters() + 1];
+    log_jacobian += pooled[n_parameters() + 1] + plain[size(own) + 1]
+                    + mapped[n_parameters() + 1];
     log_pooling += pooled[n_parameters() + 2];
   }
 #include statistics/prior_density.stan

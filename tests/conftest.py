@@ -24,13 +24,13 @@ from pyburgers.fitting.fit import Fit, fit, fit_jointly
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet, default_priors, load_priors, save_priors
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
-from pyburgers.protocols.constant_rate.stan_data import ValleyReference
-from pyburgers.protocols.constant_rate.valley import find_valley
+from pyburgers.protocols.constant_rate.valley import ConstantRateValley
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forward import simulate_data
 from pyburgers.protocols.problem import problem_of
 from pyburgers.protocols.protocol import protocols, save_experiment
 from pyburgers.protocols.stan_data import SolverOptions
+from pyburgers.protocols.valley import ValleyReference
 from pyburgers.sampling.charts import at_mode
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.starts import find_mode
@@ -126,7 +126,7 @@ def valley_of(experiment: ConstantRateExperiment, priors: PriorSet) -> ValleyRef
     solver = SolverOptions()
     problem = problem_of([experiment], priors)
     (mode,) = find_mode(problem, seed=1, solver=solver).tests
-    valley = find_valley(at_mode(problem, mode, solver))
+    valley, _ = ConstantRateValley().reference(at_mode(problem, mode, solver))
     return replace(valley, noise_exponent=np.linspace(0.9, 0.0, mode.coordinate.size))
 
 

@@ -358,6 +358,9 @@ MATERIAL_PARAMETERS: tuple[Parameter, ...] = (*PARAMETERS, *VARIANT_PARAMETERS)
 """What a prior file may name."""
 
 PROGRAM_PARAMETERS: tuple[Parameter, ...] = (*MATERIAL_PARAMETERS, *CONDITION_PARAMETERS)
+
+PLACE: Mapping[str, int] = {p.name: k for k, p in enumerate(PROGRAM_PARAMETERS, start=1)}
+"""Place of each parameter in the programs, as in `stan/physics/parameters.stan`."""
 """The parameter vector of the Stan programs for curves."""
 
 PIEZOMETER = (

@@ -10,7 +10,7 @@ import xarray as xr
 from pyburgers.cmdstan.draw_files import Draws, read_draws
 from pyburgers.cmdstan.program import Program, load_program
 from pyburgers.common.errors import SamplingError
-from pyburgers.model.parameters import PARAMETER_BY_NAME
+from pyburgers.model.parameters import PARAMETER_BY_NAME, PLACE
 from pyburgers.model.priors import PriorSet
 from pyburgers.posterior import microstructure
 from pyburgers.posterior.groups import (
@@ -34,7 +34,7 @@ from pyburgers.protocols.coordinates import CENTRE, SPREAD
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forward import simulate
 from pyburgers.protocols.problem import Problem
-from pyburgers.protocols.program_data import PLACE, with_grids
+from pyburgers.protocols.program_data import with_grids
 from pyburgers.protocols.protocol import protocol_of
 from pyburgers.protocols.stan_data import REFERENCE_SOLVER, StanData, solver_block
 from pyburgers.sampling.run_directory import RunDirectory

@@ -13,7 +13,13 @@ import numpy.typing as npt
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.errors import SamplingError
 from pyburgers.model.flow_law_prior import FlowLawPrior
-from pyburgers.model.parameters import PARAMETER_BY_NAME, PIEZOMETER, PROGRAM_PARAMETERS, Parameter
+from pyburgers.model.parameters import (
+    PARAMETER_BY_NAME,
+    PIEZOMETER,
+    PLACE,
+    PROGRAM_PARAMETERS,
+    Parameter,
+)
 from pyburgers.model.prior_families import fixed_prior, is_fixed_at
 from pyburgers.model.priors import FLOW_LAW, PriorSet
 from pyburgers.model.variants import variant_of
@@ -37,9 +43,6 @@ FAMILY_CODE = {"fixed": 0, "uniform": 1, "normal": 2, "half_normal": 2, "lognorm
 
 PART_OF_FLOW_LAW = 4
 """Code of a parameter whose density is in the joint prior of the flow law."""
-
-PLACE: Mapping[str, int] = {p.name: k for k, p in enumerate(PROGRAM_PARAMETERS, start=1)}
-"""Place of each parameter in the programs, as in `stan/physics/parameters.stan`."""
 
 CHART_DATA_PRECISION = 1.0
 """Of a partially pooled number in a chart, as a guess of what data say; speed only."""

@@ -3,6 +3,11 @@
 array[n_tests + 1] int<lower=0> knot_end;
 matrix[knot_end[n_tests + 1], 3] knot; // of the reference curve, the solution at the reference
 array[n_tests + 1] int<lower=0> pin_end;
-matrix[pin_end[n_tests + 1], 6] pin;
+matrix[pin_end[n_tests + 1], 7] pin;
 matrix[coordinate_system == 2 ? own_end[n_tests + 1] : 0, 3] guide;
 array[coordinate_system == 2 ? n_tests : 0] vector[n_parameters()] reference_parameter;
+array[coordinate_system == 2 ? n_tests : 0] real<lower=0> reference_rate; // of ln S_0, 1/s
+// Of the flow rate that the plain coordinate is of, Pa; 0: it is that of S_0.
+array[coordinate_system == 2 ? n_tests : 0] real<lower=0> flow_stress;
+array[coordinate_system == 2 ? n_tests : 0] real<lower=0> loading_time; // of the elastic rise, s
+array[coordinate_system == 2 ? n_tests : 0] int<lower=1> noise_parameter; // that widths follow

@@ -10,14 +10,14 @@ from refusals import refusal
 from same_contents import assert_equal
 
 from pyburgers.common.errors import InputError
-from pyburgers.model.parameters import PROGRAM_PARAMETERS
+from pyburgers.model.parameters import PLACE, PROGRAM_PARAMETERS
 from pyburgers.model.pooling import SEPARATE, pooling_of
 from pyburgers.model.priors import default_priors, load_priors, save_priors
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
 from pyburgers.protocols.experiment import UncertainCondition
 from pyburgers.protocols.loading_history.conversion import as_history
 from pyburgers.protocols.problem import Problem, problem_of
-from pyburgers.protocols.program_data import PLACE, program_data
+from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.protocol import load_experiment, save_experiment
 from pyburgers.protocols.stan_data import SolverOptions
 

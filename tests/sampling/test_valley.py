@@ -6,10 +6,11 @@ from conftest import ICE, resolved_priors, valley_of, with_fixed
 
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
-from pyburgers.protocols.constant_rate.valley import NOISE_SCALED, find_valley, noise_exponents
+from pyburgers.protocols.constant_rate.valley import ConstantRateValley
 from pyburgers.protocols.problem import plain_coordinates, problem_of
 from pyburgers.protocols.protocol import ChartUnsuited
 from pyburgers.protocols.stan_data import SolverOptions
+from pyburgers.protocols.valley import NOISE_SCALED, noise_exponents
 from pyburgers.sampling.charts import at_mode
 from pyburgers.sampling.starts import find_mode
 
@@ -45,9 +46,9 @@ def test_pins_lie_on_the_curve_where_the_dashpot_flows(
 
 def test_what_follows_the_first_quantile_trusts_quiet_records_more() -> None:
     noisy, quiet = load_constant_rate(ICE / "PIL105.toml"), load_constant_rate(ICE / "PIL40.toml")
-    first, rest = valley_of(noisy, resolved_priors(noisy)).pin[:, 4:].T
+    first, rest = valley_of(noisy, resolved_priors(noisy)).pin[:, 4:6].T
     np.testing.assert_array_equal(first, rest)  # noise of 2 % of the stress and more
-    first, rest = valley_of(quiet, resolved_priors(quiet)).pin[:, 4:].T
+    first, rest = valley_of(quiet, resolved_priors(quiet)).pin[:, 4:6].T
     assert np.all(rest > 1.2 * first)
 
 
@@ -60,7 +61,7 @@ def test_a_prior_that_fixes_the_fabric_does_not_suit(
     (mode,) = find_mode(problem, seed=1, solver=solver).tests
     assert mode.values[name] == 0.5
     with pytest.raises(ChartUnsuited, match=f"{name} is not free"):
-        find_valley(at_mode(problem, mode, solver))
+        ConstantRateValley().reference(at_mode(problem, mode, solver))
 
 
 def test_widths_follow_the_noise_as_far_as_the_data_set_them(

@@ -2,6 +2,7 @@
 functions {
 #include physics/parameters.stan
 #include physics/flow_law.stan
+#include physics/reference_stress.stan
 #include physics/kelvin_element.stan
 #include physics/microstructure.stan
 #include protocols/constant_rate_dynamics.stan

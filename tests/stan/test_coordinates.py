@@ -12,9 +12,9 @@ from stan_data import one_test_data, parameter_in
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
-from pyburgers.protocols.constant_rate.stan_data import ValleyReference
 from pyburgers.protocols.problem import plain_coordinates
 from pyburgers.protocols.stan_data import SolverOptions
+from pyburgers.protocols.valley import ValleyReference
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")

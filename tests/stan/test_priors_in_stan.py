@@ -18,14 +18,13 @@ from stan_data import one_test_data, parameter_in
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
-from pyburgers.model.parameters import PARAMETERS
+from pyburgers.model.parameters import PARAMETERS, PLACE
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet, default_priors
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
 from pyburgers.protocols.coordinates import REFERENCE_STRESS
 from pyburgers.protocols.forward import simulate_data
 from pyburgers.protocols.problem import plain_coordinates
-from pyburgers.protocols.program_data import PLACE
 from pyburgers.protocols.stan_data import SolverOptions, StanData
 
 pytestmark = pytest.mark.usefixtures("programs")

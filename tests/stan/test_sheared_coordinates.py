@@ -19,7 +19,7 @@ from stan_data import one_test_data, parameter_in, parameters_in
 from pyburgers.cmdstan.program import Program as CompiledProgram
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.errors import InputError
-from pyburgers.model.parameters import PARAMETERS
+from pyburgers.model.parameters import PARAMETERS, PLACE
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet, load_priors
 from pyburgers.protocols.coordinates import REFERENCE_FLOW_RATE, Mode
@@ -33,7 +33,7 @@ from pyburgers.protocols.forced_oscillation.preparation import Background, prepa
 from pyburgers.protocols.forced_oscillation.sheared import SHIFTED_BY, find_sheared
 from pyburgers.protocols.forced_oscillation.stan_data import ShearedReference
 from pyburgers.protocols.problem import ProblemMode, one_test, plain_coordinates, problem_of
-from pyburgers.protocols.program_data import PLACE, chart_block
+from pyburgers.protocols.program_data import chart_block
 from pyburgers.protocols.protocol import protocol_of
 from pyburgers.protocols.stan_data import PLAIN, SolverOptions, StanData, solver_block
 from pyburgers.sampling.charts import ChosenChart, at_mode, choose_chart, curvature_at

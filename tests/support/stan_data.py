@@ -5,11 +5,11 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
-from pyburgers.model.parameters import PROGRAM_PARAMETERS
+from pyburgers.model.parameters import PLACE, PROGRAM_PARAMETERS
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.problem import one_test
-from pyburgers.protocols.program_data import PLACE, chart_block, program_data
+from pyburgers.protocols.program_data import chart_block, program_data
 from pyburgers.protocols.stan_data import SolverOptions, StanData
 
 FloatArray = npt.NDArray[np.float64]

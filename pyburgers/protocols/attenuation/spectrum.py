@@ -21,6 +21,9 @@ DRAWS = 1000
 TIMES, DECADES_BEYOND = 400, 2.0
 """Number of times, and how far they go beyond what the table sees."""
 
+LEAST = 1e-4
+"""Compliance over the elastic one below which nothing is drawn."""
+
 SPECTRUM_CAPTION = (
     "Relaxation times of the Kelvin part at the temperature of the file's head: compliance for "
     "each decade of the time, over the elastic one. A band of times is a ramp with two ends, a "
@@ -51,7 +54,8 @@ def relaxation_spectrum(fit: FittedTest) -> Figure:
             _draw_elements(axes, part, elastic)
         axes.set_xscale("log")
         axes.set_yscale("log")
-        axes.set_ylim(bottom=max(1e-4, axes.get_ylim()[0]))
+        least, most = axes.get_ylim()
+        axes.set_ylim(min(max(least, LEAST), 0.1), max(most, 1.0))
         axes.set_xlabel(f"relaxation time at {experiment.temperature:g} K (s)")
         axes.set_ylabel("compliance / elastic compliance (–)")
         axes.legend(loc="best")

@@ -33,7 +33,7 @@ from pyburgers.protocols.constant_rate.stan_data import (
     segment_of_points,
     tests_block,
 )
-from pyburgers.protocols.constant_rate.valley import ValleyChart
+from pyburgers.protocols.constant_rate.valley import ConstantRateValley
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.loading_history.conversion import as_history
 from pyburgers.protocols.protocol import Protocol
@@ -63,7 +63,7 @@ class ConstantRate(Protocol[ConstantRateExperiment]):
     )
     warmup = 300
     target_acceptance = 0.96
-    chart = ValleyChart()
+    chart = ConstantRateValley()
     figures = CONSTANT_RATE_FIGURES
     reference_text = Markup(
         "The reference stress <i>S</i><sub>0</sub>, at which the undeformed material flows at the "

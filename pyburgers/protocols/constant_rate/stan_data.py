@@ -1,7 +1,6 @@
-"""Data of `stan/constant_rate.stan` about its tests, and about their valley coordinates."""
+"""Data of `stan/constant_rate.stan` about its tests."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import chain
 
 import numpy as np
@@ -10,7 +9,6 @@ import numpy.typing as npt
 from pyburgers.model.prior_families import is_fixed_at
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
-from pyburgers.protocols.coordinates import Layout
 from pyburgers.protocols.stan_data import StanData, ends
 
 FloatArray = npt.NDArray[np.float64]
@@ -136,59 +134,4 @@ def grid_block(
         "grid_strain": np.concatenate(strains).tolist(),
         "grid_rate": np.concatenate(rates).tolist(),
         "n_grid_in_segment": list(chain.from_iterable(counts)),
-    }
-
-
-@dataclass(frozen=True, eq=False)
-class ValleyReference:
-    """Reference point and pins of the valley coordinates of a test (`stan/charts/valley/`).
-
-    Attributes
-    ----------
-    values : array, shape (n_parameters,)
-        Every parameter at the reference point, the posterior mode.
-    coordinate : array, shape (n_coordinates,)
-        Its plain coordinates.
-    linear_from : array, shape (n_coordinates,)
-        Where a coordinate turns from logarithmic to linear, below 0 in the inverse; 0 keeps the
-        plain one.
-    knot : array, shape (n_knots, 3)
-        The solution at the reference point: time since the knot before (s), stress (Pa), and 1
-        where the next pin lies.
-    pin : array, shape (n_pins, 6)
-        Strain, stress slope (Pa), strain rate (1/s), ln of the first rate over this rate, and
-        inverse variance of ln stress for epsilon_c1 and for the rest.
-    noise_exponent : array, shape (n_coordinates,)
-        Power of the stress noise with which the width of each coordinate grows.
-    """
-
-    values: FloatArray
-    coordinate: FloatArray
-    linear_from: FloatArray
-    knot: FloatArray
-    pin: FloatArray
-    noise_exponent: FloatArray
-
-
-def valley_block(references: Sequence[ValleyReference], layout: Layout) -> StanData:
-    """Return the block `stan/data/valley.stan`; no references keep the plain coordinates."""
-    # The width of a shared parameter follows the noise of no test.
-    follows = [name not in layout.shared for name in layout.names]
-    guides = [
-        np.column_stack(
-            [own.coordinate, own.linear_from, np.where(follows, own.noise_exponent, 0)]
-        )[layout.own(test)]
-        for test, own in enumerate(references)
-    ]
-    n_tests = layout.position.shape[0]
-    empty = [np.empty((0, 6))] * (n_tests - len(references))
-    knots = [*(own.knot for own in references), *(none[:, :3] for none in empty)]
-    pins = [*(own.pin for own in references), *empty]
-    return {
-        "knot_end": ends(len(knot) for knot in knots),
-        "knot": np.concatenate(knots).tolist(),
-        "pin_end": ends(len(pin) for pin in pins),
-        "pin": np.concatenate(pins).tolist(),
-        "guide": np.concatenate([np.empty((0, 3)), *guides]).tolist(),
-        "reference_parameter": [own.values.tolist() for own in references],
     }

@@ -25,6 +25,7 @@ from pyburgers.protocols.loading_history.stan_data import (
     tests_block,
     times_of_readings,
 )
+from pyburgers.protocols.loading_history.valley import LoadingHistoryValley
 from pyburgers.protocols.protocol import FittedTest, Protocol
 
 FloatArray = npt.NDArray[np.float64]
@@ -55,7 +56,8 @@ class LoadingHistoryProtocol(Protocol[LoadingHistory]):
         }
     )
     warmup = 300
-    target_acceptance = 0.9
+    target_acceptance = 0.96
+    chart = LoadingHistoryValley()
     figures = LOADING_HISTORY_FIGURES
     reference_text = Markup(
         "The reference flow rate <i>ε̇</i><sub>0</sub>, at which the undeformed material flows "

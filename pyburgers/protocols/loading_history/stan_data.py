@@ -58,7 +58,7 @@ def tests_block(experiments: Sequence[LoadingHistory], priors: Sequence[PriorSet
         for experiment in experiments
         for leg in experiment.legs
     ]
-    places = [_leg_of_readings(experiment) for experiment in experiments]
+    places = [leg_of_readings(experiment) for experiment in experiments]
     times, counts = _times_in_legs(experiments, [e.time for e in experiments], places)
     return {
         "leg_end": ends(len(e.legs) for e in experiments),
@@ -125,7 +125,8 @@ def times_of_readings(experiment: LoadingHistory) -> tuple[FloatArray, IntArray]
     return time, np.cumsum(1 + is_behind) - 1
 
 
-def _leg_of_readings(experiment: LoadingHistory) -> IntArray:
+def leg_of_readings(experiment: LoadingHistory) -> IntArray:
+    """Return the leg of each reading, from 0."""
     time, place = times_of_readings(experiment)
     leg: IntArray = leg_of_times(experiment, time)[place]
     return leg

@@ -2,12 +2,15 @@
  * What the curve fixes: the strength of the dashpot at the pins, and its softening.
  *
  * Data are matrices. A row of `pin` has the columns
- *   1 strain, 2 slope d stress/d strain (Pa), 3 strain rate (1/s),
- *   4 ln(rate of the first segment/rate), 5 and 6 weights (inverse variance of ln stress): that for
+ *   1 path strain, 2 stress rate over the unit of rates (Pa), 3 unit of rates (1/s), 4 ln(rate that
+ *   ln S_0 belongs to/unit), 5 and 6 weights (inverse variance of ln stress): that for
  *   u_1, whose conditional density is known at solutions that a few steps have reached and is
- *   jagged if it is narrow, and that for u_2, F_ss and ln S_0.
+ *   jagged if it is narrow, and that for u_2, F_ss and ln S_0; 7 strain rate over the unit.
+ * At constant rate the unit is the imposed rate; where stress is imposed, the strain rate is that
+ * of the reference curve.
  * A row of `knot`, a knot of the reference curve, has the columns
- *   1 time since the knot before (s), 2 stress (Pa), 3 whether the next pin lies there.
+ *   1 time since the knot before (s), 0 behind a jump of the stress, 2 stress (Pa), 3 whether the
+ *   next pin lies there.
  * The rows of `bounds` are those of epsilon_c1, epsilon_c2 and F_ss, with the columns
  *   1 lower, 2 upper.
  */
@@ -20,9 +23,10 @@
  * curve; with q = E_K kelvin_strain it obeys dq/dt = (stress - q) E_K/eta_K. The curve is that of the
  * readings; stress and q are in proportion to it.
  *
+ * @param stiffness stress over elastic strain, that of the apparatus included (Pa)
  * @param reading_factor of the load cell, over the stress
  */
-vector log_strength_at_pins(data matrix knot, data matrix pin, real maxwell_modulus,
+vector log_strength_at_pins(data matrix knot, data matrix pin, real stiffness,
                             real kelvin_modulus, real kelvin_viscosity, real stress_exponent,
                             real reading_factor) {
   vector[rows(knot)] x = col(knot, 1) * (kelvin_modulus / kelvin_viscosity);
@@ -31,18 +35,20 @@ vector log_strength_at_pins(data matrix knot, data matrix pin, real maxwell_modu
   real q = 0;
   int m = 0;
   for (k in 1 : rows(knot)) {
-    real mean_decay = (1 - decay[k]) / x[k]; // over the time since the knot before
-    q = q * decay[k] + knot[k, 2] * (1 - mean_decay);
-    if (k > 1) {
-      q += knot[k - 1, 2] * (mean_decay - decay[k]);
+    if (knot[k, 1] > 0) {
+      real mean_decay = (1 - decay[k]) / x[k]; // over the time since the knot before
+      q = q * decay[k] + knot[k, 2] * (1 - mean_decay);
+      if (k > 1) {
+        q += knot[k - 1, 2] * (mean_decay - decay[k]);
+      }
     }
     if (knot[k, 3] > 0) {
       real kelvin_share;
       real dashpot_share;
       m += 1;
       kelvin_share = (knot[k, 2] - q) / (kelvin_viscosity * pin[m, 3]);
-      dashpot_share = 1 - kelvin_share / reading_factor
-                      - pin[m, 2] / maxwell_modulus / reading_factor;
+      dashpot_share = pin[m, 7] - kelvin_share / reading_factor
+                      - pin[m, 2] / stiffness / reading_factor;
       // A smooth floor: far from the reference the others may ask for a share below 0.
       dashpot_share = 0.15 + log1p_exp(20 * (dashpot_share - 0.15)) / 20;
       log_strength[m] = log(knot[k, 2] / reading_factor) - (log(dashpot_share) - pin[m, 4]) / stress_exponent;

@@ -24,7 +24,7 @@
  * which it would have to jump.
  *
  * The widths of these four, of the Maxwell modulus and of the Kelvin viscosity grow with the
- * stress noise s as far as the data, not the prior, set them; few points leave s, and with it the
+ * noise s as far as the data, not the prior, set them; few points leave s, and with it the
  * widths, uncertain by a factor, which would be a funnel.
  *
  * Solutions are reached by Gauss-Newton steps from a reference point (the posterior mode), and
@@ -224,7 +224,10 @@ vector plain_from_straightened(real displacement, data real reference, data real
 vector asked_of_pins(vector parameter, data int stress_given, real log_stress,
                      data real initial_grain_size, data matrix knot, data matrix pin) {
   vector[rows(pin)] log_strength = log_strength_at_pins(knot, pin,
-                                                        parameter[i_maxwell_modulus()],
+                                                        parameter[i_maxwell_modulus()]
+                                                        / (1
+                                                           + parameter[i_apparatus_compliance()]
+                                                             * parameter[i_maxwell_modulus()]),
                                                         parameter[i_kelvin_modulus()],
                                                         parameter[i_kelvin_viscosity()],
                                                         parameter[i_stress_exponent()],
@@ -232,23 +235,6 @@ vector asked_of_pins(vector parameter, data int stress_given, real log_stress,
   return append_row([parameter[i_grain_size_exponent()] / parameter[i_stress_exponent()],
                      log(parameter[i_steady_state_grain_size()] / initial_grain_size)]',
                     stress_given ? log_strength - log_stress : log_strength);
-}
-
-/**
- * Middle of the elastic rise of the reference curve, where the spring takes half of the imposed
- * rate or more.
- *
- * @param elastic_rate of the stress, if the spring took all of it (Pa/s)
- * @return time (s)
- */
-real middle_of_rise(data matrix knot, data real elastic_rate) {
-  real end = knot[1, 1];
-  int k = 2;
-  while (k < rows(knot) && knot[k, 2] - knot[k - 1, 2] > 0.5 * elastic_rate * knot[k, 1]) {
-    end += knot[k, 1];
-    k += 1;
-  }
-  return 0.5 * end;
 }
 
 /**
@@ -264,24 +250,49 @@ real loading_compliance(real kelvin_modulus, real kelvin_viscosity, real time) {
 }
 
 /**
- * What charts/valley/least_squares.stan wants to know of the reference point, with the middle of
- * the elastic rise and the compliance of the Kelvin element by then.
+ * What the Kelvin element takes over of the compliance in the elastic rise, so that a part of it is
+ * left to the spring, whose modulus would else run away where that element is the softer one.
+ *
+ * @param compliance in units of a tenth of the spring's at the reference point
+ */
+real left_to_spring(real compliance) { return 9 - log1p_exp(9 - compliance); }
+
+/** Largest ln(s/s of the reference point) that widths follow: beyond, no solver follows them. */
+real largest_log_ratio() { return 1.5; }
+
+/**
+ * ln of the standard deviation of the part of the residuals that does not correlate, over the whole;
+ * 0 where that is no matter of a test's own parameters.
+ *
+ * Where residuals drift for long their whole standard deviation is next to unknown, while that of
+ * their independent part is not, and that is what widths follow.
+ *
+ * @param correlated_share w
+ */
+real log_independent_part(data int is_own, real correlated_share) {
+  return is_own ? 0.5 * log1m(correlated_share) : 0;
+}
+
+/**
+ * What charts/valley/least_squares.stan wants to know of the reference point, with the compliance of
+ * the Kelvin element in the elastic rise.
  *
  * @param parameter at the reference point
  * @param coordinate plain coordinates there, and the others as for plain_from_valley()
  */
 vector valley_reference(data vector parameter, data vector coordinate, data array[] int place,
-                        data int replaced_parameter, data vector conditions, data matrix knot,
-                        data matrix pin) {
+                        data int replaced_parameter, data vector conditions, data int noise,
+                        data matrix knot, data matrix pin) {
   real log_stress = log_reference_stress_at(parameter, conditions[1], conditions[2],
                                             conditions[3]);
-  real loading = middle_of_rise(knot, parameter[i_maxwell_modulus()] * conditions[1]);
   return append_row([coordinate[place[i_critical_strain_grain_size()]],
                      coordinate[place[i_critical_strain_fabric()]],
                      1 - parameter[i_steady_state_fabric_factor()], log_stress,
-                     log(parameter[i_stress_noise()]), loading,
+                     log(parameter[noise])
+                     + log_independent_part(place[i_residual_correlated_share()] > 0,
+                                            parameter[i_residual_correlated_share()]),
                      loading_compliance(parameter[i_kelvin_modulus()],
-                                        parameter[i_kelvin_viscosity()], loading)]',
+                                        parameter[i_kelvin_viscosity()], conditions[4])]',
                     asked_of_pins(parameter, replaced_parameter == 0, log_stress, conditions[2],
                                   knot, pin));
 }
@@ -299,33 +310,52 @@ vector valley_reference(data vector parameter, data vector coordinate, data arra
  * @param guide a row for each of them: plain coordinate of the reference point, linear_from (see
  *   plain_from_straightened()), power of the stress noise with which its width grows
  * @param replaced_parameter place of Q_M or beta; 0: ln S_0 is given
- * @param conditions strain rate (1/s) of the first segment, d_0 (m), temperature (K)
+ * @param flow_stress where the plain coordinate is not that of S_0 but of the flow rate at a stress:
+ *   this stress (Pa); else 0
+ * @param conditions rate (1/s) that S_0 belongs to, d_0 (m), temperature (K), time (s) of the
+ *   elastic rise, in which both springs give together
+ * @param noise place of the noise that the widths follow
  * @param knot, pin see charts/valley/pins.stan
  * @param reference see valley_reference()
  * @return plain coordinates, then ln |d(these)/d(coordinate)|
  */
 vector plain_from_valley(vector coordinate, vector given, data array[] int place,
                          data matrix quantity, data matrix guide, data int replaced_parameter,
-                         data vector conditions, data matrix knot, data matrix pin,
-                         data vector reference) {
+                         data real flow_stress, data vector conditions, data int noise,
+                         data matrix knot, data matrix pin, data vector reference) {
   array[3] int solved = place[{i_critical_strain_grain_size(), i_critical_strain_fabric(),
                                i_steady_state_fabric_factor()}];
   int stress_given = replaced_parameter == 0;
   int flow = stress_given ? 0 : place[replaced_parameter];
+  int share = place[i_residual_correlated_share()];
   vector[num_elements(coordinate)] plain;
   vector[num_elements(given)] parameter = given;
   real log_noise_ratio; // ln(s/s of the reference point)
   real log_stress = 0;
   real log_jacobian = 0;
   vector[5] softening;
+  real log_independent = 0; // of the noise; in place of the whole in its coordinates
+  real log_independent_reference = 0;
   // The noise first: widths of others go with it.
-  if (place[i_stress_noise()] > 0) {
-    int i = place[i_stress_noise()];
-    parameter[i_stress_noise()]
-      = bounded_from_real(plain_from_straightened(coordinate[i], guide[i, 1], guide[i, 2])[1],
+  if (share > 0) {
+    parameter[i_residual_correlated_share()] = bounded_from_real(
+      plain_from_straightened(coordinate[share], guide[share, 1], guide[share, 2])[1],
+      quantity[share]);
+    log_independent = log_independent_part(1, parameter[i_residual_correlated_share()]);
+    log_independent_reference
+      = log_independent_part(1, bounded_from_real(guide[share, 1], quantity[share]));
+  }
+  if (place[noise] > 0) {
+    int i = place[noise];
+    parameter[noise]
+      = bounded_from_real(plain_from_straightened(coordinate[i] - log_independent
+                                                  + log_independent_reference,
+                                                  guide[i, 1], guide[i, 2])[1],
                           quantity[i]);
   }
-  log_noise_ratio = log(parameter[i_stress_noise()]) - reference[5];
+  log_noise_ratio = largest_log_ratio()
+                    * tanh((log(parameter[noise]) + log_independent - reference[5])
+                           / largest_log_ratio());
   // From the last to the first: the Maxwell modulus follows the Kelvin element.
   for (from_last in 1 : num_elements(given)) {
     int k = num_elements(given) + 1 - from_last;
@@ -334,12 +364,16 @@ vector plain_from_valley(vector coordinate, vector given, data array[] int place
       real log_width = guide[i, 3] * log_noise_ratio;
       real displacement = coordinate[i] * exp(log_width);
       vector[2] straight;
+      if (k == i_stress_noise() || k == i_strain_noise()) {
+        displacement -= log_independent - log_independent_reference;
+      }
       if (k == i_maxwell_modulus() && guide[i, 2] < 0) {
         // The curve fixes what both springs give together in the elastic rise.
-        displacement -= quantity[i, i_scale()] / guide[i, 2]
-                        * (loading_compliance(parameter[i_kelvin_modulus()],
-                                              parameter[i_kelvin_viscosity()], reference[6])
-                           - reference[7]);
+        displacement += left_to_spring(quantity[i, i_scale()] / -guide[i, 2]
+                                       * (loading_compliance(parameter[i_kelvin_modulus()],
+                                                             parameter[i_kelvin_viscosity()],
+                                                             conditions[4])
+                                          - reference[6]));
       }
       straight = plain_from_straightened(displacement, guide[i, 1], guide[i, 2]);
       plain[i] = straight[1];
@@ -359,7 +393,13 @@ vector plain_from_valley(vector coordinate, vector given, data array[] int place
   plain[solved] = softening[{3, 4, 2}];
   log_jacobian += softening[5];
   if (!stress_given) {
-    plain[flow] = (softening[1] - quantity[flow, i_shift()]) / quantity[flow, i_scale()];
+    real flow_quantity = softening[1];
+    if (flow_stress > 0) {
+      flow_quantity = log(conditions[1])
+                      + parameter[i_stress_exponent()] * (log(flow_stress) - softening[1]);
+      log_jacobian += log(parameter[i_stress_exponent()]);
+    }
+    plain[flow] = (flow_quantity - quantity[flow, i_shift()]) / quantity[flow, i_scale()];
     log_jacobian -= log(quantity[flow, i_scale()]);
   }
   return append_row(plain, log_jacobian);

@@ -1,0 +1,152 @@
+"""What a loading history fixes: pins of the valley coordinates along its path strain."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from pyburgers.model.variants import variant_of
+from pyburgers.protocols.loading_history.experiment import LoadingHistory
+from pyburgers.protocols.loading_history.stages import Leg
+from pyburgers.protocols.loading_history.stan_data import leg_of_readings, stress_scale
+from pyburgers.protocols.protocol import AtMode, ChartUnsuited
+from pyburgers.protocols.valley import (
+    FLOWING_SHARE,
+    Pins,
+    ValleyChart,
+    middle_of_rise,
+    quantile_places,
+)
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
+
+N_KNOTS = 60
+"""Of all legs with imposed strain together, besides those at readings."""
+
+MIN_KNOTS = 5
+"""Of each of them."""
+
+
+class LoadingHistoryValley(ValleyChart[LoadingHistory]):
+    """Pins lie at readings, where strain advances by flow of the dashpot.
+
+    ln S_0 belongs to the rate of the dashpot at a pin in the middle.
+    """
+
+    def pins(self, test: AtMode[LoadingHistory]) -> Pins:
+        """Set the pins where the dashpot carries most of the strain rate."""
+        experiment, values = test.experiment, test.mode.values
+        kelvin = variant_of(test.priors, experiment).kelvin
+        if kelvin not in ("linear", "power_law"):
+            raise ChartUnsuited(f"the Kelvin part is a sum of elements ({kelvin})")
+        curve = _along(test)
+        driven_by_stress = np.array([leg.driven == "stress" for leg in experiment.legs])[curve.leg]
+        at_readings = curve.flowing & curve.is_reading
+        places = np.flatnonzero(at_readings)[quantile_places(curve.path_strain[at_readings])]
+        read = experiment.response_is_strain[np.cumsum(curve.is_reading)[places] - 1]
+        flowed = np.ptp(curve.path_strain[at_readings])
+        unit = curve.dashpot_rate[places]
+        # Where stress is imposed, it is exactly linear between the ends of a leg.
+        shows = np.where(driven_by_stress, curve.is_end, curve.is_knot)
+        kept = shows | np.isin(np.arange(curve.leg.size), places)
+        return Pins(
+            knot_time=curve.time[kept],
+            knot_stress=curve.stress[kept],
+            knot=np.searchsorted(np.flatnonzero(kept), places),
+            unit=unit,
+            path_strain=curve.path_strain[places],
+            strain_rate=curve.strain_rate[places] / unit,
+            stress_rate=curve.stress_rate[places] / unit,
+            relative_noise=np.where(
+                read,
+                SLOPE_NOISE * values["strain_noise"] / flowed / values["stress_exponent"],
+                values["stress_noise"] / curve.stress[places],
+            ),
+            readings=int(at_readings.sum()) / places.size,
+            reference_rate=float(np.median(unit)),
+            flow_stress=stress_scale(experiment),
+            loading_time=_loading_time(experiment, curve, values),
+            noise="strain_noise" if read.mean() > 0.5 else "stress_noise",
+        )
+
+
+SLOPE_NOISE = 2 * np.pi
+"""Relative noise of a strain rate over that of the strain: of a wave over the flow."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Curve:
+    """The solution at the mode along all legs; a time at which two legs meet comes twice."""
+
+    time: FloatArray
+    leg: IntArray
+    is_end: BoolArray
+    is_knot: BoolArray
+    is_reading: BoolArray
+    stress: FloatArray
+    path_strain: FloatArray
+    strain_rate: FloatArray
+    stress_rate: FloatArray
+    dashpot_rate: FloatArray
+    flowing: BoolArray
+
+
+def _along(test: AtMode[LoadingHistory]) -> _Curve:
+    """Solve a test at its mode, dense at the start of every leg, and at the readings."""
+    experiment, values = test.experiment, test.mode.values
+    legs, of_reading = experiment.legs, leg_of_readings(experiment)
+    n = max(MIN_KNOTS, N_KNOTS // len(legs))
+    shape = np.union1d(np.geomspace(1e-3, 1.0, n // 2 + 1), np.linspace(0.0, 1.0, n // 2 + 1))
+    knots = [
+        np.append(leg.start_time + shape[:-1] * (leg.end_time - leg.start_time), leg.end_time)
+        for leg in legs
+    ]
+    times = [np.union1d(own, experiment.time[of_reading == k]) for k, own in enumerate(knots)]
+    time, leg = np.concatenate(times), np.repeat(np.arange(len(legs)), [t.size for t in times])
+    found = test.solution(time)
+    elastic = 1 / values["maxwell_modulus"] + values["apparatus_compliance"]
+    stress, strain = found["grid_stress"], found["grid_strain"]
+    dashpot_strain = strain - elastic * stress - found["grid_kelvin_strain"]
+    parts = np.split(np.arange(time.size), np.cumsum([t.size for t in times])[:-1])
+    dashpot_rate, stress_rate = (
+        np.concatenate([np.gradient(along[part], time[part]) for part in parts])
+        for along in (dashpot_strain, stress)
+    )
+    strain_rate = found["grid_strain_rate"]
+    temperature = np.array([one.temperature for one in legs])[leg]
+    return _Curve(
+        time=time,
+        leg=leg,
+        is_end=np.concatenate([np.isin(t, t[[0, -1]]) for t in times]),
+        is_knot=np.concatenate([np.isin(t, own) for t, own in zip(times, knots, strict=True)]),
+        is_reading=np.concatenate(
+            [np.isin(t, experiment.time[of_reading == k]) for k, t in enumerate(times)]
+        ),
+        stress=stress,
+        path_strain=found["grid_path_strain"],
+        strain_rate=strain_rate,
+        stress_rate=stress_rate,
+        dashpot_rate=dashpot_rate,
+        # The strength at another temperature hangs on Q_M.
+        flowing=(strain_rate > 0)
+        & (stress > 0)
+        & (dashpot_rate >= FLOWING_SHARE * strain_rate)
+        & (temperature == experiment.temperature),
+    )
+
+
+def _loading_time(experiment: LoadingHistory, curve: _Curve, values: Mapping[str, float]) -> float:
+    """Time (s) under a growing stress in which both springs give together.
+
+    Under a jump of the stress the first reading sees what the Kelvin element gives up to it, which
+    is as much as in twice the time under a stress that grows.
+    """
+    first: Leg = experiment.legs[0]
+    if first.driven == "stress":
+        return 2 * float(experiment.time[experiment.time > 0].min())
+    stiffness = 1 / (1 / values["maxwell_modulus"] + values["apparatus_compliance"])
+    inside = curve.leg == 0
+    return middle_of_rise(curve.time[inside], curve.stress[inside], stiffness * first.rate)

@@ -279,9 +279,7 @@ class RunDirectory:
         with self._locked(PATIENCE if shared else 0.0):
             # Another process may have come first.
             self._refuse_others(fingerprint)
-            self._prepare(fingerprint, folders)
-            if not shared:
-                self._clear()
+            self._prepare(fingerprint, folders, clear=not shared)
             try:
                 yield
             finally:
@@ -332,8 +330,8 @@ class RunDirectory:
         finally:
             lock.release()
 
-    def _prepare(self, fingerprint: str, folders: Sequence[str]) -> None:
-        """Make the folders and have the manifest say what is in them."""
+    def _prepare(self, fingerprint: str, folders: Sequence[str], *, clear: bool) -> None:
+        """Make the folders, and remove what killed attempts left behind."""
         try:
             if not self.manifest_file.is_file():
                 # Before everything else, so that a run killed early is known as ours.
@@ -343,16 +341,11 @@ class RunDirectory:
             self.update_manifest({"hashes": {}, "chains": self.chain_records()})
             for folder in folders:
                 (self.path / folder).mkdir(exist_ok=True)
-        except OSError as error:
-            raise InputError(f"{self.path}: cannot be written ({error.strerror}).") from error
-
-    def _clear(self) -> None:
-        """Remove what killed attempts left behind."""
-        # What cannot be removed is in nobody's way: it is never read.
-        shutil.rmtree(self._scratch, ignore_errors=True)
-        try:
-            for leftover in self.path.rglob(f"{UNFINISHED}*"):
-                leftover.unlink()
+            if clear:
+                # What cannot be removed is in nobody's way: it is never read.
+                shutil.rmtree(self._scratch, ignore_errors=True)
+                for leftover in self.path.rglob(f"{UNFINISHED}*"):
+                    leftover.unlink()
         except OSError as error:
             raise InputError(f"{self.path}: cannot be written ({error.strerror}).") from error
 

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from pyburgers.common.draws import all_draws, central_band, evenly_spaced
 from pyburgers.drawing.page_parts import FigureRecipe
-from pyburgers.drawing.panels import LINES_AND_AREAS, draw_band
+from pyburgers.drawing.panels import LINES_AND_AREAS, band_text, draw_band
 from pyburgers.drawing.style import BLUE, VERMILION, style
 from pyburgers.model.relaxation import KelvinPart, kelvin_part
 from pyburgers.protocols.attenuation.figures import attenuation_test
@@ -20,6 +20,9 @@ DRAWS = 1000
 
 TIMES, DECADES_BEYOND = 400, 2.0
 """Number of times, and how far they go beyond what the table sees."""
+
+LEAST = 1e-4
+"""Compliance over the elastic one below which nothing is drawn."""
 
 SPECTRUM_CAPTION = (
     "Relaxation times of the Kelvin part at the temperature of the file's head: compliance for "
@@ -51,7 +54,8 @@ def relaxation_spectrum(fit: FittedTest) -> Figure:
             _draw_elements(axes, part, elastic)
         axes.set_xscale("log")
         axes.set_yscale("log")
-        axes.set_ylim(bottom=max(1e-4, axes.get_ylim()[0]))
+        least, most = axes.get_ylim()
+        axes.set_ylim(min(max(least, LEAST), 0.1), max(most, 1.0))
         axes.set_xlabel(f"relaxation time at {experiment.temperature:g} K (s)")
         axes.set_ylabel("compliance / elastic compliance (–)")
         axes.legend(loc="best")
@@ -100,7 +104,20 @@ def _draw_elements(axes: Axes, part: KelvinPart, elastic: FloatArray) -> None:
         )
 
 
+def spectrum_result(fit: FittedTest) -> str:
+    """Say how long the longest relaxation time is."""
+    part = _part(fit, fit.experiment.temperature)
+    return (
+        f"the longest relaxation time at {fit.experiment.temperature:g} K is "
+        f"{band_text(part.longest_time, 's')}."
+    )
+
+
 SPECTRUM_FIGURE = FigureRecipe(
-    "relaxation_spectrum", "Spectrum of relaxation times", SPECTRUM_CAPTION, relaxation_spectrum
+    "relaxation_spectrum",
+    "Spectrum of relaxation times",
+    SPECTRUM_CAPTION,
+    relaxation_spectrum,
+    spectrum_result,
 )
 """What the report of a fit of attenuation shows of it."""

@@ -20,6 +20,9 @@ FLOW_RATE_ORIGIN = 1e-7
 QUADRATURE_HALF_WIDTH, QUADRATURE_STEPS = 3.2, 32
 """Of the double exponential rule on each part of half a period: good to 1e-12, kink or none."""
 
+NO_ERROR = 1e-12
+"""Stated error of a solution, which may have no scatter either: a normal law needs some width."""
+
 NO_LIMIT = -1e3
 """ln(tan delta) that no reading is below."""
 
@@ -157,4 +160,4 @@ def _typical_error(experiment: AttenuationExperiment, quantity: int) -> float:
         if quantity == ATTENUATION
         else readings.modulus_error / readings.modulus
     )
-    return float(np.median(errors)) if errors.size else 0.0
+    return max(float(np.median(errors)), NO_ERROR) if errors.size else NO_ERROR

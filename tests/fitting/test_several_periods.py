@@ -1,0 +1,121 @@
+"""Cycles of several periods as loading histories answer as tables of attenuation say."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from pyburgers.model.parameters import STANDARD_VALUES
+from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
+from pyburgers.protocols.attenuation.table import NO_READINGS, Conditions, Elasticity
+from pyburgers.protocols.experiment import Provenance
+from pyburgers.protocols.forward import simulate
+from pyburgers.protocols.loading_history.experiment import LoadingHistory
+from pyburgers.protocols.loading_history.stages import Stage
+
+FloatArray = npt.NDArray[np.float64]
+
+TEMPERATURE, GRAIN_SIZE = 263.0, 2e-4
+PERIODS, AMPLITUDES = (140.0, 20.0), (1e5, 4e4)
+CORNERS, CYCLES = 100, 5
+"""Corners of the stress in the shorter period; long periods, of which the last is looked at."""
+
+VISCOSITY, ACTIVATION_ENTHALPY = 1e11, 62e3
+LINEAR: Mapping[str, float] = MappingProxyType(
+    {
+        **STANDARD_VALUES,
+        "maxwell_modulus": 4e9,
+        "kelvin_modulus": 1e9,
+        "kelvin_viscosity": 3e10,
+        "stress_exponent": 1.0,
+        "grain_size_exponent": 0.0,
+        "activation_enthalpy": ACTIVATION_ENTHALPY,
+        "beta": 1 / (8.31446261815324 * TEMPERATURE) - np.log(VISCOSITY) / ACTIVATION_ENTHALPY,
+        "steady_state_grain_size": GRAIN_SIZE,
+        "steady_state_fabric_factor": 1.0,
+        "critical_strain_grain_size": 1.0,
+        "critical_strain_fabric": 1.0,
+        "stress_noise": 1.0,
+        "kelvin_reference_grain_size": GRAIN_SIZE,
+        "kelvin_reference_temperature": TEMPERATURE,
+    }
+)
+"""A linear body whose longest relaxation time is 30 s."""
+
+LAWS: Mapping[str, Mapping[str, float]] = {
+    "linear": {},
+    "two_elements": {"peak_strength": 2.0, "peak_time_decades": 1.7},
+    "extended": {"relaxation_time_decades": 5.0, "relaxation_exponent": 0.3},
+    "extended_peak": {
+        "relaxation_time_decades": 4.0,
+        "relaxation_exponent": 0.4,
+        "peak_strength": 1.0,
+        "peak_time_decades": 2.0,
+        "peak_width": 1.5,
+    },
+}
+
+
+def stress_at(time: FloatArray) -> FloatArray:
+    waves = [
+        size * np.sin(2 * np.pi * time / period)
+        for size, period in zip(AMPLITUDES, PERIODS, strict=True)
+    ]
+    return np.asarray(sum(waves))
+
+
+def cycles() -> LoadingHistory:
+    """Stress of two periods at once, without readings."""
+    time = np.linspace(0.0, CYCLES * PERIODS[0], 7 * CYCLES * CORNERS + 1)
+    knots = tuple(zip(time.tolist(), stress_at(time).tolist(), strict=True))
+    stage = Stage("stress_series", 0.0, float(time[-1]), TEMPERATURE, knots=knots)
+    return LoadingHistory(
+        id="cycles",
+        material="ice",
+        temperature=TEMPERATURE,
+        initial_grain_size=GRAIN_SIZE,
+        provenance=Provenance("synthetic", "a test"),
+        metadata=MappingProxyType({}),
+        notices=(),
+        true_parameters=None,
+        stages=(stage,),
+        time=np.empty(0),
+        reading_stage=np.empty(0, dtype=np.int64),
+        reading=np.empty(0),
+    )
+
+
+def table() -> AttenuationExperiment:
+    """The same periods as rows of a table."""
+    rows = np.ones(2)
+    return AttenuationExperiment(
+        id="rows",
+        material="ice",
+        temperature=TEMPERATURE,
+        initial_grain_size=GRAIN_SIZE,
+        provenance=Provenance("synthetic", "a test"),
+        metadata=MappingProxyType({}),
+        notices=(),
+        true_parameters=None,
+        conditions=Conditions(
+            np.sort(PERIODS), TEMPERATURE * rows, np.zeros(2), np.array(AMPLITUDES[::-1])
+        ),
+        readings=NO_READINGS,
+        elasticity=Elasticity("axial"),
+    )
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_each_period_has_the_attenuation_and_modulus_of_a_table(programs: None, law: str) -> None:
+    values = {**LINEAR, **LAWS[law]}
+    last = (CYCLES - 1) * PERIODS[0] + PERIODS[0] * np.arange(7 * CORNERS) / (7 * CORNERS)
+    strain = simulate(cycles(), values, at=last)["strain"].to_numpy()
+    waves = np.exp(-2j * np.pi * last / np.array(PERIODS)[:, np.newaxis])
+    compliance = (waves @ strain) / (waves @ stress_at(last))
+    found = np.log([-compliance.imag / compliance.real, 1 / np.abs(compliance)])
+    rows = table()
+    place = np.concatenate([rows.conditions.place, rows.conditions.place + 2])
+    expected = simulate(rows, values, at=place)["log_reading"].to_numpy().reshape(2, 2)[:, ::-1]
+    np.testing.assert_allclose(found, expected, atol=1e-3)

@@ -169,7 +169,7 @@ def sketch_pictures(patch: pytest.MonkeyPatch) -> None:
             return b"\x89PNG"
         figure.set_layout_engine(None)
         figure.draw_without_rendering()
-        return b"<svg></svg>"
+        return b'<svg viewBox="0 0 576 432"></svg>'
 
     patch.setattr("pyburgers.drawing.style.image", sketch)
 

@@ -34,6 +34,7 @@ from pyburgers.comparison.results import (
 from pyburgers.comparison.same_data import origins
 from pyburgers.drawing.style import write_images
 from pyburgers.fitting.fit import Fit
+from pyburgers.sampling.run_directory import names_of_runs
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -68,7 +69,7 @@ def run(options: argparse.Namespace) -> int:
     directories: list[Path] = options.directories
     fits = {
         name: Fit.load(directory)
-        for name, directory in zip(_names_of(directories), directories, strict=True)
+        for name, directory in zip(names_of_runs(directories), directories, strict=True)
     }
     comparison = compare(fits, refits=None if options.no_refit else options.out / "refits")
     with writing(options.out):
@@ -90,7 +91,7 @@ def _compare_by_test(options: argparse.Namespace) -> int:
     directories: list[Path] = options.directories
     joints = {
         name: Fit.load(directory)
-        for name, directory in zip(_names_of(directories), directories, strict=True)
+        for name, directory in zip(names_of_runs(directories), directories, strict=True)
     }
     for joint in joints.values():
         check_several_tests(joint)
@@ -113,19 +114,6 @@ def _compare_by_test(options: argparse.Namespace) -> int:
         print(sentence)
     print(f"numbers and figure: {options.out}")
     return exit_code(comparison.reliable)
-
-
-def _names_of(directories: Sequence[Path]) -> list[str]:
-    """Name runs by their folders, with as many of the folders above as tell them apart."""
-    parts = [directory.resolve().parts for directory in directories]
-    for depth in range(1, max(map(len, parts)) + 1):
-        names = ["_".join(part[-depth:]) for part in parts]
-        if len(set(names)) == len(names):
-            return names
-    raise InputError(
-        f"compare: found the same run twice among {', '.join(map(str, directories))}, expected "
-        "different ones."
-    )
 
 
 def save_comparison(

@@ -38,9 +38,12 @@ class FigureRecipe(FigureText, Generic[Fitted]):
     ----------
     draw : callable
         Draws it for a fit.
+    result : callable
+        Says in a sentence what it shows of a fit, for those who cannot see it.
     """
 
     draw: Callable[[Fitted], Figure]
+    result: Callable[[Fitted], str]
 
 
 @dataclass(frozen=True)
@@ -51,9 +54,12 @@ class PageFigure(FigureText):
     ----------
     draw : callable
         Draws it.
+    result : str
+        What it shows, in a sentence, for those who cannot see it; by default its title.
     """
 
     draw: Callable[[], Figure]
+    result: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +84,8 @@ class PageTable:
         Columns, and whether what each row says there is bad news.
     text : Markup
         What it means, below it.
+    in_files : bool
+        Whether it is for those who look closer: a file, and not on the page.
     """
 
     name: str
@@ -88,6 +96,7 @@ class PageTable:
     sentences: tuple[str, ...] = ()
     bad: Mapping[str, Sequence[bool]] = field(default_factory=dict)
     text: Markup = field(default_factory=Markup)
+    in_files: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,11 +110,13 @@ class PageSection:
     title : str
         Heading.
     paragraphs : tuple of str
-        Plain text above tables and figures.
+        Plain text below the first figure: what was found.
     tables : tuple of PageTable
         Tables.
     figures : tuple of PageFigure
         Figures.
+    details : tuple of str
+        Plain text that is folded: how it was found, and what to mind.
     after_fits : bool
         Whether it stands after the fits rather than between overview and fits.
     alarms : tuple of str
@@ -117,5 +128,6 @@ class PageSection:
     paragraphs: tuple[str, ...]
     tables: tuple[PageTable, ...] = ()
     figures: tuple[PageFigure, ...] = ()
+    details: tuple[str, ...] = ()
     after_fits: bool = False
     alarms: tuple[str, ...] = ()

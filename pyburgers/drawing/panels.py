@@ -110,6 +110,21 @@ def curve_with_residuals(curve: FittedCurve) -> Figure:
     return figure
 
 
+def curve_result(curve: FittedCurve) -> str:
+    """Say how a fit meets the readings."""
+    inside = np.mean(np.abs(curve.residuals) <= curve.noise_band)
+    return (
+        f"{inside:.0%} of {curve.residuals.size} readings lie within the band about the median "
+        "that should hold 90 %."
+    )
+
+
+def band_text(draws: FloatArray, unit: str) -> str:
+    """Return median and central 90 % of draws in display units."""
+    low, median, high = (f"{float(value):.3g}" for value in central_band(draws))
+    return f"{median} {unit} ({low} to {high})"
+
+
 def draw_curve(axes: Axes, curve: FittedCurve) -> None:
     """Draw data, retrodictions, predictive median and band, and where the imposed changes."""
     low, _, high = central_band(curve.replicated)

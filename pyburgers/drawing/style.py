@@ -4,13 +4,12 @@ import io
 import re
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypeAlias
 
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import MaxNLocator
-from PIL import Image
 
 from pyburgers.common.atomic_files import write_bytes
 
@@ -18,14 +17,13 @@ from pyburgers.common.atomic_files import write_bytes
 BLACK, GREY = "#000000", "#b8b8b8"
 ORANGE, SKY_BLUE, GREEN = "#E69F00", "#56B4E9", "#009E73"
 BLUE, VERMILION, PURPLE = "#0072B2", "#D55E00", "#CC79A7"
-PNG_DOTS_PER_INCH, PNG_COLOURS = 100, 128
-"""Pictures are on pages and beside them, so they are small; the palette is chosen for each."""
-
-PALETTE_ROUNDS = 4
-"""Of k-means, with which the palette has the colours of thin lines to two of 255 steps."""
+PNG_DOTS_PER_INCH = 100
 
 SVG_DOTS_PER_INCH = 50
 """Of what lies as one picture in vector files: thousands of curves or dots."""
+
+PAGE_DOTS_PER_INCH = 100
+"""Of the same in the figures of a page, which are enlarged to be read."""
 
 _TAG, _DECIMALS = re.compile(rb"<[^>]*>"), re.compile(rb"(\.\d\d)\d+")
 """Tags of a vector file, and decimals beyond a hundredth of a point in their coordinates."""
@@ -54,7 +52,12 @@ def style() -> AbstractContextManager[None]:
     )
 
 
-def image(figure: Figure, kind: Literal["png", "svg"]) -> bytes:
+Kind: TypeAlias = Literal["png", "svg", "page"]
+"""What a figure becomes: two kinds of files, and a part of a page, whose letters are paths, which
+look alike on every machine."""
+
+
+def image(figure: Figure, kind: Kind) -> bytes:
     """Render a figure; the same figure gives the same bytes.
 
     The layout is made once: its engine moves panels a little each time, and takes as long as the
@@ -70,21 +73,27 @@ def image(figure: Figure, kind: Literal["png", "svg"]) -> bytes:
         if kind == "svg":
             figure.savefig(buffer, format="svg", dpi=SVG_DOTS_PER_INCH, metadata={"Date": None})
             return _TAG.sub(lambda tag: _DECIMALS.sub(rb"\1", tag[0]), buffer.getvalue())
+        if kind == "page":
+            with rc_context({"svg.fonttype": "path"}):
+                figure.savefig(
+                    buffer, format="svg", dpi=PAGE_DOTS_PER_INCH, metadata={"Date": None}
+                )
+            return buffer.getvalue()
         figure.savefig(buffer, format="png", dpi=PNG_DOTS_PER_INCH)
-    coloured = Image.open(buffer).convert("RGB")
-    few = coloured.quantize(
-        PNG_COLOURS, Image.Quantize.MAXCOVERAGE, kmeans=PALETTE_ROUNDS, dither=Image.Dither.NONE
-    )
-    picture = io.BytesIO()
-    few.save(picture, "png", optimize=True, dpi=(PNG_DOTS_PER_INCH, PNG_DOTS_PER_INCH))
-    return picture.getvalue()
+    return buffer.getvalue()
 
 
 def write_images(figure: Figure, path: Path) -> None:
     """Write a figure as PNG and, beside it, as SVG."""
-    kinds: tuple[Literal["png", "svg"], ...] = ("png", "svg")
+    kinds: tuple[Kind, ...] = ("png", "svg")
     for kind in kinds:
         write_bytes(path.with_suffix(f".{kind}"), image(figure, kind))
+
+
+def write_page_images(figure: Figure, path: Path) -> str:
+    """Write a figure as PNG and SVG, and return what `inline_svg` makes a part of a page of."""
+    write_images(figure, path)
+    return image(figure, "page").decode("utf-8")
 
 
 def few_ticks(intervals: int) -> MaxNLocator:

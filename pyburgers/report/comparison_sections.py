@@ -3,6 +3,7 @@
 By points, by whole tests left out, and with a flow law from another source and without.
 """
 
+import shlex
 from collections.abc import Mapping, Sequence
 from functools import partial
 
@@ -12,7 +13,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from pyburgers.common.draws import all_draws
-from pyburgers.common.units import with_error
+from pyburgers.common.units import count_points, with_error
 from pyburgers.comparison.by_points import compare
 from pyburgers.comparison.by_tests import compare_kept_by_test
 from pyburgers.comparison.figures import (
@@ -24,6 +25,7 @@ from pyburgers.comparison.figures import (
 from pyburgers.comparison.results import (
     BY_TEST_TEXT,
     COMPARISON_TEXT,
+    Comparison,
     comparison_table,
     sentences,
     sentences_by_test,
@@ -46,7 +48,8 @@ from pyburgers.model.display import (
 from pyburgers.model.flow_law_prior import GAS_CONSTANT, FlowLawPrior
 from pyburgers.model.priors import FLOW_LAW
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.report.page import file_key, page_keys
+from pyburgers.protocols.protocol import protocol_of
+from pyburgers.report.names import file_key, page_keys
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -105,7 +108,8 @@ def by_points_section(fits: Mapping[str, Fit]) -> tuple[PageSection, ...]:
     section = PageSection(
         key=f"comparison_{file_key(first)}",
         title=f"Which fit of {first} predicts best",
-        paragraphs=(COMPARISON_TEXT, *sentences(comparison)),
+        paragraphs=(*sentences(comparison), *_points_to_fit_again(comparison, fits)),
+        details=(COMPARISON_TEXT,),
         tables=(
             PageTable(
                 "table",
@@ -131,11 +135,25 @@ def by_points_section(fits: Mapping[str, Fit]) -> tuple[PageSection, ...]:
                 "Where one fit predicts better than another",
                 COMPARISON_CAPTION,
                 partial(pointwise_differences, comparison),
+                " ".join(sentences(comparison)),
             ),
         ),
         after_fits=True,
     )
     return (section,)
+
+
+def _points_to_fit_again(comparison: Comparison, fits: Mapping[str, Fit]) -> tuple[str, ...]:
+    """Say which command leaves points out in earnest, which a page never does."""
+    if comparison.reliable or not all(map(_has_single_points, fits.values())):
+        return ()
+    count = sum(int(result.unreliable.sum()) for result in comparison.results.values())
+    runs = " ".join(shlex.quote(str(fit.directory.path)) for fit in fits.values())
+    return (f"To fit again without {count_points(count)} of that kind: pyburgers compare {runs}",)
+
+
+def _has_single_points(fit: Fit) -> bool:
+    return not fit.is_joint and protocol_of(fit.experiment).points_together is None
 
 
 def by_tests_section(joints: Mapping[str, Fit]) -> tuple[PageSection, ...]:
@@ -170,7 +188,8 @@ def by_tests_section(joints: Mapping[str, Fit]) -> tuple[PageSection, ...]:
     section = PageSection(
         key=f"left_out_{file_key(first)}",
         title=f"Whole tests left out: {first}",
-        paragraphs=(BY_TEST_TEXT, *sentences_by_test(comparison)),
+        paragraphs=sentences_by_test(comparison),
+        details=(BY_TEST_TEXT,),
         tables=(
             PageTable(
                 "fits",
@@ -193,6 +212,7 @@ def by_tests_section(joints: Mapping[str, Fit]) -> tuple[PageSection, ...]:
                 "Which test a fit predicts better",
                 LEFT_OUT_CAPTION,
                 partial(left_out_tests, comparison),
+                " ".join(sentences_by_test(comparison)),
             ),
         ),
         after_fits=True,
@@ -240,18 +260,21 @@ def flow_law_source_section(fits: Mapping[str, Fit]) -> tuple[PageSection, ...]:
         f"{experiment.id} is synthetic: that it is combined with other data shows the method and "
         "says nothing about nature.",
     )
+    agreement = _agreement(draws["other source alone"][LOG_RATE], draws["curve alone"][LOG_RATE])
     section = PageSection(
-        key=f"flow_law_{both}",
+        key=f"flow_law_{file_key(both)}",
         title=f"Flow law of {alone}, with another source and without",
         paragraphs=(
+            agreement,
+            *(synthetic if experiment.provenance.kind == "synthetic" else ()),
+        ),
+        details=(
             f"The other source is {law.source}. {alone} is the fit of the curve alone with the "
             f"material's own priors; {both} has the other source as a joint prior of n, p, "
             f"{rate}, and beta in their place.",
             "Mean ± standard deviation. Where both together are wider than the curve alone, the "
             "curve's number was that of its own prior, which the other source replaces.",
-            _agreement(draws["other source alone"][LOG_RATE], draws["curve alone"][LOG_RATE]),
             _temperature_correction(law, experiment, draws["other source alone"]),
-            *(synthetic if experiment.provenance.kind == "synthetic" else ()),
         ),
         tables=(
             PageTable(
@@ -268,6 +291,7 @@ def flow_law_source_section(fits: Mapping[str, Fit]) -> tuple[PageSection, ...]:
                 "Flow law by source",
                 COMBINED_CAPTION,
                 partial(combined_flow_law, draws),
+                agreement,
             ),
         ),
         after_fits=True,

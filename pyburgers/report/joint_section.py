@@ -21,7 +21,7 @@ from pyburgers.model.display import axis_label, shown_quantity, symbol_text, uni
 from pyburgers.posterior.labelled_draws import own_name
 from pyburgers.protocols.coordinates import CENTRE, SPREAD
 from pyburgers.protocols.protocol import protocol_of
-from pyburgers.report.page import joint_key, page_keys
+from pyburgers.report.names import joint_key, page_keys
 from pyburgers.report.tables import checks_page_table
 
 
@@ -186,16 +186,14 @@ def joint_section(name: str, joint: Fit, separate: Sequence[Fit]) -> PageSection
     return PageSection(
         key=joint_key(name),
         title=f"Joint fit {name}",
-        paragraphs=(
+        paragraphs=(told, *_bought(table), *alarms),
+        details=(
             f"{', '.join(joint.tests())}, fitted together (run {joint.directory.path.name}, model "
             f"{joint.variant.short_text}). A shared parameter has one value for all of them; a "
             "partially pooled one has a value in each, normal around a common centre on the real "
             "line behind its bounds, with a spread of half-normal prior; separate ones know "
-            f"nothing of each other. {told}",
-            "The sections of the tests below hold what the joint fit says about each; their priors "
-            "of partially pooled parameters are those of the common centre.",
-            *_bought(table),
-            *alarms,
+            "nothing of each other. The sections of the tests hold what the joint fit says about "
+            "each; their priors of partially pooled parameters are those of the common centre.",
         ),
         tables=(
             PageTable(
@@ -221,12 +219,13 @@ def joint_section(name: str, joint: Fit, separate: Sequence[Fit]) -> PageSection
             checks_page_table("Checks of the joint fit", checks),
         ),
         figures=(
-            PageFigure("curves", "All tests", CURVES_CAPTION, partial(all_curves, joint)),
+            PageFigure("curves", "All tests", CURVES_CAPTION, partial(all_curves, joint), told),
             PageFigure(
                 "intervals",
                 "Parameters test by test",
                 INTERVALS_CAPTION,
                 partial(intervals, joint, separate),
+                " ".join((*_bought(table), *alarms)),
             ),
         ),
         alarms=tuple(f"{name}: {alarm}" for alarm in alarms),

@@ -12,7 +12,7 @@ from pyburgers.checks.prior_influence import (
     conflict_text,
     conflicts,
 )
-from pyburgers.checks.verdicts import Verdict, verdicts
+from pyburgers.checks.verdicts import ANSWERS, Verdict, verdicts
 from pyburgers.common.units import number, with_error
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.parameters import PARAMETER_BY_NAME
@@ -21,9 +21,9 @@ ANSWER_COLUMNS = {
     CheckKind.SAMPLING: "sampled well?",
     CheckKind.DESCRIPTION: "describes the data?",
 }
-CONFLICT_COLUMN = "prior and data disagree about"
-SHOWN_CONFLICTS = 3
-"""Quantities that a row names at most; the banner and the section name all."""
+CONFLICT_COLUMN = "prior against data"
+SHOWN_CONFLICTS = 2
+"""Quantities that a row names at most; the section names all."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +40,8 @@ class Entry:
         Whether nobody measured its data.
     verdicts : mapping of CheckKind to Verdict
         Both answers.
+    checks : tuple of CheckResult
+        What is behind them.
     conflict : str or None
         What prior and data disagree about, in words.
     row : dict
@@ -50,8 +52,23 @@ class Entry:
     name: str
     is_synthetic: bool
     verdicts: Mapping[CheckKind, Verdict]
+    checks: tuple[CheckResult, ...]
     conflict: str | None
     row: dict[str, str]
+
+    def doubts(self, kind: CheckKind) -> list[str]:
+        """Say what speaks against a yes to a question, without what to do about it."""
+        verdict = self.verdicts[kind]
+        found = [one for one in self.checks if one.check.kind is kind and not one.passed]
+        if kind is CheckKind.DESCRIPTION and any(one.unusable for one in self.checks):
+            return [f"{ANSWERS[kind][verdict.outcome]}: the draws are of no use."]
+        if not found:
+            return [verdict.sentence]
+        said = [f"{ANSWERS[kind][verdict.outcome]}."]
+        meanings = {one.meaning: one.name for one in reversed(found)}
+        return said + [
+            f"{meanings[text]}: {text}{'.' * (text[-1] != '.')}" for text in reversed(meanings)
+        ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +94,10 @@ class Answer:
             return Outcome.NO
         return Outcome.CANNOT_TELL if outcomes else Outcome.YES
 
+    def of(self, outcome: Outcome) -> list[Entry]:
+        """Return the fits with one answer that is not yes."""
+        return [entry for entry in self.doubtful if entry.verdicts[self.kind].outcome is outcome]
+
 
 def answers(entries: Sequence[Entry]) -> tuple[Answer, ...]:
     """Answer both questions for all fits of a page."""
@@ -86,15 +107,50 @@ def answers(entries: Sequence[Entry]) -> tuple[Answer, ...]:
     )
 
 
+@dataclass(frozen=True, eq=False)
+class Remedy:
+    """What to do about checks that did not pass.
+
+    Attributes
+    ----------
+    check : str
+        Name of the check.
+    text : str
+        The usual remedy.
+    entries : tuple of Entry
+        The fits that it would help.
+    """
+
+    check: str
+    text: str
+    entries: tuple[Entry, ...]
+
+
+def remedies(entries: Sequence[Entry]) -> tuple[Remedy, ...]:
+    """Gather what to do, each remedy once, for all fits of a page."""
+    found: dict[tuple[str, str], list[Entry]] = {}
+    for entry in entries:
+        for one in entry.checks:
+            if one.remedy and not one.passed:
+                found.setdefault((one.name, one.remedy), []).append(entry)
+    return tuple(Remedy(*said, tuple(concerned)) for said, concerned in found.items())
+
+
 def entry_of(
-    key: str, fit: Fit, checks: Sequence[CheckResult], influences: Mapping[str, Influence]
+    key: str,
+    name: str,
+    fit: Fit,
+    checks: Sequence[CheckResult],
+    influences: Mapping[str, Influence],
 ) -> Entry:
     """Gather what the top of the page says about a fit of one test, or a test of a joint fit.
 
     Parameters
     ----------
     key : str
-        Its name on the page and the anchor of its section.
+        Anchor of its section.
+    name : str
+        Its name on the page.
     fit : Fit
         The fit.
     checks : sequence of CheckResult
@@ -105,7 +161,7 @@ def entry_of(
     noise = PARAMETER_BY_NAME[fit.problem.protocol.noise]
     answered = verdicts(checks)
     row = {
-        "experiment": fit.experiment.id + (", joint fit" if fit.is_part else ""),
+        "run": name,
         "data": fit.experiment.provenance.kind,
         "model": fit.variant.short_text,
         **_answers_text(answered, checks),
@@ -113,12 +169,14 @@ def entry_of(
         f"residual {noise.symbol} ({noise.display_unit})": _mean_sd(
             fit, noise.name, noise.display_factor
         ),
-        "data in 90 % band": f"{100.0 * coverage(fit.posterior):.0f} %",
+        "in 90 % band": f"{100.0 * coverage(fit.posterior):.0f} %",
         CONFLICT_COLUMN: _conflicts_text(influences),
         **_times(fit),
     }
     is_synthetic = fit.experiment.provenance.kind == "synthetic"
-    return Entry(key, key, is_synthetic, answered, conflict_sentence(influences), row)
+    return Entry(
+        key, name, is_synthetic, answered, tuple(checks), conflict_sentence(influences), row
+    )
 
 
 def joint_entry(key: str, name: str, joint: Fit) -> Entry:
@@ -137,7 +195,7 @@ def joint_entry(key: str, name: str, joint: Fit) -> Entry:
     answered = verdicts(checks)
     kinds = [test.provenance.kind for test in joint.problem.experiments]
     row = {
-        "experiment": f"{joint.problem.name.replace('+', ' + ')}, fitted together",
+        "run": f"{name}, all tests together",
         "data": ", ".join(dict.fromkeys(kinds)),
         "model": joint.variant.short_text,
         **_answers_text(answered, checks),
@@ -145,7 +203,7 @@ def joint_entry(key: str, name: str, joint: Fit) -> Entry:
     }
     if "stress_exponent" in joint.problem.shared:
         row["stress exponent n"] = _mean_sd(joint, "stress_exponent", 1.0)
-    return Entry(key, name, "synthetic" in kinds, answered, None, row)
+    return Entry(key, name, "synthetic" in kinds, answered, tuple(checks), None, row)
 
 
 def overview_table(entries: Sequence[Entry]) -> pd.DataFrame:
@@ -192,10 +250,9 @@ def _mean_sd(fit: Fit, name: str, factor: float) -> str:
 
 
 def _times(fit: Fit) -> dict[str, str]:
-    """Wall time of the slowest chain and of all."""
+    """Wall time of all chains."""
     seconds = [record["wall_seconds"] for record in fit.manifest["chains"].values()]
     return {
-        "slowest chain": duration_text(max(seconds)),
         "all chains": duration_text(sum(seconds)),
     }
 

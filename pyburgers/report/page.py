@@ -1,19 +1,17 @@
 """One self-contained page about one or several fits, with its figures and tables as files."""
 
-import base64
 import importlib.metadata
 import logging
 import platform
-from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import jinja2
 import pandas as pd
-from matplotlib.figure import Figure
+from markupsafe import Markup
 
 from pyburgers.checks.fit_checks import CheckKind, CheckResult, Outcome
 from pyburgers.checks.prior_influence import (
@@ -21,19 +19,20 @@ from pyburgers.checks.prior_influence import (
     Influence,
     Origin,
     influence_numbers,
-    influence_table,
 )
 from pyburgers.common.atomic_files import sha256_of_file, write_json, write_text
 from pyburgers.common.errors import InputError
-from pyburgers.common.processes import completed, number_of_processes
 from pyburgers.common.toml_files import read_json
 from pyburgers.drawing.page_parts import FigureText, PageSection, PageTable
-from pyburgers.drawing.style import write_images
 from pyburgers.fitting.fit import Fit
-from pyburgers.model.display import shown_quantity
+from pyburgers.model.display import shown_quantity, symbol_text
+from pyburgers.model.parameters import PARAMETER_BY_NAME, REFERENCE_QUANTITIES
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.protocol import Protocol, protocol_of
 from pyburgers.report import tables
+from pyburgers.report.glossary import with_definitions
+from pyburgers.report.illustrations import Illustration, Pictures, write_figures
+from pyburgers.report.names import file_key, joint_key, page_keys
 from pyburgers.report.overview import (
     ANSWER_COLUMNS,
     CONFLICT_COLUMN,
@@ -43,6 +42,7 @@ from pyburgers.report.overview import (
     entry_of,
     joint_entry,
     overview_table,
+    remedies,
 )
 from pyburgers.report.posterior_figures import figures_for
 
@@ -51,39 +51,7 @@ logger = logging.getLogger(__name__)
 REPORT_KIND = "pyburgers report"
 """What the manifest of a report says, so that no other manifest is overwritten."""
 
-PIXELS_PER_INCH = 100
-
 PACKAGES = ("pyburgers", "arviz", "jinja2", "matplotlib", "numpy", "pandas", "scipy", "xarray")
-
-
-@dataclass(frozen=True, eq=False)
-class Illustration:
-    """A figure on the page.
-
-    Attributes
-    ----------
-    text : FigureText
-        Its name, title and caption.
-    figure : Figure
-        The figure itself.
-    file : Path
-        Where it is written as PNG; beside it as SVG.
-    """
-
-    text: FigureText
-    figure: Figure
-    file: Path
-
-    @property
-    def data_uri(self) -> str:
-        """The written picture."""
-        encoded = base64.b64encode(self.file.read_bytes()).decode("ascii")
-        return f"data:image/png;base64,{encoded}"
-
-    @property
-    def width(self) -> int:
-        """Width on the page (CSS pixels), the same size of letters for every figure."""
-        return round(PIXELS_PER_INCH * self.figure.get_figwidth())
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,10 +62,10 @@ class Section:
     ----------
     key : str
         Name of its files and its anchor, unique on the page.
+    name : str
+        How the page calls it.
     fit : Fit
         The fit.
-    checks : tuple of CheckResult
-        Verdicts.
     entry : Entry
         What the top of the page says about it.
     parameters, priors, sampler : DataFrame
@@ -110,11 +78,13 @@ class Section:
         Tables of the protocol.
     illustrations : tuple of Illustration
         Figures.
+    same_data_as : Section or None
+        One before it on the page that tells what its data are.
     """
 
     key: str
+    name: str
     fit: Fit
-    checks: tuple[CheckResult, ...]
     entry: Entry
     parameters: pd.DataFrame
     priors: pd.DataFrame
@@ -123,6 +93,7 @@ class Section:
     truth: pd.DataFrame | None
     more_tables: tuple[PageTable, ...]
     illustrations: tuple[Illustration, ...]
+    same_data_as: "Section | None" = None
 
     @property
     def experiment(self) -> Experiment:
@@ -135,6 +106,13 @@ class Section:
         return protocol_of(self.experiment)
 
     @property
+    def about_data(self) -> tuple[object, ...]:
+        """What the page tells about the data."""
+        one = self.experiment
+        known = (one.material, one.temperature, one.initial_grain_size)
+        return *known, one.provenance, dict(one.metadata), list(self.protocol.facts(one))
+
+    @property
     def from_prior(self) -> list[str]:
         """Quantities whose number is that of the prior."""
         return [
@@ -143,9 +121,10 @@ class Section:
             if influence.origin is Origin.PRIOR
         ]
 
-    def checks_of(self, kind: CheckKind) -> list[CheckResult]:
-        """Return the checks behind one of the two answers."""
-        return [check for check in self.checks if check.check.kind is kind]
+    @property
+    def passed(self) -> list[CheckResult]:
+        """Checks that passed."""
+        return [one for one in self.entry.checks if one.passed]
 
 
 def write_report(
@@ -195,20 +174,22 @@ def write_report(
         raise InputError(f"{out}: a report needs at least one run, found none.")
     _claim(out)
     write_json(out / "manifest.json", _manifest(fits, title, command))
-    sections = []
-    for key, fit in sorted(zip(page_keys(fits), fits, strict=True), key=_is_synthetic):
-        logger.info(f"Writing the section of {key}.")
-        sections.append(_write_section(key, fit, out))
+    sections: list[Section] = []
+    for name, fit in sorted(zip(page_keys(fits), fits, strict=True), key=_is_synthetic):
+        logger.info(f"Writing the section of {name}.")
+        section = _write_section(name, fit, out)
+        same = next((one for one in sections if one.about_data == section.about_data), None)
+        sections.append(replace(section, same_data_as=same))
     illustrated = []
     for extra in extras:
         logger.info(f"Writing the part {extra.title!r}.")
         illustrated.append((extra, _write_extra(extra, out)))
-    of_fits = [one for section in sections for one in section.illustrations]
-    of_extras = [one for _, figures in illustrated for one in figures]
-    illustrations = [*of_fits, *of_extras]
+    ahead = [figures for extra, figures in illustrated if not extra.after_fits]
+    behind = [figures for extra, figures in illustrated if extra.after_fits]
+    figures = [*ahead, *(section.illustrations for section in sections), *behind]
+    illustrations = [one for part in figures for one in part]
     logger.info(f"Writing {len(illustrations)} figures.")
-    _write_figures(illustrations, out, jobs)
-    page = out / "index.html"
+    pictures = write_figures(illustrations, out, jobs)
     entries = [
         *(
             joint_entry(joint_key(name), name, joint)
@@ -217,7 +198,10 @@ def write_report(
         *(section.entry for section in sections),
     ]
     entries.sort(key=lambda entry: entry.is_synthetic)
-    text = render_page(sections, illustrated, entries=entries, title=title, command=command)
+    page = out / "index.html"
+    text = render_page(
+        sections, illustrated, pictures, entries=entries, title=title, command=command
+    )
     write_text(page, text)
     return page
 
@@ -227,21 +211,10 @@ def _is_synthetic(named: tuple[str, Fit]) -> bool:
     return named[1].experiment.provenance.kind == "synthetic"
 
 
-def _write_figures(illustrations: Sequence[Illustration], out: Path, jobs: int | None) -> None:
-    """Write every figure as PNG and SVG, most of the work of a page."""
-    calls = {one.file: (one.figure, one.file) for one in illustrations}
-    processes = number_of_processes(jobs, len(calls))
-    if processes == 1:
-        for figure, file in calls.values():
-            write_images(figure, file)
-        return
-    for _ in completed(write_images, calls, processes=processes, folder=out):
-        continue
-
-
 def render_page(
     sections: Sequence[Section],
     extras: Sequence[tuple[PageSection, tuple[Illustration, ...]]],
+    pictures: Pictures,
     *,
     entries: Sequence[Entry],
     title: str,
@@ -255,27 +228,43 @@ def render_page(
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters["terms"] = with_definitions
+    first = {section.key: section.illustrations[0] for section in sections}
+    first |= {extra.key: figures[0] for extra, figures in extras if figures}
     return environment.get_template("report.html").render(
         title=title,
         command=command,
         sections=sections,
         extras=extras,
+        pictures=pictures,
+        glyphs=Markup(pictures.glyphs),
+        first=first,
         entries=entries,
         overview=overview_table(entries),
         bad_answers=bad_answers(entries),
         answer_columns=[*ANSWER_COLUMNS.values(), CONFLICT_COLUMN],
         answers=answers(entries),
+        remedies=remedies(entries),
         alarms=[alarm for extra, _ in extras for alarm in extra.alarms],
         kinds=tuple(CheckKind),
         outcomes=Outcome,
         synthetic=[s for s in sections if s.experiment.provenance.kind == "synthetic"],
+        prior_sources=tables.prior_sources([s.priors for s in sections]),
+        prior_notes=list(dict.fromkeys(s.fit.priors.notes for s in sections if s.fit.priors.notes)),
+        reference_texts=list(dict.fromkeys(s.protocol.reference_text for s in sections)),
+        tex=_TEX,
         written=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         version=importlib.metadata.version("pyburgers"),
-        number_table=_number_table,
         thresholds=THRESHOLDS_TEXT,
-        influence_table=influence_table,
-        truth_table=tables.shown_truth_table,
+        truth_sentence=tables.truth_sentence,
     )
+
+
+_TEX = {
+    symbol_text(quantity): f"${quantity.symbol}$"
+    for quantity in (*PARAMETER_BY_NAME.values(), *REFERENCE_QUANTITIES.values())
+}
+"""Symbols as LaTeX has them, by what tables show."""
 
 
 def _claim(out: Path) -> None:
@@ -297,32 +286,9 @@ def _claim(out: Path) -> None:
         raise InputError(f"{out}: cannot be written ({error.strerror}).") from error
 
 
-def page_keys(fits: Sequence[Fit]) -> list[str]:
-    """Name each fit after its tests, and whether it is a part of a joint fit.
-
-    Further ones have a number: the second A is A_run2.
-    """
-    seen: Counter[str] = Counter()
-    keys = []
-    for fit in fits:
-        name = fit.problem.name + ("_joint" if fit.is_part else "")
-        seen[name] += 1
-        keys.append(name if seen[name] == 1 else f"{name}_run{seen[name]}")
-    return keys
-
-
-def joint_key(name: str) -> str:
-    """Anchor of the part of a page about a joint fit, by its name."""
-    return f"joint_{file_key(name)}"
-
-
-def file_key(name: str) -> str:
-    """Name without what a file name or an anchor had better not hold."""
-    return name.replace("+", "_")
-
-
-def _write_section(key: str, fit: Fit, out: Path) -> Section:
+def _write_section(name: str, fit: Fit, out: Path) -> Section:
     """Write the tables of one fit, draw its figures, and gather what the page shows of it."""
+    key = file_key(name)
     summary, checks = fit.summary(), fit.checks()
     truth = tables.truth_table(fit)
     sampler = tables.sampler_table(fit)
@@ -339,21 +305,26 @@ def _write_section(key: str, fit: Fit, out: Path) -> Section:
         files["influence"] = influence_numbers(influences).reset_index()
     more_tables = protocol_of(fit.experiment).tables(fit)
     files |= {table.name: table.saved for table in more_tables}
-    for name, table in files.items():
-        write_text(out / "tables" / f"{key}_{name}.csv", table.to_csv(index=False))
+    for table_name, table in files.items():
+        write_text(out / "tables" / f"{key}_{table_name}.csv", table.to_csv(index=False))
     return Section(
         key=key,
+        name=name,
         fit=fit,
-        checks=checks,
-        entry=entry_of(key, fit, checks, influences),
-        parameters=tables.parameter_table(summary, fit.priors),
+        entry=entry_of(key, name, fit, checks, influences),
+        parameters=tables.result_table(summary, fit.priors, influences, truth),
         priors=files["priors"],
         sampler=sampler,
         influences=influences,
         truth=truth,
         more_tables=more_tables,
         illustrations=tuple(
-            Illustration(recipe, recipe.draw(fit), _picture_file(out, key, recipe))
+            Illustration(
+                recipe,
+                recipe.draw(fit),
+                _picture_file(out, key, recipe),
+                f"{recipe.title}, {name}: {recipe.result(fit)}",
+            )
             for recipe in figures_for(fit.experiment)
         ),
     )
@@ -362,24 +333,21 @@ def _write_section(key: str, fit: Fit, out: Path) -> Section:
 def _write_extra(extra: PageSection, out: Path) -> tuple[Illustration, ...]:
     """Write the tables of an extra section and draw its figures."""
     for table in extra.tables:
-        name = f"{extra.key}_{table.name}.csv"
+        name = f"{extra.key}_{file_key(table.name)}.csv"
         write_text(out / "tables" / name, table.saved.to_csv(index=False))
     return tuple(
-        Illustration(figure, figure.draw(), _picture_file(out, extra.key, figure))
+        Illustration(
+            figure,
+            figure.draw(),
+            _picture_file(out, extra.key, figure),
+            f"{figure.title}: {figure.result}" if figure.result else figure.title,
+        )
         for figure in extra.figures
     )
 
 
 def _picture_file(out: Path, key: str, text: FigureText) -> Path:
-    return out / "figures" / f"{key}_{text.name}.png"
-
-
-def _number_table(table: pd.DataFrame) -> pd.DataFrame:
-    """Return a table of numbers as text of four significant digits, its index as a column."""
-    columns = table.reset_index(names=table.index.name or "index")
-    if table.index.name is None:
-        columns = columns.drop(columns="index")
-    return columns.map(lambda cell: f"{cell:.4g}" if isinstance(cell, float) else str(cell))
+    return out / "figures" / f"{key}_{file_key(text.name)}.png"
 
 
 def _manifest(fits: Sequence[Fit], title: str, command: str) -> dict[str, Any]:

@@ -51,7 +51,8 @@ def peak_stress_section(fit: PeakStressFit) -> PageSection:
     return PageSection(
         key=PEAK_STRESS_KEY,
         title=f"Flow law of {data.material} from peak stresses",
-        paragraphs=(
+        paragraphs=(_hand_over_text(fit),),
+        details=(
             f"{data.n_points} tests ({data.provenance.kind} data: {data.provenance.source}), one "
             "point each: the rate is imposed, the peak stress is measured. Fitted is "
             "ln(peak stress) = ln S_0 - h with normal scatter between tests, S_0 being the stress "
@@ -64,7 +65,6 @@ def peak_stress_section(fit: PeakStressFit) -> PageSection:
             "grows with the rate, that of the flow law is smaller. Of Q_M and beta a table at "
             "about one temperature says little: their widths are those of their priors, tied to "
             "each other by the measured rates.",
-            _hand_over_text(fit),
         ),
         tables=(
             _table("posterior", "Posterior", flow_law_table(fit), fit.summary().reset_index()),
@@ -76,7 +76,15 @@ def peak_stress_section(fit: PeakStressFit) -> PageSection:
             ),
             checks_page_table("Checks of this fit", fit.checks()),
         ),
-        figures=(PageFigure("flow_law", "Flow law", FLOW_LAW_CAPTION, partial(flow_law, fit)),),
+        figures=(
+            PageFigure(
+                "flow_law",
+                "Flow law",
+                FLOW_LAW_CAPTION,
+                partial(flow_law, fit),
+                _exponent_text(fit),
+            ),
+        ),
         after_fits=True,
     )
 
@@ -126,6 +134,12 @@ def _hand_over_text(fit: PeakStressFit) -> str:
         f"whole and {_mean_and_sd(of_test)} for another single one, which scatters about them: "
         "the latter is what a curve can take as its prior."
     )
+
+
+def _exponent_text(fit: PeakStressFit) -> str:
+    """State the slope of the flow law."""
+    exponent = all_draws(fit.posterior["posterior"].to_dataset()["stress_exponent"])
+    return f"strain rate grows with stress to the power {_mean_and_sd(exponent)}."
 
 
 def _mean_and_sd(draws: FloatArray) -> str:

@@ -38,6 +38,7 @@ from pyburgers.posterior.labelled_draws import free_parameters
 from pyburgers.protocols.coordinates import REFERENCE_FLOW_RATE, REFERENCE_STRESS
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.protocol import FittedTest, protocol_of
+from pyburgers.report.figure_results import agreement, narrowed, strongest_trade_off
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -406,10 +407,12 @@ def _chain_handles(fit: FittedTest) -> list[Line2D]:
 
 
 PRIOR_POSTERIOR = FigureRecipe(
-    "prior_posterior", "Prior and posterior", PRIOR_POSTERIOR_CAPTION, prior_posterior
+    "prior_posterior", "Prior and posterior", PRIOR_POSTERIOR_CAPTION, prior_posterior, narrowed
 )
-PAIRS = FigureRecipe("pairs", "Trade-offs between quantities", PAIRS_CAPTION, pairs)
-RANK = FigureRecipe("rank", "Agreement of the chains", RANK_CAPTION, rank)
+PAIRS = FigureRecipe(
+    "pairs", "Trade-offs between quantities", PAIRS_CAPTION, pairs, strongest_trade_off
+)
+RANK = FigureRecipe("rank", "Agreement of the chains", RANK_CAPTION, rank, agreement)
 
 
 def figures_for(experiment: Experiment) -> tuple[FigureRecipe[FittedTest], ...]:

@@ -12,6 +12,7 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.checks.fit_checks import CheckResult, Outcome
+from pyburgers.checks.prior_influence import Influence, Origin
 from pyburgers.common.units import number, rounded
 from pyburgers.drawing.page_parts import PageTable
 from pyburgers.fitting.fit import Fit
@@ -54,6 +55,76 @@ def parameter_table(summary: pd.DataFrame, priors: PriorSet) -> pd.DataFrame:
         if prior.is_fixed:
             rows.append(fixed_row(PARAMETER_BY_NAME[name], prior))
     return pd.DataFrame(rows).fillna("")
+
+
+SAMPLER_COLUMNS = ("ESS bulk", "ESS tail", "R-hat")
+"""What a `parameter_table` says of the sampler rather than of the parameters."""
+
+
+def result_table(
+    summary: pd.DataFrame,
+    priors: PriorSet,
+    influences: Mapping[str, Influence],
+    truth: pd.DataFrame | None,
+) -> pd.DataFrame:
+    """Return what a page says of the parameters of a fit.
+
+    Parameters
+    ----------
+    summary, priors
+        As for `parameter_table`.
+    influences : mapping of str to Influence
+        What each quantity owes to prior and data; empty without likelihood.
+    truth : DataFrame or None
+        `truth_table` of synthetic data.
+
+    Returns
+    -------
+    DataFrame
+        Text. `parameter_table` without `SAMPLER_COLUMNS`; with influences a column decided by,
+        with a truth the columns truth and off by (sd).
+    """
+    table = parameter_table(summary, priors).drop(columns=list(SAMPLER_COLUMNS))
+    names = [*map(str, summary.index), *("" for _ in range(len(table) - len(summary)))]
+    if influences:
+        table["decided by"] = [
+            DECIDED_BY[influences[name].origin] if name in influences else "" for name in names
+        ]
+    if truth is not None:
+        beside = {
+            str(name): _truth_beside(shown_quantity(str(name)), row)
+            for name, row in truth.iterrows()
+        }
+        known = pd.DataFrame([beside.get(name, {}) for name in names]).fillna("")
+        table = pd.concat([table, known], axis=1)
+    return table
+
+
+DECIDED_BY = {
+    Origin.PRIOR: "prior",
+    Origin.DATA: "data",
+    Origin.AGREEMENT: "either",
+    Origin.BOTH: "both",
+    Origin.DISAGREEMENT: "disagree",
+}
+"""Words for what a number comes from."""
+
+
+def _truth_beside(quantity: Parameter, row: "pd.Series[Any]") -> dict[str, str]:
+    """Return the true value in display units, and its distance."""
+    factor = quantity.display_factor
+    return {
+        "truth": rounded(row["truth"] * factor, row["sd"] * factor),
+        "off by (sd)": f"{(row['truth'] - row['mean']) / row['sd']:+.2f}",
+    }
+
+
+def truth_sentence(truth: pd.DataFrame) -> str:
+    """Say how many of the true values lie inside the central intervals."""
+    found = ", ".join(
+        f"{int(truth[f'inside_{share}'].sum())} in that of {share} %" for share in INTERVALS
+    )
+    return f"Of {len(truth)} true values, inside the central interval: {found}."
 
 
 def posterior_row(
@@ -109,6 +180,26 @@ def prior_table(priors: PriorSet) -> pd.DataFrame:
     )
 
 
+def prior_sources(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
+    """Gather where the priors of all fits come from, each source once.
+
+    Parameters
+    ----------
+    tables : sequence of DataFrame
+        `prior_table` of each fit.
+
+    Returns
+    -------
+    DataFrame
+        Text. Columns of (symbols of the quantities), source.
+    """
+    stacked = pd.concat(tables, ignore_index=True)
+    symbols = stacked.groupby("source", sort=False)["symbol"].agg(
+        lambda found: ", ".join(dict.fromkeys(found))
+    )
+    return pd.DataFrame({"of": symbols.tolist(), "source": symbols.index.tolist()})
+
+
 def truth_table(fit: Fit) -> pd.DataFrame | None:
     """Compare the posterior with the parameters behind synthetic data.
 
@@ -144,33 +235,6 @@ def _inside(values: xr.DataArray, truth: float, share: int) -> bool:
     return bool(low <= truth <= high)
 
 
-def shown_truth_table(truth: pd.DataFrame) -> pd.DataFrame:
-    """Return a `truth_table` as text in display units, with the counts in its last row."""
-    rows = []
-    for name, row in truth.iterrows():
-        quantity = shown_quantity(str(name))
-        factor = quantity.display_factor
-        sd = row["sd"] * factor
-        rows.append(
-            {
-                **_named(quantity),
-                "truth": rounded(row["truth"] * factor, sd),
-                "mean": rounded(row["mean"] * factor, sd),
-                "sd": rounded(sd, sd),
-                "distance (sd)": f"{(row['truth'] - row['mean']) / row['sd']:+.2f}",
-                **{
-                    f"in {share} % interval": "yes" if row[f"inside_{share}"] else "no"
-                    for share in INTERVALS
-                },
-            }
-        )
-    counts = {
-        f"in {share} % interval": f"{truth[f'inside_{share}'].sum()} of {len(truth)}"
-        for share in INTERVALS
-    }
-    return pd.DataFrame([*rows, {"quantity": "all parameters", **counts}]).fillna("")
-
-
 VERDICT_WORDS = {Outcome.YES: "passed", Outcome.NO: "FAILED", Outcome.CANNOT_TELL: "cannot tell"}
 
 
@@ -199,6 +263,7 @@ def checks_page_table(title: str, checks: Sequence[CheckResult]) -> PageTable:
         words=("check", "verdict"),
         sentences=("sentence",),
         bad={"verdict": [not one.passed for one in checks]},
+        in_files=True,
     )
 
 

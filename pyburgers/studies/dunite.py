@@ -21,7 +21,7 @@ from pyburgers.comparison.pairs import Pair, PairOutcome
 from pyburgers.comparison.results import LeaveOneOut, elpd_difference
 from pyburgers.comparison.same_data import data_hash
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
-from pyburgers.drawing.panels import curve_with_residuals
+from pyburgers.drawing.panels import FittedCurve, curve_result, curve_with_residuals
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.side_by_side import Task, task_of
 from pyburgers.model.parameters import PARAMETER_BY_NAME
@@ -97,11 +97,11 @@ def rate_steps_section(fits: Mapping[str, Fit]) -> PageSection:
     return PageSection(
         key=RATE_STEPS_KEY,
         title=f"A measured rock: {first.material} and steps of the strain rate",
-        paragraphs=(
+        paragraphs=tuple(group.conclusion() for group in groups),
+        details=(
             f"Measured: {'; '.join(g.standard.experiment.provenance.source for g in groups)}. The "
             "imposed rate changes twice in each test, so that the curve shows how stress goes over "
             "from one rate to the next, which a test at one rate does not.",
-            *(group.conclusion() for group in groups),
         ),
         tables=(
             PageTable(
@@ -123,6 +123,7 @@ def rate_steps_section(fits: Mapping[str, Fit]) -> PageSection:
                 "model",
                 CURVE_CAPTION,
                 partial(_curve, group.fits[group.chosen]),
+                curve_result(_fitted_curve(group.fits[group.chosen])),
             )
             for group in groups
         ),
@@ -290,5 +291,9 @@ def _exponent(fit: Fit) -> tuple[float, float]:
     return float(draws.mean()), float(draws.std(ddof=1))
 
 
+def _fitted_curve(fit: Fit) -> FittedCurve:
+    return protocol_of(fit.experiment).curve(fit)
+
+
 def _curve(fit: Fit) -> Figure:
-    return curve_with_residuals(protocol_of(fit.experiment).curve(fit))
+    return curve_with_residuals(_fitted_curve(fit))

@@ -48,17 +48,19 @@ def predictions_section(joint: Fit, experiments: Sequence[Experiment]) -> PageSe
         if all(caution in one.cautions for one in predictions.values())
     ]
     scores = {name: score_table(one) for name, one in predictions.items()}
+    said = {name: score_sentence(one, scores[name]) for name, one in predictions.items()}
     table = pd.concat(scores)
     table.index.names = ["test", "score"]
     return PageSection(
         key=KEY,
         title=f"Predicted before it is seen: {experiments[0].material}",
-        paragraphs=(
+        paragraphs=tuple(f"{name}: {text}" for name, text in said.items()),
+        details=(
             f"The fit of {' and '.join(joint.manifest['experiments'])} together predicts "
             f"{' and '.join(predictions)}, which took no part in it, from {DRAWS} draws at most. "
             f"{' '.join(first.notes[:-1])}",
             *common,
-            *(_found(one, scores[name], common) for name, one in predictions.items()),
+            *(_assumed(one, common) for one in predictions.values()),
             "Readings of a test hang together: one truth made them all. What is expected of a "
             "score comes from tests that the draws themselves would give, scored alike; a "
             "share below of 0.00 or 1.00 says that hardly one of them looks like the measured one.",
@@ -79,16 +81,16 @@ def predictions_section(joint: Fit, experiments: Sequence[Experiment]) -> PageSe
                 PREDICTION_CAPTION,
                 # What speaks against it stands in the text above.
                 partial(prediction_figure, replace(one, cautions=())),
+                said[name],
             )
             for name, one in predictions.items()
         ),
     )
 
 
-def _found(prediction: Prediction, scores: pd.DataFrame, common: Sequence[str]) -> str:
+def _assumed(prediction: Prediction, common: Sequence[str]) -> str:
     own = [caution for caution in prediction.cautions if caution not in common]
-    said = (f"{prediction.experiment.id}:", *own, prediction.notes[-1])
-    return " ".join((*said, score_sentence(prediction, scores)))
+    return " ".join((f"{prediction.experiment.id}:", *own, prediction.notes[-1]))
 
 
 def _shown(table: pd.DataFrame) -> pd.DataFrame:

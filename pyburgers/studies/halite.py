@@ -12,7 +12,6 @@ import numpy.typing as npt
 import pandas as pd
 from matplotlib.figure import Figure
 
-from pyburgers.checks.fit_checks import CheckKind
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.drawing.style import BLUE, GREEN, GREY, ORANGE, SKY_BLUE, VERMILION, style
 from pyburgers.fitting.fit import Fit
@@ -133,14 +132,15 @@ def halite_section(fit: Fit) -> PageSection:
         key="measured_creep",
         title=f"Measured creep: {test.material} under five loads",
         paragraphs=(
-            f"Measured: {test.provenance.source} ({test.provenance.licence}). Differential stress "
-            "was imposed and is taken as it was measured; axial strain is the response.",
             f"The {fit.variant.short_text} model, whose fabric factor hardens the salt, leaves "
             f"{whole:.2g} (root mean square) of a strain of {largest:.2g}, "
             f"{100 * whole / largest:.1f} %. It is worst in the part '{worst}': "
             f"{rms[worst]:.2g}, on the mean {mean[worst]:+.2g}.",
-            fit.verdicts()[CheckKind.SAMPLING].sentence,
-            fit.verdicts()[CheckKind.DESCRIPTION].sentence,
+        ),
+        details=(
+            f"Measured: {test.provenance.source} ({test.provenance.licence}). Differential stress "
+            "was imposed and is taken as it was measured; axial strain is the response.",
+            *(verdict.sentence for verdict in fit.verdicts().values()),
         ),
         tables=(
             PageTable(
@@ -159,6 +159,7 @@ def halite_section(fit: Fit) -> PageSection:
                 "median of the model's, by part of the history; runs of one sign are what the "
                 "model misses.",
                 partial(_draw, test, residual),
+                f"the root mean square is {whole:.2g} of strain, worst in the part '{worst}'.",
             ),
         ),
     )

@@ -38,10 +38,16 @@ from pyburgers.protocols.attenuation.figures import (
     attenuation_test,
     left_over,
     master_curves,
+    relaxation_result,
     rms_by_temperature,
+    rms_result,
 )
 from pyburgers.protocols.attenuation.files import load_attenuation
-from pyburgers.protocols.attenuation.spectrum import SPECTRUM_CAPTION, relaxation_spectrum
+from pyburgers.protocols.attenuation.spectrum import (
+    SPECTRUM_CAPTION,
+    relaxation_spectrum,
+    spectrum_result,
+)
 from pyburgers.protocols.attenuation.table import ATTENUATION, MODULUS
 from pyburgers.sampling.options import SamplerOptions
 
@@ -164,10 +170,12 @@ def spectra_section(fits: Mapping[str, Fit]) -> PageSection:
     return PageSection(
         key="olivine_spectra",
         title=f"Measured attenuation: {table.material} {SPECIMEN}",
-        paragraphs=(
+        details=(
             f"Measured: {table.provenance.source}. Attenuation and shear modulus at "
             f"{len(table.parts)} temperatures, one activation enthalpy for all relaxation times. "
             f"{table.provenance.notes}",
+        ),
+        paragraphs=(
             *(one.verdicts() for one in tried),
             "The hottest temperature, predicted from a fit to the colder ones. "
             + " ".join(one.predicted() for one in tried),
@@ -189,6 +197,7 @@ def spectra_section(fits: Mapping[str, Fit]) -> PageSection:
                     f"Attenuation and modulus, {one.name}",
                     MASTER_CAPTION,
                     partial(master_curves, one.fit),
+                    rms_result(one.fit),
                 )
                 for one in tried
             ),
@@ -199,18 +208,21 @@ def spectra_section(fits: Mapping[str, Fit]) -> PageSection:
                 "part in these fits: circles are readings, lines predictive medians, areas hold "
                 "90 % of new readings as each fit has them.",
                 partial(_draw_hottest, tried),
+                " ".join(one.predicted() for one in tried),
             ),
             PageFigure(
                 "arrhenius",
                 f"Relaxation times, {last.name}",
                 ARRHENIUS_CAPTION,
                 partial(arrhenius, last.fit),
+                relaxation_result(last.fit),
             ),
             PageFigure(
                 "relaxation_spectrum",
                 f"Spectrum of relaxation times, {last.name}",
                 SPECTRUM_CAPTION,
                 partial(relaxation_spectrum, last.fit),
+                spectrum_result(last.fit),
             ),
         ),
     )

@@ -234,18 +234,18 @@ def test_a_page_sets_joint_fits_of_the_same_tests_side_by_side(
         copy_of(separate_joint, tmp_path / "apart", without="leave_out"),
     ]
     (by_points,) = comparison_sections(joints)
-    assert by_points.key == "comparison_PIL40_other"
+    assert by_points.key == "comparison_together"
     run = joints[0].directory.path
     shutil.copytree(joint.directory.path / "leave_out", run / "leave_out")
     *_, by_tests = comparison_sections(joints)
-    assert by_tests.key == "left_out_PIL40_other"
+    assert by_tests.key == "left_out_together"
     exact = leave_one_test_out(joints[0], command="test")
-    assert by_tests.tables[1].saved["PIL40+other elpd"].tolist() == exact.elpd.tolist()
+    assert by_tests.tables[1].saved["together elpd"].tolist() == exact.elpd.tolist()
     run = joints[1].directory.path
     assert not (run / "leave_out").exists()
     shutil.copytree(separate_joint.directory.path / "leave_out", run / "leave_out")
     both = comparison_sections(joints)[1]
-    assert set(both.tables[0].saved["fit"]) == {"PIL40+other", "PIL40+other_run2"}
+    assert set(both.tables[0].saved["fit"]) == {"together", "apart"}
 
 
 def test_joint_fits_of_the_same_tests_have_sections_of_their_own(
@@ -255,7 +255,8 @@ def test_joint_fits_of_the_same_tests_have_sections_of_their_own(
     assert main(["report", *runs, "--out", str(tmp_path / "page")]) == 0
     tables = tmp_path / "page" / "tables"
     first, other = (
-        pd.read_csv(tables / f"joint_PIL40_other{suffix}_pooling.csv") for suffix in ("", "_run2")
+        pd.read_csv(tables / f"joint_{name}_run_pooling.csv")
+        for name in ("joint", "separate_joint")
     )
     assert "shared" in set(first["pooling"])
     assert set(other["pooling"]) == {"separate", "derived"}

@@ -15,6 +15,7 @@ from pyburgers.report.overview import (
     duration_text,
     entry_of,
     overview_table,
+    remedies,
 )
 
 SAMPLING, DESCRIPTION = CheckKind.SAMPLING, CheckKind.DESCRIPTION
@@ -33,7 +34,7 @@ def influence(distance: float) -> Influence:
 
 def test_a_row_has_both_answers_with_what_failed(fit: Fit) -> None:
     checks = fit.checks()
-    entry = entry_of("A", fit, checks, {})
+    entry = entry_of("A", "A", fit, checks, {})
     assert entry.verdicts[SAMPLING].outcome is Outcome.NO
     failed = [c.name for c in checks if c.check.kind is SAMPLING and not c.passed]
     assert entry.row["sampled well?"] == f"NO: {', '.join(failed)}"
@@ -44,35 +45,56 @@ def test_a_row_has_both_answers_with_what_failed(fit: Fit) -> None:
 
 def test_the_answer_for_all_fits_is_no_where_it_is_for_one(fit: Fit, tmp_path: Path) -> None:
     good = make_fit(tmp_path, name="B", chains=2, draws=600)
-    entries = [entry_of("A", fit, fit.checks(), {}), entry_of("B", good, good.checks(), {})]
+    entries = [
+        entry_of("A", "A", fit, fit.checks(), {}),
+        entry_of("B", "B", good, good.checks(), {}),
+    ]
     sampled, _ = answers(entries)
     assert sampled.outcome is Outcome.NO
     assert [entry.name for entry in sampled.doubtful] == ["A"]
     sampled, _ = answers(entries[1:])
     assert sampled.outcome is good.sampled_well
-    assert overview_table(entries)["experiment"].tolist() == ["PIL40", "B"]
+    assert overview_table(entries)["run"].tolist() == ["A", "B"]
 
 
 def test_a_row_names_what_is_furthest_out(fit: Fit) -> None:
     names = ("stress_exponent", "beta", "maxwell_modulus", "kelvin_modulus")
     influences = {name: influence(k + 2.0) for k, name in enumerate(names)}
-    entry = entry_of("A", fit, fit.checks(), influences)
+    entry = entry_of("A", "A", fit, fit.checks(), influences)
     told = entry.row[CONFLICT_COLUMN]
     assert told.startswith("Kelvin modulus (+5.0 prior sd), Maxwell modulus (+4.0 prior sd)")
-    assert told.endswith("and 1 more")
+    assert told.endswith("and 2 more")
     assert entry.conflict is not None
     assert "stress exponent (+2.0 prior sd)" in entry.conflict
 
 
+def test_doubts_are_told_without_what_to_do_and_that_once(fit: Fit, tmp_path: Path) -> None:
+    good = make_fit(tmp_path, name="B", chains=2, draws=600)
+    entries = [
+        entry_of("A", "A", fit, fit.checks(), {}),
+        entry_of("A2", "A2", fit, fit.checks(), {}),
+        entry_of("B", "B", good, good.checks(), {}),
+    ]
+    found = remedies(entries)
+    assert len({(one.check, one.text) for one in found}) == len(found)
+    (rhat,) = (one for one in found if one.check == "R-hat")
+    assert [entry.name for entry in rhat.entries] == ["A", "A2"]
+    assert rhat.text.startswith("run longer")
+    doubts = entries[0].doubts(SAMPLING)
+    assert doubts[0] == "The posterior was not sampled well."
+    assert doubts[1].startswith("R-hat: The chains have not yet found the same distribution")
+    assert not any(remedy.text in line for remedy in found for line in doubts)
+    assert entries[2].doubts(SAMPLING) == [good.verdicts()[SAMPLING].sentence]
+
+
 def test_wall_times_are_added_up(fit: Fit) -> None:
-    row = entry_of("A", fit, fit.checks(), {}).row
-    assert row["slowest chain"] == "62 s"
+    row = entry_of("A", "A", fit, fit.checks(), {}).row
     assert row["all chains"] == "2 min"
 
 
 def test_a_fixed_exponent_is_called_fixed(tmp_path: Path) -> None:
     fit = make_fit(tmp_path, chains=2, draws=50, fixed=("stress_exponent",))
-    assert entry_of("A", fit, fit.checks(), {}).row["stress exponent n"] == "3.779 (fixed)"
+    assert entry_of("A", "A", fit, fit.checks(), {}).row["stress exponent n"] == "3.779 (fixed)"
 
 
 @pytest.mark.parametrize(

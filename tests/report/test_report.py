@@ -96,35 +96,48 @@ def test_the_page_is_well_formed_and_its_links_lead_somewhere(page: Page) -> Non
 
 
 def test_the_page_needs_nothing_but_itself(page: Page) -> None:
-    assert not {"script", "link", "iframe", "object"} & set(page.tags)
+    assert not {"link", "iframe", "object", "img"} & set(page.tags)
+    assert page.tags.count("script") == 1
     for tag, reference in page.references:
-        allowed = ("#", "https://doi.org/") if tag == "a" else ("data:image/png;base64,",)
+        allowed = ("#", "https://doi.org/", "tables/") if tag == "a" else ("#", "data:image/png;")
         assert reference.startswith(allowed), reference
 
 
 def test_every_figure_is_on_the_page_with_a_text_alternative(page: Page, fits: list[Fit]) -> None:
-    measured_first = reversed(fits)
-    expected = [r.caption for fit in measured_first for r in figures_for(fit.experiment)]
+    expected = [
+        f"{recipe.title}, {name}: {recipe.result(fit)}"
+        for name, fit in (("B", fits[1]), ("A", fits[0]))  # measured first
+        for recipe in figures_for(fit.experiment)
+    ]
     assert page.alternatives == expected
+    assert len(set(expected)) == len(expected)
+
+
+def test_a_caption_stands_once_and_later_figures_lead_to_it(page: Page, fits: list[Fit]) -> None:
+    for recipe in figures_for(fits[0].experiment):
+        assert page.text_without_marks.count(recipe.caption) == 1
+        assert f"figure-A_{recipe.name}" in page.ids
+        assert ("a", f"#figure-B_{recipe.name}") in page.references
 
 
 def test_strings_from_files_are_escaped(folder: Path, page: Page) -> None:
     raw = (folder / "page" / "index.html").read_text(encoding="utf-8")
-    assert "<script>" not in raw
+    assert raw.count("<script>") == 1
+    assert HOSTILE not in raw
     assert 'onload="y' not in raw
     assert page.text.count(HOSTILE) >= 5
 
 
 def test_synthetic_data_are_announced_by_name_at_the_top(page: Page) -> None:
     banner = page.text.index("SYNTHETIC DATA: A")
-    assert banner < page.text.index("Overview")
-    assert "It says nothing about nature" in page.text
-    assert "synthetic-data" in page.ids
+    assert banner < page.text.rindex("Overview")
+    assert "say nothing about nature" in page.text
+    assert "page-synthetic-data" in page.ids
     assert "SYNTHETIC DATA: A , B" not in page.text
 
 
 def test_there_is_no_banner_without_synthetic_data(passing_page: Page) -> None:
-    assert "synthetic-data" not in passing_page.ids
+    assert "page-synthetic-data" not in passing_page.ids
     assert "SYNTHETIC DATA" not in passing_page.text
     assert "MEASURED DATA" in passing_page.text
 
@@ -132,15 +145,19 @@ def test_there_is_no_banner_without_synthetic_data(passing_page: Page) -> None:
 def test_failed_checks_cannot_be_overlooked(page: Page, fits: list[Fit]) -> None:
     failed = [check for check in fits[0].checks() if not check.passed]
     assert {"R-hat", "divergences"} <= {check.name for check in failed}
-    banner = page.text.index("✗ Was the posterior sampled well? NOT in 1 of 2 fits A :")
-    assert banner < page.text.index("Overview")
-    for check in failed:
-        assert " ".join(f"✗ FAILED {check.name} : {check.sentence}".split()) in page.text
+    told = page.text.index("✗ Was the posterior sampled well? Yes in 1 of 2 fits; NO : A .")
+    assert told < page.text.index("Overview", told)
     names = [check.name for check in failed if check.check.kind is CheckKind.SAMPLING]
     assert f"NO: {', '.join(names)}" in page.text
-    assert page.text.count("✗ FAILED") == len(failed)
-    passed = sum(check.passed for fit in fits for check in fit.checks())
-    assert page.text.count("✓ PASSED") == passed
+    for check in failed:
+        if check.check.kind is CheckKind.SAMPLING:
+            assert f"{check.name}: {check.meaning}" in page.text_without_marks
+        if check.remedy:
+            assert page.text_without_marks.count(f"{check.remedy}.") == 1
+    for fit in fits:
+        passed = [check.name for check in fit.checks() if check.passed]
+        assert f"✓ {len(passed)} of {len(fit.checks())} checks passed" in page.text
+        assert f"Passed: {', '.join(passed)}." in page.text_without_marks
 
 
 def test_a_page_without_failures_says_so(fits: list[Fit], passing_page: Page) -> None:
@@ -150,18 +167,17 @@ def test_a_page_without_failures_says_so(fits: list[Fit], passing_page: Page) ->
     assert "FAILED" not in passing_page.text
 
 
-def test_both_answers_stand_above_the_overview_and_above_the_section(
-    page: Page, fits: list[Fit]
-) -> None:
+def test_both_answers_stand_in_the_contents_and_in_the_section(page: Page, fits: list[Fit]) -> None:
     for fit in fits:
-        for verdict in fit.verdicts().values():
-            expected = 1 if verdict.outcome is Outcome.YES else 2
-            assert page.text.count(" ".join(verdict.sentence.split())) == expected
+        for kind, verdict in fit.verdicts().items():
+            assert f"{kind.value} {verdict.outcome.value}" in page.labels
+            if verdict.outcome is Outcome.YES:
+                assert verdict.sentence in page.text_without_marks
 
 
 def test_measured_data_come_first(page: Page) -> None:
     assert page.ids.index("B") < page.ids.index("A")
-    overview = page.text.index("Overview")
+    overview = page.text.rindex("Overview")
     assert page.text.index("B measured", overview) < page.text.index("A synthetic", overview)
 
 
@@ -175,16 +191,15 @@ def test_conflicts_of_prior_and_data_stand_at_the_top(
     (conflict,) = fit.prior_conflicts()
     assert "stress exponent (-" in conflict
     page = write([fit], tmp_path / "page")
-    assert page.text.index(f"! Prior and data disagree {conflict.replace(':', ' :', 1)}") < (
-        page.text.index("Overview")
-    )
+    assert page.text.index("! Prior and data disagree in B .") < page.text.rindex("Overview")
+    assert conflict.split(": ", 1)[1] in page.text_without_marks
 
 
 def test_alarms_of_parts_stand_at_the_top(fits: list[Fit], sketched: None, tmp_path: Path) -> None:
     extra = PageSection("part", "A part", (), alarms=("This must not be missed.",))
     file = write_report([fits[1]], tmp_path, title="T", command="x", extras=(extra,))
     page = Page(file.read_text(encoding="utf-8"))
-    assert page.text.index("This must not be missed.") < page.text.index("Overview")
+    assert page.text.index("This must not be missed.") < page.text.rindex("Overview")
 
 
 def test_a_fit_without_likelihood_says_so(sketched: None, tmp_path: Path) -> None:
@@ -192,14 +207,14 @@ def test_a_fit_without_likelihood_says_so(sketched: None, tmp_path: Path) -> Non
     fit.manifest["use_likelihood"] = False
     text = write([fit], tmp_path / "page").text
     assert "Fitted without the data." in text
-    assert "Where the numbers come from" not in text
+    assert "decided by" not in text
 
 
 def test_the_page_says_what_prior_and_data_decide(
     folder: Path, page: Page, fits: list[Fit], sketched: None, tmp_path: Path
 ) -> None:
-    assert page.text.count("Where the numbers come from: prior or data?") == len(fits)
-    assert THRESHOLDS_TEXT in page.text
+    assert page.text.count("decided by") == len(fits)
+    assert page.text.count(THRESHOLDS_TEXT) == 1
     for fit in fits:
         file = folder / "page" / "tables" / f"{fit.experiment.id}_influence.csv"
         written = pd.read_csv(file, index_col=0)
@@ -224,14 +239,14 @@ def test_the_page_says_what_prior_and_data_decide(
 
 def test_the_page_names_the_laws_of_the_model(page: Page, shown: Page) -> None:
     for text in ("Kelvin part linear", "grain size evolving", "residuals independent"):
-        assert text in page.text
+        assert text.lower() in page.text.lower()
     assert "grain size piezometric, fabric constant" in shown.text
 
 
 def test_the_page_says_how_to_make_everything_again(page: Page, fits: list[Fit]) -> None:
     assert COMMAND in page.text
     manifest = fits[0].manifest
-    for text in (manifest["command"], manifest["fingerprint"], *manifest["hashes"].values()):
+    for text in (manifest["command"], manifest["fingerprint"]):
         assert text in page.text
     assert f"seed {manifest['sampler']['seed']}" in page.text
 
@@ -269,8 +284,8 @@ def test_two_runs_of_one_experiment_do_not_overwrite_each_other(
 ) -> None:
     fits = [small_fit(tmp_path / name) for name in ("first", "second")]
     page = write(fits, tmp_path / "page")
-    assert {"A", "A_run2"} <= set(page.ids)
-    assert (tmp_path / "page" / "tables" / "A_run2_summary.csv").is_file()
+    assert {"first", "second"} <= set(page.ids)
+    assert (tmp_path / "page" / "tables" / "second_summary.csv").is_file()
 
 
 def test_a_report_replaces_an_earlier_one_and_leaves_no_scraps(
@@ -350,13 +365,13 @@ def shown(oscillations: Path) -> Page:
 
 def test_an_oscillation_says_what_was_done_to_the_record(shown: Page) -> None:
     assert not shown.open
-    assert "SYNTHETIC DATA: olivine_removed , olivine_kept" in shown.text
+    assert "SYNTHETIC DATA: removed , kept" in shown.text
     assert shown.text.count("Period 300 s") == 2
     assert shown.text.count("Strain amplitude 0.2 %") == 2
     assert shown.text.count("on record, 2 of spin-up ahead of it") == 2
     assert "Background removed: polynomial trends" in shown.text
     assert "Background kept: the rate of the strain's trend" in shown.text
-    assert shown.text.count("The reference flow rate") == 2
+    assert shown.text.count("The reference flow rate") == 1
 
 
 def test_a_curve_on_the_same_page_has_its_strain_rate(shown: Page) -> None:
@@ -368,7 +383,7 @@ def test_amplitude_and_lag_stand_beside_those_of_replicated_data(
     shown: Page, oscillations: Path
 ) -> None:
     inside, outside = (
-        pd.read_csv(oscillations / "tables" / f"olivine_{background}_response.csv", index_col=0)
+        pd.read_csv(oscillations / "tables" / f"{background}_response.csv", index_col=0)
         for background in BACKGROUNDS
     )
     assert inside["inside"].tolist() == [True, True]
@@ -379,4 +394,4 @@ def test_amplitude_and_lag_stand_beside_those_of_replicated_data(
 
 def test_figures_of_an_oscillation_are_files(oscillations: Path) -> None:
     for name in ("stress_time", "stress_loop", "amplitude_phase", "microstructure", "pairs"):
-        assert (oscillations / "figures" / f"olivine_kept_{name}.png").is_file()
+        assert (oscillations / "figures" / f"kept_{name}.png").is_file()

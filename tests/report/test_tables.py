@@ -76,6 +76,30 @@ def test_the_parameter_table_shows_the_summary_in_display_units(fit: Fit) -> Non
     assert len(shown) == len(PARAMETERS) + 1
 
 
+def test_a_page_says_what_decides_a_number_and_how_far_it_is_off(fit: Fit) -> None:
+    summary, truth = fit.summary(), tables.truth_table(fit)
+    assert truth is not None
+    influences = fit.influences()[fit.problem.name]
+    shown = tables.result_table(summary, fit.priors, influences, truth)
+    assert not set(tables.SAMPLER_COLUMNS) & set(shown)
+    rows = {row["quantity"]: row for row in shown.to_dict("records")}
+    assert {row["decided by"] for row in rows.values()} <= {"", *tables.DECIDED_BY.values()}
+    exponent, of_draws = rows["stress exponent"], summary.loc["stress_exponent"]
+    distance = (TRUTH["stress_exponent"] - of_draws["mean"]) / of_draws["sd"]
+    assert exponent["off by (sd)"] == f"{distance:+.2f}"
+    assert float(exponent["truth"]) == pytest.approx(TRUTH["stress_exponent"], rel=0.1)
+    assert rows["pre-exponent ln(A)/Q"]["truth"] == ""
+    assert "truth" not in tables.result_table(summary, fit.priors, influences, None)
+
+
+def test_each_source_of_a_prior_stands_once(fit: Fit) -> None:
+    table = tables.prior_table(fit.priors)
+    other = table.assign(source=["elsewhere", *table["source"][1:]])
+    found = tables.prior_sources([table, table, other])
+    assert sorted(found["source"]) == sorted({*table["source"], "elsewhere"})
+    assert found.set_index("source").loc["elsewhere", "of"] == table["symbol"][0]
+
+
 def test_the_truth_is_looked_for_in_each_interval(fit: Fit) -> None:
     truth = tables.truth_table(fit)
     assert truth is not None
@@ -84,8 +108,7 @@ def test_the_truth_is_looked_for_in_each_interval(fit: Fit) -> None:
         draws = fit.posterior["posterior"][str(name)].to_numpy()
         low, high = np.quantile(draws, [0.05, 0.95])
         assert row["inside_90"] == (low <= TRUTH[str(name)] <= high)
-    shown = tables.shown_truth_table(truth).iloc[-1]
-    assert shown["in 90 % interval"] == f"{truth['inside_90'].sum()} of {len(truth)}"
+    assert f"{truth['inside_90'].sum()} in that of 90 %" in tables.truth_sentence(truth)
 
 
 def test_a_truth_far_away_is_outside_every_interval(tmp_path: Path) -> None:

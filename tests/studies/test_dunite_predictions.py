@@ -27,7 +27,7 @@ def test_tests_that_were_not_fitted_are_scored_and_drawn(
     assert saved["found"]["stronger"]["coverage of the 90 % band"] < 0.1
     assert saved["share_below"]["stronger"].iloc[-1] == 0.0
     assert table.shown["test"].tolist() == 3 * ["slower"] + 3 * ["stronger"]
-    text = " ".join(section.paragraphs)
+    text = " ".join((*section.paragraphs, *section.details))
     assert "predicts slower and stronger" in text
     assert text.count("strain rate 2e-05") == 1 or "Beyond what was fitted" in text
     for figure in section.figures:

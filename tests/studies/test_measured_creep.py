@@ -12,7 +12,7 @@ from synthetic_fit import make_fit, with_problem
 from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.checks.verdicts import Verdict
 from pyburgers.drawing.style import image
-from pyburgers.fitting.fit import SampledFit
+from pyburgers.fitting.sampled_fit import SampledFit
 from pyburgers.model.variants import variant_of
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.loading_history.files import load_loading_history
@@ -101,7 +101,7 @@ def test_the_page_says_how_much_is_left_over_and_where(
     name = protocol_of(record).response.name
     fit.posterior["model_response"] = xr.Dataset({name: (("chain", "draw", "point"), model)})
     section = halite_section(fit)
-    told = " ".join(section.paragraphs)
+    told = " ".join((*section.paragraphs, *section.details))
     assert "Honorio" in told
     assert "CC BY 4.0" in told
     assert "maxwell=hyperbolic_sine" in told

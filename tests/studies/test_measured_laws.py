@@ -11,7 +11,8 @@ from synthetic_fit import make_fit, with_problem
 from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.checks.verdicts import Verdict
 from pyburgers.drawing.style import image
-from pyburgers.fitting.fit import Fit, SampledFit
+from pyburgers.fitting.fit import Fit
+from pyburgers.fitting.sampled_fit import SampledFit
 from pyburgers.model.variants import variant_of, with_variant
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.studies.dunite import (
@@ -79,7 +80,7 @@ def test_the_law_that_describes_is_named_with_the_width_of_n(
 ) -> None:
     answer(monkeypatch, {"A": Outcome.NO, "A_other": Outcome.YES})
     section = rate_steps_section(fits)
-    told = section.paragraphs[1]
+    told = section.paragraphs[0]
     assert told.startswith("A: of 2 models, residuals=autocorrelated describes the data as far as")
     assert "3.0 times as wide as with the standard model" in told
     assert "not which physics is missing" in told
@@ -124,6 +125,6 @@ def test_a_test_with_a_single_fit_has_an_answer_but_no_comparison(
 def test_each_test_has_an_answer_of_its_own(fits: dict[str, Fit], tmp_path: Path) -> None:
     second = make_fit(tmp_path, name="B", kind="measured", draws=100, seed=2)
     section = rate_steps_section({**fits, "B": second})
-    assert [paragraph.split(":")[0] for paragraph in section.paragraphs[1:]] == ["A", "B"]
+    assert [paragraph.split(":")[0] for paragraph in section.paragraphs] == ["A", "B"]
     assert section.tables[0].shown["test"].tolist() == ["A", "A", "B"]
     assert len(section.figures) == 2

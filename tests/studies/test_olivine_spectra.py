@@ -69,7 +69,7 @@ def test_the_page_says_how_well_both_laws_do(fits: Mapping[str, Fit]) -> None:
     rows = table.saved.set_index("law").to_dict("index")
     for column in ("rms_log_tan_delta", "predicted_rms_log_tan_delta"):
         assert rows["band"][column] < 0.5 * rows["one element"][column]
-    told = " ".join(section.paragraphs)
+    told = " ".join((*section.paragraphs, *section.details))
     assert "Qu, T., Jackson" in told
     assert told.count("Of 10 points lie") == 2
     for law in LAWS:

@@ -228,7 +228,7 @@ def test_without_a_kept_background_or_truth_there_is_no_true_state(
 def test_every_figure_table_and_claim_has_its_place(
     page: Page, sections: tuple[PageSection, ...], ice: dict[str, Fit]
 ) -> None:
-    table = {section.key: section for section in sections}["counterparts"].tables[0].shown
+    table = {section.key: section for section in sections}["counterparts"].tables[0].saved
     listed = set(table["paper"])
     figures = {f"Fig. {name}" for name in ("1", "2", "3", "4", "5", "6", "S1", "S2", "S3", "S5")}
     assert figures | {f"Table {name}" for name in ("1", "2", "S2", "S3")} <= listed

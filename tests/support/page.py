@@ -15,10 +15,12 @@ class Page(HTMLParser):
         self.open: list[str] = []
         self.ids: list[str] = []
         self.alternatives: list[str] = []
+        self.labels: list[str] = []
         self.words: list[str] = []
         self.feed(text)
         self.close()
         self.text = " ".join(" ".join(self.words).split())
+        self.text_without_marks = " ".join("".join(self.words).split())
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         self.tags.append(tag)
@@ -29,12 +31,14 @@ class Page(HTMLParser):
                 self.references.append((tag, value or ""))
             if name == "id":
                 self.ids.append(value or "")
-            if name == "alt":
+            if name == "aria-label":
+                self.labels.append(value or "")
+            if name == "aria-label" and tag == "svg":
                 self.alternatives.append(value or "")
 
     def handle_endtag(self, tag: str) -> None:
         assert self.open.pop() == tag
 
     def handle_data(self, data: str) -> None:
-        if not self.open or self.open[-1] != "style":
+        if not self.open or self.open[-1] not in {"style", "script"}:
             self.words.append(data)

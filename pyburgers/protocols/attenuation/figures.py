@@ -357,10 +357,33 @@ def fitted_curve(fit: FittedTest) -> FittedCurve:
     )
 
 
+def rms_result(fit: FittedTest) -> str:
+    """Say how far readings are from the model."""
+    in_all = rms_by_temperature(fit).loc["all"]
+    said = f"the model leaves a root mean square of {in_all['rms_log_tan_delta']:.3f} in ln tan δ"
+    if in_all["moduli"]:
+        said += f" and of {in_all['rms_log_modulus']:.4f} in the ln of the modulus"
+    return f"{said}."
+
+
+def relaxation_result(fit: FittedTest) -> str:
+    """Say between which relaxation times the temperatures lie."""
+    times = all_draws(fit.posterior["predictions"].to_dataset()["log_relaxation_time"])
+    median = np.exp(np.median(times.astype(np.float64), axis=0))
+    return (
+        f"median relaxation times of the Kelvin element go from {median.min():.2g} to "
+        f"{median.max():.2g} s."
+    )
+
+
 ATTENUATION_FIGURES = (
-    FigureRecipe("master_curves", "Attenuation and modulus", MASTER_CAPTION, master_curves),
-    FigureRecipe("residuals", "What is left over", RESIDUALS_CAPTION, residuals),
-    FigureRecipe("cole_cole", "Loss against storage compliance", COLE_COLE_CAPTION, cole_cole),
-    FigureRecipe("arrhenius", "Relaxation times", ARRHENIUS_CAPTION, arrhenius),
+    FigureRecipe(
+        "master_curves", "Attenuation and modulus", MASTER_CAPTION, master_curves, rms_result
+    ),
+    FigureRecipe("residuals", "What is left over", RESIDUALS_CAPTION, residuals, rms_result),
+    FigureRecipe(
+        "cole_cole", "Loss against storage compliance", COLE_COLE_CAPTION, cole_cole, rms_result
+    ),
+    FigureRecipe("arrhenius", "Relaxation times", ARRHENIUS_CAPTION, arrhenius, relaxation_result),
 )
 """What the report of such a fit shows beside the figures of its posterior."""

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from pyburgers.common.draws import all_draws, central_band, evenly_spaced
 from pyburgers.drawing.page_parts import FigureRecipe
-from pyburgers.drawing.panels import LINES_AND_AREAS, draw_band
+from pyburgers.drawing.panels import LINES_AND_AREAS, band_text, draw_band
 from pyburgers.drawing.style import BLUE, VERMILION, style
 from pyburgers.model.relaxation import KelvinPart, kelvin_part
 from pyburgers.protocols.attenuation.figures import attenuation_test
@@ -104,7 +104,20 @@ def _draw_elements(axes: Axes, part: KelvinPart, elastic: FloatArray) -> None:
         )
 
 
+def spectrum_result(fit: FittedTest) -> str:
+    """Say how long the longest relaxation time is."""
+    part = _part(fit, fit.experiment.temperature)
+    return (
+        f"the longest relaxation time at {fit.experiment.temperature:g} K is "
+        f"{band_text(part.longest_time, 's')}."
+    )
+
+
 SPECTRUM_FIGURE = FigureRecipe(
-    "relaxation_spectrum", "Spectrum of relaxation times", SPECTRUM_CAPTION, relaxation_spectrum
+    "relaxation_spectrum",
+    "Spectrum of relaxation times",
+    SPECTRUM_CAPTION,
+    relaxation_spectrum,
+    spectrum_result,
 )
 """What the report of a fit of attenuation shows of it."""

@@ -15,6 +15,8 @@ from pyburgers.drawing.page_parts import FigureRecipe
 from pyburgers.drawing.panels import (
     LINES_AND_AREAS,
     FittedCurve,
+    band_text,
+    curve_result,
     curve_with_residuals,
     draw_band_panel,
 )
@@ -201,8 +203,30 @@ def constant_rate_test(fit: FittedTest) -> ConstantRateExperiment:
     return of_kind(fit.experiment, ConstantRateExperiment, "a test at imposed strain rate")
 
 
+def softening_result(fit: FittedTest) -> str:
+    """Say how far the material has softened at the end, and by what."""
+    predictions = fit.posterior["predictions"].to_dataset()
+    size, fabric, by_grains, by_fabric = (
+        all_draws(predictions[name])[:, -1]
+        for name in ("grain_size", "fabric_factor", "grain_size_softening", "fabric_softening")
+    )
+    return (
+        f"at the final strain grains have {band_text(size * LENGTH_FACTOR, LENGTH_UNIT)}, the "
+        f"fabric factor is {band_text(fabric, '')}, and the flow stress "
+        f"{band_text(by_grains * by_fabric, '')} of the undeformed material's."
+    )
+
+
 CONSTANT_RATE_FIGURES = (
-    FigureRecipe("stress_strain", "Stress-strain curve", STRESS_STRAIN_CAPTION, stress_strain),
-    FigureRecipe("softening", "What softens the material", SOFTENING_CAPTION, softening),
+    FigureRecipe(
+        "stress_strain",
+        "Stress-strain curve",
+        STRESS_STRAIN_CAPTION,
+        stress_strain,
+        lambda fit: curve_result(fitted_curve(fit)),
+    ),
+    FigureRecipe(
+        "softening", "What softens the material", SOFTENING_CAPTION, softening, softening_result
+    ),
 )
 """What the report of such a fit shows beside the figures of its posterior."""

@@ -19,6 +19,7 @@ from pyburgers.drawing.panels import (
     LINES_AND_AREAS,
     MEDIAN_LABEL,
     FittedCurve,
+    curve_result,
     curve_with_residuals,
     draw_band_panel,
     draw_data,
@@ -36,6 +37,7 @@ from pyburgers.model.display import (
     unit_text,
 )
 from pyburgers.protocols.coordinates import REFERENCE_FLOW_RATE
+from pyburgers.protocols.forced_oscillation.figure_results import grains_result, lag_result
 from pyburgers.protocols.forced_oscillation.harmonics import HarmonicFit
 from pyburgers.protocols.forced_oscillation.preparation import (
     OscillationRecord,
@@ -410,17 +412,31 @@ def microstructure(fit: FittedTest) -> Figure:
     return figure
 
 
+def stress_result(fit: FittedTest) -> str:
+    """Say how a fit meets the readings."""
+    return curve_result(fitted_curve(fit))
+
+
 OSCILLATION_FIGURES = (
-    FigureRecipe("stress_time", "Stress along time", STRESS_TIME_CAPTION, stress_time),
-    FigureRecipe("stress_loop", "Stress against strain", STRESS_LOOP_CAPTION, stress_loop),
+    FigureRecipe(
+        "stress_time", "Stress along time", STRESS_TIME_CAPTION, stress_time, stress_result
+    ),
+    FigureRecipe(
+        "stress_loop", "Stress against strain", STRESS_LOOP_CAPTION, stress_loop, stress_result
+    ),
     FigureRecipe(
         "amplitude_phase",
         "Amplitude and phase lag of the stress",
         AMPLITUDE_PHASE_CAPTION,
         amplitude_phase,
+        lag_result,
     ),
     FigureRecipe(
-        "microstructure", "Grain size and dashpot", MICROSTRUCTURE_CAPTION, microstructure
+        "microstructure",
+        "Grain size and dashpot",
+        MICROSTRUCTURE_CAPTION,
+        microstructure,
+        grains_result,
     ),
 )
 """What the report of such a fit shows beside the figures of its posterior."""

@@ -18,6 +18,8 @@ from pyburgers.drawing.panels import (
     LINES_AND_AREAS,
     MEDIAN_LABEL,
     FittedCurve,
+    band_text,
+    curve_result,
     draw_data,
     draw_retrodictions,
     legend_above,
@@ -307,8 +309,27 @@ def _label_response(places: dict[str, Axes]) -> None:
     places["log"].legend(loc="best", ncols=2)
 
 
+def response_result(fit: FittedTest) -> str:
+    """Say where the solutions end."""
+    predictions = fit.posterior["predictions"].to_dataset()
+    ends = (
+        f"{shown.name} of {band_text(all_draws(predictions[shown.name])[:, -1] * shown.factor, '')}"
+        f" in the unit of {shown.label}"
+        for shown in (_STRAIN, _STRESS)
+    )
+    return f"the history ends at {' and '.join(ends)}."
+
+
 LOADING_HISTORY_FIGURES = (
-    FigureRecipe("history", "Stress and strain along time", HISTORY_CAPTION, history),
-    FigureRecipe("response", "How the material answers", RESPONSE_CAPTION, response),
+    FigureRecipe(
+        "history",
+        "Stress and strain along time",
+        HISTORY_CAPTION,
+        history,
+        lambda fit: curve_result(fitted_curve(fit)),
+    ),
+    FigureRecipe(
+        "response", "How the material answers", RESPONSE_CAPTION, response, response_result
+    ),
 )
 """What the report of such a fit shows beside the figures of its posterior."""

@@ -8,7 +8,7 @@ from pyburgers.drawing.page_parts import PageSection, PageTable
 from pyburgers.protocols.protocol import FittedTest
 from pyburgers.studies.maor.statements import Statement
 
-COUNTERPARTS_KEY = "counterparts"
+COUNTERPARTS_KEY, CLAIMS_PLACE = "counterparts", "Statement by statement"
 
 APPENDIX = (
     "the appendix is not public: this is what we take the reference in the paper's text to mean"
@@ -45,7 +45,7 @@ def coverage_table(
         *_ice_rows(ids),
         *(_olivine_rows([fit.experiment.id for fit in olivine_fits.values()])),
         _points_row(has_points=has_points),
-        *((one.source, one.text, "Statement by statement", str(one.verdict)) for one in statements),
+        *((one.source, one.text, CLAIMS_PLACE, str(one.verdict)) for one in statements),
     ]
     return pd.DataFrame(rows, columns=["paper", "shows or says", "on this page", "note"])
 
@@ -82,8 +82,13 @@ def _ice_rows(ids: Sequence[str]) -> list[tuple[str, str, str, str]]:
             f"Attenuation: amplitude of the cycles, {first}",
             f"amplitudes are our choice; {APPENDIX}",
         ),
-        ("Table 1", "Priors of ice", f"{ice}: Priors and their sources, below Parameters", ""),
-        ("Table S2", "Posterior of ice in numbers", f"{ice}: Parameters", APPENDIX),
+        (
+            "Table 1",
+            "Priors of ice",
+            f"{ice}: table of parameters; How to read this page: sources",
+            "",
+        ),
+        ("Table S2", "Posterior of ice in numbers", f"{ice}: table of parameters", APPENDIX),
     ]
     if others:
         rows += [
@@ -104,10 +109,15 @@ def _olivine_rows(ids: Sequence[str]) -> list[tuple[str, str, str, str]]:
         (
             "Table 2",
             "Priors of olivine",
-            f"{olivine}: Priors and their sources, below Parameters",
+            f"{olivine}: table of parameters; How to read this page: sources",
             "",
         ),
-        ("Table S3", "Posterior of olivine in numbers", f"{olivine}: Parameters", APPENDIX),
+        (
+            "Table S3",
+            "Posterior of olivine in numbers",
+            f"{olivine}: table of parameters",
+            APPENDIX,
+        ),
     ]
 
 
@@ -133,7 +143,7 @@ def coverage_section(table: pd.DataFrame) -> PageSection:
             PageTable(
                 "table",
                 "Counterparts",
-                table,
+                table[table["on this page"] != CLAIMS_PLACE],
                 table,
                 words=("paper",),
                 sentences=("shows or says", "on this page", "note"),

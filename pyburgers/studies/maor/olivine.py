@@ -115,6 +115,8 @@ def background_section(fits: Mapping[str, FittedTest]) -> PageSection:
             f"of {bias:.0f} {STRESS_UNIT}. With the background kept, the model does the same. With "
             "the background removed, model and data oscillate about zero, which is another state "
             "of the material, for two reasons.",
+        ),
+        details=(
             "First, stress passes through zero twice in each cycle. There the piezometer asks for "
             "huge grains, and grain size follows it for as long as strain goes on: grains grow "
             "where under the bias they hardly change, and coarse grains flow more slowly.",

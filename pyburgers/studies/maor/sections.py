@@ -185,10 +185,10 @@ def statements_section(statements: tuple[Statement, ...], *, is_synthetic: bool)
         key=STATEMENTS_KEY,
         title="The paper's statements and our posterior",
         paragraphs=(
+            f"{findings} of {len(statements)} verdicts are findings of the data: {counted}.",
             *((SYNTHETIC_SENTENCE,) if is_synthetic else ()),
-            f"{findings} of {len(statements)} verdicts are findings of the data: {counted}. "
-            f"{VERDICTS_TEXT} {MICROSTRUCTURE_SENTENCE}",
         ),
+        details=(VERDICTS_TEXT, MICROSTRUCTURE_SENTENCE),
         tables=(
             PageTable(
                 "table",
@@ -204,7 +204,7 @@ def statements_section(statements: tuple[Statement, ...], *, is_synthetic: bool)
                 "What the verdicts rest on",
                 table[["statement", *GROUNDS]],
                 table[["statement", *GROUNDS]],
-                sentences=("statement", *GROUNDS),
+                in_files=True,
             ),
         ),
     )
@@ -296,14 +296,16 @@ def attenuation_section(
         key=ATTENUATION_KEY,
         title="Attenuation",
         paragraphs=(
+            elastic_modulus_sentence(spectra[first]),
+            f"{first}, frozen and evolving side by side. {evolving_sentence(evolving)}",
+        ),
+        details=(
             "What the fitted material would do under another load: stress cycles about a constant "
             "median stress. Strain lags stress by the angle δ, and tan δ is the attenuation 1/Q; "
             "every draw of the posterior gives a spectrum in closed form. Tables give the median "
             "and 5 and 95 % of the draws; the CSV files hold all frequencies.",
-            MICROSTRUCTURE_SENTENCE,
             *(f"{name}: {frozen_sentence(spectrum)}" for name, spectrum in spectra.items()),
-            f"{elastic_modulus_sentence(spectra[first])} {ELASTIC_MODULUS_SENTENCE}",
-            f"{first}, frozen and evolving side by side. {evolving_sentence(evolving)}",
+            ELASTIC_MODULUS_SENTENCE,
         ),
         tables=(
             *(
@@ -314,6 +316,7 @@ def attenuation_section(
                     quantile_table(spectrum),
                     words=("regime",),
                     sentences=("frozen microstructure",),
+                    in_files=name != first,
                 )
                 for name, spectrum in spectra.items()
             ),
@@ -352,6 +355,7 @@ def attenuation_section(
                         evolving if name == first else None,
                         measured,
                     ),
+                    frozen_sentence(spectrum),
                 )
                 for name, spectrum in spectra.items()
             ),

@@ -135,14 +135,14 @@ def stress_floor_section(fits: Mapping[str, FittedTest]) -> PageSection:
     return PageSection(
         key=STRESS_FLOOR_KEY,
         title="What the stress floor of the piezometer decides",
-        paragraphs=(
+        details=(
             "At zero stress the piezometer has no value. The prior file gives it a floor, "
             f"{number(floor)} {STRESS_UNIT}, that no measurement supports. Here {SOLVED_DRAWS} "
             "draws of each fit are solved again under other floors. The share of effective draws "
             "says what is left of them once each is weighed by its likelihood there: near 1 the "
             "posterior of the parameters would be the same, near 0 a fit of its own is needed.",
-            *(sentence(treatment, found) for treatment, found in effects.items()),
         ),
+        paragraphs=tuple(sentence(treatment, found) for treatment, found in effects.items()),
         tables=(table,),
         after_fits=True,
     )

@@ -1,0 +1,69 @@
+"""Technical words of a page and what they mean, shown where a reader points at one."""
+
+import re
+
+from markupsafe import Markup, escape
+
+DEFINITIONS = {
+    "posterior": "What is known about the parameters after the data: prior times likelihood.",
+    "prior": "What is known about a parameter before the data.",
+    "sd / prior sd": "Share of the prior's width that is left; near 1 the data said nothing.",
+    "R-hat": "Compares chains with each other; 1 where they agree, at most 1.01 is wanted.",
+    "effective sample size": "How many independent draws the correlated ones are worth.",
+    "effective draws": "How many equally weighted draws the weighted ones are worth.",
+    "divergences": "Trajectories of the sampler that failed where the posterior bends strongly.",
+    "treedepth": "Limit on the length of a trajectory of the sampler.",
+    "E-BFMI": "How well the sampler moves between energies; at least 0.3 is wanted.",
+    "Pareto k": "Weight of the tail of importance weights; above 0.7 they are not reliable.",
+    "elpd": "Expected log predictive density: how well unseen points are predicted, higher is "
+    "better.",
+    "log density": "Logarithm of the probability density that a fit gives to data.",
+    "weight": "Share of a fit in the mixture of fits that predicts best.",
+    "predictive band": "Where new readings are expected, noise included.",
+    "retrodictions": "Solutions of the model for single draws, without noise.",
+    "residual": "What is left when the model's response is taken from a reading.",
+    "likelihood": "Probability of the data given the parameters.",
+    "draws": "Samples of the posterior.",
+    "chains": "Independent runs of the sampler.",
+    "warm-up": "First part of a chain, in which the sampler adapts; not used.",
+    "leapfrog steps": "Steps in which the sampler follows a trajectory, one gradient each.",
+    "marginal likelihood": "Probability of the data under prior and model together.",
+    "Monte Carlo error": "Error that comes from having finitely many draws.",
+    "standard error": "Uncertainty of a number from how it scatters over the points.",
+    "half-normal": "The positive half of a normal distribution.",
+    "stress exponent": "n: power with which the steady strain rate grows with stress.",
+    "grain size exponent": "p: power with which the strain rate falls with grain size.",
+    "Maxwell modulus": "Stiffness of the spring in series: elastic strain.",
+    "Kelvin modulus": "Stiffness of the delayed, recoverable part of the strain.",
+    "Kelvin viscosity": "Viscosity that delays the recoverable part of the strain.",
+    "dashpot": "Element that flows under stress and does not come back.",
+    "piezometer": "Relation between stress and the grain size that it makes.",
+    "activation enthalpy": "How strongly the strain rate grows with temperature.",
+    "critical strain": "Strain over which grain size or fabric approach their steady state.",
+    "fabric factor": "How the crystal fabric weakens the material; 1 where there is none.",
+    "reference stress": "Stress at which undeformed material flows at the imposed rate.",
+    "reference flow rate": "Rate at which undeformed material flows under a reference stress.",
+    "tan δ": "Attenuation: tangent of the angle by which strain lags stress.",
+    "partially pooled": "A value in each test, scattered about a common centre.",
+}
+"""Definitions by term, which is looked for as it stands here or with a capital."""
+
+_TERM = re.compile(
+    "|".join(rf"\b{re.escape(term)}(?!\w)" for term in sorted(DEFINITIONS, key=len, reverse=True)),
+    re.IGNORECASE,
+)
+_BY_LOWER = {term.lower(): text for term, text in DEFINITIONS.items()}
+
+
+def with_definitions(text: str) -> Markup:
+    """Escape a text, and give the first of each technical word in it its definition."""
+    parts, seen, end = [], set(), 0
+    for found in _TERM.finditer(text):
+        term = found[0].lower()
+        if term in seen:
+            continue
+        seen.add(term)
+        parts.append(escape(text[end : found.start()]))
+        parts.append(Markup('<abbr title="{}">{}</abbr>').format(_BY_LOWER[term], found[0]))
+        end = found.end()
+    return Markup().join([*parts, escape(text[end:])])

@@ -1,0 +1,113 @@
+"""Figures on a page: their files, what stands in the page, and each caption once."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from pyburgers.common.processes import completed, number_of_processes
+from pyburgers.drawing.inline_svg import InlineSvg, glyph_library, inline_svg
+from pyburgers.drawing.page_parts import FigureText
+from pyburgers.drawing.style import write_page_images
+
+CSS_PIXELS_PER_POINT = 100 / 72
+
+
+@dataclass(frozen=True, eq=False)
+class Illustration:
+    """A figure for a page.
+
+    Attributes
+    ----------
+    text : FigureText
+        Its name, title and caption.
+    figure : Figure
+        The figure itself.
+    file : Path
+        Where it is written as PNG; beside it as SVG.
+    result : str
+        What it shows, in a sentence.
+    """
+
+    text: FigureText
+    figure: Figure
+    file: Path
+    result: str
+
+    @property
+    def anchor(self) -> str:
+        """Its anchor on the page."""
+        return f"figure-{self.file.stem}"
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A figure as it stands in a page.
+
+    Attributes
+    ----------
+    svg : InlineSvg
+        What is drawn.
+    explained_at : str
+        Anchor of the first figure of the page with the same caption, which holds the caption.
+    """
+
+    svg: InlineSvg
+    explained_at: str
+
+    @property
+    def width(self) -> int:
+        """Width on the page (CSS pixels), the same size of letters for every figure."""
+        return round(CSS_PIXELS_PER_POINT * self.svg.width)
+
+
+@dataclass(frozen=True, eq=False)
+class Pictures:
+    """All figures of a page.
+
+    Attributes
+    ----------
+    by_anchor : mapping of str to Picture
+        Figures by their anchors.
+    """
+
+    by_anchor: Mapping[str, Picture]
+
+    def of(self, illustration: Illustration) -> Picture:
+        """Return what stands in the page for a figure."""
+        return self.by_anchor[illustration.anchor]
+
+    @property
+    def glyphs(self) -> str:
+        """Letters of all figures, as elements of one of the page's definitions."""
+        return glyph_library(picture.svg for picture in self.by_anchor.values())
+
+
+def write_figures(illustrations: Sequence[Illustration], out: Path, jobs: int | None) -> Pictures:
+    """Write every figure as PNG and SVG, and return what stands in the page.
+
+    Parameters
+    ----------
+    illustrations : sequence of Illustration
+        In their order on the page.
+    out : Path
+        Folder of the page.
+    jobs : int or None
+        As for `pyburgers.report.page.write_report`.
+    """
+    calls = {one.file: (one.figure, one.file) for one in illustrations}
+    processes = number_of_processes(jobs, len(calls))
+    if processes == 1:
+        drawn: Iterable[tuple[Path, str]] = (
+            (file, write_page_images(*call)) for file, call in calls.items()
+        )
+    else:
+        drawn = completed(write_page_images, calls, processes=processes, folder=out)
+    by_file = dict(drawn)
+    found: dict[str, Picture] = {}
+    explained: dict[str, str] = {}
+    for number, one in enumerate(illustrations):
+        first = explained.setdefault(one.text.caption, one.anchor)
+        found[one.anchor] = Picture(inline_svg(by_file[one.file], f"f{number}"), first)
+    return Pictures(found)

@@ -1,0 +1,184 @@
+"""The page as a reader's browser has it: nothing fails, nothing overflows, everybody can read it.
+
+Run with `pytest -m browser`. It needs Chromium (Debian: `apt-get install chromium`), Playwright
+(`pip install 'pyburgers[browser]'`) and axe-core (`npm install --prefix tests/browser axe-core`).
+"""
+
+import importlib.util
+import os
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from synthetic_fit import make_fit
+
+from pyburgers.drawing.page_parts import PageSection
+from pyburgers.report.comparison_sections import comparison_sections
+from pyburgers.report.page import write_report
+
+pytestmark = pytest.mark.browser
+
+WIDTHS = (400, 800, 1280)
+FLAGS = (
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--disable-background-networking",
+)
+HOSTILE = "<img src=x onerror=document.title='broken'><script>document.title='broken'</script>"
+AXE = Path(os.environ.get("AXE_CORE", Path(__file__).parent / "node_modules" / "axe-core"))
+
+
+def chromium() -> str:
+    """Find a browser, or say what to install."""
+    found = os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("google-chrome")
+    if not found:
+        pytest.fail("no Chromium found: apt-get install chromium, or CHROMIUM=/path/to/it.")
+    return found
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    if importlib.util.find_spec("playwright") is None:
+        pytest.fail("Playwright is missing: pip install 'pyburgers[browser]'.")
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as driver:
+        running = driver.chromium.launch(executable_path=chromium(), args=list(FLAGS))
+        yield running
+        running.close()
+
+
+@pytest.fixture(scope="module")
+def page_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A page of two fits of the same synthetic data and a measured one, with hostile texts."""
+    folder = tmp_path_factory.mktemp("browser")
+    runs = folder / "runs"
+    fits = [
+        make_fit(runs / "first", name="A", chains=2, draws=300, divergences=5, apart=3.0),
+        make_fit(runs / "second", name="A", chains=2, draws=300),
+        make_fit(
+            runs / "a measured one",
+            name="B",
+            kind="measured",
+            chains=2,
+            draws=600,
+            material=HOSTILE,
+            metadata={HOSTILE: HOSTILE},
+            command=HOSTILE,
+        ),
+    ]
+    extra = PageSection("part", HOSTILE, (HOSTILE,), details=(HOSTILE,), alarms=(HOSTILE,))
+    return write_report(
+        fits,
+        folder / "page",
+        title=HOSTILE,
+        command=HOSTILE,
+        extras=(extra, *comparison_sections(fits)),
+    )
+
+
+class Visit:
+    """A browser tab with the page, and what it complained of."""
+
+    def __init__(self, browser: Any, file: Path, *, width: int = 1280, scheme: str = "light"):
+        self.tab = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=scheme)
+        self.complaints: list[str] = []
+        self.requests: list[str] = []
+        self.tab.on("console", lambda message: self.complaints.append(message.text))
+        self.tab.on("pageerror", lambda error: self.complaints.append(str(error)))
+        self.tab.on("request", lambda request: self.requests.append(request.url))
+        self.tab.goto(file.as_uri())
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_nothing_fails_and_nothing_overflows(browser: Any, page_file: Path, width: int) -> None:
+    visit = Visit(browser, page_file, width=width)
+    visit.tab.evaluate("document.querySelectorAll('details').forEach((one) => one.open = true)")
+    inside = visit.tab.evaluate("document.documentElement.scrollWidth")
+    title = visit.tab.title()
+    visit.tab.close()
+    assert inside <= width
+    assert visit.complaints == []
+    assert [url for url in visit.requests if not url.startswith("data:")] == [page_file.as_uri()]
+    assert title == HOSTILE  # nothing of it has run
+
+
+def test_links_of_the_contents_lead_to_what_can_be_seen(browser: Any, page_file: Path) -> None:
+    visit = Visit(browser, page_file)
+    links = visit.tab.eval_on_selector_all("a[href^='#']", "all => all.map((a) => a.hash)")
+    assert len(links) > 10
+    for link in dict.fromkeys(links):
+        visit.tab.evaluate("(to) => { location.hash = to }", link)
+        target = visit.tab.locator(f"[id='{link[1:]}']")
+        assert target.count() == 1
+        visit.tab.wait_for_function(
+            "(id) => { const at = document.getElementById(id).getBoundingClientRect();"
+            " return at.height > 0 && at.top < innerHeight && at.bottom > 0; }",
+            arg=link[1:],
+            timeout=3000,
+        )
+    visit.tab.close()
+    assert visit.complaints == []
+
+
+def test_a_figure_is_enlarged_and_put_back(browser: Any, page_file: Path) -> None:
+    visit = Visit(browser, page_file, width=400)
+    before = visit.tab.locator("main .picture svg").count()
+    picture = visit.tab.locator("main .picture svg").first
+    width = picture.bounding_box()["width"]
+    picture.click()
+    enlarged = visit.tab.locator("dialog[open] svg")
+    assert enlarged.bounding_box()["width"] > width
+    visit.tab.keyboard.press("Escape")
+    visit.tab.wait_for_selector("dialog:not([open])", state="attached")
+    assert visit.tab.locator("main .picture svg").count() == before
+    visit.tab.close()
+    assert visit.complaints == []
+
+
+def test_letters_of_figures_can_be_read_on_a_phone(browser: Any, page_file: Path) -> None:
+    visit = Visit(browser, page_file, width=400)
+    shown = visit.tab.eval_on_selector_all(
+        "main section.experiment > figure svg",
+        "all => all.map((one) => one.getBoundingClientRect().width / one.viewBox.baseVal.width)",
+    )
+    visit.tab.close()
+    assert min(shown) * 10 >= 9.0  # CSS pixels that letters of 10 points have
+
+
+def test_results_can_be_copied(browser: Any, page_file: Path) -> None:
+    visit = Visit(browser, page_file)
+    visit.tab.evaluate(
+        "() => { window.copied = []; Object.defineProperty(navigator, 'clipboard', "
+        "{ value: { writeText: async (text) => { window.copied.push(text); } } }); }"
+    )
+    section = visit.tab.locator("section.experiment").first
+    section.get_by_role("button", name="Copy CSV").click()
+    section.get_by_role("button", name="Copy LaTeX").click()
+    csv, latex = visit.tab.evaluate("window.copied")
+    visit.tab.close()
+    assert csv.startswith("symbol,quantity,unit,mean,sd")
+    assert len({line.count("\\\\") for line in latex.splitlines() if "&" in line}) == 1
+    assert latex.startswith("\\begin{tabular}{")
+    assert "$n$ & stress exponent" in latex
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [400, 1280])
+def test_rules_of_accessibility_hold(
+    browser: Any, page_file: Path, scheme: str, width: int
+) -> None:
+    script = AXE / "axe.min.js"
+    if not script.is_file():
+        pytest.fail(
+            f"{script}: not there; npm install --prefix tests/browser axe-core, or AXE_CORE=FOLDER."
+        )
+    visit = Visit(browser, page_file, width=width, scheme=scheme)
+    visit.tab.evaluate(script.read_text(encoding="utf-8"))
+    visit.tab.evaluate("document.querySelectorAll('details').forEach((one) => one.open = true)")
+    found = visit.tab.evaluate("axe.run().then((result) => result.violations)")
+    visit.tab.close()
+    assert [(one["id"], [node["html"][:120] for node in one["nodes"][:3]]) for one in found] == []

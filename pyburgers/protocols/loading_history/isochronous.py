@@ -81,7 +81,7 @@ def isochronous(fits: Sequence[FittedTest]) -> Figure:
         axes.set_xlabel(f"axial strain ({STRAIN_UNIT})")
         axes.set_ylabel(f"differential stress ({STRESS_UNIT})")
         axes.set_xlim(left=0.0)
-        axes.set_ylim(bottom=0.0)
+        axes.set_ylim(0.0, 1.1 * STRESS_FACTOR * float(stress.max()))
         axes.locator_params(nbins=6)
         axes.legend(title="after")
     return figure

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from pyburgers.checks.verdicts import verdicts
+from pyburgers.checks.fit_checks import CheckKind
 from pyburgers.common.draws import BAND, TAIL, all_draws
 from pyburgers.common.units import number, with_error
 from pyburgers.comparison.same_data import fits_alone
@@ -24,6 +24,7 @@ from pyburgers.protocols.coordinates import CENTRE, SPREAD
 from pyburgers.protocols.protocol import protocol_of
 from pyburgers.report.decades import spans_decades
 from pyburgers.report.names import joint_key, page_keys
+from pyburgers.report.overview import joint_entry
 from pyburgers.report.tables import checks_page_table
 
 
@@ -181,7 +182,8 @@ def joint_section(name: str, joint: Fit, separate: Sequence[Fit]) -> PageSection
         Fits of single tests, to be set beside it where they are of the same data.
     """
     checks, table = joint.checks(), pooling_table(joint, separate)
-    told = " ".join(verdict.sentence for verdict in verdicts(checks).values())
+    entry = joint_entry(joint_key(name), name, joint)
+    told = " ".join(line for kind in CheckKind for line in entry.doubts(kind))
     pooled = pooled_table(joint)
     astray = strayed(table)
     alarms = () if astray is None else (astray,)

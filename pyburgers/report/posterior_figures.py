@@ -81,15 +81,12 @@ NARROW = 0.12
 
 
 PRIOR_POSTERIOR_CAPTION = (
-    "Each panel shows one quantity: its prior density (grey area) and the posterior density of "
-    "every chain (coloured lines, which should lie on top of each other). The percentage gives the "
-    "posterior standard deviation as a share of the prior's: near 100 % the data say nothing about "
-    "the parameter, and its posterior is what the prior put in. Where the posterior is much "
-    "narrower than the prior, the panel shows only the part around it and states the range of the "
-    "prior (its bounds, or what holds 98 % of it). The reference stress, or in an oscillating test "
-    "the reference flow rate, has no prior of its own: it is a point of the undeformed material's "
-    "flow law, which the other priors imply. Dashed vertical lines are the true values, where data "
-    "are synthetic and they are known."
+    "Prior density (grey area) and the posterior density of every chain (coloured lines, which "
+    "should lie on top of each other). The percentage is the posterior standard deviation as a "
+    "share of the prior's: near 100 % the data say nothing. Where the posterior is much "
+    "narrower, a panel shows only the part around it and states the range of the prior. A "
+    "reference stress or flow rate has no prior of its own: the others imply it. What spans "
+    "decades is shown by its logarithm. Dashed: true values, of synthetic data."
 )
 
 
@@ -235,11 +232,10 @@ def density(
 
 RANK_CAPTION = (
     "All draws of a quantity are ranked together, then each chain's ranks are counted in equal "
-    "bins. Chains that explore the same distribution have flat histograms that stay mostly inside "
-    "the grey band (95 % of bins would, were the draws independent; autocorrelated draws wander "
-    "somewhat further). A slope or a step means that a chain sits higher or lower than the others, "
-    "a hump or a trough that it is narrower or wider. One chain alone has nothing to compare with "
-    "and is flat by construction."
+    "bins. Chains that explore the same distribution have flat histograms, mostly inside the "
+    "grey band (95 % of bins, were the draws independent). A slope or a step: a chain sits "
+    "higher or lower than the others; a hump or a trough: it is narrower or wider. One chain "
+    "alone is flat by construction."
 )
 
 
@@ -277,12 +273,10 @@ def rank(fit: FittedTest) -> Figure:
 
 
 PAIRS_CAPTION = (
-    "Joint posterior of pairs of quantities, at most 1000 draws. A round cloud means that the data "
-    "fix two quantities independently, a narrow oblique or bent one that they fix a combination "
-    "only: moving one can be made up for by the other. Divergent draws, where the sampler lost its "
-    "way in a strongly curved region, lie on top; if they gather in one place, the posterior "
-    "reaches further there than the draws show. Crosses are the true values, where data are "
-    "synthetic and they are known."
+    "Joint posterior of pairs of quantities, at most 1000 draws. A round cloud: the data fix "
+    "both independently; a narrow oblique or bent one: they fix a combination only. Divergent "
+    "draws lie on top; where they gather, the posterior reaches further than the draws show. "
+    "Crosses: true values, of synthetic data."
 )
 
 

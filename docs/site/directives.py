@@ -11,7 +11,8 @@ run shell, run python
     expected), ``lines`` (of output that are shown), ``messages`` (shows standard error, too),
     ``images`` (files to show) with ``alt``.
 example SCRIPT
-    Shows and runs a script of ``examples/`` or of ``docs/gallery/`` with ``arguments``.
+    Shows and runs a script of ``examples/`` or of ``docs/gallery/`` with ``arguments``; ``fold``
+    puts what it shows first and folds its text.
 page FOLDER
     Embeds a page that ``pyburgers report`` has written.
 file-keys NAME, all-parameters, prior-families, combinations, commands
@@ -162,7 +163,11 @@ class Example(PageDirective):
     """``example SCRIPT``."""
 
     required_arguments = 1
-    option_spec: ClassVar[dict[str, Any]] = {**Run.option_spec, "arguments": directives.unchanged}
+    option_spec: ClassVar[dict[str, Any]] = {
+        **Run.option_spec,
+        "arguments": directives.unchanged,
+        "fold": directives.flag,
+    }
 
     def run(self) -> list[nodes.Node]:
         """Run the script, show it and what it prints."""
@@ -180,11 +185,15 @@ class Example(PageDirective):
             return self.failed(str(error))
         logger.info(f"{self.env.docname}: {script.name} {result.seconds:.1f} s")
         command = " ".join(["python", self.arguments[0], *arguments])
-        return [
+        script_nodes: list[nodes.Node] = [
             self.code(script.read_text(encoding="utf-8"), "python"),
             self.code(command, "shell"),
-            *self.shown(result),
         ]
+        if "fold" not in self.options:
+            return [*script_nodes, *self.shown(result)]
+        head = f"<details><summary><code>{self.arguments[0]}</code></summary>"
+        before, after = (nodes.raw("", text, format="html") for text in (head, "</details>"))
+        return [*self.shown(result), before, *script_nodes, after]
 
 
 class EmbeddedPage(PageDirective):

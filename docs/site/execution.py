@@ -1,6 +1,7 @@
 """Commands and scripts of the documents, run in a folder of each page while the site is built."""
 
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -8,7 +9,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
-LONGEST_SECONDS = 600
+LONGEST_SECONDS = 1200
 """After which a command is given up."""
 
 
@@ -59,25 +60,28 @@ def run(command: list[str], folder: Path, expected: Collection[int] = (0,)) -> R
     environment = {**os.environ, "PATH": beside, "MPLBACKEND": "agg", "COLUMNS": "100"}
     shown = " ".join(command)
     start = time.monotonic()
-    try:
-        ended = subprocess.run(
-            command,
-            cwd=folder,
-            env=environment,
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            text=True,
-            timeout=LONGEST_SECONDS,
-        )
-    except subprocess.TimeoutExpired:
-        raise ExecutionError(f"{shown}: took longer than {LONGEST_SECONDS} s.") from None
-    if ended.returncode not in expected:
+    with subprocess.Popen(
+        command,
+        cwd=folder,
+        env=environment,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    ) as process:
+        try:
+            output, messages = process.communicate(timeout=LONGEST_SECONDS)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)  # what it has started, too
+            raise ExecutionError(f"{shown}: took longer than {LONGEST_SECONDS} s.") from None
+    if process.returncode not in expected:
         codes = " or ".join(map(str, expected))
         raise ExecutionError(
-            f"{shown}: ended with {ended.returncode}, expected {codes}; it printed:\n"
-            f"{ended.stdout}{ended.stderr}"
+            f"{shown}: ended with {process.returncode}, expected {codes}; it printed:\n"
+            f"{output}{messages}"
         )
-    return Result(ended.stdout, ended.stderr, ended.returncode, time.monotonic() - start)
+    return Result(output, messages, process.returncode, time.monotonic() - start)
 
 
 def run_shell(text: str, folder: Path, expected: Collection[int] = (0,)) -> Result:

@@ -15,7 +15,7 @@ import xarray as xr
 
 from pyburgers.common.draws import TAIL
 from pyburgers.posterior.labelled_draws import convergence_table, pareto_k, response_in
-from pyburgers.sampling.chains import ChainFailure
+from pyburgers.sampling.failures import ChainFailure
 
 
 class CheckKind(Enum):
@@ -203,7 +203,7 @@ def check_effective_sample_size(draws: CheckedDraws) -> Finding:
         table,
         f"{worst} has only {value:.0f} effectively independent draws, {ESS_LIMIT} are wanted for "
         "stable intervals",
-        "raise --draws in proportion",
+        "add draws in proportion (--more-draws, or --draws from the start)",
         unusable=value < ESS_USABLE,
     )
 

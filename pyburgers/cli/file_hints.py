@@ -94,7 +94,8 @@ def _hints_of(look: TextTable, data: Mapping[str, Any]) -> Iterator[str]:
     elif look.names is not None and not header:
         yield f"the first row holds names ({', '.join(look.names)}): remove header = false."
     said = data.get("separator", ",")
-    if len(look.columns) > 1 and (said == ",") != (look.separator == ","):
+    fits = {",": ",", " ": "whitespace", "\t": "whitespace"}
+    if len(look.columns) > 1 and fits.get(look.separator) != said:
         remedy = {
             ",": "remove the key separator from [data]",
             ";": "write commas in their place, and points in numbers",

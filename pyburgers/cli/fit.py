@@ -47,6 +47,16 @@ def add_options(command: argparse.ArgumentParser) -> None:
     )
     add_sampler_options(command)
     command.add_argument(
+        "--more-draws",
+        type=int,
+        default=0,
+        metavar="N",
+        help="add N draws to every chain of a run that is complete",
+    )
+    command.add_argument(
+        "--overwrite", action="store_true", help="replace a run of other inputs in --out"
+    )
+    command.add_argument(
         "--tolerance",
         type=float,
         help=f"of the ODE solver{by_protocol(lambda one: one.solver.tolerance)}",
@@ -79,6 +89,8 @@ def run(options: argparse.Namespace) -> int:
         "solver": None if options.tolerance is None else SolverOptions(tolerance=options.tolerance),
         "use_likelihood": not options.prior_only,
         "command": command_line(),
+        "more_draws": options.more_draws,
+        "overwrite": options.overwrite,
     }
     result = fit(experiments, priors, pool=pool, **settings)
     table = (

@@ -29,8 +29,9 @@ LEAST_MEMORY = 600_000_000
 COMMANDS = {
     "doctor": "what is installed, what is missing",
     "install-cmdstan": "get and build CmdStan",
-    "fit": "fit an experiment, or several in a joint fit",
+    "new": "an experiment file for a text file of readings, after asking",
     "check-file": "all that is wrong with an input file, and hints",
+    "fit": "fit an experiment, or several in a joint fit",
     "check": "the checks of a run again",
     "simulate": "forward solution at given parameters",
     "predict": "what a fit says about other experiments",

@@ -82,6 +82,47 @@ def read_draws(files: Sequence[Path]) -> Draws:
     return Draws(stanio.parse_header(header), np.stack(values))
 
 
+@dataclass(frozen=True, eq=False)
+class Adaptation:
+    """What a chain has adapted to while it warmed up.
+
+    Attributes
+    ----------
+    step_size : float
+        Step size.
+    metric : array, shape (n, n)
+        Inverse mass matrix.
+    """
+
+    step_size: float
+    metric: FloatArray
+
+
+OFF_DIAGONAL = 1 - 1e-4
+"""Factor on the elements of a metric off its diagonal: files have six digits, which may leave a
+matrix that is not positive definite; with any that is, the draws are of the same posterior."""
+
+
+def adaptation_of(file: Path) -> Adaptation:
+    """Read the step size and the dense metric that a chain has ended its warm-up with."""
+    with file.open(encoding="utf-8") as lines:
+        comments = [line[1:].strip() for line in lines if line.startswith("#")]
+    sizes = [line for line in comments if line.startswith("Step size = ")]
+    first = comments.index("Elements of inverse mass matrix:") + 1
+    n = comments[first].count(",") + 1
+    metric = np.array([line.split(",") for line in comments[first : first + n]], dtype=np.float64)
+    weights = np.where(np.eye(n, dtype=bool), 1.0, OFF_DIAGONAL)
+    return Adaptation(float(sizes[0].partition("= ")[2]), weights * (metric + metric.T) / 2)
+
+
+def join_draws(first: Path, second: Path, joined: Path) -> None:
+    """Write a file of draws, with all else in it, that goes on with the draws of another."""
+    lines = first.read_text(encoding="utf-8").splitlines(keepends=True)
+    end = max(k for k, line in enumerate(lines) if not line.startswith("#")) + 1
+    more = _table(second)[1:]
+    joined.write_text("".join([*lines[:end], *more, *lines[end:]]), encoding="utf-8")
+
+
 def rows_of_draws(file: Path) -> int:
     """Return how many draws there are in a file."""
     return len(_table(file)) - 1

@@ -84,11 +84,12 @@ def look_at(path: Path) -> TextTable:
     rows = [(number, _cells(line, separator)) for number, line in content]
     names = None
     if rows and not any(as_number(cell) is not None for cell in rows[0][1]):
-        names = rows.pop(0)[1]
+        names = _header(content[0][1], separator)
+        rows.pop(0)
     hidden = None
     if names is None and rows:
         before = [line for number, line in lines if number < rows[0][0] and _is_comment(line)]
-        found = _cells(before[-1].lstrip().lstrip(COMMENT), separator) if before else ()
+        found = _header(before[-1].lstrip().lstrip(COMMENT), separator) if before else ()
         if len(found) == len(rows[0][1]) and not any(as_number(cell) is not None for cell in found):
             hidden = found
     return TextTable(path, separator, names, hidden, tuple(rows))
@@ -107,6 +108,13 @@ def as_number(cell: str) -> float | None:
     except ValueError:
         return None
     return value if math.isfinite(value) else None
+
+
+def _header(line: str, separator: str) -> tuple[str, ...]:
+    """Return the names in a line; of names between white space a unit in brackets is a part."""
+    if separator == " ":
+        return tuple(re.findall(r"\S+(?:\s+[(\[][^)\]]*[)\]])?", line))
+    return _cells(line, separator)
 
 
 def _is_comment(line: str) -> bool:

@@ -1,31 +1,21 @@
-"""Fit one or several tests: run, gather, check, and keep it all in a run directory."""
+"""Fit one or several tests, and what a finished fit says of each."""
 
 import logging
 import shutil
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Self, TypeVar
+from typing import Any, Self
 
 import pandas as pd
 import xarray as xr
 
-from pyburgers.checks.fit_checks import (
-    CheckedDraws,
-    CheckKind,
-    CheckResult,
-    Outcome,
-    check_solver,
-    run_checks,
-)
+from pyburgers.checks.fit_checks import Outcome, check_solver
 from pyburgers.checks.prior_influence import Influence, conflict_sentence, prior_influence
-from pyburgers.checks.registry import CHECKS
-from pyburgers.checks.verdicts import Verdict, verdicts, verdicts_record
-from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.errors import InputError, nearest
 from pyburgers.fitting.new_test import Source
 from pyburgers.fitting.prediction import Prediction, predict_test
+from pyburgers.fitting.sampled_fit import SampledFit, write_tables
 from pyburgers.model.pooling import SEPARATE, pooling_from, pooling_of
 from pyburgers.model.priors import PriorSet, load_priors, note_other_material
 from pyburgers.model.variants import ModelVariant, variant_of
@@ -35,7 +25,6 @@ from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.problem import Problem, problem_of
 from pyburgers.protocols.protocol import load_experiment
 from pyburgers.protocols.stan_data import SolverOptions
-from pyburgers.sampling.chains import ChainFailure, missing_chains
 from pyburgers.sampling.manifest import FitManifest
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run import run_chains, tighten_solver
@@ -45,99 +34,6 @@ logger = logging.getLogger(__name__)
 
 MAX_REFITS = 2
 """Times that a run is repeated at a tighter tolerance of the solver."""
-
-
-@dataclass(frozen=True, eq=False)
-class SampledFit(ABC):
-    """A finished run of chains: a fit of one test, of several, or of a table of peak stresses.
-
-    Attributes
-    ----------
-    directory : RunDirectory
-        Where its files are.
-    posterior : DataTree
-        Labelled draws.
-    manifest : dict
-        Command, seeds, versions, hashes, wall times.
-    """
-
-    directory: RunDirectory
-    posterior: xr.DataTree
-    manifest: dict[str, Any]
-
-    @abstractmethod
-    def summary(self) -> pd.DataFrame:
-        """Table of the sampled quantities in SI units."""
-
-    def checks(self) -> tuple[CheckResult, ...]:
-        """Return what the checks found (`pyburgers.checks.registry.CHECKS`).
-
-        Draws of the prior alone describe no data, so they are checked for their sampling.
-        """
-        fitted = self.manifest["use_likelihood"]
-        asked = [one for one in CHECKS if fitted or one.kind is CheckKind.SAMPLING]
-        return run_checks(self.checked_draws, asked)
-
-    def verdicts(self) -> dict[CheckKind, Verdict]:
-        """Return both: was the posterior sampled well, does the model describe the data."""
-        return verdicts(self.checks())
-
-    @property
-    def sampled_well(self) -> Outcome:
-        """Whether the posterior was sampled well."""
-        return self.verdicts()[CheckKind.SAMPLING].outcome
-
-    @property
-    def describes_data(self) -> Outcome:
-        """Whether the model describes the data."""
-        return self.verdicts()[CheckKind.DESCRIPTION].outcome
-
-    @property
-    def checked_draws(self) -> CheckedDraws:
-        """What the checks look at."""
-        limit = self.manifest["sampler"]["max_treedepth"]
-        return CheckedDraws(self.posterior, self.missing_chains(), limit)
-
-    def missing_chains(self) -> tuple[ChainFailure, ...]:
-        """Return the chains that were asked for and are not there, and why."""
-        return missing_chains(
-            self.posterior["posterior"]["chain"].to_numpy().tolist(), self.manifest
-        )
-
-
-AnyFit = TypeVar("AnyFit", bound=SampledFit)
-
-
-def sample_until_solved(sample: Callable[[], AnyFit], run: RunDirectory) -> AnyFit:
-    """Sample, and again at a tighter tolerance of the solver where its check fails.
-
-    Parameters
-    ----------
-    sample : callable
-        Runs missing chains and loads the fit.
-    run : RunDirectory
-        Where they are.
-    """
-    while True:
-        result = sample()
-        check = check_solver(result.checked_draws)
-        n_refits = len(result.manifest["refits"])
-        if check.outcome is not Outcome.NO or n_refits == MAX_REFITS or result.missing_chains():
-            return result
-        tight = tighten_solver(run, float(check.table["pareto_k"].iloc[0]))
-        logger.info(f"{check.sentence} Sampling all chains again at a tolerance of {tight:g}.")
-
-
-def write_tables(result: SampledFit) -> None:
-    """Save the table and the verdicts, and note in the manifest that the run is complete."""
-    run = result.directory
-    write_text(run.summary_file, result.summary().to_csv())
-    record = verdicts_record(result.checks())
-    if isinstance(result, Fit):
-        record["prior_conflicts"] = list(result.prior_conflicts())
-    write_json(run.checks_file, record)
-    if not result.missing_chains():
-        run.update_manifest({"status": "complete"})
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,6 +127,10 @@ class Fit(SampledFit):
         """Return a sentence for each test in which prior and data disagree."""
         said = {name: conflict_sentence(found) for name, found in self.influences().items()}
         return tuple(f"{name}: {text}" for name, text in said.items() if text is not None)
+
+    def checks_record(self) -> dict[str, Any]:
+        """Return verdicts, checks, and what prior and data disagree about."""
+        return {**super().checks_record(), "prior_conflicts": list(self.prior_conflicts())}
 
     def predict(
         self,
@@ -326,6 +226,8 @@ def fit(
     solver: SolverOptions | None = None,
     use_likelihood: bool = True,
     command: str = "pyburgers.fit(...)",
+    more_draws: int = 0,
+    overwrite: bool = False,
 ) -> Fit:
     """Fit the nonlinear Burgers model to a test, or to several of one material.
 
@@ -352,6 +254,10 @@ def fit(
         False samples the prior predictive distribution with the same program.
     command : str
         What regenerates the run, for the manifest.
+    more_draws : int
+        Draws that are added to every chain of a run that has all that was asked for before.
+    overwrite : bool
+        Whether a run of other inputs in `out` is removed; without it that is an error.
 
     Returns
     -------
@@ -376,6 +282,8 @@ def fit(
         solver=solver,
         use_likelihood=use_likelihood,
         command=command,
+        more_draws=more_draws,
+        overwrite=overwrite,
     )
 
 
@@ -419,6 +327,8 @@ def fit_problem(
     solver: SolverOptions | None = None,
     use_likelihood: bool = True,
     command: str,
+    more_draws: int = 0,
+    overwrite: bool = False,
 ) -> Fit:
     """Fit what a problem holds.
 
@@ -426,12 +336,13 @@ def fit_problem(
     ----------
     problem : Problem
         Tests, priors, pooling.
-    out, options, solver, use_likelihood, command
+    out, options, solver, use_likelihood, command, more_draws, overwrite
         As for `fit`, which says what is returned and raised.
     """
     run = RunDirectory(Path(out))
 
     def sample() -> Fit:
+        nonlocal more_draws
         run_chains(
             problem,
             run.path,
@@ -439,9 +350,32 @@ def fit_problem(
             solver=solver or problem.protocol.solver,
             use_likelihood=use_likelihood,
             command=command,
+            more_draws=more_draws,
+            overwrite=overwrite,
         )
+        more_draws = 0  # chains that are run again get the same number
         return Fit.load(run.path)
 
-    result = sample_until_solved(sample, run)
+    result = _sample_until_solved(sample, run)
     write_tables(result)
     return replace(result, manifest=run.read_manifest())
+
+
+def _sample_until_solved(sample: Callable[[], Fit], run: RunDirectory) -> Fit:
+    """Sample, and again at a tighter tolerance of the solver where its check fails.
+
+    Parameters
+    ----------
+    sample : callable
+        Runs missing chains and loads the fit.
+    run : RunDirectory
+        Where they are.
+    """
+    while True:
+        result = sample()
+        check = check_solver(result.checked_draws)
+        n_refits = len(result.manifest["refits"])
+        if check.outcome is not Outcome.NO or n_refits == MAX_REFITS or result.missing_chains():
+            return result
+        tight = tighten_solver(run, float(check.table["pareto_k"].iloc[0]))
+        logger.info(f"{check.sentence} Sampling all chains again at a tolerance of {tight:g}.")

@@ -20,7 +20,7 @@ from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.atomic_files import write_json
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError
-from pyburgers.fitting.fit import SampledFit, write_tables
+from pyburgers.fitting.sampled_fit import SampledFit, write_tables
 from pyburgers.flow_law_tables.inputs import (
     FLOW_LAW_PARAMETERS,
     PeakStressData,

@@ -150,6 +150,7 @@ def keep_posterior(
         "data_kind": data_kind,
         "fingerprint": run.read_manifest()["fingerprint"],
         "chains": json.dumps(list(run.finished_chains())),
+        "extensions": run.n_extensions(),
     }
     if clock is not None:
         for test in tree[TESTS].children.values() if TESTS in tree.children else (tree,):
@@ -163,12 +164,14 @@ def keep_posterior(
 
 
 def load_posterior(run: RunDirectory) -> xr.DataTree | None:
-    """Labelled draws of a run, or None where they are not complete or lack a finished chain."""
+    """Labelled draws of a run, or None where they are not complete or lack finished draws."""
     if not run.posterior_file.is_file() or run.read_manifest().get("posterior_sha256") is None:
         return None
     with xr.open_datatree(run.posterior_file, engine="h5netcdf") as opened:
         tree = opened.load()
     if json.loads(tree.attrs["chains"]) != list(run.finished_chains()):
+        return None
+    if tree.attrs.get("extensions") != run.n_extensions():
         return None
     return tree
 

@@ -4,20 +4,23 @@ import logging
 import re
 import shutil
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from multiprocessing import parent_process
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TextIO
 
+import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from pyburgers.cmdstan.draw_files import read_draws
+from pyburgers.cmdstan.draw_files import adaptation_of, join_draws, read_draws
 from pyburgers.cmdstan.program import Program
-from pyburgers.common.atomic_files import write_text
+from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.processes import Running, cores, side_by_side
+from pyburgers.common.toml_files import read_json
+from pyburgers.sampling.failures import ChainFailure
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run_directory import RunDirectory
 
@@ -142,51 +145,24 @@ FIRST_STEP = 0.1
 """First step size where the first metric fits the posterior."""
 
 
+DIGITS = 12
+"""Of the numbers in the files of chains."""
+
+
 @dataclass(frozen=True)
-class ChainFailure:
-    """A chain that did not finish.
+class Extension:
+    """Draws that finished chains are extended by.
 
     Attributes
     ----------
-    chain : int
-        Identifier.
-    reason : str
-        What ended it, where, and what to try, as one sentence.
-    by_system : bool
-        Whether the system killed it or the disk was full: another try may end well.
+    number : int
+        Which extension it is, from 1.
+    draws : int
+        How many draws each chain gets.
     """
 
-    chain: int
-    reason: str
-    by_system: bool = False
-
-
-def missing_chains(
-    finished: Iterable[int], manifest: Mapping[str, Any]
-) -> tuple[ChainFailure, ...]:
-    """Return the chains that a run was asked for and does not have, and why.
-
-    Parameters
-    ----------
-    finished : iterable of int
-        Chains that are there.
-    manifest : mapping
-        Of the run.
-    """
-    there = set(finished)
-    noted = {failure["chain"]: ChainFailure(**failure) for failure in manifest["failures"]}
-    return tuple(
-        noted.get(
-            chain,
-            ChainFailure(
-                chain,
-                f"Chain {chain} has not run to its end because the run was stopped; run the "
-                "same command again: it runs only the missing chains.",
-            ),
-        )
-        for chain in range(1, manifest["sampler"]["chains"] + 1)
-        if chain not in there
-    )
+    number: int
+    draws: int
 
 
 def run_side_by_side(
@@ -194,6 +170,7 @@ def run_side_by_side(
     run: RunDirectory,
     chains: Sequence[int],
     options: SamplerOptions,
+    extension: Extension | None = None,
 ) -> tuple[ChainFailure, ...]:
     """Run chains side by side, as many as the options say; stop them all on an interrupt.
 
@@ -207,6 +184,8 @@ def run_side_by_side(
         Their identifiers.
     options : SamplerOptions
         Settled settings.
+    extension : Extension, optional
+        What finished chains go on with; without it they start.
 
     Returns
     -------
@@ -222,22 +201,29 @@ def run_side_by_side(
 
     def starting() -> Iterator[Running]:
         for chain in chains:
-            one = _start_chain(model, run, chain, options)
+            one = (
+                _start_chain(model, run, chain, options)
+                if extension is None
+                else _continue_chain(model, run, chain, options, extension)
+            )
             active[one.running] = one
             yield one.running
 
     failures: list[ChainFailure | None] = []
     at_once, limit = options.parallel_chains or cores(), options.chain_timeout
+    total = extension.draws if extension else options.warmup_iterations + options.draws
     try:
         with (
-            shown_progress(chains, options.warmup_iterations + options.draws) as advance,
+            shown_progress(chains, total) as advance,
             closing(side_by_side(starting(), at_once=at_once, limit=limit)) as looks,
         ):
             for running, ended in looks:
                 for one in (active[process] for process in running):
                     for iteration, phase in one.console.new_iterations():
                         advance(one.identifier, iteration, phase)
-                failures += [_keep_chain(run, active[process], options.draws) for process in ended]
+                failures += [
+                    _keep_chain(run, active[process], options.draws, extension) for process in ended
+                ]
     except BaseException:
         run.update_manifest({"status": "interrupted"})
         raise
@@ -280,14 +266,49 @@ def _start_chain(
         output=run.new_scratch() / "draws.csv",
         seed=options.seed,
         chain=chain,
-        digits=12,
+        digits=DIGITS,
         output_options=[f"refresh={max(1, total // 100)}"],
     )
     return _Chain(chain, running, ConsoleFile(running.console))
 
 
-def _keep_chain(run: RunDirectory, one: _Chain, n_draws: int) -> ChainFailure | None:
+def _continue_chain(
+    program: Program, run: RunDirectory, chain: int, options: SamplerOptions, extension: Extension
+) -> _Chain:
+    """Start a finished chain again where it ended, with its step size and metric."""
+    before = run.draws_file(chain, extension.number - 1)
+    scratch = run.new_scratch()
+    adapted, start = adaptation_of(before), scratch / "start.json"
+    names = read_json(run.initial_values_file(chain))
+    last = read_draws([before])
+    write_json(start, {name: last[name][0, -1].tolist() for name in names})
+    write_json(scratch / "metric.json", {"inv_metric": adapted.metric.tolist()})
+    seeds = np.random.SeedSequence([options.seed, extension.number])
+    running = program.start(
+        [
+            "method=sample",
+            *(f"num_samples={extension.draws}", "num_warmup=0"),
+            *("algorithm=hmc", "engine=nuts", f"max_depth={options.max_treedepth}"),
+            *(f"stepsize={adapted.step_size!r}", "metric=dense_e"),
+            f"metric_file={scratch / 'metric.json'}",
+            *("adapt", "engaged=0"),
+        ],
+        data=run.stan_data_file,
+        init=start,
+        output=scratch / "draws.csv",
+        seed=int(seeds.generate_state(1)[0] >> 1),
+        chain=chain,
+        digits=DIGITS,
+        output_options=[f"refresh={max(1, extension.draws // 100)}"],
+    )
+    return _Chain(chain, running, ConsoleFile(running.console))
+
+
+def _keep_chain(
+    run: RunDirectory, one: _Chain, n_draws: int, extension: Extension | None = None
+) -> ChainFailure | None:
     """Move a chain that has ended into place if it is complete; else say what ended it."""
+    n_draws = extension.draws if extension else n_draws
     running = one.running
     scratch = running.console.parent
     if running.failed:
@@ -301,9 +322,17 @@ def _keep_chain(run: RunDirectory, one: _Chain, n_draws: int) -> ChainFailure | 
         return _explain_failure(run, one, f"found {found}, expected {n_draws}")
     finished = scratch / "finished"
     finished.mkdir()
-    (scratch / "draws.csv").rename(finished / "draws.csv")
+    seconds, number = running.seconds, 0
+    if extension is None:
+        (scratch / "draws.csv").rename(finished / "draws.csv")
+    else:
+        number = extension.number
+        before = run.draws_file(one.identifier, number - 1)
+        join_draws(before, scratch / "draws.csv", finished / "draws.csv")
+        timing = read_json(run.timing_file(one.identifier, number - 1))
+        seconds += float(timing["wall_seconds"])
     running.console.rename(finished / "console.txt")
-    run.keep_chain(one.identifier, finished, wall_seconds=running.seconds)
+    run.keep_chain(one.identifier, finished, wall_seconds=seconds, extension=number)
     shutil.rmtree(scratch)
     return None
 

@@ -16,6 +16,7 @@ class ChainRecord(Entries):
 
     wall_seconds: float = Field(description="how long the chain took, in s")
     sha256: str = Field(description="hash of its draws.csv")
+    extension: int = Field(0, ge=0, description="how often the chain was extended")
 
 
 class RecordedHashes(Entries):
@@ -89,6 +90,8 @@ class FitManifest(RunManifest):
 
     experiments: list[str] = Field(min_length=1, description="names of the tests")
     pooling: PoolingRecord = Field(description="what tests share")
+    variant: dict[str, str] = Field({}, description="law of each part of the model")
     solver: _Solver = Field(description="settings of the solver")
+    more_draws: list[int] = Field([], description="draws by which chains were extended")
     refits: list[_Refit] = Field(description="runs that were put aside")
     coordinates: _Coordinates = Field(description="coordinates of the sampler")

@@ -19,7 +19,7 @@ from pyburgers.common.atomic_files import (
     write_atomically,
     write_json,
 )
-from pyburgers.common.errors import SamplingError, SystemFailureError, ToolchainError
+from pyburgers.common.errors import InputError, SamplingError, SystemFailureError, ToolchainError
 from pyburgers.common.toml_files import read_json
 from pyburgers.model.priors import save_priors
 from pyburgers.model.variants import variant_of
@@ -27,8 +27,10 @@ from pyburgers.protocols.problem import Problem
 from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.protocol import save_experiment
 from pyburgers.protocols.stan_data import SolverOptions, StanData
-from pyburgers.sampling.chains import ChainFailure, run_side_by_side
+from pyburgers.sampling.chains import Extension, run_side_by_side
+from pyburgers.sampling.changes import Wanted, refusal
 from pyburgers.sampling.charts import ChosenChart, check_coordinates, choose_chart
+from pyburgers.sampling.failures import ChainFailure
 from pyburgers.sampling.options import INDECISIVE, SamplerOptions
 from pyburgers.sampling.run_directory import RunDirectory
 from pyburgers.sampling.starts import draw_initial_values, draw_start_around, find_mode
@@ -65,6 +67,8 @@ def run_chains(
     solver: SolverOptions,
     use_likelihood: bool,
     command: str,
+    more_draws: int = 0,
+    overwrite: bool = False,
 ) -> tuple[ChainFailure, ...]:
     """Run the chains that a run directory lacks and record everything in it.
 
@@ -80,6 +84,10 @@ def run_chains(
         False samples the prior.
     command : str
         What regenerates the run, for the manifest.
+    more_draws : int
+        Draws by which every chain is extended, see `complete_chains`.
+    overwrite : bool
+        Whether a run of other inputs in the directory is removed.
 
     Returns
     -------
@@ -101,6 +109,11 @@ def run_chains(
     run = RunDirectory(directory)
     model = load_program(problem.protocol.program)
     identity = fingerprint(data, options, model.key)
+    wanted = Wanted(problem, options, solver, use_likelihood)
+    if run.manifest_file.is_file() and run.read_manifest().get("fingerprint") != identity:
+        if not overwrite:
+            raise InputError(refusal(run, wanted))
+        run.clear(identity)
     with run.claimed(identity):
         _write_inputs(run, problem)
         if not run.stan_data_file.is_file():
@@ -131,7 +144,11 @@ def run_chains(
             }
         )
         return complete_chains(
-            model, run, options, lambda chain: _draw_start(model, run, problem, options.seed, chain)
+            model,
+            run,
+            options,
+            lambda chain: _draw_start(model, run, problem, options.seed, chain),
+            more_draws=more_draws,
         )
 
 
@@ -140,6 +157,8 @@ def complete_chains(
     run: RunDirectory,
     options: SamplerOptions,
     draw_start: Callable[[int], dict[str, list[float]]],
+    *,
+    more_draws: int = 0,
 ) -> tuple[ChainFailure, ...]:
     """Run the chains that a claimed run directory lacks and note in its manifest how they ended.
 
@@ -153,6 +172,10 @@ def complete_chains(
         Settled settings.
     draw_start : callable
         Start of a chain, by its identifier; called where the directory has none.
+    more_draws : int
+        Draws by which every chain is extended, unless an earlier extension is not complete: then
+        that is completed. An extension goes on where the chains ended, with their step size and
+        metric; the draws that are there stay as they are.
 
     Returns
     -------
@@ -176,6 +199,7 @@ def complete_chains(
         if not run.initial_values_file(chain).is_file():
             write_json(run.initial_values_file(chain), draw_start(chain))
     failures = run_side_by_side(model, run, missing, options) if missing else ()
+    failures += _extend_chains(model, run, options, more_draws)
     run.update_manifest(
         {
             "status": "chains missing" if failures else "sampled",
@@ -187,6 +211,31 @@ def complete_chains(
         kind = SystemFailureError if all(one.by_system for one in failures) else SamplingError
         raise kind(f"No chain finished: {failures[0].reason}")
     return failures
+
+
+def _extend_chains(
+    model: Program, run: RunDirectory, options: SamplerOptions, more_draws: int
+) -> tuple[ChainFailure, ...]:
+    """Extend the finished chains as often as was asked for, now or before."""
+    asked = list(run.read_manifest().get("more_draws", []))
+    if more_draws and run.n_extensions() == len(asked):
+        asked.append(more_draws)
+        run.update_manifest({"more_draws": asked})
+    for number, draws in enumerate(asked, start=1):
+        chains = [
+            chain
+            for chain in run.finished_chains()
+            if not run.extended_folder(chain, number).is_dir()
+        ]
+        if not chains:
+            continue
+        logger.info(f"Extending {len(chains)} chains by {draws} draws.")
+        failures = run_side_by_side(model, run, chains, options, Extension(number, draws))
+        for failure in failures:
+            logger.warning(failure.reason)
+        if failures:
+            return failures
+    return ()
 
 
 def tighten_solver(run: RunDirectory, pareto_k: float) -> float:

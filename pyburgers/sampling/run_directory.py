@@ -26,8 +26,21 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import TableT, checked, read_json, read_json_table
 from pyburgers.sampling.manifest import ChainRecord, RecordedHashes
 
+PATIENCE = 120.0
+"""How long a process that shares a directory waits for the others (s)."""
+
 FOLDERS = ("inputs", "initial_values", "chains")
 """Folders of the run directory of a fit."""
+
+WRITTEN = frozenset(
+    {
+        *FOLDERS,
+        *("failures", "leave_out", "superseded", ".scratch"),
+        *("stan_data.json", "metric.json", "checks.json"),
+        *("posterior.nc", "summary.csv"),
+    }
+)
+"""What a fit writes into its run directory beside its manifest."""
 
 
 @dataclass(frozen=True)
@@ -94,17 +107,30 @@ class RunDirectory:
         """Folder of one finished chain; it exists only when the chain is complete."""
         return self.path / "chains" / f"chain_{chain}"
 
-    def draws_file(self, chain: int) -> Path:
+    def extended_folder(self, chain: int, extension: int) -> Path:
+        """Folder of a finished chain with its draws up to an extension (0: as it first ended)."""
+        folder = self.chain_folder(chain)
+        return folder / f"extended_{extension}" if extension else folder
+
+    def draws_file(self, chain: int, extension: int = 0) -> Path:
         """CmdStan's CSV of one finished chain."""
-        return self.chain_folder(chain) / "draws.csv"
+        return self.extended_folder(chain, extension) / "draws.csv"
 
     def draws_files(self) -> list[Path]:
-        """Those of all finished chains, in order."""
-        return [self.draws_file(chain) for chain in self.finished_chains()]
+        """Those of all finished chains, in order, with the draws that all of them have."""
+        extension = self.n_extensions()
+        return [self.draws_file(chain, extension) for chain in self.finished_chains()]
 
-    def timing_file(self, chain: int) -> Path:
+    def timing_file(self, chain: int, extension: int = 0) -> Path:
         """Wall time of one finished chain and hash of its draws."""
-        return self.chain_folder(chain) / "timing.json"
+        return self.extended_folder(chain, extension) / "timing.json"
+
+    def n_extensions(self) -> int:
+        """Return how often all finished chains were extended."""
+        extension, chains = 0, self.finished_chains()
+        while chains and all(self.extended_folder(one, extension + 1).is_dir() for one in chains):
+            extension += 1
+        return extension
 
     def failure_file(self, chain: int) -> Path:
         """Console of the last failed attempt at one chain."""
@@ -139,9 +165,11 @@ class RunDirectory:
         InputError
             If the file in which a chain noted them was damaged.
         """
+        extension = self.n_extensions()
+        files = {chain: self.timing_file(chain, extension) for chain in self.finished_chains()}
         return {
-            str(chain): read_json_table(self.timing_file(chain), ChainRecord).model_dump()
-            for chain in self.finished_chains()
+            str(chain): read_json_table(file, ChainRecord).model_dump()
+            for chain, file in files.items()
         }
 
     def read_manifest(self, structure: type[TableT] | None = None) -> dict[str, Any]:
@@ -186,10 +214,14 @@ class RunDirectory:
         """
         recorded = checked(self.manifest_file, self.read_manifest(), RecordedHashes)
         expected = [(self.path / name, found) for name, found in recorded.hashes.items()]
-        for chain, own in self.chain_records().items():
-            expected.append((self.draws_file(int(chain)), own["sha256"]))
-            if chain in recorded.chains:
-                expected.append((self.draws_file(int(chain)), recorded.chains[chain].sha256))
+        for chain, file in zip(self.finished_chains(), self.draws_files(), strict=True):
+            for extension in range(self.n_extensions() + 1):
+                own = read_json_table(self.timing_file(chain, extension), ChainRecord)
+                expected.append((self.draws_file(chain, extension), own.sha256))
+            # Of a run that was killed after it had extended its chains the manifest has the old.
+            record = recorded.chains.get(str(chain))
+            if record is not None and record.extension == self.n_extensions():
+                expected.append((file, record.sha256))
         if self.posterior_file.is_file() and recorded.posterior_sha256 is not None:
             expected.append((self.posterior_file, recorded.posterior_sha256))
         wrong = []
@@ -221,7 +253,7 @@ class RunDirectory:
 
     @contextmanager
     def claimed(
-        self, fingerprint: str, folders: Sequence[str] = FOLDERS, *, patience: float = 0.0
+        self, fingerprint: str, folders: Sequence[str] = FOLDERS, *, shared: bool = False
     ) -> Iterator[None]:
         """Hold the directory for a run with these inputs, new or to be continued.
 
@@ -233,8 +265,9 @@ class RunDirectory:
             Hash of everything that decides the draws.
         folders : sequence of str
             Folders to make in it.
-        patience : float
-            How long to wait for another process that holds it (s).
+        shared : bool
+            Whether others with the same inputs may be at work in it: it is waited for, and nothing
+            in it is cleared.
 
         Raises
         ------
@@ -243,14 +276,15 @@ class RunDirectory:
             the run has changed, or another process runs here.
         """
         self._refuse_others(fingerprint)
-        with self._locked(patience):
+        with self._locked(PATIENCE if shared else 0.0):
             # Another process may have come first.
             self._refuse_others(fingerprint)
-            self._prepare(fingerprint, folders)
+            self._prepare(fingerprint, folders, clear=not shared)
             try:
                 yield
             finally:
-                shutil.rmtree(self._scratch, ignore_errors=True)
+                if not shared:
+                    shutil.rmtree(self._scratch, ignore_errors=True)
 
     def _refuse_others(self, fingerprint: str) -> None:
         """Raise where the directory holds something else; nothing is written."""
@@ -296,8 +330,8 @@ class RunDirectory:
         finally:
             lock.release()
 
-    def _prepare(self, fingerprint: str, folders: Sequence[str]) -> None:
-        """Make the folders and remove what killed attempts left behind."""
+    def _prepare(self, fingerprint: str, folders: Sequence[str], *, clear: bool) -> None:
+        """Make the folders, and remove what killed attempts left behind."""
         try:
             if not self.manifest_file.is_file():
                 # Before everything else, so that a run killed early is known as ours.
@@ -307,12 +341,40 @@ class RunDirectory:
             self.update_manifest({"hashes": {}, "chains": self.chain_records()})
             for folder in folders:
                 (self.path / folder).mkdir(exist_ok=True)
-            # What cannot be removed is in nobody's way: it is never read.
-            shutil.rmtree(self._scratch, ignore_errors=True)
-            for leftover in self.path.rglob(f"{UNFINISHED}*"):
-                leftover.unlink()
+            if clear:
+                # What cannot be removed is in nobody's way: it is never read.
+                shutil.rmtree(self._scratch, ignore_errors=True)
+                for leftover in self.path.rglob(f"{UNFINISHED}*"):
+                    leftover.unlink()
         except OSError as error:
             raise InputError(f"{self.path}: cannot be written ({error.strerror}).") from error
+
+    def clear(self, fingerprint: str) -> None:
+        """Remove the run, and nothing else that may lie in the directory, to make place for one.
+
+        Parameters
+        ----------
+        fingerprint : str
+            Of the run that comes.
+
+        Raises
+        ------
+        InputError
+            If another process runs here, or files cannot be removed.
+        """
+        with self._locked(0.0):
+            try:
+                for entry in self.path.iterdir():
+                    if entry.name not in WRITTEN and not entry.name.startswith(UNFINISHED):
+                        continue
+                    if entry.is_dir() and not entry.is_symlink():
+                        shutil.rmtree(entry)
+                    else:
+                        entry.unlink()
+                # Until here the manifest says what is left of the old run.
+                write_json(self.manifest_file, {"fingerprint": fingerprint, "status": "claimed"})
+            except OSError as error:
+                raise InputError(f"{self.path}: cannot be removed ({error.strerror}).") from error
 
     @property
     def _scratch(self) -> Path:
@@ -347,13 +409,19 @@ class RunDirectory:
             file.unlink(missing_ok=True)
         return aside.relative_to(self.path).as_posix()
 
-    def keep_chain(self, chain: int, finished: Path, *, wall_seconds: float) -> None:
+    def keep_chain(
+        self, chain: int, finished: Path, *, wall_seconds: float, extension: int = 0
+    ) -> None:
         """Note a finished chain in its folder and move that into place, all files at once."""
-        record = {"wall_seconds": wall_seconds, "sha256": sha256_of_file(finished / "draws.csv")}
+        record = {
+            "wall_seconds": wall_seconds,
+            "sha256": sha256_of_file(finished / "draws.csv"),
+            "extension": extension,
+        }
         write_json(finished / "timing.json", record)
         for file in finished.iterdir():
             flush_to_disk(file)
-        finished.rename(self.chain_folder(chain))
+        finished.rename(self.extended_folder(chain, extension))
         flush_to_disk(self.path / "chains")
 
 

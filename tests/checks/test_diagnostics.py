@@ -23,7 +23,7 @@ from pyburgers.checks.fit_checks import (
 )
 from pyburgers.checks.registry import CHECKS
 from pyburgers.posterior.labelled_draws import DRIVING_ERRORS, convergence_table, free_parameters
-from pyburgers.sampling.chains import ChainFailure
+from pyburgers.sampling.failures import ChainFailure
 
 FloatArray = npt.NDArray[np.float64]
 CHAINS, DRAWS, POINTS = 4, 500, 60

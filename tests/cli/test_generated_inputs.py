@@ -217,10 +217,11 @@ OPTIONS = {
     "fit": (
         *("--pool", "--variant", "--priors", "--priors-from", "--out", "--chains", "--warmup"),
         *("--draws", "--seed", "--adapt-delta", "--max-treedepth", "--coordinates"),
-        *("--chain-timeout", "--parallel-chains", "--tolerance", "--prior-only"),
+        *("--chain-timeout", "--parallel-chains", "--tolerance", "--prior-only", "--more-draws"),
     ),
     "check": (),
     "check-file": (),
+    "new": ("--protocol", "--material", "--temperature-K", "--grain-size-m", "--strain-rate-per-s"),
     "simulate": ("--parameters", "--out"),
     "fit-peak-stress": ("--priors", "--curve-priors", "--without", "--out", "--chains", "--seed"),
     "compare": ("--out", "--leave-out", "--no-refit"),

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import execution
 import pytest
 from execution import ExecutionError, run_python, run_shell, shortened
 
@@ -20,6 +21,14 @@ def test_an_exit_code_that_the_page_does_not_name_is_an_error(tmp_path: Path) ->
     assert run_shell("exit 3", tmp_path, (0, 3)).exit_code == 3
     with pytest.raises(ExecutionError, match="ended with 3, expected 0; it printed:\nwhy"):
         run_shell("echo why; exit 3", tmp_path)
+
+
+def test_what_takes_too_long_is_ended_with_all_that_it_started(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(execution, "LONGEST_SECONDS", 1)
+    with pytest.raises(ExecutionError, match="took longer than 1 s"):
+        run_shell("sleep 60 | cat", tmp_path)
 
 
 def test_the_first_line_that_fails_ends_a_block(tmp_path: Path) -> None:

@@ -106,6 +106,13 @@ def test_all_parameters_and_commands_are_listed() -> None:
         assert f"usage: pyburgers {name}" in text
 
 
+def test_every_document_is_on_the_site() -> None:
+    docs = DATA.parent / "docs"
+    listed = (docs / "index.md").read_text(encoding="utf-8").splitlines()
+    for document in docs.glob("*.md"):
+        assert document.stem in [*listed, "index"], f"docs/index.md does not list {document.name}"
+
+
 @pytest.fixture(scope="module")
 def found() -> list[Combination]:
     return combinations()

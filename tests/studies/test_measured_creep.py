@@ -12,7 +12,7 @@ from synthetic_fit import make_fit, with_problem
 from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.checks.verdicts import Verdict
 from pyburgers.drawing.style import image
-from pyburgers.fitting.fit import SampledFit
+from pyburgers.fitting.sampled_fit import SampledFit
 from pyburgers.model.variants import variant_of
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.loading_history.files import load_loading_history

@@ -11,7 +11,8 @@ from synthetic_fit import make_fit, with_problem
 from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.checks.verdicts import Verdict
 from pyburgers.drawing.style import image
-from pyburgers.fitting.fit import Fit, SampledFit
+from pyburgers.fitting.fit import Fit
+from pyburgers.fitting.sampled_fit import SampledFit
 from pyburgers.model.variants import variant_of, with_variant
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.studies.dunite import (

@@ -2,7 +2,7 @@
 "use strict";
 
 const SVG = "http://www.w3.org/2000/svg";
-const FRAME = { left: 62, right: 470, top: 14, bottom: 270 };
+const FRAME = { left: 62, right: 460, top: 14, bottom: 270 };
 const STRAINS = 60;
 const FREQUENCIES = Array.from({ length: 60 }, (_, k) => 10 ** (-4 + 4 * k / 59));
 
@@ -63,12 +63,17 @@ function curve(p) {
   return stresses && [[0, 0], ...strains.map((strain, k) => [strain * 100, stresses[k] / 1e6])];
 }
 
-function spectrum(p) {
+/** tan(delta) at frequencies, under the conditions and with the microstructure that are chosen. */
+function attenuation(p, frequencies) {
   const c = state.conditions;
-  const steady = c.steady > 0.5;
-  const values = tanDelta(p, FREQUENCIES, { median: c.median, amplitude: c.amplitude },
-    c.temperature, steady ? p.steady_state_grain_size : c.grainSize,
-    steady ? p.steady_state_fabric_factor : 1);
+  const regime = { median: c.median, amplitude: c.amplitude };
+  const steady = document.getElementById("steady").checked;
+  return tanDelta(p, frequencies, regime, c.temperature,
+    steady ? p.steady_state_grain_size : c.grainSize, steady ? p.steady_state_fabric_factor : 1);
+}
+
+function spectrum(p) {
+  const values = attenuation(p, FREQUENCIES);
   return FREQUENCIES.map((frequency, k) => [Math.log10(frequency), Math.log10(values[k])]);
 }
 
@@ -147,10 +152,7 @@ function redraw() {
     + (asMeasured ? `; dots: ${set.kind} readings.` : "; readings are hidden: conditions are not theirs."));
   plot("spectrum", state.draws.map(spectrum), spectrum(p),
     { x: "frequency (Hz)", y: "tan δ", log: true });
-  const regime = { median: c.median, amplitude: c.amplitude };
-  const steady = c.steady > 0.5;
-  const [there] = tanDelta(p, [1e-3], regime, c.temperature,
-    steady ? p.steady_state_grain_size : c.grainSize, steady ? p.steady_state_fabric_factor : 1);
+  const [there] = attenuation(p, [1e-3]);
   say("spectrum-text", "spectrum", `Attenuation of cycles of ${(c.median / 1e6).toPrecision(3)} ± `
     + `${(c.amplitude / 1e6).toPrecision(3)} MPa; tan δ at 1 mHz is ${there.toPrecision(3)}.`);
 }
@@ -158,6 +160,7 @@ function redraw() {
 /** A slider with its number; `set` receives SI values. */
 function slider(parent, name, words, unit, size, logarithmic, range, value, set) {
   const label = document.createElement("label");
+  label.className = "slider";
   const output = document.createElement("output");
   const input = document.createElement("input");
   const to = logarithmic ? Math.log : (v) => v;
@@ -177,9 +180,7 @@ function slider(parent, name, words, unit, size, logarithmic, range, value, set)
 }
 
 function sliders() {
-  for (const parent of ["parameters", "test", "cycles"]) {
-    document.querySelectorAll(`#${parent} label`).forEach((label) => label.remove());
-  }
+  document.querySelectorAll("#sliders label.slider").forEach((label) => label.remove());
   const { set, conditions: c } = state;
   for (const [name, words, unit, size, logarithmic] of PARAMETERS) {
     const values = state.draws.map((draw) => draw[name]);
@@ -200,8 +201,6 @@ function sliders() {
     c.median, (v) => { c.median = v; });
   slider("cycles", "amplitude", "amplitude", "MPa", 1e6, true, [c.amplitude / 20, c.amplitude * 10],
     c.amplitude, (v) => { c.amplitude = v; });
-  slider("cycles", "steady", "microstructure: 0 start, 1 after much strain", "", 1, false, [0, 1],
-    c.steady, (v) => { c.steady = v; });
 }
 
 function place(values) {
@@ -221,7 +220,7 @@ function choose(index) {
   state.draws = drawsOf(set);
   const stress = quantile(state.draws.map((draw) => draw.reference_stress), 0.5);
   state.conditions = { temperature: set.temperature, strainRate: set.strain_rate,
-    grainSize: set.initial_grain_size, median: 0.2 * stress, amplitude: 0.03 * stress, steady: 0 };
+    grainSize: set.initial_grain_size, median: 0.2 * stress, amplitude: 0.03 * stress };
   document.getElementById("about").textContent =
     `${set.id}: ${set.material}, ${set.kind} data. ${set.source}. ${set.verdicts.join(" ")}`;
   median();
@@ -241,5 +240,6 @@ document.getElementById("draw").addEventListener("click", () => {
   place(state.draws[next]);
 });
 document.getElementById("median").addEventListener("click", median);
+document.getElementById("steady").addEventListener("change", update);
 document.getElementById("sliders").addEventListener("submit", (event) => event.preventDefault());
 choose(0);

@@ -1,0 +1,92 @@
+"""A finished run of chains, whatever was fitted: its checks, its tables, when it is done."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any
+
+import pandas as pd
+import xarray as xr
+
+from pyburgers.checks.fit_checks import (
+    CheckedDraws,
+    CheckKind,
+    CheckResult,
+    Outcome,
+    run_checks,
+)
+from pyburgers.checks.registry import CHECKS
+from pyburgers.checks.verdicts import Verdict, verdicts, verdicts_record
+from pyburgers.common.atomic_files import write_json, write_text
+from pyburgers.sampling.failures import ChainFailure, missing_chains
+from pyburgers.sampling.run_directory import RunDirectory
+
+
+@dataclass(frozen=True, eq=False)
+class SampledFit(ABC):
+    """A finished run of chains: a fit of one test, of several, or of a table of peak stresses.
+
+    Attributes
+    ----------
+    directory : RunDirectory
+        Where its files are.
+    posterior : DataTree
+        Labelled draws.
+    manifest : dict
+        Command, seeds, versions, hashes, wall times.
+    """
+
+    directory: RunDirectory
+    posterior: xr.DataTree
+    manifest: dict[str, Any]
+
+    @abstractmethod
+    def summary(self) -> pd.DataFrame:
+        """Table of the sampled quantities in SI units."""
+
+    def checks(self) -> tuple[CheckResult, ...]:
+        """Return what the checks found (`pyburgers.checks.registry.CHECKS`).
+
+        Draws of the prior alone describe no data, so they are checked for their sampling.
+        """
+        fitted = self.manifest["use_likelihood"]
+        asked = [one for one in CHECKS if fitted or one.kind is CheckKind.SAMPLING]
+        return run_checks(self.checked_draws, asked)
+
+    def checks_record(self) -> dict[str, Any]:
+        """Return both verdicts and the checks behind them as ``checks.json`` has them."""
+        return verdicts_record(self.checks())
+
+    def verdicts(self) -> dict[CheckKind, Verdict]:
+        """Return both: was the posterior sampled well, does the model describe the data."""
+        return verdicts(self.checks())
+
+    @property
+    def sampled_well(self) -> Outcome:
+        """Whether the posterior was sampled well."""
+        return self.verdicts()[CheckKind.SAMPLING].outcome
+
+    @property
+    def describes_data(self) -> Outcome:
+        """Whether the model describes the data."""
+        return self.verdicts()[CheckKind.DESCRIPTION].outcome
+
+    @property
+    def checked_draws(self) -> CheckedDraws:
+        """What the checks look at."""
+        limit = self.manifest["sampler"]["max_treedepth"]
+        return CheckedDraws(self.posterior, self.missing_chains(), limit)
+
+    def missing_chains(self) -> tuple[ChainFailure, ...]:
+        """Return the chains that were asked for and are not there, and why."""
+        return missing_chains(
+            self.posterior["posterior"]["chain"].to_numpy().tolist(), self.manifest
+        )
+
+
+def write_tables(result: SampledFit) -> None:
+    """Save the table and the verdicts, and note in the manifest that the run is complete."""
+    run = result.directory
+    write_text(run.summary_file, result.summary().to_csv())
+    write_json(run.checks_file, result.checks_record())
+    if not result.missing_chains():
+        run.update_manifest({"status": "complete"})

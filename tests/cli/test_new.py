@@ -1,0 +1,167 @@
+"""`pyburgers new`: a file that can be read, whose guesses are right and told."""
+
+import io
+import math
+import shutil
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from refusals import assert_refused
+from small_inputs import DATA
+
+from pyburgers.cli.main import main
+from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
+from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
+from pyburgers.protocols.loading_history.experiment import LoadingHistory
+from pyburgers.protocols.protocol import load_experiment
+
+KNOWN = ("--material", "ice", "--temperature-K", "263", "--grain-size-m", "1e-3")
+RATE = ("--strain-rate-per-s", "1e-5")
+
+
+def made(path: Path, *options: str) -> Experiment:
+    """File for a text file, read as a fit reads it."""
+    assert main(["new", str(path), *KNOWN, *options]) == 0
+    return load_experiment(path.with_suffix(".toml"))
+
+
+@pytest.mark.parametrize(
+    ("text", "strain", "stress"),
+    [
+        ("strain,stress\n0.001,2\n0.02,3\n", [0.001, 0.02], [2e6, 3e6]),
+        ("stress_GPa;strain (%)\n".replace(";", ",") + "0.2,0.1\n0.3,20\n", [0.001, 0.2], None),
+        ("# eps [-]  sigma [MPa]\n0.001 2\n0.02 3\n", [0.001, 0.02], [2e6, 3e6]),
+        ("0.001\t2e6\n0.02\t3e6\n", [0.001, 0.02], [2e6, 3e6]),
+        ("note,shortening percent,differential stress (Pa)\na,0.1,2e6\nb,2,3e6\n", None, None),
+    ],
+)
+def test_curves_are_told_by_names_and_numbers(
+    text: str, strain: list[float] | None, stress: list[float] | None, tmp_path: Path
+) -> None:
+    path = tmp_path / "my curve.csv"
+    path.write_text(text, encoding="utf-8")
+    test = made(path, *RATE)
+    assert isinstance(test, ConstantRateExperiment)
+    assert test.id == "my_curve"
+    assert test.segments[0].strain_rate == 1e-5
+    np.testing.assert_allclose(test.strain, [0.001, 0.02] if strain is None else strain)
+    if stress is not None:
+        np.testing.assert_allclose(test.stress, stress)
+
+
+def test_creep_at_a_constant_stress(tmp_path: Path) -> None:
+    path = tmp_path / "creep.csv"
+    path.write_text("time_h,strain (%)\n0,0\n10,0.4\n20,0.7\n50,1.3\n", encoding="utf-8")
+    test = made(path, "--stress-MPa", "0.8")
+    assert isinstance(test, LoadingHistory)
+    (stage,) = test.stages
+    assert (stage.control, stage.value, stage.end_time) == ("stress", 0.8e6, 50 * 3600)
+    np.testing.assert_allclose(test.reading, [0.0, 0.004, 0.007, 0.013])
+
+
+def test_creep_under_a_measured_stress(tmp_path: Path) -> None:
+    path = tmp_path / "creep.csv"
+    rows = "".join(f"{t},{0.1 * math.log1p(t):.5f},{0.8 + 1e-4 * t}\n" for t in range(40))
+    path.write_text(f"time (min),strain (%),stress (MPa)\n{rows}", encoding="utf-8")
+    test = made(path)
+    assert isinstance(test, LoadingHistory)
+    assert test.stages[0].control == "stress_series"
+
+
+def test_an_oscillation_in_one_table(tmp_path: Path) -> None:
+    rows = "".join(
+        f"{10 * k},{1e-4 * math.sin(k / 6) + 1e-6 * k},{20 * math.sin(k / 6 + 0.3)}\n"
+        for k in range(200)
+    )
+    path = tmp_path / "oscillation.csv"
+    path.write_text(f"time_s,strain,stress_MPa\n{rows}", encoding="utf-8")
+    test = made(path, "--strain-uncertainty", "1e-6", "--stress-uncertainty", "0.5")
+    assert isinstance(test, OscillationExperiment)
+    assert test.prepared.period == pytest.approx(2 * math.pi * 60, rel=0.01)
+    np.testing.assert_allclose(test.record.stress_uncertainty, 0.5e6)
+
+
+def test_a_table_of_attenuation(tmp_path: Path) -> None:
+    path = tmp_path / "table.csv"
+    shutil.copy(DATA / "ice" / "attenuation_twin.csv", path)
+    test = made(path, "--deformation", "axial")
+    twin = load_experiment(DATA / "ice" / "attenuation_twin.toml")
+    assert isinstance(test, AttenuationExperiment)
+    assert isinstance(twin, AttenuationExperiment)
+    np.testing.assert_allclose(test.readings.tan_delta, twin.readings.tan_delta)
+    np.testing.assert_allclose(test.readings.modulus, twin.readings.modulus)
+    np.testing.assert_allclose(test.conditions.period, twin.conditions.period)
+    np.testing.assert_allclose(test.conditions.median_stress, twin.conditions.median_stress)
+
+
+def test_what_was_guessed_and_taken_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "curve.csv"
+    path.write_text("strain,stress\n0.001,2\n0.02,3\n", encoding="utf-8")
+    made(path, *RATE)
+    out = capsys.readouterr().out
+    for line in (
+        "guessed: strain: column 'strain' in fraction (by its numbers)",
+        "guessed: stress: column 'stress' in MPa (by its numbers)",
+        "guessed: protocol constant_rate, because there are strain and stress",
+        "taken: --kind measured",
+        f"next: pyburgers fit {path.with_suffix('.toml')}",
+    ):
+        assert line in out.splitlines()
+
+
+def test_in_a_terminal_it_asks_again_until_it_understands(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "curve.csv"
+    path.write_text("strain,stress\n0.001,2\n0.02,3\n", encoding="utf-8")
+    answers = iter(["", "ice", "cold", "263", "", "1e-3", "1e-5", "guess", "measured", "me, 2026"])
+    terminal = io.StringIO()
+    monkeypatch.setattr(terminal, "isatty", lambda: True)
+    monkeypatch.setattr(sys, "stdin", terminal)
+    monkeypatch.setattr("builtins.input", lambda question: next(answers))
+    assert main(["new", str(path)]) == 0
+    test = load_experiment(path.with_suffix(".toml"))
+    assert (test.id, test.material, test.temperature) == ("curve", "ice", 263.0)
+    assert test.provenance.source == "me, 2026"
+    assert "found 'cold', expected a number" in capsys.readouterr().out
+
+
+REFUSED = {
+    "no terminal": ("strain,stress\n0.001,2\n", (), ("--material", "--strain-rate-per-s")),
+    "semicolons": ("strain;stress\n0,001;2\n0,02;3\n", (*KNOWN, *RATE), ("semicolons",)),
+    "no such columns": ("force,length\n1,2\n", (*KNOWN, *RATE), ("strain or time", "protocol")),
+    "no numbers": ("strain,stress\n", (*KNOWN, *RATE), ("no column",)),
+}
+
+
+@pytest.mark.parametrize(("text", "options", "words"), REFUSED.values(), ids=REFUSED)
+def test_what_cannot_be_described_is_refused(
+    text: str,
+    options: tuple[str, ...],
+    words: tuple[str, ...],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    path = tmp_path / "curve.csv"
+    path.write_text(text, encoding="utf-8")
+    assert main(["new", str(path), *options]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert all(word in error for word in words)
+    assert not path.with_suffix(".toml").exists()
+
+
+def test_a_file_that_is_there_is_left_alone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "curve.csv"
+    path.write_text("strain,stress\n0.001,2\n0.02,3\n", encoding="utf-8")
+    path.with_suffix(".toml").write_text("mine", encoding="utf-8")
+    assert_refused(main(["new", str(path), *KNOWN, *RATE]), capsys, "exists already")
+    assert path.with_suffix(".toml").read_text(encoding="utf-8") == "mine"

@@ -63,9 +63,11 @@ class PriorOfLogarithm:
         value = 10.0 ** np.asarray(x)
         return np.asarray(self.prior.distribution().pdf(value) * value * np.log(10.0))
 
-    def ppf(self, probability: FloatArray) -> FloatArray:
+    def ppf(self, probability: npt.ArrayLike) -> FloatArray:
         """Return quantiles."""
-        quantiles = np.maximum(self.prior.distribution().ppf(probability), 1e-300)
+        quantiles = np.maximum(
+            self.prior.distribution().ppf(np.asarray(probability, dtype=np.float64)), 1e-300
+        )
         return np.asarray(np.log10(quantiles))
 
     def std(self) -> float:

@@ -82,7 +82,7 @@ def sections(ice: dict[str, Fit], olivine: dict[str, Fit]) -> tuple[PageSection,
 def folder(sections: tuple[PageSection, ...], tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("page")
     fixed = tuple(name for name in TRUTH if name not in {"stress_exponent", "stress_noise"})
-    fit = make_fit(tmp_path_factory.mktemp("run"), chains=2, draws=300, fixed=fixed)
+    fit = make_fit(tmp_path_factory.mktemp("run") / "PIL40", chains=2, draws=300, fixed=fixed)
     with pytest.MonkeyPatch.context() as patch:
         sketch_pictures(patch)
         write_report([fit], out, title="Study", command="x", extras=sections)

@@ -136,12 +136,12 @@ def shown_pooling_table(table: pd.DataFrame) -> pd.DataFrame:
 def pooled_table(joint: Fit) -> pd.DataFrame:
     """Centres and spreads of the partially pooled parameters (`Fit.summary`)."""
     owned = [own_name(name, owner) for name in joint.problem.partial for owner in (CENTRE, SPREAD)]
-    return joint.summary().loc[owned]
+    return joint.summary("SI").loc[owned]
 
 
 def shown_pooled_table(joint: Fit) -> pd.DataFrame:
     """Return `pooled_table` as text in display units, a row for each parameter."""
-    summary = joint.summary()
+    summary = joint.summary("SI")
 
     def shown(name: str, owner: str, factor: float) -> str:
         mean, sd = (summary[column][own_name(name, owner)] for column in ("mean", "sd"))

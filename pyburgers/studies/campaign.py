@@ -325,7 +325,7 @@ def write_page(campaign: Campaign, out: Path, *, command: str) -> Path:
 
 def _between_seeds(fits: Mapping[int, Fit]) -> float:
     """Largest difference of a posterior mean between seeds, in posterior standard deviations."""
-    tables = [fit.summary() for fit in fits.values()]
+    tables = [fit.summary("SI") for fit in fits.values()]
     means = pd.concat([table["mean"] for table in tables], axis=1)
     spread = (means.max(axis=1) - means.min(axis=1)) / tables[0]["sd"]
     return float(spread.max())

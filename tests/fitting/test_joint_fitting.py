@@ -30,8 +30,8 @@ def test_shared_draws_are_the_same_in_all_tests(joint: Fit) -> None:
     first, other = (fit.posterior["posterior"].to_dataset() for fit in joint.tests().values())
     np.testing.assert_array_equal(first["maxwell_modulus"], other["maxwell_modulus"])
     assert not np.array_equal(first["stress_noise"], other["stress_noise"])
-    assert "stress_noise[other]" in joint.summary().index
-    assert joint.summary().index.is_unique
+    assert "stress_noise[other]" in joint.summary("SI").index
+    assert joint.summary("SI").index.is_unique
 
 
 def test_the_influence_of_data_is_that_of_all_tests(joint: Fit) -> None:
@@ -44,7 +44,7 @@ def test_the_influence_of_data_is_that_of_all_tests(joint: Fit) -> None:
 
 def test_loading_gives_the_same_fit(joint: Fit) -> None:
     again = Fit.load(joint.directory.path)
-    assert again.summary().equals(joint.summary())
+    assert again.summary("SI").equals(joint.summary("SI"))
     assert again.problem.pooling == joint.problem.pooling
     assert {one.posterior.attrs["clock"] for one in again.tests().values()} == {"strain"}
 
@@ -62,7 +62,7 @@ def test_only_missing_chains_are_run(
     )
     assert "1 of 2 chains are there already." in caplog.messages
     assert (run / "chains" / "chain_1" / "draws.csv").read_bytes() == kept
-    assert again.summary()["mean"].equals(joint.summary()["mean"])
+    assert again.summary("SI")["mean"].equals(joint.summary("SI")["mean"])
 
 
 def test_other_pooling_in_the_same_folder_is_refused(

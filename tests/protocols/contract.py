@@ -246,7 +246,7 @@ def test_a_fit_is_kept_and_shown(protocol: str, name: str, sketched: None, tmp_p
     )
     kept = Fit.load(result.directory.path)
     assert_equal(kept.experiment, experiment)
-    assert kept.summary().equals(result.summary())
+    assert kept.summary("SI").equals(result.summary("SI"))
     assert_draws_are_labelled(kept, example.few)
     assert kept.posterior.attrs["clock"] == protocols()[protocol].clock.name
     page = Page(

@@ -71,7 +71,8 @@ transformed parameters {
                               replaced_parameter[e], 0, log(stress_scale[e]),
                               initial_grain_size[e], temperature[e]);
     parameter[e] = head(mapped, n_parameters());
-    log_reference[e] = log_flow_rate(stress_scale[e], initial_grain_size[e], temperature[e],
+    log_reference[e] = log_flow_rate(stress_scale[e], initial_grain_size[e],
+                                     true_temperature(parameter[e], temperature[e]),
                                      parameter[e][i_stress_exponent()],
                                      parameter[e][i_grain_size_exponent()],
                                      parameter[e][i_activation_enthalpy()],

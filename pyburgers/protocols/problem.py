@@ -270,10 +270,10 @@ def of_one_protocol(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]
     if len({experiment.protocol for experiment in experiments}) == 1:
         return tuple(experiments)
     for experiment in experiments:
-        if experiment.uncertain or experiment.microstructure:
+        if experiment.microstructure:
             raise InputError(
-                f"{experiment.id}: has uncertain conditions or measured microstructure, which "
-                "loading histories do not take, expected tests of one protocol."
+                f"{experiment.id}: has measured microstructure, which loading histories do not "
+                "take, expected tests of one protocol."
             )
     return tuple(protocol_of(experiment).as_history(experiment) for experiment in experiments)
 

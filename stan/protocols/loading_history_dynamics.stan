@@ -38,7 +38,7 @@ array[] vector fixed_rates(data vector parameter, data matrix leg, data real ini
  * @param time of each output since the start of its leg over its duration, from 0 to 1
  * @param n_in_leg number of outputs in each leg, one leg after the other
  * @param initial_grain_size d_0, m
- * @return array over outputs of [stress (Pa), strain (that of the apparatus included), Kelvin
+ * @return array over outputs of [stress as read (Pa), strain (that of the apparatus included), Kelvin
  *   strain, path strain of the specimen, dashpot strain, d/d_0 (1 where it follows no piezometer),
  *   rate of the Kelvin strain (1/s)]
  */
@@ -118,18 +118,21 @@ array[] vector history_solution(vector parameter, data vector constant,
  */
 real history_strain_rate(vector state, data row_vector leg, vector parameter, real grain_size,
                          real fabric_factor) {
+  real factor = stress_reading_factor(parameter);
   if (leg[l_is_stress_driven()] == 0) {
     return leg[l_rate()];
   }
   return leg[l_rate()]
-         * (1 / parameter[i_maxwell_modulus()] + parameter[i_apparatus_compliance()])
+         * (1 / (factor * parameter[i_maxwell_modulus()]) + parameter[i_apparatus_compliance()])
          + state[7]
-         + dashpot_strain_rate(power_law_stress(state[1], parameter[i_breakdown_stress()],
+         + dashpot_strain_rate(power_law_stress(state[1] / factor, parameter[i_breakdown_stress()],
                                                 fabric_factor),
                                grain_size, fabric_factor, parameter[i_stress_exponent()],
                                parameter[i_grain_size_exponent()],
                                log_rate_factor(parameter[i_activation_enthalpy()],
-                                               parameter[i_beta()], leg[l_temperature()]));
+                                               parameter[i_beta()],
+                                               true_temperature(parameter,
+                                                                leg[l_temperature()])));
 }
 
 /**

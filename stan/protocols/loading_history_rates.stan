@@ -71,17 +71,21 @@ vector history_constants(data vector constant, data real initial_grain_size,
  * @param parameter in the order of physics/parameters.stan
  * @param constant parameters that are never inferred, at their places in the same order
  * @param duration D, s
- * @param temperature of the leg, K
+ * @param temperature of the leg as stated, K
+ * @param reading_scale S as the load cell reads it: all stresses of a history are its readings, and
+ *   the unit S of the states is the stress behind this reading
  */
 vector history_rates(vector parameter, data vector constant, data real duration,
                      data real temperature, data real initial_grain_size,
-                     data real stress_scale, data real strain_scale) {
+                     data real reading_scale, data real strain_scale) {
+  real stress_scale = reading_scale / stress_reading_factor(parameter);
+  real at_temperature = true_temperature(parameter, temperature);
   real kelvin_viscosity = kelvin_viscosity_at(parameter[i_kelvin_viscosity()],
                                               parameter[i_kelvin_activation_enthalpy()],
-                                              temperature,
+                                              at_temperature,
                                               constant[i_kelvin_reference_temperature()]);
   real log_coarser = log(initial_grain_size / constant[i_kelvin_reference_grain_size()]);
-  return [log_flow_rate(stress_scale, initial_grain_size, temperature,
+  return [log_flow_rate(stress_scale, initial_grain_size, at_temperature,
                         parameter[i_stress_exponent()], parameter[i_grain_size_exponent()],
                         parameter[i_activation_enthalpy()], parameter[i_beta()])
           + log(duration / strain_scale),
@@ -90,7 +94,7 @@ vector history_rates(vector parameter, data vector constant, data real duration,
           * exp(-parameter[i_kelvin_grain_size_exponent()] * log_coarser),
           stress_scale / (parameter[i_kelvin_modulus()] * strain_scale),
           stress_scale / (parameter[i_maxwell_modulus()] * strain_scale),
-          parameter[i_apparatus_compliance()] * stress_scale / strain_scale,
+          parameter[i_apparatus_compliance()] * reading_scale / strain_scale,
           1 - parameter[i_steady_state_grain_size()] / initial_grain_size,
           strain_scale / parameter[i_critical_strain_grain_size()],
           1 - parameter[i_steady_state_fabric_factor()],
@@ -114,14 +118,17 @@ array[] int varying_rates(data array[] int is_free, data int has_peak) {
   int n_varying = 0;
   varies[h_log_dashpot_rate()]
     = max(is_free[{i_stress_exponent(), i_grain_size_exponent(), i_activation_enthalpy(),
-                   i_beta()}]);
+                   i_beta(), i_temperature_error(), i_stress_calibration_error()}]);
   varies[h_stress_exponent()] = is_free[i_stress_exponent()];
   varies[h_grain_size_exponent()] = is_free[i_grain_size_exponent()];
   varies[h_kelvin_decay()] = max(is_free[{i_kelvin_modulus(), i_kelvin_viscosity(),
                                           i_kelvin_activation_enthalpy(),
-                                          i_kelvin_grain_size_exponent()}]);
-  varies[h_kelvin_compliance()] = is_free[i_kelvin_modulus()];
-  varies[h_spring_compliance()] = is_free[i_maxwell_modulus()];
+                                          i_kelvin_grain_size_exponent(),
+                                          i_temperature_error()}]);
+  varies[h_kelvin_compliance()] = max(is_free[{i_kelvin_modulus(),
+                                               i_stress_calibration_error()}]);
+  varies[h_spring_compliance()] = max(is_free[{i_maxwell_modulus(),
+                                               i_stress_calibration_error()}]);
   varies[h_apparatus_compliance()] = is_free[i_apparatus_compliance()];
   varies[h_grain_size_deficit()] = is_free[i_steady_state_grain_size()];
   varies[h_grain_size_decay()] = is_free[i_critical_strain_grain_size()];

@@ -13,6 +13,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.model.parameters import PLACE, PROGRAM_PARAMETERS
 from pyburgers.model.pooling import SEPARATE, pooling_of
 from pyburgers.model.priors import default_priors, load_priors, save_priors
+from pyburgers.model.variants import with_variant
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
 from pyburgers.protocols.experiment import UncertainCondition
 from pyburgers.protocols.loading_history.conversion import as_history
@@ -142,12 +143,22 @@ def test_joint_fits_ask_for_conditions_that_go_together() -> None:
         pooling_of({TEMPERATURE: "shared"})
 
 
-def test_histories_take_their_conditions_as_known() -> None:
-    """Rather than that an error is dropped where tests of several protocols are fitted."""
+def test_histories_know_an_uncertain_load_cell_only_where_stress_comes_in_proportion() -> None:
+    """Rather than that the error is dropped where a law has a stress of its own."""
     history = as_history(load_constant_rate(ICE / "PIL40.toml"))
-    wrong = replace(history, uncertain=(UncertainCondition(TEMPERATURE, 5.0, None),))
-    with pytest.raises(InputError, match="'temperature_sd_K': found 5, expected none"):
-        problem_of([wrong], default_priors("ice"))
-    other = uncertain(load_constant_rate(ICE / "PIL72.toml"), 5.0, None)
-    with pytest.raises(InputError, match="PIL72: has uncertain conditions"):
-        problem_of([history, other], default_priors("ice"), pooling_of())
+    wrong = replace(history, uncertain=(UncertainCondition(CALIBRATION, 0.02, None),))
+    assert problem_of([wrong], default_priors("ice")).free[-1] == CALIBRATION
+    priors = with_variant(default_priors("ice"), wrong, {"kelvin": "power_law"})
+    with pytest.raises(InputError, match=r"'stress_calibration_sd'.*power_law"):
+        problem_of([wrong], priors)
+
+
+def test_tests_of_two_protocols_keep_their_conditions() -> None:
+    history = as_history(load_constant_rate(ICE / "PIL40.toml"))
+    tests = [
+        replace(test, uncertain=(UncertainCondition(TEMPERATURE, 5.0, "big"),))
+        for test in (history, load_constant_rate(ICE / "PIL72.toml"))
+    ]
+    joint = problem_of(tests, default_priors("ice"), pooling_of())
+    assert TEMPERATURE in joint.shared
+    assert [one.protocol for one in joint.experiments] == ["loading_history"] * 2

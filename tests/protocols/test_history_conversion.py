@@ -13,7 +13,7 @@ from pyburgers.protocols.constant_rate.experiment import (
     RateSegment,
     load_constant_rate,
 )
-from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.experiment import Experiment, UncertainCondition
 from pyburgers.protocols.forward import simulate
 from pyburgers.protocols.loading_history.conversion import as_history
 from pyburgers.protocols.problem import problem_of
@@ -40,12 +40,25 @@ def density(experiment: Experiment, known: dict[str, float]) -> tuple[float, np.
     data = program_data(problem, solver=SolverOptions(1e-11, 1_000_000))
     free = problem.coordinates[0]
     draw = load_program(protocol_of(experiment).program).evaluate(
-        data, {"coordinate": np.zeros(len(free.quantities)).tolist()}
+        data, {"coordinate": np.full(len(free.quantities), 0.3).tolist()}
     )
     return float(draw["lprior"]), draw["log_lik"]
 
 
-def test_the_density_is_that_of_the_test_at_constant_rate(curve: ConstantRateExperiment) -> None:
+CONDITIONS: dict[str, tuple[UncertainCondition, ...]] = {
+    "known": (),
+    "uncertain": (
+        UncertainCondition("temperature_error", 5.0, "F"),
+        UncertainCondition("stress_calibration_error", 0.05, None),
+    ),
+}
+
+
+@pytest.mark.parametrize("conditions", CONDITIONS)
+def test_the_density_is_that_of_the_test_at_constant_rate(
+    curve: ConstantRateExperiment, conditions: str
+) -> None:
+    curve = replace(curve, uncertain=CONDITIONS[conditions])
     truth = load_constant_rate(ICE / "PIL40.toml").true_parameters
     assert truth is not None
     # Coordinates differ in the flow rate; all but three others are known.

@@ -36,6 +36,7 @@ def as_history(experiment: ConstantRateExperiment) -> LoadingHistory:
         metadata=experiment.metadata,
         notices=experiment.notices,
         true_parameters=experiment.true_parameters,
+        uncertain=experiment.uncertain,
         stages=stages,
         time=time,
         reading_stage=stage,

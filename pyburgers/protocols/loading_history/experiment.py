@@ -58,7 +58,6 @@ class LoadingHistory(Experiment):
         {"kelvin": ("linear", "power_law", "two_elements", "extended", "extended_peak")}
     )
     residual_correlation: ClassVar[str] = "residual_correlation_time"
-    may_be_uncertain: ClassVar[frozenset[str]] = frozenset()
     stages: tuple[Stage, ...]
     time: FloatArray
     reading_stage: IntArray

@@ -9,11 +9,14 @@ import numpy.typing as npt
 import pandas as pd
 from markupsafe import Markup
 
+from pyburgers.common.errors import InputError
 from pyburgers.drawing.page_parts import PageTable
 from pyburgers.model.display import STRAIN_FACTOR, STRAIN_UNIT, STRESS_FACTOR, STRESS_UNIT, Quantity
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.model.prior_families import Prior
-from pyburgers.protocols.experiment import Experiment
+from pyburgers.model.priors import PriorSet
+from pyburgers.model.variants import variant_of
+from pyburgers.protocols.experiment import CONDITION_KEYS, Experiment
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.loading_history.figures import LOADING_HISTORY_FIGURES, fitted_curve
 from pyburgers.protocols.loading_history.files import load_loading_history, save_loading_history
@@ -142,6 +145,29 @@ class LoadingHistoryProtocol(Protocol[LoadingHistory]):
     def stated_priors(self, experiment: LoadingHistory) -> tuple[Prior, ...]:
         """Return those of the apparatus and of the zero of the strain."""
         return stated_priors(experiment)
+
+    def check_priors(self, experiment: LoadingHistory, priors: PriorSet) -> None:
+        """Ask for laws without a stress of their own where the load cell is uncertain.
+
+        Raises
+        ------
+        InputError
+            If there is one.
+        """
+        variant = variant_of(priors, experiment)
+        with_stress = (
+            ("kelvin", "power_law"),
+            ("maxwell", "hyperbolic_sine"),
+            ("grain_size", "piezometric"),
+        )
+        for one in experiment.uncertain:
+            for part, law in with_stress:
+                if one.parameter == "stress_calibration_error" and getattr(variant, part) == law:
+                    raise InputError(
+                        f"{experiment.id}: key {CONDITION_KEYS[one.parameter][0]!r}: found "
+                        f"{one.sd:g} with {part} = {law}, expected none because loading histories "
+                        "with that law take the load cell as known."
+                    )
 
     def noises(self, experiment: LoadingHistory) -> Mapping[str, float | None]:
         """Return the noises of what is read in its stages."""

@@ -1,0 +1,80 @@
+"""Pins of the valley coordinates along loading histories, and the mode that they are set at."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from history_twins import TRUTH, history_twin
+
+from pyburgers.model.priors import default_priors
+from pyburgers.model.variants import with_variant
+from pyburgers.protocols.loading_history.experiment import LoadingHistory
+from pyburgers.protocols.loading_history.valley import LoadingHistoryValley
+from pyburgers.protocols.problem import problem_of
+from pyburgers.protocols.protocol import ChartUnsuited
+from pyburgers.protocols.stan_data import SolverOptions
+from pyburgers.protocols.valley import ValleyReference
+from pyburgers.sampling.charts import at_mode
+from pyburgers.sampling.starts import find_mode
+
+pytestmark = pytest.mark.usefixtures("programs")
+
+ICE = default_priors("ice")
+
+
+def valley_of(experiment: LoadingHistory, kelvin: str = "linear") -> ValleyReference:
+    problem = problem_of([experiment], with_variant(ICE, experiment, {"kelvin": kelvin}))
+    (mode,) = find_mode(problem, seed=1, solver=SolverOptions()).tests
+    reference, _ = LoadingHistoryValley().reference(at_mode(problem, mode, SolverOptions()))
+    return reference
+
+
+def pin_times(reference: ValleyReference) -> np.ndarray:
+    return reference.pins.knot_time[reference.pins.knot]
+
+
+@pytest.mark.parametrize("name", ["creep", "load and unload", "relaxation", "mixed"])
+def test_pins_lie_at_readings_where_strain_advances(name: str) -> None:
+    twin = history_twin(name, 40)
+    reference = valley_of(twin)
+    pins, times = reference.pins, pin_times(reference)
+    assert np.all(np.diff(pins.path_strain) > 0)
+    assert np.isin(times, twin.time).all()
+    still = {"relaxation": (600.0, 3600.0), "load and unload": (1500.0, 2500.0)}
+    if name in still:
+        start, end = still[name]
+        assert not np.any((times > start) & (times < end))
+    # The dashpot's rate is the unit at the reference point, and its strength there the softening.
+    assert np.all(pins.strain_rate > 0.5)
+    assert 1e-6 < pins.reference_rate < 1e-3
+    assert pins.noise == ("stress_noise" if name == "relaxation" else "strain_noise")
+
+
+def test_a_jump_of_the_stress_takes_no_time() -> None:
+    reference = valley_of(history_twin("load and unload", 40))
+    knot = reference.knot
+    jumps = np.flatnonzero(knot[:, 0] == 0)
+    # At the start, and at both changes of the load.
+    assert jumps.size == 3
+    np.testing.assert_allclose(knot[jumps, 1], [5e6, 5e5, 6e6])
+
+
+def test_stages_at_another_temperature_have_no_pins() -> None:
+    twin = history_twin("load and unload", 40)
+    warm = replace(twin.stages[2], temperature=twin.temperature + 5)
+    times = pin_times(valley_of(replace(twin, stages=(*twin.stages[:2], warm))))
+    assert times.max() < 1500
+
+
+def test_sums_of_elements_do_not_suit() -> None:
+    with pytest.raises(ChartUnsuited, match="sum of elements"):
+        valley_of(history_twin("creep", 20), kelvin="two_elements")
+
+
+def test_the_mode_of_a_test_in_stages_is_found_from_the_prior() -> None:
+    """From arbitrary draws of it a climb may end where noise takes all readings up."""
+    problem = problem_of([history_twin("mixed", 40)], ICE)
+    for seed in (1, 2, 3):
+        (mode,) = find_mode(problem, seed=seed, solver=SolverOptions()).tests
+        for name in ("stress_noise", "strain_noise"):
+            assert mode.values[name] < 3 * TRUTH[name]

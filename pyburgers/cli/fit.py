@@ -96,7 +96,7 @@ def run(options: argparse.Namespace) -> int:
     table = (
         shown_pooling_table(pooling_table(result))
         if result.is_joint
-        else parameter_table(result.summary(), result.priors)
+        else parameter_table(result.summary("SI"), result.priors)
     )
     print_table(table, ["quantity", "unit", "pooling", "fit"])
     print(f"run directory: {result.directory.path}")

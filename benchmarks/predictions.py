@@ -119,7 +119,7 @@ def well_sampled(
             if folder.exists()
             else fit(test, priors, out=folder, options=replace(options, seed=seed))
         )
-        if fitted.summary()["rhat"].max() <= WORST_RHAT:
+        if fitted.summary("SI")["rhat"].max() <= WORST_RHAT:
             return fitted
     return None
 

@@ -59,7 +59,7 @@ def main() -> None:
     )
 
     # A row for each parameter, SI units; sd against prior_sd tells what the curve has taught us.
-    summary = fit.summary()
+    summary = fit.summary("SI")
     print(summary[["unit", "mean", "sd", "q5", "q95", "prior_sd", "rhat"]].to_string())
 
     # Two questions; do not use the numbers before both are a yes.

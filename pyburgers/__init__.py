@@ -16,6 +16,7 @@ if TYPE_CHECKING:
         SystemFailureError,
         ToolchainError,
     )
+    from pyburgers.common.tasks import Workers
     from pyburgers.comparison.by_points import compare
     from pyburgers.comparison.by_tests import compare_by_test
     from pyburgers.comparison.marginal_likelihood import log_marginal_likelihood
@@ -50,6 +51,7 @@ _NAMES = {
         "SystemFailureError",
         "ToolchainError",
     ),
+    "common.tasks": ("Workers",),
     "comparison.by_points": ("Comparison", "compare"),
     "comparison.by_tests": ("ComparisonByTest", "compare_by_test"),
     "comparison.marginal_likelihood": ("log_marginal_likelihood",),
@@ -102,6 +104,7 @@ __all__ = [
     "SolverOptions",
     "SystemFailureError",
     "ToolchainError",
+    "Workers",
     "attenuation_spectrum",
     "compare",
     "compare_by_test",

@@ -4,11 +4,13 @@ import argparse
 from pathlib import Path
 
 from pyburgers.cli.shared import command_line, exit_code, writing
+from pyburgers.cli.terminal import print_table
 from pyburgers.cli.workers import add_worker_options, workers_of
 from pyburgers.studies.campaign import (
     COMPLETE,
     load_campaign,
     run_campaign,
+    shown_status_table,
     status_table,
     write_page,
     write_status,
@@ -39,7 +41,7 @@ def run(options: argparse.Namespace) -> int:
                 out.mkdir(parents=True, exist_ok=True)
             failed = run_campaign(campaign, out, workers=workers, command=command)
     table = status_table(campaign, out)
-    print(table.drop(columns=["test", "variant", "priors", "seed"]).to_string())
+    print_table(shown_status_table(table), keys=["run"])
     if options.status:
         return 0
     for name, error in failed.items():

@@ -39,6 +39,7 @@ COMMANDS = {
     "compare": "which of several fits, or joint fits, of the same data predicts best",
     "campaign": "many fits: tests by laws, priors and seeds, and one page about them",
     "sbc": "is the fit calibrated: truths from the prior, data, fits, ranks",
+    "export": "flow law and elements of a fit, for use in other codes",
     "report": "one HTML page about one or several runs, joint fits among them",
     "reproduce": "the study: fits of three ice tests and an olivine record, and the page",
 }

@@ -22,7 +22,7 @@ PNG_DOTS_PER_INCH = 100
 SVG_DOTS_PER_INCH = 50
 """Of what lies as one picture in vector files: thousands of curves or dots."""
 
-PAGE_DOTS_PER_INCH = 100
+PAGE_DOTS_PER_INCH = 72
 """Of the same in the figures of a page, which are enlarged to be read."""
 
 _TAG, _DECIMALS = re.compile(rb"<[^>]*>"), re.compile(rb"(\.\d\d)\d+")

@@ -14,6 +14,7 @@ from pyburgers.checks.fit_checks import Outcome, check_solver
 from pyburgers.checks.prior_influence import Influence, conflict_sentence, prior_influence
 from pyburgers.common.errors import InputError, nearest
 from pyburgers.fitting.new_test import Source
+from pyburgers.fitting.plots import FitPlots
 from pyburgers.fitting.prediction import Prediction, predict_test
 from pyburgers.fitting.sampled_fit import SampledFit, write_tables
 from pyburgers.model.pooling import SEPARATE, pooling_from, pooling_of
@@ -152,7 +153,12 @@ class Fit(SampledFit):
         source = Source(self.problem, self.tests(), self.posterior, cautions)
         return predict_test(source, experiment, draws=draws, separate_from=separate_from, seed=seed)
 
-    def summary(self) -> pd.DataFrame:
+    @property
+    def plot(self) -> FitPlots:
+        """Figures of the fit of one test, drawn into axes of your own."""
+        return FitPlots(self)
+
+    def si_summary(self) -> pd.DataFrame:
         """Posterior table in SI units, of one test with the priors beside it.
 
         See `pyburgers.posterior.labelled_draws.draws_table` and `summary_table`.

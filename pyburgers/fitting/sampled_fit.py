@@ -2,10 +2,11 @@
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import pandas as pd
 import xarray as xr
+from markupsafe import escape
 
 from pyburgers.checks.fit_checks import (
     CheckedDraws,
@@ -17,6 +18,7 @@ from pyburgers.checks.fit_checks import (
 from pyburgers.checks.registry import CHECKS
 from pyburgers.checks.verdicts import Verdict, verdicts, verdicts_record
 from pyburgers.common.atomic_files import write_json, write_text
+from pyburgers.posterior.labelled_draws import in_display_units
 from pyburgers.sampling.failures import ChainFailure, missing_chains
 from pyburgers.sampling.run_directory import RunDirectory
 
@@ -40,8 +42,33 @@ class SampledFit(ABC):
     manifest: dict[str, Any]
 
     @abstractmethod
-    def summary(self) -> pd.DataFrame:
+    def si_summary(self) -> pd.DataFrame:
         """Table of the sampled quantities in SI units."""
+
+    def summary(self, units: Literal["display", "SI"] = "display") -> pd.DataFrame:
+        """Table of the sampled quantities.
+
+        Parameters
+        ----------
+        units : {"display", "SI"}
+            GPa, kJ/mol, um and so on, or SI as in ``summary.csv``; the column unit names them.
+
+        Returns
+        -------
+        DataFrame
+            As of `si_summary`.
+        """
+        table = self.si_summary()
+        return table if units == "SI" else in_display_units(table)
+
+    def _repr_html_(self) -> str:
+        """Return both verdicts and the table, for notebooks."""
+        told = "<br>".join(
+            escape(f"{one.kind.value} {one.outcome.value}. {one.sentence}")
+            for one in self.verdicts().values()
+        )
+        table = self.summary().to_html(float_format="{:.4g}".format, na_rep="")
+        return f"<p><b>{escape(self.manifest['experiment'])}</b><br>{told}</p>{table}"
 
     def checks(self) -> tuple[CheckResult, ...]:
         """Return what the checks found (`pyburgers.checks.registry.CHECKS`).
@@ -86,7 +113,7 @@ class SampledFit(ABC):
 def write_tables(result: SampledFit) -> None:
     """Save the table and the verdicts, and note in the manifest that the run is complete."""
     run = result.directory
-    write_text(run.summary_file, result.summary().to_csv())
+    write_text(run.summary_file, result.summary("SI").to_csv())
     write_json(run.checks_file, result.checks_record())
     if not result.missing_chains():
         run.update_manifest({"status": "complete"})

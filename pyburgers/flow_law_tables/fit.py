@@ -199,7 +199,7 @@ class PeakStressFit(SampledFit):
     priors: PriorSet
     softening: SofteningPrior
 
-    def summary(self) -> pd.DataFrame:
+    def si_summary(self) -> pd.DataFrame:
         """Posterior table in SI units (`pyburgers.posterior.labelled_draws.summary_table`)."""
         return summary_table(self.posterior, self.priors)
 

@@ -19,6 +19,7 @@ from scipy.special import logsumexp
 
 from pyburgers.cmdstan.draw_files import Draws
 from pyburgers.common.atomic_files import sha256_of_file, write_bytes
+from pyburgers.model.display import shown_quantity, unit_text
 from pyburgers.model.parameters import REFERENCE_QUANTITIES, Parameter
 from pyburgers.model.priors import PriorSet
 from pyburgers.sampling.run_directory import RunDirectory
@@ -255,6 +256,25 @@ def draws_table(posterior: xr.DataTree) -> pd.DataFrame:
     table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("parameter")
     joined = table.join(convergence_table(posterior))
     return joined[["unit", "mean", "sd", "q5", "q95", "ess_bulk", "ess_tail", "rhat"]]
+
+
+def in_display_units(table: pd.DataFrame) -> pd.DataFrame:
+    """Return a table of quantities in SI units, as `draws_table` has it, in display units.
+
+    Spreads of pooled parameters have none; they are on the real line.
+    """
+    shown = table.copy()
+    numbers = [one for one in DIMENSIONAL if one in table]
+    for name in table.index:
+        quantity = shown_quantity(str(name).split("[")[0])
+        if table.loc[name, "unit"] == quantity.si_unit:
+            shown.loc[name, numbers] = table.loc[name, numbers] * quantity.display_factor
+            shown.loc[name, "unit"] = unit_text(quantity)
+    return shown
+
+
+DIMENSIONAL = ("mean", "sd", "q5", "q95", "prior_mean", "prior_sd", "prior_q5", "prior_q95")
+"""Columns of tables of quantities that have their unit."""
 
 
 def summary_table(posterior: xr.DataTree, priors: PriorSet) -> pd.DataFrame:

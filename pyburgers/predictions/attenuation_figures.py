@@ -63,22 +63,19 @@ _MARKERS = "osD^v"
 _DASHES: tuple[Any, ...] = ("-", "--", "-.", ":", (0, (6, 1, 1, 1, 1, 1)))
 
 ATTENUATION_CAPTION = (
-    "Attenuation of stress cycles about a median stress, predicted from the posterior: lines are "
-    "the medians over draws, dark and light areas hold 50 % and 90 % of the draws at each "
-    "frequency. The Kelvin element gives a peak (a Debye peak), the power-law dashpot a background "
-    "that falls with frequency; the dashpot flows faster at higher stress, so its background rises "
-    "and may bury the peak. The microstructure is frozen as the title says; where that fails in "
-    "most draws, because the hold or a cycle strains the material too much, lines are thin and "
-    "pale. Diamonds, where there are some, were solved in time with a microstructure that evolves; "
-    "triangles stand for strain that lags by more than a quarter of a cycle."
+    "Attenuation of stress cycles about a median stress, predicted from the posterior: lines "
+    "are medians over draws, dark and light areas hold 50 % and 90 % of them. The Kelvin "
+    "element gives a peak, the power-law dashpot a background that falls with frequency and "
+    "rises with stress. The microstructure is frozen as the title says; where that fails in "
+    "most draws, lines are thin and pale. Diamonds were solved in time with a microstructure "
+    "that evolves; triangles stand for strain that lags by more than a quarter of a cycle."
 )
 
 DRAWS_CAPTION = (
-    "The same spectra, one panel for each imposed stress, as curves of single draws (thin, at most "
-    "150) with their median (thick). Curves that lie apart but run parallel differ in amplitude, "
-    "which is then what the posterior leaves open; curves that cross or bend at different "
+    "The same spectra as curves of single draws (thin, at most 150) with their median (thick). "
+    "Curves that run parallel differ in amplitude; curves that cross or bend at different "
     "frequencies would differ in where the peak is. The dashed line is the median of the first "
-    "panel, for comparison. In the grey part frozen microstructure fails in most draws."
+    "panel. In the grey part frozen microstructure fails in most draws."
 )
 
 AMPLITUDE_CAPTION = (

@@ -4,12 +4,13 @@ from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from pyburgers.checks.verdicts import verdicts
+from pyburgers.checks.fit_checks import CheckKind
 from pyburgers.common.draws import BAND, TAIL, all_draws
 from pyburgers.common.units import number, with_error
 from pyburgers.comparison.same_data import fits_alone
@@ -21,7 +22,9 @@ from pyburgers.model.display import axis_label, shown_quantity, symbol_text, uni
 from pyburgers.posterior.labelled_draws import own_name
 from pyburgers.protocols.coordinates import CENTRE, SPREAD
 from pyburgers.protocols.protocol import protocol_of
+from pyburgers.report.decades import spans_decades
 from pyburgers.report.names import joint_key, page_keys
+from pyburgers.report.overview import joint_entry
 from pyburgers.report.tables import checks_page_table
 
 
@@ -133,12 +136,12 @@ def shown_pooling_table(table: pd.DataFrame) -> pd.DataFrame:
 def pooled_table(joint: Fit) -> pd.DataFrame:
     """Centres and spreads of the partially pooled parameters (`Fit.summary`)."""
     owned = [own_name(name, owner) for name in joint.problem.partial for owner in (CENTRE, SPREAD)]
-    return joint.summary().loc[owned]
+    return joint.summary("SI").loc[owned]
 
 
 def shown_pooled_table(joint: Fit) -> pd.DataFrame:
     """Return `pooled_table` as text in display units, a row for each parameter."""
-    summary = joint.summary()
+    summary = joint.summary("SI")
 
     def shown(name: str, owner: str, factor: float) -> str:
         mean, sd = (summary[column][own_name(name, owner)] for column in ("mean", "sd"))
@@ -179,7 +182,8 @@ def joint_section(name: str, joint: Fit, separate: Sequence[Fit]) -> PageSection
         Fits of single tests, to be set beside it where they are of the same data.
     """
     checks, table = joint.checks(), pooling_table(joint, separate)
-    told = " ".join(verdict.sentence for verdict in verdicts(checks).values())
+    entry = joint_entry(joint_key(name), name, joint)
+    told = " ".join(line for kind in CheckKind for line in entry.doubts(kind))
     pooled = pooled_table(joint)
     astray = strayed(table)
     alarms = () if astray is None else (astray,)
@@ -227,6 +231,7 @@ def joint_section(name: str, joint: Fit, separate: Sequence[Fit]) -> PageSection
                 partial(intervals, joint, separate),
                 " ".join((*_bought(table), *alarms)),
             ),
+            *joint.problem.protocol.joint_figures(list(joint.tests().values())),
         ),
         alarms=tuple(f"{name}: {alarm}" for alarm in alarms),
     )
@@ -337,7 +342,11 @@ def intervals(joint: Fit, separate: Sequence[Fit]) -> Figure:
                 other = alone[name]
                 if other is not None:
                     _bar(axes, line + SHIFT, other, quantity, VERMILION)
-            axes.xaxis.set_major_locator(few_ticks(4))
+            everything = np.concatenate([_draws_of(fit, quantity) for fit in tests.values()])
+            if spans_decades(everything):
+                axes.set_xscale("log")
+            else:
+                axes.xaxis.set_major_locator(few_ticks(4))
             axes.set_xlabel(axis_label(shown_quantity(quantity)))
             axes.set_yticks(range(len(tests)), list(tests))
             axes.set_ylim(len(tests) - 0.5, -0.5)
@@ -351,9 +360,14 @@ def intervals(joint: Fit, separate: Sequence[Fit]) -> Figure:
     return figure
 
 
+def _draws_of(fit: Fit, quantity: str) -> npt.NDArray[np.float64]:
+    """Return draws (SI)."""
+    return all_draws(fit.posterior["posterior"].to_dataset()[quantity])
+
+
 def _quantiles(fit: Fit, quantity: str) -> list[float]:
     """Quantiles of `QUANTILES` in display units."""
-    draws = all_draws(fit.posterior["posterior"].to_dataset()[quantity])
+    draws = _draws_of(fit, quantity)
     factor = shown_quantity(quantity).display_factor
     return [float(value) for value in np.quantile(draws, QUANTILES) * factor]
 

@@ -42,7 +42,7 @@ def file_key(name: str) -> str:
 
     Names that differ only in what these cannot hold stay different.
     """
-    text = name.replace(": ", "_")
+    text = name.replace(": ", ".")
     safe = _NOT_IN_FILES.sub("_", text).lstrip(".")
     if safe == text:
         return safe

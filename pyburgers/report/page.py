@@ -289,7 +289,7 @@ def _claim(out: Path) -> None:
 def _write_section(name: str, fit: Fit, out: Path) -> Section:
     """Write the tables of one fit, draw its figures, and gather what the page shows of it."""
     key = file_key(name)
-    summary, checks = fit.summary(), fit.checks()
+    summary, checks = fit.summary("SI"), fit.checks()
     truth = tables.truth_table(fit)
     sampler = tables.sampler_table(fit)
     files = {

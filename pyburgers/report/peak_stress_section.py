@@ -67,7 +67,7 @@ def peak_stress_section(fit: PeakStressFit) -> PageSection:
             "each other by the measured rates.",
         ),
         tables=(
-            _table("posterior", "Posterior", flow_law_table(fit), fit.summary().reset_index()),
+            _table("posterior", "Posterior", flow_law_table(fit), fit.summary("SI").reset_index()),
             _table(
                 "least_squares",
                 "Exponents, against least squares",
@@ -155,7 +155,7 @@ def flow_law_table(fit: PeakStressFit) -> pd.DataFrame:
         Text. Columns of `pyburgers.report.tables.parameter_table` up to sd / prior sd. The
         reference flow rate is that at the mean conditions of the table and has no prior of its own.
     """
-    summary, rows = fit.summary(), []
+    summary, rows = fit.summary("SI"), []
     for quantity in (*FLOW_LAW_PARAMETERS, REFERENCE_FLOW_RATE_QUANTITY):
         prior = fit.priors.priors.get(quantity.name)
         rows.append(
@@ -175,7 +175,7 @@ def least_squares_table(fit: PeakStressFit) -> pd.DataFrame:
         Index parameter; columns least_squares, standard_error, mean, sd. Without fixed
         parameters and those that the table cannot tell.
     """
-    summary = fit.summary()
+    summary = fit.summary("SI")
     rows = {
         name: {
             "least_squares": value,

@@ -4,7 +4,6 @@ Every function takes a fit and returns a figure of its own.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -38,6 +37,7 @@ from pyburgers.posterior.labelled_draws import free_parameters
 from pyburgers.protocols.coordinates import REFERENCE_FLOW_RATE, REFERENCE_STRESS
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.protocol import FittedTest, protocol_of
+from pyburgers.report.decades import PriorOfLogarithm, logarithm_of, spans_decades
 from pyburgers.report.figure_results import agreement, narrowed, strongest_trade_off
 
 FloatArray = npt.NDArray[np.float64]
@@ -81,15 +81,12 @@ NARROW = 0.12
 
 
 PRIOR_POSTERIOR_CAPTION = (
-    "Each panel shows one quantity: its prior density (grey area) and the posterior density of "
-    "every chain (coloured lines, which should lie on top of each other). The percentage gives the "
-    "posterior standard deviation as a share of the prior's: near 100 % the data say nothing about "
-    "the parameter, and its posterior is what the prior put in. Where the posterior is much "
-    "narrower than the prior, the panel shows only the part around it and states the range of the "
-    "prior (its bounds, or what holds 98 % of it). The reference stress, or in an oscillating test "
-    "the reference flow rate, has no prior of its own: it is a point of the undeformed material's "
-    "flow law, which the other priors imply. Dashed vertical lines are the true values, where data "
-    "are synthetic and they are known."
+    "Prior density (grey area) and the posterior density of every chain (coloured lines, which "
+    "should lie on top of each other). The percentage is the posterior standard deviation as a "
+    "share of the prior's: near 100 % the data say nothing. Where the posterior is much "
+    "narrower, a panel shows only the part around it and states the range of the prior. A "
+    "reference stress or flow rate has no prior of its own: the others imply it. What spans "
+    "decades is shown by its logarithm. Dashed: true values, of synthetic data."
 )
 
 
@@ -100,8 +97,13 @@ def prior_posterior(fit: FittedTest) -> Figure:
     with style():
         figure, panels = _panel_grid(len(names))
         for axes, name in zip(panels, names, strict=True):
-            prior = fit.priors.priors.get(name)
-            _draw_densities(axes, *_shown(fit, name), prior, truths.get(name))
+            quantity, draws, on_log = _shown(fit, name)
+            prior, truth = fit.priors.priors.get(name), truths.get(name)
+            if on_log:
+                of_log = None if prior is None else PriorOfLogarithm(prior)
+                _draw_densities(axes, quantity, draws, of_log, truth and float(np.log10(truth)))
+            else:
+                _draw_densities(axes, quantity, draws, prior, truth)
         handles: list[Patch | Line2D] = [Patch(color=GREY, label="prior"), *_chain_handles(fit)]
         if truths:
             handles.append(Line2D([], [], color=BLACK, linestyle="--", label="true value"))
@@ -113,7 +115,7 @@ def _draw_densities(
     axes: Axes,
     quantity: Parameter,
     draws: xr.DataArray,
-    prior: Prior | None,
+    prior: Prior | PriorOfLogarithm | None,
     truth: float | None,
 ) -> None:
     """Draw one panel of `prior_posterior`."""
@@ -164,7 +166,7 @@ def _density_label(quantity: Parameter) -> str:
     return f"density (1/({unit}))" if " " in unit else f"density (1/{unit})"
 
 
-def _prior_range(prior: Prior) -> tuple[float, float]:
+def _prior_range(prior: Prior | PriorOfLogarithm) -> tuple[float, float]:
     """Bounds of a uniform prior, or the central 98 % of another (SI)."""
     if prior.family == "uniform":
         return prior.lower, prior.upper
@@ -174,7 +176,7 @@ def _prior_range(prior: Prior) -> tuple[float, float]:
 
 
 def _density_limits(
-    draws: xr.DataArray, prior: Prior, truth: float | None
+    draws: xr.DataArray, prior: Prior | PriorOfLogarithm, truth: float | None
 ) -> tuple[float, float, bool]:
     """Limits of a panel (SI), and whether they cut the prior's range."""
     ends = _prior_range(prior)
@@ -230,11 +232,10 @@ def density(
 
 RANK_CAPTION = (
     "All draws of a quantity are ranked together, then each chain's ranks are counted in equal "
-    "bins. Chains that explore the same distribution have flat histograms that stay mostly inside "
-    "the grey band (95 % of bins would, were the draws independent; autocorrelated draws wander "
-    "somewhat further). A slope or a step means that a chain sits higher or lower than the others, "
-    "a hump or a trough that it is narrower or wider. One chain alone has nothing to compare with "
-    "and is flat by construction."
+    "bins. Chains that explore the same distribution have flat histograms, mostly inside the "
+    "grey band (95 % of bins, were the draws independent). A slope or a step: a chain sits "
+    "higher or lower than the others; a hump or a trough: it is narrower or wider. One chain "
+    "alone is flat by construction."
 )
 
 
@@ -250,7 +251,7 @@ def rank(fit: FittedTest) -> Figure:
     with style():
         figure, panels = _panel_grid(len(names), height=1.75)
         for axes, name in zip(panels, names, strict=True):
-            quantity, draws = _shown(fit, name)
+            quantity, draws, _ = _shown(fit, name)
             values = draws.to_numpy()
             ranks = (stats.rankdata(values).reshape(values.shape) - 0.5) / total
             axes.axhspan(
@@ -272,12 +273,10 @@ def rank(fit: FittedTest) -> Figure:
 
 
 PAIRS_CAPTION = (
-    "Joint posterior of pairs of quantities, at most 1000 draws. A round cloud means that the data "
-    "fix two quantities independently, a narrow oblique or bent one that they fix a combination "
-    "only: moving one can be made up for by the other. Divergent draws, where the sampler lost its "
-    "way in a strongly curved region, lie on top; if they gather in one place, the posterior "
-    "reaches further there than the draws show. Crosses are the true values, where data are "
-    "synthetic and they are known."
+    "Joint posterior of pairs of quantities, at most 1000 draws. A round cloud: the data fix "
+    "both independently; a narrow oblique or bent one: they fix a combination only. Divergent "
+    "draws lie on top; where they gather, the posterior reaches further than the draws show. "
+    "Crosses: true values, of synthetic data."
 )
 
 
@@ -286,16 +285,18 @@ def pairs(fit: FittedTest) -> Figure:
     sampled = free_parameters(fit.posterior)
     telling = [name for name in PAIRED_QUANTITIES if name in sampled]
     names = telling if len(telling) > 1 else sampled
-    quantities, draws = zip(*(_shown(fit, name) for name in names), strict=True)
+    quantities, draws, on_log = zip(*(_shown(fit, name) for name in names), strict=True)
     factors = [quantity.display_factor for quantity in quantities]
     values = np.stack([all_draws(of_quantity) for of_quantity in draws], axis=1) * factors
     diverging = all_draws(fit.posterior["sample_stats"].to_dataset()["diverging"]).astype(bool)
     shown, divergent = (
         evenly_spaced(part, PAIRED_DRAWS) for part in (values[~diverging], values[diverging])
     )
+    true = fit.experiment.true_parameters or {}
     truths = {
-        name: value * shown_quantity(name).display_factor
-        for name, value in (fit.experiment.true_parameters or {}).items()
+        name: float(np.log10(true[name])) if log else true[name] * quantity.display_factor
+        for name, quantity, log in zip(names, quantities, on_log, strict=True)
+        if name in true
     }
     size = len(names) - 1
     width = 2.0 + 0.95 * size
@@ -349,21 +350,20 @@ def _dot(colour: str, label: str) -> Line2D:
     return Line2D([], [], linestyle="none", marker="o", markersize=5, color=colour, label=label)
 
 
-def _shown(fit: FittedTest, name: str) -> tuple[Parameter, xr.DataArray]:
-    """Return what a panel shows of a quantity: symbol and units, and draws (SI; chain, draw)."""
+def _shown(fit: FittedTest, name: str) -> tuple[Parameter, xr.DataArray, bool]:
+    """Return what a panel shows of a quantity.
+
+    Returns
+    -------
+    tuple
+        Symbol and units; draws (SI; chain, draw); whether both are of its logarithm.
+    """
     quantity = shown_quantity(name)
     draws: xr.DataArray = fit.posterior["posterior"].to_dataset()[name].transpose("chain", "draw")
-    if name != REFERENCE_FLOW_RATE:
-        return quantity, draws
     # Where the data hardly see the dashpot, its rate spans decades.
-    logarithm = replace(
-        quantity,
-        symbol=rf"\log_{{10}}({quantity.symbol}\,\mathrm{{s}})",
-        quantity="dimensionless",
-        si_unit="1",
-        display_unit="1",
-    )
-    return logarithm, draws.copy(data=np.log10(draws.to_numpy()))
+    if name == REFERENCE_FLOW_RATE or spans_decades(draws.to_numpy()):
+        return logarithm_of(quantity), draws.copy(data=np.log10(draws.to_numpy())), True
+    return quantity, draws, False
 
 
 def _panel_grid(count: int, height: float = 2.35) -> tuple[Figure, list[Axes]]:

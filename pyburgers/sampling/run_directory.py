@@ -26,6 +26,9 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import TableT, checked, read_json, read_json_table
 from pyburgers.sampling.manifest import ChainRecord, RecordedHashes
 
+PATIENCE = 120.0
+"""How long a process that shares a directory waits for the others (s)."""
+
 FOLDERS = ("inputs", "initial_values", "chains")
 """Folders of the run directory of a fit."""
 
@@ -250,7 +253,7 @@ class RunDirectory:
 
     @contextmanager
     def claimed(
-        self, fingerprint: str, folders: Sequence[str] = FOLDERS, *, patience: float = 0.0
+        self, fingerprint: str, folders: Sequence[str] = FOLDERS, *, shared: bool = False
     ) -> Iterator[None]:
         """Hold the directory for a run with these inputs, new or to be continued.
 
@@ -262,8 +265,9 @@ class RunDirectory:
             Hash of everything that decides the draws.
         folders : sequence of str
             Folders to make in it.
-        patience : float
-            How long to wait for another process that holds it (s).
+        shared : bool
+            Whether others with the same inputs may be at work in it: it is waited for, and nothing
+            in it is cleared.
 
         Raises
         ------
@@ -272,14 +276,15 @@ class RunDirectory:
             the run has changed, or another process runs here.
         """
         self._refuse_others(fingerprint)
-        with self._locked(patience):
+        with self._locked(PATIENCE if shared else 0.0):
             # Another process may have come first.
             self._refuse_others(fingerprint)
-            self._prepare(fingerprint, folders)
+            self._prepare(fingerprint, folders, clear=not shared)
             try:
                 yield
             finally:
-                shutil.rmtree(self._scratch, ignore_errors=True)
+                if not shared:
+                    shutil.rmtree(self._scratch, ignore_errors=True)
 
     def _refuse_others(self, fingerprint: str) -> None:
         """Raise where the directory holds something else; nothing is written."""
@@ -325,8 +330,8 @@ class RunDirectory:
         finally:
             lock.release()
 
-    def _prepare(self, fingerprint: str, folders: Sequence[str]) -> None:
-        """Make the folders and remove what killed attempts left behind."""
+    def _prepare(self, fingerprint: str, folders: Sequence[str], *, clear: bool) -> None:
+        """Make the folders, and remove what killed attempts left behind."""
         try:
             if not self.manifest_file.is_file():
                 # Before everything else, so that a run killed early is known as ours.
@@ -336,10 +341,11 @@ class RunDirectory:
             self.update_manifest({"hashes": {}, "chains": self.chain_records()})
             for folder in folders:
                 (self.path / folder).mkdir(exist_ok=True)
-            # What cannot be removed is in nobody's way: it is never read.
-            shutil.rmtree(self._scratch, ignore_errors=True)
-            for leftover in self.path.rglob(f"{UNFINISHED}*"):
-                leftover.unlink()
+            if clear:
+                # What cannot be removed is in nobody's way: it is never read.
+                shutil.rmtree(self._scratch, ignore_errors=True)
+                for leftover in self.path.rglob(f"{UNFINISHED}*"):
+                    leftover.unlink()
         except OSError as error:
             raise InputError(f"{self.path}: cannot be written ({error.strerror}).") from error
 

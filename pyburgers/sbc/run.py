@@ -58,9 +58,6 @@ SYSTEM_ATTEMPTS = 3
 SIMULATIONS = "simulations"
 """Folder of the data sets."""
 
-PATIENCE = 120.0
-"""How long a call that does a part waits for others to write the inputs (s)."""
-
 
 @dataclass(frozen=True)
 class CalibrationPlan:
@@ -268,7 +265,7 @@ def calibrate(
             _run_missing(run, plan, workers)
             run.update_manifest({"status": "complete"})
     else:
-        with run.claimed(identity, folders, patience=PATIENCE):
+        with run.claimed(identity, folders, shared=True):
             _write_inputs(run, problem, plan, command)
         _run_missing(run, plan, workers)
     return Calibration(problem, plan, _replications(run, plan), command)

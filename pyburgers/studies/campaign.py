@@ -132,7 +132,7 @@ def load_campaign(path: Path) -> Campaign:
                 given = (
                     default_priors(first.material, first.protocol)
                     if file == SHIPPED
-                    else load_priors(path.parent / file)
+                    else load_priors(path.parent / file, laws)
                 )
                 note_other_material(given, first.material)
                 pool = plan.pool if len(experiments) > 1 else None
@@ -240,6 +240,21 @@ def _status(folder: Path, one: Combination, task: Task) -> dict[str, Any]:
     }
 
 
+def shown_status_table(table: pd.DataFrame) -> pd.DataFrame:
+    """Return a table of `status_table` as text, for the terminal and the page."""
+    chains = table["chains"].astype(str) + " of " + table["of_chains"].astype(str)
+    return pd.DataFrame(
+        {
+            "run": table.index,
+            "status": table["status"],
+            "chains": chains,
+            "sampled well?": table["sampled_well"],
+            "describes the data?": table["describes_data"],
+            "chains took (s)": table["chain_seconds"].map("{:.0f}".format),
+        }
+    )
+
+
 def write_status(table: pd.DataFrame, out: Path) -> Path:
     """Write ``status.csv`` of a campaign; return the file."""
     out.mkdir(parents=True, exist_ok=True)
@@ -310,7 +325,7 @@ def write_page(campaign: Campaign, out: Path, *, command: str) -> Path:
 
 def _between_seeds(fits: Mapping[int, Fit]) -> float:
     """Largest difference of a posterior mean between seeds, in posterior standard deviations."""
-    tables = [fit.summary() for fit in fits.values()]
+    tables = [fit.summary("SI") for fit in fits.values()]
     means = pd.concat([table["mean"] for table in tables], axis=1)
     spread = (means.max(axis=1) - means.min(axis=1)) / tables[0]["sd"]
     return float(spread.max())
@@ -319,15 +334,8 @@ def _between_seeds(fits: Mapping[int, Fit]) -> float:
 def _section(status: pd.DataFrame, models: pd.DataFrame) -> PageSection:
     """Return the part of the page about how far the campaign is and whether seeds agree."""
     n_done = int((status["status"] == COMPLETE).sum())
-    shown_status = status.reset_index().drop(columns=["test", "variant", "priors", "seed"])
-    shown_models = models.assign(between_seeds=models["between_seeds"].map("{:.2f}".format))
-    renamed = {
-        "of_chains": "of",
-        "sampled_well": "sampled well?",
-        "describes_data": "describes the data?",
-        "chain_seconds": "chains took (s)",
-        "between_seeds": "largest difference between seeds (sd)",
-    }
+    between = models["between_seeds"].map("{:.2f}".format)
+    shown_models = models.drop(columns="between_seeds")
     return PageSection(
         key="campaign",
         title="The campaign",
@@ -336,14 +344,14 @@ def _section(status: pd.DataFrame, models: pd.DataFrame) -> PageSection:
             PageTable(
                 "status",
                 "How far each fit is",
-                shown_status.astype(str).rename(columns=renamed),
+                shown_status_table(status),
                 status.reset_index(),
                 words=("run", "status"),
             ),
             PageTable(
                 "models",
                 "Models, each shown by the fit of its first seed",
-                shown_models.rename(columns=renamed),
+                shown_models.assign(**{"largest difference between seeds (sd)": between}),
                 models,
                 words=("test", "variant", "priors", "seeds"),
             ),

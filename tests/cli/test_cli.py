@@ -279,7 +279,7 @@ def test_the_prior_alone_in_the_default_directory(
     assert re.search(r"^passed +solver: ", capsys.readouterr().out, re.MULTILINE)
     fit = Fit.load(tmp_path / "runs" / "PIL40")
     assert fit.manifest["use_likelihood"] is False
-    table = fit.summary()
+    table = fit.summary("SI")
     ratio = table["sd"] / table["prior_sd"]
     assert (ratio.dropna() > 0.6).all()
 

@@ -221,6 +221,7 @@ OPTIONS = {
     ),
     "check": (),
     "check-file": (),
+    "export": ("--format", "--test", "--out"),
     "new": ("--protocol", "--material", "--temperature-K", "--grain-size-m", "--strain-rate-per-s"),
     "simulate": ("--parameters", "--out"),
     "fit-peak-stress": ("--priors", "--curve-priors", "--without", "--out", "--chains", "--seed"),

@@ -22,7 +22,7 @@ class Terminal(io.StringIO):
 def test_the_table_of_a_fit_fits_and_holds_what_its_page_holds(
     small_fit: Fit, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    table = parameter_table(small_fit.summary(), small_fit.priors)
+    table = parameter_table(small_fit.summary("SI"), small_fit.priors)
     print_table(table, ["quantity", "unit"])
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) <= WIDTH

@@ -48,7 +48,7 @@ def test_a_curve_is_fitted(
     fit = Fit.load(tmp_path / "runs" / "PIL40")
     assert fit.posterior["posterior"].sizes == {"chain": 2, "draw": 100}
     row = next(line for line in printed.splitlines() if line.startswith("maxwell_modulus"))
-    mean = fit.summary()["mean"]["maxwell_modulus"]
+    mean = fit.summary("SI")["mean"]["maxwell_modulus"]
     assert float(row.split()[2]) == pytest.approx(mean, rel=1e-5)
     for check in fit.checks():
         assert check.sentence in printed

@@ -107,7 +107,7 @@ def test_tests_of_one_furnace_have_one_error(small_problem: Problem, tmp_path: P
         assert (draws_of(joint[test])[TEMPERATURE] == drawn[shared]).all()
     assert abs(float(drawn[shared].mean()) - 6) < 3.5 * float(drawn[shared].std())
     assert abs(float(drawn[alone].mean()) + 4) < 3.5 * float(drawn[alone].std())
-    assert {shared, alone} <= set(joint.summary().index)
+    assert {shared, alone} <= set(joint.summary("SI").index)
     table = pooling_table(joint, []).set_index(["quantity", "test"])
     assert (table["pooling"][TEMPERATURE] == "by apparatus").all()
     shown = shown_pooling_table(table.reset_index()).set_index("quantity")

@@ -134,7 +134,7 @@ def test_any_arviz_reads_the_posterior(small_fit: Fit) -> None:
 
 
 def test_the_table_has_the_prior_beside_the_posterior(small_fit: Fit) -> None:
-    table = small_fit.summary()
+    table = small_fit.summary("SI")
     assert set(table.index) == {*FREE, REFERENCE_STRESS}
     assert table["prior_mean"]["activation_enthalpy"] == pytest.approx(65e3)
     assert table["prior_sd"]["activation_enthalpy"] == pytest.approx(2e3)
@@ -388,7 +388,7 @@ def test_without_likelihood_the_draws_are_the_prior(
         options=options,
         use_likelihood=False,
     )
-    table = prior.summary()
+    table = prior.summary("SI")
     for name in FREE:
         mean, sd = table["prior_mean"][name], table["prior_sd"][name]
         assert table["mean"][name] == pytest.approx(mean, abs=0.3 * sd)

@@ -14,6 +14,7 @@ from pyburgers.comparison.same_data import fits_alone
 from pyburgers.fitting.fit import Fit, fit_jointly
 from pyburgers.posterior.labelled_draws import total_log_likelihood
 from pyburgers.report.joint_section import intervals, joint_section, pooling_table, sd_ratios
+from pyburgers.report.names import page_keys
 from pyburgers.report.page import write_report
 
 
@@ -29,8 +30,8 @@ def test_shared_draws_are_the_same_in_all_tests(joint: Fit) -> None:
     first, other = (fit.posterior["posterior"].to_dataset() for fit in joint.tests().values())
     np.testing.assert_array_equal(first["maxwell_modulus"], other["maxwell_modulus"])
     assert not np.array_equal(first["stress_noise"], other["stress_noise"])
-    assert "stress_noise[other]" in joint.summary().index
-    assert joint.summary().index.is_unique
+    assert "stress_noise[other]" in joint.summary("SI").index
+    assert joint.summary("SI").index.is_unique
 
 
 def test_the_influence_of_data_is_that_of_all_tests(joint: Fit) -> None:
@@ -43,7 +44,7 @@ def test_the_influence_of_data_is_that_of_all_tests(joint: Fit) -> None:
 
 def test_loading_gives_the_same_fit(joint: Fit) -> None:
     again = Fit.load(joint.directory.path)
-    assert again.summary().equals(joint.summary())
+    assert again.summary("SI").equals(joint.summary("SI"))
     assert again.problem.pooling == joint.problem.pooling
     assert {one.posterior.attrs["clock"] for one in again.tests().values()} == {"strain"}
 
@@ -61,7 +62,7 @@ def test_only_missing_chains_are_run(
     )
     assert "1 of 2 chains are there already." in caplog.messages
     assert (run / "chains" / "chain_1" / "draws.csv").read_bytes() == kept
-    assert again.summary()["mean"].equals(joint.summary()["mean"])
+    assert again.summary("SI")["mean"].equals(joint.summary("SI")["mean"])
 
 
 def test_other_pooling_in_the_same_folder_is_refused(
@@ -103,21 +104,22 @@ def test_page_shows_joint_and_separate_fits(
     ratios = sd_ratios(pooling_table(joint, separate))
     # Two equal tests know a modulus better than one by the square root of two.
     assert ratios["maxwell_modulus"] == pytest.approx(1 / np.sqrt(2), rel=0.2)
+    (name,) = page_keys([joint])
     page = write_report(
         [*joint.tests().values(), *separate],
         tmp_path / "report",
         title="joint",
         command="test",
         joints=[joint],
-        extras=[joint_section("PIL40+other", joint, separate)],
+        extras=[joint_section(name, joint, separate)],
     ).read_text(encoding="utf-8")
-    assert "Joint fit PIL40+other" in page
+    assert f"Joint fit {name}" in page
     assert "What pooling bought" in page
-    assert "PIL40 + other, fitted together" in page
-    assert page.count('href="#joint_PIL40_other"') >= 1
-    assert (tmp_path / "report" / "tables" / "joint_PIL40_other_pooling.csv").is_file()
-    for name in ("curves", "intervals"):
-        assert (tmp_path / "report" / "figures" / f"joint_PIL40_other_{name}.svg").is_file()
+    assert f"{name}, all tests together" in page
+    assert page.count(f'href="#joint_{name}"') >= 2
+    assert (tmp_path / "report" / "tables" / f"joint_{name}_pooling.csv").is_file()
+    for figure in ("curves", "intervals"):
+        assert (tmp_path / "report" / "figures" / f"joint_{name}_{figure}.svg").is_file()
 
 
 def test_intervals_show_fits_of_single_tests_where_there_are_some(

@@ -40,7 +40,7 @@ def test_material_is_shared_and_noise_is_not(joint: Fit) -> None:
     # At another temperature and stress the undeformed material flows at another rate.
     assert float(other["reference_flow_rate"].mean() / first["reference_flow_rate"].mean()) != 1
     assert {"kelvin_modulus", "stress_noise[record_2]", "reference_flow_rate[record_1]"} <= set(
-        joint.summary().index
+        joint.summary("SI").index
     )
 
 

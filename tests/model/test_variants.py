@@ -532,7 +532,7 @@ def test_a_run_keeps_its_variant(correlated_fit: Fit) -> None:
     assert loaded.variant.short_text == "residuals=autocorrelated"
     manifest = json.loads(loaded.directory.manifest_file.read_text(encoding="utf-8"))
     assert manifest["variant"] == loaded.variant.record()
-    assert "residual_correlation_strain" in loaded.summary().index
+    assert "residual_correlation_strain" in loaded.summary("SI").index
 
 
 def test_leave_one_out_uses_the_density_given_all_others(correlated_fit: Fit) -> None:

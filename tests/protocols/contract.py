@@ -246,7 +246,7 @@ def test_a_fit_is_kept_and_shown(protocol: str, name: str, sketched: None, tmp_p
     )
     kept = Fit.load(result.directory.path)
     assert_equal(kept.experiment, experiment)
-    assert kept.summary().equals(result.summary())
+    assert kept.summary("SI").equals(result.summary("SI"))
     assert_draws_are_labelled(kept, example.few)
     assert kept.posterior.attrs["clock"] == protocols()[protocol].clock.name
     page = Page(
@@ -254,14 +254,17 @@ def test_a_fit_is_kept_and_shown(protocol: str, name: str, sketched: None, tmp_p
     )
     assert not page.open
     recipes = figures_for(experiment)
-    assert page.alternatives == [recipe.caption for recipe in recipes]
+    assert page.alternatives == [
+        f"{recipe.title}, run: {recipe.result(kept)}" for recipe in recipes
+    ]
     for recipe in recipes:
-        assert (tmp_path / "page" / "figures" / f"{experiment.id}_{recipe.name}.svg").is_file()
+        assert recipe.result(kept).endswith(".")
+        assert (tmp_path / "page" / "figures" / f"run_{recipe.name}.svg").is_file()
     for fact, _ in protocols()[protocol].facts(experiment):
         assert fact in page.text
     for table in protocols()[protocol].tables(kept):
         assert table.title in page.text
-        assert (tmp_path / "page" / "tables" / f"{experiment.id}_{table.name}.csv").is_file()
+        assert (tmp_path / "page" / "tables" / f"run_{table.name}.csv").is_file()
 
 
 def assert_draws_are_labelled(result: Fit, free: Sequence[str]) -> None:

@@ -81,7 +81,7 @@ def test_measured_dunite_tests_have_a_common_flow_law(tmp_path: Path) -> None:
         options=SamplerOptions(chains=2, draws=500, seed=5),
     )
     assert [check.sentence for check in joint.checks() if not check.passed] == []
-    table = joint.summary()
+    table = joint.summary("SI")
     mean, sd = (float(table[column]["stress_exponent"]) for column in ("mean", "sd"))
     print(f"n {mean:.2f} +- {sd:.2f}")
     # The steps themselves: ln(ratio of rates)/ln(ratio of stresses) is 3.1 to 4.3.

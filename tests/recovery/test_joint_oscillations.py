@@ -32,7 +32,7 @@ def test_a_common_flow_law_is_recovered(tmp_path: Path, record_property: RecordP
         below = float(np.mean(all_draws(draws[name]) < truth[name]))
         print(f"{name}: {below:.3f} of the draws below the true value")
         assert 0.005 < below < 0.995, name
-    alone = fit(experiments[0], priors, out=tmp_path / "alone", options=OPTIONS).summary()["sd"]
+    alone = fit(experiments[0], priors, out=tmp_path / "alone", options=OPTIONS).summary("SI")["sd"]
     # Of a second record of the same noise and 0.8 of the signal, 0.78 where nothing else matters.
     for name in ("kelvin_modulus", "kelvin_viscosity"):
         ratio = float(draws[name].std()) / float(alone[name])

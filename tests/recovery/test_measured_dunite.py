@@ -25,7 +25,7 @@ def fit_of(folder: Path, *samples: str) -> Fit:
 
 def test_a_measured_dunite_test_is_described(tmp_path: Path) -> None:
     result = fit_of(tmp_path / "run", "4506")
-    table = result.summary()
+    table = result.summary("SI")
     for parameter, factor in {"stress_exponent": 1.0, "stress_noise": 1e-6}.items():
         mean, sd = (table[column][parameter] * factor for column in ("mean", "sd"))
         print(f"{parameter} {mean:.3f} +- {sd:.3f}")

@@ -255,7 +255,9 @@ def test_tables_hold_the_summary_at_full_precision(folder: Path, fits: list[Fit]
     for fit in fits:
         key = fit.experiment.id
         written = pd.read_csv(folder / "page" / "tables" / f"{key}_summary.csv", index_col=0)
-        pd.testing.assert_frame_equal(written, fit.summary(), check_exact=True, check_dtype=False)
+        pd.testing.assert_frame_equal(
+            written, fit.summary("SI"), check_exact=True, check_dtype=False
+        )
         checks = pd.read_csv(folder / "page" / "tables" / f"{key}_checks.csv")
         assert (checks["verdict"] == "passed").tolist() == [c.passed for c in fit.checks()]
         assert checks["sentence"].tolist() == [c.sentence for c in fit.checks()]

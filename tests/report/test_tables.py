@@ -62,7 +62,7 @@ def test_every_symbol_can_be_printed_without_mathematics() -> None:
 
 
 def test_the_parameter_table_shows_the_summary_in_display_units(fit: Fit) -> None:
-    summary = fit.summary()
+    summary = fit.summary("SI")
     shown = tables.parameter_table(summary, fit.priors).set_index("quantity")
     row = shown.loc["Kelvin viscosity"]
     sd = summary["sd"]["kelvin_viscosity"] / 1e9
@@ -77,7 +77,7 @@ def test_the_parameter_table_shows_the_summary_in_display_units(fit: Fit) -> Non
 
 
 def test_a_page_says_what_decides_a_number_and_how_far_it_is_off(fit: Fit) -> None:
-    summary, truth = fit.summary(), tables.truth_table(fit)
+    summary, truth = fit.summary("SI"), tables.truth_table(fit)
     assert truth is not None
     influences = fit.influences()[fit.problem.name]
     shown = tables.result_table(summary, fit.priors, influences, truth)

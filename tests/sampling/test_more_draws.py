@@ -48,7 +48,7 @@ def test_the_draws_that_were_there_stay(small_fit: Fit, extended: Fit) -> None:
 
 def test_what_is_added_is_of_the_same_posterior(small_fit: Fit, extended: Fit) -> None:
     """Means agree within what so few draws tell; chains went on from where they were."""
-    table = extended.summary()
+    table = extended.summary("SI")
     added = extended.posterior["posterior"].to_dataset().isel(draw=slice(SMALL_RUN.draws, None))
     for name, row in table.iterrows():
         distance = abs(float(added[str(name)].mean()) - row["mean"]) / row["sd"]

@@ -9,6 +9,7 @@ from conftest import DUNITE, ICE
 from file_keys import Key, KeyTable, key_tables, structures
 from generated_tables import command_lines, key_lines, parameter_lines
 
+import pyburgers
 from pyburgers.cli.main import COMMANDS
 from pyburgers.common.errors import InputError
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
@@ -111,6 +112,12 @@ def test_every_document_is_on_the_site() -> None:
     listed = (docs / "index.md").read_text(encoding="utf-8").splitlines()
     for document in docs.glob("*.md"):
         assert document.stem in [*listed, "index"], f"docs/index.md does not list {document.name}"
+
+
+def test_every_public_name_is_on_the_page_of_python() -> None:
+    page = (DATA.parent / "docs" / "reference" / "python.md").read_text(encoding="utf-8")
+    shown = {line.split(":: ")[1] for line in page.splitlines() if line.startswith(".. auto")}
+    assert shown == set(pyburgers.__all__)
 
 
 @pytest.fixture(scope="module")

@@ -232,7 +232,7 @@ def test_a_curve_learns_the_flow_law_from_another_source(source: Path, tmp_path:
     alone, both = (Fit.load(tmp_path / name) for name in ("alone", "both"))
     assert alone.manifest["priors_from"] is None
     assert both.manifest["priors_from"] == "made up"
-    sd = {fit: fit.summary()["sd"] for fit in (alone, both)}
+    sd = {fit: fit.summary("SI")["sd"] for fit in (alone, both)}
     for name, share in (("stress_exponent", 0.75), ("grain_size_exponent", 0.75)):
         assert sd[both][name] < share * sd[alone][name]
         assert sd[both][name] < 1.1 * both.priors[name].scale

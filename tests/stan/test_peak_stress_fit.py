@@ -167,13 +167,13 @@ def test_the_peaks_of_the_published_table_have_the_exponents_of_least_squares(
     assert across_peaks.mean() == pytest.approx(slopes[0], abs=0.5 * error)
     assert across_peaks.std() == pytest.approx(error, rel=0.2)
     scatter = np.sqrt(residual / (data.n_points - 3))
-    assert ice_fit.summary()["mean"]["stress_scatter"] == pytest.approx(scatter, rel=0.2)
+    assert ice_fit.summary("SI")["mean"]["stress_scatter"] == pytest.approx(scatter, rel=0.2)
     assert all(check.passed for check in ice_fit.checks())
 
 
 def test_a_single_temperature_leaves_the_activation_enthalpy_open(ice_fit: PeakStressFit) -> None:
     # The level of the rates ties Q_M to beta; beta itself stays as its prior was.
-    summary = ice_fit.summary()
+    summary = ice_fit.summary("SI")
     assert summary["sd"]["beta"] > 0.7 * summary["prior_sd"]["beta"]
 
 
@@ -203,7 +203,7 @@ def test_noise_free_peaks_give_back_the_law(tmp_path: Path) -> None:
         peaks_of(TRUTH), default_peak_stress_priors("ice"), out=tmp_path / "run", options=OPTIONS
     )
     assert np.abs(z_values(fit, TRUTH)).max() < 0.7
-    assert abs(fit.summary()["mean"]["stress_exponent"] - TRUTH["stress_exponent"]) < 0.1
+    assert abs(fit.summary("SI")["mean"]["stress_exponent"] - TRUTH["stress_exponent"]) < 0.1
 
 
 @pytest.mark.parametrize(
@@ -226,7 +226,7 @@ def test_late_peaks_do_not_pass_their_softening_for_flow(
     assert np.abs(z_values(fit, truth)).max() < largest
     assert abs(z_values(fit, truth)[1]) < 1.5
     across_peaks = least_squares(table)["stress_exponent"][0]
-    n = fit.summary()["mean"]["stress_exponent"]
+    n = fit.summary("SI")["mean"]["stress_exponent"]
     assert abs(n - truth["stress_exponent"]) < 0.75 * abs(across_peaks - truth["stress_exponent"])
 
 
@@ -348,7 +348,7 @@ def test_a_run_is_read_back_and_continued_without_sampling(
     path = ice_fit.directory.path
     loaded = PeakStressFit.load(path)
     assert loaded.priors == ice_fit.priors
-    assert loaded.summary().equals(ice_fit.summary())
+    assert loaded.summary("SI").equals(ice_fit.summary("SI"))
     before = {chain: record["sha256"] for chain, record in ice_fit.manifest["chains"].items()}
     capsys.readouterr()
     again = fit_peak_stress(ice_fit.data, ice_fit.priors, out=path)
@@ -376,9 +376,9 @@ def test_the_flow_law_is_handed_on_as_json(ice_fit: PeakStressFit) -> None:
     np.testing.assert_array_equal(prior.mean, flow_law_prior(ice_fit).mean)
     assert prior.tests == ice_fit.data.tests
     assert len(prior.tests) == 23
-    assert prior.mean[0] == pytest.approx(ice_fit.summary()["mean"]["stress_exponent"])
+    assert prior.mean[0] == pytest.approx(ice_fit.summary("SI")["mean"]["stress_exponent"])
     assert np.sqrt(prior.covariance[1, 1]) == pytest.approx(
-        ice_fit.summary()["sd"]["grain_size_exponent"]
+        ice_fit.summary("SI")["sd"]["grain_size_exponent"]
     )
     assert prior.conditions == ice_fit.data.mean_conditions
     assert prior.material == "ice"
@@ -411,7 +411,7 @@ def test_a_file_that_is_no_flow_law_is_refused(tmp_path: Path, content: str, exp
 def test_a_fixed_parameter_is_sampled_around_but_not_handed_on(tmp_path: Path) -> None:
     priors = with_fixed(default_peak_stress_priors("ice"), {"grain_size_exponent": 0.6})
     fit = fit_peak_stress(qi_and_goldsby(), priors, out=tmp_path / "run", options=OPTIONS)
-    assert "grain_size_exponent" not in fit.summary().index
+    assert "grain_size_exponent" not in fit.summary("SI").index
     assert not (tmp_path / "run" / FLOW_LAW_PRIOR_FILE).exists()
     with pytest.raises(InputError, match=r"grain_size_exponent is fixed, expected .*\.$"):
         flow_law_prior(fit)

@@ -38,13 +38,12 @@ FloatArray = npt.NDArray[np.float64]
 STRAIN_LABEL = f"axial strain ({STRAIN_UNIT})"
 
 STRESS_STRAIN_CAPTION = (
-    "Top: the stress-strain curve (circles) with the predictive median (solid line), that is the "
-    "stress that half of all solutions exceed at a strain, up to 1000 retrodictions, that is "
-    "solutions for single draws from the posterior (thin lines), and the band that should hold "
-    "90 % of new measurements, noise included. Dotted vertical lines mark where the imposed strain "
-    "rate changes. Bottom: data minus the predictive median, with the band that should hold 90 % "
-    "of residuals if they were noise alone; a run of points on one side of zero means that the "
-    "model misses something there."
+    "Top: the stress-strain curve (circles), the predictive median (solid line), up to 1000 "
+    "retrodictions, that is solutions for single draws from the posterior (thin lines), and the "
+    "band that should hold 90 % of new measurements. Dotted vertical lines mark where the "
+    "imposed strain rate changes. Bottom: data minus the predictive median, with the band that "
+    "should hold 90 % of residuals if they were noise alone; a run of points on one side of "
+    "zero is what the model misses."
 )
 
 
@@ -83,14 +82,13 @@ def fitted_curve(fit: FittedTest) -> FittedCurve:
 
 
 SOFTENING_CAPTION = (
-    "Why the material weakens, as far as the curve can tell: (a) mean grain size, (b) fabric "
-    "factor (1 = isotropic), (c) the factors by which smaller grains and stronger fabric lower the "
-    "flow stress, and their product; lines are posterior medians, areas hold 90 % of draws. (d) "
-    "Share of the total softening, on a logarithmic scale, that grain size accounts for at the "
-    "final strain; below 0 or above 1 one of the two hardens, and the outermost 1 % of draws may "
-    "be cut off. The data fix the product well; where the histogram is broad, they do not tell "
-    "which of the two mechanisms did it. Circles with bars in (a) and (b): what was measured, with "
-    "its standard deviation, where it was."
+    "Why the material weakens: (a) mean grain size, (b) fabric factor (1 = isotropic), (c) the "
+    "factors by which smaller grains and stronger fabric lower the flow stress, and their "
+    "product; lines are posterior medians, areas hold 90 % of draws. (d) Share of grain size in "
+    "the total softening (logarithms) at the final strain; below 0 or above 1 one of the two "
+    "hardens, and the outermost 1 % of draws may be cut off. Where this histogram is broad, the "
+    "data do not tell which mechanism did it. Circles with bars: measured, with standard "
+    "deviation."
 )
 
 

@@ -61,13 +61,11 @@ RATE_FACTOR = 1e5
 """Strain rates are shown in 1e-5 per second."""
 
 PREPARATION_CAPTION = (
-    "From the raw record to what the model takes. (a) Strain readings, with a fit of the "
-    "oscillation and its second and third harmonics plus a polynomial trend (dashed). (b) Strain "
-    "without the trend and the oscillation alone: readings that leave the line in step with the "
-    "period would call for more harmonics. (c) The strain rate that drives the model. (d) Stress "
-    "readings, with the same kind of fit. (e) The stress that the model is compared with. "
-    "Vertical bars are one standard deviation of a reading either way; where none is seen, it is "
-    "shorter than the symbol."
+    "From the raw record to what the model takes: (a) strain readings, with a fit of the "
+    "oscillation, its second and third harmonics and a polynomial trend (dashed); (b) strain "
+    "without the trend; (c) the strain rate that drives the model; (d) stress readings, with "
+    "the same kind of fit; (e) the stress that the model is compared with. Bars are one "
+    "standard deviation of a reading."
 )
 
 
@@ -232,13 +230,12 @@ def _draw_panel(
 
 
 STRESS_TIME_CAPTION = (
-    "Top: the stress that the model is compared with (circles, bars are one standard deviation "
-    "of a reading either way), the predictive median (solid line), up to 1000 "
-    "retrodictions, that is solutions for single draws from the posterior (thin lines), and the "
-    "band that should hold 90 % of new readings of typical uncertainty. Bottom: data minus the "
-    "predictive median over the posterior mean of the noise of each reading, with the band that "
-    "should hold 90 % of residuals if they were noise alone; a run of points on one side of zero, "
-    "or an oscillation in them, means that the model misses something there."
+    "Top: the stress that the model is compared with (circles, bars are one standard "
+    "deviation), the predictive median (solid line), up to 1000 retrodictions (thin lines), and "
+    "the band that should hold 90 % of new readings of typical uncertainty. Bottom: data minus "
+    "the predictive median over the noise of each reading, with the band that should hold 90 % "
+    "of residuals if they were noise alone; a run on one side of zero, or an oscillation, is "
+    "what the model misses."
 )
 
 
@@ -274,12 +271,10 @@ def fitted_curve(fit: FittedTest) -> FittedCurve:
 
 
 STRESS_LOOP_CAPTION = (
-    "Stress against the strain that drives the model. The loops that single draws from the "
-    "posterior make (thin lines, up to 1000) and the predictive median (solid line) are run "
-    "through once in each cycle; their area is the work that is lost, their slope the stiffness at "
-    "this period. Circles are the data at their strain, coloured by time; bars are one standard "
-    "deviation of a reading either way. Where the background is kept, the loops move along with "
-    "the strain; where it is removed, they lie on top of each other about zero."
+    "Stress against the strain that drives the model: loops of single draws (thin lines, up to "
+    "1000) and the predictive median (solid line). Their area is the work that is lost, their "
+    "slope the stiffness at this period. Circles are the data, coloured by time. With the "
+    "background kept, loops move along with the strain."
 )
 
 
@@ -313,13 +308,11 @@ def stress_loop(fit: FittedTest) -> Figure:
 
 
 AMPLITUDE_PHASE_CAPTION = (
-    "Amplitude of the stress at the period of the test and its phase lag, by which strain follows "
-    "stress. The cross is the record: what a fit of harmonics and a trend finds in it, with one "
-    "standard error either way. Blue dots are solutions for single draws, orange dots are "
-    "replicated data, solutions with noise added at the times of the readings and treated like "
-    "the record. Dashed lines enclose 90 % of the replicated amplitudes and 90 % of the "
-    "replicated lags: a model that describes the record has the cross inside both pairs, nine "
-    "times out of ten at least."
+    "Amplitude of the stress and the phase lag, by which strain follows stress. The cross is "
+    "the record, with one standard error. Blue dots are solutions for single draws, orange dots "
+    "replicated data, that is solutions with noise, treated like the record. Dashed lines "
+    "enclose 90 % of the replicated amplitudes and lags: a model that describes the record has "
+    "the cross inside both pairs, nine times out of ten at least."
 )
 
 

@@ -30,11 +30,10 @@ CIRCUIT_CAPTION = (
 )
 
 STRAIN_PARTS_CAPTION = (
-    "What each element does in a test at constant strain rate: (a) the stress, (b) the strain of "
-    "each element, whose sum is the imposed strain. At first the springs take the strain up, then "
-    "the Kelvin element and the dashpot; stress peaks where the dashpot carries almost the whole "
-    "imposed rate while grain size and fabric have begun to weaken it. Lines are medians over the "
-    "posterior, areas hold 90 % of draws."
+    "What each element does in a test at constant strain rate: (a) the stress, (b) the strain "
+    "of each element, whose sum is the imposed strain. Stress peaks where the dashpot carries "
+    "almost the whole imposed rate while grain size and fabric have begun to weaken it. Lines "
+    "are posterior medians, areas hold 90 % of draws."
 )
 
 MEAN_SOLUTION_CAPTION = (

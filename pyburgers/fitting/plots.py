@@ -1,0 +1,97 @@
+"""Figures of a fit of one test, drawn into axes that the caller may have made."""
+
+from dataclasses import dataclass
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+
+from pyburgers.common.errors import InputError, nearest
+from pyburgers.drawing.panels import FittedCurve, draw_curve
+from pyburgers.drawing.style import BLACK, BLUE, GREY, VERMILION, style
+from pyburgers.model.display import axis_label, shown_quantity
+from pyburgers.posterior.labelled_draws import free_parameters
+from pyburgers.protocols.protocol import FittedTest, protocol_of
+
+
+@dataclass(frozen=True)
+class FitPlots:
+    """What ``fit.plot`` draws; every method returns its axes, new ones where none are given.
+
+    Attributes
+    ----------
+    fit : FittedTest
+        Of one test.
+    """
+
+    fit: FittedTest
+
+    def curve(self, ax: Axes | None = None) -> Axes:
+        """Draw readings, retrodictions and the predictive band along the clock of the test."""
+        curve, axes = self._curve(), ax or _new_axes()
+        with style():
+            draw_curve(axes, curve)
+            axes.set_xlabel(curve.position_label)
+            axes.legend(loc="best")
+        return axes
+
+    def stress_strain(self, ax: Axes | None = None) -> Axes:
+        """Draw the stress-strain curve of a test at constant rate.
+
+        Raises
+        ------
+        InputError
+            If it is of another kind.
+        """
+        experiment = self.fit.experiment
+        if protocol_of(experiment).clock.name != "strain":
+            raise InputError(
+                f"{experiment.id}: found a test of protocol {experiment.protocol!r}, expected one "
+                "along strain; plot.curve draws any."
+            )
+        return self.curve(ax)
+
+    def residuals(self, ax: Axes | None = None) -> Axes:
+        """Draw readings minus the predictive median, with the 90 % band of the noise."""
+        curve, axes = self._curve(), ax or _new_axes()
+        with style():
+            axes.axhspan(-curve.noise_band, curve.noise_band, color=GREY, alpha=0.5, linewidth=0)
+            axes.axhline(0.0, color=BLUE, linewidth=1.0)
+            axes.plot(curve.position, curve.residuals, "o", markersize=3.5, color=BLACK)
+            axes.set_xlabel(curve.position_label)
+            axes.set_ylabel(curve.residual_label)
+        return axes
+
+    def posterior(self, name: str, ax: Axes | None = None) -> Axes:
+        """Draw the draws of a sampled quantity, in its display unit, with the density of its prior.
+
+        Raises
+        ------
+        InputError
+            If nothing of that name was sampled.
+        """
+        sampled = free_parameters(self.fit.posterior)
+        if name not in sampled:
+            raise InputError(f"{name!r} was not sampled, {nearest(name, sampled)}")
+        quantity, axes = shown_quantity(name), ax or _new_axes()
+        draws = self.fit.posterior["posterior"][name].to_numpy().ravel()
+        factor = quantity.display_factor
+        with style():
+            axes.hist(draws * factor, bins=40, density=True, color=BLUE, alpha=0.6, label="draws")
+            prior = self.fit.priors.priors.get(name)
+            if prior is not None:
+                values = np.linspace(*axes.get_xlim(), 200)
+                density = prior.distribution().pdf(values / factor) / factor
+                axes.plot(values, density, color=VERMILION, label="prior")
+            axes.set_xlabel(axis_label(quantity))
+            axes.set_ylabel("density")
+            axes.legend(loc="best")
+        return axes
+
+    def _curve(self) -> FittedCurve:
+        return protocol_of(self.fit.experiment).curve(self.fit)
+
+
+def _new_axes() -> Axes:
+    _, axes = plt.subplots(layout="constrained")
+    return axes

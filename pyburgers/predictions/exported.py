@@ -1,0 +1,169 @@
+"""Flow law and elements of a fit as mean with covariance, for use in other codes."""
+
+import io
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from pyburgers.common.units import rounded
+from pyburgers.fitting.fit import Fit
+from pyburgers.model.display import shown_quantity, unit_text
+
+LOG_FACTOR = "ln_flow_law_factor"
+"""ln A in SI units, which β and Q_M give: A = exp(β Q_M)."""
+
+LEFT_OUT = ("noise", "residual", "scatter", "error", "offset", "compliance")
+"""Parts of names of parameters that belong to a test or its readings, not to the material."""
+
+FLOW_LAW = "strain rate = A sigma^n d^-p exp(-Q_M/(R T)), ln A = beta Q_M; Pa, m, s, J/mol, K"
+
+
+@dataclass(frozen=True, eq=False)
+class Exported:
+    """Mean and covariance of the parameters of a material, in SI units.
+
+    Attributes
+    ----------
+    test, material, variant, run : str
+        What was fitted, and where that is.
+    sampled_well, describes_data : str
+        Both verdicts.
+    names : tuple of str
+        Parameters, sampled ones and fixed ones, and `LOG_FACTOR`.
+    mean : array, shape (n,)
+        Posterior means.
+    covariance : array, shape (n, n)
+        Posterior covariance; zero of what is fixed.
+    n_draws : int
+        Draws that they are of.
+    """
+
+    test: str
+    material: str
+    variant: str
+    run: str
+    sampled_well: str
+    describes_data: str
+    names: tuple[str, ...]
+    mean: npt.NDArray[np.float64]
+    covariance: npt.NDArray[np.float64]
+    n_draws: int
+
+    @property
+    def sd(self) -> npt.NDArray[np.float64]:
+        """Posterior standard deviations."""
+        return np.sqrt(np.diag(self.covariance))
+
+
+def exported(fit: Fit) -> Exported:
+    """Return what other codes need of a fit of one test, or of a test of a joint fit.
+
+    Raises
+    ------
+    InputError
+        If it is a joint fit.
+    """
+    draws = fit.posterior["posterior"].to_dataset()
+    names = [name for name in fit.priors.priors if not any(part in name for part in LEFT_OUT)]
+    columns = {name: draws[name].to_numpy().ravel() for name in names}
+    columns[LOG_FACTOR] = columns["beta"] * columns["activation_enthalpy"]
+    values = np.stack(list(columns.values()))
+    return Exported(
+        test=fit.experiment.id,
+        material=fit.experiment.material,
+        variant=fit.variant.short_text,
+        run=fit.directory.path.name,
+        sampled_well=fit.sampled_well.value,
+        describes_data=fit.describes_data.value,
+        names=tuple(columns),
+        mean=values.mean(axis=1),
+        covariance=np.atleast_2d(np.cov(values)),
+        n_draws=values.shape[1],
+    )
+
+
+def _si_unit(name: str) -> str:
+    return "1" if name == LOG_FACTOR else shown_quantity(name).si_unit
+
+
+def as_json(one: Exported) -> str:
+    """Return a JSON object."""
+    content: dict[str, Any] = {
+        "test": one.test,
+        "material": one.material,
+        "variant": one.variant,
+        "run": one.run,
+        "sampled_well": one.sampled_well,
+        "describes_data": one.describes_data,
+        "draws": one.n_draws,
+        "flow_law": FLOW_LAW,
+        "names": list(one.names),
+        "units": [_si_unit(name) for name in one.names],
+        "mean": one.mean.tolist(),
+        "sd": one.sd.tolist(),
+        "covariance": one.covariance.tolist(),
+    }
+    return json.dumps(content, indent=1, ensure_ascii=False) + "\n"
+
+
+def as_csv(one: Exported) -> str:
+    """Return rows of name, unit, mean and sd, and a column of the covariance for each name."""
+    table = pd.DataFrame(
+        {"name": one.names, "unit": map(_si_unit, one.names), "mean": one.mean, "sd": one.sd}
+    )
+    covariance = pd.DataFrame(one.covariance, columns=[f"cov_{name}" for name in one.names])
+    buffer = io.StringIO()
+    table.join(covariance).to_csv(buffer, index=False)
+    return buffer.getvalue()
+
+
+def as_latex(one: Exported) -> str:
+    """Return a table of means and standard deviations in display units, with correlations.
+
+    Needs the package booktabs.
+    """
+    free = [k for k, sd in enumerate(one.sd) if sd > 0]
+    lines = [
+        f"% {one.test}, {one.material}, model {one.variant}; {FLOW_LAW}",
+        f"% sampled well: {one.sampled_well}, describes the data: {one.describes_data}",
+        rf"\begin{{tabular}}{{llr{'r' * len(free)}}}",
+        r"\toprule",
+        " & ".join(["", "unit", "mean $\\pm$ sd", *(f"${_symbol(one.names[k])}$" for k in free)])
+        + r" \\",
+        r"\midrule",
+    ]
+    scale = one.sd[free]
+    correlation = one.covariance[np.ix_(free, free)] / np.outer(scale, scale)
+    for k, name in enumerate(one.names):
+        factor, unit = _display(name)
+        mean, sd = one.mean[k] * factor, one.sd[k] * factor
+        spread = rf"${rounded(mean, sd)} \pm {rounded(sd, sd)}$" if sd else f"${mean:.4g}$ (fixed)"
+        row = correlation[free.index(k)] if k in free else np.full(len(free), np.nan)
+        cells = ["" if np.isnan(value) else f"${value:.2f}$" for value in row]
+        lines.append(" & ".join([f"${_symbol(name)}$", unit, spread, *cells]) + r" \\")
+    return "\n".join([*lines, r"\bottomrule", r"\end{tabular}"]) + "\n"
+
+
+def _symbol(name: str) -> str:
+    return r"\ln A" if name == LOG_FACTOR else shown_quantity(name).symbol
+
+
+def _display(name: str) -> tuple[float, str]:
+    """Return the factor to the display unit, and that unit."""
+    if name == LOG_FACTOR:
+        return 1.0, "--"
+    quantity = shown_quantity(name)
+    unit = unit_text(quantity).replace("%", r"\%").replace("µ", r"$\mu$").replace("–", "--")
+    return quantity.display_factor, unit
+
+
+FORMATS: Mapping[str, Callable[[Exported], str]] = MappingProxyType(
+    {"json": as_json, "csv": as_csv, "latex": as_latex}
+)
+"""What writes each format."""

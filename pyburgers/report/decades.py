@@ -1,0 +1,75 @@
+"""Quantities that span decades, which panels show by their logarithm."""
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from pyburgers.model.parameters import Parameter
+from pyburgers.model.prior_families import Prior
+
+FloatArray = npt.NDArray[np.float64]
+
+DECADES = 1.5
+"""Decades between the ends of the central 90 % of draws from which the logarithm is shown."""
+
+_QUANTILES = np.linspace(0.0005, 0.9995, 1000)
+
+
+def spans_decades(draws: FloatArray) -> bool:
+    """Tell whether draws of a quantity, of any shape, go over decades."""
+    low, high = np.quantile(draws, [0.05, 0.95])
+    return bool(low > 0 and high >= low * 10**DECADES)
+
+
+def logarithm_of(quantity: Parameter) -> Parameter:
+    """Return how log10 of a quantity in its SI unit is called."""
+    unit = rf"\mathrm{{{quantity.si_unit.replace(' ', chr(92) + ',')}}}"
+    over = r"\,\mathrm{s}" if quantity.si_unit == "1/s" else f"/{unit}"
+    return replace(
+        quantity,
+        symbol=rf"\log_{{10}}({quantity.symbol}{'' if quantity.si_unit == '1' else over})",
+        quantity="dimensionless",
+        si_unit="1",
+        display_unit="1",
+    )
+
+
+@dataclass(frozen=True)
+class PriorOfLogarithm:
+    """Prior of log10 of a parameter, with what panels ask of a prior."""
+
+    family: ClassVar[str] = "of a logarithm"
+
+    prior: Prior
+
+    @property
+    def lower(self) -> float:
+        """Lower bound."""
+        return float(np.log10(self.prior.lower)) if self.prior.lower > 0 else -np.inf
+
+    @property
+    def upper(self) -> float:
+        """Upper bound."""
+        return float(np.log10(self.prior.upper))
+
+    def distribution(self) -> "PriorOfLogarithm":
+        """Return the distribution of the logarithm."""
+        return self
+
+    def pdf(self, x: FloatArray) -> FloatArray:
+        """Return the density for each decade."""
+        value = 10.0 ** np.asarray(x)
+        return np.asarray(self.prior.distribution().pdf(value) * value * np.log(10.0))
+
+    def ppf(self, probability: npt.ArrayLike) -> FloatArray:
+        """Return quantiles."""
+        quantiles = np.maximum(
+            self.prior.distribution().ppf(np.asarray(probability, dtype=np.float64)), 1e-300
+        )
+        return np.asarray(np.log10(quantiles))
+
+    def std(self) -> float:
+        """Return the standard deviation."""
+        return float(np.std(self.ppf(_QUANTILES)))

@@ -1,0 +1,104 @@
+"""`pyburgers export` and `simulate --from`: what a fit gives to other codes."""
+
+import io
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from conftest import ICE
+from refusals import assert_refused
+
+from pyburgers.cli.main import main
+from pyburgers.fitting.fit import Fit
+from pyburgers.predictions.exported import LOG_FACTOR, exported
+from pyburgers.protocols.forward import simulate
+from pyburgers.protocols.protocol import load_experiment
+
+
+def printed(fit: Fit, kind: str, capsys: pytest.CaptureFixture[str]) -> str:
+    assert main(["export", str(fit.directory.path), "--format", kind]) == 0
+    return capsys.readouterr().out
+
+
+def test_json_holds_mean_and_covariance_of_the_draws(
+    small_fit: Fit, capsys: pytest.CaptureFixture[str]
+) -> None:
+    content = json.loads(printed(small_fit, "json", capsys))
+    names = content["names"]
+    draws = small_fit.posterior["posterior"].to_dataset()
+    assert "stress_noise" not in names
+    for name in ("maxwell_modulus", "stress_exponent", "beta"):
+        values = draws[name].to_numpy().ravel()
+        assert content["mean"][names.index(name)] == pytest.approx(values.mean())
+    pair = [names.index(name) for name in ("maxwell_modulus", "kelvin_viscosity")]
+    expected = np.cov(*(draws[names[k]].to_numpy().ravel() for k in pair))
+    np.testing.assert_allclose(np.array(content["covariance"])[np.ix_(pair, pair)], expected)
+    assert content["units"][names.index("maxwell_modulus")] == "Pa"
+    # ln A is that of the flow law written with A.
+    product = (draws["beta"] * draws["activation_enthalpy"]).to_numpy()
+    assert content["mean"][names.index(LOG_FACTOR)] == pytest.approx(product.mean())
+
+
+def test_csv_holds_the_same(small_fit: Fit, capsys: pytest.CaptureFixture[str]) -> None:
+    table = pd.read_csv(io.StringIO(printed(small_fit, "csv", capsys)))
+    one = exported(small_fit)
+    assert tuple(table["name"]) == one.names
+    np.testing.assert_allclose(table["mean"], one.mean, rtol=1e-15)
+    np.testing.assert_allclose(
+        table[[f"cov_{name}" for name in one.names]], one.covariance, rtol=1e-15
+    )
+
+
+def test_latex_is_a_table_with_a_row_for_each(
+    small_fit: Fit, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = printed(small_fit, "latex", capsys)
+    one = exported(small_fit)
+    body = text.split(r"\midrule")[1].split(r"\bottomrule")[0].strip().splitlines()
+    assert len(body) == len(one.names)
+    columns = 3 + int(np.count_nonzero(one.sd))
+    assert all(row.endswith(r" \\") and row.count("&") == columns - 1 for row in body)
+    out = tmp_path / "table.tex"
+    arguments = ["export", str(small_fit.directory.path), "--format", "latex", "--out", str(out)]
+    assert main(arguments) == 0
+    assert out.read_text(encoding="utf-8") == text
+
+
+def test_the_solution_of_a_draw_and_of_the_mean(small_fit: Fit, tmp_path: Path) -> None:
+    out, run = tmp_path / "curve.csv", str(small_fit.directory.path)
+    arguments = ["simulate", str(ICE / "PIL40.toml"), "--from", run, "--out", str(out)]
+    draws = small_fit.posterior["posterior"].to_dataset()[list(small_fit.priors.priors)]
+    for options, values in (
+        ((), draws.mean()),
+        (("--draw", "102"), draws.isel(chain=1, draw=1)),
+    ):
+        assert main([*arguments, *options]) == 0
+        known = {str(name): float(one) for name, one in values.data_vars.items()}
+        expected = simulate(load_experiment(ICE / "PIL40.toml"), known)
+        np.testing.assert_allclose(pd.read_csv(out)["stress_Pa"], expected["stress_Pa"], rtol=1e-9)
+
+
+@pytest.mark.parametrize("draw", ["0", "201", "-1", "first"])
+def test_a_draw_that_is_not_there_is_refused(
+    draw: str, small_fit: Fit, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run, out = str(small_fit.directory.path), str(tmp_path / "curve.csv")
+    arguments = ["simulate", str(ICE / "PIL40.toml"), "--from", run, "--out", out, f"--draw={draw}"]
+    assert_refused(main(arguments), capsys, "--draw", "200")
+
+
+def test_an_imagined_test_needs_no_data(small_fit: Fit, tmp_path: Path) -> None:
+    path = tmp_path / "imagined.toml"
+    path.write_text(
+        'id = "creep"\nmaterial = "ice"\nprotocol = "loading_history"\ntemperature_K = 260.0\n'
+        'initial_grain_size_m = 1e-3\nstage_time_unit = "h"\nstage_stress_unit = "MPa"\n'
+        '[[stages]]\ncontrol = "stress"\nstart_time = 0.0\nend_time = 10.0\nstress = 1.0\n'
+        '[provenance]\nkind = "synthetic"\nsource = "imagined"\n',
+        encoding="utf-8",
+    )
+    out = tmp_path / "creep.csv"
+    run = str(small_fit.directory.path)
+    assert main(["simulate", str(path), "--from", run, "--out", str(out)]) == 0
+    assert pd.read_csv(out)["strain"].iloc[-1] > 0

@@ -1,0 +1,58 @@
+"""Quantities that span decades are shown by their logarithm, their priors with them."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import stats
+from synthetic_fit import make_fit, make_prior, uniform
+
+from pyburgers.model.display import shown_quantity
+from pyburgers.report.decades import PriorOfLogarithm, logarithm_of, spans_decades
+from pyburgers.report.posterior_figures import prior_posterior
+
+
+def test_decades_are_counted_between_the_ends_of_most_draws() -> None:
+    rng = np.random.default_rng(1)
+    assert not spans_decades(rng.uniform(1.0, 500.0, 4000))
+    assert spans_decades(10 ** rng.uniform(0.0, 2.0, 4000))
+    assert not spans_decades(rng.normal(0.0, 1.0, 4000))
+    assert not spans_decades(np.full(10, 3.0))
+
+
+def test_the_logarithm_of_a_prior_is_its_distribution() -> None:
+    prior = PriorOfLogarithm(make_prior("kelvin_viscosity", "lognormal", 3e10, 1.2, 0.0))
+    of_log = stats.norm(np.log10(3e10), 1.2 / np.log(10))
+    x = np.linspace(9.0, 12.0, 50)
+    np.testing.assert_allclose(prior.pdf(x), of_log.pdf(x), rtol=1e-9)
+    np.testing.assert_allclose(
+        prior.ppf(np.array([0.01, 0.5, 0.99])), of_log.ppf([0.01, 0.5, 0.99])
+    )
+    assert prior.std() == pytest.approx(of_log.std(), rel=0.01)
+    assert prior.lower == -np.inf
+    bounded = PriorOfLogarithm(uniform("kelvin_viscosity", 1e9, 1e11))
+    assert (bounded.lower, bounded.upper) == (9.0, 11.0)
+
+
+def test_names_say_of_what_the_logarithm_is() -> None:
+    assert logarithm_of(shown_quantity("stress_exponent")).symbol == r"\log_{10}(n)"
+    assert logarithm_of(shown_quantity("kelvin_viscosity")).symbol == (
+        r"\log_{10}(\eta_K/\mathrm{Pa\,s})"
+    )
+
+
+def test_a_panel_over_decades_has_the_logarithm_and_the_truth_in_it(tmp_path: Path) -> None:
+    fit = make_fit(tmp_path, chains=2, draws=200)
+    draws = fit.posterior["posterior"].to_dataset()
+    spread = 10 ** np.random.default_rng(3).uniform(9.0, 11.6, draws["kelvin_viscosity"].shape)
+    fit.posterior["posterior"] = draws.assign(
+        kelvin_viscosity=draws["kelvin_viscosity"].copy(data=spread)
+    )
+    (panel,) = (axes for axes in prior_posterior(fit).axes if "eta_K" in axes.get_xlabel())
+    assert "log" in panel.get_xlabel()
+    assert fit.experiment.true_parameters is not None
+    truth = np.log10(fit.experiment.true_parameters["kelvin_viscosity"])
+    (line,) = (one for one in panel.lines if one.get_linestyle() == "--")
+    assert np.asarray(line.get_xdata()).tolist() == pytest.approx([truth, truth])
+    low, high = panel.get_xlim()
+    assert 8.5 < low < truth < high < 12.5

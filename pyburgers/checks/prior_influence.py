@@ -276,6 +276,8 @@ def mean_pull(draws: FloatArray, log_component: FloatArray) -> float:
     draws, log_component
         As for `power_scaling_sensitivity`.
     """
+    if np.ptp(draws) == 0:  # a derived quantity of known parameters
+        return 0.0
     covariance = float(np.cov(draws, log_component)[0, 1])
     return float(np.log(2.0) * covariance / np.std(draws, ddof=1))
 

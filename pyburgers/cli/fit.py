@@ -2,6 +2,7 @@
 
 import argparse
 import logging
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -74,7 +75,7 @@ def run(options: argparse.Namespace) -> int:
     first = of_one_protocol(experiments)[0]
     if pool and len(experiments) == 1:
         raise InputError(f"--pool {options.pool[0]}: found one experiment, expected several.")
-    priors = with_variant(_priors_for(first, options.priors), first, choices)
+    priors = with_variant(_priors_for(first, options.priors, choices), first, choices)
     source: Path | None = options.priors_from
     if source is not None:
         if (run := RunDirectory(source)).manifest_file.is_file():
@@ -103,9 +104,9 @@ def run(options: argparse.Namespace) -> int:
     return print_checks(result.checks(), result.prior_conflicts())
 
 
-def _priors_for(experiment: Experiment, path: Path | None) -> PriorSet:
+def _priors_for(experiment: Experiment, path: Path | None, choices: Mapping[str, str]) -> PriorSet:
     return (
         default_priors(experiment.material, experiment.protocol)
         if path is None
-        else load_priors(path)
+        else load_priors(path, choices)
     )

@@ -92,7 +92,7 @@ def run(options: argparse.Namespace) -> int:
     priors = (
         calibration_priors(first.material, first.protocol)
         if options.priors is None
-        else load_priors(options.priors)
+        else load_priors(options.priors, parse_choices(options.variant))
     )
     out = options.out or Path("calibrations") / "+".join(template.id for template in templates)
     plan = CalibrationPlan(

@@ -2,16 +2,16 @@
 
 import importlib.resources
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
 from pydantic import Field
 
-from pyburgers.common.errors import InputError, nearest
+from pyburgers.common.errors import InputError, all_of, nearest
 from pyburgers.common.toml_files import Table, read_toml, write_toml
 from pyburgers.model.flow_law_prior import FlowLawPrior, FlowLawTable
 from pyburgers.model.parameters import (
@@ -39,6 +39,16 @@ logger = logging.getLogger(__name__)
 
 FLOW_LAW = ("stress_exponent", "grain_size_exponent", "activation_enthalpy", "beta")
 """Parameters that a joint prior of the flow law is about."""
+
+
+TAKEN_OUT: Mapping[tuple[str, str], tuple[str, ...]] = MappingProxyType(
+    {
+        ("grain_size", "constant"): ("steady_state_grain_size", "critical_strain_grain_size"),
+        ("grain_size", "piezometric"): ("steady_state_grain_size",),
+        ("fabric", "constant"): ("steady_state_fabric_factor", "critical_strain_fabric"),
+    }
+)
+"""Parameters that the law of a part takes out of the model at constant rate, by part and law."""
 
 
 @dataclass(frozen=True)
@@ -180,7 +190,7 @@ class _PriorFile(PriorFile):
     )
 
 
-def load_priors(path: str | Path) -> PriorSet:
+def load_priors(path: str | Path, choices: Mapping[str, str] | None = None) -> PriorSet:
     """Read and check a prior file.
 
     Parameters
@@ -188,6 +198,9 @@ def load_priors(path: str | Path) -> PriorSet:
     path : str or Path
         TOML with material, title and one table ``[parameters.NAME]`` for every parameter; those of
         variants (`pyburgers.model.parameters.VARIANT_PARAMETERS`) may be left out.
+    choices : mapping of str to str, optional
+        Law by part that `pyburgers.with_variant` will be asked for: tables of parameters that it
+        takes out may be left out as well.
 
     Raises
     ------
@@ -208,16 +221,16 @@ def load_priors(path: str | Path) -> PriorSet:
                 f"{path}: unknown parameter {name!r} in [parameters], "
                 f"{nearest(name, [p.name for p in MATERIAL_PARAMETERS])}"
             )
-    for parameter in PARAMETERS:
-        if parameter.name not in file.parameters:
-            raise InputError(
-                f"{path}: table [parameters.{parameter.name}] is missing, expected a prior or a "
-                f"fixed value of the {parameter.label}."
-            )
+    needless = {
+        name for part, law in (choices or {}).items() for name in TAKEN_OUT.get((part, law), ())
+    }
+    all_of(*(partial(_require_table, path, p, file, needless) for p in PARAMETERS))
     priors = {
         p.name: load_prior(path, p, file.parameters[p.name])
-        for p in MATERIAL_PARAMETERS
         if p.name in file.parameters
+        else fixed_prior(p, 1.0, "taken out by the variant")
+        for p in MATERIAL_PARAMETERS
+        if p.name in file.parameters or p.name in needless
     }
     _check_given_together(path, priors)
     if not is_fixed_at(priors["stress_exponent"], 1.0):
@@ -336,6 +349,21 @@ def _standard(name: str) -> Prior:
     """Prior of a parameter of a variant of which nothing is said."""
     value = STANDARD_VALUES[name]
     return fixed_prior(PARAMETER_BY_NAME[name], value, "standard value, without effect")
+
+
+def _require_table(
+    path: Path, parameter: Parameter, file: _PriorFile, needless: Container[str]
+) -> None:
+    """Ask for the table of a parameter, unless a variant takes it out."""
+    name = parameter.name
+    if name in file.parameters or name in needless:
+        return
+    variants = [f"{part}={law}" for (part, law), names in TAKEN_OUT.items() if name in names]
+    without = f", or the variant {' or '.join(variants)}, which takes it out" if variants else ""
+    raise InputError(
+        f"{path}: table [parameters.{name}] is missing, expected a prior or a fixed value of the "
+        f"{parameter.label}{without}."
+    )
 
 
 def _check_given_together(path: Path, priors: Mapping[str, Prior]) -> None:

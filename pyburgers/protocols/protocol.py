@@ -24,7 +24,7 @@ from pydantic import ConfigDict, Field
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, read_toml
-from pyburgers.drawing.page_parts import FigureRecipe, PageTable
+from pyburgers.drawing.page_parts import FigureRecipe, PageFigure, PageTable
 from pyburgers.drawing.panels import FittedCurve
 from pyburgers.model.display import Quantity
 from pyburgers.model.flow_law_prior import PeakTest
@@ -193,10 +193,7 @@ class Protocol(ABC, Generic[E]):
 
     @property
     def read(self) -> tuple[Quantity, ...]:
-        """What is read: of more than one quantity `observed_positions` says of which each point is.
-
-        The program gives the solution of each in ``grid_NAME``.
-        """
+        """What is read; `observed_positions` says where, ``grid_NAME`` of the program is each."""
         return (self.response,)
 
     @property
@@ -219,10 +216,7 @@ class Protocol(ABC, Generic[E]):
 
     @abstractmethod
     def without_data(self, experiment: E) -> E:
-        """Return the test as one that can only be simulated, as far as the program allows it.
-
-        What drives it is taken as known.
-        """
+        """Return a test as one to be simulated, if its program can; what drives it is known."""
 
     @abstractmethod
     def reference_origin(self, experiment: E) -> tuple[float, float]:
@@ -380,6 +374,10 @@ class Protocol(ABC, Generic[E]):
     @abstractmethod
     def facts(self, experiment: E) -> Sequence[tuple[str, str]]:
         """Return what a page says about a test: names and values."""
+
+    def joint_figures(self, fits: Sequence[FittedTest]) -> tuple[PageFigure, ...]:
+        """Return figures of the tests of a joint fit beside those that all protocols have."""
+        return ()
 
     def tables(self, fit: FittedTest) -> tuple[PageTable, ...]:
         """Return what a page has in tables beside those of every fit."""

@@ -231,6 +231,7 @@ def joint_section(name: str, joint: Fit, separate: Sequence[Fit]) -> PageSection
                 partial(intervals, joint, separate),
                 " ".join((*_bought(table), *alarms)),
             ),
+            *joint.problem.protocol.joint_figures(list(joint.tests().values())),
         ),
         alarms=tuple(f"{name}: {alarm}" for alarm in alarms),
     )

@@ -132,7 +132,7 @@ def load_campaign(path: Path) -> Campaign:
                 given = (
                     default_priors(first.material, first.protocol)
                     if file == SHIPPED
-                    else load_priors(path.parent / file)
+                    else load_priors(path.parent / file, laws)
                 )
                 note_other_material(given, first.material)
                 pool = plan.pool if len(experiments) > 1 else None

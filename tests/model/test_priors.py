@@ -11,6 +11,7 @@ import pytest
 import tomli_w
 from refusals import refusal
 from scipy import stats
+from small_inputs import DATA
 
 from pyburgers.common.errors import InputError
 from pyburgers.model.parameters import PARAMETERS, PIEZOMETER
@@ -22,6 +23,8 @@ from pyburgers.model.priors import (
     save_priors,
     shipped_prior_files,
 )
+from pyburgers.model.variants import with_variant
+from pyburgers.protocols.protocol import load_experiment
 
 CHECKOUT = Path(__file__).parents[2]
 GAS_CONSTANT = 8.314462618
@@ -353,3 +356,27 @@ def test_priors_compare_by_value_whatever_the_unit_written() -> None:
         for unit in ("1", "dimensionless")
     )
     assert one == other
+
+
+def test_tables_of_what_a_variant_takes_out_may_be_missing(tmp_path: Path) -> None:
+    text = (DATA / "priors" / "ice.toml").read_text(encoding="utf-8")
+    tables = text.split("[parameters.")
+    fabric = ("steady_state_fabric_factor]", "critical_strain_fabric]")
+    path = tmp_path / "ice.toml"
+    path.write_text(
+        "[parameters.".join(table for table in tables if not table.startswith(fabric)),
+        encoding="utf-8",
+    )
+    with pytest.raises(InputError, match=r"fabric=constant, which takes it out") as caught:
+        load_priors(path)
+    assert len(caught.value.sentences) == 2
+    choices = {"fabric": "constant"}
+    experiment = load_experiment(DATA / "ice" / "PIL40.toml")
+    without = with_variant(load_priors(path, choices), experiment, choices)
+    complete = with_variant(load_priors(DATA / "priors" / "ice.toml"), experiment, choices)
+    assert {name: prior.location for name, prior in without.priors.items()} == {
+        name: prior.location for name, prior in complete.priors.items()
+    }
+    assert without.free == complete.free
+    with pytest.raises(InputError, match="steady_state_fabric_factor"):
+        load_priors(path, {"grain_size": "constant"})

@@ -10,7 +10,7 @@ import pandas as pd
 from markupsafe import Markup
 
 from pyburgers.common.errors import InputError
-from pyburgers.drawing.page_parts import PageTable
+from pyburgers.drawing.page_parts import PageFigure, PageTable
 from pyburgers.model.display import STRAIN_FACTOR, STRAIN_UNIT, STRESS_FACTOR, STRESS_UNIT, Quantity
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.model.prior_families import Prior
@@ -20,6 +20,7 @@ from pyburgers.protocols.experiment import CONDITION_KEYS, Experiment
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.loading_history.figures import LOADING_HISTORY_FIGURES, fitted_curve
 from pyburgers.protocols.loading_history.files import load_loading_history, save_loading_history
+from pyburgers.protocols.loading_history.isochronous import isochronous_figure
 from pyburgers.protocols.loading_history.minimum_rates import minimum_rate_table
 from pyburgers.protocols.loading_history.priors import priors_of, stated_priors
 from pyburgers.protocols.loading_history.stan_data import (
@@ -219,6 +220,10 @@ class LoadingHistoryProtocol(Protocol[LoadingHistory]):
                 f"{' and '.join(read)}, of {experiment.n_readings_in_file} in the file",
             ),
         )
+
+    def joint_figures(self, fits: Sequence[FittedTest]) -> tuple[PageFigure, ...]:
+        """Return the isochronous view of creep tests."""
+        return isochronous_figure(fits)
 
     def tables(self, fit: FittedTest) -> tuple[PageTable, ...]:
         """Return the minimum creep rates."""

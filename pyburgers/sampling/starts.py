@@ -18,8 +18,9 @@ INITIAL_ATTEMPTS = 100
 N_CANDIDATES, N_STARTS = 24, 4
 """Draws of the prior, and how many of them, those with the highest densities, are climbed from.
 
-Far from the data a climb can end where noise takes all of them up: of a test of three stages it
-did from one in three draws, and from none of the best."""
+Where several quantities are read a climb from far away can end where their noise takes all up: of a
+test of three stages it did from two of the eight draws with the best densities, and from the worst
+six no climb came near the data. Elsewhere the first draws will do."""
 
 
 def draw_initial_values(problem: Problem, *, seed: int, chain: int) -> dict[str, list[float]]:
@@ -197,13 +198,16 @@ def find_mode(problem: Problem, *, seed: int, solver: SolverOptions) -> ProblemM
 def _best_prior_draws(
     problem: Problem, model: Program, data: StanData, *, seed: int
 ) -> list[dict[str, list[float]]]:
-    """Draw `N_CANDIDATES` starts and return the `N_STARTS` with the highest densities."""
+    """Draw starts and return the `N_STARTS` with the highest densities."""
+    n_drawn = N_CANDIDATES if len(problem.protocol.read) > 1 else N_STARTS
     drawn = [
-        draw_initial_values(problem, seed=seed, chain=start) for start in range(1, N_CANDIDATES + 1)
+        draw_initial_values(problem, seed=seed, chain=start) for start in range(1, n_drawn + 1)
     ]
+    if n_drawn == N_STARTS:
+        return drawn
     points = np.array([start["coordinate"] for start in drawn])
     solved, found = model.generate_at(data, "coordinate", points)
-    density = np.full(N_CANDIDATES, -np.inf)
+    density = np.full(n_drawn, -np.inf)
     density[solved] = found["log_density"].ravel()
     return [drawn[k] for k in np.argsort(-density, kind="stable")[:N_STARTS]]
 

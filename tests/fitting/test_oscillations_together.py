@@ -73,4 +73,4 @@ def test_a_page_shows_both_records(joint: Fit, sketched: None, tmp_path: Path) -
         extras=[joint_section(joint.problem.name, joint, [])],
     ).read_text(encoding="utf-8")
     assert "Joint fit record_1+record_2" in page
-    assert "record_2_joint" in page
+    assert f"{joint.directory.path.name}: record_2" in page

@@ -93,10 +93,11 @@ def test_an_oscillation_stays_with_its_own_kind() -> None:
 def test_what_a_history_does_not_take_is_refused() -> None:
     curve, creep = constant_rate_test(), history_twin("creep", 12)
     measured = replace(curve, microstructure=(MeasuredMicrostructure(0.02, 1e-4, 1e-5),))
+    with pytest.raises(InputError, match="which loading histories do not take"):
+        problem_of([measured, creep], known_priors(), pooling_of())
     furnace = replace(curve, uncertain=(UncertainCondition("temperature_error", 2.0, None),))
-    for test in (measured, furnace):
-        with pytest.raises(InputError, match="which loading histories do not take"):
-            problem_of([test, creep], known_priors(), pooling_of())
+    with pytest.raises(InputError, match="creep: key 'temperature_sd_K' is missing"):
+        problem_of([furnace, creep], known_priors(), pooling_of())
 
 
 def test_the_flow_law_is_one_and_the_noises_are_not(mixed: Fit) -> None:

@@ -24,9 +24,6 @@ from pyburgers.cmdstan.toolchain import (
 )
 from pyburgers.common.errors import ToolchainError
 
-IMPORTED_AS = {"pillow": "PIL"}
-"""Modules of packages that are not called like them."""
-
 
 @dataclass(frozen=True)
 class Finding:
@@ -117,7 +114,7 @@ def _packages() -> list[Finding]:
 def _package(name: str) -> Finding:
     try:
         # A damaged installation may have a version and no module.
-        there = importlib.util.find_spec(IMPORTED_AS.get(name, name.replace("-", "_")))
+        there = importlib.util.find_spec(name.replace("-", "_"))
         version = importlib.metadata.version(name) if there else None
     except (ImportError, importlib.metadata.PackageNotFoundError):
         version = None

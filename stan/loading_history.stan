@@ -18,6 +18,7 @@ functions {
 #include statistics/priors.stan
 #include statistics/residuals.stan
 #include charts/plain.stan
+#include charts/flow_of_hardened.stan
 #include charts/pooling.stan
 #include charts/valley/pins.stan
 #include charts/valley/least_squares.stan
@@ -62,21 +63,34 @@ parameters {
 }
 transformed parameters {
 #include charts/parameters_of_tests.stan
-  vector[n_tests] log_reference; // ln of the flow rate (s) at stress_scale and d_0
+  vector[n_tests] log_reference; // ln of the flow rate (s) (charts/flow_of_hardened.stan)
   for (e in 1 : n_tests) {
 #include charts/given_parameters.stan
 #include charts/valley_or_plain.stan
     vector[n_parameters() + 1] mapped
       = parameters_from_plain(head(plain, size(own)), own_parameter[own], quantity[own], given,
-                              replaced_parameter[e], 0, log(stress_scale[e]),
-                              initial_grain_size[e], temperature[e]);
-    parameter[e] = head(mapped, n_parameters());
-    log_reference[e] = log_flow_rate(stress_scale[e], initial_grain_size[e],
-                                     true_temperature(parameter[e], temperature[e]),
-                                     parameter[e][i_stress_exponent()],
-                                     parameter[e][i_grain_size_exponent()],
-                                     parameter[e][i_activation_enthalpy()],
-                                     parameter[e][i_beta()]);
+                              0, 0, 0, initial_grain_size[e], temperature[e]);
+    real shift = log_reference_flow_shift(head(mapped, n_parameters()), stress_scale[e],
+                                          strain_scale[e], initial_grain_size[e]);
+    if (replaced_parameter[e] > 0) {
+      mapped[replaced_parameter[e]] -= shift;
+      {
+        vector[n_parameters() + 1] resolved
+          = resolve_flow(head(mapped, n_parameters()), replaced_parameter[e], 0,
+                         log(stress_scale[e]), initial_grain_size[e], temperature[e]);
+        parameter[e] = head(resolved, n_parameters());
+        log_jacobian += resolved[n_parameters() + 1];
+      }
+    } else {
+      parameter[e] = head(mapped, n_parameters());
+    }
+    log_reference[e] = shift
+                       + log_flow_rate(stress_scale[e], initial_grain_size[e],
+                                       true_temperature(parameter[e], temperature[e]),
+                                       parameter[e][i_stress_exponent()],
+                                       parameter[e][i_grain_size_exponent()],
+                                       parameter[e][i_activation_enthalpy()],
+                                       parameter[e][i_beta()]);
     log_jacobian += pooled[n_parameters() + 1] + plain[size(own) + 1]
                     + mapped[n_parameters() + 1];
     log_pooling += pooled[n_parameters() + 2];

@@ -13,6 +13,7 @@ from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.checks.verdicts import Verdict
 from pyburgers.drawing.style import image
 from pyburgers.fitting.sampled_fit import SampledFit
+from pyburgers.model.priors import load_priors, shipped_prior_file
 from pyburgers.model.variants import variant_of
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.loading_history.files import load_loading_history
@@ -22,6 +23,7 @@ from pyburgers.studies.halite import (
     PARTS,
     POWER_LAW,
     POWER_LAW_HARDENING,
+    QUICK,
     RECORD,
     SINE_HARDENING,
     halite_section,
@@ -48,15 +50,23 @@ def test_three_laws_are_fitted_to_the_same_readings() -> None:
         assert test.provenance.kind == "measured"
         assert np.array_equal(test.position, tasks[POWER_LAW].problem.experiments[0].position)
         record = variant_of(priors, test).record()
-        assert (record["grain_size"], record["residuals"]) == ("constant", "autocorrelated")
-        laws[name] = (record["maxwell"], record["fabric"])
+        assert record["grain_size"] == "constant"
+        laws[name] = (record["maxwell"], record["fabric"], record["residuals"])
+    assert laws == {
+        POWER_LAW: ("power_law", "constant", "autocorrelated"),
+        POWER_LAW_HARDENING: ("power_law", "evolving", "autocorrelated"),
+        SINE_HARDENING: ("hyperbolic_sine", "evolving", "independent"),
+    }
+    for name in (POWER_LAW, POWER_LAW_HARDENING):
+        priors = tasks[name].problem.given_priors
         # Shorter than a load, so that residuals cannot take over what drifts for weeks.
         assert priors["residual_correlation_time"].distribution().ppf(0.95) < 4 * 86400
-    assert laws == {
-        POWER_LAW: ("power_law", "constant"),
-        POWER_LAW_HARDENING: ("power_law", "evolving"),
-        SINE_HARDENING: ("hyperbolic_sine", "evolving"),
-    }
+        shipped = load_priors(shipped_prior_file("halite"))
+        for exponent, share in (("grain_size_exponent", 0.1), ("stress_exponent", 1.0)):
+            assert priors[exponent].scale == pytest.approx(
+                share * shipped[exponent].scale, rel=0.01
+            )
+            assert priors[exponent].location == pytest.approx(shipped[exponent].location, rel=0.01)
     for name in (POWER_LAW_HARDENING, SINE_HARDENING):
         factor = tasks[name].problem.given_priors["steady_state_fabric_factor"]
         assert factor.upper == np.inf
@@ -139,5 +149,8 @@ def test_the_page_says_how_much_is_left_over_and_where(
     assert laws.shown.set_index("law").loc[LAWS[SINE_HARDENING], "sampled well?"] == "NO"
     assert parts.saved["part"].tolist() == [*PARTS, "all"]
     assert parts.shown.set_index("part").loc["unloading", "rms (1e-4)"] == "4.0"
+    assert "Not fitted here" not in told
     (figure,) = section.figures
     assert image(figure.draw(), "png")
+    quick = halite_section({name: fits[name] for name in QUICK})
+    assert any(f"Not fitted here: a {LAWS[SINE_HARDENING]}" in one for one in quick.details)

@@ -1,9 +1,9 @@
-"""Fit three laws to the measured creep of rock salt that comes with the package, and write a page.
+"""Fit four laws to the measured creep of rock salt that comes with the package, and write a page.
 
     python fit_measured_creep.py --out halite
 
 The page has the fits, both verdicts on each, and where in the loading history they miss the record
-(docs/loading_history.md says what came out).
+(docs/loading_history.md says what came out). Those that harden take long to sample.
 """
 
 import argparse

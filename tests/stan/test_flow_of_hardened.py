@@ -14,7 +14,7 @@ from pyburgers.protocols.loading_history.stan_data import strain_scale, stress_s
 from pyburgers.protocols.problem import Problem, problem_of
 from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.stan_data import SolverOptions
-from pyburgers.studies.halite import LAWS, RECORD, SINE_HARDENING, halite_priors
+from pyburgers.studies.halite import LAWS, RECORD, SINE, SINE_HARDENING, halite_priors
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -58,7 +58,7 @@ def test_it_is_the_rate_of_the_material_that_the_law_is_written_for(name: str) -
     stress, n = stress_scale(test), values["stress_exponent"]
     factor = 1.0
     flow_stress = stress
-    if name == SINE_HARDENING:
+    if name in (SINE, SINE_HARDENING):
         final, critical = (
             values[part] for part in ("steady_state_fabric_factor", "critical_strain_fabric")
         )

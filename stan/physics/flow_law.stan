@@ -38,7 +38,7 @@ real signed_power(real x, real log_unit, real exponent, real log_factor) {
 }
 
 /** Stress over breakdown stress above which the rate of the hyperbolic sine grows no more. */
-real largest_sine_argument() { return 300; }
+real largest_sine_argument() { return 60; }
 
 /**
  * Stress at which a power law creeps as fast as the hyperbolic sine does at a stress:

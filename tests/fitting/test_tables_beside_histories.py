@@ -1,0 +1,191 @@
+"""A curve at constant rate and a table of attenuation of one material, fitted together."""
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from conftest import ICE, with_fixed
+from history_twins import history_twin
+from protocol_examples import TWIN_FILE
+
+from pyburgers.cmdstan.program import load_program
+from pyburgers.common.errors import InputError
+from pyburgers.model.prior_families import is_fixed_at
+from pyburgers.model.priors import PriorSet
+from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
+from pyburgers.protocols.attenuation.files import load_attenuation
+from pyburgers.protocols.constant_rate.experiment import (
+    ConstantRateExperiment,
+    load_constant_rate,
+)
+from pyburgers.protocols.coordinates import Mode
+from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.forced_oscillation.experiment import load_forced_oscillation
+from pyburgers.protocols.loading_history.conversion import as_history
+from pyburgers.protocols.loading_history.valley import LoadingHistoryValley
+from pyburgers.protocols.problem import Problem, one_test, problem_of
+from pyburgers.protocols.program_data import (
+    chart_block,
+    given_parameters,
+    program_data,
+    values_of_test,
+)
+from pyburgers.protocols.stan_data import SolverOptions
+from pyburgers.protocols.together import default_priors_for, pooling_for
+from pyburgers.sampling.charts import at_mode
+
+FloatArray = npt.NDArray[np.float64]
+
+TIGHT = SolverOptions(tolerance=1e-12, max_num_steps=1_000_000)
+
+ONE_MODULUS = {"maxwell_modulus": "shared"}
+"""Pooling in which a table has nothing of its own."""
+
+
+def curve() -> ConstantRateExperiment:
+    """A part of the synthetic curve."""
+    twin = load_constant_rate(ICE / "curve_beside_attenuation_twin.toml")
+    return replace(twin, strain=twin.strain[::6], stress=twin.stress[::6])
+
+
+def table() -> AttenuationExperiment:
+    return load_attenuation(ICE / "attenuation_twin.toml")
+
+
+def priors() -> PriorSet:
+    return default_priors_for([curve(), table()])
+
+
+def both(pool: dict[str, str] | None = None, *others: Experiment) -> Problem:
+    experiments = [table(), curve(), *others]
+    return problem_of(experiments, priors(), pooling_for(experiments, pool))
+
+
+def evaluated(problem: Problem, coordinate: FloatArray, **chart: object) -> dict[str, FloatArray]:
+    data = {**program_data(problem, solver=TIGHT), **chart}
+    return load_program(problem.protocol.program).evaluate(
+        data, {"coordinate": coordinate.tolist()}
+    )
+
+
+def test_histories_come_first_and_the_table_stays_one() -> None:
+    problem = both()
+    assert problem.protocol.name == "loading_history"
+    assert [one.protocol for one in problem.experiments] == ["loading_history", "attenuation"]
+    assert isinstance(problem.experiments[1], AttenuationExperiment)
+
+
+def test_a_table_shares_flow_law_and_kelvin_part_and_has_no_microstructure() -> None:
+    problem = both()
+    assert {"stress_exponent", "kelvin_modulus", "kelvin_viscosity"} <= set(problem.shared)
+    assert problem.kind("maxwell_modulus") == "separate"
+    assert not problem.partial  # one test alone has a grain size that evolves
+    names, own = problem.layout.names, problem.layout.own(1)
+    assert [names[i] for i in own] == ["maxwell_modulus"]
+    assert not problem.has_effect("critical_strain_fabric", 1)
+    assert problem.owner("critical_strain_fabric", 1) == problem.experiments[0].id
+    seen = problem.by_effect()
+    assert "critical_strain_fabric" in seen[0].free
+    assert "critical_strain_fabric" not in seen[1].free
+    assert pooling_for([curve(), table()], {"all": "shared"}).kinds["maxwell_modulus"] == "shared"
+
+
+def test_priors_of_both_kinds_come_with_the_package() -> None:
+    found = priors()
+    assert not found["critical_strain_fabric"].is_fixed
+    assert not is_fixed_at(found["attenuation_scatter"], 0.0)
+    assert default_priors_for([curve()]).title != found.title
+
+
+def test_what_does_not_go_together_is_refused() -> None:
+    record = replace(load_forced_oscillation(TWIN_FILE), material="ice")
+    with pytest.raises(InputError, match="forced_oscillation cannot be fitted together with"):
+        both(None, record)
+    power_law = with_fixed(priors(), {"kelvin_stress_exponent": 2.0})
+    with pytest.raises(InputError, match="kelvin=power_law is not for tests of the protocol att"):
+        problem_of([curve(), table()], power_law, pooling_for([curve(), table()]))
+
+
+@pytest.mark.usefixtures("programs")
+@pytest.mark.parametrize("seed", [1, 2])
+def test_the_density_is_that_of_the_curve_and_that_of_the_table(seed: int) -> None:
+    """Point by point, each of its own program; priors count once."""
+    problem = both(ONE_MODULUS)
+    history = problem.experiments[0]
+    position = 0.3 * np.random.default_rng(seed).standard_normal(problem.layout.size)
+    joint = evaluated(problem, position)
+    curve_alone = evaluated(problem_of([history], priors()), position)
+    values = given_parameters("ice", values_of_test(joint["parameter"], 1))
+    table_alone = evaluated(one_test(problem.experiments[1], values), np.empty(0))
+    n = history.n_points
+    np.testing.assert_allclose(joint["log_lik"][:n], curve_alone["log_lik"], rtol=1e-8)
+    np.testing.assert_allclose(joint["log_lik"][n:], table_alone["log_lik"], rtol=1e-8)
+    np.testing.assert_allclose(
+        joint["response_model"][n:], table_alone["log_reading_model"], rtol=1e-12
+    )
+    assert joint["log_density"] == pytest.approx(
+        curve_alone["log_density"] + table_alone["log_lik"].sum(), rel=1e-10
+    )
+
+
+@pytest.mark.usefixtures("programs")
+def test_gradients_are_those_of_the_density() -> None:
+    problem = both()
+    data = program_data(problem, solver=SolverOptions(1e-11, 1_000_000))
+    model = load_program(problem.protocol.program)
+    rng = np.random.default_rng(4)
+    position, along = 0.3 * rng.standard_normal((2, problem.layout.size))
+    (gradient,) = model.gradients(data, "coordinate", [position])
+    step = 1e-4
+    _, found = model.generate_at(
+        data, "coordinate", np.array([position + step * along, position - step * along])
+    )
+    high, low = found["log_density"].ravel()
+    assert gradient @ along == pytest.approx((high - low) / (2 * step), rel=1e-5)
+
+
+@pytest.mark.usefixtures("programs")
+def test_valley_coordinates_of_the_curve_leave_the_table_alone() -> None:
+    """With nothing of its own the table adds its likelihood, in whatever coordinates."""
+    problem = both(ONE_MODULUS)
+    alone = problem_of([as_history(curve())], priors())
+    truth = curve().true_parameters
+    assert truth is not None
+    plain = alone.coordinates[0]
+    # Any point does as the reference: the curve's truth.
+    known = given_parameters("ice", truth)
+    at_truth = evaluated(one_test(alone.experiments[0], known), np.empty(0))
+    reference_rate = {"reference_flow_rate": float(np.exp(at_truth["log_reference"][0]))}
+    mode = Mode(
+        values_of_test(at_truth["parameter"], 0),
+        plain.at({**truth, **reference_rate}),
+        np.empty(0),
+    )
+    reference, _ = LoadingHistoryValley().reference(at_mode(alone, mode, TIGHT))
+    position = 0.2 * np.random.default_rng(5).standard_normal(alone.layout.size)
+    curve_alone = evaluated(alone, position, **chart_block(alone, [reference]))
+    joint = evaluated(problem, position, **chart_block(problem, [reference, None]))
+    n = alone.experiments[0].n_points
+    np.testing.assert_allclose(joint["parameter"][0], curve_alone["parameter"][0], rtol=1e-10)
+    assert joint["log_density"] == pytest.approx(
+        curve_alone["log_density"] + joint["log_lik"][n:].sum(), rel=1e-9
+    )
+
+
+@pytest.mark.usefixtures("programs")
+def test_a_table_takes_no_part_in_partial_pooling() -> None:
+    """Of three tests two have a steady-state grain size."""
+    creep = replace(history_twin("creep", 8), id="creep")
+    experiments = [curve(), creep, table()]
+    pooling = pooling_for(experiments, ONE_MODULUS)
+    assert pooling.kinds["steady_state_grain_size"] == "partial"
+    three = problem_of(experiments, priors(), pooling)
+    two = problem_of(experiments[:2], priors(), pooling)
+    assert three.layout.size == two.layout.size
+    position = 0.3 * np.random.default_rng(6).standard_normal(two.layout.size)
+    joint, without = evaluated(three, position), evaluated(two, position)
+    n = two.experiments[0].n_points + two.experiments[1].n_points
+    assert joint["log_density"] == pytest.approx(
+        without["log_density"] + joint["log_lik"][n:].sum(), rel=1e-10
+    )

@@ -1,12 +1,11 @@
 """Write a synthetic table of attenuation of ice, and a curve at constant rate of the same ice.
 
-The table, under cycles about a median stress, has the columns of a table such as that of McCarthy and Cooper (2016), Earth and Planetary
-Science Letters 443, 185-194, which is not part of the project: whoever has it can put it in the
-place of this one. Numbers are the closed form of the model, integrated by scipy and written out
-here again, with scatter: nothing in it was measured.
-
-The curve has flow law and Kelvin part of the table, and a microstructure of its own. Its elastic
-modulus is that of specimen and apparatus together.
+The table, under cycles about a median stress, has the columns of a table such as that of McCarthy
+and Cooper (2016), Earth and Planetary Science Letters 443, 185-194, which is not part of the
+project: whoever has it can put it in the place of this one. Its numbers are the closed form of the
+model, integrated by scipy and written out here again, with scatter. The curve is the solution of
+the paper's equations with noise; it has flow law and Kelvin part of the table, a microstructure of
+its own, and the elastic modulus of specimen and apparatus together. Nothing was measured.
 
 Run ``python data/ice/generate_attenuation_twin.py`` to write the files anew, bit for bit.
 """
@@ -132,7 +131,7 @@ def table_text() -> str:
 def curve_stress() -> npt.NDArray[np.float64]:
     """Return the stress (Pa) of the curve at its strains, without noise.
 
-    From rest: the paper's equations in stress, Kelvin strain, grain size and fabric factor, in time.
+    From rest: the paper's equations in stress, Kelvin strain, grain size and fabric factor.
     """
     truth = CURVE_TRUTH
     arrhenius = np.exp(

@@ -80,7 +80,7 @@ def build_posterior(run: RunDirectory, problem: Problem) -> xr.DataTree:
     protocol, experiments = problem.protocol, problem.experiments
     files = run.draws_files()
     chains = {"chain": list(run.finished_chains())}
-    grids = [protocol.prediction_grid(experiment) for experiment in experiments]
+    grids = [protocol_of(experiment).prediction_grid(experiment) for experiment in experiments]
     data = run.read_stan_data()
     fit = read_draws(files)
     logger.info("Solving every draw again at the reference tolerance.")
@@ -210,6 +210,7 @@ def _all_draws(
         variables |= {
             own_name(name, problem.owner(name, e)): of_test[name]
             for name in (*own, problem.protocol.reference.name)
+            if problem.has_effect(name, e)
         }
     if problem.partial:
         pooled = fit.dataset(["pooled_centre", "pooled_spread"]).assign_coords(chains)

@@ -235,7 +235,13 @@ def joint_section(name: str, joint: Fit, separate: Sequence[Fit]) -> PageSection
                 partial(intervals, joint, separate),
                 " ".join((*_bought(table), *alarms)),
             ),
-            *joint.problem.protocol.joint_figures(list(joint.tests().values())),
+            *joint.problem.protocol.joint_figures(
+                [
+                    one
+                    for one in joint.tests().values()
+                    if protocol_of(one.experiment) is joint.problem.protocol
+                ]
+            ),
         ),
         alarms=tuple(f"{name}: {alarm}" for alarm in alarms),
     )

@@ -1,6 +1,7 @@
 """A curve at constant rate and a table of attenuation of one material, fitted together."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -11,8 +12,11 @@ from protocol_examples import TWIN_FILE
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.errors import InputError
+from pyburgers.comparison.by_tests import leave_one_test_out
+from pyburgers.fitting.fit import Fit, fit
 from pyburgers.model.prior_families import is_fixed_at
 from pyburgers.model.priors import PriorSet
+from pyburgers.predictions.attenuation import Regime, predict_attenuation
 from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
 from pyburgers.protocols.attenuation.files import load_attenuation
 from pyburgers.protocols.constant_rate.experiment import (
@@ -33,7 +37,10 @@ from pyburgers.protocols.program_data import (
 )
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.protocols.together import default_priors_for, pooling_for
+from pyburgers.report.joint_section import joint_sections, pooling_table
+from pyburgers.report.page import write_report
 from pyburgers.sampling.charts import at_mode
+from pyburgers.sampling.options import SamplerOptions
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -127,6 +134,81 @@ def test_the_density_is_that_of_the_curve_and_that_of_the_table(seed: int) -> No
     assert joint["log_density"] == pytest.approx(
         curve_alone["log_density"] + table_alone["log_lik"].sum(), rel=1e-10
     )
+
+
+FREE = (
+    "maxwell_modulus",
+    "kelvin_modulus",
+    "activation_enthalpy",
+    "stress_noise",
+    "modulus_scatter",
+)
+
+
+@pytest.fixture(scope="module")
+def fitted(programs: None, tmp_path_factory: pytest.TempPathFactory) -> Fit:
+    truth = curve().true_parameters
+    assert truth is not None
+    known = {name: truth[name] for name in priors().free if name not in FREE}
+    return fit(
+        [curve(), table()],
+        with_fixed(priors(), known),
+        out=tmp_path_factory.mktemp("both") / "run",
+        options=SamplerOptions(chains=2, warmup=150, draws=100, seed=3),
+    )
+
+
+def test_a_fit_says_of_each_what_it_would_by_itself(fitted: Fit) -> None:
+    names = [experiment.id for experiment in fitted.problem.experiments]
+    of_curve, of_table = (fitted[name] for name in names)
+    assert f"stress_noise[{names[0]}]" in fitted.summary().index
+    assert "stress_noise" in of_curve.summary().index
+    assert "stress_noise" not in of_table.summary().index
+    for one in (of_curve, of_table):
+        truth = one.experiment.true_parameters
+        assert truth is not None
+        draws = one.posterior["posterior"]
+        for name in ("maxwell_modulus", "kelvin_modulus", "activation_enthalpy"):
+            assert abs(float(draws[name].mean()) - truth[name]) < 4 * float(draws[name].std())
+    assert of_table.posterior.attrs["clock"] == "place"
+    assert of_curve.posterior.attrs["clock"] == "time"
+    residual = of_table.posterior["model_response"]["log_reading"].mean(("chain", "draw"))
+    assert np.std(residual.to_numpy() - of_table.experiment.response) < 0.1
+    assert set(fitted.manifest["coordinates"]) >= {"system"}
+
+
+def test_it_is_read_back_and_predicts_attenuation_and_a_table(fitted: Fit) -> None:
+    again = Fit.load(fitted.directory.path)
+    name = table().id
+    cycles = predict_attenuation(again[name], [1e-3, 1e-1], [Regime(1e6, 0.17e6)])
+    assert np.isfinite(cycles["tan_delta"]).all()
+    predicted = again.predict(replace(table(), id="again"), draws=20, separate_from=name)
+    new = predicted.posterior["model_response"]["log_reading"].to_numpy()[0]
+    assert np.std(new.mean(axis=0) - table().response) < 0.1
+
+
+@pytest.mark.usefixtures("sketched")
+def test_it_has_a_page(fitted: Fit, tmp_path: Path) -> None:
+    page = write_report(
+        list(fitted.tests().values()),
+        tmp_path / "page",
+        title="both",
+        command="test",
+        joints=[fitted],
+        extras=joint_sections([fitted], []),
+    )
+    text = page.read_text(encoding="utf-8")
+    assert table().id in text
+    shown = pooling_table(fitted)
+    microstructure_and_noise = shown[shown["quantity"] == "stress_noise"]
+    assert list(microstructure_and_noise["test"]) == [curve().id]
+
+
+@pytest.mark.slow
+def test_each_is_left_out(fitted: Fit) -> None:
+    found = leave_one_test_out(fitted, command="test")
+    assert set(found.tests) == {curve().id, table().id}
+    assert np.isfinite(found.elpd).all()
 
 
 @pytest.mark.usefixtures("programs")

@@ -16,7 +16,8 @@ from pyburgers.comparison.by_tests import leave_one_test_out
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.model.prior_families import is_fixed_at
 from pyburgers.model.priors import PriorSet
-from pyburgers.predictions.attenuation import Regime, predict_attenuation
+from pyburgers.predictions.attenuation import predict_attenuation
+from pyburgers.predictions.stress_cycles import Regime
 from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
 from pyburgers.protocols.attenuation.files import load_attenuation
 from pyburgers.protocols.constant_rate.experiment import (

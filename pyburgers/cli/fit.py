@@ -22,9 +22,10 @@ from pyburgers.model.pooling import parse_pooling
 from pyburgers.model.priors import PriorSet, load_priors, with_flow_law
 from pyburgers.model.variants import parse_choices, with_variant
 from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.problem import of_one_program
 from pyburgers.protocols.protocol import load_experiment
 from pyburgers.protocols.stan_data import SolverOptions
-from pyburgers.protocols.together import default_priors_for, of_one_program
+from pyburgers.protocols.together import default_priors_for
 from pyburgers.report.joint_section import pooling_table, shown_pooling_table
 from pyburgers.report.tables import parameter_table
 from pyburgers.sampling.run_directory import RunDirectory

@@ -6,7 +6,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from pyburgers.common.errors import InputError
 from pyburgers.model.parameters import CONDITIONS, PARAMETER_BY_NAME, Parameter
@@ -14,12 +13,12 @@ from pyburgers.model.pooling import SEPARATE, Pooling
 from pyburgers.model.prior_families import Prior, fixed_prior
 from pyburgers.model.priors import FLOW_LAW, PriorSet
 from pyburgers.model.variants import check_variant
-from pyburgers.protocols.coordinates import Layout, Mode, PlainCoordinates, layout_of
+from pyburgers.protocols.coordinates import Layout, PlainCoordinates, layout_of
 from pyburgers.protocols.experiment import CONDITION_KEYS, Experiment
-from pyburgers.protocols.protocol import Protocol, protocol_of
-from pyburgers.protocols.together import common_protocol, of_one_program
+from pyburgers.protocols.protocol import Protocol, protocol_of, protocols
 
-FloatArray = npt.NDArray[np.float64]
+HISTORIES, TABLES = "loading_history", "attenuation"
+"""Protocols that one program takes together."""
 
 
 @dataclass(frozen=True)
@@ -201,22 +200,6 @@ class Problem:
         return problem_of(kept, priors, self.pooling)
 
 
-@dataclass(frozen=True, eq=False)
-class ProblemMode:
-    """The highest density found of a problem.
-
-    Attributes
-    ----------
-    tests : tuple of Mode
-        Values of each test, and its plain coordinates by itself.
-    coordinate : array, shape (n_coordinates,)
-        Plain coordinates of all tests together.
-    """
-
-    tests: tuple[Mode, ...]
-    coordinate: FloatArray
-
-
 def one_test(experiment: Experiment, priors: PriorSet) -> Problem:
     """Return a test by itself with its resolved priors; nothing is checked, it may lack data."""
     return Problem((experiment,), priors, (priors,), SEPARATE)
@@ -227,8 +210,7 @@ def problem_of(
 ) -> Problem:
     """Check tests, priors and pooling, and resolve the priors for each test.
 
-    Tests of several protocols are taken as one program takes them
-    (`pyburgers.protocols.together`).
+    Tests of several protocols are taken as one program takes them (`of_one_program`).
 
     A prior that is a share of the largest stress takes that of the test, or of all tests where
     the parameter is shared.
@@ -292,6 +274,37 @@ def condition_priors(experiment: Experiment) -> tuple[Prior, ...]:
         )
         for condition in experiment.uncertain
     )
+
+
+def of_one_program(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
+    """Return tests as they are, or as one program takes them where their protocols differ.
+
+    Tables stand behind the histories then: what tests share has its coordinate in the first one,
+    and those of a history know what a curve fixes.
+
+    Raises
+    ------
+    InputError
+        If one of several protocols cannot be fitted with tests of another.
+    """
+    if len({experiment.protocol for experiment in experiments}) == 1:
+        return tuple(experiments)
+    for experiment in experiments:
+        if experiment.microstructure:
+            raise InputError(
+                f"{experiment.id}: has measured microstructure, which loading histories do not "
+                "take, expected tests of one protocol."
+            )
+    taken = [protocol_of(experiment).as_history(experiment) for experiment in experiments]
+    return tuple(sorted(taken, key=lambda one: one.protocol == TABLES))
+
+
+def common_protocol(experiments: Sequence[Experiment]) -> Protocol[Any]:
+    """Return the protocol whose program takes some tests (`of_one_program`)."""
+    first, *others = experiments
+    if all(other.protocol == first.protocol for other in others):
+        return protocol_of(first)
+    return protocols()[HISTORIES]
 
 
 def plain_coordinates(experiment: Experiment, priors: PriorSet) -> PlainCoordinates:

@@ -1,21 +1,12 @@
-"""Tests of several protocols in one problem: which program takes them, what they share by default.
-
-Histories and curves at constant rate become loading histories. Tables of attenuation stay what they
-are: the program of loading histories takes them beside histories.
-"""
+"""What tests that are fitted together share, and their priors, where nothing else is said."""
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import Any
 
-from pyburgers.common.errors import InputError
 from pyburgers.model.pooling import ALL, SEPARATE, Pooling, pooling_of
 from pyburgers.model.priors import PriorSet, default_priors, shipped_prior_files
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.protocol import Protocol, protocol_of, protocols
-
-HISTORIES, TABLES = "loading_history", "attenuation"
-"""Protocols that one program takes together."""
+from pyburgers.protocols.problem import TABLES, common_protocol
 
 WITH_TABLES: Mapping[str, str] = MappingProxyType({"maxwell_modulus": "separate"})
 """Pooling of histories and tables where nothing else is said: a deformation test sees the apparatus
@@ -23,37 +14,6 @@ in E_M, a table the material alone."""
 
 PRIORS_WITH_TABLES = "deformation_and_attenuation"
 """Folder of priors for both."""
-
-
-def of_one_program(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
-    """Return tests as they are, or as one program takes them where their protocols differ.
-
-    Tables stand behind the histories then: what tests share has its coordinate in the first one,
-    and those of a history know what a curve fixes.
-
-    Raises
-    ------
-    InputError
-        If one of several protocols cannot be fitted with tests of another.
-    """
-    if len({experiment.protocol for experiment in experiments}) == 1:
-        return tuple(experiments)
-    for experiment in experiments:
-        if experiment.microstructure:
-            raise InputError(
-                f"{experiment.id}: has measured microstructure, which loading histories do not "
-                "take, expected tests of one protocol."
-            )
-    taken = [protocol_of(experiment).as_history(experiment) for experiment in experiments]
-    return tuple(sorted(taken, key=lambda one: one.protocol == TABLES))
-
-
-def common_protocol(experiments: Sequence[Experiment]) -> Protocol[Any]:
-    """Return the protocol whose program takes some tests (`of_one_program`)."""
-    first, *others = experiments
-    if all(other.protocol == first.protocol for other in others):
-        return protocol_of(first)
-    return protocols()[HISTORIES]
 
 
 def has_both(experiments: Sequence[Experiment]) -> bool:

@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from pyburgers.cmdstan.program import ModeNotFound, Program, load_program
 from pyburgers.common.errors import InputError
-from pyburgers.protocols.coordinates import Mode
-from pyburgers.protocols.problem import Problem, ProblemMode
+from pyburgers.protocols.coordinates import Mode, ProblemMode
+from pyburgers.protocols.problem import Problem
 from pyburgers.protocols.program_data import chart_block, program_data, solve
 from pyburgers.protocols.protocol import AtMode, Chart, ChartUnsuited
 from pyburgers.protocols.stan_data import SolverOptions, StanData, solver_block

@@ -7,8 +7,8 @@ import numpy.typing as npt
 
 from pyburgers.cmdstan.program import Program, load_program
 from pyburgers.common.errors import SamplingError
-from pyburgers.protocols.coordinates import Mode
-from pyburgers.protocols.problem import Problem, ProblemMode
+from pyburgers.protocols.coordinates import Mode, ProblemMode
+from pyburgers.protocols.problem import Problem
 from pyburgers.protocols.program_data import program_data, solve, values_of_test
 from pyburgers.protocols.stan_data import SolverOptions, StanData
 

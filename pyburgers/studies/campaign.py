@@ -26,8 +26,9 @@ from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.side_by_side import Task, run_fits, task_of
 from pyburgers.model.priors import load_priors, note_other_material
 from pyburgers.model.variants import with_variant
+from pyburgers.protocols.problem import of_one_program
 from pyburgers.protocols.protocol import load_experiment
-from pyburgers.protocols.together import default_priors_for, of_one_program
+from pyburgers.protocols.together import default_priors_for
 from pyburgers.report.comparison_sections import comparison_sections
 from pyburgers.report.joint_section import joint_sections
 from pyburgers.report.page import write_report

@@ -24,8 +24,7 @@ from pyburgers.protocols.forced_oscillation.experiment import load_forced_oscill
 from pyburgers.protocols.forward import simulate_data
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.microstructure import MeasuredMicrostructure
-from pyburgers.protocols.problem import problem_of
-from pyburgers.protocols.together import of_one_program
+from pyburgers.protocols.problem import of_one_program, problem_of
 from pyburgers.report.joint_section import joint_sections
 from pyburgers.report.page import write_report
 from pyburgers.sampling.options import SamplerOptions

@@ -112,6 +112,10 @@ class Attenuation(Protocol[AttenuationExperiment]):
                 f"the priors {priors.title!r}, expected amplitudes or the variant maxwell=linear."
             )
 
+    def as_history(self, experiment: AttenuationExperiment) -> AttenuationExperiment:
+        """Return the table: the program of loading histories takes it as it is."""
+        return experiment
+
     def without_data(self, experiment: AttenuationExperiment) -> AttenuationExperiment:
         """Return the table without what was read."""
         return replace(experiment, readings=NO_READINGS)
@@ -121,8 +125,10 @@ class Attenuation(Protocol[AttenuationExperiment]):
         return _place_grid(experiment, PREDICTIONS_PER_SPECTRUM)
 
     def output_grid(self, experiment: AttenuationExperiment) -> FloatArray:
-        """Return evenly spaced places and those of the readings."""
-        return np.union1d(_place_grid(experiment, OUTPUTS_PER_SPECTRUM), experiment.position)
+        """Return evenly spaced places and those of the rows, of attenuation and of modulus."""
+        place = experiment.conditions.place
+        rows = np.concatenate([place, place + experiment.conditions.n_spectra])
+        return np.union1d(_place_grid(experiment, OUTPUTS_PER_SPECTRUM), rows)
 
     def solution(
         self, experiment: AttenuationExperiment, draw: Mapping[str, FloatArray]

@@ -16,6 +16,7 @@ import numpy.typing as npt
 import pytest
 from independent_table import TRUTHS
 from matplotlib.figure import Figure
+from truth_as_mode import at_truth
 
 from pyburgers.cmdstan.program import compile_programs, load_program
 from pyburgers.cmdstan.toolchain import stan_directory
@@ -27,13 +28,10 @@ from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment,
 from pyburgers.protocols.constant_rate.valley import ConstantRateValley
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forward import simulate_data
-from pyburgers.protocols.problem import problem_of
 from pyburgers.protocols.protocol import protocols, save_experiment
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.protocols.valley import ValleyReference
-from pyburgers.sampling.charts import at_mode
 from pyburgers.sampling.options import SamplerOptions
-from pyburgers.sampling.starts import find_mode
 
 FloatArray = npt.NDArray[np.float64]
 FunctionValues = Callable[[str, Mapping[str, object]], dict[str, FloatArray]]
@@ -119,15 +117,13 @@ def pair_of(problem: Problem) -> list[ConstantRateExperiment]:
 
 
 def valley_of(experiment: ConstantRateExperiment, priors: PriorSet) -> ValleyReference:
-    """Reference of the valley coordinates as a fit with seed 1 sets it up, save one part.
+    """Reference of the valley coordinates as a fit sets it up at its mode, save one part.
 
     The noise exponents are made up, so that only that of the noise itself (the last) is 0.
     """
-    solver = SolverOptions()
-    problem = problem_of([experiment], priors)
-    (mode,) = find_mode(problem, seed=1, solver=solver).tests
-    valley, _ = ConstantRateValley().reference(at_mode(problem, mode, solver))
-    return replace(valley, noise_exponent=np.linspace(0.9, 0.0, mode.coordinate.size))
+    test = at_truth(experiment, priors, SolverOptions())
+    valley, _ = ConstantRateValley().reference(test)
+    return replace(valley, noise_exponent=np.linspace(0.9, 0.0, test.mode.coordinate.size))
 
 
 @pytest.fixture(scope="session")

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
+from weakref import WeakSet
 
 import filelock
 import numpy as np
@@ -48,6 +49,22 @@ LONG_RUN = replace(SMALL_RUN, warmup=300, draws=800)
 
 POOL = {"stress_noise": "separate"}
 """How the tests of `joint` differ."""
+
+
+LONGEST_FILES = (
+    "test_sampling.py",
+    "test_report.py",
+    "test_protocols_together.py",
+    "test_comparison_sections.py",
+    "test_figures.py",
+    "test_history_valley.py",
+)
+"""Those that take more than 20 s of processor time; a file runs in one process."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put the longest files first, so that none of them is left to one process at the end."""
+    items.sort(key=lambda item: item.path.name not in LONGEST_FILES)
 
 
 @dataclass(frozen=True)
@@ -159,12 +176,15 @@ def function_values(programs: None) -> FunctionValues:
 
 def sketch_pictures(patch: pytest.MonkeyPatch) -> None:
     """Draw each figure of a page once and coarsely; layout and rendering are most of its work."""
+    drawn: WeakSet[Figure] = WeakSet()
 
     def sketch(figure: Figure, kind: str) -> bytes:
         if kind == "png":
             return b"\x89PNG"
-        figure.set_layout_engine(None)
-        figure.draw_without_rendering()
+        if figure not in drawn:  # it comes again for the file beside the page
+            figure.set_layout_engine(None)
+            figure.draw_without_rendering()
+            drawn.add(figure)
         return b'<svg viewBox="0 0 576 432"></svg>'
 
     patch.setattr("pyburgers.drawing.style.image", sketch)

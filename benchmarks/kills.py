@@ -11,6 +11,7 @@ wrong stays in its folder.
 
 import argparse
 import shutil
+import signal
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -37,6 +38,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--command", choices=KILLS, action="append", help="default: all")
     options = parser.parse_args(arguments)
+    # A shell's background job ignores interrupts, and so would the commands, which inherit that.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     commands = _commands(options.out.resolve())
     for name in options.command or KILLS:
         _kill(name, commands[name], options.out.resolve() / name)

@@ -1,5 +1,7 @@
 """A test at its true parameters, which do for its mode where that only says where to look."""
 
+from typing import TypeVar
+
 import numpy as np
 
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
@@ -12,8 +14,10 @@ from pyburgers.protocols.protocol import AtMode
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.charts import at_mode
 
+E = TypeVar("E", bound=Experiment)
 
-def at_truth(experiment: Experiment, priors: PriorSet, solver: SolverOptions) -> AtMode[Experiment]:
+
+def at_truth(experiment: E, priors: PriorSet, solver: SolverOptions) -> AtMode[E]:
     """What charts are set up with; a search for the mode takes seconds of processor time more."""
     assert experiment.true_parameters is not None
     problem = problem_of([experiment], priors)

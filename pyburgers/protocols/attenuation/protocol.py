@@ -112,6 +112,10 @@ class Attenuation(Protocol[AttenuationExperiment]):
                 f"the priors {priors.title!r}, expected amplitudes or the variant maxwell=linear."
             )
 
+    def as_history(self, experiment: AttenuationExperiment) -> AttenuationExperiment:
+        """Return the table: the program of loading histories takes it as it is."""
+        return experiment
+
     def without_data(self, experiment: AttenuationExperiment) -> AttenuationExperiment:
         """Return the table without what was read."""
         return replace(experiment, readings=NO_READINGS)

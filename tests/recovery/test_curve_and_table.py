@@ -24,7 +24,7 @@ def fits(programs: None, tmp_path_factory: pytest.TempPathFactory) -> dict[str, 
     """Fits of the curve, the table and both with one set of priors."""
     curve, table = (load_experiment(ICE / f"{name}.toml") for name in (CURVE, TABLE))
     priors = default_priors_for([curve, table])
-    options = SamplerOptions(chains=4, draws=500, seed=20261122)
+    options = SamplerOptions(chains=4, draws=1000, seed=20261122)
     folder: Path = tmp_path_factory.mktemp("fits")
     tests = {"curve": [curve], "table": [table], "both": [curve, table]}
     return {

@@ -9,6 +9,7 @@ from conftest import DUNITE
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
+from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.loading_history.files import load_loading_history
 from pyburgers.protocols.loading_history.stan_data import strain_scale, stress_scale
 from pyburgers.protocols.problem import Problem, problem_of
@@ -53,6 +54,7 @@ def test_it_is_the_rate_of_the_material_that_the_law_is_written_for(name: str) -
     """Hardened by the largest strain with a hyperbolic sine, undeformed with a power law."""
     problem = few_readings(name)
     (test,) = problem.experiments
+    assert isinstance(test, LoadingHistory)
     at = somewhere(problem)
     values, log_rate, _ = evaluated(problem, at)
     stress, n = stress_scale(test), values["stress_exponent"]

@@ -223,9 +223,7 @@ def halite_section(fits: Mapping[str, Fit]) -> PageSection:
         paragraphs=(
             f"Of {len(fits)} laws the {LAWS[closest]} leaves least over: {whole:.2g} (root mean "
             f"square) of a strain of {largest:.2g}, {100 * whole / largest:.1f} %. It is worst in "
-            f"the part '{worst}': {rms[worst]:.2g}, on the mean {mean[worst]:+.2g}. The best "
-            f"predictions of single readings from the others are those of the "
-            f"{LAWS[str(laws['elpd_difference'].idxmin())]}.",
+            f"the part '{worst}': {rms[worst]:.2g}, on the mean {mean[worst]:+.2g}.",
             " ".join(_answers(laws, *about) for about in _VERDICTS.items()),
         ),
         details=(

@@ -71,6 +71,11 @@ vector log_tan_delta_and_modulus(vector parameter, data vector frequency,
   return append_row(log(loss) - log(storage), -0.5 * log(square(storage) + square(loss)));
 }
 
+/** ln of the loss compliance (1/Pa) of readings of ln(tan delta) and ln(modulus / Pa). */
+vector log_loss(vector log_tan_delta, vector log_modulus) {
+  return log_tan_delta - 0.5 * log1p_exp(2 * log_tan_delta) - log_modulus;
+}
+
 /**
  * Centre (first half) and standard deviation (second half) of the logarithms of readings.
  *

@@ -8,7 +8,7 @@ HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 sys.path.insert(0, str(HERE))
 
-from directives import EXTRA  # noqa: E402 - in this folder
+from directives import EXTRA  # noqa: E402 - that folder is not on the path before
 
 project = "pyburgers"
 author = "the authors of pyburgers"

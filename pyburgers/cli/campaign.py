@@ -6,8 +6,8 @@ from pathlib import Path
 from pyburgers.cli.shared import command_line, exit_code, writing
 from pyburgers.cli.terminal import print_table
 from pyburgers.cli.workers import add_worker_options, workers_of
+from pyburgers.sampling.manifest import COMPLETE
 from pyburgers.studies.campaign import (
-    COMPLETE,
     load_campaign,
     run_campaign,
     shown_status_table,

@@ -22,7 +22,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
         "experiment",
         type=Path,
         metavar="EXPERIMENT.toml",
-        help="a test at constant rate or a loading history needs no [data]",
+        help="an imagined test needs no [data]",
     )
     which = command.add_mutually_exclusive_group(required=True)
     which.add_argument("--parameters", type=Path, metavar="P.json", help="SI values by name")

@@ -17,7 +17,7 @@ from pyburgers.common.toml_files import read_text
 MINUS_SIGNS = "\u2212\u2013\u2012\ufe63\uff0d"
 """Characters that look like a minus sign and are none to a reader of numbers."""
 
-_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
+DECIMAL_COMMA = re.compile(r"^[+-]?\d+,\d+(?:[eE][+-]?\d+)?$")
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,6 @@ class TextTable:
 
 
 ODD_MINUS = re.compile(rf"^[{MINUS_SIGNS}]\s*[\d.]")
-DECIMAL_COMMA = re.compile(rf"^{_DECIMAL_COMMA.pattern}$")
 
 
 def look_at(path: Path) -> TextTable:
@@ -101,7 +100,7 @@ def as_number(cell: str) -> float | None:
     None where there is none, or not a finite one.
     """
     text = re.sub(f"[{MINUS_SIGNS}]", "-", cell.strip())
-    if _DECIMAL_COMMA.fullmatch(text):
+    if DECIMAL_COMMA.fullmatch(text):
         text = text.replace(",", ".")
     try:
         value = float(text)
@@ -137,7 +136,7 @@ def _all_decimal_commas(lines: Sequence[str], separator: str) -> bool:
     cells = [cell for line in lines[1:50] for cell in line.split()]
     return (
         bool(cells)
-        and all(_DECIMAL_COMMA.fullmatch(cell) for cell in cells)
+        and all(DECIMAL_COMMA.fullmatch(cell) for cell in cells)
         and len(lines[-1].split()) > 1
     )
 

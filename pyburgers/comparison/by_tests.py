@@ -21,6 +21,7 @@ from pyburgers.comparison.same_data import check_same_data, stacking_weights
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.side_by_side import Task, run_fits
 from pyburgers.protocols.stan_data import SolverOptions
+from pyburgers.sampling.manifest import COMPLETE
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run_directory import RunDirectory
 
@@ -136,7 +137,7 @@ def _folders_without(joint: Fit) -> dict[str, Path]:
 def _is_complete(folder: Path) -> bool:
     """Tell whether a fit is finished."""
     run = RunDirectory(folder)
-    return run.manifest_file.is_file() and run.read_manifest().get("status") == "complete"
+    return run.manifest_file.is_file() and run.read_manifest().get("status") == COMPLETE
 
 
 def check_several_tests(joint: Fit) -> None:

@@ -20,6 +20,7 @@ from pyburgers.checks.verdicts import Verdict, verdicts, verdicts_record
 from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.posterior.labelled_draws import in_display_units
 from pyburgers.sampling.failures import ChainFailure, missing_chains
+from pyburgers.sampling.manifest import COMPLETE
 from pyburgers.sampling.run_directory import RunDirectory
 
 
@@ -116,4 +117,4 @@ def write_tables(result: SampledFit) -> None:
     write_text(run.summary_file, result.summary("SI").to_csv())
     write_json(run.checks_file, result.checks_record())
     if not result.missing_chains():
-        run.update_manifest({"status": "complete"})
+        run.update_manifest({"status": COMPLETE})

@@ -89,18 +89,19 @@ def symbol_text(quantity: Parameter) -> str:
     return text
 
 
-def prior_text(prior: Prior, quantity: Parameter | None = None) -> str:
+def prior_text(prior: Prior, quantity: Parameter | None = None, *, with_unit: bool = True) -> str:
     """Return a prior in the notation of statistics and display units, such as ``N(65, 2) kJ/mol``.
 
     U is uniform, N normal with its standard deviation, HN half-normal, LN lognormal with median
     and standard deviation of the logarithm. The quantity has to be given where it is no parameter
-    of a curve.
+    of a curve. The unit may be left out where it stands beside the text.
     """
     quantity = quantity or PARAMETER_BY_NAME[prior.parameter]
     factor = quantity.display_factor
     location = number(prior.location * factor)
     lower, upper = number(prior.lower * factor), number(prior.upper * factor)
-    unit = "" if quantity.display_unit in {"1", "fraction"} else f" {unit_text(quantity)}"
+    has_unit = with_unit and quantity.display_unit not in {"1", "fraction"}
+    unit = f" {unit_text(quantity)}" if has_unit else ""
     match prior.family:
         case "fixed":
             return f"fixed: {location}{unit}"

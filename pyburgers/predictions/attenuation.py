@@ -75,6 +75,7 @@ def attenuation_spectrum(
     fabric_factor: npt.ArrayLike = 1.0,
     hold_time: float = HOLD_TIME,
     critical_share: float = CRITICAL_SHARE,
+    with_strains: bool = True,
 ) -> xr.Dataset:
     """Attenuation of every draw in every regime at every frequency (see the module's head).
 
@@ -99,6 +100,8 @@ def attenuation_spectrum(
         Seconds at the median stress before the cycles; only the strain of the hold depends on it.
     critical_share : float
         Share of the critical strain beyond which frozen microstructure fails.
+    with_strains : bool
+        False leaves out what is about the assumption, which takes ten times as long as the rest.
 
     Returns
     -------
@@ -139,13 +142,15 @@ def attenuation_spectrum(
         )
         cycling, held = rates[..., :-1], rates[..., -1]
         by_regime["fluidity"].append(fluidity(cycling, sine, regime.amplitude))
+        if not with_strains:
+            continue
         recoverable = 1 / draws["maxwell_modulus"] + kelvin.creep(hold_time)
         by_regime["hold"].append(regime.median_stress * recoverable + held * hold_time)
         amplitudes = regime.amplitude * storage, regime.amplitude * kelvin_loss
         by_regime["cycle"].append(cycle_strain(cycling, sine, *amplitudes, frequency))
         critical = critical_strain(parameters, size, fabric, regime.median_stress)
         by_regime["critical"].append(critical)
-    background, hold = (np.stack(by_regime[name], axis=-1) for name in ("fluidity", "hold"))
+    background = np.stack(by_regime["fluidity"], axis=-1)
     storage, loss = storage[..., np.newaxis, :], kelvin_loss[..., np.newaxis, :]
     loss = loss + background[..., np.newaxis] / omega
     draw_dimensions = DRAW_DIMENSIONS[size.ndim]
@@ -160,13 +165,6 @@ def attenuation_spectrum(
             "debye_peak": (regime_dimensions, _has_peak(kelvin, draws, background)),
             "grain_size": (draw_dimensions, size, {"units": "m"}),
             "fabric_factor": (draw_dimensions, fabric, number_of_one),
-            "hold_strain": (regime_dimensions, hold, number_of_one),
-            "cycle_strain": (dimensions, np.stack(by_regime["cycle"], axis=-2), number_of_one),
-            "critical_strain": (
-                regime_dimensions,
-                np.stack(by_regime["critical"], axis=-1),
-                number_of_one,
-            ),
         },
         coords={
             "frequency": ("frequency", frequency, {"units": "Hz"}),
@@ -177,6 +175,14 @@ def attenuation_spectrum(
             "hold_time": ((), checked_hold_time(hold_time), {"units": "s"}),
             "critical_share": ((), checked_share(critical_share), number_of_one),
         },
+    )
+    if not with_strains:
+        return spectrum
+    hold, critical = (np.stack(by_regime[name], axis=-1) for name in ("hold", "critical"))
+    spectrum = spectrum.assign(
+        hold_strain=(regime_dimensions, hold, number_of_one),
+        cycle_strain=(dimensions, np.stack(by_regime["cycle"], axis=-2), number_of_one),
+        critical_strain=(regime_dimensions, critical, number_of_one),
     )
     fails = (cycle_fails(spectrum) + hold_fails(spectrum)).clip(max=1.0)
     return spectrum.assign(frozen_fails=fails.transpose(*dimensions))
@@ -195,6 +201,7 @@ def predict_attenuation(
     elastic_modulus_sd: float = 0.0,
     hold_time: float = HOLD_TIME,
     critical_share: float = CRITICAL_SHARE,
+    with_strains: bool = True,
     seed: int = 1,
 ) -> xr.Dataset:
     """Spectrum of every posterior draw of a fit.
@@ -204,7 +211,7 @@ def predict_attenuation(
     fit, microstructure, temperature, grain_size, fabric_factor, elastic_modulus, \
     elastic_modulus_sd, seed
         As for `pyburgers.predictions.material.fitted_material`.
-    frequencies, regimes, hold_time, critical_share
+    frequencies, regimes, hold_time, critical_share, with_strains
         As for `attenuation_spectrum`.
 
     Returns
@@ -229,7 +236,12 @@ def predict_attenuation(
         seed=seed,
     )
     return material_spectrum(
-        material, frequencies, regimes, hold_time=hold_time, critical_share=critical_share
+        material,
+        frequencies,
+        regimes,
+        hold_time=hold_time,
+        critical_share=critical_share,
+        with_strains=with_strains,
     )
 
 
@@ -240,6 +252,7 @@ def material_spectrum(
     *,
     hold_time: float = HOLD_TIME,
     critical_share: float = CRITICAL_SHARE,
+    with_strains: bool = True,
 ) -> xr.Dataset:
     """Spectrum of every draw of a material.
 
@@ -247,7 +260,7 @@ def material_spectrum(
     ----------
     material : Material
         Of `pyburgers.predictions.material.fitted_material`.
-    frequencies, regimes, hold_time, critical_share
+    frequencies, regimes, hold_time, critical_share, with_strains
         As for `attenuation_spectrum`.
 
     Returns
@@ -265,6 +278,7 @@ def material_spectrum(
         fabric_factor=material.fabric_factor,
         hold_time=hold_time,
         critical_share=critical_share,
+        with_strains=with_strains,
     )
     return spectrum.assign_coords(chain=material.chain, draw=material.draw).assign_attrs(
         material.attributes

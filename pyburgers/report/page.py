@@ -27,6 +27,7 @@ from pyburgers.drawing.page_parts import FigureText, PageSection, PageTable
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.display import shown_quantity, symbol_text
 from pyburgers.model.parameters import PARAMETER_BY_NAME, REFERENCE_QUANTITIES
+from pyburgers.model.variants import ModelVariant
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.protocol import Protocol, protocol_of
 from pyburgers.report import tables
@@ -248,6 +249,8 @@ def render_page(
         alarms=[alarm for extra, _ in extras for alarm in extra.alarms],
         kinds=tuple(CheckKind),
         outcomes=Outcome,
+        checks_made={kind: _names_of_checks(entries, kind) for kind in CheckKind},
+        standard=ModelVariant(),
         synthetic=[s for s in sections if s.experiment.provenance.kind == "synthetic"],
         prior_sources=tables.prior_sources([s.priors for s in sections]),
         prior_notes=list(dict.fromkeys(s.fit.priors.notes for s in sections if s.fit.priors.notes)),
@@ -258,6 +261,12 @@ def render_page(
         thresholds=THRESHOLDS_TEXT,
         truth_sentence=tables.truth_sentence,
     )
+
+
+def _names_of_checks(entries: Sequence[Entry], kind: CheckKind) -> list[str]:
+    """Names of all checks of a kind that were made, each once."""
+    found = (one for entry in entries for one in entry.checks if one.check.kind is kind)
+    return list(dict.fromkeys(one.name for one in found))
 
 
 _TEX = {

@@ -122,9 +122,9 @@ def _truth_beside(quantity: Parameter, row: "pd.Series[Any]") -> dict[str, str]:
 def truth_sentence(truth: pd.DataFrame) -> str:
     """Say how many of the true values lie inside the central intervals."""
     found = ", ".join(
-        f"{int(truth[f'inside_{share}'].sum())} in that of {share} %" for share in INTERVALS
+        f"{int(truth[f'inside_{share}'].sum())} inside {share} %" for share in INTERVALS
     )
-    return f"Of {len(truth)} true values, inside the central interval: {found}."
+    return f"Of {len(truth)} true values {found}."
 
 
 def posterior_row(
@@ -139,7 +139,7 @@ def posterior_row(
             title: rounded(float(row[key]) * quantity.display_factor, sd)
             for title, key in numbers.items()
         },
-        "prior": "implied" if prior is None else prior_text(prior, quantity),
+        "prior": "implied" if prior is None else prior_text(prior, quantity, with_unit=False),
         "sd / prior sd": "" if prior is None else f"{row['sd'] / row['prior_sd']:.2f}",
     }
 

@@ -4,6 +4,9 @@ from pydantic import ConfigDict, Field
 
 from pyburgers.common.toml_files import Table
 
+COMPLETE = "complete"
+"""Status of a run that lacks nothing."""
+
 
 class Entries(Table):
     """Entries of which those named here are read back; there may be others, and infinities."""

@@ -32,7 +32,7 @@ from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.protocol import load_experiment, save_experiment
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.charts import check_coordinates
-from pyburgers.sampling.manifest import PoolingRecord, RecordedHashes, SamplerRecord
+from pyburgers.sampling.manifest import COMPLETE, PoolingRecord, RecordedHashes, SamplerRecord
 from pyburgers.sampling.options import INDECISIVE, SamplerOptions
 from pyburgers.sampling.run import files_in, origin_record, problem_record
 from pyburgers.sampling.run_directory import RunDirectory
@@ -263,7 +263,7 @@ def calibrate(
         with run.claimed(identity, folders):
             _write_inputs(run, problem, plan, command)
             _run_missing(run, plan, workers)
-            run.update_manifest({"status": "complete"})
+            run.update_manifest({"status": COMPLETE})
     else:
         with run.claimed(identity, folders, shared=True):
             _write_inputs(run, problem, plan, command)

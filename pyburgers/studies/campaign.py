@@ -31,6 +31,7 @@ from pyburgers.protocols.protocol import load_experiment
 from pyburgers.report.comparison_sections import comparison_sections
 from pyburgers.report.joint_section import joint_sections
 from pyburgers.report.page import write_report
+from pyburgers.sampling.manifest import COMPLETE
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run_directory import RunDirectory
 
@@ -42,7 +43,6 @@ SHIPPED = "default"
 """Stands in a plan for the priors that come with the package."""
 
 NOT_BEGUN = "not begun"
-COMPLETE = "complete"
 
 LONGEST_NAME = 200
 """Letters of the name of a run, which is that of a folder."""

@@ -55,13 +55,15 @@ FloatArray = npt.NDArray[np.float64]
 
 SPECIMEN = "A1802"
 
+BAND = "band"
+
 LAWS: Mapping[str, tuple[str, str]] = MappingProxyType(
-    {"one element": ("linear", VERMILION), "band": ("extended", BLUE)}
+    {"one element": ("linear", VERMILION), BAND: ("extended", BLUE)}
 )
 """Laws of the Kelvin part that are fitted, by what the page calls them, with their colours."""
 
-DRAWS = 1000
-"""Of each chain at least: fewer leave too few independent ones of the ends of the band."""
+BAND_DRAWS = 1000
+"""Of each chain of a fit of a band at least: fewer leave too few independent ones of its ends."""
 
 GPA = 1e-9
 
@@ -82,18 +84,20 @@ def spectra_tasks(folder: Path, options: SamplerOptions) -> dict[str, Task]:
     folder : Path
         Of the shipped tables.
     options : SamplerOptions
-        Of every fit; they warm up as long as their protocol needs, with `DRAWS` at least.
+        Of every fit, those of a band with `BAND_DRAWS` at least; they warm up as long as their
+        protocol needs.
     """
     table = load_attenuation(folder / f"attenuation_{SPECIMEN}.toml")
     priors = default_priors(table.material, table.protocol)
     colder = table.without_part(next(iter(table.parts)))
-    options = replace(options, warmup=None, draws=max(options.draws, DRAWS))
     tasks = {}
     for law, (kelvin, _) in LAWS.items():
+        draws = max(options.draws, BAND_DRAWS) if law == BAND else options.draws
+        settled = replace(options, warmup=None, draws=draws)
         own = with_variant(priors, table, {"kelvin": kelvin})
         for experiment in (table, colder):
             name = run_name(law, without_hottest=experiment is colder)
-            tasks[name] = task_of([replace(experiment, id=name)], own, options)
+            tasks[name] = task_of([replace(experiment, id=name)], own, settled)
     return tasks
 
 

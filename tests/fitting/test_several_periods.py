@@ -2,12 +2,13 @@
 
 from collections.abc import Mapping
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pytest
+from linear_bodies import LAWS, linear_body
 
-from pyburgers.model.parameters import STANDARD_VALUES
 from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
 from pyburgers.protocols.attenuation.table import NO_READINGS, Conditions, Elasticity
 from pyburgers.protocols.experiment import Provenance
@@ -22,40 +23,21 @@ PERIODS, AMPLITUDES = (140.0, 20.0), (1e5, 4e4)
 CORNERS, CYCLES = 100, 5
 """Corners of the stress in the shorter period; long periods, of which the last is looked at."""
 
-VISCOSITY, ACTIVATION_ENTHALPY = 1e11, 62e3
-LINEAR: Mapping[str, float] = MappingProxyType(
+VISCOSITY = 1e11
+LINEAR = linear_body(VISCOSITY, 3e10, TEMPERATURE, GRAIN_SIZE)
+"""Its longest relaxation time is 30 s."""
+
+ABOUT: Mapping[str, Any] = MappingProxyType(
     {
-        **STANDARD_VALUES,
-        "maxwell_modulus": 4e9,
-        "kelvin_modulus": 1e9,
-        "kelvin_viscosity": 3e10,
-        "stress_exponent": 1.0,
-        "grain_size_exponent": 0.0,
-        "activation_enthalpy": ACTIVATION_ENTHALPY,
-        "beta": 1 / (8.31446261815324 * TEMPERATURE) - np.log(VISCOSITY) / ACTIVATION_ENTHALPY,
-        "steady_state_grain_size": GRAIN_SIZE,
-        "steady_state_fabric_factor": 1.0,
-        "critical_strain_grain_size": 1.0,
-        "critical_strain_fabric": 1.0,
-        "stress_noise": 1.0,
-        "kelvin_reference_grain_size": GRAIN_SIZE,
-        "kelvin_reference_temperature": TEMPERATURE,
+        "material": "ice",
+        "temperature": TEMPERATURE,
+        "initial_grain_size": GRAIN_SIZE,
+        "provenance": Provenance("synthetic", "a test"),
+        "metadata": MappingProxyType({}),
+        "notices": (),
+        "true_parameters": None,
     }
 )
-"""A linear body whose longest relaxation time is 30 s."""
-
-LAWS: Mapping[str, Mapping[str, float]] = {
-    "linear": {},
-    "two_elements": {"peak_strength": 2.0, "peak_time_decades": 1.7},
-    "extended": {"relaxation_time_decades": 5.0, "relaxation_exponent": 0.3},
-    "extended_peak": {
-        "relaxation_time_decades": 4.0,
-        "relaxation_exponent": 0.4,
-        "peak_strength": 1.0,
-        "peak_time_decades": 2.0,
-        "peak_width": 1.5,
-    },
-}
 
 
 def stress_at(time: FloatArray) -> FloatArray:
@@ -73,13 +55,7 @@ def cycles() -> LoadingHistory:
     stage = Stage("stress_series", 0.0, float(time[-1]), TEMPERATURE, knots=knots)
     return LoadingHistory(
         id="cycles",
-        material="ice",
-        temperature=TEMPERATURE,
-        initial_grain_size=GRAIN_SIZE,
-        provenance=Provenance("synthetic", "a test"),
-        metadata=MappingProxyType({}),
-        notices=(),
-        true_parameters=None,
+        **ABOUT,
         stages=(stage,),
         time=np.empty(0),
         reading_stage=np.empty(0, dtype=np.int64),
@@ -92,13 +68,7 @@ def table() -> AttenuationExperiment:
     rows = np.ones(2)
     return AttenuationExperiment(
         id="rows",
-        material="ice",
-        temperature=TEMPERATURE,
-        initial_grain_size=GRAIN_SIZE,
-        provenance=Provenance("synthetic", "a test"),
-        metadata=MappingProxyType({}),
-        notices=(),
-        true_parameters=None,
+        **ABOUT,
         conditions=Conditions(
             np.sort(PERIODS), TEMPERATURE * rows, np.zeros(2), np.array(AMPLITUDES[::-1])
         ),

@@ -273,6 +273,15 @@ def test_one_array_expression_gives_what_single_draws_and_regimes_give() -> None
         np.testing.assert_allclose(together[1, 2, k], alone[0], rtol=1e-13)
 
 
+def test_strains_are_left_out_where_nobody_asks_for_them() -> None:
+    draws = random_draws((5,))
+    whole = spectrum_of(draws)
+    spectrum = spectrum_of(draws, with_strains=False)
+    strains = {"hold_strain", "cycle_strain", "critical_strain", "frozen_fails"}
+    assert set(whole) - set(spectrum) == strains
+    xr.testing.assert_identical(spectrum, whole.drop_vars(strains))
+
+
 def test_a_spectrum_says_what_it_is() -> None:
     spectrum = spectrum_of(random_draws((5,)), fabric_factor=np.full(5, 0.8))
     assert spectrum["tan_delta"].dims == ("draw", "regime", "frequency")

@@ -216,7 +216,7 @@ class TestBadInput:
 
     def test_no_data_table(self, write: Write) -> None:
         start, end = EXPERIMENT.index("[data]"), EXPERIMENT.index("[provenance]")
-        assert "'data' is missing" in refusal(write((EXPERIMENT[start:end], "")))
+        assert "[data] is missing" in refusal(write((EXPERIMENT[start:end], "")))
 
     def test_clocks_that_do_not_overlap(self, write: Write) -> None:
         lines = stress_csv().splitlines()

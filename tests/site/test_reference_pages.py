@@ -81,7 +81,8 @@ def test_units_defaults_and_choices_are_told() -> None:
     assert key("attenuation", "[data]", "amplitude_column").unit == "`stress_unit`"
     assert key("forced_oscillation", "[oscillation]", "background").default == '`"kept"`'
     assert not tables("constant_rate")["[data]"].needed
-    assert tables("attenuation")["[data]"].needed
+    assert tables("attenuation")["[attenuation]"].needed
+    assert tables("attenuation")["[[spectra]]"].keys[0].default == "needed"
     assert "[parameters.NAME]" in tables("priors")
 
 

@@ -6,11 +6,12 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import pytest
+from linear_bodies import LAWS, linear_body
 from scipy.integrate import solve_ivp
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.model.kelvin_laws import PARAMETERS_OF_LAW
-from pyburgers.model.parameters import PROGRAM_PARAMETERS, STANDARD_VALUES
+from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.prior_families import fixed_prior
 from pyburgers.model.priors import default_priors
 from pyburgers.model.relaxation import kelvin_part
@@ -21,37 +22,8 @@ FloatArray = npt.NDArray[np.float64]
 VALUES = Path(__file__).with_name("loading_history_values.stan")
 GRAIN_SIZE, TEMPERATURE = 2e-4, 263.0
 VISCOSITY = 5e13
-LINEAR = {
-    **STANDARD_VALUES,
-    "maxwell_modulus": 4e9,
-    "kelvin_modulus": 1e9,
-    "kelvin_viscosity": 3e12,
-    "stress_exponent": 1.0,
-    "grain_size_exponent": 0.0,
-    "activation_enthalpy": 62e3,
-    "beta": 1 / (8.31446261815324 * TEMPERATURE) - np.log(VISCOSITY) / 62e3,
-    "steady_state_grain_size": GRAIN_SIZE,
-    "steady_state_fabric_factor": 1.0,
-    "critical_strain_grain_size": 1.0,
-    "critical_strain_fabric": 1.0,
-    "stress_noise": 1.0,
-    "kelvin_reference_grain_size": GRAIN_SIZE,
-    "kelvin_reference_temperature": TEMPERATURE,
-}
-"""A linear body whose longest relaxation time is 3000 s."""
-
-LAWS: Mapping[str, Mapping[str, float]] = {
-    "linear": {},
-    "two_elements": {"peak_strength": 2.0, "peak_time_decades": 1.7},
-    "extended": {"relaxation_time_decades": 5.0, "relaxation_exponent": 0.3},
-    "extended_peak": {
-        "relaxation_time_decades": 4.0,
-        "relaxation_exponent": 0.4,
-        "peak_strength": 1.0,
-        "peak_time_decades": 2.0,
-        "peak_width": 1.5,
-    },
-}
+LINEAR = linear_body(VISCOSITY, 3e12, TEMPERATURE, GRAIN_SIZE)
+"""Its longest relaxation time is 3000 s."""
 
 
 def solve(

@@ -4,6 +4,7 @@ import itertools
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -147,7 +148,7 @@ def test_an_oscillating_test_agrees_with_scipy() -> None:
 
 
 REGIMES = (Regime(2e6, 0.9e6), Regime(0.5e6, 2e6))
-CONDITIONS = {"temperature": 263.0, "grain_size": 2e-4, "fabric_factor": 0.7}
+CONDITIONS: dict[str, Any] = {"temperature": 263.0, "grain_size": 2e-4, "fabric_factor": 0.7}
 
 
 def dashpot_rate(parameters: dict[str, float], stress: float) -> float:

@@ -11,7 +11,9 @@ from pyburgers.common.columns import Column, TextFilesTable, read_columns, write
 from pyburgers.common.errors import InputError, all_of
 from pyburgers.common.toml_files import Table, factor_to_si, read_toml
 from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
+from pyburgers.protocols.attenuation.spectra import SpectrumTable, conditions_of, spectra_of
 from pyburgers.protocols.attenuation.table import (
+    NO_READINGS,
     Conditions,
     Deformation,
     Elasticity,
@@ -93,11 +95,17 @@ class _AttenuationFile(ExperimentFile):
     )
     initial_grain_size_m: float = Field(description="the mean grain size in metres")
     attenuation: _AttenuationTable = Field(description="the table about the cycles")
-    data: _DataTable = Field(description="the table that names the data file")
+    spectra: list[SpectrumTable] = Field(
+        default_factory=list,
+        description="the rows of an imagined table, in place of [data]: to be simulated",
+    )
+    data: _DataTable | None = Field(None, description="the table that names the data file")
 
 
 def load_attenuation(path: str | Path) -> AttenuationExperiment:
     """Read and check the file of a table of attenuation and its data file.
+
+    A file with spectra in the place of data is a table that can be simulated.
 
     Parameters
     ----------
@@ -133,7 +141,7 @@ def load_attenuation(path: str | Path) -> AttenuationExperiment:
 
 
 def save_attenuation(experiment: AttenuationExperiment, directory: Path) -> Path:
-    """Write a self-contained copy in SI units, ``experiment.toml`` and ``experiment.csv``.
+    """Write a self-contained copy in SI units: ``experiment.toml``, and ``experiment.csv`` of data.
 
     `load_attenuation` reads back exactly equal contents, notices included.
 
@@ -150,6 +158,15 @@ def save_attenuation(experiment: AttenuationExperiment, directory: Path) -> Path
         The TOML file.
     """
     conditions, readings = experiment.conditions, experiment.readings
+    elasticity = experiment.elasticity
+    attenuation = {
+        "deformation": elasticity.deformation,
+        "poisson_ratio": elasticity.poisson_ratio,
+        "bulk_modulus_Pa": elasticity.bulk_modulus,
+    }
+    if readings.tan_delta.size == 0:
+        own = {"attenuation": attenuation, "spectra": spectra_of(conditions)}
+        return write_experiment(experiment, directory, own)
     table: dict[str, FloatArray] = {
         "period_s": conditions.period,
         "temperature_K": conditions.temperature,
@@ -184,18 +201,29 @@ def save_attenuation(experiment: AttenuationExperiment, directory: Path) -> Path
             "modulus_uncertainty_column": "uncertainty_Pa",
         }
     write_columns(directory / "experiment.csv", table)
-    elasticity = experiment.elasticity
-    attenuation = {
-        "deformation": elasticity.deformation,
-        "poisson_ratio": elasticity.poisson_ratio,
-        "bulk_modulus_Pa": elasticity.bulk_modulus,
-    }
     return write_experiment(experiment, directory, {"attenuation": attenuation, "data": data})
 
 
 def _table(path: Path, file: _AttenuationFile) -> tuple[Conditions, Readings]:
+    """Return the rows, measured or imagined."""
+    if (file.data is None) == (not file.spectra):
+        found = "neither" if file.data is None else "both"
+        raise InputError(
+            f"{path}: found {found} of the tables [data] and [[spectra]], expected one: spectra "
+            "are listed where nothing was measured."
+        )
+    if file.data is None:
+        common = (
+            file.temperature_K,
+            file.attenuation.median_stress_Pa,
+            file.attenuation.amplitude_Pa,
+        )
+        return conditions_of(file.spectra, *common, where=f"{path}: [[spectra]]"), NO_READINGS
+    return _measured(path, file, file.data)
+
+
+def _measured(path: Path, file: _AttenuationFile, data: _DataTable) -> tuple[Conditions, Readings]:
     """Read and check the rows, in the order of the data file."""
-    data = file.data
     source = data.folder(path) / data.file
     periods = _one_of(path, data, "period_column", "frequency_column")
     columns = _columns(path, data, periods)
@@ -218,8 +246,8 @@ def _table(path: Path, file: _AttenuationFile) -> tuple[Conditions, Readings]:
         temperature=found["temperature_column"] + celsius
         if "temperature_column" in found
         else np.full(n_rows, file.temperature_K),
-        median_stress=_stress(path, file, found, "median_stress", n_rows),
-        amplitude=_stress(path, file, found, "amplitude", n_rows),
+        median_stress=_stress(path, file.attenuation, data, found, "median_stress", n_rows),
+        amplitude=_stress(path, file.attenuation, data, found, "amplitude", n_rows),
     )
     readings = _readings(path, data, found, n_rows)
     increasing = "period" if periods == "period_column" else "frequency"
@@ -289,10 +317,15 @@ def _from_temperature(
 
 
 def _stress(
-    path: Path, file: _AttenuationFile, found: Mapping[str, FloatArray], name: str, n_rows: int
+    path: Path,
+    table: _AttenuationTable,
+    data: _DataTable,
+    found: Mapping[str, FloatArray],
+    name: str,
+    n_rows: int,
 ) -> FloatArray:
     """Median stress or amplitude (Pa) of every row, 0 where it is not said."""
-    column, number = f"{name}_column", getattr(file.attenuation, f"{name}_Pa")
+    column, number = f"{name}_column", getattr(table, f"{name}_Pa")
     if column not in found:
         return np.full(n_rows, number or 0.0)
     if number is not None:
@@ -302,7 +335,7 @@ def _stress(
         )
     if name == "amplitude" and not np.all(found[column] > 0):
         raise InputError(
-            f"{path}: column {getattr(file.data, column)!r} holds amplitudes that are not "
+            f"{path}: column {getattr(data, column)!r} holds amplitudes that are not "
             "positive, expected all or none to be stated."
         )
     return found[column]

@@ -123,8 +123,10 @@ class Attenuation(Protocol[AttenuationExperiment]):
         return _place_grid(experiment, PREDICTIONS_PER_SPECTRUM)
 
     def output_grid(self, experiment: AttenuationExperiment) -> FloatArray:
-        """Return evenly spaced places and those of the readings."""
-        return np.union1d(_place_grid(experiment, OUTPUTS_PER_SPECTRUM), experiment.position)
+        """Return evenly spaced places and those of the rows, of attenuation and of modulus."""
+        place = experiment.conditions.place
+        rows = np.concatenate([place, place + experiment.conditions.n_spectra])
+        return np.union1d(_place_grid(experiment, OUTPUTS_PER_SPECTRUM), rows)
 
     def solution(
         self, experiment: AttenuationExperiment, draw: Mapping[str, FloatArray]

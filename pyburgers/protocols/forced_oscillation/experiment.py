@@ -21,6 +21,7 @@ from pyburgers.protocols.experiment import (
     shared_values,
     write_experiment,
 )
+from pyburgers.protocols.forced_oscillation.imposed_cycles import NO_RECORD, ImposedCycles
 from pyburgers.protocols.forced_oscillation.preparation import (
     Background,
     OscillationRecord,
@@ -47,6 +48,8 @@ class OscillationExperiment(Experiment):
     spin_up_cycles : int
         Cycles that the model runs through ahead of the record, so that no start-up transient is
         left in it.
+    imposed : ImposedCycles or None
+        What drives a test without a record, which can only be simulated.
     """
 
     protocol: ClassVar[str] = "forced_oscillation"
@@ -62,6 +65,14 @@ class OscillationExperiment(Experiment):
     settings: OscillationSettings
     prepared: PreparedOscillation
     spin_up_cycles: int
+    imposed: ImposedCycles | None = None
+
+    @property
+    def end(self) -> float:
+        """Time (s) of the last stress, or of the end of imposed cycles."""
+        if self.imposed is not None:
+            return self.imposed.cycles * self.imposed.period
+        return float(self.prepared.time[-1])
 
     @property
     def position(self) -> FloatArray:
@@ -85,7 +96,7 @@ class OscillationExperiment(Experiment):
 
     @property
     def largest_stress(self) -> float:
-        """Largest |σ| (Pa) that the model is compared with."""
+        """Largest |σ| (Pa) that the model is compared with; only of an experiment with data."""
         return float(np.max(np.abs(self.stress)))
 
     @property
@@ -110,9 +121,23 @@ class _OscillationTable(Table):
     )
     background: Background = Field("kept", description="what becomes of bias and drift")
     start_stress_Pa: float | None = Field(  # noqa: N815 - a key with its unit
-        None, description="where the model starts with the background kept (default: the bias)"
+        None,
+        description="where the model starts with the background kept (default: the bias, and 0 of "
+        "imposed cycles)",
     )
     spin_up_cycles: int = Field(2, ge=1, le=10_000, description="cycles ahead of the record")
+
+
+class _ImposedTable(Table):
+    """The table [imposed_cycles]."""
+
+    strain_amplitude: float = Field(
+        gt=0, lt=1, description="the amplitude of the strain, a fraction"
+    )
+    cycles: float = Field(gt=0, le=10_000, description="how many cycles there are")
+    mean_strain_rate_per_s: float = Field(
+        0.0, description="the strain rate in 1/s about which the strain oscillates"
+    )
 
 
 class _DataTable(TextFilesTable):
@@ -144,7 +169,10 @@ class _OscillationFile(ExperimentFile):
     oscillation: _OscillationTable = Field(
         default_factory=lambda: _OscillationTable.model_validate({})
     )
-    data: _DataTable = Field(description="the table that names the data files")
+    imposed_cycles: _ImposedTable | None = Field(
+        None, description="the strain of an imagined test, in place of [data]: to be simulated"
+    )
+    data: _DataTable | None = Field(None, description="the table that names the data files")
 
 
 def load_forced_oscillation(path: str | Path) -> OscillationExperiment:
@@ -152,7 +180,8 @@ def load_forced_oscillation(path: str | Path) -> OscillationExperiment:
 
     Strain and stress stand in files (or columns of one file) with clocks of their own that have a
     common origin. What [oscillation] leaves open is estimated or chosen while the record is
-    prepared (`pyburgers.protocols.forced_oscillation.preparation.prepare`).
+    prepared (`pyburgers.protocols.forced_oscillation.preparation.prepare`). A file with imposed
+    cycles in their place is a test that can be simulated.
 
     Parameters
     ----------
@@ -166,10 +195,18 @@ def load_forced_oscillation(path: str | Path) -> OscillationExperiment:
     """
     path = Path(path)
     file = read_toml(path, _OscillationFile)
+    if file.data is None:
+        return _imagined(path, file)
+    if file.imposed_cycles is not None:
+        raise InputError(
+            f"{path}: found both of the tables [data] and [imposed_cycles], expected one: cycles "
+            "are imposed where there is no record of them."
+        )
+    data = file.data
     values, (strain_time, strain, strain_uncertainty), series = all_of(
         lambda: shared_values(path, file),
-        lambda: _read_series(path, file.data, "strain"),
-        lambda: _read_series(path, file.data, "stress"),
+        lambda: _read_series(path, data, "strain"),
+        lambda: _read_series(path, data, "stress"),
     )
     stress_time, stress, stress_uncertainty = series
     record = OscillationRecord(
@@ -201,7 +238,8 @@ def load_forced_oscillation(path: str | Path) -> OscillationExperiment:
 def save_forced_oscillation(experiment: OscillationExperiment, directory: Path) -> Path:
     """Write a self-contained copy in SI units.
 
-    The files are ``experiment.toml``, ``experiment_strain.csv`` and ``experiment_stress.csv``.
+    The files are ``experiment.toml``, ``experiment_strain.csv`` and ``experiment_stress.csv``, the
+    latter two where there is a record.
     `load_forced_oscillation` reads back exactly equal contents, notices included.
 
     Parameters
@@ -217,6 +255,8 @@ def save_forced_oscillation(experiment: OscillationExperiment, directory: Path) 
         The TOML file.
     """
     record, settings = experiment.record, experiment.settings
+    if experiment.imposed is not None:
+        return _save_imagined(experiment, experiment.imposed, directory)
     series = {
         "strain": ("fraction", record.strain_time, record.strain, record.strain_uncertainty),
         "stress": ("Pa", record.stress_time, record.stress, record.stress_uncertainty),
@@ -270,6 +310,66 @@ def with_known_strain(experiment: OscillationExperiment) -> OscillationExperimen
     prepared = experiment.prepared
     known = replace(prepared, strain_error=prepared.strain_error[:0])
     return replace(experiment, prepared=known)
+
+
+def _imagined(path: Path, file: _OscillationFile) -> OscillationExperiment:
+    """Return a test with imposed cycles."""
+    cycles, settings = file.imposed_cycles, file.oscillation
+    if cycles is None:
+        raise InputError(
+            f"{path}: table [data] is missing, expected it, or [imposed_cycles] for a test that is "
+            "only simulated."
+        )
+    if settings.period_s is None:
+        raise InputError(
+            f"{path}: key 'period_s' in [oscillation] is missing, expected the period in seconds "
+            "of [imposed_cycles]."
+        )
+    for key in ("strain_trend_degree", "stress_trend_degree", "background"):
+        if key in settings.model_fields_set and getattr(settings, key) != "kept":
+            raise InputError(
+                f"{path}: key {key!r} in [oscillation]: found {getattr(settings, key)!r}, expected "
+                "none, because imposed cycles have no record to take a trend from."
+            )
+    imposed = ImposedCycles(
+        period=settings.period_s,
+        strain_amplitude=cycles.strain_amplitude,
+        cycles=cycles.cycles,
+        mean_strain_rate=cycles.mean_strain_rate_per_s,
+        start_stress=settings.start_stress_Pa or 0.0,
+    )
+    prepared = imposed.prepared()
+    return OscillationExperiment(
+        **shared_values(path, file),
+        record=NO_RECORD,
+        settings=prepared.settings,
+        prepared=prepared,
+        spin_up_cycles=settings.spin_up_cycles,
+        imposed=imposed,
+        notices=tuple(file.notices),
+    )
+
+
+def _save_imagined(
+    experiment: OscillationExperiment, imposed: ImposedCycles, directory: Path
+) -> Path:
+    """Write a test with imposed cycles."""
+    return write_experiment(
+        experiment,
+        directory,
+        {
+            "oscillation": {
+                "period_s": imposed.period,
+                "spin_up_cycles": experiment.spin_up_cycles,
+                "start_stress_Pa": imposed.start_stress,
+            },
+            "imposed_cycles": {
+                "strain_amplitude": imposed.strain_amplitude,
+                "cycles": imposed.cycles,
+                "mean_strain_rate_per_s": imposed.mean_strain_rate,
+            },
+        },
+    )
 
 
 def _read_series(path: Path, data: _DataTable, name: str) -> tuple[FloatArray, ...]:

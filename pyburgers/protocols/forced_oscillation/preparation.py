@@ -166,6 +166,8 @@ class PreparedOscillation:
     @property
     def relative_uncertainty(self) -> FloatArray:
         """Uncertainty of each stress over the root mean square of all, shape (n_points,)."""
+        if self.uncertainty.size == 0:
+            return self.uncertainty
         relative: FloatArray = self.uncertainty / np.sqrt(np.mean(self.uncertainty**2))
         return relative
 

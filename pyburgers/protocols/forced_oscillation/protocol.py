@@ -218,9 +218,9 @@ def _strain_error_text(prepared: PreparedOscillation) -> str:
 
 
 def _time_grid(experiment: OscillationExperiment, per_cycle: int) -> FloatArray:
-    """Evenly spaced times (s) from the start of a record to its last stress reading."""
+    """Evenly spaced times (s) from the start of a record, or of imposed cycles, to its end."""
     prepared = experiment.prepared
-    start, end = prepared.start, float(prepared.time[-1])
+    start, end = prepared.start, experiment.end
     return np.linspace(start, end, round(per_cycle * (end - start) / prepared.period) + 1)
 
 

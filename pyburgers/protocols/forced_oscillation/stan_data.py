@@ -35,7 +35,8 @@ ANYWHERE = [3.0, 0.0, 1.0]
 def reference_origin(experiment: OscillationExperiment) -> tuple[float, float]:
     """Origin and size of ln(flow rate s)."""
     prepared = experiment.prepared
-    rate = float(np.sqrt(np.mean(prepared.strain_rate(prepared.time) ** 2)))
+    time = prepared.time if experiment.imposed is None else _path_times(experiment)
+    rate = float(np.sqrt(np.mean(prepared.strain_rate(time) ** 2)))
     return float(np.log(TYPICAL_FLOW_RATE * rate)), 1.0
 
 
@@ -97,10 +98,12 @@ def _record(experiment: OscillationExperiment) -> dict[str, Any]:
     sine, cosine = prepared.strain_sine[0], prepared.strain_cosine[0]
     # The oscillation passes upwards through zero where tau + phase is a whole number.
     phase = float(np.arctan2(cosine, sine)) / (2 * np.pi)
-    trend_shape, trend_fit = trend_projection(
-        prepared.time, degree=prepared.stress_fit.degree, uncertainty=prepared.uncertainty
-    )
-    n_trend = 0 if kept else trend_fit.shape[0]
+    trend_shape = trend_fit = np.empty((prepared.time.size, 0))
+    if not kept:
+        trend_shape, trend_fit = trend_projection(
+            prepared.time, degree=prepared.stress_fit.degree, uncertainty=prepared.uncertainty
+        )
+        trend_fit = trend_fit.T
     bias = float(prepared.stress_fit.trend(np.array([prepared.start]))[0])
     amplitude = float(prepared.stress_fit.amplitude()[0])
     lag = prepared.stress_fit.phase()[0] - prepared.strain_fit.phase()[0]
@@ -128,16 +131,19 @@ def _record(experiment: OscillationExperiment) -> dict[str, Any]:
         "typical_path_strain": 0.5 * _path_strain(experiment),
         "tau": prepared.time / period,
         "relative_noise": prepared.relative_uncertainty,
-        "trend_shape": trend_shape[:, :n_trend],
-        "trend_fit": trend_fit[:n_trend].T,
+        "trend_shape": trend_shape,
+        "trend_fit": trend_fit,
     }
 
 
 def _path_strain(experiment: OscillationExperiment) -> float:
     """Integral of the absolute strain rate over the record."""
-    prepared = experiment.prepared
-    time = np.linspace(prepared.start, prepared.time[-1], PATH_TIMES)
-    return float(trapezoid(np.abs(prepared.strain_rate(time)), time))
+    time = _path_times(experiment)
+    return float(trapezoid(np.abs(experiment.prepared.strain_rate(time)), time))
+
+
+def _path_times(experiment: OscillationExperiment) -> FloatArray:
+    return np.linspace(experiment.prepared.start, experiment.end, PATH_TIMES)
 
 
 def grid_block(

@@ -22,6 +22,9 @@ MIN_TESTS = 2
 SHARES = (0.01, 0.05, 0.25, 1.0)
 """Times, over the longest that all tests last under their first load."""
 
+COLOURS = (BLUE, GREEN, ORANGE, VERMILION)
+"""Of these times."""
+
 NEAR = 0.1
 """Share of its time by which a reading may be earlier or later and still be drawn."""
 
@@ -53,13 +56,13 @@ def isochronous(fits: Sequence[FittedTest]) -> Figure:
     fits = sorted(fits, key=lambda fit: loading_history_test(fit).stages[0].value)
     stress = np.array([loading_history_test(fit).stages[0].value for fit in fits])
     shortest = min(map(loading_history_test, fits), key=lambda test: test.stages[0].end_time)
-    last, (unit, seconds) = shortest.stages[0].end_time, time_unit(shortest)
+    unit, seconds = time_unit(shortest)
+    times = shortest.stages[0].end_time * np.array(SHARES)
+    after = np.stack([_strain_after(fit, times) for fit in fits], axis=-1)
     with style():
         figure = Figure(figsize=(6.4, 4.4), layout="constrained")
         axes = figure.subplots()
-        for share, colour in zip(SHARES, (BLUE, GREEN, ORANGE, VERMILION), strict=True):
-            time = share * last
-            low, middle, high = np.transpose([_strain_after(fit, time) for fit in fits])
+        for time, colour, (low, middle, high) in zip(times, COLOURS, after, strict=True):
             axes.errorbar(
                 STRAIN_FACTOR * middle,
                 STRESS_FACTOR * stress,
@@ -92,14 +95,14 @@ def _creeps_from_the_start(experiment: LoadingHistory) -> bool:
     return first.control == "stress" and first.value > 0
 
 
-def _strain_after(fit: FittedTest, time: float) -> FloatArray:
-    """Quantiles of the strain at a time (s): low, median, high."""
+def _strain_after(fit: FittedTest, times: FloatArray) -> FloatArray:
+    """Quantiles (low, median, high) of the strain at each of some times (s), shape (times, 3)."""
     predictions = fit.posterior["predictions"].to_dataset()
     # The end of a stage comes twice, the first of the two is before the jump.
     at, first = np.unique(predictions["time"].to_numpy(), return_index=True)
     strain = all_draws(predictions["strain"]).astype(np.float64)[:, first]
-    drawn = [np.interp(time, at, one) for one in strain]
-    return central_band(np.array(drawn))
+    drawn = np.array([np.interp(times, at, one) for one in strain])
+    return np.transpose(central_band(drawn))
 
 
 def _reading_after(experiment: LoadingHistory, time: float) -> FloatArray:

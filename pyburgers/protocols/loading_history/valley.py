@@ -29,6 +29,9 @@ N_KNOTS = 60
 MIN_KNOTS = 5
 """Of each of them."""
 
+SLOPE_NOISE = 2 * np.pi
+"""Relative noise of a strain rate over that of the strain: of a wave over the flow."""
+
 
 class LoadingHistoryValley(ValleyChart[LoadingHistory]):
     """Pins lie at readings, where strain advances by flow of the dashpot.
@@ -71,10 +74,6 @@ class LoadingHistoryValley(ValleyChart[LoadingHistory]):
             loading_time=_loading_time(experiment, curve, values),
             noise="strain_noise" if read.mean() > 0.5 else "stress_noise",
         )
-
-
-SLOPE_NOISE = 2 * np.pi
-"""Relative noise of a strain rate over that of the strain: of a wave over the flow."""
 
 
 @dataclass(frozen=True, eq=False)

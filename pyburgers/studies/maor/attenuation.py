@@ -232,7 +232,9 @@ def _grain_size(spectra: Mapping[str, Spectra]) -> Statement:
 
     def change(fit: FittedTest, spectrum: xr.Dataset) -> FloatArray:
         coarse = predict_attenuation(
-            fit, grain_size=GRAIN_SIZE_FACTOR * fit.experiment.initial_grain_size
+            fit,
+            grain_size=GRAIN_SIZE_FACTOR * fit.experiment.initial_grain_size,
+            with_strains=False,
         )
         ratio = increasing_frequency(coarse) / increasing_frequency(spectrum)
         largest: FloatArray = np.abs(ratio - 1).max(axis=(1, 2))
@@ -292,7 +294,7 @@ def _amplitude(spectra: Mapping[str, Spectra]) -> Statement:
     """Whether attenuation depends on the amplitude of the cycles."""
 
     def growth(fit: FittedTest) -> FloatArray:
-        spectrum = predict_attenuation(fit, regimes=AMPLITUDE_REGIMES)
+        spectrum = predict_attenuation(fit, regimes=AMPLITUDE_REGIMES, with_strains=False)
         tan_delta = increasing_frequency(spectrum)
         largest: FloatArray = (tan_delta[:, -1] / tan_delta[:, 0]).max(axis=1)
         return largest
@@ -379,7 +381,8 @@ def decade_shares(fit: FittedTest) -> FloatArray:
         for name in ("maxwell_modulus", "kelvin_modulus", "kelvin_viscosity")
     )
     peak = np.sqrt(kelvin**2 + kelvin * maxwell) / (2 * np.pi * viscosity)
-    log_tan_delta = np.log(increasing_frequency(predict_attenuation(fit, WIDE_FREQUENCIES)))
+    spectrum = predict_attenuation(fit, WIDE_FREQUENCIES, with_strains=False)
+    log_tan_delta = np.log(increasing_frequency(spectrum))
     places = np.arange(WIDE_FREQUENCIES.size)
 
     def at(frequency: FloatArray) -> FloatArray:

@@ -261,19 +261,6 @@ real left_to_spring(real compliance) { return 9 - log1p_exp(9 - compliance); }
 real largest_log_ratio() { return 1.5; }
 
 /**
- * ln of the standard deviation of the part of the residuals that does not correlate, over the whole;
- * 0 where that is no matter of a test's own parameters.
- *
- * Where residuals drift for long their whole standard deviation is next to unknown, while that of
- * their independent part is not, and that is what widths follow.
- *
- * @param correlated_share w
- */
-real log_independent_part(data int is_own, real correlated_share) {
-  return is_own ? 0.5 * log1m(correlated_share) : 0;
-}
-
-/**
  * What charts/valley/least_squares.stan wants to know of the reference point, with the compliance of
  * the Kelvin element in the elastic rise.
  *
@@ -288,9 +275,7 @@ vector valley_reference(data vector parameter, data vector coordinate, data arra
   return append_row([coordinate[place[i_critical_strain_grain_size()]],
                      coordinate[place[i_critical_strain_fabric()]],
                      1 - parameter[i_steady_state_fabric_factor()], log_stress,
-                     log(parameter[noise])
-                     + log_independent_part(place[i_residual_correlated_share()] > 0,
-                                            parameter[i_residual_correlated_share()]),
+                     log(parameter[noise]),
                      loading_compliance(parameter[i_kelvin_modulus()],
                                         parameter[i_kelvin_viscosity()], conditions[4])]',
                     asked_of_pins(parameter, replaced_parameter == 0, log_stress, conditions[2],
@@ -334,22 +319,22 @@ vector plain_from_valley(vector coordinate, vector given, data array[] int place
   real log_stress = 0;
   real log_jacobian = 0;
   vector[5] softening;
-  real log_independent = 0; // of the noise; in place of the whole in its coordinates
-  real log_independent_reference = 0;
+  // Where residuals drift for long their whole standard deviation is next to unknown, that of their
+  // independent part, sqrt(1 - correlated share) of it, is not: coordinates and widths go with it.
+  real log_independent = 0; // ln of this factor over that at the reference point
   // The noise first: widths of others go with it.
   if (share > 0) {
     parameter[i_residual_correlated_share()] = bounded_from_real(
       plain_from_straightened(coordinate[share], guide[share, 1], guide[share, 2])[1],
       quantity[share]);
-    log_independent = log_independent_part(1, parameter[i_residual_correlated_share()]);
-    log_independent_reference
-      = log_independent_part(1, bounded_from_real(guide[share, 1], quantity[share]));
+    log_independent = 0.5
+                      * (log1m(parameter[i_residual_correlated_share()])
+                         - log1m(bounded_from_real(guide[share, 1], quantity[share])));
   }
   if (place[noise] > 0) {
     int i = place[noise];
     parameter[noise]
-      = bounded_from_real(plain_from_straightened(coordinate[i] - log_independent
-                                                  + log_independent_reference,
+      = bounded_from_real(plain_from_straightened(coordinate[i] - log_independent,
                                                   guide[i, 1], guide[i, 2])[1],
                           quantity[i]);
   }
@@ -365,7 +350,7 @@ vector plain_from_valley(vector coordinate, vector given, data array[] int place
       real displacement = coordinate[i] * exp(log_width);
       vector[2] straight;
       if (k == i_stress_noise() || k == i_strain_noise()) {
-        displacement -= log_independent - log_independent_reference;
+        displacement -= log_independent;
       }
       if (k == i_maxwell_modulus() && guide[i, 2] < 0) {
         // The curve fixes what both springs give together in the elastic rise.

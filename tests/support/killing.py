@@ -149,6 +149,43 @@ def leftovers(out: Path) -> list[Path]:
     ]
 
 
+def command_in(arguments: Sequence[str], folder: Path) -> Command:
+    """Return a command that writes a folder, which its arguments call ``OUT``."""
+    return Command([one.replace("OUT", str(folder)) for one in arguments], folder)
+
+
+def attempt(
+    one: Command,
+    expected: dict[Path, list[str]],
+    *,
+    seconds: float,
+    at_most: int,
+    rng: np.random.Generator,
+) -> None:
+    """Kill a command until it ends by itself, or that many times; then look at what it left.
+
+    Parameters
+    ----------
+    one : Command
+        In a new folder; what was done to it is in its `done`.
+    expected : dict
+        `results` of the command where nobody kills it.
+    seconds : float
+        How long it takes by itself.
+    at_most : int
+        How often it is killed.
+    rng : Generator
+        Of when and how.
+    """
+    hit = True
+    while hit and len(one.done) < at_most:
+        how = HOW[int(rng.integers(len(HOW)))]
+        hit = one.killed(float(rng.uniform(0.0, 0.7 * seconds)), how, rng)
+    one.finish()
+    assert results(one.out) == expected, one.done
+    assert leftovers(one.out) == [], one.done
+
+
 def assert_survives(
     arguments: Sequence[str],
     out: Path,
@@ -175,25 +212,18 @@ def assert_survives(
     rng = np.random.default_rng(seed)
 
     def command(name: str) -> Command:
-        folder = out / name
-        prepare(folder)
-        return Command([one.replace("OUT", str(folder)) for one in arguments], folder)
+        prepare(out / name)
+        return command_in(arguments, out / name)
 
     whole = command("whole")
     seconds = whole.finish()
     expected = results(whole.out)
     assert expected
     done: list[str] = []
-    attempt = 0
+    number = 0
     while len(done) < kills:
-        attempt += 1
-        one = command(f"killed_{attempt}")
-        hit = True
-        while hit and len(done) + len(one.done) < kills:
-            how = HOW[int(rng.integers(len(HOW)))]
-            hit = one.killed(float(rng.uniform(0.0, 0.7 * seconds)), how, rng)
-        one.finish()
+        number += 1
+        one = command(f"killed_{number}")
+        attempt(one, expected, seconds=seconds, at_most=kills - len(done), rng=rng)
         done += one.done
-        assert results(one.out) == expected, done
-        assert leftovers(one.out) == [], done
     return done

@@ -1,0 +1,193 @@
+"""Imagined tests: oscillations and tables of attenuation without readings."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from refusals import refusal, written
+from same_contents import assert_equal
+
+from pyburgers.common.errors import InputError
+from pyburgers.model.priors import default_priors
+from pyburgers.protocols.attenuation.files import load_attenuation
+from pyburgers.protocols.forced_oscillation.experiment import load_forced_oscillation
+from pyburgers.protocols.forward import simulate
+from pyburgers.protocols.problem import problem_of
+from pyburgers.protocols.protocol import load_experiment, save_experiment
+
+HEAD = """
+id = "imagined"
+material = "olivine"
+protocol = "{}"
+temperature_K = 1423.0
+initial_grain_size_m = 10e-6
+
+[provenance]
+kind = "synthetic"
+source = "imagined"
+"""
+
+OSCILLATION = (
+    HEAD.format("forced_oscillation")
+    + """
+[oscillation]
+period_s = 300.0
+start_stress_Pa = 150e6
+
+[imposed_cycles]
+strain_amplitude = 2e-3
+cycles = 5
+mean_strain_rate_per_s = 5e-6
+"""
+)
+
+RECORD = """
+[oscillation]
+period_s = 300.0
+strain_trend_degree = 1
+start_stress_Pa = 150e6
+
+[data]
+strain_file = "strain.csv"
+strain_time_column = "time"
+strain_time_unit = "s"
+strain_column = "strain"
+strain_unit = "fraction"
+strain_uncertainty = 1e-9
+stress_file = "strain.csv"
+stress_time_column = "time"
+stress_time_unit = "s"
+stress_column = "stress"
+stress_unit = "MPa"
+stress_uncertainty = 1.0
+"""
+
+TABLE = (
+    HEAD.format("attenuation")
+    + """
+[attenuation]
+deformation = "shear"
+poisson_ratio = 0.25
+amplitude_Pa = 1e5
+
+[[spectra]]
+periods_s = [1, 10, 100]
+
+[[spectra]]
+temperature_K = 1373
+median_stress_Pa = 1e6
+amplitude_Pa = 2e5
+periods_s = [1, 1000]
+"""
+)
+
+MEASURED_TABLE = """
+[attenuation]
+deformation = "shear"
+poisson_ratio = 0.25
+
+[data]
+file = "table.csv"
+period_column = "period"
+period_unit = "s"
+temperature_column = "temperature"
+stress_unit = "MPa"
+median_stress_column = "median"
+amplitude_column = "amplitude"
+attenuation_column = "attenuation"
+attenuation_form = "tan_delta"
+modulus_column = "modulus"
+modulus_unit = "GPa"
+"""
+
+
+@pytest.fixture(scope="module")
+def parameters() -> dict[str, float]:
+    twin = load_experiment(Path(__file__).parents[2] / "data" / "olivine" / "olivine_twin.toml")
+    assert twin.true_parameters is not None
+    return dict(twin.true_parameters)
+
+
+@pytest.mark.parametrize("text", [OSCILLATION, TABLE], ids=["oscillation", "table"])
+def test_a_copy_is_the_same_and_cannot_be_fitted(text: str, tmp_path: Path) -> None:
+    original = load_experiment(written(tmp_path / "test.toml", text, (), {}))
+    assert original.n_points == 0
+    folder = tmp_path / "copy"
+    folder.mkdir()
+    again = load_experiment(save_experiment(original, folder))
+    assert [file.name for file in folder.iterdir()] == ["experiment.toml"]
+    assert_equal(again, original)
+    with pytest.raises(InputError, match="no data"):
+        problem_of([original], default_priors("olivine", original.protocol))
+
+
+@pytest.mark.usefixtures("programs")
+def test_imposed_cycles_are_a_record_of_the_same_strain(
+    tmp_path: Path, parameters: dict[str, float]
+) -> None:
+    imagined = load_forced_oscillation(written(tmp_path / "one.toml", OSCILLATION, (), {}))
+    time = np.linspace(0.0, 1500.0, 151)
+    strain = 2e-3 * np.sin(2 * np.pi * time / 300) + 5e-6 * time
+    rows = [f"{t},{e!r},{150 + 1e4 * e!r}" for t, e in zip(time, strain.tolist(), strict=True)]
+    files = {"strain": "\n".join(["time,strain,stress", *rows])}
+    text = HEAD.format("forced_oscillation") + RECORD
+    recorded = load_forced_oscillation(written(tmp_path / "two.toml", text, (), files))
+    found = simulate(imagined, parameters)
+    expected = simulate(recorded, parameters, at=found["time_s"].to_numpy())
+    assert found["time_s"].iloc[-1] == 1500.0
+    for name in ("strain", "stress_Pa", "kelvin_strain", "grain_size_m"):
+        np.testing.assert_allclose(found[name], expected[name], rtol=1e-6, atol=1e-12)
+
+
+@pytest.mark.usefixtures("programs")
+def test_listed_spectra_are_the_rows_of_a_table(
+    tmp_path: Path, parameters: dict[str, float]
+) -> None:
+    imagined = load_attenuation(written(tmp_path / "one.toml", TABLE, (), {}))
+    conditions = [(p, 1423, 0, 0.1) for p in (1, 10, 100)] + [(p, 1373, 1, 0.2) for p in (1, 1000)]
+    rows = [",".join(map(str, (*row, 0.1, 50))) for row in conditions]
+    header = "period,temperature,median,amplitude,attenuation,modulus"
+    files = {"table": "\n".join([header, *rows])}
+    text = HEAD.format("attenuation") + MEASURED_TABLE
+    measured = load_attenuation(written(tmp_path / "two.toml", text, (), files))
+    assert_equal(imagined.conditions, measured.conditions)
+    at = measured.position
+    found, expected = (simulate(one, parameters, at=at) for one in (imagined, measured))
+    np.testing.assert_array_equal(found["log_reading"], expected["log_reading"])
+    assert set(at) <= set(simulate(imagined, parameters)["place"])
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (("period_s = 300.0\n", ""), "key 'period_s' in [oscillation] is missing"),
+        (("period_s = 300.0", 'period_s = 300.0\nbackground = "removed"'), "'background'"),
+        (("period_s = 300.0", "period_s = 300.0\nstrain_trend_degree = 1"), "no record to take"),
+        (("cycles = 5", "cycles = 0"), "key 'cycles'"),
+        (("strain_amplitude = 2e-3\n", ""), "key 'strain_amplitude'"),
+        ((OSCILLATION[OSCILLATION.index("[imposed") :], ""), "[imposed_cycles]"),
+        (("[imposed_cycles]", RECORD[RECORD.index("[data]") :] + "[imposed_cycles]"), "both"),
+    ],
+)
+def test_oscillations_that_nobody_can_impose(
+    change: tuple[str, str], words: str, tmp_path: Path
+) -> None:
+    assert words in refusal(written(tmp_path / "test.toml", OSCILLATION, (change,), {}))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (("[1, 10, 100]", "[1, 100, 10]"), "in order of increasing period"),
+        (("[1, 10, 100]", "[]"), "periods_s"),
+        (("[1, 1000]", "[-1, 1000]"), "periods_s"),
+        (("amplitude_Pa = 1e5\n", ""), "'amplitude_Pa' is given in some of them"),
+        ((TABLE[TABLE.index("[[spectra]]") :], ""), "found neither of the tables [data]"),
+        (
+            ("[[spectra]]", MEASURED_TABLE[MEASURED_TABLE.index("[data]") :] + "[[spectra]]"),
+            "found both of the tables [data]",
+        ),
+    ],
+)
+def test_tables_that_are_none(change: tuple[str, str], words: str, tmp_path: Path) -> None:
+    assert words in refusal(written(tmp_path / "test.toml", TABLE, (change,), {}))

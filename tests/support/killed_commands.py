@@ -1,0 +1,85 @@
+"""Commands on tiny problems that are killed (`killing`): every one that fits."""
+
+import shutil
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+MAIN = ("-m", "pyburgers.cli.main")
+SAMPLER = ("--chains", "2", "--warmup", "150", "--draws", "200")
+
+TINY_STUDY = """
+import sys
+from pyburgers.cli.main import main
+from pyburgers.sampling.options import SamplerOptions
+from pyburgers.studies.maor import reproduce
+
+tiny = SamplerOptions(chains=2, warmup=40, draws=20)
+reproduce.PRESETS = dict.fromkeys(reproduce.PRESETS, tiny)
+sys.exit(main(["reproduce", "--out", sys.argv[1]]))
+"""
+"""`make report` with chains that are far too short to say anything."""
+
+PLAN = """
+id = "killed"
+seeds = [1, 2, 3]
+tests.alone = ["{experiment}"]
+priors.own = "{priors}"
+sampler = {{ chains = 2, warmup = 150, draws = 100 }}
+"""
+
+
+@dataclass(frozen=True)
+class KilledCommand:
+    """A command that writes a folder.
+
+    Attributes
+    ----------
+    arguments : tuple of str
+        Of Python, with ``OUT`` for the folder.
+    prepare : callable
+        Makes the folder.
+    """
+
+    arguments: tuple[str, ...]
+    prepare: Callable[[Path], None] = Path.mkdir
+
+
+def fit_command(experiment: Path, priors: Path) -> KilledCommand:
+    """Return `fit` of one test."""
+    inputs = (str(experiment), "--priors", str(priors))
+    return KilledCommand((*MAIN, "fit", *inputs, *SAMPLER, "--out", "OUT"))
+
+
+def killed_commands(
+    experiment: Path, priors: Path, joint: Path, inputs: Path
+) -> Mapping[str, KilledCommand]:
+    """Return the commands by name.
+
+    Parameters
+    ----------
+    experiment, priors : Path
+        Files of a fit that takes seconds.
+    joint : Path
+        A finished joint fit.
+    inputs : Path
+        An existing folder, for files that the commands read.
+    """
+    plan = inputs / "plan.toml"
+    plan.write_text(PLAN.format(experiment=experiment, priors=priors), encoding="utf-8")
+    numbers = ("--simulations", "4", "--warmup", "60", "--draws", "40", "--ranked-draws", "19")
+    files = (str(experiment), "--priors", str(priors))
+    left_out = ("OUT/joint", "--leave-out", "tests", "--out", "OUT/compared")
+    return {
+        "fit": fit_command(experiment, priors),
+        "sbc": KilledCommand((*MAIN, "sbc", *files, *numbers, "--out", "OUT")),
+        "campaign": KilledCommand((*MAIN, "campaign", str(plan), "--out", "OUT")),
+        "compare": KilledCommand((*MAIN, "compare", *left_out), partial(_copy_run, joint)),
+        "reproduce": KilledCommand(("-c", TINY_STUDY, "OUT")),
+    }
+
+
+def _copy_run(joint: Path, out: Path) -> None:
+    """Copy a joint fit of which no test has been left out."""
+    shutil.copytree(joint, out / "joint", ignore=shutil.ignore_patterns(".*", "leave_out"))

@@ -25,17 +25,11 @@ data {
 #include data/coordinates.stan
 #include data/spectral.stan
 #include data/solver.stan
-  // Readings that generated quantities report apart from the observed ones.
-  array[n_tests + 1] int<lower=0> grid_end;
-  vector<lower=0>[grid_end[n_tests + 1]] grid_frequency;
-  vector<lower=0>[grid_end[n_tests + 1]] grid_temperature;
-  array[grid_end[n_tests + 1]] int<lower=1> grid_regime;
-  array[grid_end[n_tests + 1]] int<lower=1, upper=2> grid_quantity;
-  vector<lower=0>[grid_end[n_tests + 1]] grid_stated_error;
+  array[n_tests] real<lower=0> stress_scale; // Pa, of the sampled flow rate
 }
 transformed data {
   int n_points = point_end[n_tests + 1];
-  int n_grid = grid_end[n_tests + 1];
+  int n_grid = reading_grid_end[n_tests + 1];
   array[n_tests] vector[n_parameters()] prior_mass
     = prior_log_masses(prior_family, prior_location, prior_scale, prior_lower, prior_upper);
 }
@@ -76,22 +70,16 @@ model {
     for (e in 1 : n_tests) {
       array[row_end[e + 1] - row_end[e]] int here = part(row_end, e);
       array[regime_end[e + 1] - regime_end[e]] int regimes = part(regime_end, e);
-      vector[2 * size(here)] of_rows
-        = log_tan_delta_and_modulus(parameter[e], frequency[here], row_temperature[here],
-                                    initial_grain_size[e], conversion[e],
-                                    log_fluidity(parameter[e], row_temperature[here],
-                                                 initial_grain_size[e], regime[here],
-                                                 median_stress[regimes], amplitude[regimes],
-                                                 node_end[regime_end[e] + 1 : regime_end[e + 1] + 1],
-                                                 node));
-      array[point_end[e + 1] - point_end[e]] int points = part(point_end, e);
-      vector[2 * size(points)] law = log_reading_law(parameter[e], of_rows[reading[points]],
-                                                     quantity_of_point[points],
-                                                     stated_error[points]);
-      for (i in 1 : size(points)) {
-        target += log_reading_density(log_reading_observed[points[i]], is_limit[points[i]],
-                                      law[i], law[size(points) + i]);
-      }
+      array[reading_end[e + 1] - reading_end[e]] int readings = part(reading_end, e);
+      vector[2 * size(readings)] law
+        = table_reading_law(parameter[e], frequency[here], row_temperature[here],
+                            initial_grain_size[e], conversion[e], regime[here],
+                            median_stress[regimes], amplitude[regimes],
+                            node_end[regime_end[e] + 1 : regime_end[e + 1] + 1], node,
+                            reading[readings], quantity_of_point[readings],
+                            stated_error[readings]);
+      target += sum(log_reading_densities(log_reading_observed[readings], is_limit[readings],
+                                          law));
     }
   }
 }
@@ -113,29 +101,16 @@ generated quantities {
   vector[n_grid] grid_log_relaxation_time; // the longest of the Kelvin part, ln s
   vector[n_grid] grid_log_maxwell_time; // 1/(E_M B), ln s
   for (e in 1 : n_tests) {
-    array[row_end[e + 1] - row_end[e]] int here = part(row_end, e);
-    array[regime_end[e + 1] - regime_end[e]] int regimes = part(regime_end, e);
     array[point_end[e + 1] - point_end[e]] int points = part(point_end, e);
-    array[grid_end[e + 1] - grid_end[e]] int on_grid = part(grid_end, e);
-    array[size(regimes) + 1] int nodes = node_end[regime_end[e] + 1 : regime_end[e + 1] + 1];
-    vector[size(here)] row_log_fluidity
-      = log_fluidity(parameter[e], row_temperature[here], initial_grain_size[e], regime[here],
-                     median_stress[regimes], amplitude[regimes], nodes, node);
-    vector[2 * size(here)] of_rows
-      = log_tan_delta_and_modulus(parameter[e], frequency[here], row_temperature[here],
-                                  initial_grain_size[e], conversion[e], row_log_fluidity);
-    vector[size(on_grid)] grid_log_fluidity
-      = log_fluidity(parameter[e], grid_temperature[on_grid], initial_grain_size[e],
-                     grid_regime[on_grid], median_stress[regimes], amplitude[regimes], nodes,
-                     node);
-    vector[2 * size(on_grid)] of_grid
-      = log_tan_delta_and_modulus(parameter[e], grid_frequency[on_grid],
-                                  grid_temperature[on_grid], initial_grain_size[e],
-                                  conversion[e], grid_log_fluidity);
-    vector[2 * size(points)] law = log_reading_law(parameter[e], of_rows[reading[points]],
-                                                   quantity_of_point[points],
-                                                   stated_error[points]);
-    vector[2 * size(on_grid)] grid_law;
+#include protocols/attenuation_readings.stan
+    log_reading_model[points] = read;
+    log_reading_replicated[points] = replicated;
+    log_lik[points] = log_density_of_readings;
+    log_dashpot_share[e]
+      = largest_log_dashpot_share(parameter[e], frequency[here], row_temperature[here],
+                                  initial_grain_size[e], conversion[e], regime[here],
+                                  median_stress[regimes], amplitude[regimes],
+                                  node_end[regime_end[e] + 1 : regime_end[e + 1] + 1], node);
     log_middle_time[e] = log(parameter[e][i_kelvin_viscosity()]
                              / parameter[e][i_kelvin_modulus()])
                          - mean(log(frequency[here])
@@ -145,30 +120,9 @@ generated quantities {
       = spectral_from_plain(plain_coordinate[part(own_end, e)], parameter[e], own_place[e],
                             quantity[part(own_end, e)], replaced_parameter[e],
                             spectral_reference[e]);
-    log_dashpot_share[e] = max(log(conversion[e, 3]) + row_log_fluidity - log(frequency[here])
-                               - log_loss(head(of_rows, size(here)), tail(of_rows, size(here))));
-    for (j in 1 : size(on_grid)) {
-      grid_log_reading[on_grid[j]] = of_grid[j + (grid_quantity[on_grid[j]] - 1) * size(on_grid)];
-    }
-    grid_log_relaxation_time[on_grid]
-      = log_relaxation_times(parameter[e], grid_temperature[on_grid], initial_grain_size[e]);
-    grid_log_maxwell_time[on_grid]
-      = -log(maxwell_modulus_at(parameter[e], grid_temperature[on_grid])) - grid_log_fluidity;
-    grid_law = log_reading_law(parameter[e], grid_log_reading[on_grid], grid_quantity[on_grid],
-                               grid_stated_error[on_grid]);
-    for (j in 1 : size(on_grid)) {
-      grid_log_reading_replicated[on_grid[j]] = normal_rng(grid_law[j],
-                                                           grid_law[size(on_grid) + j]);
-    }
-    for (i in 1 : size(points)) {
-      int k = points[i];
-      log_reading_model[k] = fmax(law[i], log_limit[k]);
-      log_reading_replicated[k] = fmax(normal_rng(law[i], law[size(points) + i]), log_limit[k]);
-      log_lik[k] = log_reading_density(log_reading_observed[k], is_limit[k], law[i],
-                                       law[size(points) + i]);
-    }
     if (use_likelihood) {
       log_density += sum(log_lik[points]);
     }
   }
+#include protocols/attenuation_grid.stan
 }

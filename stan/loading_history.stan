@@ -6,11 +6,17 @@
 // All values are SI. Priors, fixed parameters, solver tolerance and the likelihood switch are
 // data, and parameters of several tests are shared, partially pooled or separate, as in
 // constant_rate.stan.
+//
+// Some of the tests may be tables of attenuation and modulus in place of histories
+// (data/attenuation.stan): they have no legs, their points are the readings of the table, and their
+// answer is a closed form in which the microstructure is frozen (attenuation_response.stan).
 functions {
 #include physics/parameters.stan
 #include physics/flow_law.stan
 #include physics/reference_stress.stan
 #include physics/kelvin_element.stan
+#include physics/relaxation.stan
+#include physics/stress_cycles.stan
 #include physics/microstructure.stan
 #include protocols/loading_history_rates.stan
 #include protocols/loading_history_legs.stan
@@ -19,6 +25,7 @@ functions {
 #include statistics/residuals.stan
 #include charts/plain.stan
 #include charts/pooling.stan
+#include protocols/attenuation_response.stan
 #include charts/valley/pins.stan
 #include charts/valley/least_squares.stan
 #include charts/valley/quantiles.stan
@@ -27,6 +34,7 @@ functions {
 data {
 #include data/tests.stan
 #include data/loading_history.stan
+#include data/attenuation.stan
 #include data/priors.stan
 #include data/coordinates.stan
 #include data/valley.stan
@@ -41,6 +49,7 @@ data {
 transformed data {
   int n_points = point_end[n_tests + 1];
   int n_grid = grid_end[n_tests + 1];
+  int n_reading_grid = reading_grid_end[n_tests + 1];
   // What some free parameter changes; the rest is constant to the solver.
   array[n_parameters()] int is_free = free_in_any_test(own_parameter, pooled_parameter);
   array[size(varying_rates(is_free, has_part(element, is_of_peak())))] int varying = varying_rates(is_free, has_part(element, is_of_peak()));
@@ -77,9 +86,12 @@ transformed parameters {
                                      parameter[e][i_grain_size_exponent()],
                                      parameter[e][i_activation_enthalpy()],
                                      parameter[e][i_beta()]);
-    log_jacobian += pooled[n_parameters() + 1] + plain[size(own) + 1]
-                    + mapped[n_parameters() + 1];
-    log_pooling += pooled[n_parameters() + 2];
+    log_jacobian += plain[size(own) + 1] + mapped[n_parameters() + 1];
+    // A table has nothing to say of what is partially pooled: it carries another test's value.
+    if (row_end[e + 1] == row_end[e]) {
+      log_jacobian += pooled[n_parameters() + 1];
+      log_pooling += pooled[n_parameters() + 2];
+    }
   }
 #include statistics/prior_density.stan
 }
@@ -87,28 +99,43 @@ model {
   target += lprior + log_jacobian + log_pooling;
   if (use_likelihood) {
     for (e in 1 : n_tests) {
-      array[point_end[e + 1] - point_end[e]] int points = part(point_end, e);
-      vector[size(points)] response
-        = history_readings(history_solution(parameter[e], prior_location[e], varying,
-                                            leg[part(leg_end, e)], fixed[part(leg_end, e)],
-                                            test[e], element, point_time_in_leg[points],
-                                            n_points_in_leg[part(leg_end, e)],
-                                            initial_grain_size[e], tolerance, max_num_steps),
-                           is_strain[points], parameter[e]);
-      vector[size(points)] noise = reading_noise(is_strain[points], parameter[e]);
-      // Residuals over their standard deviations, so that stress and strain have one process.
-      target += stress_log_density(rep_vector(0, size(points)),
-                                   (response - response_observed[points]) ./ noise, 1,
-                                   correlated_residuals, point_time[points],
-                                   point_stage[points],
-                                   parameter[e][i_residual_correlation_time()],
-                                   parameter[e][i_residual_correlated_share()])
-                - sum(log(noise));
+      if (row_end[e + 1] > row_end[e]) {
+        array[row_end[e + 1] - row_end[e]] int here = part(row_end, e);
+        array[regime_end[e + 1] - regime_end[e]] int regimes = part(regime_end, e);
+        array[reading_end[e + 1] - reading_end[e]] int readings = part(reading_end, e);
+        vector[2 * size(readings)] law
+          = table_reading_law(parameter[e], frequency[here], row_temperature[here],
+                              initial_grain_size[e], conversion[e], regime[here],
+                              median_stress[regimes], amplitude[regimes],
+                              node_end[regime_end[e] + 1 : regime_end[e + 1] + 1], node,
+                              reading[readings], quantity_of_point[readings],
+                              stated_error[readings]);
+        target += sum(log_reading_densities(log_reading_observed[readings], is_limit[readings],
+                                            law));
+      } else {
+        array[point_end[e + 1] - point_end[e]] int points = part(point_end, e);
+        vector[size(points)] response
+          = history_readings(history_solution(parameter[e], prior_location[e], varying,
+                                              leg[part(leg_end, e)], fixed[part(leg_end, e)],
+                                              test[e], element, point_time_in_leg[points],
+                                              n_points_in_leg[part(leg_end, e)],
+                                              initial_grain_size[e], tolerance, max_num_steps),
+                             is_strain[points], parameter[e]);
+        vector[size(points)] noise = reading_noise(is_strain[points], parameter[e]);
+        // Residuals over their standard deviations, so that stress and strain have one process.
+        target += stress_log_density(rep_vector(0, size(points)),
+                                     (response - response_observed[points]) ./ noise, 1,
+                                     correlated_residuals, point_time[points],
+                                     point_stage[points],
+                                     parameter[e][i_residual_correlation_time()],
+                                     parameter[e][i_residual_correlated_share()])
+                  - sum(log(noise));
+      }
     }
   }
 }
 generated quantities {
-  vector[n_points] response_model; // Pa or 1
+  vector[n_points] response_model; // Pa or 1; of tables ln(tan delta), ln(modulus / Pa)
   vector[n_points] response_replicated;
   vector[n_points] log_lik; // of each point given those before it
   // Of each point given all others; where residuals are independent, log_lik is that already.
@@ -124,36 +151,50 @@ generated quantities {
   vector[n_grid] grid_path_strain;
   vector[n_grid] grid_grain_size; // m
   vector[n_grid] grid_fabric_factor;
+  vector[n_reading_grid] grid_log_reading; // ln(tan delta) or ln(modulus / Pa)
+  vector[n_reading_grid] grid_log_reading_replicated;
+  vector[n_reading_grid] grid_log_relaxation_time; // the longest of the Kelvin part, ln s
+  vector[n_reading_grid] grid_log_maxwell_time; // 1/(E_M B), ln s
   for (e in 1 : n_tests) {
     array[point_end[e + 1] - point_end[e]] int points = part(point_end, e);
-    vector[size(points)] noise = reading_noise(is_strain[points], parameter[e]);
-    real correlation_time = parameter[e][i_residual_correlation_time()];
-    real share = parameter[e][i_residual_correlated_share()];
-    response_model[points]
-      = history_readings(history_solution(parameter[e], prior_location[e], varying,
-                                          leg[part(leg_end, e)], fixed[part(leg_end, e)], test[e],
-                                          element, point_time_in_leg[points],
-                                          n_points_in_leg[part(leg_end, e)],
-                                          initial_grain_size[e], tolerance, max_num_steps),
-                         is_strain[points], parameter[e]);
-    response_replicated[points]
-      = response_model[points]
-        + noise
-          .* residuals_rng(point_time[points], point_stage[points], 1, correlation_time, share);
-    {
-      vector[size(points)] residual
-        = (response_observed[points] - response_model[points]) ./ noise;
+    if (row_end[e + 1] > row_end[e]) {
+#include protocols/attenuation_readings.stan
+      response_model[points] = read;
+      response_replicated[points] = replicated;
+      log_lik[points] = log_density_of_readings;
       if (correlated_residuals) {
-        log_lik[points] = residual_log_densities(residual, 1, point_time[points],
-                                                 point_stage[points], correlation_time, share)
-                          - log(noise);
-        log_lik_given_others[points]
-          = residual_log_densities_given_others(residual, 1, point_time[points],
-                                                point_stage[points], correlation_time, share)
-            - log(noise);
-      } else {
-        for (i in 1 : size(points)) {
-          log_lik[points[i]] = std_normal_lpdf(residual[i]) - log(noise[i]);
+        log_lik_given_others[points] = log_density_of_readings; // a table's never are
+      }
+    } else {
+      vector[size(points)] noise = reading_noise(is_strain[points], parameter[e]);
+      real correlation_time = parameter[e][i_residual_correlation_time()];
+      real share = parameter[e][i_residual_correlated_share()];
+      response_model[points]
+        = history_readings(history_solution(parameter[e], prior_location[e], varying,
+                                            leg[part(leg_end, e)], fixed[part(leg_end, e)], test[e],
+                                            element, point_time_in_leg[points],
+                                            n_points_in_leg[part(leg_end, e)],
+                                            initial_grain_size[e], tolerance, max_num_steps),
+                           is_strain[points], parameter[e]);
+      response_replicated[points]
+        = response_model[points]
+          + noise
+            .* residuals_rng(point_time[points], point_stage[points], 1, correlation_time, share);
+      {
+        vector[size(points)] residual
+          = (response_observed[points] - response_model[points]) ./ noise;
+        if (correlated_residuals) {
+          log_lik[points] = residual_log_densities(residual, 1, point_time[points],
+                                                   point_stage[points], correlation_time, share)
+                            - log(noise);
+          log_lik_given_others[points]
+            = residual_log_densities_given_others(residual, 1, point_time[points],
+                                                  point_stage[points], correlation_time, share)
+              - log(noise);
+        } else {
+          for (i in 1 : size(points)) {
+            log_lik[points[i]] = std_normal_lpdf(residual[i]) - log(noise[i]);
+          }
         }
       }
     }
@@ -162,4 +203,5 @@ generated quantities {
     }
   }
 #include protocols/loading_history_grid.stan
+#include protocols/attenuation_grid.stan
 }

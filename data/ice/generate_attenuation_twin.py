@@ -1,11 +1,13 @@
-"""Write a synthetic table of attenuation and modulus of ice under cycles about a median stress.
+"""Write a synthetic table of attenuation of ice, and a curve at constant rate of the same ice.
 
-It has the columns of a table such as that of McCarthy and Cooper (2016), Earth and Planetary
-Science Letters 443, 185-194, which is not part of the project: whoever has it can put it in the
-place of this one. Numbers are the closed form of the model, integrated by scipy and written out
-here again, with scatter: nothing in it was measured.
+The table, under cycles about a median stress, has the columns of a table such as that of McCarthy
+and Cooper (2016), Earth and Planetary Science Letters 443, 185-194, which is not part of the
+project: whoever has it can put it in the place of this one. Its numbers are the closed form of the
+model, integrated by scipy and written out here again, with scatter. The curve is the solution of
+the paper's equations with noise; it has flow law and Kelvin part of the table, a microstructure of
+its own, and the elastic modulus of specimen and apparatus together. Nothing was measured.
 
-Run ``python data/ice/generate_attenuation_twin.py`` to write the file anew, bit for bit.
+Run ``python data/ice/generate_attenuation_twin.py`` to write the files anew, bit for bit.
 """
 
 import argparse
@@ -13,7 +15,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from scipy.integrate import quad
+import numpy.typing as npt
+from scipy.integrate import quad, solve_ivp
 
 GAS_CONSTANT = 8.314462618  # J/mol/K
 NAME = "attenuation_twin"
@@ -44,6 +47,22 @@ REGIMES = ((1.0, 0.17), (2.0, 0.9))
 """Median stress and amplitude, MPa."""
 
 FREQUENCIES = tuple(round(float(f), 6) for f in np.geomspace(1e-4, 1.0, 9))
+CURVE_NAME = "curve_beside_attenuation_twin"
+CURVE_SEED = 6
+CURVE_TRUTH: Mapping[str, float] = {
+    **TRUTH,
+    "maxwell_modulus": 0.6e9,
+    "steady_state_grain_size": 90e-6,
+    "steady_state_fabric_factor": 0.65,
+    "critical_strain_grain_size": 0.04,
+    "critical_strain_fabric": 0.17,
+    "stress_noise": 0.1e6,
+}
+CURVE_GRAIN_SIZE = 230e-6
+CURVE_TEMPERATURE = 263.15
+STRAIN_RATE = 1e-4
+CURVE_STRAINS = np.concatenate([np.linspace(0.0005, 0.02, 40), np.linspace(0.0225, 0.2, 72)])
+
 TAN_DELTA_ERROR = 0.004
 LIMIT = 0.015
 """tan(delta) below which the apparatus would not tell."""
@@ -109,12 +128,71 @@ def table_text() -> str:
     return "\n".join(lines) + "\n"
 
 
+def curve_stress() -> npt.NDArray[np.float64]:
+    """Return the stress (Pa) of the curve at its strains, without noise.
+
+    From rest: the paper's equations in stress, Kelvin strain, grain size and fabric factor.
+    """
+    truth = CURVE_TRUTH
+    arrhenius = np.exp(
+        truth["activation_enthalpy"] * (truth["beta"] - 1 / (GAS_CONSTANT * CURVE_TEMPERATURE))
+    )
+
+    def rates(_time: float, state: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        stress, kelvin_strain, grain_size, fabric = state
+        kelvin = (stress - truth["kelvin_modulus"] * kelvin_strain) / truth["kelvin_viscosity"]
+        dashpot = (
+            np.sign(stress)
+            * (abs(stress) / fabric) ** truth["stress_exponent"]
+            * grain_size ** -truth["grain_size_exponent"]
+            * arrhenius
+        )
+        grains = (truth["steady_state_grain_size"] - grain_size) / truth[
+            "critical_strain_grain_size"
+        ]
+        fabrics = (truth["steady_state_fabric_factor"] - fabric) / truth["critical_strain_fabric"]
+        return np.array(
+            [
+                truth["maxwell_modulus"] * (STRAIN_RATE - kelvin - dashpot),
+                kelvin,
+                STRAIN_RATE * grains,
+                STRAIN_RATE * fabrics,
+            ]
+        )
+
+    times = CURVE_STRAINS / STRAIN_RATE
+    solution = solve_ivp(
+        rates,
+        (0.0, times[-1]),
+        np.array([0.0, 0.0, CURVE_GRAIN_SIZE, 1.0]),
+        method="LSODA",
+        t_eval=times,
+        rtol=1e-10,
+        atol=[1e-2, 1e-13, 1e-16, 1e-12],
+    )
+    return np.asarray(solution.y[0])
+
+
+def curve_text() -> str:
+    """Return the curve with its noise."""
+    rng = np.random.default_rng(CURVE_SEED)
+    stress = curve_stress()
+    stress += CURVE_TRUTH["stress_noise"] * rng.standard_normal(stress.size)
+    lines = [
+        "# SYNTHETIC: written by generate_attenuation_twin.py; nothing here was measured.",
+        "strain,stress_MPa",
+    ]
+    lines += [f"{e:.6g},{s / 1e6:.5f}" for e, s in zip(CURVE_STRAINS, stress, strict=True)]
+    return "\n".join(lines) + "\n"
+
+
 def main() -> None:
-    """Write the table."""
+    """Write table and curve."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--folder", type=Path, default=Path(__file__).parent)
     folder = parser.parse_args().folder
     (folder / f"{NAME}.csv").write_text(table_text(), encoding="utf-8")
+    (folder / f"{CURVE_NAME}.csv").write_text(curve_text(), encoding="utf-8")
 
 
 if __name__ == "__main__":

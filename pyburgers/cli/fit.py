@@ -2,7 +2,7 @@
 
 import argparse
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +19,13 @@ from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import fit
 from pyburgers.model.flow_law_prior import load_flow_law_of_run
 from pyburgers.model.pooling import parse_pooling
-from pyburgers.model.priors import PriorSet, default_priors, load_priors, with_flow_law
+from pyburgers.model.priors import PriorSet, load_priors, with_flow_law
 from pyburgers.model.variants import parse_choices, with_variant
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.problem import of_one_protocol
+from pyburgers.protocols.problem import of_one_program
 from pyburgers.protocols.protocol import load_experiment
 from pyburgers.protocols.stan_data import SolverOptions
+from pyburgers.protocols.together import default_priors_for
 from pyburgers.report.joint_section import pooling_table, shown_pooling_table
 from pyburgers.report.tables import parameter_table
 from pyburgers.sampling.run_directory import RunDirectory
@@ -72,10 +73,11 @@ def run(options: argparse.Namespace) -> int:
     choices = parse_choices(options.variant)
     pool = parse_pooling(options.pool)
     experiments = [load_experiment(path) for path in options.experiments]
-    first = of_one_protocol(experiments)[0]
+    taken = of_one_program(experiments)
+    first = taken[0]
     if pool and len(experiments) == 1:
         raise InputError(f"--pool {options.pool[0]}: found one experiment, expected several.")
-    priors = with_variant(_priors_for(first, options.priors, choices), first, choices)
+    priors = with_variant(_priors_for(taken, options.priors, choices), first, choices)
     source: Path | None = options.priors_from
     if source is not None:
         if (run := RunDirectory(source)).manifest_file.is_file():
@@ -104,9 +106,7 @@ def run(options: argparse.Namespace) -> int:
     return print_checks(result.checks(), result.prior_conflicts())
 
 
-def _priors_for(experiment: Experiment, path: Path | None, choices: Mapping[str, str]) -> PriorSet:
-    return (
-        default_priors(experiment.material, experiment.protocol)
-        if path is None
-        else load_priors(path, choices)
-    )
+def _priors_for(
+    experiments: Sequence[Experiment], path: Path | None, choices: Mapping[str, str]
+) -> PriorSet:
+    return default_priors_for(experiments) if path is None else load_priors(path, choices)

@@ -17,15 +17,16 @@ from pyburgers.fitting.new_test import Source
 from pyburgers.fitting.plots import FitPlots
 from pyburgers.fitting.prediction import Prediction, predict_test
 from pyburgers.fitting.sampled_fit import SampledFit, write_tables
-from pyburgers.model.pooling import SEPARATE, pooling_from, pooling_of
+from pyburgers.model.pooling import pooling_from
 from pyburgers.model.priors import PriorSet, load_priors, note_other_material
 from pyburgers.model.variants import ModelVariant, variant_of
 from pyburgers.posterior.build import build_posterior
 from pyburgers.posterior.labelled_draws import TESTS, draws_table, load_posterior, summary_table
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.problem import Problem, problem_of
+from pyburgers.protocols.problem import Problem, one_test, problem_of
 from pyburgers.protocols.protocol import load_experiment
 from pyburgers.protocols.stan_data import SolverOptions
+from pyburgers.protocols.together import pooling_for
 from pyburgers.sampling.manifest import FitManifest
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run import run_chains, tighten_solver
@@ -109,7 +110,7 @@ class Fit(SampledFit):
         if not self.is_joint:
             return {self.problem.name: self}
         found = {}
-        for alone in self.problem.alone():
+        for alone in map(one_test, self.problem.experiments, self.problem.by_effect()):
             posterior = self.posterior[f"{TESTS}/{alone.name}"]
             assert isinstance(posterior, xr.DataTree)  # a group, as build_posterior has it
             found[alone.name] = replace(self, posterior=posterior, problem=alone)
@@ -249,7 +250,7 @@ def fit(
         chains are run.
     pool : mapping of str to str, optional
         How parameters of several tests are pooled where it is not the default
-        (`pyburgers.model.pooling.pooling_of`).
+        (`pyburgers.protocols.together.pooling_for`).
     options : SamplerOptions, optional
         Chains, iterations, seed.
     solver : SolverOptions, optional
@@ -278,11 +279,10 @@ def fit(
         If no chain finished.
     """
     tests = [experiments] if isinstance(experiments, Experiment) else list(experiments)
-    pooling = pooling_of(pool) if len(tests) > 1 else SEPARATE
     for test in tests[:1]:
         note_other_material(priors, test.material)
     return fit_problem(
-        problem_of(tests, priors, pooling),
+        problem_of(tests, priors, pooling_for(tests, pool)),
         out=out,
         options=options,
         solver=solver,

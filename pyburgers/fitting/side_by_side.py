@@ -12,11 +12,11 @@ from pyburgers.common.messages import messages_to
 from pyburgers.common.processes import cores
 from pyburgers.common.tasks import ALL_HERE, Workers
 from pyburgers.fitting.fit import Fit, fit_problem
-from pyburgers.model.pooling import SEPARATE, pooling_of
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.problem import Problem, problem_of
 from pyburgers.protocols.stan_data import SolverOptions
+from pyburgers.protocols.together import pooling_for
 from pyburgers.sampling.options import SamplerOptions
 
 logger = logging.getLogger(__name__)
@@ -58,8 +58,7 @@ def task_of(
     experiments, priors, options, pool
         As for `pyburgers.fit`, which says what is raised.
     """
-    pooling = pooling_of(pool) if len(experiments) > 1 else SEPARATE
-    return Task(problem_of(experiments, priors, pooling), options)
+    return Task(problem_of(experiments, priors, pooling_for(experiments, pool)), options)
 
 
 def run_fits(

@@ -3,8 +3,10 @@
 import logging
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import xarray as xr
 
 from pyburgers.cmdstan.draw_files import Draws, read_draws
@@ -12,8 +14,10 @@ from pyburgers.cmdstan.program import Program, load_program
 from pyburgers.common.errors import SamplingError
 from pyburgers.model.parameters import PARAMETER_BY_NAME, PLACE
 from pyburgers.model.priors import PriorSet
+from pyburgers.model.variants import variant_of
 from pyburgers.posterior import microstructure
 from pyburgers.posterior.groups import (
+    GIVEN_OTHERS,
     PRIOR_DENSITY,
     drawn_at_points,
     grid_group,
@@ -35,11 +39,13 @@ from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forward import simulate
 from pyburgers.protocols.problem import Problem
 from pyburgers.protocols.program_data import with_grids
-from pyburgers.protocols.protocol import protocol_of
+from pyburgers.protocols.protocol import Protocol, protocol_of
 from pyburgers.protocols.stan_data import REFERENCE_SOLVER, StanData, solver_block
 from pyburgers.sampling.run_directory import RunDirectory
 
 logger = logging.getLogger(__name__)
+
+FloatArray = npt.NDArray[np.float64]
 
 
 def build_posterior(run: RunDirectory, problem: Problem) -> xr.DataTree:
@@ -74,32 +80,32 @@ def build_posterior(run: RunDirectory, problem: Problem) -> xr.DataTree:
     protocol, experiments = problem.protocol, problem.experiments
     files = run.draws_files()
     chains = {"chain": list(run.finished_chains())}
-    grids = [protocol.prediction_grid(experiment) for experiment in experiments]
+    grids = [protocol_of(experiment).prediction_grid(experiment) for experiment in experiments]
     data = run.read_stan_data()
     fit = read_draws(files)
     logger.info("Solving every draw again at the reference tolerance.")
     data = with_grids(data, experiments, grids)
+    on_grids, sizes = _places_on_grids(experiments, grids)
     checked = reference_solution(
         load_program(protocol.program),
         data,
         files,
-        list(protocol.grid_quantities),
+        sizes,
         seed=manifest["sampler"]["seed"],
     ).assign_coords(chains)
     stats = stats_with_solver(fit, checked, chains, use_likelihood=manifest["use_likelihood"])
     at_points = drawn_at_points(fit, chains, protocol.response)
     at_points[PRIOR_DENSITY] = fit.dataset([PRIOR_DENSITY])[PRIOR_DENSITY].assign_coords(chains)
     draws = _draws_of_tests(fit, problem, chains)
-    ends, grid_ends = data["point_end"], data["grid_end"]
+    ends = data["point_end"]
     tests = {}
-    for e, (experiment, priors) in enumerate(zip(experiments, problem.priors, strict=True)):
+    for e, (experiment, priors) in enumerate(zip(experiments, problem.by_effect(), strict=True)):
         points = at_points.isel(point=slice(ends[e], ends[e + 1]))
-        on_grid = slice(grid_ends[e], grid_ends[e + 1])
         tests[experiment.id] = groups_of_test(
             draws[experiment.id],
-            points.assign_coords(point=np.arange(experiment.n_points)),
+            _points_of_test(points, protocol, experiment, priors),
             stats,
-            checked.isel({f"{name}_dim_0": on_grid for name in protocol.grid_quantities}),
+            checked.isel(on_grids[e]),
             experiment,
             priors,
         )
@@ -132,8 +138,41 @@ def build_posterior(run: RunDirectory, problem: Problem) -> xr.DataTree:
         groups,
         experiment=problem.name,
         data_kind=problem.data_kind,
-        clock=protocol.clock.name,
+        clocks={one.id: protocol_of(one).clock.name for one in experiments},
     )
+
+
+def _places_on_grids(
+    experiments: Sequence[Experiment], grids: Sequence[FloatArray]
+) -> tuple[list[dict[str, slice]], dict[str, int]]:
+    """Return where what a program gives on grids is that of each test, and the size of each.
+
+    Its variables hold the tests of one protocol one after the other.
+    """
+    sizes: dict[str, int] = {}
+    places = []
+    for experiment, grid in zip(experiments, grids, strict=True):
+        names = protocol_of(experiment).grid_quantities
+        start = max(sizes.get(name, 0) for name in names)
+        places.append({f"{name}_dim_0": slice(start, start + grid.size) for name in names})
+        sizes |= dict.fromkeys(names, start + grid.size)
+    return places, sizes
+
+
+def _points_of_test(
+    points: xr.Dataset, of_program: Protocol[Any], experiment: Experiment, priors: PriorSet
+) -> xr.Dataset:
+    """Draws at the points of a test under the names of its own protocol."""
+    own = protocol_of(experiment)
+    if GIVEN_OTHERS in points and variant_of(priors, experiment).residuals == "independent":
+        points = points.drop_vars(GIVEN_OTHERS)
+    named = points.rename(
+        {
+            f"{of_program.response.name}_{what}": f"{own.response.name}_{what}"
+            for what in ("model", "replicated")
+        }
+    )
+    return named.assign_coords(point=np.arange(experiment.n_points))
 
 
 def _draws_of_tests(
@@ -143,7 +182,8 @@ def _draws_of_tests(
     columns = fit.dataset(["parameter", "log_reference"]).assign_coords(chains)
     reference = problem.protocol.reference
     found = {}
-    for e, (experiment, priors) in enumerate(zip(problem.experiments, problem.priors, strict=True)):
+    tests = zip(problem.experiments, problem.by_effect(), strict=True)
+    for e, (experiment, priors) in enumerate(tests):
         own = columns["parameter"].isel(parameter_dim_0=e, drop=True)
         values = {
             name: own.isel(parameter_dim_1=PLACE[name] - 1, drop=True) for name in priors.priors
@@ -170,6 +210,7 @@ def _all_draws(
         variables |= {
             own_name(name, problem.owner(name, e)): of_test[name]
             for name in (*own, problem.protocol.reference.name)
+            if problem.has_effect(name, e)
         }
     if problem.partial:
         pooled = fit.dataset(["pooled_centre", "pooled_spread"]).assign_coords(chains)
@@ -266,7 +307,7 @@ def reference_solution(
     model: Program,
     data: StanData,
     files: Sequence[Path],
-    variables: Sequence[str],
+    variables: Mapping[str, int],
     *,
     seed: int,
 ) -> xr.Dataset:
@@ -282,8 +323,8 @@ def reference_solution(
         Its data, with the grid.
     files : sequence of Path
         Its chains.
-    variables : sequence of str
-        Generated quantities on the grid.
+    variables : mapping of str to int
+        Generated quantities on the grid, and their sizes.
     seed : int
         Of replicated data.
     """
@@ -300,12 +341,12 @@ def _one_by_one(
     model: Program,
     data: StanData,
     fit: Draws,
-    variables: Sequence[str],
+    variables: Mapping[str, int],
 ) -> xr.Dataset:
     """As `generate_quantities`, slower, with NaN where a draw has no solution."""
     coordinates = fit["coordinate"]
     shape = coordinates.shape[:2]
-    sizes = dict.fromkeys(variables, data["grid_end"][-1]) | {"log_lik": data["point_end"][-1]}
+    sizes = {**variables, "log_lik": data["point_end"][-1]}
     values = {name: np.full((*shape, size), np.nan) for name, size in sizes.items()}
     for number, index in enumerate(np.ndindex(*shape)):
         position = {"coordinate": coordinates[index].tolist()}

@@ -123,7 +123,7 @@ def keep_posterior(
     *,
     experiment: str,
     data_kind: str,
-    clock: str | None = None,
+    clocks: Mapping[str, str] | None = None,
 ) -> xr.DataTree:
     """Save groups of draws as the posterior of a run.
 
@@ -135,8 +135,8 @@ def keep_posterior(
         By ArviZ's names.
     experiment, data_kind : str
         Name of the experiment or table, and the kind of its provenance.
-    clock : str, optional
-        Name of the clock of the tests; each test's part of the tree has it as attribute.
+    clocks : mapping of str to str, optional
+        Name of the clock of each test; its part of the tree has it as attribute.
 
     Returns
     -------
@@ -153,9 +153,9 @@ def keep_posterior(
         "chains": json.dumps(list(run.finished_chains())),
         "extensions": run.n_extensions(),
     }
-    if clock is not None:
-        for test in tree[TESTS].children.values() if TESTS in tree.children else (tree,):
-            test.attrs["clock"] = clock
+    for test, clock in (clocks or {}).items():
+        part = tree[TESTS][test] if TESTS in tree.children else tree
+        part.attrs["clock"] = clock
     # In memory first: where the disk is full, HDF5 brings the process down.
     content = bytes(tree.to_netcdf(engine="h5netcdf"))
     run.update_manifest({"posterior_sha256": None})

@@ -121,6 +121,22 @@ class Mode:
 
 
 @dataclass(frozen=True, eq=False)
+class ProblemMode:
+    """The highest density found of a problem.
+
+    Attributes
+    ----------
+    tests : tuple of Mode
+        Values of each test, and its plain coordinates by itself.
+    coordinate : array, shape (n_coordinates,)
+        Plain coordinates of all tests together.
+    """
+
+    tests: tuple[Mode, ...]
+    coordinate: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
 class Layout:
     """Which coordinate of a fit stands for what.
 

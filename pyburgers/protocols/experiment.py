@@ -98,6 +98,8 @@ class Experiment(ABC):
     may_be_uncertain : frozenset of str
         Errors of conditions (`pyburgers.model.parameters.CONDITIONS`) that the program of such
         tests knows. A constant as well.
+    without_effect : frozenset of str
+        Parameters that such tests say nothing of. A constant as well.
     id, material : str
         Sample and material; the material names the default priors.
     temperature : float
@@ -125,6 +127,7 @@ class Experiment(ABC):
     parts_name: ClassVar[str] = "parts"
     residual_correlation: ClassVar[str] = "residual_correlation_strain"
     may_be_uncertain: ClassVar[frozenset[str]] = CONDITIONS
+    without_effect: ClassVar[frozenset[str]] = frozenset()
     id: str
     material: str
     temperature: float

@@ -6,19 +6,19 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from pyburgers.common.errors import InputError
 from pyburgers.model.parameters import CONDITIONS, PARAMETER_BY_NAME, Parameter
 from pyburgers.model.pooling import SEPARATE, Pooling
-from pyburgers.model.prior_families import Prior
+from pyburgers.model.prior_families import Prior, fixed_prior
 from pyburgers.model.priors import FLOW_LAW, PriorSet
 from pyburgers.model.variants import check_variant
-from pyburgers.protocols.coordinates import Layout, Mode, PlainCoordinates, layout_of
+from pyburgers.protocols.coordinates import Layout, PlainCoordinates, layout_of
 from pyburgers.protocols.experiment import CONDITION_KEYS, Experiment
-from pyburgers.protocols.protocol import Protocol, protocol_of
+from pyburgers.protocols.protocol import Protocol, protocol_of, protocols
 
-FloatArray = npt.NDArray[np.float64]
+HISTORIES, TABLES = "loading_history", "attenuation"
+"""Protocols that one program takes together."""
 
 
 @dataclass(frozen=True)
@@ -56,8 +56,8 @@ class Problem:
 
     @property
     def protocol(self) -> Protocol[Any]:
-        """Of all tests."""
-        return protocol_of(self.experiments[0])
+        """Whose program takes all tests."""
+        return common_protocol(self.experiments)
 
     @property
     def free(self) -> tuple[str, ...]:
@@ -83,12 +83,17 @@ class Problem:
 
     def owner(self, name: str, test: int) -> str:
         """Return the joined names of the tests that have the value of a test (from 0)."""
-        sources = self._apparatus.get(name, range(len(self.experiments)))
+        sources = self._sources.get(name, range(len(self.experiments)))
         return "+".join(
             experiment.id
-            for experiment, source in zip(self.experiments, sources, strict=True)
-            if source == sources[test]
+            for e, (experiment, source) in enumerate(zip(self.experiments, sources, strict=True))
+            if source == sources[test] and self.has_effect(name, e)
         )
+
+    def has_effect(self, name: str, test: int) -> bool:
+        """Return whether a test (from 0) feels a parameter; if not it carries another's value."""
+        sources = self._carried.get(name)
+        return sources is None or sources[test] == test
 
     def hanging_together(self, drawn: Sequence[Mapping[str, float]]) -> list[dict[str, float]]:
         """Return values of the parameters of each test, shared ones those of the first of them."""
@@ -111,6 +116,21 @@ class Problem:
         return found
 
     @cached_property
+    def _carried(self) -> dict[str, list[int]]:
+        """Parameters without effect in some tests, with the test whose value each carries."""
+        found = {}
+        for name in self.free:
+            feels = [name not in experiment.without_effect for experiment in self.experiments]
+            if any(feels) and not all(feels) and self.kind(name) != "shared":
+                found[name] = [e if own else feels.index(True) for e, own in enumerate(feels)]
+        return found
+
+    @property
+    def _sources(self) -> dict[str, list[int]]:
+        """Test whose value each test has, of parameters that the pooling alone does not say."""
+        return {**self._apparatus, **self._carried}
+
+    @cached_property
     def layout(self) -> Layout:
         """Which coordinate stands for what."""
         return layout_of(
@@ -118,7 +138,7 @@ class Problem:
             len(self.experiments),
             self.pooling,
             [experiment.n_driving_errors for experiment in self.experiments],
-            self._apparatus,
+            self._sources,
         )
 
     @property
@@ -134,6 +154,19 @@ class Problem:
     def alone(self) -> "tuple[Problem, ...]":
         """Return each test by itself, with its resolved priors."""
         return tuple(map(one_test, self.experiments, self.priors))
+
+    def by_effect(self) -> tuple[PriorSet, ...]:
+        """Return the priors of each test, those of parameters without effect in it as known."""
+        return tuple(
+            own.exchanging(
+                *(
+                    fixed_prior(PARAMETER_BY_NAME[name], own[name].mean_sd()[0], "no effect")
+                    for name in self._carried
+                    if not self.has_effect(name, e)
+                )
+            )
+            for e, own in enumerate(self.priors)
+        )
 
     @property
     def parts(self) -> dict[str, int]:
@@ -167,22 +200,6 @@ class Problem:
         return problem_of(kept, priors, self.pooling)
 
 
-@dataclass(frozen=True, eq=False)
-class ProblemMode:
-    """The highest density found of a problem.
-
-    Attributes
-    ----------
-    tests : tuple of Mode
-        Values of each test, and its plain coordinates by itself.
-    coordinate : array, shape (n_coordinates,)
-        Plain coordinates of all tests together.
-    """
-
-    tests: tuple[Mode, ...]
-    coordinate: FloatArray
-
-
 def one_test(experiment: Experiment, priors: PriorSet) -> Problem:
     """Return a test by itself with its resolved priors; nothing is checked, it may lack data."""
     return Problem((experiment,), priors, (priors,), SEPARATE)
@@ -193,7 +210,7 @@ def problem_of(
 ) -> Problem:
     """Check tests, priors and pooling, and resolve the priors for each test.
 
-    Tests of several protocols are taken as loading histories.
+    Tests of several protocols are taken as one program takes them (`of_one_program`).
 
     A prior that is a share of the largest stress takes that of the test, or of all tests where
     the parameter is shared.
@@ -215,7 +232,7 @@ def problem_of(
     """
     for experiment in experiments:
         _check_not_in_prior(experiment, priors)
-    experiments = of_one_protocol(experiments)
+    experiments = of_one_program(experiments)
     names = [experiment.id for experiment in experiments]
     for name in names:
         if names.count(name) > 1:
@@ -230,7 +247,7 @@ def problem_of(
     of_tests = tuple(
         own.exchanging(*condition_priors(experiment))
         for experiment, own in zip(
-            experiments, protocol_of(experiments[0]).priors_of(experiments, priors), strict=True
+            experiments, common_protocol(experiments).priors_of(experiments, priors), strict=True
         )
     )
     _check_same_free(experiments, of_tests)
@@ -259,13 +276,16 @@ def condition_priors(experiment: Experiment) -> tuple[Prior, ...]:
     )
 
 
-def of_one_protocol(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
-    """Return tests as they are, or as loading histories where their protocols differ.
+def of_one_program(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
+    """Return tests as they are, or as one program takes them where their protocols differ.
+
+    Tables stand behind the histories then: what tests share has its coordinate in the first one,
+    and those of a history know what a curve fixes.
 
     Raises
     ------
     InputError
-        If one of several protocols cannot be a loading history.
+        If one of several protocols cannot be fitted with tests of another.
     """
     if len({experiment.protocol for experiment in experiments}) == 1:
         return tuple(experiments)
@@ -275,7 +295,16 @@ def of_one_protocol(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]
                 f"{experiment.id}: has measured microstructure, which loading histories do not "
                 "take, expected tests of one protocol."
             )
-    return tuple(protocol_of(experiment).as_history(experiment) for experiment in experiments)
+    taken = [protocol_of(experiment).as_history(experiment) for experiment in experiments]
+    return tuple(sorted(taken, key=lambda one: one.protocol == TABLES))
+
+
+def common_protocol(experiments: Sequence[Experiment]) -> Protocol[Any]:
+    """Return the protocol whose program takes some tests (`of_one_program`)."""
+    first, *others = experiments
+    if all(other.protocol == first.protocol for other in others):
+        return protocol_of(first)
+    return protocols()[HISTORIES]
 
 
 def plain_coordinates(experiment: Experiment, priors: PriorSet) -> PlainCoordinates:

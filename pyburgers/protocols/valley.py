@@ -183,7 +183,7 @@ class ValleyChart(Chart[E]):
         exponents = noise_exponents(test.coordinates, test.priors, covariance)
         return replace(reference, noise_exponent=exponents)
 
-    def block(self, references: Sequence[ValleyReference], layout: Layout) -> StanData:
+    def block(self, references: Sequence[ValleyReference | None], layout: Layout) -> StanData:
         """Return the block `stan/data/valley.stan`."""
         return valley_block(references, layout)
 
@@ -254,30 +254,38 @@ def noise_exponents(
     return exponents
 
 
-def valley_block(references: Sequence[ValleyReference], layout: Layout) -> StanData:
-    """Return the block `stan/data/valley.stan`; no references keep the plain coordinates."""
+def valley_block(references: Sequence[ValleyReference | None], layout: Layout) -> StanData:
+    """Return the block `stan/data/valley.stan`.
+
+    No references keep the plain coordinates of all tests, None those of one.
+    """
     # The width of a shared parameter follows the noise of no test.
     follows = [name not in layout.shared for name in layout.names]
     guides = [
-        np.column_stack(
+        np.zeros((len(layout.own(test)), 3))
+        if own is None
+        else np.column_stack(
             [own.coordinate, own.linear_from, np.where(follows, own.noise_exponent, 0)]
         )[layout.own(test)]
         for test, own in enumerate(references)
     ]
-    n_without = layout.n_tests - len(references)
-    knots = [*(own.knot for own in references), *[np.empty((0, 3))] * n_without]
-    pins = [*(own.pin for own in references), *[np.empty((0, 7))] * n_without]
+    tests = [*references, *[None] * (layout.n_tests - len(references))]
+    knots = [np.empty((0, 3)) if own is None else own.knot for own in tests]
+    pins = [np.empty((0, 7)) if own is None else own.pin for own in tests]
     return {
         "knot_end": ends(len(knot) for knot in knots),
         "knot": np.concatenate(knots).tolist(),
         "pin_end": ends(len(pin) for pin in pins),
         "pin": np.concatenate(pins).tolist(),
         "guide": np.concatenate([np.empty((0, 3)), *guides]).tolist(),
-        "reference_parameter": [own.values.tolist() for own in references],
-        "reference_rate": [own.pins.reference_rate for own in references],
-        "flow_stress": [own.pins.flow_stress for own in references],
-        "loading_time": [own.pins.loading_time for own in references],
-        "noise_parameter": [PLACE[own.pins.noise] for own in references],
+        "reference_parameter": [
+            [0.0] * len(PROGRAM_PARAMETERS) if own is None else own.values.tolist()
+            for own in references
+        ],
+        "reference_rate": [0.0 if own is None else own.pins.reference_rate for own in references],
+        "flow_stress": [0.0 if own is None else own.pins.flow_stress for own in references],
+        "loading_time": [0.0 if own is None else own.pins.loading_time for own in references],
+        "noise_parameter": [1 if own is None else PLACE[own.pins.noise] for own in references],
     }
 
 

@@ -51,7 +51,9 @@ def pooling_table(joint: Fit, separate: Sequence[Fit] = ()) -> pd.DataFrame:
     rows = []
     for quantity in (*problem.free, reference):
         kind = "derived" if quantity == reference else problem.kind(quantity)
-        for name, fit in tests.items():
+        for e, (name, fit) in enumerate(tests.items()):
+            if not problem.has_effect(quantity, e):
+                continue
             mean, sd = _moments(fit, quantity)
             other, alone_mean, alone_sd = alone[name], np.nan, np.nan
             if other is not None:
@@ -109,7 +111,9 @@ def shown_pooling_table(table: pd.DataFrame) -> pd.DataFrame:
             quantity.display_factor
         )
         pooling = group["pooling"].iloc[0]
-        joint = {test: with_error(by_test["mean"][test], by_test["sd"][test]) for test in tests}
+        joint = {
+            test: with_error(by_test["mean"][test], by_test["sd"][test]) for test in by_test.index
+        }
         if pooling == "shared":
             joint |= dict.fromkeys(tests[1:], "the same")
         row = {
@@ -126,7 +130,7 @@ def shown_pooling_table(table: pd.DataFrame) -> pd.DataFrame:
         )
         alone = {
             test: with_error(by_test["separate_mean"][test], by_test["separate_sd"][test])
-            for test in tests
+            for test in by_test.index
             if np.isfinite(by_test["separate_sd"][test])
         }
         rows.append({"fit": "alone", **alone})
@@ -231,7 +235,13 @@ def joint_section(name: str, joint: Fit, separate: Sequence[Fit]) -> PageSection
                 partial(intervals, joint, separate),
                 " ".join((*_bought(table), *alarms)),
             ),
-            *joint.problem.protocol.joint_figures(list(joint.tests().values())),
+            *joint.problem.protocol.joint_figures(
+                [
+                    one
+                    for one in joint.tests().values()
+                    if protocol_of(one.experiment) is joint.problem.protocol
+                ]
+            ),
         ),
         alarms=tuple(f"{name}: {alarm}" for alarm in alarms),
     )
@@ -335,6 +345,8 @@ def intervals(joint: Fit, separate: Sequence[Fit]) -> Figure:
         for axes, quantity in zip(panels.flat, quantities, strict=False):
             shared = quantity in joint.problem.shared
             for line, (name, fit) in enumerate(tests.items()):
+                if not joint.problem.has_effect(quantity, line):
+                    continue
                 if not shared:
                     _bar(axes, line - SHIFT, fit, quantity, BLUE)
                 elif line == 0:

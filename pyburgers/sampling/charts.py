@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from pyburgers.cmdstan.program import ModeNotFound, Program, load_program
 from pyburgers.common.errors import InputError
-from pyburgers.protocols.coordinates import Mode
-from pyburgers.protocols.problem import Problem, ProblemMode
+from pyburgers.protocols.coordinates import Mode, ProblemMode
+from pyburgers.protocols.problem import Problem
 from pyburgers.protocols.program_data import chart_block, program_data, solve
 from pyburgers.protocols.protocol import AtMode, Chart, ChartUnsuited
 from pyburgers.protocols.stan_data import SolverOptions, StanData, solver_block
@@ -187,14 +187,21 @@ def _chart_at(
         solver = SolverOptions(chart.curvature_tolerance)
         data = {**data, **solver_block(solver)}
     layout = problem.layout
+    # Tables beside histories have plain coordinates.
     tests = [
-        at_mode(one, own, solver) for one, own in zip(problem.alone(), mode.tests, strict=True)
+        at_mode(one, own, solver) if one.protocol is problem.protocol else None
+        for one, own in zip(problem.alone(), mode.tests, strict=True)
     ]
     references: list[Any] = []
     centre = np.zeros(layout.size)
     # The first test comes last, so that shared coordinates are its own.
-    for test, places in reversed(list(zip(tests, layout.position, strict=True))):
-        reference, centre[places] = chart.reference(test)
+    for e in reversed(range(layout.n_tests)):
+        own, places = layout.source[e] == e, layout.position[e]
+        test = tests[e]
+        reference, position = (
+            (None, mode.tests[e].coordinate) if test is None else chart.reference(test)
+        )
+        centre[places[own]] = position[own]
         references.insert(0, reference)
     centre[layout.position[:, layout.pooled]] = 0.0
     for own, places in zip(mode.tests, layout.errors, strict=True):
@@ -208,7 +215,9 @@ def _chart_at(
     if problem.partial or expected_rise(model, around, centre, covariance) > LARGEST_RISE:
         centre, covariance = laplace_at_mode(model, around, centre, seed=seed)
     references = [
-        chart.rescaled(reference, test, covariance[np.ix_(places, places)])
+        None
+        if test is None
+        else chart.rescaled(reference, test, covariance[np.ix_(places, places)])
         for reference, test, places in zip(references, tests, layout.position, strict=True)
     ]
     block = chart_block(problem, references, pooled=pooled, pooling=pooling)

@@ -7,8 +7,8 @@ import numpy.typing as npt
 
 from pyburgers.cmdstan.program import Program, load_program
 from pyburgers.common.errors import SamplingError
-from pyburgers.protocols.coordinates import Mode
-from pyburgers.protocols.problem import Problem, ProblemMode
+from pyburgers.protocols.coordinates import Mode, ProblemMode
+from pyburgers.protocols.problem import Problem
 from pyburgers.protocols.program_data import program_data, solve, values_of_test
 from pyburgers.protocols.stan_data import SolverOptions, StanData
 
@@ -85,16 +85,18 @@ def position_of(
     layout = problem.layout
     position = np.zeros(layout.size)
     # The first test comes last, so that shared coordinates are its own.
-    for own, places in zip(reversed(plain), reversed(layout.position), strict=True):
-        position[places] = own
+    for e in reversed(range(layout.n_tests)):
+        own = layout.source[e] == e
+        position[layout.position[e, own]] = plain[e][own]
     for h, name in enumerate(layout.partial):
         i = layout.names.index(name)
-        numbers = np.array([own[i] for own in plain])
+        tests = [e for e in range(layout.n_tests) if layout.source[e, i] == e]
+        numbers = np.array([plain[e][i] for e in tests])
         centre = numbers.mean()
         position[layout.centre[h]] = centre
         position[layout.spread[h]] = np.log(spreads[h])
         spread = spreads[h] * problem.pooling.spread_scales[name]
-        position[layout.position[:, i]] = (numbers - centre) / spread
+        position[layout.position[tests, i]] = (numbers - centre) / spread
     for places, error in zip(layout.errors, errors, strict=False):
         position[places] = error
     return position

@@ -179,8 +179,8 @@ def check_template(problem: Problem) -> None:
     first = problem.priors[0]
     if not first.free:
         raise InputError(f"{first.title}: all parameters are fixed, expected a free one to rank.")
-    for own in problem.priors[1:]:
-        free = [name for name in first.free if name not in CONDITIONS]
+    for test, own in enumerate(problem.priors):
+        free = [n for n in first.free if n not in CONDITIONS and problem.has_effect(n, test)]
         differing = [name for name in free if own[name] != first[name]]
         if differing:
             raise InputError(

@@ -24,13 +24,14 @@ from pyburgers.common.atomic_files import sha256_of_json, write_json
 from pyburgers.common.errors import InputError, SystemFailureError
 from pyburgers.common.tasks import ALL_HERE, Workers
 from pyburgers.common.toml_files import Table, read_json_table
-from pyburgers.model.pooling import SEPARATE, pooling_from, pooling_of
+from pyburgers.model.pooling import pooling_from
 from pyburgers.model.priors import PriorSet, load_priors, note_other_material, save_priors
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.problem import Problem, problem_of
 from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.protocol import load_experiment, save_experiment
 from pyburgers.protocols.stan_data import SolverOptions
+from pyburgers.protocols.together import pooling_for
 from pyburgers.sampling.charts import check_coordinates
 from pyburgers.sampling.manifest import COMPLETE, PoolingRecord, RecordedHashes, SamplerRecord
 from pyburgers.sampling.options import INDECISIVE, SamplerOptions
@@ -233,7 +234,7 @@ def calibrate(
         Data sets, seeds, sampler.
     pool : mapping of str to str, optional
         How parameters of several tests are pooled where it is not the default
-        (`pyburgers.model.pooling.pooling_of`).
+        (`pyburgers.protocols.together.pooling_for`).
     workers : Workers
         Who does the data sets; each process runs one chain at a time. Where this call does a part
         of them, others may do the other parts at the same time.
@@ -250,7 +251,7 @@ def calibrate(
         If a process was killed, or chains again and again.
     """
     tests = [templates] if isinstance(templates, Experiment) else list(templates)
-    problem = problem_of(tests, priors, pooling_of(pool) if len(tests) > 1 else SEPARATE)
+    problem = problem_of(tests, priors, pooling_for(tests, pool))
     check_template(problem)
     note_other_material(priors, tests[0].material)
     check_coordinates(problem, plan.sampler.coordinates)

@@ -24,10 +24,11 @@ from pyburgers.common.toml_files import NAME, Table, read_json, read_toml
 from pyburgers.drawing.page_parts import PageSection, PageTable
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.side_by_side import Task, run_fits, task_of
-from pyburgers.model.priors import default_priors, load_priors, note_other_material
+from pyburgers.model.priors import load_priors, note_other_material
 from pyburgers.model.variants import with_variant
-from pyburgers.protocols.problem import of_one_protocol
+from pyburgers.protocols.problem import of_one_program
 from pyburgers.protocols.protocol import load_experiment
+from pyburgers.protocols.together import default_priors_for
 from pyburgers.report.comparison_sections import comparison_sections
 from pyburgers.report.joint_section import joint_sections
 from pyburgers.report.page import write_report
@@ -126,11 +127,12 @@ def load_campaign(path: Path) -> Campaign:
     tasks = {}
     for test, files in plan.tests.items():
         experiments = [load_experiment(path.parent / file) for file in files]
-        first = of_one_protocol(experiments)[0]
+        taken = of_one_program(experiments)
+        first = taken[0]
         for variant, laws in plan.variants.items():
             for name, file in plan.priors.items():
                 given = (
-                    default_priors(first.material, first.protocol)
+                    default_priors_for(taken)
                     if file == SHIPPED
                     else load_priors(path.parent / file, laws)
                 )

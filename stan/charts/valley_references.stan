@@ -5,7 +5,7 @@
   for (e in 1 : n_tests) {
     reference_end[e] = pin_end[e] + (e - 1) * n_reference();
     reference_end[e + 1] = pin_end[e + 1] + e * n_reference();
-    if (coordinate_system == 2) {
+    if (coordinate_system == 2 && pin_end[e + 1] > pin_end[e]) {
       conditions[e] = [reference_rate[e], initial_grain_size[e], temperature[e],
                        loading_time[e]]';
       reference[part(reference_end, e)]

@@ -1,5 +1,5 @@
-// Tables of attenuation and modulus. Every row gives one or two readings; stresses are axial
-// equivalents.
+// Tables of attenuation and modulus; tests that are no tables have no rows. Every row gives one or
+// two readings; stresses are axial equivalents.
 array[n_tests + 1] int<lower=0> row_end;
 vector<lower=0>[row_end[n_tests + 1]] frequency; // angular, rad/s
 vector<lower=0>[row_end[n_tests + 1]] row_temperature; // K
@@ -12,11 +12,18 @@ array[regime_end[n_tests + 1] + 1] int<lower=0> node_end;
 matrix[node_end[regime_end[n_tests + 1] + 1], 2] node;
 array[row_end[n_tests + 1]] int<lower=1> regime; // of a row, among those of its test
 array[n_tests] vector[3] conversion; // from axial to the table's (attenuation_response.stan)
-array[n_tests] real<lower=0> stress_scale; // Pa, of the sampled flow rate
 // Readings: ln(tan delta) of rows, then ln(modulus / Pa) of rows.
-array[point_end[n_tests + 1]] int<lower=1> reading; // among twice the rows of its test
-array[point_end[n_tests + 1]] int<lower=1, upper=2> quantity_of_point; // 1 tan delta, 2 modulus
-vector[point_end[n_tests + 1]] log_reading_observed;
-vector<lower=0>[point_end[n_tests + 1]] stated_error; // of tan delta, of ln(modulus)
-array[point_end[n_tests + 1]] int<lower=0, upper=1> is_limit; // 1: an upper limit
-vector[point_end[n_tests + 1]] log_limit; // below which a reading is only a limit
+array[n_tests + 1] int<lower=0> reading_end;
+array[reading_end[n_tests + 1]] int<lower=1> reading; // among twice the rows of its test
+array[reading_end[n_tests + 1]] int<lower=1, upper=2> quantity_of_point; // 1 tan delta, 2 modulus
+vector[reading_end[n_tests + 1]] log_reading_observed;
+vector<lower=0>[reading_end[n_tests + 1]] stated_error; // of tan delta, of ln(modulus)
+array[reading_end[n_tests + 1]] int<lower=0, upper=1> is_limit; // 1: an upper limit
+vector[reading_end[n_tests + 1]] log_limit; // below which a reading is only a limit
+// Readings that generated quantities report apart from the observed ones.
+array[n_tests + 1] int<lower=0> reading_grid_end;
+vector<lower=0>[reading_grid_end[n_tests + 1]] grid_frequency;
+vector<lower=0>[reading_grid_end[n_tests + 1]] grid_temperature;
+array[reading_grid_end[n_tests + 1]] int<lower=1> grid_regime;
+array[reading_grid_end[n_tests + 1]] int<lower=1, upper=2> grid_quantity;
+vector<lower=0>[reading_grid_end[n_tests + 1]] grid_stated_error;

@@ -71,9 +71,23 @@ vector log_tan_delta_and_modulus(vector parameter, data vector frequency,
   return append_row(log(loss) - log(storage), -0.5 * log(square(storage) + square(loss)));
 }
 
-/** ln of the loss compliance (1/Pa) of readings of ln(tan delta) and ln(modulus / Pa). */
-vector log_loss(vector log_tan_delta, vector log_modulus) {
-  return log_tan_delta - 0.5 * log1p_exp(2 * log_tan_delta) - log_modulus;
+/**
+ * ln of the largest share of the loss compliance that the dashpot carries in a row of a table.
+ *
+ * @param arguments as those of log_fluidity() and log_tan_delta_and_modulus()
+ */
+real largest_log_dashpot_share(vector parameter, data vector frequency, data vector temperature,
+                               data real grain_size, data vector conversion,
+                               data array[] int regime, data vector median_stress,
+                               data vector amplitude, data array[] int node_end,
+                               data matrix node) {
+  int n = num_elements(frequency);
+  vector[n] log_of_fluidity = log_fluidity(parameter, temperature, grain_size, regime,
+                                           median_stress, amplitude, node_end, node);
+  vector[2 * n] both = log_tan_delta_and_modulus(parameter, frequency, temperature, grain_size,
+                                                 conversion, log_of_fluidity);
+  vector[n] log_loss = head(both, n) - 0.5 * log1p_exp(2 * head(both, n)) - tail(both, n);
+  return max(log(conversion[3]) + log_of_fluidity - log(frequency) - log_loss);
 }
 
 /**
@@ -102,8 +116,44 @@ vector log_reading_law(vector parameter, vector log_reading, data array[] int qu
   return append_row(centre, sqrt(square(scatter[quantity]) + square(stated)));
 }
 
+/**
+ * log_reading_law() of the readings of a table.
+ *
+ * @param frequency, temperature, regime of every row
+ * @param conversion see above
+ * @param median_stress, amplitude, node_end, node see log_fluidity()
+ * @param reading which each is, among ln(tan delta) of rows and then ln(modulus) of rows
+ * @param quantity, stated_error of each reading
+ */
+vector table_reading_law(vector parameter, data vector frequency, data vector temperature,
+                         data real grain_size, data vector conversion,
+                         data array[] int regime, data vector median_stress,
+                         data vector amplitude, data array[] int node_end, data matrix node,
+                         data array[] int reading, data array[] int quantity,
+                         data vector stated_error) {
+  vector[2 * num_elements(frequency)] of_rows
+    = log_tan_delta_and_modulus(parameter, frequency, temperature, grain_size, conversion,
+                                log_fluidity(parameter, temperature, grain_size, regime,
+                                             median_stress, amplitude, node_end, node));
+  return log_reading_law(parameter, of_rows[reading], quantity, stated_error);
+}
+
 /** Log density of one reading, or of what it says where it is an upper limit. */
 real log_reading_density(data real observed, data int is_limit, real centre, real spread) {
   return is_limit ? normal_lcdf(observed | centre, spread)
          : normal_lpdf(observed | centre, spread);
+}
+
+/**
+ * Log density of every reading of a table.
+ *
+ * @param law centres and standard deviations, see log_reading_law()
+ */
+vector log_reading_densities(data vector observed, data array[] int is_limit, vector law) {
+  int n = num_elements(observed);
+  vector[n] log_density;
+  for (i in 1 : n) {
+    log_density[i] = log_reading_density(observed[i], is_limit[i], law[i], law[n + i]);
+  }
+  return log_density;
 }

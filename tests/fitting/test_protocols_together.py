@@ -24,7 +24,7 @@ from pyburgers.protocols.forced_oscillation.experiment import load_forced_oscill
 from pyburgers.protocols.forward import simulate_data
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.microstructure import MeasuredMicrostructure
-from pyburgers.protocols.problem import of_one_protocol, problem_of
+from pyburgers.protocols.problem import of_one_program, problem_of
 from pyburgers.report.joint_section import joint_sections
 from pyburgers.report.page import write_report
 from pyburgers.sampling.options import SamplerOptions
@@ -69,7 +69,7 @@ def mixed(programs: None, tmp_path_factory: pytest.TempPathFactory) -> Fit:
 
 def test_tests_of_one_protocol_stay_as_they_are() -> None:
     curves = [constant_rate_test(), constant_rate_test("other", 1e-5)]
-    assert of_one_protocol(curves) == tuple(curves)
+    assert of_one_program(curves) == tuple(curves)
 
 
 def test_tests_of_several_protocols_become_histories() -> None:

@@ -1,4 +1,4 @@
-"""The synthetic table of ice, its generator and its truth; the measured tables of olivine."""
+"""The synthetic table and curve of ice with their generator; the measured tables of olivine."""
 
 import importlib.util
 from pathlib import Path
@@ -7,11 +7,12 @@ import numpy as np
 from conftest import ICE
 
 from pyburgers.protocols.attenuation.files import load_attenuation
+from pyburgers.protocols.constant_rate.experiment import load_constant_rate
 
 OLIVINE = ICE.parent / "olivine"
 
 
-def test_the_synthetic_table_is_what_its_generator_writes() -> None:
+def test_the_synthetic_table_and_curve_are_what_their_generator_writes() -> None:
     spec = importlib.util.spec_from_file_location(
         "generate_attenuation_twin", ICE / "generate_attenuation_twin.py"
     )
@@ -26,6 +27,13 @@ def test_the_synthetic_table_is_what_its_generator_writes() -> None:
     assert twin.true_parameters == module.TRUTH
     assert twin.initial_grain_size == module.GRAIN_SIZE
     assert twin.provenance.kind == "synthetic"
+    curve = load_constant_rate(ICE / "curve_beside_attenuation_twin.toml")
+    assert module.curve_text() == (ICE / "curve_beside_attenuation_twin.csv").read_text(
+        encoding="utf-8"
+    )
+    assert curve.true_parameters == module.CURVE_TRUTH
+    assert curve.initial_grain_size == module.CURVE_GRAIN_SIZE
+    assert curve.provenance.kind == "synthetic"
 
 
 def test_the_measured_tables_are_those_of_the_source() -> None:

@@ -22,7 +22,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.model.parameters import PARAMETERS, PLACE
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet, load_priors
-from pyburgers.protocols.coordinates import REFERENCE_FLOW_RATE, Mode
+from pyburgers.protocols.coordinates import REFERENCE_FLOW_RATE, Mode, ProblemMode
 from pyburgers.protocols.forced_oscillation.experiment import (
     OscillationExperiment,
     load_forced_oscillation,
@@ -32,7 +32,7 @@ from pyburgers.protocols.forced_oscillation.experiment import (
 from pyburgers.protocols.forced_oscillation.preparation import Background, prepare
 from pyburgers.protocols.forced_oscillation.sheared import SHIFTED_BY, find_sheared
 from pyburgers.protocols.forced_oscillation.stan_data import ShearedReference
-from pyburgers.protocols.problem import ProblemMode, one_test, plain_coordinates, problem_of
+from pyburgers.protocols.problem import one_test, plain_coordinates, problem_of
 from pyburgers.protocols.program_data import chart_block
 from pyburgers.protocols.protocol import protocol_of
 from pyburgers.protocols.stan_data import PLAIN, SolverOptions, StanData, solver_block

@@ -47,6 +47,21 @@ class AttenuationExperiment(Experiment):
             "residuals": ("independent",),
         }
     )
+    without_effect: ClassVar[frozenset[str]] = frozenset(
+        {
+            "steady_state_grain_size",
+            "steady_state_fabric_factor",
+            "critical_strain_grain_size",
+            "critical_strain_fabric",
+            "stress_noise",
+            "strain_noise",
+            "strain_offset",
+            "apparatus_compliance",
+            "residual_correlation_strain",
+            "residual_correlation_time",
+            "residual_correlated_share",
+        }
+    )
     parts_name: ClassVar[str] = "temperatures"
     conditions: Conditions
     readings: Readings

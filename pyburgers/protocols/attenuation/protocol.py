@@ -18,7 +18,7 @@ from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
 from pyburgers.protocols.attenuation.figures import ATTENUATION_FIGURES, fitted_curve, rms_table
 from pyburgers.protocols.attenuation.files import load_attenuation, save_attenuation
-from pyburgers.protocols.attenuation.spectral import SpectralChart
+from pyburgers.protocols.attenuation.spectral_chart import SpectralChart
 from pyburgers.protocols.attenuation.spectrum import SPECTRUM_FIGURE
 from pyburgers.protocols.attenuation.stan_data import (
     grid_block,
@@ -113,6 +113,10 @@ class Attenuation(Protocol[AttenuationExperiment]):
                 "linear dashpot is known to answer it, found a stress exponent other than 1 in "
                 f"the priors {priors.title!r}, expected amplitudes or the variant maxwell=linear."
             )
+
+    def as_history(self, experiment: AttenuationExperiment) -> AttenuationExperiment:
+        """Return the table: the program of loading histories takes it as it is."""
+        return experiment
 
     def without_data(self, experiment: AttenuationExperiment) -> AttenuationExperiment:
         """Return the table without what was read."""

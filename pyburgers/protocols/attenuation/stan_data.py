@@ -1,4 +1,4 @@
-"""Data of `stan/attenuation.stan` about its tables."""
+"""Data of Stan programs about tables of attenuation."""
 
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
-from pyburgers.protocols.attenuation.table import ATTENUATION, Conditions
+from pyburgers.protocols.attenuation.table import ATTENUATION, Conditions, Elasticity
 from pyburgers.protocols.stan_data import StanData, ends
 
 FloatArray = npt.NDArray[np.float64]
@@ -22,6 +22,21 @@ QUADRATURE_HALF_WIDTH, QUADRATURE_STEPS = 3.2, 32
 
 NO_ERROR = 1e-12
 """Stated error of a solution, which may have no scatter either: a normal law needs some width."""
+
+NO_NODES = np.empty((0, 2))
+
+AXIAL = Elasticity("axial")
+"""Of a test that is no table, where it has no effect."""
+
+OF_READINGS = ("reading", "quantity_of_point", "stated_error", "is_limit", "log_limit")
+OF_GRID = (
+    "grid_frequency",
+    "grid_temperature",
+    "grid_regime",
+    "grid_quantity",
+    "grid_stated_error",
+)
+"""Entries of the data that have a number for every reading, and for every one on the grid."""
 
 NO_LIMIT = -1e3
 """ln(tan delta) that no reading is below."""
@@ -69,57 +84,79 @@ def stress_nodes(median_stress: float, amplitude: float) -> FloatArray:
 def tests_block(
     experiments: Sequence[AttenuationExperiment], priors: Sequence[PriorSet]
 ) -> StanData:
-    """Return the block `stan/data/attenuation.stan`."""
-    regimes = [_regimes(e.conditions) for e in experiments]
+    """Return the data of `stan/attenuation.stan` about its tables."""
+    return {"stress_scale": [e.largest_stress for e in experiments], **tables_block(experiments)}
+
+
+def tables_block(tests: Sequence[AttenuationExperiment | None]) -> StanData:
+    """Return the block `stan/data/attenuation.stan` without its grid.
+
+    Parameters
+    ----------
+    tests : sequence of AttenuationExperiment or None
+        None where a test is no table.
+    """
+    tables = [test for test in tests if test is not None]
+    regimes = [_regimes(e.conditions) for e in tables]
     stresses = [
-        e.elasticity.stress_factor * own for e, (own, _) in zip(experiments, regimes, strict=True)
+        e.elasticity.stress_factor * own for e, (own, _) in zip(tables, regimes, strict=True)
     ]
     nodes = [
-        stress_nodes(median, amplitude) if amplitude > 0 else np.empty((0, 2))
+        stress_nodes(median, amplitude) if amplitude > 0 else NO_NODES
         for own in stresses
         for median, amplitude in own
     ]
-    points = [_points(e) for e in experiments]
+    regime_counts = iter([len(own) for own in stresses])
+    points = [_points(e) for e in tables]
     return {
-        "row_end": ends(e.conditions.n_rows for e in experiments),
-        "frequency": _joined(2 * np.pi / e.conditions.period for e in experiments),
-        "row_temperature": _joined(e.conditions.temperature for e in experiments),
-        "regime_end": ends(len(own) for own in stresses),
+        "row_end": ends(0 if e is None else e.conditions.n_rows for e in tests),
+        "frequency": _joined(2 * np.pi / e.conditions.period for e in tables),
+        "row_temperature": _joined(e.conditions.temperature for e in tables),
+        "regime_end": ends(0 if e is None else next(regime_counts) for e in tests),
         "median_stress": _joined(own[:, 0] for own in stresses),
         "amplitude": _joined(own[:, 1] for own in stresses),
         "node_end": ends(len(own) for own in nodes),
-        "node": np.concatenate(nodes).tolist(),
+        "node": np.concatenate([NO_NODES, *nodes]).tolist(),
         "regime": [int(k) + 1 for _, of_rows in regimes for k in of_rows],
-        "conversion": [list(e.elasticity.conversion) for e in experiments],
-        "stress_scale": [e.largest_stress for e in experiments],
-        **{name: [one for own in points for one in own[name]] for name in points[0]},
-        "log_reading_observed": _joined(e.response for e in experiments),
+        "conversion": [list((AXIAL if e is None else e.elasticity).conversion) for e in tests],
+        "reading_end": ends(0 if e is None else e.n_points for e in tests),
+        **{name: [one for own in points for one in own[name]] for name in OF_READINGS},
+        "log_reading_observed": _joined(e.response for e in tables),
     }
 
 
 def grid_block(
-    experiments: Sequence[AttenuationExperiment], grids: Sequence[FloatArray]
+    experiments: Sequence[AttenuationExperiment | None], grids: Sequence[FloatArray]
 ) -> StanData:
-    """Return the readings that are reported apart from the observed ones."""
-    found = []
+    """Return the readings that are reported apart from the observed ones.
+
+    Parameters
+    ----------
+    experiments : sequence of AttenuationExperiment or None
+        None where a test is no table.
+    grids : sequence of array
+        Places in each table.
+    """
+    found: dict[str, list[float] | list[int]] = {name: [] for name in OF_GRID}
+    sizes = []
     for experiment, grid in zip(experiments, grids, strict=True):
+        sizes.append(0 if experiment is None else grid.size)
+        if experiment is None:
+            continue
         conditions = experiment.conditions
         period, spectrum, quantity = conditions.at(grid)
         row = conditions.first_rows[spectrum]
         typical = [_typical_error(experiment, k) for k in (0, 1)]
-        found.append(
-            {
-                "grid_frequency": 2 * np.pi / period,
-                "grid_temperature": conditions.temperature[row],
-                "grid_regime": _regimes(conditions)[1][row] + 1,
-                "grid_quantity": quantity + 1,
-                "grid_stated_error": np.array(typical)[quantity],
-            }
+        own = (
+            2 * np.pi / period,
+            conditions.temperature[row],
+            _regimes(conditions)[1][row] + 1,
+            quantity + 1,
+            np.array(typical)[quantity],
         )
-    return {
-        "grid_end": ends(grid.size for grid in grids),
-        **{name: [one for own in found for one in own[name].tolist()] for name in found[0]},
-    }
+        for name, values in zip(OF_GRID, own, strict=True):
+            found[name] += values.tolist()
+    return {"reading_grid_end": ends(sizes), **found}
 
 
 def _joined(parts: Iterable[FloatArray]) -> list[float]:

@@ -58,6 +58,9 @@ class LoadingHistory(Experiment):
         {"kelvin": ("linear", "power_law", "two_elements", "extended", "extended_peak")}
     )
     residual_correlation: ClassVar[str] = "residual_correlation_time"
+    without_effect: ClassVar[frozenset[str]] = frozenset(
+        {"modulus_temperature_coefficient", "attenuation_scatter", "modulus_scatter"}
+    )
     stages: tuple[Stage, ...]
     time: FloatArray
     reading_stage: IntArray

@@ -10,23 +10,27 @@ from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.prior_families import Prior, fixed_prior, is_fixed_at
 from pyburgers.model.priors import PriorSet, priors_of_freed_parameters
 from pyburgers.model.variants import with_variant
+from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
 from pyburgers.protocols.loading_history.experiment import LoadingHistory, Stated
 
 STRAIN_NOISE_SHARE = 0.01
 """Median of the strain noise, over the range of the strain readings."""
 
 
-def priors_of(experiments: Sequence[LoadingHistory], priors: PriorSet) -> tuple[PriorSet, ...]:
-    """Return priors of each of some histories that are fitted together.
+def priors_of(
+    experiments: Sequence[LoadingHistory | AttenuationExperiment], priors: PriorSet
+) -> tuple[PriorSet, ...]:
+    """Return priors of each of some histories, and tables behind them, that are fitted together.
 
     Where strain is read, its noise is free and residuals correlate in time, unless the priors say
     otherwise; where no stress is read, it has no noise. The compliance of the apparatus and the
-    offset of the strain are those of the test's file, where that states them.
+    offset of the strain are those of the test's file, where that states them. What histories have
+    beside the material's has no effect in a table, whose priors are those of the first history.
 
     Parameters
     ----------
-    experiments : sequence of LoadingHistory
-        Tests with readings.
+    experiments : sequence of LoadingHistory or AttenuationExperiment
+        Tests with readings, histories first.
     priors : PriorSet
         Of all of them.
 
@@ -35,18 +39,20 @@ def priors_of(experiments: Sequence[LoadingHistory], priors: PriorSet) -> tuple[
     InputError
         If residuals are to correlate along strain.
     """
-    for experiment in experiments:
+    histories = [one for one in experiments if isinstance(one, LoadingHistory)]
+    for experiment in histories:
         if not is_fixed_at(priors["residual_correlation_strain"], 0.0):
             raise InputError(
                 f"{experiment.id}: residuals of a loading history correlate in time, found a prior "
                 "of residual_correlation_strain, expected one of residual_correlation_time."
             )
-    reads_strain = any(e.response_is_strain.any() for e in experiments)
-    reads_stress = any((~e.response_is_strain).any() for e in experiments)
-    return tuple(
+    reads_strain = any(e.response_is_strain.any() for e in histories)
+    reads_stress = any((~e.response_is_strain).any() for e in histories)
+    found = tuple(
         _of_readings(e, priors, reads_strain, reads_stress).exchanging(*stated_priors(e))
-        for e in experiments
+        for e in histories
     )
+    return found + found[:1] * (len(experiments) - len(histories))
 
 
 def _of_readings(

@@ -1,12 +1,15 @@
 """Data of `stan/loading_history.stan` about its tests."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from pyburgers.model.prior_families import is_fixed_at
 from pyburgers.model.priors import PriorSet
+from pyburgers.protocols.attenuation import stan_data as attenuation
+from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.loading_history.kelvin_rows import elements_block
 from pyburgers.protocols.stan_data import StanData, ends
@@ -45,8 +48,14 @@ def reference_origin(experiment: LoadingHistory) -> tuple[float, float]:
     return float(np.log(rate)), REFERENCE_FLOW_RATE_SCALE
 
 
-def tests_block(experiments: Sequence[LoadingHistory], priors: Sequence[PriorSet]) -> StanData:
-    """Return the block `stan/data/loading_history.stan`."""
+def tests_block(
+    experiments: Sequence[LoadingHistory | AttenuationExperiment], priors: Sequence[PriorSet]
+) -> StanData:
+    """Return the blocks `stan/data/loading_history.stan` and `stan/data/attenuation.stan`.
+
+    Tables of attenuation have no legs; their readings stand among the points.
+    """
+    histories = [e for e in experiments if isinstance(e, LoadingHistory)]
     legs = [
         [
             float(leg.driven == "stress"),
@@ -55,49 +64,83 @@ def tests_block(experiments: Sequence[LoadingHistory], priors: Sequence[PriorSet
             leg.rate,
             leg.temperature,
         ]
-        for experiment in experiments
+        for experiment in histories
         for leg in experiment.legs
     ]
-    places = [leg_of_readings(experiment) for experiment in experiments]
-    times, counts = _times_in_legs(experiments, [e.time for e in experiments], places)
+    places = [leg_of_readings(experiment) for experiment in histories]
+    times, counts = _times_in_legs(histories, [e.time for e in histories], places)
+
+    def by_point(of_history: Callable[[LoadingHistory], npt.NDArray[Any]]) -> npt.NDArray[Any]:
+        """Join numbers of every point, 0 of readings of a table."""
+        return np.concatenate(
+            [
+                of_history(e) if isinstance(e, LoadingHistory) else np.zeros(e.n_points)
+                for e in experiments
+            ]
+        )
+
+    times_by_history = dict(zip(map(id, histories), times, strict=True))
     return {
-        "leg_end": ends(len(e.legs) for e in experiments),
-        "leg": legs,
-        "stress_scale": [stress_scale(e) for e in experiments],
-        "strain_scale": [strain_scale(e) for e in experiments],
-        "response_observed": np.concatenate([e.reading for e in experiments]).tolist(),
-        "is_strain": np.concatenate([e.response_is_strain for e in experiments])
-        .astype(int)
-        .tolist(),
-        "point_time_in_leg": times,
+        "leg_end": ends(len(e.legs) if isinstance(e, LoadingHistory) else 0 for e in experiments),
+        "leg": np.reshape(legs, (-1, 5)).tolist(),
+        "stress_scale": [
+            stress_scale(e) if isinstance(e, LoadingHistory) else e.largest_stress
+            for e in experiments
+        ],
+        "strain_scale": [
+            strain_scale(e) if isinstance(e, LoadingHistory) else LABORATORY_STRAIN
+            for e in experiments
+        ],
+        "response_observed": np.concatenate([e.response for e in experiments]).tolist(),
+        "is_strain": by_point(lambda e: e.response_is_strain).astype(int).tolist(),
+        "point_time_in_leg": by_point(lambda e: times_by_history[id(e)]).tolist(),
         "n_points_in_leg": counts,
-        "point_time": np.concatenate([e.time for e in experiments]).tolist(),
-        "point_stage": np.concatenate([e.reading_stage for e in experiments]).tolist(),
+        "point_time": by_point(lambda e: e.time).tolist(),
+        "point_stage": by_point(lambda e: e.reading_stage).astype(int).tolist(),
         "correlated_residuals": int(
             not all(is_fixed_at(own["residual_correlation_time"], 0.0) for own in priors)
         ),
         **elements_block(priors),
+        **attenuation.tables_block(_tables(experiments)),
     }
 
 
-def grid_block(experiments: Sequence[LoadingHistory], grids: Sequence[FloatArray]) -> StanData:
-    """Return the times (s) at which the solutions are reported apart from the readings.
+def grid_block(
+    experiments: Sequence[LoadingHistory | AttenuationExperiment], grids: Sequence[FloatArray]
+) -> StanData:
+    """Return times (s), or places in tables, at which solutions are reported beside the readings.
 
     See `leg_of_times` for times at which legs meet.
     """
-    places = [leg_of_times(e, grid) for e, grid in zip(experiments, grids, strict=True)]
-    times, counts = _times_in_legs(experiments, grids, places)
+    histories = [
+        (e, grid)
+        for e, grid in zip(experiments, grids, strict=True)
+        if isinstance(e, LoadingHistory)
+    ]
+    own = [grid for _, grid in histories]
+    places = [leg_of_times(e, grid) for e, grid in histories]
+    times, counts = _times_in_legs([e for e, _ in histories], own, places)
     stages = [
         np.array([leg.stage for leg in experiment.legs], dtype=np.int64)[place]
-        for experiment, place in zip(experiments, places, strict=True)
+        for (experiment, _), place in zip(histories, places, strict=True)
     ]
     return {
-        "grid_end": ends(grid.size for grid in grids),
-        "grid_time_in_leg": times,
+        "grid_end": ends(
+            grid.size if isinstance(e, LoadingHistory) else 0
+            for e, grid in zip(experiments, grids, strict=True)
+        ),
+        "grid_time_in_leg": np.concatenate([np.empty(0), *times]).tolist(),
         "n_grid_in_leg": counts,
-        "grid_time": np.concatenate(grids).tolist(),
-        "grid_stage": np.concatenate(stages).tolist(),
+        "grid_time": np.concatenate([np.empty(0), *own]).tolist(),
+        "grid_stage": np.concatenate([np.empty(0, dtype=np.int64), *stages]).tolist(),
+        **attenuation.grid_block(_tables(experiments), grids),
     }
+
+
+def _tables(
+    experiments: Sequence[LoadingHistory | AttenuationExperiment],
+) -> list[AttenuationExperiment | None]:
+    return [None if isinstance(one, LoadingHistory) else one for one in experiments]
 
 
 def leg_of_times(experiment: LoadingHistory, time: FloatArray) -> IntArray:
@@ -136,14 +179,14 @@ def _times_in_legs(
     experiments: Sequence[LoadingHistory],
     times: Sequence[FloatArray],
     places: Sequence[IntArray],
-) -> tuple[list[float], list[int]]:
+) -> tuple[list[FloatArray], list[int]]:
     """Return times since the start of their leg over its duration, and their number in each."""
-    shares: list[float] = []
+    shares: list[FloatArray] = []
     counts: list[int] = []
     for experiment, time, place in zip(experiments, times, places, strict=True):
         start = np.array([leg.start_time for leg in experiment.legs])
         end = np.array([leg.end_time for leg in experiment.legs])
         since = (time - start[place]) / (end - start)[place]
-        shares += np.clip(since, 0.0, 1.0).tolist()
+        shares.append(np.clip(since, 0.0, 1.0))
         counts += np.bincount(place, minlength=start.size).tolist()
     return shares, counts

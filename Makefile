@@ -26,7 +26,7 @@ report: cmdstan
 
 test: cmdstan
 	@echo "==> Running the fast test suite"
-	@$(BIN)/python -m pytest -n logical --dist loadfile
+	@$(BIN)/python -m pytest -n logical --dist loadfile --no-loadscope-reorder
 
 lint: $(VENV)/.lint-installed
 	@echo "==> Checking format, style and types"

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
+from weakref import WeakSet
 
 import filelock
 import numpy as np
@@ -16,6 +17,7 @@ import numpy.typing as npt
 import pytest
 from independent_table import TRUTHS
 from matplotlib.figure import Figure
+from truth_as_mode import at_truth
 
 from pyburgers.cmdstan.program import compile_programs, load_program
 from pyburgers.cmdstan.toolchain import stan_directory
@@ -27,13 +29,10 @@ from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment,
 from pyburgers.protocols.constant_rate.valley import ConstantRateValley
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forward import simulate_data
-from pyburgers.protocols.problem import problem_of
 from pyburgers.protocols.protocol import protocols, save_experiment
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.protocols.valley import ValleyReference
-from pyburgers.sampling.charts import at_mode
 from pyburgers.sampling.options import SamplerOptions
-from pyburgers.sampling.starts import find_mode
 
 FloatArray = npt.NDArray[np.float64]
 FunctionValues = Callable[[str, Mapping[str, object]], dict[str, FloatArray]]
@@ -50,6 +49,22 @@ LONG_RUN = replace(SMALL_RUN, warmup=300, draws=800)
 
 POOL = {"stress_noise": "separate"}
 """How the tests of `joint` differ."""
+
+
+LONGEST_FILES = (
+    "test_sampling.py",
+    "test_report.py",
+    "test_protocols_together.py",
+    "test_comparison_sections.py",
+    "test_figures.py",
+    "test_history_valley.py",
+)
+"""Those that take more than 20 s of processor time; a file runs in one process."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put the longest files first, so that none of them is left to one process at the end."""
+    items.sort(key=lambda item: item.path.name not in LONGEST_FILES)
 
 
 @dataclass(frozen=True)
@@ -119,15 +134,13 @@ def pair_of(problem: Problem) -> list[ConstantRateExperiment]:
 
 
 def valley_of(experiment: ConstantRateExperiment, priors: PriorSet) -> ValleyReference:
-    """Reference of the valley coordinates as a fit with seed 1 sets it up, save one part.
+    """Reference of the valley coordinates as a fit sets it up at its mode, save one part.
 
     The noise exponents are made up, so that only that of the noise itself (the last) is 0.
     """
-    solver = SolverOptions()
-    problem = problem_of([experiment], priors)
-    (mode,) = find_mode(problem, seed=1, solver=solver).tests
-    valley, _ = ConstantRateValley().reference(at_mode(problem, mode, solver))
-    return replace(valley, noise_exponent=np.linspace(0.9, 0.0, mode.coordinate.size))
+    test = at_truth(experiment, priors, SolverOptions())
+    valley, _ = ConstantRateValley().reference(test)
+    return replace(valley, noise_exponent=np.linspace(0.9, 0.0, test.mode.coordinate.size))
 
 
 @pytest.fixture(scope="session")
@@ -163,12 +176,15 @@ def function_values(programs: None) -> FunctionValues:
 
 def sketch_pictures(patch: pytest.MonkeyPatch) -> None:
     """Draw each figure of a page once and coarsely; layout and rendering are most of its work."""
+    drawn: WeakSet[Figure] = WeakSet()
 
     def sketch(figure: Figure, kind: str) -> bytes:
         if kind == "png":
             return b"\x89PNG"
-        figure.set_layout_engine(None)
-        figure.draw_without_rendering()
+        if figure not in drawn:  # it comes again for the file beside the page
+            figure.set_layout_engine(None)
+            figure.draw_without_rendering()
+            drawn.add(figure)
         return b'<svg viewBox="0 0 576 432"></svg>'
 
     patch.setattr("pyburgers.drawing.style.image", sketch)

@@ -23,7 +23,7 @@
  *
  * The strain rate is a sum of harmonics and of a background: the strain is
  * sum_k [sine_k sin(2 pi k tau) + cosine_k cos(2 pi k tau)] + background, tau = 0 at the origin
- * of the record's clock.
+ * of the record's clock; all of them are linear in the errors of the driving strain.
  */
 
 /** Unit of the grain size over its initial value, d_u/d_0. */
@@ -33,25 +33,53 @@ real grain_size_unit() { return 100; }
  * d strain/d tau: the oscillation, and a background given as a polynomial of tau.
  *
  * @param tau time over period
- * @param sine, cosine amplitudes of the strain's harmonics
- * @param background coefficients of the background's d strain/d tau as a polynomial of
- *   (tau - middle)/half, the constant first
+ * @param harmonics sine amplitudes of the strain's harmonics, then cosine amplitudes, then the
+ *   coefficients of the background's d strain/d tau as a polynomial of (tau - middle)/half, the
+ *   constant first
+ * @param n_harmonics number of harmonics
  * @param background_range middle and half of the record, in periods
  * @param first_tau start of the record: before it the background keeps the rate it has there
  */
-real oscillating_rate(real tau, vector sine, vector cosine, vector background,
+real oscillating_rate(real tau, data row_vector harmonics, data int n_harmonics,
                       data vector background_range, data real first_tau) {
   real rate = 0;
   real position = ((tau > first_tau ? tau : first_tau) - background_range[1])
                   / background_range[2];
-  for (k in 1 : num_elements(background)) {
-    rate += background[k] * position ^ (k - 1);
+  for (k in 1 : num_elements(harmonics) - 2 * n_harmonics) {
+    rate += harmonics[2 * n_harmonics + k] * position ^ (k - 1);
   }
-  for (k in 1 : num_elements(sine)) {
+  for (k in 1 : n_harmonics) {
     real angle = 2 * pi() * k * tau;
-    rate += 2 * pi() * k * (sine[k] * cos(angle) - cosine[k] * sin(angle));
+    rate += 2 * pi() * k
+            * (harmonics[k] * cos(angle) - harmonics[n_harmonics + k] * sin(angle));
   }
   return rate;
+}
+
+/**
+ * d strain/d tau that is most probable, and what one unit of each of its errors adds.
+ *
+ * It is linear in the errors; what the solver has to follow the sensitivity to is these few, not
+ * every amplitude that they change.
+ *
+ * @param harmonics a row of most probable amplitudes, then a row for each error
+ * @param error standardised errors
+ * @param tau, n_harmonics, background_range, first_tau see oscillating_rate()
+ */
+real driving_rate(real tau, data matrix harmonics, vector error, data int n_harmonics,
+                  data vector background_range, data real first_tau) {
+  real rate = oscillating_rate(tau, harmonics[1], n_harmonics, background_range, first_tau);
+  for (k in 1 : num_elements(error)) {
+    rate += error[k] * oscillating_rate(tau, harmonics[1 + k], n_harmonics, background_range,
+                                        first_tau);
+  }
+  return rate;
+}
+
+/** `harmonics` of driving_rate(). */
+matrix harmonics_of(data vector sine, data vector cosine, data vector background,
+                    data matrix error_factor) {
+  return append_row(append_row(append_row(sine, cosine), background)', error_factor);
 }
 
 /**
@@ -96,18 +124,18 @@ vector forced_oscillation_rates(real rate, int evolves, vector state, real kelvi
  * Right-hand side; see the head of this file.
  *
  * @param state [y, z, w]
- * @param sine, cosine, background, background_range, first_tau see oscillating_rate()
+ * @param harmonics, error, n_harmonics, background_range, first_tau see driving_rate()
  * @param stiffness and the others see forced_oscillation_rates()
  */
 vector forced_oscillation_rhs(real tau, vector state, real stiffness, real kelvin_fluidity,
                               real kelvin_decay, real stress_exponent,
                               real grain_size_exponent, real log_dashpot_rate,
-                              real inverse_critical_strain, vector sine,
-                              vector cosine, vector background,
+                              real inverse_critical_strain, data matrix harmonics,
+                              vector error, data int n_harmonics,
                               data vector background_range, data real first_tau,
                               real stress_scale, data real strain_scale,
                               data real unit, data vector piezometer) {
-  real rate = oscillating_rate(tau, sine, cosine, background, background_range, first_tau)
+  real rate = driving_rate(tau, harmonics, error, n_harmonics, background_range, first_tau)
               / strain_scale;
   return forced_oscillation_rates(rate, tau >= first_tau, state, state[1] - state[2], state[1],
                                   stiffness, kelvin_fluidity, kelvin_decay, stress_exponent,
@@ -127,15 +155,15 @@ vector forced_oscillation_power_law_kelvin_rhs(real tau, vector state, real stif
                                                real stress_exponent, real grain_size_exponent,
                                                real log_dashpot_rate,
                                                real inverse_critical_strain,
-                                               vector sine, vector cosine,
-                                               vector background,
+                                               data matrix harmonics, vector error,
+                                               data int n_harmonics,
                                                data vector background_range,
                                                data real first_tau, real stress_scale,
                                                data real strain_scale,
                                                data real unit, data vector piezometer,
                                                real kelvin_stress_exponent,
                                                real log_kelvin_unit) {
-  real rate = oscillating_rate(tau, sine, cosine, background, background_range, first_tau)
+  real rate = driving_rate(tau, harmonics, error, n_harmonics, background_range, first_tau)
               / strain_scale;
   real kelvin_excess = linear_driving_stress(state[1] - state[2], kelvin_stress_exponent,
                                              log_kelvin_unit);
@@ -156,15 +184,15 @@ vector forced_oscillation_hyperbolic_sine_rhs(real tau, vector state, real stiff
                                               real stress_exponent, real grain_size_exponent,
                                               real log_dashpot_rate,
                                               real inverse_critical_strain,
-                                              vector sine, vector cosine,
-                                              vector background,
+                                              data matrix harmonics, vector error,
+                                              data int n_harmonics,
                                               data vector background_range,
                                               data real first_tau, real stress_scale,
                                               data real strain_scale,
                                               data real unit, data vector piezometer,
                                               real kelvin_stress_exponent,
                                               real log_kelvin_unit, real breakdown) {
-  real rate = oscillating_rate(tau, sine, cosine, background, background_range, first_tau)
+  real rate = driving_rate(tau, harmonics, error, n_harmonics, background_range, first_tau)
               / strain_scale;
   real kelvin_excess = linear_driving_stress(state[1] - state[2], kelvin_stress_exponent,
                                              log_kelvin_unit);
@@ -191,7 +219,7 @@ vector forced_oscillation_hyperbolic_sine_rhs(real tau, vector state, real stiff
  * @param tau output times in periods, not decreasing, all after first_tau
  * @param start_tau, first_tau start of the spin-up and of the record, in periods
  * @param period s
- * @param sine, cosine, background, background_range see oscillating_rate()
+ * @param harmonics, error, n_harmonics, background_range see driving_rate()
  * @param initial_grain_size d_0, m
  * @param temperature stated, K
  * @param relative_start stress at the start of the spin-up over S: the bias of the record
@@ -202,8 +230,8 @@ vector forced_oscillation_hyperbolic_sine_rhs(real tau, vector state, real stiff
 array[] vector forced_oscillation_solution(vector parameter, data vector constant,
                                            data array[] real tau, data real start_tau,
                                            data real first_tau, data real period,
-                                           vector sine, vector cosine,
-                                           vector background,
+                                           data matrix harmonics, vector error,
+                                           data int n_harmonics,
                                            data vector background_range,
                                            data real initial_grain_size,
                                            data real temperature, data real relative_start,
@@ -237,7 +265,7 @@ array[] vector forced_oscillation_solution(vector parameter, data vector constan
                              start_tau, tau, tolerance, tolerance, max_num_steps, stiffness,
                              kelvin_fluidity, kelvin_decay, stress_exponent,
                              grain_size_exponent, log_dashpot_rate, inverse_critical_strain,
-                             sine, cosine, background, background_range, first_tau,
+                             harmonics, error, n_harmonics, background_range, first_tau,
                              stress_scale, strain_scale,
                              grain_size_unit() * initial_grain_size,
                              constant[{i_piezometer_reference_grain_size(),
@@ -252,7 +280,7 @@ array[] vector forced_oscillation_solution(vector parameter, data vector constan
                              start_tau, tau, tolerance, tolerance, max_num_steps, stiffness,
                              kelvin_fluidity, kelvin_decay, stress_exponent,
                              grain_size_exponent, log_dashpot_rate, inverse_critical_strain,
-                             sine, cosine, background, background_range, first_tau,
+                             harmonics, error, n_harmonics, background_range, first_tau,
                              stress_scale, strain_scale,
                              grain_size_unit() * initial_grain_size,
                              constant[{i_piezometer_reference_grain_size(),
@@ -266,7 +294,7 @@ array[] vector forced_oscillation_solution(vector parameter, data vector constan
                              start_tau, tau, tolerance, tolerance, max_num_steps, stiffness,
                              kelvin_fluidity, kelvin_decay, stress_exponent,
                              grain_size_exponent, log_dashpot_rate, inverse_critical_strain,
-                             sine, cosine, background, background_range, first_tau,
+                             harmonics, error, n_harmonics, background_range, first_tau,
                              stress_scale, strain_scale,
                              grain_size_unit() * initial_grain_size,
                              constant[{i_piezometer_reference_grain_size(),
@@ -282,14 +310,14 @@ array[] vector forced_oscillation_solution(vector parameter, data vector constan
 }
 
 /**
- * As forced_oscillation_solution(), with errors of the driving strain and of the load cell; the
+ * As forced_oscillation_solution(), with a load cell whose calibration may be uncertain; the
  * stresses are what the cell reads, at the start, in stress_scale and in what is returned.
  *
- * Without any, strain and stress scale are data, which spares the solver their sensitivities.
+ * With a certain one the stress scale is data, which spares the solver its sensitivities.
  *
  * @param sine, cosine, background most probable values
  * @param error_factor what one unit of each error adds to sine, cosine and background: a row each
- * @param error standardised errors
+ * @param error standardised errors of the driving strain
  * @param uncertain_calibration 0: c is 0
  */
 array[] vector driven_solution(vector parameter, data vector constant, data array[] real tau,
@@ -302,21 +330,20 @@ array[] vector driven_solution(vector parameter, data vector constant, data arra
                                data real strain_scale,
                                data int power_law_kelvin, data real tolerance,
                                data int max_num_steps) {
-  int n = num_elements(sine);
-  vector[cols(error_factor)] change = error_factor' * error;
   real factor = stress_reading_factor(parameter);
   array[size(tau)] vector[3] solution;
-  if (num_elements(error) == 0 && !uncertain_calibration) {
+  if (!uncertain_calibration) {
     return forced_oscillation_solution(parameter, constant, tau, start_tau, first_tau, period,
-                                       sine, cosine, background, background_range,
+                                       harmonics_of(sine, cosine, background, error_factor),
+                                       error, num_elements(sine), background_range,
                                        initial_grain_size, temperature,
                                        start_stress / stress_scale, stress_scale, strain_scale,
                                        power_law_kelvin, tolerance, max_num_steps);
   }
   solution = forced_oscillation_solution(parameter, constant, tau, start_tau, first_tau, period,
-                                         sine + change[1 : n], cosine + change[n + 1 : 2 * n],
-                                         background + tail(change, num_elements(background)),
-                                         background_range, initial_grain_size, temperature,
+                                         harmonics_of(sine, cosine, background, error_factor),
+                                         error, num_elements(sine), background_range,
+                                         initial_grain_size, temperature,
                                          start_stress / stress_scale, stress_scale / factor,
                                          strain_scale, power_law_kelvin, tolerance,
                                          max_num_steps);

@@ -10,7 +10,8 @@
  *   clock far from zero does not see them
  * @param origin on the record's clock, s
  * @param period s
- * @param sine, cosine, background, background_range, first_tau see oscillating_rate()
+ * @param sine, cosine, background amplitudes: `harmonics` of oscillating_rate()
+ * @param background_range, first_tau see oscillating_rate()
  * @param piezometer d_1 (m), exponent and stress floor (Pa)
  */
 vector six_state_oscillation_rhs(real time, vector state, data real origin, data real period,
@@ -21,8 +22,9 @@ vector six_state_oscillation_rhs(real time, vector state, data real origin, data
                                  real kelvin_viscosity, real stress_exponent,
                                  real grain_size_exponent, real activation_enthalpy,
                                  real beta, real critical_strain_grain_size) {
-  real strain_rate = oscillating_rate((origin + time) / period, sine, cosine, background,
-                                      background_range, first_tau)
+  real strain_rate = oscillating_rate((origin + time) / period,
+                                      append_row(append_row(sine, cosine), background)',
+                                      num_elements(sine), background_range, first_tau)
                      / period;
   real kelvin_rate = (state[1] - kelvin_modulus * state[2]) / kelvin_viscosity;
   real dashpot_rate = dashpot_strain_rate(state[1], state[5], 1, stress_exponent,

@@ -14,11 +14,11 @@ from refusals import refusal
 from same_contents import assert_equal
 from scipy import stats
 from stan_data import one_test_data, parameters_in
+from truth_as_mode import at_truth
 
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.priors import default_priors
-from pyburgers.protocols.coordinates import Mode
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forward import simulate
 from pyburgers.protocols.problem import problem_of
@@ -139,29 +139,19 @@ def truth_of(experiment: Experiment) -> dict[str, float]:
     return dict(experiment.true_parameters)
 
 
-def at_truth(experiment: Experiment) -> AtMode[Experiment]:
-    """A test at its truth, which does for a mode, or at its mode."""
-    problem = problem_of([experiment], default_priors(experiment.material, experiment.protocol))
+def at_truth_or_mode(experiment: Experiment) -> AtMode[Experiment]:
+    priors = default_priors(experiment.material, experiment.protocol)
     solver = SolverOptions(tolerance=1e-6)
-    if experiment.true_parameters is None:
-        (mode,) = find_mode(problem, seed=1, solver=solver).tests
-        return at_mode(problem, mode, solver)
-    priors = problem.priors[0]
-    values = {
-        p.name: priors[p.name].location
-        if priors[p.name].is_fixed
-        else experiment.true_parameters[p.name]
-        for p in PROGRAM_PARAMETERS
-    }
-    reference = problem.protocol.reference.name
-    found = simulate(experiment, values, at=experiment.position).attrs[reference]
-    coordinate = problem.coordinates[0].at({**values, reference: found})
-    return at_mode(problem, Mode(values, coordinate, np.zeros(experiment.n_driving_errors)), solver)
+    if experiment.true_parameters is not None:
+        return at_truth(experiment, priors, solver)
+    problem = problem_of([experiment], priors)
+    (mode,) = find_mode(problem, seed=1, solver=solver).tests
+    return at_mode(problem, mode, solver)
 
 
 def program_in(experiment: Experiment, system: str, folder: Path) -> tuple[Program, FloatArray]:
     """The program of a test in some coordinates, and those of its truth or mode."""
-    protocol, test = protocol_of(experiment), at_truth(experiment)
+    protocol, test = protocol_of(experiment), at_truth_or_mode(experiment)
     reference, centre = None, test.mode.coordinate
     if protocol.chart is not None and system == protocol.chart.name:
         reference, centre = protocol.chart.reference(test)

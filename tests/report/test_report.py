@@ -81,10 +81,12 @@ def page(folder: Path, fits: list[Fit]) -> Page:
     return write(fits, folder / "page")
 
 
-@pytest.fixture
-def passing_page(fits: list[Fit], sketched: None, tmp_path: Path) -> Page:
+@pytest.fixture(scope="module")
+def passing_page(fits: list[Fit], tmp_path_factory: pytest.TempPathFactory) -> Page:
     """Page about the measured test alone."""
-    return write([fits[1]], tmp_path)
+    with pytest.MonkeyPatch.context() as patch:
+        sketch_pictures(patch)
+        return write([fits[1]], tmp_path_factory.mktemp("passing"))
 
 
 def test_the_page_is_well_formed_and_its_links_lead_somewhere(page: Page) -> None:

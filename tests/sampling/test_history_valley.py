@@ -1,10 +1,11 @@
-"""Pins of the valley coordinates along loading histories, and the mode that they are set at."""
+"""Pins of the valley coordinates along loading histories, and the search for their mode."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from history_twins import TRUTH, history_twin
+from truth_as_mode import at_truth
 
 from pyburgers.model.priors import default_priors
 from pyburgers.model.variants import with_variant
@@ -14,7 +15,6 @@ from pyburgers.protocols.problem import problem_of
 from pyburgers.protocols.protocol import ChartUnsuited
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.protocols.valley import ValleyReference
-from pyburgers.sampling.charts import at_mode
 from pyburgers.sampling.starts import find_mode
 
 pytestmark = pytest.mark.usefixtures("programs")
@@ -22,10 +22,9 @@ pytestmark = pytest.mark.usefixtures("programs")
 ICE = default_priors("ice")
 
 
-def valley_of(experiment: LoadingHistory, kelvin: str = "linear") -> ValleyReference:
-    problem = problem_of([experiment], with_variant(ICE, experiment, {"kelvin": kelvin}))
-    (mode,) = find_mode(problem, seed=1, solver=SolverOptions()).tests
-    reference, _ = LoadingHistoryValley().reference(at_mode(problem, mode, SolverOptions()))
+def valley_of(experiment: LoadingHistory) -> ValleyReference:
+    test = at_truth(experiment, ICE, SolverOptions())
+    reference, _ = LoadingHistoryValley().reference(test)
     return reference
 
 
@@ -67,8 +66,11 @@ def test_stages_at_another_temperature_have_no_pins() -> None:
 
 
 def test_sums_of_elements_do_not_suit() -> None:
+    twin = history_twin("creep", 20)
+    test = at_truth(twin, ICE, SolverOptions())
+    two_elements = replace(test, priors=with_variant(ICE, twin, {"kelvin": "two_elements"}))
     with pytest.raises(ChartUnsuited, match="sum of elements"):
-        valley_of(history_twin("creep", 20), kelvin="two_elements")
+        LoadingHistoryValley().reference(two_elements)
 
 
 def test_the_mode_of_a_test_in_stages_is_found_from_the_prior() -> None:

@@ -30,7 +30,7 @@ from pyburgers.sampling.charts import at_mode
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
 
-TIGHT = SolverOptions(tolerance=1e-11, max_num_steps=1_000_000)
+TIGHT = SolverOptions(tolerance=1e-12, max_num_steps=1_000_000)
 OLIVINE = ICE.parent / "olivine" / "olivine_twin.toml"
 TEMPERATURE, CALIBRATION = "temperature_error", "stress_calibration_error"
 SD = {ICE / "PIL40.toml": (2.0, 0.02), OLIVINE: (50.0, 0.02)}

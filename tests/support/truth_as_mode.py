@@ -1,0 +1,35 @@
+"""A test at its true parameters, which do for its mode where that only says where to look."""
+
+from typing import TypeVar
+
+import numpy as np
+
+from pyburgers.model.parameters import PROGRAM_PARAMETERS
+from pyburgers.model.priors import PriorSet
+from pyburgers.protocols.coordinates import Mode
+from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.forward import simulate
+from pyburgers.protocols.problem import problem_of
+from pyburgers.protocols.protocol import AtMode
+from pyburgers.protocols.stan_data import SolverOptions
+from pyburgers.sampling.charts import at_mode
+
+E = TypeVar("E", bound=Experiment)
+
+
+def at_truth(experiment: E, priors: PriorSet, solver: SolverOptions) -> AtMode[E]:
+    """What charts are set up with; a search for the mode takes seconds of processor time more."""
+    assert experiment.true_parameters is not None
+    problem = problem_of([experiment], priors)
+    (resolved,) = problem.priors
+    values = {
+        p.name: resolved[p.name].location
+        if resolved[p.name].is_fixed
+        else experiment.true_parameters[p.name]
+        for p in PROGRAM_PARAMETERS
+    }
+    reference = problem.protocol.reference.name
+    found = simulate(experiment, values, at=experiment.position).attrs[reference]
+    coordinate = problem.coordinates[0].at({**values, reference: found})
+    mode = Mode(values, coordinate, np.zeros(experiment.n_driving_errors))
+    return at_mode(problem, mode, solver)

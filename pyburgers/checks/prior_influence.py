@@ -20,7 +20,12 @@ from pyburgers.common.draws import all_draws
 from pyburgers.model.display import shown_quantity
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import FLOW_LAW, PriorSet
-from pyburgers.posterior.labelled_draws import free_parameters, smooth_weights, total_log_likelihood
+from pyburgers.posterior.labelled_draws import (
+    free_parameters,
+    smooth_weights,
+    total_log_likelihood,
+    width_beside_prior,
+)
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -161,9 +166,7 @@ def prior_influence(posterior: xr.DataTree, priors: PriorSet) -> dict[str, Influ
             prior_pull=mean_pull(values, log_prior),
             likelihood_pull=mean_pull(values, log_likelihood),
             strongest_prior=strongest if by_prior[strongest] >= SENSITIVE else None,
-            width=float(np.std(values, ddof=1) / priors[name].distribution().std())
-            if name in priors.free
-            else None,
+            width=width_beside_prior(values, priors[name]) if name in priors.free else None,
             distance=_distance(values, priors[name]) if name in single else None,
         )
     return found

@@ -11,13 +11,8 @@ from collections.abc import Sequence
 from contextlib import suppress
 from importlib import import_module
 
-from pyburgers.cli.parser import (
-    COMPLETING,
-    OneLineParser,
-    ShowVersion,
-    complete,
-    words_to_complete,
-)
+from pyburgers.cli.completion import COMPLETING, add_arguments, complete, words_to_complete
+from pyburgers.cli.parser import OneLineParser, ShowVersion
 from pyburgers.common.errors import InputError, PyburgersError, nearest
 from pyburgers.common.messages import messages_to
 
@@ -167,7 +162,11 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
     for name, purpose in COMMANDS.items():
         command = commands.add_parser(name, help=purpose, description=purpose, epilog=EXIT_CODES)
         if name in arguments[:1]:
-            module = import_module(f"pyburgers.cli.{name.replace('-', '_')}")
+            module_name = f"pyburgers.cli.{name.replace('-', '_')}"
+            if COMPLETING in os.environ:
+                add_arguments(command, module_name)
+                continue
+            module = import_module(module_name)
             module.add_options(command)
             command.set_defaults(run=module.run)
             if hasattr(module, "with_default"):

@@ -1,16 +1,12 @@
 """The parser of the command line: errors in one line, defaults and choices in the help."""
 
 import argparse
-import os
 from collections.abc import Sequence
 from difflib import get_close_matches
 from importlib.metadata import version
 from typing import Any, NoReturn
 
 from pyburgers.common.errors import InputError
-
-COMPLETING = "_ARGCOMPLETE"
-"""Environment variable that a shell sets when it asks for completions."""
 
 
 class ShowVersion(argparse.Action):
@@ -83,24 +79,3 @@ class OneLineParser(argparse.ArgumentParser):
 
     def _told(self, arguments: Sequence[str]) -> str:
         return " ".join([self.prog, *arguments[:1]])
-
-
-def complete(parser: argparse.ArgumentParser) -> None:
-    """Answer a shell that asks what may stand next; ends the process."""
-    import argcomplete
-
-    argcomplete.autocomplete(parser, always_complete_options="long")
-
-
-def words_to_complete() -> list[str]:
-    """Return the words that stand on the line of a shell that asks what may stand next."""
-    return os.environ.get("COMP_LINE", "").split()[1:]
-
-
-def complete_with(action: argparse.Action, choices: Sequence[str]) -> None:
-    """Give a shell what an argument may be, where others are possible too."""
-
-    def completer(**_: object) -> Sequence[str]:
-        return choices
-
-    vars(action)["completer"] = completer

@@ -9,7 +9,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from pyburgers.cli.parser import complete_with
+from pyburgers.cli.completion import complete_with
 from pyburgers.common.errors import InputError
 from pyburgers.model.variants import CHOICES
 from pyburgers.protocols.protocol import Protocol, protocols

@@ -3,8 +3,9 @@
 Everything is in display units already; draws are along the first axis.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +18,8 @@ from pyburgers.common.draws import central_band, evenly_spaced
 from pyburgers.drawing.style import BLACK, BLUE, GREY, ORANGE, VERMILION, few_ticks, style
 
 FloatArray = npt.NDArray[np.float64]
+
+Fitted = TypeVar("Fitted")
 
 RETRODICTIONS = 1000
 """Solutions for single draws that a figure shows at most."""
@@ -108,6 +111,11 @@ def curve_with_residuals(curve: FittedCurve) -> Figure:
         lower.set_xlabel(curve.position_label)
         legend_above(figure, (upper, lower))
     return figure
+
+
+def result_of(curve: Callable[[Fitted], FittedCurve]) -> Callable[[Fitted], str]:
+    """Return what says how a fit meets the readings, given what makes its curve."""
+    return lambda fit: curve_result(curve(fit))
 
 
 def curve_result(curve: FittedCurve) -> str:

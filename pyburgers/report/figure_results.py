@@ -5,7 +5,11 @@ from scipy import stats
 
 from pyburgers.common.draws import all_draws
 from pyburgers.model.display import shown_quantity
-from pyburgers.posterior.labelled_draws import convergence_table, free_parameters
+from pyburgers.posterior.labelled_draws import (
+    convergence_table,
+    free_parameters,
+    width_beside_prior,
+)
 from pyburgers.protocols.protocol import FittedTest
 
 
@@ -13,7 +17,7 @@ def narrowed(fit: FittedTest) -> str:
     """Say which quantity the data tell most about, and which they hardly touch."""
     draws = fit.posterior["posterior"].to_dataset()
     share = {
-        name: float(draws[name].std(ddof=1)) / float(fit.priors[name].distribution().std())
+        name: width_beside_prior(all_draws(draws[name]), fit.priors[name])
         for name in fit.priors.free
     }
     least, most = min(share, key=share.__getitem__), max(share, key=share.__getitem__)

@@ -16,9 +16,9 @@ from pyburgers.drawing.panels import (
     LINES_AND_AREAS,
     FittedCurve,
     band_text,
-    curve_result,
     curve_with_residuals,
     draw_band_panel,
+    result_of,
 )
 from pyburgers.drawing.style import BLACK, BLUE, GREEN, SKY_BLUE, VERMILION, style
 from pyburgers.model.display import (
@@ -221,7 +221,7 @@ CONSTANT_RATE_FIGURES = (
         "Stress-strain curve",
         STRESS_STRAIN_CAPTION,
         stress_strain,
-        lambda fit: curve_result(fitted_curve(fit)),
+        result_of(fitted_curve),
     ),
     FigureRecipe(
         "softening", "What softens the material", SOFTENING_CAPTION, softening, softening_result

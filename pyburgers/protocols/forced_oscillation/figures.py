@@ -19,11 +19,11 @@ from pyburgers.drawing.panels import (
     LINES_AND_AREAS,
     MEDIAN_LABEL,
     FittedCurve,
-    curve_result,
     curve_with_residuals,
     draw_band_panel,
     draw_data,
     draw_retrodictions,
+    result_of,
 )
 from pyburgers.drawing.style import BLACK, BLUE, GREEN, GREY, ORANGE, SKY_BLUE, VERMILION, style
 from pyburgers.model.display import (
@@ -405,17 +405,20 @@ def microstructure(fit: FittedTest) -> Figure:
     return figure
 
 
-def stress_result(fit: FittedTest) -> str:
-    """Say how a fit meets the readings."""
-    return curve_result(fitted_curve(fit))
-
-
 OSCILLATION_FIGURES = (
     FigureRecipe(
-        "stress_time", "Stress along time", STRESS_TIME_CAPTION, stress_time, stress_result
+        "stress_time",
+        "Stress along time",
+        STRESS_TIME_CAPTION,
+        stress_time,
+        result_of(fitted_curve),
     ),
     FigureRecipe(
-        "stress_loop", "Stress against strain", STRESS_LOOP_CAPTION, stress_loop, stress_result
+        "stress_loop",
+        "Stress against strain",
+        STRESS_LOOP_CAPTION,
+        stress_loop,
+        result_of(fitted_curve),
     ),
     FigureRecipe(
         "amplitude_phase",

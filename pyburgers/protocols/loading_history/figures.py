@@ -19,10 +19,10 @@ from pyburgers.drawing.panels import (
     MEDIAN_LABEL,
     FittedCurve,
     band_text,
-    curve_result,
     draw_data,
     draw_retrodictions,
     legend_above,
+    result_of,
 )
 from pyburgers.drawing.style import BLACK, BLUE, GREY, ORANGE, PURPLE, VERMILION, few_ticks, style
 from pyburgers.model.display import STRAIN_FACTOR, STRAIN_UNIT, STRESS_FACTOR, STRESS_UNIT
@@ -326,7 +326,7 @@ LOADING_HISTORY_FIGURES = (
         "Stress and strain along time",
         HISTORY_CAPTION,
         history,
-        lambda fit: curve_result(fitted_curve(fit)),
+        result_of(fitted_curve),
     ),
     FigureRecipe(
         "response", "How the material answers", RESPONSE_CAPTION, response, response_result

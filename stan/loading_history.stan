@@ -24,6 +24,7 @@ functions {
 #include statistics/priors.stan
 #include statistics/residuals.stan
 #include charts/plain.stan
+#include charts/flow_of_hardened.stan
 #include charts/pooling.stan
 #include protocols/attenuation_response.stan
 #include charts/valley/pins.stan
@@ -71,22 +72,32 @@ parameters {
 }
 transformed parameters {
 #include charts/parameters_of_tests.stan
-  vector[n_tests] log_reference; // ln of the flow rate (s) at stress_scale and d_0
+  vector[n_tests] log_reference; // ln of the flow rate (s) (charts/flow_of_hardened.stan)
   for (e in 1 : n_tests) {
 #include charts/given_parameters.stan
 #include charts/valley_or_plain.stan
     vector[n_parameters() + 1] mapped
       = parameters_from_plain(head(plain, size(own)), own_parameter[own], quantity[own], given,
-                              replaced_parameter[e], 0, log(stress_scale[e]),
-                              initial_grain_size[e], temperature[e]);
+                              0, 0, 0, initial_grain_size[e], temperature[e]);
+    real shift = log_reference_flow_shift(head(mapped, n_parameters()), stress_scale[e],
+                                          strain_scale[e], initial_grain_size[e]);
     parameter[e] = head(mapped, n_parameters());
-    log_reference[e] = log_flow_rate(stress_scale[e], initial_grain_size[e],
-                                     true_temperature(parameter[e], temperature[e]),
-                                     parameter[e][i_stress_exponent()],
-                                     parameter[e][i_grain_size_exponent()],
-                                     parameter[e][i_activation_enthalpy()],
-                                     parameter[e][i_beta()]);
-    log_jacobian += plain[size(own) + 1] + mapped[n_parameters() + 1];
+    if (replaced_parameter[e] > 0) {
+      parameter[e][replaced_parameter[e]] -= shift;
+    }
+    vector[n_parameters() + 1] resolved
+      = resolve_flow(parameter[e], replaced_parameter[e], 0, log(stress_scale[e]),
+                     initial_grain_size[e], temperature[e]);
+    parameter[e] = head(resolved, n_parameters());
+    log_reference[e] = shift
+                       + log_flow_rate(stress_scale[e], initial_grain_size[e],
+                                       true_temperature(parameter[e], temperature[e]),
+                                       parameter[e][i_stress_exponent()],
+                                       parameter[e][i_grain_size_exponent()],
+                                       parameter[e][i_activation_enthalpy()],
+                                       parameter[e][i_beta()]);
+    log_jacobian += plain[size(own) + 1] + mapped[n_parameters() + 1]
+                    + resolved[n_parameters() + 1];
     // A table has nothing to say of what is partially pooled: it carries another test's value.
     if (row_end[e + 1] == row_end[e]) {
       log_jacobian += pooled[n_parameters() + 1];

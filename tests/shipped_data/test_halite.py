@@ -35,7 +35,7 @@ def test_the_record(record: LoadingHistory) -> None:
     assert record.provenance.licence == "CC BY 4.0"
     assert "Honorio" in record.provenance.source
     assert record.n_readings_in_file == 1728
-    assert 250 < record.n_points <= 300
+    assert 180 < record.n_points <= 200
     assert record.end_time == pytest.approx((787.281 - 3.167) * HOUR)
     assert record.response.max() == pytest.approx(0.0157, rel=0.01)
     assert np.all(record.response_is_strain)

@@ -26,10 +26,12 @@ from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.protocols.forced_oscillation.response import oscillation_of
 from pyburgers.protocols.forward import simulate
+from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.problem import Problem
 from pyburgers.protocols.protocol import load_experiment
 from pyburgers.report.page import write_report
 from pyburgers.studies.dunite import JOINT_RUN, ONE_RATE, STEPPED, TOGETHER
+from pyburgers.studies.halite import QUICK as HALITE_RUNS
 from pyburgers.studies.maor import sections as maor_sections
 from pyburgers.studies.maor.attenuation import MICROSTRUCTURE_SENTENCE
 from pyburgers.studies.maor.coverage import coverage_table
@@ -300,7 +302,7 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
             assert [one.id for one in problem.experiments] == list(TOGETHER)
             return joint
         assert out.name == experiment.id
-        if isinstance(experiment, AttenuationExperiment):
+        if isinstance(experiment, AttenuationExperiment | LoadingHistory):
             return make_fit(out, name=experiment.id, draws=100)
         if isinstance(experiment, OscillationExperiment):
             treatment = experiment.prepared.background
@@ -323,6 +325,10 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
         "pyburgers.studies.maor.reproduce.spectra_section",
         lambda fits: PageSection(key="spectra", title="", paragraphs=tuple(fits)),
     )
+    monkeypatch.setattr(
+        "pyburgers.studies.maor.reproduce.halite_section",
+        lambda fits: PageSection(key="halite", title="", paragraphs=tuple(fits)),
+    )
     outcome = reproduce("quick", tmp_path, command="make report")
     measured = [ONE_RATE, *STEPPED, *joint.tests()]
     names = [*study_experiments(), COMBINED_RUN]
@@ -340,7 +346,9 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
     assert keys[2] == "spectra"
     spectra = [run_name(law, without_hottest=part) for law in LAWS for part in (False, True)]
     assert list(shown["extras"][2].paragraphs) == spectra
-    assert keys[3].startswith("joint_")
-    assert keys[4:12] == [*of_study, "stress_floor", "peak_stress"]
+    assert keys[3] == "halite"
+    assert shown["extras"][3].paragraphs == HALITE_RUNS
+    assert keys[4].startswith("joint_")
+    assert keys[5:13] == [*of_study, "stress_floor", "peak_stress"]
     assert names[:-1] == ["PIL40", "PIL72", "PIL105", "olivine_kept", "olivine_removed"]
     assert outcome.peak_stress.data.id == PEAK_STRESS_TABLE

@@ -65,8 +65,8 @@ class LoadingHistoryProtocol(Protocol[LoadingHistory]):
     figures = LOADING_HISTORY_FIGURES
     reference_text = Markup(
         "The reference flow rate <i>ε̇</i><sub>0</sub>, at which the undeformed material flows "
-        "under the largest stress of the test, follows from the other parameters, and so does its "
-        "prior."
+        "under the largest stress of the test (with a hyperbolic sine, the material after its "
+        "largest strain), follows from the other parameters, and so does its prior."
     )
 
     load = staticmethod(load_loading_history)

@@ -42,6 +42,8 @@ from pyburgers.studies.dunite import (
     rate_steps_section,
 )
 from pyburgers.studies.dunite_predictions import predicted_tests, predictions_section
+from pyburgers.studies.halite import QUICK as HALITE_RUNS
+from pyburgers.studies.halite import halite_section, halite_tasks
 from pyburgers.studies.maor.sections import study_sections
 from pyburgers.studies.olivine_spectra import run_name, spectra_section, spectra_tasks
 
@@ -85,6 +87,7 @@ LONGEST_FIRST = (
     JOINT_RUN,
     "olivine_removed",
     *STEPPED,
+    *HALITE_RUNS,
     "PIL40",
     "PIL72",
     COMBINED_RUN,
@@ -149,9 +152,9 @@ def reproduce(
 
     The page has the fits, those of measured dunite first and with them which law describes steps
     of the strain rate and what two tests predict of others, measured attenuation of olivine and
-    what two laws make of it, attenuation as the ice fits predict it, what the treatment of the
-    olivine record changes, the paper's statements, the flow law of measured peak stresses, and
-    what that adds to one of the curves.
+    what two laws make of it, measured creep of rock salt and where two laws miss it, attenuation
+    as the ice fits predict it, what the treatment of the olivine record changes, the paper's
+    statements, the flow law of measured peak stresses, and what that adds to one of the curves.
 
     Parameters
     ----------
@@ -172,7 +175,7 @@ def reproduce(
     peak_stress, handed_on = _fit_peak_stresses(runs, command)
     problems = {**_problems(preset), COMBINED_RUN: _combined(handed_on)}
     of_dunite, of_spectra = _measured_dunite(preset), _measured_spectra(preset)
-    tasks = {**problems, **of_dunite, **of_spectra}
+    tasks = {**problems, **of_dunite, **of_spectra, **_measured_halite()}
     begun = {name: tasks[name] for name in LONGEST_FIRST}
     found = fit_side_by_side(begun, runs, workers=workers, command=command)
     joint = found[JOINT_RUN]
@@ -192,6 +195,7 @@ def reproduce(
             rate_steps_section({name: found[name] for name in STEPPED}),
             predictions_section(joint, predicted_tests(shipped_data_directory() / "dunite")),
             spectra_section({name: found[name] for name in of_spectra}),
+            halite_section({name: found[name] for name in HALITE_RUNS}),
             *joint_sections([joint], list(alone.values())),
             *study_sections(ice_fits, olivine_fits, measured),
             peak_stress_section(peak_stress),
@@ -212,7 +216,12 @@ def fit_part(preset: str, out: Path, *, workers: Workers, command: str) -> None:
         needs them.
     """
     runs = _runs(out, preset)
-    tasks = {**_problems(preset), **_measured_dunite(preset), **_measured_spectra(preset)}
+    tasks = {
+        **_problems(preset),
+        **_measured_dunite(preset),
+        **_measured_spectra(preset),
+        **_measured_halite(),
+    }
     mine = workers.mine({name: tasks[name] for name in LONGEST_FIRST if name in tasks})
     if workers.part is None or workers.part[0] == 1:
         _, handed_on = _fit_peak_stresses(runs, command)
@@ -272,6 +281,12 @@ def _measured_dunite(preset: str) -> dict[str, Task]:
 def _measured_spectra(preset: str) -> dict[str, Task]:
     """Fits of measured attenuation of olivine, by the names of their runs."""
     return spectra_tasks(shipped_data_directory() / "olivine", PRESETS[preset])
+
+
+def _measured_halite() -> dict[str, Task]:
+    """Fits of measured creep of rock salt, by the names of their runs."""
+    tasks = halite_tasks(shipped_data_directory() / "halite")
+    return {name: tasks[name] for name in HALITE_RUNS}
 
 
 def _combined(handed_on: PeakStressFit) -> Task:

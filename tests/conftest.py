@@ -55,6 +55,7 @@ LONGEST_FILES = (
     "test_sampling.py",
     "test_report.py",
     "test_protocols_together.py",
+    "test_peak_stress_fit.py",
     "test_comparison_sections.py",
     "test_figures.py",
     "test_history_valley.py",

@@ -36,7 +36,7 @@ from pyburgers.studies.campaign import load_campaign
 
 DATA = Path(__file__).parents[2] / "data"
 LIMIT_S = 10.0
-FEW, MANY = 0.01, 1.0
+FEW, MANY = 0.03, 1.0
 """Share of the 10,000 inputs."""
 
 

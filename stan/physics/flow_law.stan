@@ -37,8 +37,11 @@ real signed_power(real x, real log_unit, real exponent, real log_factor) {
   return 0;
 }
 
-/** Stress over breakdown stress above which the rate of the hyperbolic sine grows no more. */
-real largest_sine_argument() { return 60; }
+/**
+ * Stress over F sigma_L above which the rate of the hyperbolic sine grows no more: rates are finite up
+ * to n = 8 there.
+ */
+real largest_sine_argument() { return 85; }
 
 /**
  * Stress at which a power law creeps as fast as the hyperbolic sine does at a stress:

@@ -15,7 +15,6 @@ functions {
 #include statistics/residuals.stan
 #include charts/plain.stan
 #include charts/pooling.stan
-#include charts/stretched.stan
 #include charts/sheared.stan
 }
 data {

@@ -231,11 +231,11 @@ vector plain_from_sheared(vector sheared, vector given, data array[] int place,
   real log_jacobian = 0;
   if (replaced_parameter > 0) {
     int flow = place[replaced_parameter];
-    vector[2] rate = log_from_stretched(sheared[flow]);
-    unshifted[flow] = (log_rate_scale(flow_reference, record) + rate[1]
+    real rate = log1p_exp(sheared[flow]); // over the scale
+    unshifted[flow] = (log_rate_scale(flow_reference, record) + log(rate)
                        - quantity[flow, i_shift()])
                       / quantity[flow, i_scale()];
-    log_jacobian = rate[2] - log(quantity[flow, i_scale()]);
+    log_jacobian = log_inv_logit(sheared[flow]) - log(rate) - log(quantity[flow, i_scale()]);
   }
   plain = unshifted;
   for (pass in 1 : 3) {
@@ -259,9 +259,9 @@ vector sheared_from_plain(vector plain, vector given, data array[] int place,
                flow_reference, record);
   if (replaced_parameter > 0) {
     int flow = place[replaced_parameter];
-    sheared[flow] = stretched_from(exp(quantity[flow, i_shift()]
-                                            + quantity[flow, i_scale()] * sheared[flow]
-                                            - log_rate_scale(flow_reference, record)));
+    real rate = exp(quantity[flow, i_shift()] + quantity[flow, i_scale()] * sheared[flow]
+                    - log_rate_scale(flow_reference, record));
+    sheared[flow] = rate + log1m_exp(-rate); // ln(exp(rate) - 1)
   }
   return sheared;
 }

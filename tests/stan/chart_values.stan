@@ -7,7 +7,6 @@ functions {
 #include physics/microstructure.stan
 #include protocols/constant_rate_dynamics.stan
 #include charts/plain.stan
-#include charts/stretched.stan
 #include charts/sheared.stan
 #include charts/valley/pins.stan
 #include charts/valley/least_squares.stan

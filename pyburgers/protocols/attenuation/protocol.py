@@ -18,7 +18,6 @@ from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
 from pyburgers.protocols.attenuation.figures import ATTENUATION_FIGURES, fitted_curve, rms_table
 from pyburgers.protocols.attenuation.files import load_attenuation, save_attenuation
-from pyburgers.protocols.attenuation.spectral_chart import SpectralChart
 from pyburgers.protocols.attenuation.spectrum import SPECTRUM_FIGURE
 from pyburgers.protocols.attenuation.stan_data import (
     grid_block,
@@ -60,7 +59,6 @@ class Attenuation(Protocol[AttenuationExperiment]):
     )
     warmup = 500
     target_acceptance = 0.95
-    chart = SpectralChart()
     points_together = "a row of the table gives attenuation and modulus together"
     figures = (*ATTENUATION_FIGURES, SPECTRUM_FIGURE)
     reference_text = Markup(

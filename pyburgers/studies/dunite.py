@@ -33,10 +33,6 @@ from pyburgers.sampling.options import SamplerOptions
 ONE_RATE = "dunite_4506"
 """A test at one rate, with a peak."""
 
-ONE_RATE_DRAWS = 400
-"""Of each chain of its fit at least: 300 leave hardly 400 independent ones of its critical
-strains."""
-
 STEPPED: Mapping[str, tuple[str, Mapping[str, str]]] = MappingProxyType(
     {
         "dunite_4580": ("dunite_4580", {}),
@@ -67,7 +63,7 @@ def dunite_tasks(folder: Path, options: SamplerOptions) -> dict[str, Task]:
     folder : Path
         Of the shipped experiments.
     options : SamplerOptions
-        Of every fit, that of `ONE_RATE` with `ONE_RATE_DRAWS` at least.
+        Of every fit.
     """
     ids = (ONE_RATE, *(test for test, _ in STEPPED.values()), *TOGETHER)
     tests = {name: load_experiment(folder / f"{name}.toml") for name in ids}
@@ -84,8 +80,7 @@ def dunite_tasks(folder: Path, options: SamplerOptions) -> dict[str, Task]:
         options,
         pool=dict.fromkeys(APPARATUS, "separate"),
     )
-    at_least = replace(options, draws=max(options.draws, ONE_RATE_DRAWS))
-    return {ONE_RATE: task_of([tests[ONE_RATE]], priors, at_least), **of_steps, JOINT_RUN: joint}
+    return {ONE_RATE: task_of([tests[ONE_RATE]], priors, options), **of_steps, JOINT_RUN: joint}
 
 
 def rate_steps_section(fits: Mapping[str, Fit]) -> PageSection:

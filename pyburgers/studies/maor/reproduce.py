@@ -51,16 +51,12 @@ logger = logging.getLogger(__name__)
 
 PRESETS: Mapping[str, SamplerOptions] = MappingProxyType(
     {
-        "quick": SamplerOptions(chains=4, warmup=200, draws=300, seed=1),
+        "quick": SamplerOptions(chains=4, warmup=200, draws=500, seed=1),
         "paper": SamplerOptions(chains=5, warmup=500, draws=3000, seed=1),
     }
 )
 """Sampler settings: `paper` has the chains and draws of the paper's Methods. Oscillating tests
 and spectra warm up as long as their protocol needs."""
-
-ICE_DRAWS = 500
-"""Of each chain of a twin of ice at least: its critical strains have the fewest independent ones
-of all fits."""
 
 PROGRAMS = ("peaks", "peak_stress", "imposed_stress")
 """Stan programs of the study other than those of the fits, which compile them themselves, each
@@ -298,6 +294,4 @@ def _combined(handed_on: PeakStressFit) -> Task:
 
 def _options(preset: str, name: str) -> SamplerOptions:
     options = PRESETS[preset]
-    if name in ICE_TWINS:
-        return replace(options, draws=max(options.draws, ICE_DRAWS))
-    return replace(options, warmup=None)
+    return options if name in ICE_TWINS else replace(options, warmup=None)

@@ -194,16 +194,13 @@ def _chart_at(
     ]
     references: list[Any] = []
     centre = np.zeros(layout.size)
-    # The first test comes last, so that shared coordinates are its own.
-    for e in reversed(range(layout.n_tests)):
-        own, places = layout.source[e] == e, layout.position[e]
-        test = tests[e]
+    for e, test in enumerate(tests):
         reference, position = (
             (None, mode.tests[e].coordinate) if test is None else chart.reference(test)
         )
-        centre[places[own]] = position[own]
-        references.insert(0, reference)
-    centre[layout.position[:, layout.pooled]] = 0.0
+        by_itself = layout.own(e)
+        centre[layout.position[e, by_itself]] = position[by_itself]
+        references.append(reference)
     for own, places in zip(mode.tests, layout.errors, strict=True):
         centre[places] = own.driving_error
     pooled = np.array([own.coordinate[layout.pooled] for own in mode.tests])

@@ -84,9 +84,8 @@ def position_of(
     """
     layout = problem.layout
     position = np.zeros(layout.size)
-    # The first test comes last, so that shared coordinates are its own.
-    for e in reversed(range(layout.n_tests)):
-        own = layout.source[e] == e
+    for e in range(layout.n_tests):
+        own = layout.own(e)
         position[layout.position[e, own]] = plain[e][own]
     for h, name in enumerate(layout.partial):
         i = layout.names.index(name)

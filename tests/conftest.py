@@ -23,6 +23,8 @@ from pyburgers.cmdstan.program import compile_programs, load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.comparison.by_tests import leave_one_test_out
 from pyburgers.fitting.fit import Fit, fit, fit_jointly
+from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress
+from pyburgers.flow_law_tables.inputs import default_peak_stress_priors, load_peak_stress
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet, default_priors, load_priors, save_priors
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
@@ -46,6 +48,9 @@ SMALL_RUN = SamplerOptions(chains=2, warmup=150, draws=100, seed=11)
 LONG_RUN = replace(SMALL_RUN, warmup=300, draws=800)
 """Long enough to pass all checks, and for a signal to hit the sampling."""
 
+
+PEAK_STRESS_RUN = SamplerOptions(chains=2, warmup=400, draws=1000, seed=3)
+"""Of a table of peak stresses, whose gradient costs microseconds; long enough for all checks."""
 
 POOL = {"stress_noise": "separate"}
 """How the tests of `joint` differ."""
@@ -215,14 +220,18 @@ class SharedRuns:
     folder: Path
 
     def finished(self, name: str, make: Callable[[Path], object]) -> Fit:
-        """Load a run; the first process that asks for it makes it while others wait."""
+        """Load a run, which `once` made."""
+        return Fit.load(self.once(name, make))
+
+    def once(self, name: str, make: Callable[[Path], object]) -> Path:
+        """Find a run; the first process that asks for it makes it while others wait."""
         run = self.folder / name / "run"
         with filelock.FileLock(self.folder / f"{name}.lock"):
             if not run.is_dir():
                 made = self.folder / name / "unfinished"
                 make(made)
                 made.rename(run)
-        return Fit.load(run)
+        return run
 
 
 @pytest.fixture(scope="session")
@@ -262,6 +271,18 @@ def long_fit(shared_runs: SharedRuns, small_problem: Problem) -> Fit:
         return fit(small_problem.experiment, small_problem.priors, out=out, options=LONG_RUN)
 
     return shared_runs.finished("long_fit", make)
+
+
+@pytest.fixture(scope="session")
+def peak_stress(shared_runs: SharedRuns) -> PeakStressFit:
+    """Finished fit of the published peak stresses that passes all checks; not to be changed."""
+
+    def make(out: Path) -> PeakStressFit:
+        table = load_peak_stress(ICE / "peak_stress_qi_goldsby_2021.toml")
+        priors = default_peak_stress_priors("ice")
+        return fit_peak_stress(table, priors, out=out, options=PEAK_STRESS_RUN)
+
+    return PeakStressFit.load(shared_runs.once("peak_stress", make))
 
 
 @pytest.fixture(scope="session")

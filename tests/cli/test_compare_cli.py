@@ -107,6 +107,7 @@ def test_joint_runs_are_compared_by_tests(
         assert (Path(run) / "leave_out" / "other" / "summary.csv").is_file()
 
 
+@pytest.mark.slow
 def test_one_joint_run_will_do_to_leave_tests_out(
     joints: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

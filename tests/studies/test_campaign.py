@@ -30,6 +30,7 @@ own = "inputs/priors.toml"
 chains = {SMALL_RUN.chains}
 warmup = {SMALL_RUN.warmup}
 draws = {SMALL_RUN.draws}
+adapt_delta = {SMALL_RUN.adapt_delta}
 """
 
 NAMES = [f"alone-standard-own-seed{seed}" for seed in (SMALL_RUN.seed, 12)]

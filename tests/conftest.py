@@ -6,6 +6,7 @@ Fits that several modules look at are made once, whatever the number of processe
 import os
 import shutil
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -21,8 +22,10 @@ from truth_as_mode import at_truth
 
 from pyburgers.cmdstan.program import compile_programs, load_program
 from pyburgers.cmdstan.toolchain import stan_directory
-from pyburgers.common.tasks import ALL_HERE
+from pyburgers.common.tasks import Workers
 from pyburgers.comparison.by_tests import fit_without_tests
+from pyburgers.comparison.marginal_likelihood import log_marginal_likelihood
+from pyburgers.comparison.results import LogIntegral
 from pyburgers.fitting.fit import Fit, fit, fit_jointly
 from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress
 from pyburgers.flow_law_tables.inputs import default_peak_stress_priors, load_peak_stress
@@ -288,6 +291,36 @@ def peak_stress(shared_runs: SharedRuns) -> PeakStressFit:
     return PeakStressFit.load(shared_runs.once("peak_stress", make))
 
 
+def stay_in_this_process(patch: pytest.MonkeyPatch) -> None:
+    """Do tasks one after the other here: a process of their own imports for two seconds."""
+    patch.setattr("pyburgers.common.processes._own_processes", lambda number: ThreadPoolExecutor(1))
+
+
+@pytest.fixture
+def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Do tasks one after the other in this process."""
+    stay_in_this_process(monkeypatch)
+
+
+@pytest.fixture(scope="session")
+def integrals() -> dict[str, LogIntegral]:
+    """Marginal likelihoods that `integrated_once` has found, by the fingerprints of fits."""
+    return {}
+
+
+@pytest.fixture
+def integrated_once(monkeypatch: pytest.MonkeyPatch, integrals: dict[str, LogIntegral]) -> None:
+    """Integrate over each posterior once, however many comparisons by tests ask for it."""
+
+    def once(one: Fit) -> LogIntegral:
+        name = one.manifest["fingerprint"]
+        if name not in integrals:
+            integrals[name] = log_marginal_likelihood(one)
+        return integrals[name]
+
+    monkeypatch.setattr("pyburgers.comparison.by_tests.log_marginal_likelihood", once)
+
+
 @pytest.fixture(scope="session")
 def joint(shared_runs: SharedRuns, small_problem: Problem) -> Fit:
     """Finished fit of `pair_of` the small problem, which share the material but not the noise.
@@ -308,7 +341,8 @@ def separate_joint(shared_runs: SharedRuns, small_problem: Problem) -> Fit:
 def fit_pair(problem: Problem, pool: Mapping[str, str], out: Path) -> None:
     """Fit the small test and the other one together, then without each."""
     joint = fit_jointly(pair_of(problem), problem.priors, pool=pool, out=out, options=SMALL_RUN)
-    fit_without_tests({"joint": joint}, workers=ALL_HERE, command="test")
+    with ThreadPoolExecutor(1) as here:
+        fit_without_tests({"joint": joint}, workers=Workers(here), command="test")
 
 
 def copy_of(joint: Fit, out: Path, *, without: str = "") -> Fit:

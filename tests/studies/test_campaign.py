@@ -16,6 +16,8 @@ from pyburgers.model.priors import save_priors
 from pyburgers.protocols.protocol import save_experiment
 from pyburgers.studies.campaign import load_campaign
 
+pytestmark = pytest.mark.usefixtures("in_this_process")
+
 PLAN = f"""
 id = "small"
 seeds = [{SMALL_RUN.seed}, 12]

@@ -232,7 +232,7 @@ def test_a_fit_is_kept_and_shown(protocol: str, name: str, sketched: None, tmp_p
         experiment,
         with_fixed(priors, known),
         out=tmp_path / "run",
-        options=SamplerOptions(chains=2, warmup=60, draws=30, seed=1),
+        options=SamplerOptions(chains=2, warmup=60, draws=30, seed=1, adapt_delta=0.8),
     )
     kept = Fit.load(result.directory.path)
     assert_equal(kept.experiment, experiment)

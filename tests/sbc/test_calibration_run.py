@@ -31,7 +31,10 @@ from pyburgers.sbc.results import (
 )
 from pyburgers.sbc.run import Calibration, CalibrationPlan
 
-TINY = ("--simulations", "3", "--warmup", "40", "--draws", "20", "--ranked-draws", "19")
+TINY = (
+    *("--simulations", "3", "--warmup", "40", "--draws", "20", "--ranked-draws", "19"),
+    *("--adapt-delta", "0.8"),
+)
 RESULTS = ("verdicts.csv", "ranks.csv", "ranks.png", "ranks.svg")
 
 

@@ -24,8 +24,6 @@ from pyburgers.cmdstan.program import compile_programs, load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.tasks import Workers
 from pyburgers.comparison.by_tests import fit_without_tests
-from pyburgers.comparison.marginal_likelihood import log_marginal_likelihood
-from pyburgers.comparison.results import LogIntegral
 from pyburgers.fitting.fit import Fit, fit, fit_jointly
 from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress
 from pyburgers.flow_law_tables.inputs import default_peak_stress_priors, load_peak_stress
@@ -300,25 +298,6 @@ def stay_in_this_process(patch: pytest.MonkeyPatch) -> None:
 def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
     """Do tasks one after the other in this process."""
     stay_in_this_process(monkeypatch)
-
-
-@pytest.fixture(scope="session")
-def integrals() -> dict[str, LogIntegral]:
-    """Marginal likelihoods that `integrated_once` has found, by the fingerprints of fits."""
-    return {}
-
-
-@pytest.fixture
-def integrated_once(monkeypatch: pytest.MonkeyPatch, integrals: dict[str, LogIntegral]) -> None:
-    """Integrate over each posterior once, however many comparisons by tests ask for it."""
-
-    def once(one: Fit) -> LogIntegral:
-        name = one.manifest["fingerprint"]
-        if name not in integrals:
-            integrals[name] = log_marginal_likelihood(one)
-        return integrals[name]
-
-    monkeypatch.setattr("pyburgers.comparison.by_tests.log_marginal_likelihood", once)
 
 
 @pytest.fixture(scope="session")

@@ -14,7 +14,7 @@ from pyburgers.cli.main import main
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.flow_law_prior import FlowLawPrior
 
-pytestmark = pytest.mark.usefixtures("in_this_process", "integrated_once")
+pytestmark = pytest.mark.usefixtures("in_this_process")
 
 CURVE_PRIORS = str(ICE.parent / "priors" / "ice.toml")
 TABLE = str(ICE / "peak_stress_qi_goldsby_2021.toml")
@@ -109,7 +109,6 @@ def test_joint_runs_are_compared_by_tests(
         assert (Path(run) / "leave_out" / "other" / "summary.csv").is_file()
 
 
-@pytest.mark.slow
 def test_one_joint_run_will_do_to_leave_tests_out(
     joints: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

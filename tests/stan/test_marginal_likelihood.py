@@ -68,10 +68,6 @@ def test_the_marginal_likelihood_is_that_of_quadrature(long_fit: Fit, tmp_path: 
     assert found.value == pytest.approx(float(exact), abs=4 * found.error)
 
 
-def test_the_same_fit_has_the_same_one(small_fit: Fit) -> None:
-    assert log_marginal_likelihood(small_fit) == log_marginal_likelihood(small_fit)
-
-
 def test_without_data_it_is_one(small_problem: Problem, tmp_path: Path) -> None:
     prior = fit(
         small_problem.experiment,

@@ -53,7 +53,8 @@ def start_fit(programs: None, small_problem: Problem, tmp_path: Path) -> Iterato
                 *(str(small_problem.experiment_file), "--priors", str(small_problem.priors_file)),
                 *("--out", str(out), "--chains", str(LONG_RUN.chains)),
                 *("--warmup", str(LONG_RUN.warmup), "--draws", str(LONG_RUN.draws)),
-                *("--seed", str(LONG_RUN.seed), *options),
+                *("--seed", str(LONG_RUN.seed), "--adapt-delta", str(LONG_RUN.adapt_delta)),
+                *options,
             ],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -309,6 +310,7 @@ def test_ctrl_c_in_a_terminal_reaches_the_chains_too(start_fit: StartFit, tmp_pa
     assert processes_on(run.path) == []
 
 
+@pytest.mark.slow
 def test_sigkill_at_random_moments_and_then_a_complete_run(
     start_fit: StartFit, long_fit: Fit, tmp_path: Path
 ) -> None:

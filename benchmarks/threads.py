@@ -1,6 +1,6 @@
 """What threads within a chain buy: eight tests of one material, fitted together.
 
-    python benchmarks/threads.py             # about five minutes on two cores, which must be idle
+    python benchmarks/threads.py             # about five minutes on two cores without other work
     python benchmarks/threads.py --threads 4
 
 A short fit sets up coordinates and gives draws. There, gradients are timed in turn: of the program

@@ -50,7 +50,7 @@ SMALL_RUN = SamplerOptions(chains=2, warmup=150, draws=100, seed=11, adapt_delta
 """With longer steps than by default: three parameters need no more."""
 
 LONG_RUN = replace(SMALL_RUN, warmup=300, draws=800)
-"""Long enough to pass all checks, and for a signal to hit the sampling."""
+"""Long enough to pass all checks."""
 
 
 PEAK_STRESS_RUN = SamplerOptions(chains=2, warmup=400, draws=1000, seed=3)

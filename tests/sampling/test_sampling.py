@@ -180,6 +180,7 @@ def assert_whole(run: RunDirectory) -> None:
         ("adapt_delta", lambda: SamplerOptions(adapt_delta=float("nan"))),
         ("max_treedepth", lambda: SamplerOptions(max_treedepth=0)),
         ("chain_timeout", lambda: SamplerOptions(chain_timeout=0.0)),
+        ("threads_per_chain", lambda: SamplerOptions(threads_per_chain=0)),
         ("coordinates", lambda: SamplerOptions(coordinates=cast(Any, "polar"))),
     ],
 )
@@ -192,7 +193,8 @@ def test_fingerprint_changes_with_what_decides_the_draws(small_problem: Problem)
     problem = problem_of([small_problem.experiment], small_problem.priors)
     data = program_data(problem, solver=SolverOptions())
     first = fingerprint(data, SMALL_RUN, "program")
-    assert first == fingerprint(data, replace(SMALL_RUN, chains=9, chain_timeout=5.0), "program")
+    same = replace(SMALL_RUN, chains=9, chain_timeout=5.0, threads_per_chain=2)
+    assert first == fingerprint(data, same, "program")
     tighter = program_data(problem, solver=SolverOptions(tolerance=1e-8))
     others = [
         fingerprint(tighter, SMALL_RUN, "program"),

@@ -48,9 +48,9 @@ transformed parameters {
     vector[size(own) + 1] plain = append_row(coordinate[own_position[own]], 0);
     vector[n_parameters() + 1] mapped;
     if (coordinate_system == 2) {
-      plain = plain_from_stretched(coordinate[own_position[own]], flow_place[e], quantity[own],
-                                   stretched_unit[own], stretched_slope[own],
-                                   stretched_reference[e]);
+      plain = plain_from_stretched(coordinate[own_position[own]], given, own_place[e],
+                                   quantity[own], flow_place[e], stretched_unit[own],
+                                   stretched_slope[own], stretched_reference[e]);
     }
     plain_coordinate[own] = head(plain, size(own));
     mapped = parameters_from_plain(plain_coordinate[own], own_parameter[own], quantity[own],
@@ -95,8 +95,10 @@ generated quantities {
   // Of the coordinates, as the model block has it; here for runs of this block by itself.
   real log_density = lprior + log_jacobian + log_pooling;
   // What the chart is set up with: ln of the largest share of the loss of a row that the dashpot
-  // carries, and the coordinates there.
+  // carries; ln of the mean time (s) of the cycles, slowed as relaxation is, at the temperature and
+  // grain size of the Kelvin viscosity; the coordinates there.
   vector[n_tests] log_dashpot_share;
+  vector[n_tests] log_middle_time;
   vector[own_end[n_tests + 1]] stretched_coordinate;
   vector[n_grid] grid_log_reading; // ln(tan delta) or ln(modulus / Pa)
   vector[n_grid] grid_log_reading_replicated;
@@ -113,9 +115,15 @@ generated quantities {
                                   initial_grain_size[e], conversion[e], regime[here],
                                   median_stress[regimes], amplitude[regimes],
                                   node_end[regime_end[e] + 1 : regime_end[e + 1] + 1], node);
+    log_middle_time[e] = log(parameter[e][i_kelvin_viscosity()]
+                             / parameter[e][i_kelvin_modulus()])
+                         - mean(log(frequency[here])
+                                + log_relaxation_times(parameter[e], row_temperature[here],
+                                                       initial_grain_size[e]));
     stretched_coordinate[part(own_end, e)]
-      = stretched_from_plain(plain_coordinate[part(own_end, e)], flow_place[e],
-                             quantity[part(own_end, e)], stretched_unit[part(own_end, e)],
+      = stretched_from_plain(plain_coordinate[part(own_end, e)], parameter[e], own_place[e],
+                             quantity[part(own_end, e)], flow_place[e],
+                             stretched_unit[part(own_end, e)],
                              stretched_slope[part(own_end, e)], stretched_reference[e]);
     if (use_likelihood) {
       log_density += sum(log_lik[points]);

@@ -67,6 +67,8 @@ class AtMode(Generic[E]):
     generated, curvature : callable
         Receive changed entries of the data; return every variable of the program, and the Hessian
         of minus the log density by the plain coordinates.
+    covariance : callable
+        Receives a position and changed entries; returns the Laplace approximation there.
     """
 
     experiment: E
@@ -77,6 +79,7 @@ class AtMode(Generic[E]):
     solution: Callable[[FloatArray], dict[str, FloatArray]]
     generated: Callable[..., dict[str, FloatArray]]
     curvature: Callable[..., FloatArray]
+    covariance: Callable[..., FloatArray]
 
 
 class Chart(ABC, Generic[E]):

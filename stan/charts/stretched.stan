@@ -1,5 +1,6 @@
 /**
- * Stretched coordinates for tables of attenuation: the plain ones, but for the flow rate.
+ * Stretched coordinates for tables of attenuation: the plain ones, but for what lies beyond the
+ * periods.
  *
  * - Where the dashpot is too slow to be seen the logarithm of its rate is as wide as the prior;
  *   where it is seen data fix the rate itself. The coordinate is rate + ln(rate)/width, with the
@@ -7,7 +8,10 @@
  *   wide as it is in the posterior.
  * - All others are shifted by multiples of the rate: what the dashpot takes of the loss, other
  *   elements give. The multiples come from the curvature where it begins to be seen.
- * - Units of all others are standard deviations at the mode. Precise tables fix some plain
+ * - eta_K stands for the longest relaxation time, and of a band of times E_K for its density at a
+ *   time in the middle of what the periods see: the longest time may lie far beyond them, and the
+ *   exponent tilts the band about that middle.
+ * - Units of all but the flow rate are standard deviations at the mode. Precise tables fix some plain
  *   coordinates to a thousandth, and Stan's adaptation of the metric pulls variances to 1e-3.
  *
  * A shift by a function of another coordinate changes no volume; the stretch and the units add to
@@ -20,6 +24,8 @@ int i_log_seen_rate() { return 1; } // ln of the rate (1/s) that data can just t
 int i_rate_at_mode() { return 2; } // over that one; nothing is shifted there
 
 int i_log_width() { return 3; } // of ln(rate) where the dashpot is not seen
+
+int i_log_middle_time() { return 4; } // ln of a time (s) in the middle of what the periods see
 
 /**
  * ln(rate) at rate + ln(rate)/width.
@@ -37,17 +43,55 @@ real log_rate_from_stretched(real stretched, data real width) {
 }
 
 /**
+ * ln of E_K times the density of a band of relaxation times, by ln(time).
+ *
+ * @param exponent alpha, between 0 and 1
+ * @param log_width ln(tau_H/tau_L)
+ * @param log_time ln of the time over the longest, tau_H
+ */
+real log_band_density(real exponent, real log_width, real log_time) {
+  return log(exponent) - log1m_exp(-exponent * log_width) + exponent * log_time;
+}
+
+/**
+ * By how much the plain coordinates of E_K and eta_K lie above those that stand for the density of
+ * the band and for the longest time; zero unless both are the test's own.
+ *
+ * @param plain coordinates, of which alpha and the width of the band are used
+ * @param given values of the parameters that are not the test's own; other entries have no effect
+ * @param place of each parameter among the test's own ones, 0 where it is none of them
+ * @param quantity a row for each of them (charts/plain.stan)
+ * @param log_longest_time ln(tau_H/s)
+ * @param log_middle_time see the places in a reference
+ */
+real band_shift(vector plain, vector given, data array[] int place, data matrix quantity,
+                real log_longest_time, data real log_middle_time) {
+  vector[2] band = given[{i_relaxation_exponent(), i_relaxation_time_decades()}];
+  array[2] int own = place[{i_relaxation_exponent(), i_relaxation_time_decades()}];
+  for (k in 1 : 2) {
+    if (own[k] > 0) {
+      band[k] = bounded_from_real(plain[own[k]], quantity[own[k]]);
+    }
+  }
+  return band[2] > 0
+         ? log_band_density(band[1], log(10) * band[2], log_middle_time - log_longest_time) : 0;
+}
+
+/**
  * Plain coordinates at given stretched ones, and ln |d plain/d stretched|.
  *
+ * @param given, place, quantity see band_shift()
  * @param flow place of the flow rate among the test's own ones, 0 where it is none of them
- * @param quantity a row for each of them (charts/plain.stan)
- * @param unit of the coordinates in plain ones, 1 of the flow rate
- * @param slope of plain coordinates by the rate, 0 of its own
+ * @param unit of the coordinates, 1 of the flow rate
+ * @param slope of coordinates by the rate, 0 of its own
  */
-vector plain_from_stretched(vector stretched, data int flow, data matrix quantity,
-                            data vector unit, data vector slope, data vector reference) {
+vector plain_from_stretched(vector stretched, vector given, data array[] int place,
+                            data matrix quantity, data int flow, data vector unit,
+                            data vector slope, data vector reference) {
   vector[num_elements(stretched)] plain = unit .* stretched;
   real log_jacobian = sum(log(unit));
+  int modulus = place[i_kelvin_modulus()];
+  int viscosity = place[i_kelvin_viscosity()];
   if (flow > 0) {
     real log_rate = log_rate_from_stretched(stretched[flow], reference[i_log_width()]);
     plain += slope * (exp(log_rate) - reference[i_rate_at_mode()]);
@@ -56,15 +100,32 @@ vector plain_from_stretched(vector stretched, data int flow, data matrix quantit
     log_jacobian -= log(exp(log_rate) + 1 / reference[i_log_width()])
                     + log(quantity[flow, i_scale()]);
   }
+  if (modulus > 0 && viscosity > 0) {
+    real log_time = plain[viscosity]
+                    + log(quantity[viscosity, i_scale()] / quantity[modulus, i_scale()]);
+    plain[modulus] += band_shift(plain, given, place, quantity, log_time,
+                                 reference[i_log_middle_time()]);
+    plain[viscosity] += plain[modulus];
+  }
   return append_row(plain, log_jacobian);
 }
 
 /**
  * Stretched coordinates at given plain ones: plain_from_stretched() inverted.
  */
-vector stretched_from_plain(vector plain, data int flow, data matrix quantity,
-                            data vector unit, data vector slope, data vector reference) {
+vector stretched_from_plain(vector plain, vector given, data array[] int place,
+                            data matrix quantity, data int flow, data vector unit,
+                            data vector slope, data vector reference) {
   vector[num_elements(plain)] stretched = plain;
+  int modulus = place[i_kelvin_modulus()];
+  int viscosity = place[i_kelvin_viscosity()];
+  if (modulus > 0 && viscosity > 0) {
+    real log_time = plain[viscosity] - plain[modulus]
+                    + log(quantity[viscosity, i_scale()] / quantity[modulus, i_scale()]);
+    stretched[viscosity] -= plain[modulus];
+    stretched[modulus] -= band_shift(plain, given, place, quantity, log_time,
+                                     reference[i_log_middle_time()]);
+  }
   if (flow > 0) {
     real log_rate = quantity[flow, i_shift()] + quantity[flow, i_scale()] * plain[flow]
                     - reference[i_log_seen_rate()];

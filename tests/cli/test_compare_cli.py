@@ -14,6 +14,8 @@ from pyburgers.cli.main import main
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.flow_law_prior import FlowLawPrior
 
+pytestmark = pytest.mark.usefixtures("in_this_process")
+
 CURVE_PRIORS = str(ICE.parent / "priors" / "ice.toml")
 TABLE = str(ICE / "peak_stress_qi_goldsby_2021.toml")
 SHORT = ("--chains", "2", "--warmup", "200", "--draws", "400", "--seed", "2")

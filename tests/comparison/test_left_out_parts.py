@@ -44,7 +44,7 @@ def log_evidence(table: AttenuationExperiment, truth: Mapping[str, float]) -> fl
     return largest + float(np.log(trapezoid(np.exp(np.array(logarithms) - largest), enthalpies)))
 
 
-@pytest.mark.usefixtures("programs")
+@pytest.mark.usefixtures("programs", "in_this_process")
 def test_temperatures_are_left_out_one_by_one(tmp_path: Path) -> None:
     assert TWIN.true_parameters is not None
     truth = dict(TWIN.true_parameters)

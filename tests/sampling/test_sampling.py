@@ -53,7 +53,8 @@ def start_fit(programs: None, small_problem: Problem, tmp_path: Path) -> Iterato
                 *(str(small_problem.experiment_file), "--priors", str(small_problem.priors_file)),
                 *("--out", str(out), "--chains", str(LONG_RUN.chains)),
                 *("--warmup", str(LONG_RUN.warmup), "--draws", str(LONG_RUN.draws)),
-                *("--seed", str(LONG_RUN.seed), *options),
+                *("--seed", str(LONG_RUN.seed), "--adapt-delta", str(LONG_RUN.adapt_delta)),
+                *options,
             ],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -162,6 +163,7 @@ def assert_whole(run: RunDirectory) -> None:
         ("adapt_delta", lambda: SamplerOptions(adapt_delta=float("nan"))),
         ("max_treedepth", lambda: SamplerOptions(max_treedepth=0)),
         ("chain_timeout", lambda: SamplerOptions(chain_timeout=0.0)),
+        ("threads_per_chain", lambda: SamplerOptions(threads_per_chain=0)),
         ("coordinates", lambda: SamplerOptions(coordinates=cast(Any, "polar"))),
     ],
 )
@@ -174,7 +176,8 @@ def test_fingerprint_changes_with_what_decides_the_draws(small_problem: Problem)
     problem = problem_of([small_problem.experiment], small_problem.priors)
     data = program_data(problem, solver=SolverOptions())
     first = fingerprint(data, SMALL_RUN, "program")
-    assert first == fingerprint(data, replace(SMALL_RUN, chains=9, chain_timeout=5.0), "program")
+    same = replace(SMALL_RUN, chains=9, chain_timeout=5.0, threads_per_chain=2)
+    assert first == fingerprint(data, same, "program")
     tighter = program_data(problem, solver=SolverOptions(tolerance=1e-8))
     others = [
         fingerprint(tighter, SMALL_RUN, "program"),
@@ -307,6 +310,7 @@ def test_ctrl_c_in_a_terminal_reaches_the_chains_too(start_fit: StartFit, tmp_pa
     assert processes_on(run.path) == []
 
 
+@pytest.mark.slow
 def test_sigkill_at_random_moments_and_then_a_complete_run(
     start_fit: StartFit, long_fit: Fit, tmp_path: Path
 ) -> None:

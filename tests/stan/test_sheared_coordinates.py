@@ -360,6 +360,7 @@ def test_the_stretch_of_the_flow_rate_does_not_depend_on_its_slopes_at_the_mode(
     assert -5 < moderate < 10
 
 
+@pytest.mark.slow
 def test_a_record_whose_loss_is_all_the_dashpots_is_smooth_in_its_coordinates(
     tmp_path: Path,
 ) -> None:
@@ -441,7 +442,10 @@ def priors_about_the_truth(experiment: OscillationExperiment) -> PriorSet:
 
 @pytest.mark.parametrize(
     ("sheared", "priors_of"),
-    [(None, resolved_priors), (REFERENCE, priors_about_the_truth)],
+    [
+        (None, resolved_priors),
+        pytest.param(REFERENCE, priors_about_the_truth, marks=pytest.mark.slow),
+    ],
     ids=["plain", "sheared"],
 )
 def test_without_likelihood_draws_have_the_priors_marginals(

@@ -9,19 +9,16 @@ import numpy.typing as npt
 from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
 from pyburgers.protocols.coordinates import Layout
 from pyburgers.protocols.protocol import AtMode, Chart, ChartUnsuited
-from pyburgers.protocols.stan_data import StanData
+from pyburgers.protocols.stan_data import CHART, StanData
 
 FloatArray = npt.NDArray[np.float64]
 
 POSITIVE = ("kelvin_modulus", "kelvin_viscosity")
 """Parameters whose logarithms are shifted."""
 
-CHART = 2
-"""`coordinate_system` of `stan/data/coordinates.stan`."""
-
 SMALL_SHARE = 0.03
-"""Of the loss in some row: what data say of a dashpot is asked where it carries that much, or at the
-mode where it carries more."""
+"""Of the loss in some row: what data say of a dashpot is asked where it carries that much, or at
+the mode where it carries more."""
 
 STEP = 0.2
 """Of the differences, in units of that flow rate."""
@@ -100,7 +97,9 @@ class StretchedChart(Chart[AttenuationExperiment]):
         """Return the block `stan/data/stretched.stan`."""
         if not references:
             n = len(layout.names)
-            references = [StretchedReference(0.0, 0.0, 1.0, 0.0, np.ones(n), np.zeros(n))] * layout.n_tests
+            references = [
+                StretchedReference(0.0, 0.0, 1.0, 0.0, np.ones(n), np.zeros(n))
+            ] * layout.n_tests
         return _block(references, [layout.own(e) for e in range(layout.n_tests)])
 
 

@@ -1,6 +1,6 @@
 """What threads within a chain buy: eight tests of one material, fitted together.
 
-    python benchmarks/threads.py             # about five minutes on two cores, which must be idle
+    python benchmarks/threads.py             # about five minutes on two cores without other work
     python benchmarks/threads.py --threads 4
 
 A short fit sets up coordinates and gives draws. There, gradients are timed in turn: of the program
@@ -46,7 +46,7 @@ MATERIAL = (
 """What all tests have of the first twin."""
 
 SHORT_FIT = SamplerOptions(chains=1, warmup=20, draws=8, max_treedepth=5, seed=1)
-POINTS, TIMED, ROUNDS = 4, 100, 3
+POINTS, TIMED, ROUNDS = 4, 60, 5
 """Draws at which gradients are timed, how many at each, and how often in turn."""
 
 STEP = 1e-14

@@ -221,7 +221,7 @@ def test_a_curve_is_not_fitted_with_a_flow_law_that_it_has_gone_into(
 
 
 FREE = {*FLOW_LAW, "maxwell_modulus", "stress_noise"}
-RUN = ("--chains", "2", "--warmup", "150", "--draws", "100", "--adapt-delta", "0.8")
+RUN = ("--chains", "2", "--warmup", "150", "--draws", "300", "--adapt-delta", "0.8")
 
 
 def test_a_curve_learns_the_flow_law_from_another_source(source: Path, tmp_path: Path) -> None:

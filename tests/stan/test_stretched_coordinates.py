@@ -42,6 +42,7 @@ def simulated(law: str, seed: int = 1, **fixed: float) -> AtMode[AttenuationExpe
     template = problem_of([load_attenuation(TABLE)], with_fixed(priors_of(law), fixed))
     problem = simulate_from_prior(template, seed=seed).problem
     (test,), (priors,) = problem.experiments, problem.priors
+    assert isinstance(test, AttenuationExperiment)
     return at_truth(test, priors, SolverOptions())
 
 

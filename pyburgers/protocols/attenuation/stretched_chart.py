@@ -162,7 +162,7 @@ def _reference(test: AtMode[AttenuationExperiment]) -> StretchedReference:
     across = curvature[others, flow] * (1.0 + 1.0 / asked.log_width)
     slope = np.zeros(n)
     slope[others] = -np.linalg.solve(curvature[np.ix_(others, others)], across)
-    precision = _information(test, flow, log_asked - log_rate) + across @ slope[others]
+    precision = float(_information(test, flow, log_asked - log_rate) + across @ slope[others])
     # One posterior standard deviation of the rate, where data have any say in it.
     seen = float(np.clip(1.0 / np.sqrt(max(precision, SEEN[1] ** -2)), *SEEN))
     return replace(

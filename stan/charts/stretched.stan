@@ -8,7 +8,7 @@
  *   wide as it is in the posterior.
  * - All others are shifted by multiples of the rate: what the dashpot takes of the loss, other
  *   elements give. The multiples come from the curvature where it begins to be seen.
- * - eta_K stands for the longest relaxation time, and of a band of times E_K for its density at a
+ * - eta_K stands for the shortest relaxation time, and of a band of times E_K for its density at a
  *   time in the middle of what the periods see: the longest time may lie far beyond them, and the
  *   exponent tilts the band about that middle.
  * - Units of all but the flow rate are standard deviations at the mode. Precise tables fix some plain
@@ -54,18 +54,14 @@ real log_band_density(real exponent, real log_width, real log_time) {
 }
 
 /**
- * By how much the plain coordinates of E_K and eta_K lie above those that stand for the density of
- * the band and for the longest time; zero unless both are the test's own.
+ * alpha and the width ln(tau_H/tau_L) of the band of relaxation times, 0 where there is none.
  *
- * @param plain coordinates, of which alpha and the width of the band are used
+ * @param plain coordinates
  * @param given values of the parameters that are not the test's own; other entries have no effect
  * @param place of each parameter among the test's own ones, 0 where it is none of them
  * @param quantity a row for each of them (charts/plain.stan)
- * @param log_longest_time ln(tau_H/s)
- * @param log_middle_time see the places in a reference
  */
-real band_shift(vector plain, vector given, data array[] int place, data matrix quantity,
-                real log_longest_time, data real log_middle_time) {
+vector band_from_plain(vector plain, vector given, data array[] int place, data matrix quantity) {
   vector[2] band = given[{i_relaxation_exponent(), i_relaxation_time_decades()}];
   array[2] int own = place[{i_relaxation_exponent(), i_relaxation_time_decades()}];
   for (k in 1 : 2) {
@@ -73,14 +69,25 @@ real band_shift(vector plain, vector given, data array[] int place, data matrix 
       band[k] = bounded_from_real(plain[own[k]], quantity[own[k]]);
     }
   }
+  return [band[1], log(10) * band[2]]';
+}
+
+/**
+ * By how much the plain coordinate of E_K lies above that of the density of the band.
+ *
+ * @param band see band_from_plain()
+ * @param log_longest_time ln(tau_H/s)
+ * @param log_middle_time see the places in a reference
+ */
+real density_shift(vector band, real log_longest_time, data real log_middle_time) {
   return band[2] > 0
-         ? log_band_density(band[1], log(10) * band[2], log_middle_time - log_longest_time) : 0;
+         ? log_band_density(band[1], band[2], log_middle_time - log_longest_time) : 0;
 }
 
 /**
  * Plain coordinates at given stretched ones, and ln |d plain/d stretched|.
  *
- * @param given, place, quantity see band_shift()
+ * @param given, place, quantity see band_from_plain()
  * @param flow place of the flow rate among the test's own ones, 0 where it is none of them
  * @param unit of the coordinates, 1 of the flow rate
  * @param slope of coordinates by the rate, 0 of its own
@@ -101,10 +108,13 @@ vector plain_from_stretched(vector stretched, vector given, data array[] int pla
                     + log(quantity[flow, i_scale()]);
   }
   if (modulus > 0 && viscosity > 0) {
-    real log_time = plain[viscosity]
-                    + log(quantity[viscosity, i_scale()] / quantity[modulus, i_scale()]);
-    plain[modulus] += band_shift(plain, given, place, quantity, log_time,
-                                 reference[i_log_middle_time()]);
+    vector[2] band = band_from_plain(plain, given, place, quantity);
+    plain[viscosity] += band[2];
+    plain[modulus] += density_shift(band,
+                                    plain[viscosity]
+                                    + log(quantity[viscosity, i_scale()]
+                                          / quantity[modulus, i_scale()]),
+                                    reference[i_log_middle_time()]);
     plain[viscosity] += plain[modulus];
   }
   return append_row(plain, log_jacobian);
@@ -120,11 +130,13 @@ vector stretched_from_plain(vector plain, vector given, data array[] int place,
   int modulus = place[i_kelvin_modulus()];
   int viscosity = place[i_kelvin_viscosity()];
   if (modulus > 0 && viscosity > 0) {
-    real log_time = plain[viscosity] - plain[modulus]
-                    + log(quantity[viscosity, i_scale()] / quantity[modulus, i_scale()]);
-    stretched[viscosity] -= plain[modulus];
-    stretched[modulus] -= band_shift(plain, given, place, quantity, log_time,
-                                     reference[i_log_middle_time()]);
+    vector[2] band = band_from_plain(plain, given, place, quantity);
+    stretched[viscosity] -= plain[modulus] + band[2];
+    stretched[modulus] -= density_shift(band,
+                                        plain[viscosity] - plain[modulus]
+                                        + log(quantity[viscosity, i_scale()]
+                                              / quantity[modulus, i_scale()]),
+                                        reference[i_log_middle_time()]);
   }
   if (flow > 0) {
     real log_rate = quantity[flow, i_shift()] + quantity[flow, i_scale()] * plain[flow]

@@ -59,7 +59,7 @@ class Attenuation(Protocol[AttenuationExperiment]):
         }
     )
     warmup = 500
-    target_acceptance = 0.95
+    target_acceptance = 0.98
     chart = StretchedChart()
     points_together = "a row of the table gives attenuation and modulus together"
     figures = (*ATTENUATION_FIGURES, SPECTRUM_FIGURE)

@@ -12,6 +12,7 @@ functions {
 #include physics/relaxation.stan
 #include physics/stress_cycles.stan
 #include statistics/priors.stan
+#include statistics/priors_of_test.stan
 #include charts/plain.stan
 #include charts/pooling.stan
 #include protocols/attenuation_response.stan

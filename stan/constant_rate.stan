@@ -14,6 +14,7 @@ functions {
 #include physics/microstructure.stan
 #include protocols/constant_rate_dynamics.stan
 #include statistics/priors.stan
+#include statistics/priors_of_test.stan
 #include statistics/residuals.stan
 #include statistics/measured_microstructure.stan
 #include charts/plain.stan
@@ -22,6 +23,7 @@ functions {
 #include charts/valley/least_squares.stan
 #include charts/valley/quantiles.stan
 #include charts/valley/valley.stan
+#include protocols/constant_rate_density.stan
 }
 data {
 #include data/tests.stan
@@ -43,60 +45,46 @@ transformed data {
   int n_states = n_constant_rate_states(prior_location[1]);
   array[n_tests] vector[n_parameters()] prior_mass
     = prior_log_masses(prior_family, prior_location, prior_scale, prior_lower, prior_upper);
+  array[n_tests] int test = linspaced_int_array(n_tests, 1, n_tests);
+  array[n_tests] int gives = gives_to_others(shared_from); // parameters
 #include charts/valley_references.stan
 }
 parameters {
   vector[n_coordinates] coordinate;
 }
-transformed parameters {
-#include charts/parameters_of_tests.stan
-  vector[n_tests] log_reference; // ln(S_0/Pa)
-  for (e in 1 : n_tests) {
-#include charts/given_parameters.stan
-#include charts/valley_or_plain.stan
-    vector[n_parameters() + 1] mapped
-      = parameters_from_plain(head(plain, size(own)), own_parameter[own], quantity[own], given,
-                              replaced_parameter[e], 1, log(segment_rate[segment_end[e] + 1]),
-                              initial_grain_size[e], temperature[e]);
-    parameter[e] = head(mapped, n_parameters());
-    log_reference[e] = log_reference_stress_at(parameter[e], segment_rate[segment_end[e] + 1],
-                                               initial_grain_size[e], temperature[e]);
-    log_jacobian += pooled[n_parameters() + 1] + plain[size(own) + 1]
-                    + mapped[n_parameters() + 1];
-    log_pooling += pooled[n_parameters() + 2];
-  }
-#include statistics/prior_density.stan
-}
 model {
-  target += lprior + log_jacobian + log_pooling;
-  if (use_likelihood) {
-    for (e in 1 : n_tests) {
-      array[point_end[e + 1] - point_end[e]] int points = part(point_end, e);
-      array[measured_end[e + 1] - measured_end[e]] int sections = part(measured_end, e);
-      array[strain_end[e + 1] - strain_end[e]] vector[n_states] solution
-        = constant_rate_solution(parameter[e], prior_location[e], strain[part(strain_end, e)],
-                                 n_strains_in_segment[part(segment_end, e)],
-                                 segment_start[part(segment_end, e)],
-                                 segment_rate[part(segment_end, e)], initial_grain_size[e],
-                                 temperature[e], power_law_kelvin, tolerance, max_num_steps);
-      target += stress_log_density(stress_observed[points],
-                                   stress_reading_factor(parameter[e])
-                                   * to_vector(solution[strain_of_point[points], 1]),
-                                   parameter[e][i_stress_noise()], correlated_residuals,
-                                   point_strain[points], point_segment[points],
-                                   parameter[e][i_residual_correlation_strain()],
-                                   parameter[e][i_residual_correlated_share()]);
-      if (size(sections) > 0) {
-        array[size(sections)] int places = strain_of_measured[sections];
-        target += sum(microstructure_log_densities(
-          measured[sections],
-          microstructure_along(solution[places], strain[part(strain_end, e)][places],
-                               parameter[e], initial_grain_size[e])));
-      }
+#include charts/parameters_of_tests.stan
+  real lprior = 0;
+#include statistics/prior_of_centres.stan
+  // First the tests whose parameters others share; then no test needs another.
+  for (e in 1 : n_tests) {
+    if (gives[e]) {
+#include charts/constant_rate_parameters.stan
+      parameter[e] = head(mapped, n_parameters());
+      log_jacobian += mapped[n_parameters() + 1];
+      log_pooling += mapped[n_parameters() + 2];
     }
   }
+  target += lprior + log_jacobian + log_pooling;
+  // In a fixed order of summation, whichever thread is ready first.
+  target += reduce_sum_static(
+    constant_rate_log_density, test, 1, coordinate, parameter, gives, pooled_spread,
+    temperature, initial_grain_size, point_end, use_likelihood, power_law_kelvin,
+    stress_observed, segment_end, segment_start, segment_rate, strain_end, strain,
+    n_strains_in_segment, strain_of_point, point_strain, point_segment, measured_end,
+    strain_of_measured, measured, correlated_residuals,
+    prior_family, prior_location, prior_scale, prior_lower, prior_upper, prior_mass,
+    has_flow_law_prior, flow_law_mean, flow_law_factor, flow_law_conditions,
+    coordinate_system, shared_parameter, shared_from, own_end, own_parameter, own_position,
+    quantity, own_place, replaced_parameter, pooled_parameter, pooled_position, pooled_quantity,
+    centre_position, centre_reference, pooled_reference, pooled_data_precision,
+    knot_end, knot, pin_end, pin, guide, flow_stress, noise_parameter, conditions,
+    reference_end, reference,
+    tolerance, max_num_steps);
 }
 generated quantities {
+#include charts/parameters_of_tests.stan
+  vector[n_tests] log_reference; // ln(S_0/Pa)
   // All stresses as the load cell reads them.
   vector[n_points] stress_model; // Pa
   vector[n_points] stress_replicated; // Pa
@@ -107,8 +95,7 @@ generated quantities {
   matrix[n_measured, 2] microstructure_model;
   matrix[n_measured, 2] microstructure_replicated;
   matrix[n_measured, 2] microstructure_log_lik;
-  // Of the coordinates, as the model block has it; here for runs of this block by itself.
-  real log_density = lprior + log_jacobian + log_pooling;
+  real log_density; // of the coordinates, as the model block has it
   vector[n_grid] grid_stress; // Pa
   vector[n_grid] grid_stress_replicated; // Pa
   vector[n_grid] grid_kelvin_strain;
@@ -119,6 +106,16 @@ generated quantities {
   // Softening of the flow strength along strain, split between its two causes.
   vector[n_grid] grid_grain_size_softening;
   vector[n_grid] grid_fabric_softening;
+  for (e in 1 : n_tests) {
+#include charts/constant_rate_parameters.stan
+    parameter[e] = head(mapped, n_parameters());
+    log_reference[e] = log_reference_stress_at(parameter[e], segment_rate[segment_end[e] + 1],
+                                               initial_grain_size[e], temperature[e]);
+    log_jacobian += mapped[n_parameters() + 1];
+    log_pooling += mapped[n_parameters() + 2];
+  }
+#include statistics/prior_density.stan
+  log_density = lprior + log_jacobian + log_pooling;
   for (e in 1 : n_tests) {
     array[point_end[e + 1] - point_end[e]] int points = part(point_end, e);
     array[measured_end[e + 1] - measured_end[e]] int sections = part(measured_end, e);

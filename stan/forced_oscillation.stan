@@ -12,6 +12,7 @@ functions {
 #include physics/microstructure.stan
 #include protocols/forced_oscillation_dynamics.stan
 #include statistics/priors.stan
+#include statistics/priors_of_test.stan
 #include statistics/residuals.stan
 #include charts/plain.stan
 #include charts/pooling.stan

@@ -22,6 +22,7 @@ functions {
 #include protocols/loading_history_legs.stan
 #include protocols/loading_history_dynamics.stan
 #include statistics/priors.stan
+#include statistics/priors_of_test.stan
 #include statistics/residuals.stan
 #include charts/plain.stan
 #include charts/flow_of_hardened.stan

@@ -6,6 +6,7 @@ Fits that several modules look at are made once, whatever the number of processe
 import os
 import shutil
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -21,8 +22,11 @@ from truth_as_mode import at_truth
 
 from pyburgers.cmdstan.program import compile_programs, load_program
 from pyburgers.cmdstan.toolchain import stan_directory
-from pyburgers.comparison.by_tests import leave_one_test_out
+from pyburgers.common.tasks import Workers
+from pyburgers.comparison.by_tests import fit_without_tests
 from pyburgers.fitting.fit import Fit, fit, fit_jointly
+from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress
+from pyburgers.flow_law_tables.inputs import default_peak_stress_priors, load_peak_stress
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet, default_priors, load_priors, save_priors
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
@@ -42,10 +46,15 @@ ICE = TESTS.parent / "data" / "ice"
 
 DUNITE = TESTS.parent / "data" / "dunite"
 
-SMALL_RUN = SamplerOptions(chains=2, warmup=150, draws=100, seed=11)
-LONG_RUN = replace(SMALL_RUN, warmup=300, draws=800)
-"""Long enough to pass all checks, and for a signal to hit the sampling."""
+SMALL_RUN = SamplerOptions(chains=2, warmup=150, draws=100, seed=11, adapt_delta=0.8)
+"""With longer steps than by default: three parameters need no more."""
 
+LONG_RUN = replace(SMALL_RUN, warmup=300, draws=800)
+"""Long enough to pass all checks."""
+
+
+PEAK_STRESS_RUN = SamplerOptions(chains=2, warmup=400, draws=1000, seed=3)
+"""Of a table of peak stresses, whose gradient costs microseconds; long enough for all checks."""
 
 POOL = {"stress_noise": "separate"}
 """How the tests of `joint` differ."""
@@ -175,14 +184,17 @@ def function_values(programs: None) -> FunctionValues:
     return values
 
 
-def sketch_pictures(patch: pytest.MonkeyPatch) -> None:
-    """Draw each figure of a page once and coarsely; layout and rendering are most of its work."""
+def sketch_pictures(patch: pytest.MonkeyPatch, *, drawn_once: bool = False) -> None:
+    """Leave the figures of a page undrawn, or draw each once and coarsely.
+
+    Layout and rendering are most of the work of a page.
+    """
     drawn: WeakSet[Figure] = WeakSet()
 
     def sketch(figure: Figure, kind: str) -> bytes:
         if kind == "png":
             return b"\x89PNG"
-        if figure not in drawn:  # it comes again for the file beside the page
+        if drawn_once and figure not in drawn:  # it comes again for the file beside the page
             figure.set_layout_engine(None)
             figure.draw_without_rendering()
             drawn.add(figure)
@@ -215,14 +227,18 @@ class SharedRuns:
     folder: Path
 
     def finished(self, name: str, make: Callable[[Path], object]) -> Fit:
-        """Load a run; the first process that asks for it makes it while others wait."""
+        """Load a run, which `once` made."""
+        return Fit.load(self.once(name, make))
+
+    def once(self, name: str, make: Callable[[Path], object]) -> Path:
+        """Find a run; the first process that asks for it makes it while others wait."""
         run = self.folder / name / "run"
         with filelock.FileLock(self.folder / f"{name}.lock"):
             if not run.is_dir():
                 made = self.folder / name / "unfinished"
                 make(made)
                 made.rename(run)
-        return Fit.load(run)
+        return run
 
 
 @pytest.fixture(scope="session")
@@ -265,10 +281,33 @@ def long_fit(shared_runs: SharedRuns, small_problem: Problem) -> Fit:
 
 
 @pytest.fixture(scope="session")
+def peak_stress(shared_runs: SharedRuns) -> PeakStressFit:
+    """Finished fit of the published peak stresses that passes all checks; not to be changed."""
+
+    def make(out: Path) -> PeakStressFit:
+        table = load_peak_stress(ICE / "peak_stress_qi_goldsby_2021.toml")
+        priors = default_peak_stress_priors("ice")
+        return fit_peak_stress(table, priors, out=out, options=PEAK_STRESS_RUN)
+
+    return PeakStressFit.load(shared_runs.once("peak_stress", make))
+
+
+def stay_in_this_process(patch: pytest.MonkeyPatch) -> None:
+    """Do tasks one after the other here: a process of their own imports for two seconds."""
+    patch.setattr("pyburgers.common.processes._own_processes", lambda number: ThreadPoolExecutor(1))
+
+
+@pytest.fixture
+def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Do tasks one after the other in this process."""
+    stay_in_this_process(monkeypatch)
+
+
+@pytest.fixture(scope="session")
 def joint(shared_runs: SharedRuns, small_problem: Problem) -> Fit:
     """Finished fit of `pair_of` the small problem, which share the material but not the noise.
 
-    Each test has been left out once. Not to be changed (use `copy_of`).
+    Fits without each test are in it. Not to be changed (use `copy_of`).
     """
     return shared_runs.finished("joint", lambda out: fit_pair(small_problem, POOL, out))
 
@@ -284,7 +323,8 @@ def separate_joint(shared_runs: SharedRuns, small_problem: Problem) -> Fit:
 def fit_pair(problem: Problem, pool: Mapping[str, str], out: Path) -> None:
     """Fit the small test and the other one together, then without each."""
     joint = fit_jointly(pair_of(problem), problem.priors, pool=pool, out=out, options=SMALL_RUN)
-    leave_one_test_out(joint, command="test")
+    with ThreadPoolExecutor(1) as here:
+        fit_without_tests({"joint": joint}, workers=Workers(here), command="test")
 
 
 def copy_of(joint: Fit, out: Path, *, without: str = "") -> Fit:

@@ -79,12 +79,14 @@ _SAMPLER_HELP = {
     "coordinates": "of the sampler (docs/coordinates.md); auto takes those that suit the test",
     "chain_timeout": "seconds after which a chain is stopped",
     "parallel_chains": "chains side by side",
+    "threads_per_chain": "threads that share the tests of a joint fit at constant rate; they pay "
+    "where there are more cores than chains",
 }
 _UNLESS_GIVEN = {
     "warmup": by_protocol(lambda one: one.warmup),
     "adapt_delta": by_protocol(lambda one: one.target_acceptance),
     "chain_timeout": "; default no limit",
-    "parallel_chains": "; default one for each core",
+    "parallel_chains": "; default as many as there are cores for their threads",
 }
 
 

@@ -24,7 +24,6 @@ import platformdirs
 
 from pyburgers.cmdstan.installation import ensure_cmdstan
 from pyburgers.cmdstan.toolchain import (
-    COMPILE_FLAGS,
     MAKE_TAKES,
     MissingToolError,
     Toolchain,
@@ -32,6 +31,7 @@ from pyburgers.cmdstan.toolchain import (
     cmdstan_version,
     compile_flags,
     last_lines,
+    make_flags,
     run_tool,
     stan_directory,
     toolchain,
@@ -47,6 +47,12 @@ from pyburgers.common.processes import cores
 from pyburgers.common.toml_files import Table, read_json_table
 
 logger = logging.getLogger(__name__)
+
+MAIN_PROGRAM = Path("src") / "cmdstan" / "main.cpp"
+"""Of CmdStan, below its folder."""
+
+SHARED_SUM = "reduce_sum"
+"""Function of Stan whose terms threads share."""
 
 _INCLUDE = re.compile(r"""^[ \t]*\#include[ \t]+["<]?([^"<>\s]+)""", re.MULTILINE)
 
@@ -112,13 +118,21 @@ def executable_path(program: Path, cmdstan: Path) -> Path:
     return cache_directory() / program_key(program, stan_directory(), cmdstan) / program.stem
 
 
-def compile_program(program: Path) -> Path:
+def shares_work(program: Path) -> bool:
+    """Tell whether a Stan program has work that threads can share."""
+    sources = _read_sources(program, stan_directory())
+    return any(SHARED_SUM in text for text in (sources.text, *sources.included.values()))
+
+
+def compile_program(program: Path, *, threads: bool = False) -> Path:
     """Return the executable of a Stan program; compile it unless it is in the cache.
 
     Parameters
     ----------
     program : Path
         A Stan program; its ``#include`` lines are relative to `stan_directory`.
+    threads : bool
+        Whether it can run in several threads. Where it cannot, it is a little faster.
 
     Raises
     ------
@@ -126,7 +140,7 @@ def compile_program(program: Path) -> Path:
         If CmdStan cannot be had, the program is wrong or the compiler fails; the message ends
         with what stanc or the compiler said.
     """
-    return _compile(program, ensure_cmdstan())
+    return _compile(program, ensure_cmdstan(), threads=threads)
 
 
 def compile_programs(programs: Sequence[Path]) -> tuple[Path, ...]:
@@ -174,12 +188,12 @@ def _key(sources: _Sources, tools: Toolchain) -> str:
     return hashlib.sha256(json.dumps(decisive, sort_keys=True).encode()).hexdigest()
 
 
-def _compile(program: Path, cmdstan: Path) -> Path:
+def _compile(program: Path, cmdstan: Path, *, threads: bool = False) -> Path:
     sources = _read_sources(program, stan_directory())
     try:
-        tools = toolchain(cmdstan)
+        tools = toolchain(cmdstan, threads=threads)
     except MissingToolError:
-        found = _compiled_before(sources, cmdstan)
+        found = _compiled_before(sources, cmdstan, threads=threads)
         if found is None:
             raise
         return found
@@ -193,7 +207,7 @@ def _compile(program: Path, cmdstan: Path) -> Path:
             folder / ".lock", f"Waiting for another process that is compiling {program.name}."
         ):
             if not _is_whole(executable):
-                _build(sources, tools, executable)
+                _build(sources, tools, executable, threads=threads)
     except OSError as error:
         raise ToolchainError(
             f"{program.name} could not be compiled into the cache folder {cache_directory()}: "
@@ -238,24 +252,25 @@ def _is_whole(executable: Path, sources: str | None = None) -> bool:
         return False
 
 
-def _compiled_before(sources: _Sources, cmdstan: Path) -> Path | None:
+def _compiled_before(sources: _Sources, cmdstan: Path, *, threads: bool) -> Path | None:
     """Return an executable of the same sources from the cache, whatever compiler made it."""
-    name, wanted = Path(sources.name).stem, _sources_key(sources, cmdstan)
+    name, wanted = Path(sources.name).stem, _sources_key(sources, cmdstan, threads=threads)
     found = (folder / name for folder in sorted(cache_directory().glob("*")))
     return next((executable for executable in found if _is_whole(executable, wanted)), None)
 
 
-def _sources_key(sources: _Sources, cmdstan: Path) -> str:
+def _sources_key(sources: _Sources, cmdstan: Path, *, threads: bool) -> str:
     return sha256_of_json(
         [
             *([sources.name, sources.text], dict(sources.included)),
-            *(str(cmdstan), cmdstan_version(cmdstan), list(compile_flags(cmdstan))),
+            *(str(cmdstan), cmdstan_version(cmdstan)),
+            list(compile_flags(cmdstan, threads=threads)),
             *(platform.system(), platform.machine()),
         ]
     )
 
 
-def _build(sources: _Sources, tools: Toolchain, executable: Path) -> None:
+def _build(sources: _Sources, tools: Toolchain, executable: Path, *, threads: bool) -> None:
     """Compile a program in a temporary folder, then put the executable in place in one step."""
     logger.info(f"Compiling {sources.name} (about 20 s).")
     # Not in the cache folder, whose path may hold spaces, which make cannot handle.
@@ -268,7 +283,11 @@ def _build(sources: _Sources, tools: Toolchain, executable: Path) -> None:
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text, encoding="utf-8")
         _translate(program, tools)
-        make = run_tool(["make", *COMPILE_FLAGS, program.with_suffix("")], cwd=tools.cmdstan_path)
+        flags = make_flags(threads=threads)
+        if threads:  # CmdStan's own main program is compiled for those without
+            main = shutil.copy2(tools.cmdstan_path / MAIN_PROGRAM, scratch)
+            flags = (*flags, f"CMDSTAN_MAIN={main}")
+        make = run_tool(["make", *flags, program.with_suffix("")], cwd=tools.cmdstan_path)
         if make.returncode != 0:
             raise ToolchainError(
                 f"{sources.name} could not be compiled with CmdStan {tools.cmdstan_version} and "
@@ -278,7 +297,8 @@ def _build(sources: _Sources, tools: Toolchain, executable: Path) -> None:
         try:
             shutil.copy2(program.with_suffix(""), partial)
             record = _Record(
-                sha256=sha256_of_file(partial), sources=_sources_key(sources, tools.cmdstan_path)
+                sha256=sha256_of_file(partial),
+                sources=_sources_key(sources, tools.cmdstan_path, threads=threads),
             )
             write_json(_record_file(executable), record.model_dump())
             partial.replace(executable)

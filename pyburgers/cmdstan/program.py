@@ -11,7 +11,12 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from pyburgers.cmdstan.compilation import compile_program, compile_programs, executable_path
+from pyburgers.cmdstan.compilation import (
+    compile_program,
+    compile_programs,
+    executable_path,
+    shares_work,
+)
 from pyburgers.cmdstan.draw_files import Draws, read_draws, rows_of_draws
 from pyburgers.common.errors import SamplingError
 from pyburgers.common.processes import Running, cores, side_by_side, start
@@ -27,6 +32,7 @@ __all__ = [
     "compile_programs",
     "executable_path",
     "load_program",
+    "shares_work",
 ]
 
 ALL_DIGITS = 17
@@ -44,9 +50,9 @@ class ModeNotFound(Exception):  # noqa: N818 - an outcome with a reason, not an 
     """The optimiser failed; the message says how."""
 
 
-def load_program(source: Path) -> "Program":
-    """Return a Stan program ready to run; see `compile_program`."""
-    return Program(compile_program(source))
+def load_program(source: Path, *, threads: int = 1) -> "Program":
+    """Return a Stan program ready to run, in one or several threads; see `compile_program`."""
+    return Program(compile_program(source, threads=threads > 1), threads)
 
 
 @dataclass(frozen=True)
@@ -59,9 +65,12 @@ class Program:
     ----------
     executable : Path
         From `compile_program`.
+    threads : int
+        That share its work; more than one only if it is compiled for them.
     """
 
     executable: Path
+    threads: int = 1
 
     @property
     def key(self) -> str:
@@ -109,6 +118,7 @@ class Program:
                 *method,
             ],
             output.with_suffix(".txt"),
+            environment={"STAN_NUM_THREADS": str(self.threads)},
         )
 
     def evaluate(

@@ -20,6 +20,13 @@ None: CmdStan's defaults (``-O3``, range checks on) are portable. ``-march=nativ
 on purpose, since a home folder, and with it the cache, may be shared between machines.
 """
 
+THREAD_FLAGS: tuple[str, ...] = ("STAN_THREADS=true", "PRECOMPILED_HEADERS=false")
+"""Further ones for programs that run in several threads.
+
+CmdStan's precompiled header is one without threads. One with them would take 700 MB more, for the
+one program in which threads share work.
+"""
+
 MINIMUM_VERSION = (2, 27)
 """The oldest CmdStan that compiles the Stan programs."""
 
@@ -57,8 +64,9 @@ class Toolchain:
     make : str
         First line of ``make --version``.
     compile_flags : tuple of str
-        `COMPILE_FLAGS`, then compiler variables of the environment, then the settings of
-        CmdStan's ``make/local`` and of the user's ``~/.config/stan/make.local``.
+        `COMPILE_FLAGS`, `THREAD_FLAGS` where there are threads, then compiler variables of the
+        environment, then the settings of CmdStan's ``make/local`` and of the user's
+        ``~/.config/stan/make.local``.
     """
 
     cmdstan_path: Path
@@ -208,8 +216,8 @@ def make_version() -> str:
     return _tool_version(["make"], "build tool")
 
 
-def toolchain(cmdstan: Path) -> Toolchain:
-    """Return the tools that compile programs with the CmdStan in folder `cmdstan`.
+def toolchain(cmdstan: Path, *, threads: bool = False) -> Toolchain:
+    """Return the tools that compile programs, with threads or without, with a CmdStan.
 
     Raises
     ------
@@ -226,13 +234,18 @@ def toolchain(cmdstan: Path) -> Toolchain:
         cmdstan_version=cmdstan_version(cmdstan),
         compiler=compiler_version(),
         make=make_version(),
-        compile_flags=compile_flags(cmdstan),
+        compile_flags=compile_flags(cmdstan, threads=threads),
     )
 
 
-def compile_flags(cmdstan: Path) -> tuple[str, ...]:
+def compile_flags(cmdstan: Path, *, threads: bool) -> tuple[str, ...]:
     """Return the settings of `Toolchain.compile_flags`."""
-    return (*COMPILE_FLAGS, *_environment_flags(), *_make_settings(cmdstan))
+    return (*make_flags(threads=threads), *_environment_flags(), *_make_settings(cmdstan))
+
+
+def make_flags(*, threads: bool) -> tuple[str, ...]:
+    """Return the variables that are given to CmdStan's make."""
+    return (*COMPILE_FLAGS, *(THREAD_FLAGS if threads else ()))
 
 
 def run_tool(

@@ -152,10 +152,21 @@ class Running:
         return " | ".join(line for line in tail if line) or "it left no console output."
 
 
-def start(command: Sequence[str], console: Path) -> Running:
+def start(
+    command: Sequence[str], console: Path, *, environment: Mapping[str, str] | None = None
+) -> Running:
     """Start a program that reads nothing and whose console goes to a file.
 
     It prints into a pipe, so that it ends when it next prints if this process was killed.
+
+    Parameters
+    ----------
+    command : sequence of str
+        The program and its arguments.
+    console : Path
+        What it prints.
+    environment : mapping of str to str, optional
+        Variables of its environment beside those of this process.
 
     Raises
     ------
@@ -178,6 +189,7 @@ def start(command: Sequence[str], console: Path) -> Running:
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
+            env={**os.environ, **(environment or {})},
         )
     except OSError as error:
         raise SystemFailureError(

@@ -106,7 +106,8 @@ def run_fits(
     for out, task in mine.items():
         name = out.absolute().relative_to(above).as_posix()
         if workers.executor is None:
-            chains = max(1, cores() // workers.processes(len(mine)))
+            threads = task.options.threads_for(len(task.problem.experiments))
+            chains = max(1, cores() // (workers.processes(len(mine)) * threads))
             task = replace(task, options=replace(task.options, parallel_chains=chains))
         # Elsewhere the working directory may be another one.
         calls[out] = (name, task, out.absolute(), command, keep_going)

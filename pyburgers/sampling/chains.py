@@ -210,7 +210,8 @@ def run_side_by_side(
             yield one.running
 
     failures: list[ChainFailure | None] = []
-    at_once, limit = options.parallel_chains or cores(), options.chain_timeout
+    at_once = options.parallel_chains or max(1, cores() // model.threads)
+    limit = options.chain_timeout
     total = extension.draws if extension else options.warmup_iterations + options.draws
     try:
         with (

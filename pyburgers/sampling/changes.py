@@ -85,6 +85,9 @@ def differences(run: RunDirectory, wanted: Wanted) -> Iterator[str]:
     for name, value in asdict(wanted.options).items():
         if name not in INDECISIVE and value != manifest["sampler"][name]:
             yield _told(name, value, manifest["sampler"][name])
+    threads = wanted.options.threads_per_chain, manifest["sampler"].get("threads_per_chain", 1)
+    if len(names) > 1 and (threads[0] > 1) != (threads[1] > 1):
+        yield _told("threads_per_chain", *threads)
     if wanted.use_likelihood != manifest["use_likelihood"]:
         kinds = {True: "data and prior", False: "the prior alone"}
         yield _told("draws of", kinds[wanted.use_likelihood], kinds[manifest["use_likelihood"]])

@@ -42,6 +42,7 @@ class SamplerRecord(Table):
     coordinates: str = Field(description="what was asked for")
     chain_timeout: float | None = Field(description="time limit of a chain, in s")
     parallel_chains: int | None = Field(description="chains side by side")
+    threads_per_chain: int = Field(1, ge=1, description="threads of a chain")
 
 
 class _Solver(Entries):

@@ -12,8 +12,11 @@ COORDINATES = (
 )
 """What may be asked for; which go with a test, its protocol says."""
 
-INDECISIVE = frozenset({"chains", "chain_timeout", "parallel_chains"})
-"""Options that change no draw of a chain."""
+INDECISIVE = frozenset({"chains", "chain_timeout", "parallel_chains", "threads_per_chain"})
+"""Options that change no draw of a chain.
+
+Draws in several threads are others than in one, by rounding, but those programs are two.
+"""
 
 
 @dataclass(frozen=True)
@@ -38,7 +41,9 @@ class SamplerOptions:
     chain_timeout : float or None
         Seconds after which a chain is stopped and reported as failed.
     parallel_chains : int or None
-        Chains that run side by side; None runs one for each core.
+        Chains that run side by side; None runs as many as there are cores for their threads.
+    threads_per_chain : int
+        Threads that share the tests of a joint fit, see `threads_for`.
     """
 
     chains: int = 4
@@ -50,6 +55,7 @@ class SamplerOptions:
     coordinates: str = "auto"
     chain_timeout: float | None = None
     parallel_chains: int | None = None
+    threads_per_chain: int = 1
 
     def __post_init__(self) -> None:
         """Check the values.
@@ -64,6 +70,7 @@ class SamplerOptions:
             "draws": (self.draws, 4, 10**6),
             "seed": (self.seed, 0, 2**31 - 1),
             "max_treedepth": (self.max_treedepth, 1, 20),
+            "threads_per_chain": (self.threads_per_chain, 1, 1000),
         }
         if self.parallel_chains is not None:
             limits["parallel_chains"] = (self.parallel_chains, 1, 1000)
@@ -86,6 +93,10 @@ class SamplerOptions:
         """Warm-up of settled options (`suited_to`)."""
         assert self.warmup is not None  # only settled options are sampled with
         return self.warmup
+
+    def threads_for(self, n_tests: int) -> int:
+        """Return the threads of a chain: at most as many as there are tests to share."""
+        return min(self.threads_per_chain, n_tests)
 
     def suited_to(self, protocol: Protocol[Any]) -> Self:
         """Fill in what is left to the protocol."""

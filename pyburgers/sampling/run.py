@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from pyburgers.cmdstan.program import Program, load_program
+from pyburgers.cmdstan.program import Program, load_program, shares_work
 from pyburgers.cmdstan.toolchain import cmdstan_version, compiler_version, find_cmdstan
 from pyburgers.common.atomic_files import (
     sha256_of_file,
@@ -107,7 +107,7 @@ def run_chains(
     options = options.suited_to(problem.protocol)
     data = program_data(problem, solver=solver, use_likelihood=use_likelihood)
     run = RunDirectory(directory)
-    model = load_program(problem.protocol.program)
+    model = _program_for(problem, options)
     identity = fingerprint(data, options, model.key)
     wanted = Wanted(problem, options, solver, use_likelihood)
     if run.manifest_file.is_file() and run.read_manifest().get("fingerprint") != identity:
@@ -150,6 +150,23 @@ def run_chains(
             lambda chain: _draw_start(model, run, problem, options.seed, chain),
             more_draws=more_draws,
         )
+
+
+def _program_for(problem: Problem, options: SamplerOptions) -> Program:
+    """Return the program that samples, in as many threads as were asked for and have tests.
+
+    Raises
+    ------
+    InputError
+        If threads cannot share the tests.
+    """
+    program, threads = problem.protocol.program, options.threads_for(len(problem.experiments))
+    if threads > 1 and not shares_work(program):
+        raise InputError(
+            f"{problem.name}: threads_per_chain is {options.threads_per_chain}, expected 1: "
+            f"threads cannot share tests of the protocol {problem.protocol.name}."
+        )
+    return load_program(program, threads=threads)
 
 
 def complete_chains(

@@ -61,6 +61,7 @@ class _SamplerTable(Table):
     max_treedepth: int = DEFAULTS.max_treedepth
     coordinates: str = DEFAULTS.coordinates
     chain_timeout: float | None = None
+    threads_per_chain: int = DEFAULTS.threads_per_chain
 
 
 class _PlanFile(Table):

@@ -326,7 +326,7 @@ def test_the_mean_at_which_a_check_fails_is_told() -> None:
 
 def test_few_correct_models_fail() -> None:
     model = LinearModel.of_polynomials(POINTS, steps=1, degree=3)
-    assert_few_fail(model.fits(60, seed=9, draws=400), 60)
+    assert_few_fail(model.fits(30, seed=9, draws=400), 30)
 
 
 @pytest.mark.slow

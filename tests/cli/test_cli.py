@@ -125,6 +125,7 @@ def test_progress_goes_to_standard_error_and_is_said_once_at_every_call(
     arguments = [
         *("fit", str(small_problem.experiment_file), "--priors", str(small_problem.priors_file)),
         *("--out", str(tmp_path / "run"), "--chains", "2", "--warmup", "150", "--draws", "100"),
+        *("--adapt-delta", "0.8"),
     ]
     main(arguments)
     first = capsys.readouterr()
@@ -227,7 +228,18 @@ def test_a_fit_prints_table_and_checks_and_check_repeats_the_verdicts(
     arguments = [
         *("fit", str(small_problem.experiment_file)),
         *("--priors", str(small_problem.priors_file), "--out", str(run)),
-        *("--chains", "2", "--warmup", "150", "--draws", "50", "--seed", "3"),
+        *(
+            "--chains",
+            "2",
+            "--warmup",
+            "150",
+            "--draws",
+            "50",
+            "--seed",
+            "3",
+            "--adapt-delta",
+            "0.8",
+        ),
     ]
     code = main(arguments)
     out, error = capsys.readouterr()

@@ -14,6 +14,8 @@ from pyburgers.cli.main import main
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.flow_law_prior import FlowLawPrior
 
+pytestmark = pytest.mark.usefixtures("in_this_process")
+
 CURVE_PRIORS = str(ICE.parent / "priors" / "ice.toml")
 TABLE = str(ICE / "peak_stress_qi_goldsby_2021.toml")
 SHORT = ("--chains", "2", "--warmup", "200", "--draws", "400", "--seed", "2")
@@ -41,6 +43,7 @@ def test_a_comparison_is_a_table_points_a_record_and_a_figure(
     assert len(list(out.iterdir())) == 5
 
 
+@pytest.mark.slow
 def test_points_with_heavy_tails_are_left_out_in_earnest(
     small_fit: Fit, long_fit: Fit, tmp_path: Path
 ) -> None:

@@ -51,12 +51,15 @@ def test_a_full_standard_output_is_told(full: int, command: str) -> None:
         assert error.startswith("pyburgers: standard output or a file: No space left on device;")
 
 
-@pytest.mark.parametrize("closed", [(1,), (2,), (0, 1, 2)])
-def test_closed_streams_change_nothing_else(closed: tuple[int, ...]) -> None:
+@pytest.mark.parametrize(
+    ("closed", "command"),
+    [((1,), ["fitt"]), ((2,), ["fitt"]), ((0, 1, 2), ["check", "/nowhere"])],
+)
+def test_closed_streams_change_nothing_else(closed: tuple[int, ...], command: list[str]) -> None:
     closing = f"[os.close(number) for number in {closed}]"
     # Python itself has to find them closed.
     code = f"{closing}; os.execv({sys.executable!r}, [{sys.executable!r}, '-c', {PREAMBLE!r} + "
-    code += """'sys.exit(main(["check", "/nowhere"]))'])"""
+    code += f"{f'sys.exit(main({command}))'!r}])"
     assert ended(code)[0] == 2
 
 

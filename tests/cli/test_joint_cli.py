@@ -29,7 +29,18 @@ def arguments(small_problem: Problem, tmp_path: Path) -> list[str]:
     return [
         *("fit", str(small_problem.experiment_file), str(other)),
         *("--priors", str(small_problem.priors_file), "--out", str(tmp_path / "run")),
-        *("--chains", "2", "--warmup", "40", "--draws", "20", "--seed", "3"),
+        *(
+            "--chains",
+            "2",
+            "--warmup",
+            "40",
+            "--draws",
+            "20",
+            "--seed",
+            "3",
+            "--adapt-delta",
+            "0.8",
+        ),
     ]
 
 
@@ -50,6 +61,7 @@ def test_a_joint_fit_prints_its_tests_and_check_repeats_the_verdicts(
     assert re.findall(r"^(?:FAILED|passed|cannot tell)  .*$", checked, re.MULTILINE) == verdicts
 
 
+@pytest.mark.slow
 def test_a_killed_joint_fit_is_continued(
     programs: None, arguments: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -81,13 +81,18 @@ def plan(small_problem: Problem, tmp_path: Path) -> Path:
         seeds = {list(SEEDS)}
         tests.alone = ["{small_problem.experiment_file}"]
         priors.own = "{small_problem.priors_file}"
-        sampler = {{ chains = 2, warmup = {SMALL_RUN.warmup}, draws = {SMALL_RUN.draws} }}
+        [sampler]
+        chains = 2
+        warmup = {SMALL_RUN.warmup}
+        draws = {SMALL_RUN.draws}
+        adapt_delta = {SMALL_RUN.adapt_delta}
         """,
         encoding="utf-8",
     )
     return file
 
 
+@pytest.mark.slow
 def test_a_killed_worker_costs_its_task_and_results_are_those_of_this_machine(
     plan: Path, small_fit: Fit, tmp_path: Path, scheduler: str, workers: list[psutil.Process]
 ) -> None:

@@ -36,6 +36,7 @@ from pyburgers.protocols.problem import problem_of
 from pyburgers.report.comparison_sections import comparison_sections
 
 FloatArray = npt.NDArray[np.float64]
+pytestmark = pytest.mark.usefixtures("in_this_process")
 
 
 @pytest.fixture

@@ -1,5 +1,6 @@
 """Several records of oscillations fitted together."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,6 @@ from pyburgers.model.priors import default_priors
 from pyburgers.posterior.labelled_draws import total_log_likelihood
 from pyburgers.report.joint_section import joint_section
 from pyburgers.report.page import write_report
-from pyburgers.sampling.options import SamplerOptions
 
 FREE = ("kelvin_modulus", "activation_enthalpy", "stress_noise")
 
@@ -28,7 +28,7 @@ def joint(programs: None, tmp_path_factory: pytest.TempPathFactory) -> Fit:
         experiments,
         with_fixed(priors, known),
         out=tmp_path_factory.mktemp("joint") / "run",
-        options=SamplerOptions(chains=2, warmup=100, draws=50, seed=SMALL_RUN.seed),
+        options=replace(SMALL_RUN, warmup=100, draws=50),
     )
 
 

@@ -155,7 +155,7 @@ def fitted(programs: None, tmp_path_factory: pytest.TempPathFactory) -> Fit:
         [curve(), table()],
         with_fixed(priors(), known),
         out=tmp_path_factory.mktemp("both") / "run",
-        options=SamplerOptions(chains=2, warmup=150, draws=100, seed=3),
+        options=SamplerOptions(chains=2, warmup=100, draws=60, seed=3, adapt_delta=0.8),
     )
 
 

@@ -1,12 +1,13 @@
 """What holds for every protocol; `tests/support/protocol_examples.py` has tests of each."""
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 import pytest
-from conftest import with_fixed
+from conftest import sketch_pictures, with_fixed
 from log_density import Program, program_with
 from page import Page
 from protocol_examples import EXAMPLES
@@ -139,7 +140,10 @@ def truth_of(experiment: Experiment) -> dict[str, float]:
     return dict(experiment.true_parameters)
 
 
-def at_truth_or_mode(experiment: Experiment) -> AtMode[Experiment]:
+@cache
+def at_truth_or_mode(protocol: str, name: str) -> AtMode[Experiment]:
+    """The search for a mode takes seconds, and several tests start there."""
+    experiment = EXAMPLES[protocol].load(name)
     priors = default_priors(experiment.material, experiment.protocol)
     solver = SolverOptions(tolerance=1e-6)
     if experiment.true_parameters is not None:
@@ -149,9 +153,12 @@ def at_truth_or_mode(experiment: Experiment) -> AtMode[Experiment]:
     return at_mode(problem, mode, solver)
 
 
-def program_in(experiment: Experiment, system: str, folder: Path) -> tuple[Program, FloatArray]:
+def program_in(
+    name_of_protocol: str, name: str, system: str, folder: Path
+) -> tuple[Program, FloatArray]:
     """The program of a test in some coordinates, and those of its truth or mode."""
-    protocol, test = protocol_of(experiment), at_truth_or_mode(experiment)
+    experiment = EXAMPLES[name_of_protocol].load(name)
+    protocol, test = protocol_of(experiment), at_truth_or_mode(name_of_protocol, name)
     reference, centre = None, test.mode.coordinate
     if protocol.chart is not None and system == protocol.chart.name:
         reference, centre = protocol.chart.reference(test)
@@ -181,7 +188,7 @@ def test_the_density_is_prior_likelihood_and_jacobian(
     (priors,) = problem_of(
         [experiment], default_priors(experiment.material, experiment.protocol)
     ).priors
-    program, centre = program_in(experiment, what, tmp_path)
+    program, centre = program_in(protocol, name, what, tmp_path)
     rng = np.random.default_rng(5)
     # From close by to as far away as the prior reaches.
     for width in np.geomspace(0.1, 1.5, 4):
@@ -206,7 +213,7 @@ def test_the_density_is_prior_likelihood_and_jacobian(
 def test_the_gradient_is_the_slope_of_the_density(
     protocol: str, name: str, what: str, tmp_path: Path
 ) -> None:
-    program, centre = program_in(EXAMPLES[protocol].load(name), what, tmp_path)
+    program, centre = program_in(protocol, name, what, tmp_path)
     point = centre + 0.1 * np.random.default_rng(8).standard_normal(centre.size)
     gradient = program.at({"coordinate": point.tolist()}).gradient
     step = 1e-3
@@ -222,7 +229,10 @@ def test_the_gradient_is_the_slope_of_the_density(
 
 
 @cases("quick")
-def test_a_fit_is_kept_and_shown(protocol: str, name: str, sketched: None, tmp_path: Path) -> None:
+def test_a_fit_is_kept_and_shown(
+    protocol: str, name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    sketch_pictures(monkeypatch, drawn_once=True)
     example = EXAMPLES[protocol]
     experiment = example.load(name)
     priors = default_priors(experiment.material, experiment.protocol)
@@ -232,7 +242,7 @@ def test_a_fit_is_kept_and_shown(protocol: str, name: str, sketched: None, tmp_p
         experiment,
         with_fixed(priors, known),
         out=tmp_path / "run",
-        options=SamplerOptions(chains=2, warmup=60, draws=30, seed=1),
+        options=SamplerOptions(chains=2, warmup=60, draws=30, seed=1, adapt_delta=0.8),
     )
     kept = Fit.load(result.directory.path)
     assert_equal(kept.experiment, experiment)

@@ -16,19 +16,13 @@ from pyburgers.comparison.by_points import compare
 from pyburgers.comparison.results import comparison_table, sentences
 from pyburgers.drawing.page_parts import PageSection
 from pyburgers.fitting.fit import Fit
-from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress
-from pyburgers.flow_law_tables.inputs import (
-    default_peak_stress_priors,
-    least_squares,
-    load_peak_stress,
-)
+from pyburgers.flow_law_tables.fit import PeakStressFit
+from pyburgers.flow_law_tables.inputs import least_squares
 from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, Conditions, FlowLawPrior
 from pyburgers.model.priors import FLOW_LAW, with_flow_law
 from pyburgers.report.comparison_sections import LOG_RATE, comparison_sections
 from pyburgers.report.page import write_report
 from pyburgers.report.peak_stress_section import least_squares_table, peak_stress_section
-from pyburgers.sampling.options import SamplerOptions
-from pyburgers.studies.maor.reproduce import PEAK_STRESS_TABLE, shipped_data_directory
 
 LAW = FlowLawPrior(
     quantities=PRIOR_QUANTITIES,
@@ -139,16 +133,6 @@ def test_a_synthetic_curve_with_another_source_says_nothing_about_nature(
     assert "says nothing about nature" in " ".join(sections[1].paragraphs)
     measured = comparison_sections(pair(tmp_path, "measured"))
     assert "nature" not in " ".join(measured[1].paragraphs)
-
-
-@pytest.fixture(scope="module")
-def peak_stress(programs: None, tmp_path_factory: pytest.TempPathFactory) -> PeakStressFit:
-    return fit_peak_stress(
-        load_peak_stress(shipped_data_directory() / "ice" / f"{PEAK_STRESS_TABLE}.toml"),
-        default_peak_stress_priors("ice"),
-        out=tmp_path_factory.mktemp("peak") / "run",
-        options=SamplerOptions(chains=2, warmup=300, draws=1000, seed=3),
-    )
 
 
 def test_least_squares_of_the_measured_table_regress_what_was_measured(

@@ -37,7 +37,7 @@ def joint(tmp_path_factory: pytest.TempPathFactory) -> Fit:
         [creep_at(stress) for stress in LOADS],
         with_fixed(default_priors("ice"), known),
         out=tmp_path_factory.mktemp("fit") / "run",
-        options=SamplerOptions(chains=2, warmup=100, draws=50, seed=4),
+        options=SamplerOptions(chains=2, warmup=100, draws=50, seed=4, adapt_delta=0.8),
     )
 
 

@@ -93,6 +93,7 @@ def test_sums_of_elements_do_not_suit() -> None:
         LoadingHistoryValley().reference(two_elements)
 
 
+@pytest.mark.slow
 def test_the_mode_of_a_test_in_stages_is_found_from_the_prior() -> None:
     """From arbitrary draws of it a climb may end where noise takes all readings up."""
     problem = problem_of([history_twin("mixed", 40)], ICE)

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from conftest import ICE, Problem
+from conftest import ICE, Problem, stay_in_this_process
 from refusals import assert_refused
 
 from pyburgers.cli.main import main
@@ -31,7 +31,10 @@ from pyburgers.sbc.results import (
 )
 from pyburgers.sbc.run import Calibration, CalibrationPlan
 
-TINY = ("--simulations", "3", "--warmup", "40", "--draws", "20", "--ranked-draws", "19")
+TINY = (
+    *("--simulations", "3", "--warmup", "40", "--draws", "20", "--ranked-draws", "19"),
+    *("--adapt-delta", "0.8"),
+)
 RESULTS = ("verdicts.csv", "ranks.csv", "ranks.png", "ranks.svg")
 
 
@@ -127,7 +130,9 @@ def finished(
 ) -> Path:
     """Folder of a calibration done in one go."""
     out = tmp_path_factory.mktemp("calibration") / "out"
-    assert main(command(small_problem, out)) == 0
+    with pytest.MonkeyPatch.context() as patch:
+        stay_in_this_process(patch)
+        assert main(command(small_problem, out)) == 0
     return out
 
 
@@ -168,6 +173,7 @@ def test_every_data_set_is_a_file_and_the_manifest_says_how_to_repeat_it(
     assert "Unphysical draws: 0 of 3" in (finished / "calibration.md").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_a_killed_calibration_is_continued_to_the_same_result(
     small_problem: Problem, outcomes: dict[str, bytes], tmp_path: Path
 ) -> None:
@@ -187,6 +193,7 @@ def test_a_killed_calibration_is_continued_to_the_same_result(
     assert contents(out) == outcomes
 
 
+@pytest.mark.slow
 def test_parts_that_run_at_the_same_time_come_to_the_same_result(
     small_problem: Problem, outcomes: dict[str, bytes], tmp_path: Path
 ) -> None:

@@ -6,6 +6,10 @@ from pathlib import Path
 import numpy as np
 from conftest import ICE
 
+from pyburgers.model.flow_law_prior import GAS_CONSTANT
+from pyburgers.model.kelvin_laws import kelvin_law
+from pyburgers.model.priors import default_priors, load_priors, shipped_prior_file
+from pyburgers.model.variants import with_variant
 from pyburgers.protocols.attenuation.files import load_attenuation
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
 
@@ -54,3 +58,88 @@ def test_the_measured_tables_are_those_of_the_source() -> None:
         == 10
     )
     assert np.all(table.readings.is_limit[table.readings.tan_delta <= 1e-4])
+
+
+# Jackson and Faul (2010): several specimens together, and 6585; times (s) at 900 degrees Celsius.
+FITS_OF_THE_LITERATURE = (
+    {
+        "grain_size": 13.4e-6,
+        "enthalpy": 360e3,
+        "exponent": 1.31,
+        "band": 1.13,
+        "longest": 1e7,
+        "shortest": 1e-3,
+        "peak": 0.057,
+        "at_peak": 10**-3.4,
+        "maxwell": 10**7.48,
+    },
+    {
+        "grain_size": 3.1e-6,
+        "enthalpy": 327e3,
+        "exponent": 1.19,
+        "band": 1.4,
+        "longest": 1e6,
+        "shortest": 1e-2,
+        "peak": 0.07,
+        "at_peak": 10**-2.9,
+        "maxwell": 10**5.4,
+    },
+)
+
+
+def test_the_priors_of_a_peak_are_those_of_the_literature() -> None:
+    priors = load_priors(shipped_prior_file("olivine", "dissipation_peak")).priors
+    temperature = priors["kelvin_reference_temperature"].location
+    grain_size = priors["kelvin_reference_grain_size"].location
+    young, shear = 195e9, 66.5e9  # at room temperature; at 900 degrees
+    rows = []
+    for own in FITS_OF_THE_LITERATURE:
+        faster = np.exp(own["enthalpy"] / GAS_CONSTANT * (1 / temperature - 1 / 1173.15))
+        finer = grain_size / own["grain_size"]
+        # The shear modulus falls by 13.6 MPa/K.
+        viscosity = own["maxwell"] * faster * finer**3 * 3 * (shear - 300 * 13.6e6)
+        rows.append(
+            (
+                np.log(3 * shear / own["band"]),
+                np.log(own["longest"] * faster * finer ** own["exponent"]),
+                np.log10(own["longest"] / own["shortest"]),
+                np.log10(own["longest"] / own["at_peak"]),
+                np.log(own["peak"] * young / (3 * shear)),
+                np.log(viscosity),
+                own["exponent"],
+            )
+        )
+    modulus, time, decades, peak_decades, strength, viscosity, exponent = np.mean(rows, axis=0)
+    found = {
+        "kelvin_modulus": np.exp(modulus),
+        "kelvin_viscosity": np.exp(modulus + time),
+        "relaxation_time_decades": decades,
+        "peak_time_decades": peak_decades,
+        "peak_strength": np.exp(strength),
+        "kelvin_grain_size_exponent": exponent,
+    }
+    for name, expected in found.items():
+        np.testing.assert_allclose(priors[name].location, expected, rtol=0.04, err_msg=name)
+    spread = np.std(rows, axis=0, ddof=1)
+    np.testing.assert_allclose(priors["relaxation_time_decades"].scale, spread[2], rtol=0.04)
+    np.testing.assert_allclose(priors["peak_time_decades"].scale, spread[3], rtol=0.04)
+
+    enthalpy = priors["activation_enthalpy"].location
+    arrhenius = priors["beta"].location - 1 / (GAS_CONSTANT * temperature)
+    flowing = priors["grain_size_exponent"].location * np.log(grain_size) - enthalpy * arrhenius
+    np.testing.assert_allclose(flowing, viscosity, atol=0.04)
+    np.testing.assert_allclose(enthalpy * priors["beta"].scale, 1.0, rtol=0.01)
+
+
+def test_the_priors_of_a_peak_are_no_default_and_those_of_a_band_too() -> None:
+    table = load_attenuation(OLIVINE / "attenuation_A1802.toml")
+    usual = default_priors("olivine", "attenuation")
+    peak = load_priors(shipped_prior_file("olivine", "dissipation_peak"))
+    assert kelvin_law(usual.priors, "") == "linear"
+    assert kelvin_law(peak.priors, "") == "extended_peak"
+    band = with_variant(peak, table, {"kelvin": "extended"})
+    assert kelvin_law(band.priors, "") == "extended"
+    assert set(peak.free) - set(band.free) == {"peak_strength"}
+    same = ("maxwell_modulus", "kelvin_activation_enthalpy", "attenuation_scatter")
+    for name in same:
+        assert peak[name] == usual[name] == band[name]

@@ -1,18 +1,23 @@
-"""Density of joint fits: against fits of single tests, by hand, and its gradient."""
+"""Density of joint fits: against fits of single tests, by hand, its gradient, and in threads."""
 
+import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 import pytest
 from conftest import ICE, resolved_priors, valley_of
+from default_chains import sampled
 from log_density import Program, constant_rate_program
 from scipy import stats
 from stan_data import one_test_data, parameter_in
 
+from pyburgers.cmdstan.program import load_program
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import default_priors
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
+from pyburgers.protocols.constant_rate.protocol import PROTOCOL as CONSTANT_RATE
 from pyburgers.protocols.problem import Problem, problem_of
 from pyburgers.protocols.program_data import chart_block, program_data
 from pyburgers.protocols.stan_data import SolverOptions
@@ -164,3 +169,43 @@ def test_gradient_is_the_slope_of_the_density(system: str, tmp_path: Path) -> No
         assert gradient[k] == pytest.approx(
             (above - below) / (2 * step), rel=1e-3, abs=1e-4 * np.abs(gradient).max()
         )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("system", ["plain", "valley"])
+def test_threads_change_neither_density_nor_gradient(system: str, tmp_path: Path) -> None:
+    joint = problem(**PARTIAL[system])
+    alone = joint_program(joint, system, tmp_path)
+    shared = load_program(CONSTANT_RATE.program, threads=2)
+    shared_program = replace(alone, executable=shared.executable, threads=shared.threads)
+    coordinate = 0.3 * np.random.default_rng(7).standard_normal(joint.layout.size)
+    one, other = (
+        program.at({"coordinate": coordinate.tolist()}) for program in (alone, shared_program)
+    )
+    assert other.log_density == pytest.approx(one.log_density, rel=1e-12)
+    np.testing.assert_allclose(
+        other.gradient, one.gradient, rtol=1e-6, atol=1e-9 * np.abs(one.gradient).max()
+    )
+
+
+@pytest.mark.slow
+def test_draws_do_not_depend_on_the_number_of_threads(tmp_path: Path) -> None:
+    """Terms are summed up in one order, whichever thread is ready first."""
+    joint = problem()
+    joint_program(joint, "valley", tmp_path)
+    data = json.loads((tmp_path / "data.json").read_text(encoding="utf-8"))
+    one, two, three = (
+        sampled(
+            load_program(CONSTANT_RATE.program, threads=threads),
+            {**data, "tolerance": 1e-5},
+            tmp_path / f"{threads}",
+            chains=1,
+            seed=3,
+            warmup=20,
+            draws=20,
+            algorithm=("engine=nuts", "max_depth=4", "stepsize=0.05"),
+        )
+        for threads in (2, 2, 3)
+    )
+    np.testing.assert_array_equal(two.values, one.values)
+    np.testing.assert_array_equal(three.values, one.values)

@@ -14,7 +14,7 @@ from stan_data import one_test_data, parameters_in
 from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.comparison.same_data import data_hash
-from pyburgers.fitting.fit import fit, fit_jointly
+from pyburgers.fitting.fit import Fit, fit, fit_jointly
 from pyburgers.posterior.labelled_draws import response_in, total_log_likelihood
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
 from pyburgers.protocols.forward import simulate
@@ -27,7 +27,7 @@ FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
 
 TIGHT = SolverOptions(tolerance=1e-10, max_num_steps=1_000_000)
-QUICK = SamplerOptions(chains=2, warmup=60, draws=30, seed=1)
+QUICK = SamplerOptions(chains=2, warmup=60, draws=30, seed=1, adapt_delta=0.8)
 MEASURED = (
     MeasuredMicrostructure(0.05, 200e-6, 10e-6),
     MeasuredMicrostructure(0.15, 170e-6, 8e-6, 0.7, 0.05),
@@ -93,7 +93,7 @@ def test_a_grain_size_that_follows_a_piezometer_is_measured_too() -> None:
     assert np.abs(expected - expected_log_density(experiment, evolving)).max() > 0.1
 
 
-def test_draws_keep_it_apart(small_problem: Problem, tmp_path: Path) -> None:
+def test_draws_keep_it_apart(small_problem: Problem, small_fit: Fit, tmp_path: Path) -> None:
     """And it counts as data: in influences of the prior, and where fits are compared."""
     one = small_problem.experiment
     rows = (MeasuredMicrostructure(0.01, 220e-6, 5e-6), *MEASURED[1:])
@@ -101,7 +101,6 @@ def test_draws_keep_it_apart(small_problem: Problem, tmp_path: Path) -> None:
     other = replace(one, id="other", microstructure=())
     measured = replace(one, microstructure=seen)
     single = fit(measured, small_problem.priors, out=tmp_path / "single", options=QUICK)
-    bare = fit(one, small_problem.priors, out=tmp_path / "bare", options=QUICK)
     joint = fit_jointly(
         [other, measured], small_problem.priors, out=tmp_path / "joint", options=QUICK
     )
@@ -120,8 +119,8 @@ def test_draws_keep_it_apart(small_problem: Problem, tmp_path: Path) -> None:
     own = joint[one.id].posterior
     assert own["microstructure"].to_dataset().equals(joint.posterior["microstructure"].to_dataset())
     np.testing.assert_allclose(total_log_likelihood(own), total_log_likelihood(joint.posterior))
-    assert "microstructure" not in bare.posterior.children
+    assert "microstructure" not in small_fit.posterior.children
     assert "microstructure" not in joint["other"].posterior.children
-    assert data_hash(bare) != data_hash(single)
+    assert data_hash(small_fit) != data_hash(single)
     ratio = single.posterior["sample_stats"]["solver_log_ratio"]
     assert float(np.abs(ratio).max()) < 0.1

@@ -1,6 +1,7 @@
 """Flow law from peak stresses: known truths, priors, densities, hand-over, run directory."""
 
 import json
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
@@ -9,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import oracle
 import pytest
-from conftest import ICE, with_fixed
+from conftest import ICE, PEAK_STRESS_RUN, with_fixed
 from independent_table import TRUTHS
 from scipy import stats
 
@@ -36,13 +37,12 @@ from pyburgers.flow_law_tables.inputs import (
     load_peak_stress,
     with_curve_flow_law,
 )
-from pyburgers.flow_law_tables.softening import SofteningPrior, simulate_peaks
+from pyburgers.flow_law_tables.softening import SofteningPrior, simulate_peaks, softening_prior
 from pyburgers.model.flow_law_prior import FLOW_LAW_PRIOR_FILE, FlowLawPrior
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import FLOW_LAW, PriorSet, default_priors
 from pyburgers.protocols.experiment import Provenance
 from pyburgers.report.peak_stress_section import flow_law, flow_law_table
-from pyburgers.sampling.options import SamplerOptions
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -54,7 +54,6 @@ SOFTENING = SofteningPrior(
     n_effective=100.0,
 )
 
-OPTIONS = SamplerOptions(chains=2, warmup=400, draws=1000, seed=3)
 TRUTH = {
     "maxwell_modulus": 4e9,
     "kelvin_modulus": 5e9,
@@ -145,41 +144,58 @@ def posterior_draws(fit: PeakStressFit, name: str, *, group: str = "posterior") 
     return all_draws(fit.posterior[group].to_dataset()[name])
 
 
-@pytest.fixture(scope="module")
-def ice_fit(tmp_path_factory: pytest.TempPathFactory) -> PeakStressFit:
-    out = tmp_path_factory.mktemp("peak_stress") / "run"
-    return fit_peak_stress(qi_and_goldsby(), default_peak_stress_priors("ice"), out=out)
+@pytest.fixture(autouse=True, scope="module")
+def softening_once(peak_stress: PeakStressFit) -> Iterator[None]:
+    """Simulate the softening of a table once, however many fits of it there are."""
+    published = (peak_stress.data.stress.tobytes(), PEAK_STRESS_RUN.seed)
+    known = {published: peak_stress.softening}
+
+    def once(data: PeakStressData, curve: PriorSet, *, seed: int) -> SofteningPrior:
+        key = (data.stress.tobytes(), seed)
+        if key not in known:
+            known[key] = softening_prior(data, curve, seed=seed)
+        return known[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("pyburgers.flow_law_tables.fit.softening_prior", once)
+        yield
 
 
 def test_the_peaks_of_the_published_table_have_the_exponents_of_least_squares(
-    ice_fit: PeakStressFit,
+    peak_stress: PeakStressFit,
 ) -> None:
-    data = ice_fit.data
+    data = peak_stress.data
     design = np.column_stack(
         [np.log(data.strain_rate), np.log(data.grain_size), np.ones(data.n_points)]
     )
     log_stress = np.log(data.stress)
     slopes, (residual,), *_ = np.linalg.lstsq(design, log_stress)
     error = np.sqrt(residual / (data.n_points - 3) * np.linalg.inv(design.T @ design)[0, 0])
-    softening = posterior_draws(ice_fit, "softening", group="predictions")
-    slope = 1 / posterior_draws(ice_fit, "stress_exponent")
+    softening = posterior_draws(peak_stress, "softening", group="predictions")
+    slope = 1 / posterior_draws(peak_stress, "stress_exponent")
     across_peaks = (slope - softening[:, 1]) / (1 + softening[:, 2])
     assert across_peaks.mean() == pytest.approx(slopes[0], abs=0.5 * error)
     assert across_peaks.std() == pytest.approx(error, rel=0.2)
     scatter = np.sqrt(residual / (data.n_points - 3))
-    assert ice_fit.summary("SI")["mean"]["stress_scatter"] == pytest.approx(scatter, rel=0.2)
-    assert all(check.passed for check in ice_fit.checks())
+    assert peak_stress.summary("SI")["mean"]["stress_scatter"] == pytest.approx(scatter, rel=0.2)
+    assert all(check.passed for check in peak_stress.checks())
 
 
-def test_a_single_temperature_leaves_the_activation_enthalpy_open(ice_fit: PeakStressFit) -> None:
+def test_a_single_temperature_leaves_the_activation_enthalpy_open(
+    peak_stress: PeakStressFit,
+) -> None:
     # The level of the rates ties Q_M to beta; beta itself stays as its prior was.
-    summary = ice_fit.summary("SI")
+    summary = peak_stress.summary("SI")
     assert summary["sd"]["beta"] > 0.7 * summary["prior_sd"]["beta"]
 
 
+@pytest.mark.slow
 def test_scattered_peaks_recover_the_whole_law(tmp_path: Path) -> None:
     fit = fit_peak_stress(
-        made_up(60), default_peak_stress_priors("ice"), out=tmp_path / "run", options=OPTIONS
+        made_up(60),
+        default_peak_stress_priors("ice"),
+        out=tmp_path / "run",
+        options=PEAK_STRESS_RUN,
     )
     for name in FLOW_LAW:
         draws = posterior_draws(fit, name)
@@ -198,14 +214,19 @@ def z_values(fit: PeakStressFit, truth: dict[str, float]) -> FloatArray:
     return distance
 
 
+@pytest.mark.slow
 def test_noise_free_peaks_give_back_the_law(tmp_path: Path) -> None:
     fit = fit_peak_stress(
-        peaks_of(TRUTH), default_peak_stress_priors("ice"), out=tmp_path / "run", options=OPTIONS
+        peaks_of(TRUTH),
+        default_peak_stress_priors("ice"),
+        out=tmp_path / "run",
+        options=PEAK_STRESS_RUN,
     )
     assert np.abs(z_values(fit, TRUTH)).max() < 0.7
     assert abs(fit.summary("SI")["mean"]["stress_exponent"] - TRUTH["stress_exponent"]) < 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "of_curve", "largest"),
     [("PIL40", False, 2.0), ("PIL40", True, 3.0), ("PIL72", True, 2.0)],
@@ -221,7 +242,7 @@ def test_late_peaks_do_not_pass_their_softening_for_flow(
     priors = default_peak_stress_priors("ice")
     if of_curve:
         priors = with_curve_flow_law(priors, default_priors("ice"))
-    short = replace(OPTIONS, draws=500)
+    short = replace(PEAK_STRESS_RUN, draws=500)
     fit = fit_peak_stress(table, priors, out=tmp_path / "run", options=short)
     assert np.abs(z_values(fit, truth)).max() < largest
     assert abs(z_values(fit, truth)[1]) < 1.5
@@ -230,19 +251,22 @@ def test_late_peaks_do_not_pass_their_softening_for_flow(
     assert abs(n - truth["stress_exponent"]) < 0.75 * abs(across_peaks - truth["stress_exponent"])
 
 
-def test_the_scatter_between_tests_is_in_the_prior_of_another_one(ice_fit: PeakStressFit) -> None:
-    law = flow_law_prior(ice_fit)
-    of_all = np.log(posterior_draws(ice_fit, "reference_flow_rate"))
-    n, scatter = (posterior_draws(ice_fit, k) for k in ("stress_exponent", "stress_scatter"))
+def test_the_scatter_between_tests_is_in_the_prior_of_another_one(
+    peak_stress: PeakStressFit,
+) -> None:
+    law = flow_law_prior(peak_stress)
+    of_all = np.log(posterior_draws(peak_stress, "reference_flow_rate"))
+    n, scatter = (posterior_draws(peak_stress, k) for k in ("stress_exponent", "stress_scatter"))
     expected = np.var(of_all) + np.mean((n * scatter) ** 2)
     assert law.covariance[2, 2] == pytest.approx(expected, rel=0.05)
     assert np.sqrt(law.covariance[2, 2]) > 0.18
 
 
+@pytest.mark.slow
 def test_uncertain_stresses_are_no_scatter_between_tests(tmp_path: Path) -> None:
     data = made_up(100, uncertainty=0.1, seed=2)
     priors = default_peak_stress_priors("ice")
-    short = replace(OPTIONS, draws=300)
+    short = replace(PEAK_STRESS_RUN, draws=300)
     known = fit_peak_stress(data, priors, out=tmp_path / "known", options=short)
     ignored = fit_peak_stress(
         replace(data, relative_stress_uncertainty=np.zeros(100)),
@@ -255,6 +279,7 @@ def test_uncertain_stresses_are_no_scatter_between_tests(tmp_path: Path) -> None
     assert posterior_draws(known, "stress_scatter").mean() < 0.7 * total
 
 
+@pytest.mark.slow
 def test_without_likelihood_the_draws_are_the_prior_s(tmp_path: Path) -> None:
     # Each weight is moderate, so that 1/RT - beta stays positive for practically every draw.
     priors = default_peak_stress_priors("ice")
@@ -262,7 +287,7 @@ def test_without_likelihood_the_draws_are_the_prior_s(tmp_path: Path) -> None:
         qi_and_goldsby(),
         priors,
         out=tmp_path / "run",
-        options=replace(OPTIONS, draws=2500),
+        options=replace(PEAK_STRESS_RUN, draws=2500),
         use_likelihood=False,
     )
     for name, prior in priors.priors.items():
@@ -321,37 +346,37 @@ def test_density_is_prior_plus_likelihood_plus_jacobian(
     assert float(found["log_jacobian"]) == pytest.approx(log_determinant, abs=1e-5)
 
 
-def test_predictions_lie_on_the_law_and_on_the_peaks(ice_fit: PeakStressFit) -> None:
-    predictions = ice_fit.posterior["predictions"].to_dataset()
+def test_predictions_lie_on_the_law_and_on_the_peaks(peak_stress: PeakStressFit) -> None:
+    predictions = peak_stress.posterior["predictions"].to_dataset()
     rate, of_peak = (all_draws(predictions[k]) for k in ("strain_rate", "peak_strain_rate"))
     stress = predictions["stress"].to_numpy()
     slope = np.log(rate[..., -1] / rate[..., 0]) / np.log(stress[:, -1] / stress[:, 0])
-    exponent = posterior_draws(ice_fit, "stress_exponent")
+    exponent = posterior_draws(peak_stress, "stress_exponent")
     np.testing.assert_allclose(slope, np.broadcast_to(exponent[:, None], slope.shape), rtol=1e-5)
     # At the rate of a peak, the peak has the stress that it was asked for.
-    values = {p.name: posterior_draws(ice_fit, p.name)[7] for p in FLOW_LAW_PARAMETERS}
-    softening = posterior_draws(ice_fit, "softening", group="predictions")[7]
-    (group, _) = groups(ice_fit.data)
-    log_stress = oracle_log_stress(values, softening, ice_fit.data)
+    values = {p.name: posterior_draws(peak_stress, p.name)[7] for p in FLOW_LAW_PARAMETERS}
+    softening = posterior_draws(peak_stress, "softening", group="predictions")[7]
+    (group, _) = groups(peak_stress.data)
+    log_stress = oracle_log_stress(values, softening, peak_stress.data)
     table = np.interp(
-        np.log(ice_fit.data.strain_rate[group.points]), np.log(of_peak[7, 0]), np.log(stress[0])
+        np.log(peak_stress.data.strain_rate[group.points]), np.log(of_peak[7, 0]), np.log(stress[0])
     )
     enthalpy = values["activation_enthalpy"] / oracle.GAS_CONSTANT / values["stress_exponent"]
-    warmer = 1 / ice_fit.data.temperature[group.points] - 1 / group.temperature
+    warmer = 1 / peak_stress.data.temperature[group.points] - 1 / group.temperature
     moved = enthalpy * warmer / (1 + softening[2])
     np.testing.assert_allclose(log_stress[group.points], table + moved, atol=2e-4)
 
 
 def test_a_run_is_read_back_and_continued_without_sampling(
-    ice_fit: PeakStressFit, capsys: pytest.CaptureFixture[str]
+    peak_stress: PeakStressFit, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = ice_fit.directory.path
+    path = peak_stress.directory.path
     loaded = PeakStressFit.load(path)
-    assert loaded.priors == ice_fit.priors
-    assert loaded.summary("SI").equals(ice_fit.summary("SI"))
-    before = {chain: record["sha256"] for chain, record in ice_fit.manifest["chains"].items()}
+    assert loaded.priors == peak_stress.priors
+    assert loaded.summary("SI").equals(peak_stress.summary("SI"))
+    before = {chain: record["sha256"] for chain, record in peak_stress.manifest["chains"].items()}
     capsys.readouterr()
-    again = fit_peak_stress(ice_fit.data, ice_fit.priors, out=path)
+    again = fit_peak_stress(peak_stress.data, peak_stress.priors, out=path, options=PEAK_STRESS_RUN)
     assert {k: record["sha256"] for k, record in again.manifest["chains"].items()} == before
     assert "iterations" not in capsys.readouterr().err
     assert again.manifest["status"] == "complete"
@@ -362,25 +387,27 @@ def test_a_run_is_read_back_and_continued_without_sampling(
     assert all(check["passed"] for check in checks)
 
 
-def test_other_inputs_and_other_runs_are_refused(ice_fit: PeakStressFit, small_fit: Fit) -> None:
-    path = ice_fit.directory.path
+def test_other_inputs_and_other_runs_are_refused(
+    peak_stress: PeakStressFit, small_fit: Fit
+) -> None:
+    path = peak_stress.directory.path
     with pytest.raises(InputError, match="holds a run of other inputs"):
-        fit_peak_stress(made_up(10), ice_fit.priors, out=path)
+        fit_peak_stress(peak_stress.data, with_bounded_enthalpy(peak_stress.priors), out=path)
     with pytest.raises(InputError, match="is not a fit of a table of peak stresses"):
         PeakStressFit.load(small_fit.directory.path)
 
 
-def test_the_flow_law_is_handed_on_as_json(ice_fit: PeakStressFit) -> None:
-    prior = FlowLawPrior.load(ice_fit.directory.path / FLOW_LAW_PRIOR_FILE)
+def test_the_flow_law_is_handed_on_as_json(peak_stress: PeakStressFit) -> None:
+    prior = FlowLawPrior.load(peak_stress.directory.path / FLOW_LAW_PRIOR_FILE)
     assert prior.quantities[2] == "log_reference_flow_rate"
-    np.testing.assert_array_equal(prior.mean, flow_law_prior(ice_fit).mean)
-    assert prior.tests == ice_fit.data.tests
+    np.testing.assert_array_equal(prior.mean, flow_law_prior(peak_stress).mean)
+    assert prior.tests == peak_stress.data.tests
     assert len(prior.tests) == 23
-    assert prior.mean[0] == pytest.approx(ice_fit.summary("SI")["mean"]["stress_exponent"])
+    assert prior.mean[0] == pytest.approx(peak_stress.summary("SI")["mean"]["stress_exponent"])
     assert np.sqrt(prior.covariance[1, 1]) == pytest.approx(
-        ice_fit.summary("SI")["sd"]["grain_size_exponent"]
+        peak_stress.summary("SI")["sd"]["grain_size_exponent"]
     )
-    assert prior.conditions == ice_fit.data.mean_conditions
+    assert prior.conditions == peak_stress.data.mean_conditions
     assert prior.material == "ice"
     assert prior.source.startswith("peak_stress_qi_goldsby_2021: Qi, C. and Goldsby")
     np.linalg.cholesky(prior.covariance)
@@ -410,7 +437,7 @@ def test_a_file_that_is_no_flow_law_is_refused(tmp_path: Path, content: str, exp
 
 def test_a_fixed_parameter_is_sampled_around_but_not_handed_on(tmp_path: Path) -> None:
     priors = with_fixed(default_peak_stress_priors("ice"), {"grain_size_exponent": 0.6})
-    fit = fit_peak_stress(qi_and_goldsby(), priors, out=tmp_path / "run", options=OPTIONS)
+    fit = fit_peak_stress(qi_and_goldsby(), priors, out=tmp_path / "run", options=PEAK_STRESS_RUN)
     assert "grain_size_exponent" not in fit.summary("SI").index
     assert not (tmp_path / "run" / FLOW_LAW_PRIOR_FILE).exists()
     with pytest.raises(InputError, match=r"grain_size_exponent is fixed, expected .*\.$"):
@@ -418,10 +445,10 @@ def test_a_fixed_parameter_is_sampled_around_but_not_handed_on(tmp_path: Path) -
     assert flow_law_table(fit)["prior"].tolist()[1] == "fixed"
 
 
-def test_table_and_figure_show_every_quantity_and_group(ice_fit: PeakStressFit) -> None:
-    table = flow_law_table(ice_fit)
+def test_table_and_figure_show_every_quantity_and_group(peak_stress: PeakStressFit) -> None:
+    table = flow_law_table(peak_stress)
     assert table["symbol"].tolist() == ["n", "p", "Q_M", "β", "s_σ", "ε̇_0"]
-    figure = flow_law(ice_fit)
+    figure = flow_law(peak_stress)
     (axes,) = figure.axes
     labels = axes.get_legend_handles_labels()[1]
     assert [label for label in labels if label.startswith("tests")] == ["tests (18)", "tests (5)"]

@@ -50,7 +50,9 @@ def test_a_test_without_solution_is_told() -> None:
         simulate_peaks("ice", [{**MATERIAL, "activation_enthalpy": 1e7}], **CONDITIONS)
 
 
-def test_the_prior_of_the_softening_is_that_of_materials_with_the_table_s_peak() -> None:
+def test_the_prior_of_the_softening_is_that_of_materials_with_the_table_s_peak(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     table = load_peak_stress(ICE / "peak_stress_qi_goldsby_2021.toml")
     curve = default_priors("ice")
     anywhere = softening_prior(replace(table, peak_strain=None), curve, seed=1)
@@ -63,8 +65,9 @@ def test_the_prior_of_the_softening_is_that_of_materials_with_the_table_s_peak()
     for prior in (anywhere, late):
         assert 0.02 < np.exp(prior.coefficients[0, 0]) < 0.12
         assert 0.3 < prior.factor[0, 0] < 1.0
-    again = softening_prior(table, curve, seed=1)
-    np.testing.assert_array_equal(again.coefficients, late.coefficients)
+    again = softening_prior(replace(table, peak_strain=None), curve, seed=1)
+    np.testing.assert_array_equal(again.coefficients, anywhere.coefficients)
+    monkeypatch.setattr(softening, "N_CANDIDATES", 300)  # none of which has such a peak
     impossible = replace(table, peak_strain=PeakStrain(0.15, 0.005))
     with pytest.raises(InputError, match=r"key 'peak_strain': found 0\.15, but nine in ten peaks"):
         softening_prior(impossible, curve, seed=1)

@@ -117,6 +117,7 @@ def assert_prior_marginals(
         assert p_value > family_wise_level / len(priors.free), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_without_likelihood_draws_have_the_priors_marginals(
     kind: str, short_test: ConstantRateExperiment, tmp_path: Path

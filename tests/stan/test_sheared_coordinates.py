@@ -360,6 +360,7 @@ def test_the_stretch_of_the_flow_rate_does_not_depend_on_its_slopes_at_the_mode(
     assert -5 < moderate < 10
 
 
+@pytest.mark.slow
 def test_a_record_whose_loss_is_all_the_dashpots_is_smooth_in_its_coordinates(
     tmp_path: Path,
 ) -> None:
@@ -439,6 +440,7 @@ def priors_about_the_truth(experiment: OscillationExperiment) -> PriorSet:
     return with_priors(priors, {prior.parameter: prior for prior in narrower})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("sheared", "priors_of"),
     [(None, resolved_priors), (REFERENCE, priors_about_the_truth)],

@@ -16,6 +16,8 @@ from pyburgers.model.priors import save_priors
 from pyburgers.protocols.protocol import save_experiment
 from pyburgers.studies.campaign import load_campaign
 
+pytestmark = pytest.mark.usefixtures("in_this_process")
+
 PLAN = f"""
 id = "small"
 seeds = [{SMALL_RUN.seed}, 12]
@@ -30,6 +32,7 @@ own = "inputs/priors.toml"
 chains = {SMALL_RUN.chains}
 warmup = {SMALL_RUN.warmup}
 draws = {SMALL_RUN.draws}
+adapt_delta = {SMALL_RUN.adapt_delta}
 """
 
 NAMES = [f"alone-standard-own-seed{seed}" for seed in (SMALL_RUN.seed, 12)]

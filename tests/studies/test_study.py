@@ -18,6 +18,9 @@ from pyburgers.common.draws import all_draws
 from pyburgers.drawing.page_parts import PageSection
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.side_by_side import Task
+from pyburgers.flow_law_tables.fit import PeakStressFit
+from pyburgers.flow_law_tables.inputs import PeakStressData
+from pyburgers.model.priors import PriorSet
 from pyburgers.predictions.attenuation import predict_attenuation
 from pyburgers.predictions.attenuation_tables import quantile_table
 from pyburgers.predictions.measured_attenuation import MeasuredAttenuation
@@ -286,9 +289,12 @@ def test_without_olivine_the_page_has_neither_preparation_nor_its_statements(
 
 
 def test_the_study_fits_every_experiment_and_shows_all_of_it(
-    programs: None, joint: Fit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    joint: Fit, peak_stress: PeakStressFit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shown: dict[str, Any] = {}
+
+    def of_peaks(data: PeakStressData, priors: PriorSet, **_: object) -> PeakStressFit:
+        return replace(peak_stress, data=data, priors=priors)
 
     def quickly(tasks: Mapping[str, Task], folder: Path, **_: object) -> dict[str, Fit]:
         return {name: made(task.problem, folder / name) for name, task in tasks.items()}
@@ -315,6 +321,7 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
         shown.update(fits=fits, **arguments)
         return out / "index.html"
 
+    monkeypatch.setattr("pyburgers.studies.maor.reproduce.fit_peak_stress", of_peaks)
     monkeypatch.setattr("pyburgers.studies.maor.reproduce.fit_side_by_side", quickly)
     monkeypatch.setattr("pyburgers.studies.maor.reproduce.write_report", written)
     monkeypatch.setattr(

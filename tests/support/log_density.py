@@ -44,6 +44,8 @@ class Program:
         Unconstrained coordinates, shape (n,), from the columns of the program's output.
     scale
         Typical size of the unconstrained coordinates, shape (n,).
+    threads
+        That the program runs in.
     """
 
     executable: Path
@@ -51,6 +53,7 @@ class Program:
     folder: Path
     unconstrain: Unconstrain
     scale: FloatArray
+    threads: int = 1
 
     def columns_at(self, initial_values: Mapping[str, object]) -> Mapping[str, float]:
         """Columns of the output at the given values of the program's parameters."""
@@ -79,7 +82,7 @@ class Program:
         # A step of size 1 in coordinates scaled by `step`.
         metric = {"inv_metric": (step**2).tolist()}
         files["metric"].write_text(json.dumps(metric), encoding="utf-8")
-        running = CompiledProgram(self.executable).start(
+        running = CompiledProgram(self.executable, self.threads).start(
             [
                 *("method=sample", "num_samples=1", "num_warmup=0"),
                 *("adapt", "engaged=0", "algorithm=hmc", "engine=static", "int_time=1"),

@@ -15,6 +15,7 @@ functions {
 #include statistics/priors_of_test.stan
 #include charts/plain.stan
 #include charts/pooling.stan
+#include charts/stretched.stan
 #include protocols/attenuation_response.stan
 }
 data {
@@ -22,6 +23,7 @@ data {
 #include data/attenuation.stan
 #include data/priors.stan
 #include data/coordinates.stan
+#include data/stretched.stan
 #include data/solver.stan
   array[n_tests] real<lower=0> stress_scale; // Pa, of the sampled flow rate
 }
@@ -30,6 +32,10 @@ transformed data {
   int n_grid = reading_grid_end[n_tests + 1];
   array[n_tests] vector[n_parameters()] prior_mass
     = prior_log_masses(prior_family, prior_location, prior_scale, prior_lower, prior_upper);
+  array[n_tests] int flow_place; // of the flow rate among a test's own ones, 0: it has none
+  for (e in 1 : n_tests) {
+    flow_place[e] = replaced_parameter[e] > 0 ? own_place[e, replaced_parameter[e]] : 0;
+  }
 }
 parameters {
   vector[n_coordinates] coordinate;
@@ -37,19 +43,28 @@ parameters {
 transformed parameters {
 #include charts/parameters_of_tests.stan
   vector[n_tests] log_reference; // ln of the flow rate (s) at stress_scale and d_0
+  vector[own_end[n_tests + 1]] plain_coordinate; // of the tests' own parameters
   for (e in 1 : n_tests) {
 #include charts/given_parameters.stan
-    vector[n_parameters() + 1] mapped
-      = parameters_from_plain(coordinate[own_position[own]], own_parameter[own], quantity[own],
-                              given, replaced_parameter[e], 0, log(stress_scale[e]),
-                              initial_grain_size[e], temperature[e]);
+    vector[size(own) + 1] plain = append_row(coordinate[own_position[own]], 0);
+    vector[n_parameters() + 1] mapped;
+    if (coordinate_system == 2) {
+      plain = plain_from_stretched(coordinate[own_position[own]], given, own_place[e],
+                                   quantity[own], flow_place[e], stretched_unit[own],
+                                   stretched_slope[own], stretched_reference[e]);
+    }
+    plain_coordinate[own] = head(plain, size(own));
+    mapped = parameters_from_plain(plain_coordinate[own], own_parameter[own], quantity[own],
+                                   given, replaced_parameter[e], 0, log(stress_scale[e]),
+                                   initial_grain_size[e], temperature[e]);
     parameter[e] = head(mapped, n_parameters());
     log_reference[e] = log_flow_rate(stress_scale[e], initial_grain_size[e], temperature[e],
                                      parameter[e][i_stress_exponent()],
                                      parameter[e][i_grain_size_exponent()],
                                      parameter[e][i_activation_enthalpy()],
                                      parameter[e][i_beta()]);
-    log_jacobian += pooled[n_parameters() + 1] + mapped[n_parameters() + 1];
+    log_jacobian += pooled[n_parameters() + 1] + plain[size(own) + 1]
+                    + mapped[n_parameters() + 1];
     log_pooling += pooled[n_parameters() + 2];
   }
 #include statistics/prior_density.stan
@@ -80,6 +95,12 @@ generated quantities {
   vector[n_points] log_lik;
   // Of the coordinates, as the model block has it; here for runs of this block by itself.
   real log_density = lprior + log_jacobian + log_pooling;
+  // What the chart is set up with: ln of the largest share of the loss of a row that the dashpot
+  // carries; ln of the mean time (s) of the cycles, slowed as relaxation is, at the temperature and
+  // grain size of the Kelvin viscosity; the coordinates there.
+  vector[n_tests] log_dashpot_share;
+  vector[n_tests] log_middle_time;
+  vector[own_end[n_tests + 1]] stretched_coordinate;
   vector[n_grid] grid_log_reading; // ln(tan delta) or ln(modulus / Pa)
   vector[n_grid] grid_log_reading_replicated;
   vector[n_grid] grid_log_relaxation_time; // the longest of the Kelvin part, ln s
@@ -90,6 +111,21 @@ generated quantities {
     log_reading_model[points] = read;
     log_reading_replicated[points] = replicated;
     log_lik[points] = log_density_of_readings;
+    log_dashpot_share[e]
+      = largest_log_dashpot_share(parameter[e], frequency[here], row_temperature[here],
+                                  initial_grain_size[e], conversion[e], regime[here],
+                                  median_stress[regimes], amplitude[regimes],
+                                  node_end[regime_end[e] + 1 : regime_end[e + 1] + 1], node);
+    log_middle_time[e] = log(parameter[e][i_kelvin_viscosity()]
+                             / parameter[e][i_kelvin_modulus()])
+                         - mean(log(frequency[here])
+                                + log_relaxation_times(parameter[e], row_temperature[here],
+                                                       initial_grain_size[e]));
+    stretched_coordinate[part(own_end, e)]
+      = stretched_from_plain(plain_coordinate[part(own_end, e)], parameter[e], own_place[e],
+                             quantity[part(own_end, e)], flow_place[e],
+                             stretched_unit[part(own_end, e)],
+                             stretched_slope[part(own_end, e)], stretched_reference[e]);
     if (use_likelihood) {
       log_density += sum(log_lik[points]);
     }

@@ -50,7 +50,7 @@ SMALL_RUN = SamplerOptions(chains=2, warmup=150, draws=100, seed=11, adapt_delta
 """With longer steps than by default: three parameters need no more."""
 
 LONG_RUN = replace(SMALL_RUN, warmup=300, draws=800)
-"""Long enough to pass all checks, and for a signal to hit the sampling."""
+"""Long enough to pass all checks."""
 
 
 PEAK_STRESS_RUN = SamplerOptions(chains=2, warmup=400, draws=1000, seed=3)
@@ -184,14 +184,17 @@ def function_values(programs: None) -> FunctionValues:
     return values
 
 
-def sketch_pictures(patch: pytest.MonkeyPatch) -> None:
-    """Draw each figure of a page once and coarsely; layout and rendering are most of its work."""
+def sketch_pictures(patch: pytest.MonkeyPatch, *, drawn_once: bool = False) -> None:
+    """Leave the figures of a page undrawn, or draw each once and coarsely.
+
+    Layout and rendering are most of the work of a page.
+    """
     drawn: WeakSet[Figure] = WeakSet()
 
     def sketch(figure: Figure, kind: str) -> bytes:
         if kind == "png":
             return b"\x89PNG"
-        if figure not in drawn:  # it comes again for the file beside the page
+        if drawn_once and figure not in drawn:  # it comes again for the file beside the page
             figure.set_layout_engine(None)
             figure.draw_without_rendering()
             drawn.add(figure)

@@ -64,9 +64,10 @@ class AtMode(Generic[E]):
     solution : callable
         Receives positions on the clock (SI), returns the solution there
         (`pyburgers.protocols.program_data.solve`).
-    generated, curvature : callable
-        Receive changed entries of the data; return every variable of the program, and the Hessian
-        of minus the log density by the plain coordinates.
+    generated, curvature, covariance : callable
+        Receive changed entries of the data (the last a position before them); return every variable
+        of the program, the Hessian of minus the log density by the plain coordinates, and the
+        Laplace approximation at the position.
     """
 
     experiment: E
@@ -77,6 +78,7 @@ class AtMode(Generic[E]):
     solution: Callable[[FloatArray], dict[str, FloatArray]]
     generated: Callable[..., dict[str, FloatArray]]
     curvature: Callable[..., FloatArray]
+    covariance: Callable[..., FloatArray]
 
 
 class Chart(ABC, Generic[E]):

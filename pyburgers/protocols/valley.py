@@ -7,7 +7,7 @@ is all that depends on it.
 """
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -48,6 +48,12 @@ SMALL_PART = 0.1
 
 NOISE_SCALED = ("maxwell_modulus", "kelvin_viscosity")
 """Parameters fixed by the response alone; the others' widths also come from priors of partners."""
+
+FIXED_BY_STRAIN = "kelvin_modulus"
+"""Fixed by the response where strain is read: in creep the Kelvin strain is stress over it.
+
+Bounds of this modulus are bounds of the compliance, and log odds between them the same but for sign
+and a constant: the plain coordinate is near linear in what strain fixes."""
 
 SOLVED = ("steady_state_fabric_factor", "critical_strain_grain_size", "critical_strain_fabric")
 
@@ -93,6 +99,11 @@ class Pins:
     flow_stress: float
     loading_time: float
     noise: str
+
+    @property
+    def strain_is_read(self) -> bool:
+        """Whether most of the readings at the pins are of the strain."""
+        return self.noise == "strain_noise"
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,12 +177,12 @@ class ValleyChart(Chart[E]):
     def reference(self, test: AtMode[E]) -> tuple[ValleyReference, FloatArray]:
         """Set the pins where priors suit; the mode lies at the origin."""
         _check_priors(test.priors, test.coordinates, test.experiment)
-        mode = test.mode
+        mode, pins = test.mode, self.pins(test)
         reference = ValleyReference(
             values=np.array([mode.values[p.name] for p in PROGRAM_PARAMETERS]),
             coordinate=mode.coordinate,
-            linear_from=_linear_from(mode.coordinate, test.coordinates),
-            pins=self.pins(test),
+            linear_from=_linear_from(mode.coordinate, test.coordinates, pins),
+            pins=pins,
             noise_exponent=np.zeros(mode.coordinate.size),
         )
         return reference, np.zeros_like(mode.coordinate)
@@ -180,7 +191,8 @@ class ValleyChart(Chart[E]):
         self, reference: ValleyReference, test: AtMode[E], covariance: FloatArray
     ) -> ValleyReference:
         """Let widths grow with the noise (`noise_exponents`)."""
-        exponents = noise_exponents(test.coordinates, test.priors, covariance)
+        fixed = (*NOISE_SCALED, *([FIXED_BY_STRAIN] if reference.pins.strain_is_read else []))
+        exponents = noise_exponents(test.coordinates, test.priors, covariance, fixed)
         return replace(reference, noise_exponent=exponents)
 
     def block(self, references: Sequence[ValleyReference | None], layout: Layout) -> StanData:
@@ -224,7 +236,7 @@ def middle_of_rise(time: FloatArray, stress: FloatArray, elastic_rate: float) ->
 
 
 def noise_exponents(
-    coordinates: PlainCoordinates, priors: PriorSet, covariance: FloatArray
+    coordinates: PlainCoordinates, priors: PriorSet, covariance: FloatArray, names: Iterable[str]
 ) -> FloatArray:
     """Power of the noise with which the posterior width of each coordinate grows.
 
@@ -236,15 +248,17 @@ def noise_exponents(
         Resolved priors.
     covariance : array, shape (n_coordinates, n_coordinates)
         Laplace approximation of the posterior in valley coordinates.
+    names : iterable of str
+        Parameters that the response fixes.
 
     Returns
     -------
     array, shape (n_coordinates,)
-        1 - posterior variance/prior variance, between 0 and 1, for `NOISE_SCALED`; 0 for others.
+        1 - posterior variance/prior variance, between 0 and 1, for these; 0 for others.
     """
     rng = np.random.default_rng(0)
     exponents = np.zeros(len(coordinates.quantities))
-    for name in NOISE_SCALED:
+    for name in names:
         if name not in coordinates.quantities:
             continue
         k = coordinates.quantities.index(name)
@@ -306,11 +320,12 @@ def _check_priors(priors: PriorSet, coordinates: PlainCoordinates, experiment: E
         raise ChartUnsuited("neither Q_M nor beta leaves its place to the reference stress")
 
 
-def _linear_from(position: FloatArray, coordinates: PlainCoordinates) -> FloatArray:
+def _linear_from(position: FloatArray, coordinates: PlainCoordinates, pins: Pins) -> FloatArray:
     """Where coordinates turn from logarithmic to linear (below 0: linear in the inverse).
 
     Modes that lean on a lower bound, from their odds (value - lower)/(upper - value) on; and the
-    inverse of the Maxwell modulus, from a small part of its value at the mode on.
+    inverse of the Maxwell modulus, from a small part of its value at the mode on. `FIXED_BY_STRAIN`
+    stays plain where strain is read.
     """
     odds = np.exp(position)
     bounded = np.isfinite(coordinates.lower) & np.isfinite(coordinates.upper)
@@ -319,4 +334,6 @@ def _linear_from(position: FloatArray, coordinates: PlainCoordinates) -> FloatAr
         k = coordinates.quantities.index("maxwell_modulus")
         if np.isinf(coordinates.upper[k]) and coordinates.lower[k] == 0.0:
             linear[k] = -SMALL_PART / odds[k]
+    if pins.strain_is_read and FIXED_BY_STRAIN in coordinates.quantities:
+        linear[coordinates.quantities.index(FIXED_BY_STRAIN)] = 0.0
     return linear

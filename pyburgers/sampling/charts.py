@@ -162,6 +162,7 @@ def at_mode(problem: Problem, mode: Mode, solver: SolverOptions) -> AtMode[Any]:
             {**data, **changes}, {"coordinate": position.tolist()}
         ),
         curvature=lambda **changes: curvature_at(model, {**data, **changes}, position),
+        covariance=lambda at, **changes: laplace_metric(model, {**data, **changes}, at),
     )
 
 

@@ -72,6 +72,25 @@ vector log_tan_delta_and_modulus(vector parameter, data vector frequency,
 }
 
 /**
+ * ln of the largest share of the loss compliance that the dashpot carries in a row of a table.
+ *
+ * @param arguments as those of log_fluidity() and log_tan_delta_and_modulus()
+ */
+real largest_log_dashpot_share(vector parameter, data vector frequency, data vector temperature,
+                               data real grain_size, data vector conversion,
+                               data array[] int regime, data vector median_stress,
+                               data vector amplitude, data array[] int node_end,
+                               data matrix node) {
+  int n = num_elements(frequency);
+  vector[n] log_of_fluidity = log_fluidity(parameter, temperature, grain_size, regime,
+                                           median_stress, amplitude, node_end, node);
+  vector[2 * n] both = log_tan_delta_and_modulus(parameter, frequency, temperature, grain_size,
+                                                 conversion, log_of_fluidity);
+  vector[n] log_loss = head(both, n) - 0.5 * log1p_exp(2 * head(both, n)) - tail(both, n);
+  return max(log(conversion[3]) + log_of_fluidity - log(frequency) - log_loss);
+}
+
+/**
  * Centre (first half) and standard deviation (second half) of the logarithms of readings.
  *
  * A reading of tan delta = Q with a stated error e is about hypot(Q, e), which is Q unless the

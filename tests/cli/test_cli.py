@@ -419,7 +419,7 @@ def test_help_shows_defaults_and_choices(capsys: pytest.CaptureFixture[str]) -> 
 
     text = shown("fit")
     assert "draws of each chain; default 1000" in text
-    assert "--coordinates {auto,plain,valley,sheared}" in text
+    assert "--coordinates {auto,plain,valley,sheared,stretched}" in text
     for name, protocol in protocols().items():
         assert f"{protocol.warmup} {name}" in text
     assert "iterations ahead of the draws; default 300 --draws" in shown("sbc")

@@ -43,6 +43,7 @@ def test_a_comparison_is_a_table_points_a_record_and_a_figure(
     assert len(list(out.iterdir())) == 5
 
 
+@pytest.mark.slow
 def test_points_with_heavy_tails_are_left_out_in_earnest(
     small_fit: Fit, long_fit: Fit, tmp_path: Path
 ) -> None:

@@ -61,6 +61,7 @@ def test_a_joint_fit_prints_its_tests_and_check_repeats_the_verdicts(
     assert re.findall(r"^(?:FAILED|passed|cannot tell)  .*$", checked, re.MULTILINE) == verdicts
 
 
+@pytest.mark.slow
 def test_a_killed_joint_fit_is_continued(
     programs: None, arguments: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -26,7 +26,7 @@ TWIN = load_attenuation(ICE / "attenuation_twin.toml")
 def log_evidence(table: AttenuationExperiment, truth: Mapping[str, float]) -> float:
     """Log marginal likelihood where the activation enthalpy alone is unknown."""
     prior = default_priors("ice", "attenuation")["activation_enthalpy"].distribution()
-    enthalpies = truth["activation_enthalpy"] * np.linspace(0.995, 1.005, 121)
+    enthalpies = truth["activation_enthalpy"] * np.linspace(0.995, 1.005, 61)
     rows = np.arange(table.conditions.n_rows)
     logarithms = []
     for enthalpy in enthalpies:

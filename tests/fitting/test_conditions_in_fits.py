@@ -52,6 +52,7 @@ def draws_of(result: Fit) -> xr.Dataset:
     return result.posterior["posterior"].to_dataset()
 
 
+@pytest.mark.slow
 def test_the_prior_comes_back_where_data_say_nothing(
     small_problem: Problem, tmp_path: Path
 ) -> None:

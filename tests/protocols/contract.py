@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import pytest
-from conftest import with_fixed
+from conftest import sketch_pictures, with_fixed
 from log_density import Program, program_with
 from page import Page
 from protocol_examples import EXAMPLES
@@ -229,7 +229,10 @@ def test_the_gradient_is_the_slope_of_the_density(
 
 
 @cases("quick")
-def test_a_fit_is_kept_and_shown(protocol: str, name: str, sketched: None, tmp_path: Path) -> None:
+def test_a_fit_is_kept_and_shown(
+    protocol: str, name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    sketch_pictures(monkeypatch, drawn_once=True)
     example = EXAMPLES[protocol]
     experiment = example.load(name)
     priors = default_priors(experiment.material, experiment.protocol)

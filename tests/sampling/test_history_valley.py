@@ -11,7 +11,7 @@ from pyburgers.model.priors import default_priors
 from pyburgers.model.variants import with_variant
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.loading_history.valley import LoadingHistoryValley
-from pyburgers.protocols.problem import problem_of
+from pyburgers.protocols.problem import plain_coordinates, problem_of
 from pyburgers.protocols.protocol import ChartUnsuited
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.protocols.valley import ValleyReference
@@ -47,6 +47,26 @@ def test_pins_lie_at_readings_where_strain_advances(name: str) -> None:
     assert np.all(pins.strain_rate > 0.5)
     assert 1e-6 < pins.reference_rate < 1e-3
     assert pins.noise == ("stress_noise" if name == "relaxation" else "strain_noise")
+
+
+def test_readings_whose_residuals_drift_count_as_fewer() -> None:
+    creep, relaxation = (history_twin(name, 40) for name in ("creep", "relaxation"))
+    pins = valley_of(creep).pins
+    # Residuals forget after twice the correlation time: about 13 such spans, 60 readings.
+    spans = creep.time[-1] / (2 * TRUTH["residual_correlation_time"])
+    assert spans < pins.readings * pins.knot.size < 0.5 * creep.time.size
+    # Those of a stress are independent.
+    pins = valley_of(relaxation).pins
+    assert pins.readings * pins.knot.size == pytest.approx(
+        round(pins.readings * pins.knot.size), abs=1e-9
+    )
+
+
+def test_the_kelvin_modulus_is_logarithmic_where_strain_is_read() -> None:
+    for name, linear in (("creep", False), ("relaxation", True)):
+        twin = history_twin(name, 40)
+        place = plain_coordinates(twin, ICE).quantities.index("kelvin_modulus")
+        assert (valley_of(twin).linear_from[place] > 0) == linear
 
 
 def test_a_jump_of_the_stress_takes_no_time() -> None:

@@ -16,7 +16,7 @@ from typing import Any, cast
 import numpy as np
 import psutil
 import pytest
-from conftest import LONG_RUN, SMALL_RUN, Problem
+from conftest import SMALL_RUN, Problem, SharedRuns
 
 from pyburgers.common.atomic_files import UNFINISHED, write_json
 from pyburgers.common.errors import InputError, SamplingError
@@ -31,6 +31,9 @@ from pyburgers.sampling.starts import draw_initial_values
 
 StartFit = Callable[..., subprocess.Popen[str]]
 
+INTERRUPTED = replace(SMALL_RUN, draws=400)
+"""Long enough for a signal to hit the sampling."""
+
 INTERRUPTIBLE = """
 import signal, sys
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -39,6 +42,16 @@ sys.exit(main())
 """
 """The command line, whether or not the tests run where Ctrl-C is ignored: a shell has it ignored by
 what it runs in the background, and Python then leaves it so."""
+
+
+@pytest.fixture(scope="session")
+def undisturbed(shared_runs: SharedRuns, small_problem: Problem) -> Fit:
+    """What an interrupted run comes to in the end; not to be changed."""
+
+    def make(out: Path) -> Fit:
+        return fit(small_problem.experiment, small_problem.priors, out=out, options=INTERRUPTED)
+
+    return shared_runs.finished("undisturbed", make)
 
 
 @pytest.fixture
@@ -51,9 +64,9 @@ def start_fit(programs: None, small_problem: Problem, tmp_path: Path) -> Iterato
             [
                 *(sys.executable, "-c", INTERRUPTIBLE, "fit"),
                 *(str(small_problem.experiment_file), "--priors", str(small_problem.priors_file)),
-                *("--out", str(out), "--chains", str(LONG_RUN.chains)),
-                *("--warmup", str(LONG_RUN.warmup), "--draws", str(LONG_RUN.draws)),
-                *("--seed", str(LONG_RUN.seed), "--adapt-delta", str(LONG_RUN.adapt_delta)),
+                *("--out", str(out), "--chains", str(INTERRUPTED.chains)),
+                *("--warmup", str(INTERRUPTED.warmup), "--draws", str(INTERRUPTED.draws)),
+                *("--seed", str(INTERRUPTED.seed), "--adapt-delta", str(INTERRUPTED.adapt_delta)),
                 *options,
             ],
             stdout=subprocess.PIPE,
@@ -75,7 +88,9 @@ def start_fit(programs: None, small_problem: Problem, tmp_path: Path) -> Iterato
 def chains_of(process: subprocess.Popen[str]) -> list[psutil.Process]:
     """Return the CmdStan processes of a fit that sample."""
     children = psutil.Process(process.pid).children(recursive=True)
-    return [child for child in children if f"num_samples={LONG_RUN.draws}" in _command_line(child)]
+    return [
+        child for child in children if f"num_samples={INTERRUPTED.draws}" in _command_line(child)
+    ]
 
 
 def _command_line(process: psutil.Process) -> list[str]:
@@ -120,7 +135,9 @@ def wait_for_draws(run: RunDirectory, process: subprocess.Popen[str]) -> None:
     def sampling() -> bool:
         files = (run.path / ".scratch").glob("*/*.csv")
         sizes = [file.stat().st_size for file in files if file.is_file()]
-        return process.poll() is not None or (len(sizes) == LONG_RUN.chains and min(sizes) > 20_000)
+        return process.poll() is not None or (
+            len(sizes) == INTERRUPTED.chains and min(sizes) > 20_000
+        )
 
     wait_until(sampling, "draws")
     assert process.poll() is None
@@ -148,7 +165,7 @@ def assert_whole(run: RunDirectory) -> None:
     for chain in run.finished_chains():
         names = {file.name for file in run.chain_folder(chain).iterdir()}
         assert names == {"draws.csv", "console.txt", "timing.json"}
-        assert len(rows(run.draws_file(chain))) == LONG_RUN.draws + 1
+        assert len(rows(run.draws_file(chain))) == INTERRUPTED.draws + 1
 
 
 @pytest.mark.parametrize(
@@ -212,7 +229,7 @@ def test_an_experiment_without_data_cannot_be_fitted(
 
 
 def test_a_killed_chain_is_named_and_the_next_call_completes_the_run(
-    start_fit: StartFit, long_fit: Fit, small_problem: Problem, tmp_path: Path
+    start_fit: StartFit, undisturbed: Fit, small_problem: Problem, tmp_path: Path
 ) -> None:
     run = RunDirectory(tmp_path / "run")
     process = start_fit(run.path)
@@ -237,8 +254,10 @@ def test_a_killed_chain_is_named_and_the_next_call_completes_the_run(
     assert "SIGKILL" in verdicts["chains"].table["outcome"].iloc[1]
     assert run.failure_file(2).is_file()
 
-    completed = fit(small_problem.experiment, small_problem.priors, out=run.path, options=LONG_RUN)
-    assert_same_draws(run, long_fit)
+    completed = fit(
+        small_problem.experiment, small_problem.priors, out=run.path, options=INTERRUPTED
+    )
+    assert_same_draws(run, undisturbed)
     assert completed.manifest["status"] == "complete"
     assert completed.checks()[0].passed
 
@@ -279,7 +298,7 @@ def test_a_chain_that_cannot_start_is_named(
 
 
 def test_ctrl_c_leaves_a_run_that_can_be_continued(
-    start_fit: StartFit, long_fit: Fit, small_problem: Problem, tmp_path: Path
+    start_fit: StartFit, undisturbed: Fit, small_problem: Problem, tmp_path: Path
 ) -> None:
     run = RunDirectory(tmp_path / "run")
     process = start_fit(run.path)
@@ -294,8 +313,8 @@ def test_ctrl_c_leaves_a_run_that_can_be_continued(
     assert run.read_manifest()["status"] == "interrupted"
     assert_whole(run)
 
-    fit(small_problem.experiment, small_problem.priors, out=run.path, options=LONG_RUN)
-    assert_same_draws(run, long_fit)
+    fit(small_problem.experiment, small_problem.priors, out=run.path, options=INTERRUPTED)
+    assert_same_draws(run, undisturbed)
 
 
 def test_ctrl_c_in_a_terminal_reaches_the_chains_too(start_fit: StartFit, tmp_path: Path) -> None:
@@ -312,7 +331,7 @@ def test_ctrl_c_in_a_terminal_reaches_the_chains_too(start_fit: StartFit, tmp_pa
 
 @pytest.mark.slow
 def test_sigkill_at_random_moments_and_then_a_complete_run(
-    start_fit: StartFit, long_fit: Fit, tmp_path: Path
+    start_fit: StartFit, undisturbed: Fit, tmp_path: Path
 ) -> None:
     run = RunDirectory(tmp_path / "run")
     rng = np.random.default_rng(31)
@@ -332,7 +351,7 @@ def test_sigkill_at_random_moments_and_then_a_complete_run(
     output, _ = process.communicate(timeout=120)
     assert process.returncode in (0, 3), output
     assert_whole(run)
-    assert_same_draws(run, long_fit)
+    assert_same_draws(run, undisturbed)
     assert run.read_manifest()["status"] == "complete"
     assert not list(run.path.rglob(f"{UNFINISHED}*"))
     assert not (run.path / ".scratch").exists()

@@ -69,8 +69,8 @@ def test_widths_follow_the_noise_as_far_as_the_data_set_them(
 ) -> None:
     coordinates = plain_coordinates(experiment, priors)
     size = len(coordinates.quantities)
-    precise = noise_exponents(coordinates, priors, np.zeros((size, size)))
-    vague = noise_exponents(coordinates, priors, 100 * np.eye(size))
+    precise = noise_exponents(coordinates, priors, np.zeros((size, size)), NOISE_SCALED)
+    vague = noise_exponents(coordinates, priors, 100 * np.eye(size), NOISE_SCALED)
     scaled = np.isin(coordinates.quantities, NOISE_SCALED)
     np.testing.assert_array_equal(precise, scaled.astype(float))
     np.testing.assert_array_equal(vague, 0.0)

@@ -173,6 +173,7 @@ def test_every_data_set_is_a_file_and_the_manifest_says_how_to_repeat_it(
     assert "Unphysical draws: 0 of 3" in (finished / "calibration.md").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_a_killed_calibration_is_continued_to_the_same_result(
     small_problem: Problem, outcomes: dict[str, bytes], tmp_path: Path
 ) -> None:

@@ -125,6 +125,7 @@ def test_the_density_is_that_of_the_normal_and_of_the_other_priors(system: str) 
         assert found["lprior"] == pytest.approx(others + log_density(law, values), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_without_likelihood_draws_are_those_of_the_normal(tmp_path: Path) -> None:
     experiment, law = load_constant_rate(ICE / "PIL40.toml"), flow_law()
     priors = with_flow_law(default_priors("ice").resolved(8e6), law, "test")
@@ -224,6 +225,7 @@ FREE = {*FLOW_LAW, "maxwell_modulus", "stress_noise"}
 RUN = ("--chains", "2", "--warmup", "150", "--draws", "300", "--adapt-delta", "0.8")
 
 
+@pytest.mark.slow
 def test_a_curve_learns_the_flow_law_from_another_source(source: Path, tmp_path: Path) -> None:
     problem = write_problem(tmp_path / "inputs", free=FREE, max_strain=0.02, stride=3)
     arguments = ["fit", str(problem.experiment_file), "--priors", str(problem.priors_file), *RUN]

@@ -87,7 +87,7 @@ def test_peak_agrees_with_the_independent_table(name: str) -> None:
 @pytest.mark.parametrize("segments", [ONE_RATE, STEPS], ids=["one rate", "rate steps"])
 def test_linear_limit_is_the_matrix_exponential(segments: Sequence[tuple[float, float]]) -> None:
     parameters = linear_parameters()
-    solution = simulate(protocol(segments, 0.1), parameters)
+    solution = simulate(protocol(segments, 0.1), parameters).iloc[::8]
     exact = oracle.linear_stress(parameters, 260.0, segments, solution["strain"].to_numpy())
     np.testing.assert_allclose(solution["stress_Pa"], exact, rtol=1e-6)
 

@@ -264,6 +264,7 @@ def test_a_prior_with_mass_at_no_breakdown_stress_at_all_is_refused(tmp_path: Pa
         load_priors(tmp_path / "priors.toml")
 
 
+@pytest.mark.slow
 def test_a_short_test_is_fitted(tmp_path: Path) -> None:
     free = {"maxwell_modulus", "activation_enthalpy", "stress_noise"}
     # Beyond the peak, where the dashpot carries the whole rate.

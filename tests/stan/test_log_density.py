@@ -187,7 +187,7 @@ def assert_programs_agree(pair: Pair, points: Sequence[Mapping[str, float]]) -> 
 
 def test_programs_agree_at_prior_draws(make_pair: MakePair) -> None:
     pair = make_pair(load_constant_rate(ICE / "PIL72.toml"))
-    assert_programs_agree(pair, prior_draws(pair, seed=3, number=20))
+    assert_programs_agree(pair, prior_draws(pair, seed=3, number=10))
 
 
 def test_density_with_rate_steps(make_pair: MakePair) -> None:

@@ -81,6 +81,7 @@ def test_without_data_it_is_one(small_problem: Problem, tmp_path: Path) -> None:
     assert found.value == pytest.approx(0.0, abs=4 * found.error)
 
 
+@pytest.mark.slow
 def test_without_data_it_is_one_for_pooled_parameters_too(
     small_problem: Problem, tmp_path: Path
 ) -> None:

@@ -226,13 +226,10 @@ def test_noise_free_peaks_give_back_the_law(tmp_path: Path) -> None:
     assert abs(fit.summary("SI")["mean"]["stress_exponent"] - TRUTH["stress_exponent"]) < 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "of_curve", "largest"),
-    [
-        pytest.param("PIL40", False, 2.0, marks=pytest.mark.slow),
-        pytest.param("PIL40", True, 3.0, marks=pytest.mark.slow),
-        ("PIL72", True, 2.0),
-    ],
+    [("PIL40", False, 2.0), ("PIL40", True, 3.0), ("PIL72", True, 2.0)],
 )
 def test_late_peaks_do_not_pass_their_softening_for_flow(
     name: str, of_curve: bool, largest: float, tmp_path: Path

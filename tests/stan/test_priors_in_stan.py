@@ -117,9 +117,8 @@ def assert_prior_marginals(
         assert p_value > family_wise_level / len(priors.free), name
 
 
-@pytest.mark.parametrize(
-    "kind", ["ice", *(pytest.param(kind, marks=pytest.mark.slow) for kind in KINDS[1:])]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
 def test_without_likelihood_draws_have_the_priors_marginals(
     kind: str, short_test: ConstantRateExperiment, tmp_path: Path
 ) -> None:

@@ -440,12 +440,10 @@ def priors_about_the_truth(experiment: OscillationExperiment) -> PriorSet:
     return with_priors(priors, {prior.parameter: prior for prior in narrower})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("sheared", "priors_of"),
-    [
-        (None, resolved_priors),
-        pytest.param(REFERENCE, priors_about_the_truth, marks=pytest.mark.slow),
-    ],
+    [(None, resolved_priors), (REFERENCE, priors_about_the_truth)],
     ids=["plain", "sheared"],
 )
 def test_without_likelihood_draws_have_the_priors_marginals(

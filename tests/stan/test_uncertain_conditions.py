@@ -8,6 +8,7 @@ import numpy.typing as npt
 import pytest
 from conftest import ICE
 from log_density import Program, program_with
+from protocol_examples import short_twin
 from scipy import stats
 from stan_data import parameters_in
 
@@ -37,10 +38,15 @@ SD = {ICE / "PIL40.toml": (2.0, 0.02), OLIVINE: (50.0, 0.02)}
 SOURCES = tuple(SD)
 
 
+def short(source: Path) -> Experiment:
+    """A curve, or the first cycles of a record: the density is asked for a hundred times."""
+    return short_twin("kept") if source == OLIVINE else load_experiment(source)
+
+
 def uncertain(source: Path) -> Experiment:
     temperature, calibration = SD[source]
     return replace(
-        load_experiment(source),
+        short(source),
         uncertain=(
             UncertainCondition(TEMPERATURE, temperature, "furnace"),
             UncertainCondition(CALIBRATION, calibration, "cell"),

@@ -122,8 +122,11 @@ def test_a_test_with_a_single_fit_has_an_answer_but_no_comparison(
     assert alone.table()["outcome"].tolist() == [""]
 
 
-def test_each_test_has_an_answer_of_its_own(fits: dict[str, Fit], tmp_path: Path) -> None:
+def test_each_test_has_an_answer_of_its_own(
+    fits: dict[str, Fit], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     second = make_fit(tmp_path, name="B", kind="measured", draws=100, seed=2)
+    answer(monkeypatch, {"A": Outcome.NO, "A_other": Outcome.YES, "B": Outcome.YES})
     section = rate_steps_section({**fits, "B": second})
     assert [paragraph.split(":")[0] for paragraph in section.paragraphs] == ["A", "B"]
     assert section.tables[0].shown["test"].tolist() == ["A", "A", "B"]

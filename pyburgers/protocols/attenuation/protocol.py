@@ -24,6 +24,7 @@ from pyburgers.protocols.attenuation.stan_data import (
     reference_origin,
     tests_block,
 )
+from pyburgers.protocols.attenuation.stretched_chart import StretchedChart
 from pyburgers.protocols.attenuation.table import MODULUS, NO_READINGS
 from pyburgers.protocols.protocol import FittedTest, Protocol
 
@@ -58,7 +59,8 @@ class Attenuation(Protocol[AttenuationExperiment]):
         }
     )
     warmup = 500
-    target_acceptance = 0.95
+    target_acceptance = 0.98
+    chart = StretchedChart()
     points_together = "a row of the table gives attenuation and modulus together"
     figures = (*ATTENUATION_FIGURES, SPECTRUM_FIGURE)
     reference_text = Markup(

@@ -62,7 +62,7 @@ class ConstantRate(Protocol[ConstantRateExperiment]):
         }
     )
     warmup = 300
-    target_acceptance = 0.96
+    target_acceptance = 0.99
     chart = ConstantRateValley()
     figures = CONSTANT_RATE_FIGURES
     reference_text = Markup(

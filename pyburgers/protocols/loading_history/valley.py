@@ -68,7 +68,7 @@ class LoadingHistoryValley(ValleyChart[LoadingHistory]):
                 SLOPE_NOISE * values["strain_noise"] / flowed / values["stress_exponent"],
                 values["stress_noise"] / curve.stress[places],
             ),
-            readings=int(at_readings.sum()) / places.size,
+            readings=_independent_readings(curve.time[at_readings], values) / places.size,
             reference_rate=float(np.median(unit)),
             flow_stress=stress_scale(experiment),
             loading_time=_loading_time(experiment, curve, values),
@@ -135,6 +135,21 @@ def _along(test: AtMode[LoadingHistory]) -> _Curve:
         & (dashpot_rate >= FLOWING_SHARE * strain_rate)
         & (temperature == experiment.temperature),
     )
+
+
+def _independent_readings(time: FloatArray, values: Mapping[str, float]) -> float:
+    """Count the independent readings that fix what changes slowly as well as the readings do.
+
+    Parameters
+    ----------
+    time : array, shape (n_readings,)
+        Of the readings (s).
+    values : mapping
+        Parameters, whose residuals may correlate in time.
+    """
+    drifting = min(1.0, 2 * values["residual_correlation_time"] / float(np.ptp(time)))
+    share = values["residual_correlated_share"] if drifting > 0 else 0.0
+    return float(1 / (share * drifting + (1 - share) / time.size))
 
 
 def _loading_time(experiment: LoadingHistory, curve: _Curve, values: Mapping[str, float]) -> float:

@@ -115,13 +115,15 @@ def changes_for(
             f"{where}: kelvin={law} needs a prior of {_COMPLIANCE}, which is fixed where the "
             "Kelvin part is Andrade creep, expected the priors of the material."
         )
-    wanted = PARAMETERS_OF_LAW[law]
+    wanted, present = PARAMETERS_OF_LAW[law], PARAMETERS_OF_LAW[found]
     switches = (*_SWITCHES, _WIDTH)
-    taken_out = [name for name in switches if name in priors and name not in wanted]
+    effective = dict.fromkeys((*switches, *present))
+    taken_out = [name for name in effective if name in priors and name not in wanted]
     put_in = [
         name
         for name in wanted
-        if name not in priors or (name in switches and _is_standard(priors, name))
+        if name not in priors
+        or (_is_standard(priors, name) and (name in switches or name not in present))
     ]
     values = {name: STANDARD_VALUES[name] for name in taken_out}
     if law == "two_elements":

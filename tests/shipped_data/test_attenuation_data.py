@@ -139,7 +139,7 @@ def test_the_priors_of_a_peak_are_no_default_and_those_of_a_band_too() -> None:
     assert kelvin_law(peak.priors, "") == "extended_peak"
     band = with_variant(peak, table, {"kelvin": "extended"})
     assert kelvin_law(band.priors, "") == "extended"
-    assert set(peak.free) - set(band.free) == {"peak_strength"}
+    assert set(peak.free) - set(band.free) == {"peak_strength", "peak_time_decades"}
     same = ("maxwell_modulus", "kelvin_activation_enthalpy", "attenuation_scatter")
     for name in same:
         assert peak[name] == usual[name] == band[name]

@@ -23,7 +23,6 @@ from pyburgers.model.display import shown_quantity, unit_text
 from pyburgers.model.parameters import REFERENCE_QUANTITIES, Parameter
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet
-from pyburgers.posterior.netcdf_files import read_netcdf, to_netcdf
 from pyburgers.sampling.run_directory import RunDirectory
 
 logger = logging.getLogger(__name__)
@@ -159,7 +158,7 @@ def keep_posterior(
         part = tree[TESTS][test] if TESTS in tree.children else tree
         part.attrs["clock"] = clock
     # In memory first: where the disk is full, HDF5 brings the process down.
-    content = to_netcdf(tree)
+    content = bytes(tree.to_netcdf(engine="h5netcdf"))
     run.update_manifest({"posterior_sha256": None})
     write_bytes(run.posterior_file, content)
     run.update_manifest({"posterior_sha256": sha256_of_file(run.posterior_file)})
@@ -170,7 +169,8 @@ def load_posterior(run: RunDirectory) -> xr.DataTree | None:
     """Labelled draws of a run, or None where they are not complete or lack finished draws."""
     if not run.posterior_file.is_file() or run.read_manifest().get("posterior_sha256") is None:
         return None
-    tree = read_netcdf(run.posterior_file)
+    with xr.open_datatree(run.posterior_file, engine="h5netcdf") as opened:
+        tree = opened.load()
     if json.loads(tree.attrs["chains"]) != list(run.finished_chains()):
         return None
     if tree.attrs.get("extensions") != run.n_extensions():

@@ -228,18 +228,8 @@ def test_a_fit_prints_table_and_checks_and_check_repeats_the_verdicts(
     arguments = [
         *("fit", str(small_problem.experiment_file)),
         *("--priors", str(small_problem.priors_file), "--out", str(run)),
-        *(
-            "--chains",
-            "2",
-            "--warmup",
-            "150",
-            "--draws",
-            "50",
-            "--seed",
-            "3",
-            "--adapt-delta",
-            "0.8",
-        ),
+        *("--chains", "2", "--warmup", "150", "--draws", "50", "--seed", "3"),
+        *("--adapt-delta", "0.8"),
     ]
     code = main(arguments)
     out, error = capsys.readouterr()

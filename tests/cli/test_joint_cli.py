@@ -29,18 +29,8 @@ def arguments(small_problem: Problem, tmp_path: Path) -> list[str]:
     return [
         *("fit", str(small_problem.experiment_file), str(other)),
         *("--priors", str(small_problem.priors_file), "--out", str(tmp_path / "run")),
-        *(
-            "--chains",
-            "2",
-            "--warmup",
-            "40",
-            "--draws",
-            "20",
-            "--seed",
-            "3",
-            "--adapt-delta",
-            "0.8",
-        ),
+        *("--chains", "2", "--warmup", "40", "--draws", "20", "--seed", "3"),
+        *("--adapt-delta", "0.8"),
     ]
 
 

@@ -256,9 +256,9 @@ real loading_compliance(real kelvin_modulus, real kelvin_viscosity, real time) {
  * What the Kelvin element takes over of the compliance in the elastic rise, so that a part of it is
  * left to the spring, whose modulus would else run away where that element is the softer one.
  *
- * @param compliance in units of a tenth of the spring's at the reference point
+ * @param compliance in units of a fiftieth of the spring's at the reference point
  */
-real left_to_spring(real compliance) { return 9 - log1p_exp(9 - compliance); }
+real left_to_spring(real compliance) { return 45 - log1p_exp(45 - compliance); }
 
 /** Softening of the dashpot, -ln F - (p/n) ln(d/d_0), after a path strain. */
 real softening_after(real strain, vector parameter, real initial_grain_size) {

@@ -4,6 +4,10 @@ Fits that several modules look at are made once, whatever the number of processe
 """
 
 import os
+
+# Tests run side by side on all cores, where threads of linear algebra wait for each other in loops.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import shutil
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor

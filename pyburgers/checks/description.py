@@ -1,6 +1,6 @@
 """Checks of whether the model describes the data: what is missed, where, and what to try."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -28,7 +28,7 @@ from pyburgers.checks.fit_checks import (
     check,
 )
 from pyburgers.checks.residual_numbers import longest_run, segment_parts
-from pyburgers.posterior.labelled_draws import CORRELATED, response_in
+from pyburgers.posterior.labelled_draws import CORRELATED, free_parameters, response_in
 
 NARROW = "the intervals of its parameters are then too narrow"
 DESCRIPTION = CheckKind.DESCRIPTION
@@ -301,12 +301,12 @@ def _beside(leftover: Leftover, residual: float, point: int) -> str:
 
 def _remedy(leftover: Leftover, point: int) -> str:
     """Return what to try where the shape is missed from a point on."""
-    if leftover.protocol.remedy is not None:
-        return leftover.protocol.remedy
+    free = _free_parameters(leftover)
+    known = leftover.protocol.remedy(free)
+    if known is not None:
+        return known
     laws = " or ".join(
-        f"--variant {law}"
-        for parameter, law in OTHER_LAWS.items()
-        if not _is_free(leftover, parameter)
+        f"--variant {law}" for parameter, law in OTHER_LAWS.items() if parameter not in free
     )
     steps = leftover.segment[-1] > leftover.segment[0]
     if steps or "segment" not in leftover.group["constant_data"]:
@@ -328,8 +328,5 @@ def _remedy(leftover: Leftover, point: int) -> str:
     return f"{first}; for wider, honest intervals {correlated}"
 
 
-def _is_free(leftover: Leftover, parameter: str) -> bool:
-    draws = (
-        leftover.group["posterior"].to_dataset() if "posterior" in leftover.group.children else {}
-    )
-    return parameter in draws and not draws[parameter].attrs["fixed"]
+def _free_parameters(leftover: Leftover) -> Sequence[str]:
+    return free_parameters(leftover.group) if "posterior" in leftover.group.children else ()

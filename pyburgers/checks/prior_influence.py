@@ -166,7 +166,11 @@ def prior_influence(posterior: xr.DataTree, priors: PriorSet) -> dict[str, Influ
             prior_pull=mean_pull(values, log_prior),
             likelihood_pull=mean_pull(values, log_likelihood),
             strongest_prior=strongest if by_prior[strongest] >= SENSITIVE else None,
-            width=width_beside_prior(values, priors[name]) if name in priors.free else None,
+            width=(
+                width_beside_prior(values, priors[name].distribution().std())
+                if name in priors.free
+                else None
+            ),
             distance=_distance(values, priors[name]) if name in single else None,
         )
     return found

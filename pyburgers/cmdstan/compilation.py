@@ -272,7 +272,9 @@ def _sources_key(sources: _Sources, cmdstan: Path, *, threads: bool) -> str:
 
 def _build(sources: _Sources, tools: Toolchain, executable: Path, *, threads: bool) -> None:
     """Compile a program in a temporary folder, then put the executable in place in one step."""
-    logger.info(f"Compiling {sources.name} (about 20 s).")
+    logger.info(
+        f"Compiling {sources.name}, once (seconds for a small program, minutes for a large one)."
+    )
     # Not in the cache folder, whose path may hold spaces, which make cannot handle.
     with tempfile.TemporaryDirectory(
         prefix="pyburgers-", dir=_folder_for_make(), ignore_cleanup_errors=True

@@ -21,7 +21,6 @@ from pyburgers.cmdstan.draw_files import Draws
 from pyburgers.common.atomic_files import sha256_of_file, write_bytes
 from pyburgers.model.display import shown_quantity, unit_text
 from pyburgers.model.parameters import REFERENCE_QUANTITIES, Parameter
-from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet
 from pyburgers.sampling.run_directory import RunDirectory
 
@@ -278,9 +277,9 @@ DIMENSIONAL = ("mean", "sd", "q5", "q95", "prior_mean", "prior_sd", "prior_q5", 
 """Columns of tables of quantities that have their unit."""
 
 
-def width_beside_prior(draws: FloatArray, prior: Prior) -> float:
-    """Return the standard deviation of a parameter's draws over that of its prior (SI)."""
-    return float(np.std(draws, ddof=1) / prior.distribution().std())
+def width_beside_prior(draws: FloatArray, prior_sd: float) -> float:
+    """Return the standard deviation of draws over that of their prior, both in one unit."""
+    return float(np.std(draws, ddof=1) / prior_sd)
 
 
 def summary_table(posterior: xr.DataTree, priors: PriorSet) -> pd.DataFrame:

@@ -14,12 +14,17 @@ import pandas as pd
 from pyburgers.common.units import rounded
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.display import shown_quantity, unit_text
+from pyburgers.model.parameters import CONDITIONS
 
 LOG_FACTOR = "ln_flow_law_factor"
 """ln A in SI units, which β and Q_M give: A = exp(β Q_M)."""
 
-LEFT_OUT = ("noise", "residual", "scatter", "error", "offset", "compliance")
-"""Parts of names of parameters that belong to a test or its readings, not to the material."""
+LEFT_OUT = CONDITIONS | {
+    *("stress_noise", "strain_noise", "attenuation_scatter", "modulus_scatter"),
+    *("residual_correlation_strain", "residual_correlation_time", "residual_correlated_share"),
+    *("strain_offset", "apparatus_compliance"),
+}
+"""Parameters that belong to a test or its readings, not to the material."""
 
 FLOW_LAW = "strain rate = A sigma^n d^-p exp(-Q_M/(R T)), ln A = beta Q_M; Pa, m, s, J/mol, K"
 
@@ -70,7 +75,7 @@ def exported(fit: Fit) -> Exported:
         If it is a joint fit.
     """
     draws = fit.posterior["posterior"].to_dataset()
-    names = [name for name in fit.priors.priors if not any(part in name for part in LEFT_OUT)]
+    names = [name for name in fit.priors.priors if name not in LEFT_OUT]
     columns = {name: draws[name].to_numpy().ravel() for name in names}
     columns[LOG_FACTOR] = columns["beta"] * columns["activation_enthalpy"]
     values = np.stack(list(columns.values()))

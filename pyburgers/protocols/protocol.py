@@ -6,7 +6,7 @@ from `Protocol`, and its name in `NAMES`.
 
 import typing
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
@@ -170,8 +170,6 @@ class Protocol(ABC, Generic[E]):
         Coordinates other than the plain ones.
     points_together : str or None
         Why single points cannot be left out; None where they can.
-    remedy : str or None
-        What to try where a fit misses the shape; None where it is told from segments and laws.
     figures : tuple of FigureRecipe
         What a page shows of a fit beside the figures of its posterior, the curve first.
     reference_text : Markup
@@ -189,7 +187,6 @@ class Protocol(ABC, Generic[E]):
     solver: ClassVar[SolverOptions] = SolverOptions()
     chart: ClassVar[Chart[Any] | None] = None
     points_together: ClassVar[str | None] = None
-    remedy: ClassVar[str | None] = None
     figures: ClassVar[tuple[FigureRecipe[FittedTest], ...]]
     reference_text: ClassVar[Markup]
 
@@ -336,6 +333,10 @@ class Protocol(ABC, Generic[E]):
         """Return where readings lie (two, from 0, of `observed_positions`) if no clock says it."""
         return None
 
+    def remedy(self, free: Collection[str]) -> str | None:
+        """Return what to try where a fit with these free parameters misses the shape, if known."""
+        return None
+
     def reading_noise(self, experiment: E, values: Mapping[str, FloatArray]) -> FloatArray:
         """Return standard deviations of readings (SI), (n_draws, n_points), from parameters."""
         return np.repeat(values[self.noise][:, np.newaxis], experiment.n_points, axis=1)
@@ -438,13 +439,8 @@ def load_experiment(path: str | Path) -> Experiment:
 
 
 def save_experiment(experiment: Experiment, directory: Path) -> Path:
-    """Write a self-contained copy in SI units into an existing folder.
+    """Write a self-contained copy in SI units into an existing folder; return the TOML file.
 
     `load_experiment` reads back exactly equal contents, notices included.
-
-    Returns
-    -------
-    Path
-        The TOML file, ``experiment.toml``.
     """
     return protocol_of(experiment).save(experiment, directory)

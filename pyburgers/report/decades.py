@@ -1,13 +1,18 @@
-"""Quantities that span decades, which panels show by their logarithm."""
+"""What panels show of a quantity: one that spans decades by its logarithm."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
+import xarray as xr
 
+from pyburgers.model.display import shown_quantity
 from pyburgers.model.parameters import Parameter
 from pyburgers.model.prior_families import Prior
+from pyburgers.posterior.labelled_draws import width_beside_prior
+from pyburgers.protocols.coordinates import REFERENCE_FLOW_RATE
+from pyburgers.protocols.protocol import FittedTest
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -73,3 +78,47 @@ class PriorOfLogarithm:
     def std(self) -> float:
         """Return the standard deviation."""
         return float(np.std(self.ppf(_QUANTILES)))
+
+
+@dataclass(frozen=True)
+class ShownDraws:
+    """What panels show of a quantity.
+
+    Attributes
+    ----------
+    quantity : Parameter
+        Symbol and units.
+    draws : DataArray, dimensions chain and draw
+        SI units.
+    prior : Prior, PriorOfLogarithm or None
+        None of what follows from other parameters.
+    truth : float or None
+        Its value in synthetic data (SI units).
+    """
+
+    quantity: Parameter
+    draws: xr.DataArray
+    prior: Prior | PriorOfLogarithm | None
+    truth: float | None
+
+    @property
+    def width_beside_prior(self) -> float:
+        """Standard deviation of the draws over that of their prior, which there has to be."""
+        assert self.prior is not None
+        return width_beside_prior(self.draws.to_numpy(), self.prior.distribution().std())
+
+
+def shown_draws(fit: FittedTest, name: str) -> ShownDraws:
+    """Return what panels show of a sampled quantity."""
+    quantity, prior = shown_quantity(name), fit.priors.priors.get(name)
+    truth = (fit.experiment.true_parameters or {}).get(name)
+    draws: xr.DataArray = fit.posterior["posterior"].to_dataset()[name].transpose("chain", "draw")
+    # Where the data hardly see the dashpot, its rate spans decades.
+    if name != REFERENCE_FLOW_RATE and not spans_decades(draws.to_numpy()):
+        return ShownDraws(quantity, draws, prior, truth)
+    return ShownDraws(
+        logarithm_of(quantity),
+        draws.copy(data=np.log10(draws.to_numpy())),
+        None if prior is None else PriorOfLogarithm(prior),
+        float(np.log10(truth)) if truth else None,  # 0 lies beyond any panel
+    )

@@ -8,18 +8,14 @@ from pyburgers.model.display import shown_quantity
 from pyburgers.posterior.labelled_draws import (
     convergence_table,
     free_parameters,
-    width_beside_prior,
 )
 from pyburgers.protocols.protocol import FittedTest
+from pyburgers.report.decades import shown_draws
 
 
 def narrowed(fit: FittedTest) -> str:
     """Say which quantity the data tell most about, and which they hardly touch."""
-    draws = fit.posterior["posterior"].to_dataset()
-    share = {
-        name: width_beside_prior(all_draws(draws[name]), fit.priors[name])
-        for name in fit.priors.free
-    }
+    share = {name: shown_draws(fit, name).width_beside_prior for name in fit.priors.free}
     least, most = min(share, key=share.__getitem__), max(share, key=share.__getitem__)
     return (
         f"{shown_quantity(least).label} is narrowest beside its prior ({share[least]:.0%} of its "

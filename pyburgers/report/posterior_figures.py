@@ -30,14 +30,14 @@ from pyburgers.drawing.style import (
     few_ticks,
     style,
 )
-from pyburgers.model.display import axis_label, shown_quantity, unit_text
+from pyburgers.model.display import axis_label, unit_text
 from pyburgers.model.parameters import Parameter
 from pyburgers.model.prior_families import Prior
 from pyburgers.posterior.labelled_draws import free_parameters
 from pyburgers.protocols.coordinates import REFERENCE_FLOW_RATE, REFERENCE_STRESS
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.protocol import FittedTest, protocol_of
-from pyburgers.report.decades import PriorOfLogarithm, logarithm_of, spans_decades
+from pyburgers.report.decades import PriorOfLogarithm, ShownDraws, shown_draws
 from pyburgers.report.figure_results import agreement, narrowed, strongest_trade_off
 
 FloatArray = npt.NDArray[np.float64]
@@ -93,32 +93,20 @@ PRIOR_POSTERIOR_CAPTION = (
 def prior_posterior(fit: FittedTest) -> Figure:
     """Draw prior and posterior densities, chain by chain, a panel for each sampled quantity."""
     names = free_parameters(fit.posterior)
-    truths = fit.experiment.true_parameters or {}
     with style():
         figure, panels = _panel_grid(len(names))
         for axes, name in zip(panels, names, strict=True):
-            quantity, draws, on_log = _shown(fit, name)
-            prior, truth = fit.priors.priors.get(name), truths.get(name)
-            if on_log:
-                of_log = None if prior is None else PriorOfLogarithm(prior)
-                _draw_densities(axes, quantity, draws, of_log, truth and float(np.log10(truth)))
-            else:
-                _draw_densities(axes, quantity, draws, prior, truth)
+            _draw_densities(axes, shown_draws(fit, name))
         handles: list[Patch | Line2D] = [Patch(color=GREY, label="prior"), *_chain_handles(fit)]
-        if truths:
+        if fit.experiment.true_parameters:
             handles.append(Line2D([], [], color=BLACK, linestyle="--", label="true value"))
         _legend_above(figure, handles, fit.experiment, panels)
     return figure
 
 
-def _draw_densities(
-    axes: Axes,
-    quantity: Parameter,
-    draws: xr.DataArray,
-    prior: Prior | PriorOfLogarithm | None,
-    truth: float | None,
-) -> None:
+def _draw_densities(axes: Axes, shown: ShownDraws) -> None:
     """Draw one panel of `prior_posterior`."""
+    quantity, draws, prior, truth = shown.quantity, shown.draws, shown.prior, shown.truth
     factor = quantity.display_factor
     bounds = (-np.inf, np.inf) if prior is None else (prior.lower, prior.upper)
     least_bandwidth = STUCK_BANDWIDTH * float(draws.std())
@@ -134,7 +122,7 @@ def _draw_densities(
     text = quantity.label
     if prior is not None:
         law = prior.distribution()
-        text += f"\nsd {float(100.0 * draws.std(ddof=1) / law.std()):.0f} % of the prior's"
+        text += f"\nsd {100.0 * shown.width_beside_prior:.0f} % of the prior's"
         low, high, cut = _density_limits(draws, prior, truth)
         x = np.linspace(low, high, PRIOR_POINTS)
         # Points on either side of the bounds draw the vertical sides of a uniform prior.
@@ -251,8 +239,8 @@ def rank(fit: FittedTest) -> Figure:
     with style():
         figure, panels = _panel_grid(len(names), height=1.75)
         for axes, name in zip(panels, names, strict=True):
-            quantity, draws, _ = _shown(fit, name)
-            values = draws.to_numpy()
+            shown = shown_draws(fit, name)
+            quantity, values = shown.quantity, shown.draws.to_numpy()
             ranks = (stats.rankdata(values).reshape(values.shape) - 0.5) / total
             axes.axhspan(
                 expected.ppf(0.025), expected.ppf(0.975), color=GREY, alpha=0.5, linewidth=0
@@ -285,19 +273,18 @@ def pairs(fit: FittedTest) -> Figure:
     sampled = free_parameters(fit.posterior)
     telling = [name for name in PAIRED_QUANTITIES if name in sampled]
     names = telling if len(telling) > 1 else sampled
-    quantities, draws, on_log = zip(*(_shown(fit, name) for name in names), strict=True)
-    factors = [quantity.display_factor for quantity in quantities]
-    values = np.stack([all_draws(of_quantity) for of_quantity in draws], axis=1) * factors
+    shown = [shown_draws(fit, name) for name in names]
+    factors = [one.quantity.display_factor for one in shown]
+    values = np.stack([all_draws(one.draws) for one in shown], axis=1) * factors
     diverging = all_draws(fit.posterior["sample_stats"].to_dataset()["diverging"]).astype(bool)
-    shown, divergent = (
+    plain, divergent = (
         evenly_spaced(part, PAIRED_DRAWS) for part in (values[~diverging], values[diverging])
     )
-    true = fit.experiment.true_parameters or {}
-    truths = {
-        name: float(np.log10(true[name])) if log else true[name] * quantity.display_factor
-        for name, quantity, log in zip(names, quantities, on_log, strict=True)
-        if name in true
-    }
+    # NaN is not drawn.
+    truths = [
+        (np.nan if one.truth is None else one.truth) * factor
+        for one, factor in zip(shown, factors, strict=True)
+    ]
     size = len(names) - 1
     width = 2.0 + 0.95 * size
     with style():
@@ -307,29 +294,27 @@ def pairs(fit: FittedTest) -> Figure:
         for row in range(size):
             for column in range(row + 1):
                 axes = panels[row, column] = figure.add_subplot(grid[row, column])
-                for part, colour, area in ((shown, BLUE, 2.0), (divergent, VERMILION, 9.0)):
+                for part, colour, area in ((plain, BLUE, 2.0), (divergent, VERMILION, 9.0)):
                     axes.scatter(
                         part[:, column],
                         part[:, row + 1],
                         s=area,
                         color=colour,
-                        alpha=0.35 if part is shown else 0.9,
+                        alpha=0.35 if part is plain else 0.9,
                         linewidths=0,
                         rasterized=True,
                     )
-                if names[column] in truths and names[row + 1] in truths:
-                    position = (truths[names[column]], truths[names[row + 1]])
-                    axes.plot(*position, linestyle="none", **TRUE_VALUE)
-                shown_here = (quantities[column], quantities[row + 1])
-                _label_pair(axes, *shown_here, row == size - 1, column == 0)
+                axes.plot(truths[column], truths[row + 1], linestyle="none", **TRUE_VALUE)
+                both = shown[column].quantity, shown[row + 1].quantity
+                _label_pair(axes, *both, row == size - 1, column == 0)
         # Only these have labels, and each aligned axis costs a look at all of its group.
         figure.align_xlabels([panels[size - 1, column] for column in range(size)])
         figure.align_ylabels([panels[row, 0] for row in range(size)])
         handles = [
-            _dot(BLUE, f"draw ({len(shown)} of {len(values)} shown)"),
+            _dot(BLUE, f"draw ({len(plain)} of {len(values)} shown)"),
             _dot(VERMILION, f"divergent draw ({int(diverging.sum()) or 'none'})"),
         ]
-        if truths:
+        if not np.all(np.isnan(truths)):
             handles.append(Line2D([], [], linestyle="none", label="true value", **TRUE_VALUE))
         figure.legend(handles=handles, loc="outside upper right", title=fit.experiment.title)
     return figure
@@ -348,22 +333,6 @@ def _label_pair(axes: Axes, x: Parameter, y: Parameter, at_bottom: bool, at_left
 
 def _dot(colour: str, label: str) -> Line2D:
     return Line2D([], [], linestyle="none", marker="o", markersize=5, color=colour, label=label)
-
-
-def _shown(fit: FittedTest, name: str) -> tuple[Parameter, xr.DataArray, bool]:
-    """Return what a panel shows of a quantity.
-
-    Returns
-    -------
-    tuple
-        Symbol and units; draws (SI; chain, draw); whether both are of its logarithm.
-    """
-    quantity = shown_quantity(name)
-    draws: xr.DataArray = fit.posterior["posterior"].to_dataset()[name].transpose("chain", "draw")
-    # Where the data hardly see the dashpot, its rate spans decades.
-    if name == REFERENCE_FLOW_RATE or spans_decades(draws.to_numpy()):
-        return logarithm_of(quantity), draws.copy(data=np.log10(draws.to_numpy())), True
-    return quantity, draws, False
 
 
 def _panel_grid(count: int, height: float = 2.35) -> tuple[Figure, list[Axes]]:

@@ -273,9 +273,9 @@ def halite_section(fits: Mapping[str, Fit]) -> PageSection:
 
 
 def _not_tried(fits: Mapping[str, Fit]) -> tuple[str, ...]:
-    """Say which law is missing for its cost."""
-    missing = [law for name, law in LAWS.items() if name not in fits]
-    return tuple(f"Not fitted here: a {law}, which takes too long to sample." for law in missing)
+    """Say which laws there are no fits of."""
+    missing = [f"a {law}" for name, law in LAWS.items() if name not in fits]
+    return (f"Not fitted here: {' and '.join(missing)}.",) if missing else ()
 
 
 _VERDICTS = {"sampled_well": "sampled well?", "describes_data": "describes the data?"}

@@ -12,7 +12,9 @@ from refusals import assert_refused
 
 from pyburgers.cli.main import main
 from pyburgers.fitting.fit import Fit
-from pyburgers.predictions.exported import LOG_FACTOR, exported
+from pyburgers.model.parameters import PARAMETER_BY_NAME
+from pyburgers.model.pooling import DEFAULT_KINDS
+from pyburgers.predictions.exported import LEFT_OUT, LOG_FACTOR, exported
 from pyburgers.protocols.forward import simulate
 from pyburgers.protocols.protocol import load_experiment
 
@@ -39,6 +41,13 @@ def test_json_holds_mean_and_covariance_of_the_draws(
     # ln A is that of the flow law written with A.
     product = (draws["beta"] * draws["activation_enthalpy"]).to_numpy()
     assert content["mean"][names.index(LOG_FACTOR)] == pytest.approx(product.mean())
+
+
+def test_what_is_left_out_is_of_a_test_or_its_readings() -> None:
+    assert set(PARAMETER_BY_NAME) >= LEFT_OUT
+    # What tests share by default belongs to the material, but for scatter, which one kind has.
+    shared = {name for name, kind in DEFAULT_KINDS.items() if kind == "shared"}
+    assert shared & LEFT_OUT == {"attenuation_scatter", "modulus_scatter"}
 
 
 def test_csv_holds_the_same(small_fit: Fit, capsys: pytest.CaptureFixture[str]) -> None:

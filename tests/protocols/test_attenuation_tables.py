@@ -1,5 +1,6 @@
 """Tables of attenuation: their files, conversions, limits, what cannot be fitted."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +13,7 @@ from conftest import ICE
 from refusals import refusal
 
 from pyburgers.common.errors import InputError
+from pyburgers.model.kelvin_laws import PARAMETERS_OF_LAW
 from pyburgers.model.priors import default_priors
 from pyburgers.model.variants import with_variant
 from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
@@ -265,3 +267,14 @@ def test_conditions_of_a_table_are_temperatures_and_periods() -> None:
     warmer = {**found, "temperature": (1173.15, 1573.15), "strain": (0.0, 0.01)}
     assert outside(warmer, [found]) == ("temperature 1173 to 1573 K (fitted: 1173 to 1473)",)
     assert outside(found, [found]) == ()
+
+
+@pytest.mark.parametrize(
+    ("law", "advised"),
+    [("linear", ["extended"]), ("extended", ["extended_peak"]), ("extended_peak", [])],
+)
+def test_a_table_is_advised_the_next_law_and_not_its_own(law: str, advised: list[str]) -> None:
+    advice = protocol_of(load_attenuation(TWIN)).remedy(PARAMETERS_OF_LAW[law])
+    assert advice is not None
+    assert re.findall(r"kelvin=(\w+)", advice) == advised
+    assert "temperatures by themselves" in advice

@@ -8,7 +8,8 @@ from scipy import stats
 from synthetic_fit import make_fit, make_prior, uniform
 
 from pyburgers.model.display import shown_quantity
-from pyburgers.report.decades import PriorOfLogarithm, logarithm_of, spans_decades
+from pyburgers.report.decades import PriorOfLogarithm, logarithm_of, shown_draws, spans_decades
+from pyburgers.report.figure_results import narrowed
 from pyburgers.report.posterior_figures import prior_posterior
 
 
@@ -56,3 +57,10 @@ def test_a_panel_over_decades_has_the_logarithm_and_the_truth_in_it(tmp_path: Pa
     assert np.asarray(line.get_xdata()).tolist() == pytest.approx([truth, truth])
     low, high = panel.get_xlim()
     assert 8.5 < low < truth < high < 12.5
+    (only,) = (word for word in panel.get_title(loc="left").split() if word.isdigit())
+    law = PriorOfLogarithm(fit.priors["kelvin_viscosity"])
+    assert int(only) == round(100 * np.log10(spread).std(ddof=1) / law.std())
+    # Words beside the figure are of the same numbers.
+    shares = {name: shown_draws(fit, name).width_beside_prior for name in fit.priors.free}
+    assert shares["kelvin_viscosity"] == pytest.approx(int(only) / 100, abs=0.005)
+    assert f"{min(shares.values()):.0%}" in narrowed(fit)

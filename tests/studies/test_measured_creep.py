@@ -155,4 +155,5 @@ def test_the_page_says_how_much_is_left_over_and_where(
     (figure,) = section.figures
     assert image(figure.draw(), "png")
     quick = halite_section({name: fits[name] for name in QUICK})
-    assert any(f"Not fitted here: a {LAWS[SINE_HARDENING]}" in one for one in quick.details)
+    missing = " and ".join(f"a {law}" for name, law in LAWS.items() if name not in QUICK)
+    assert f"Not fitted here: {missing}." in quick.details

@@ -1,6 +1,6 @@
 """Tables of attenuation and modulus as a protocol."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 
@@ -67,10 +67,6 @@ class Attenuation(Protocol[AttenuationExperiment]):
         "The reference flow rate <i>ε̇</i><sub>0</sub>, at which the dashpot flows at the "
         "temperature of the file's head and the largest stress of the table (1 MPa where none is "
         "stated), follows from the other parameters, and so does its prior."
-    )
-    remedy = (
-        "compare laws of the Kelvin part, such as a band of relaxation times (--variant "
-        "kelvin=extended), or fit the temperatures by themselves to see which of them disagrees"
     )
 
     load = staticmethod(load_attenuation)
@@ -169,6 +165,21 @@ class Attenuation(Protocol[AttenuationExperiment]):
                 else {"typical_error": (np.hypot(np.array(TYPICAL_SPREAD)[quantity], stated), "1")}
             ),
         }
+
+    def remedy(self, free: Collection[str]) -> str:
+        """Propose a band, a peak on top of it, and then to look where temperatures disagree."""
+        alone = "fit the temperatures by themselves to see which of them disagrees"
+        if "relaxation_time_decades" not in free:
+            return (
+                "compare laws of the Kelvin part, such as a band of relaxation times (--variant "
+                f"kelvin=extended), or {alone}"
+            )
+        if "peak_strength" not in free:
+            return (
+                "try a peak on top of the band (--variant kelvin=extended_peak, with priors that "
+                f"say where it lies), or {alone}"
+            )
+        return alone
 
     def place_text(self, along: xr.Dataset, first: int, last: int) -> str:
         """Return quantity, temperature and periods, such as ``modulus at 1473 K, 10 to 100 s``."""

@@ -59,6 +59,9 @@ class Entry:
     def doubts(self, kind: CheckKind) -> list[str]:
         """Say what speaks against a yes to a question, without what to do about it."""
         verdict = self.verdicts[kind]
+        if verdict.outcome is Outcome.YES:
+            notes = (one.note for one in self.checks if one.check.kind is kind and one.note)
+            return ["; ".join((ANSWERS[kind][verdict.outcome], *notes)) + "."]
         found = [one for one in self.checks if one.check.kind is kind and not one.passed]
         if kind is CheckKind.DESCRIPTION and any(one.unusable for one in self.checks):
             return [f"{ANSWERS[kind][verdict.outcome]}: the draws are of no use."]

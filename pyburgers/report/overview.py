@@ -8,9 +8,9 @@ import pandas as pd
 from pyburgers.checks.fit_checks import CheckKind, CheckResult, Outcome, coverage
 from pyburgers.checks.prior_influence import (
     Influence,
-    conflict_sentence,
     conflict_text,
     conflicts,
+    disagreement,
 )
 from pyburgers.checks.verdicts import ANSWERS, Verdict, verdicts
 from pyburgers.common.units import number, with_error
@@ -177,9 +177,7 @@ def entry_of(
         **_times(fit),
     }
     is_synthetic = fit.experiment.provenance.kind == "synthetic"
-    return Entry(
-        key, name, is_synthetic, answered, tuple(checks), conflict_sentence(influences), row
-    )
+    return Entry(key, name, is_synthetic, answered, tuple(checks), disagreement(influences), row)
 
 
 def joint_entry(key: str, name: str, joint: Fit) -> Entry:

@@ -15,6 +15,7 @@ from markupsafe import Markup
 
 from pyburgers.checks.fit_checks import CheckKind, CheckResult, Outcome
 from pyburgers.checks.prior_influence import (
+    CONFLICT_MEANING,
     THRESHOLDS_TEXT,
     Influence,
     Origin,
@@ -269,6 +270,7 @@ def render_page(
         written=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         version=importlib.metadata.version("pyburgers"),
         thresholds=THRESHOLDS_TEXT,
+        conflict_meaning=CONFLICT_MEANING,
         truth_sentence=tables.truth_sentence,
     )
 

@@ -15,7 +15,7 @@ from synthetic_fit import make_fit, make_prior, with_problem
 from synthetic_olivine_fit import make_olivine_fit, oscillating
 
 from pyburgers.checks.fit_checks import CheckKind, Outcome
-from pyburgers.checks.prior_influence import THRESHOLDS_TEXT, prior_influence
+from pyburgers.checks.prior_influence import CONFLICT_MEANING, THRESHOLDS_TEXT, prior_influence
 from pyburgers.checks.verdicts import ANSWERS
 from pyburgers.common.errors import InputError
 from pyburgers.drawing.page_parts import PageSection
@@ -198,8 +198,11 @@ def test_conflicts_of_prior_and_data_stand_at_the_top(
     (conflict,) = fit.prior_conflicts()
     assert "stress exponent (-" in conflict
     page = write([fit], tmp_path / "page")
-    assert page.text.index("! Prior and data disagree in B .") < page.text.rindex("Overview")
-    assert conflict.split(": ", 1)[1] in page.text_without_marks
+    told = f"! Prior and data disagree in B : {CONFLICT_MEANING}."
+    assert page.text.index(told) < page.text.rindex("Overview")
+    assert page.text.count(CONFLICT_MEANING) == 1
+    named = conflict.removeprefix("B: ").removesuffix(f": {CONFLICT_MEANING}.")
+    assert f"{named}." in page.text_without_marks
 
 
 def test_alarms_of_parts_stand_at_the_top(fits: list[Fit], sketched: None, tmp_path: Path) -> None:

@@ -29,7 +29,7 @@ EXPLANATION = """# Other records
 
 Written by `python benchmarks/records.py`; do not edit. All records are **synthetic**: the curve at
 the truth behind PIL40 (peak 8 MPa at 3.1 % strain, 61 points to 20 %), with other noise or less of
-it. Defaults throughout: 4 chains of 300 + 1000 iterations, target acceptance 0.99. ESS are the
+it. Defaults throughout: 4 chains of 300 + 1000 iterations, target acceptance 0.98. ESS are the
 least over the sampled quantities; ESS/s are per second of one core, sampling alone and with
 warm-up.
 

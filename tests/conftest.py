@@ -4,6 +4,10 @@ Fits that several modules look at are made once, whatever the number of processe
 """
 
 import os
+
+# Tests run side by side on all cores, where threads of linear algebra wait for each other in loops.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import shutil
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -37,6 +41,7 @@ from pyburgers.protocols.protocol import protocols, save_experiment
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.protocols.valley import ValleyReference
 from pyburgers.sampling.options import SamplerOptions
+from pyburgers.sampling.run_directory import RunDirectory
 
 FloatArray = npt.NDArray[np.float64]
 FunctionValues = Callable[[str, Mapping[str, object]], dict[str, FloatArray]]
@@ -327,7 +332,7 @@ def fit_pair(problem: Problem, pool: Mapping[str, str], out: Path) -> None:
         fit_without_tests({"joint": joint}, workers=Workers(here), command="test")
 
 
-def copy_of(joint: Fit, out: Path, *, without: str = "") -> Fit:
-    """Copy a joint fit, without the files and folders of one name."""
-    shutil.copytree(joint.directory.path, out, ignore=shutil.ignore_patterns(".*", without))
-    return Fit.load(out)
+def copy_of(fit: Fit, out: Path, *, without: str = "") -> Fit:
+    """Copy a fit with its files, without the files and folders of one name; read nothing again."""
+    shutil.copytree(fit.directory.path, out, ignore=shutil.ignore_patterns(".*", without))
+    return replace(fit, directory=RunDirectory(out))

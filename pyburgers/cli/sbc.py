@@ -61,7 +61,8 @@ def add_options(command: argparse.ArgumentParser) -> None:
         "--refits",
         type=int,
         default=REFITS,
-        help=f"repetitions, {LONGER} times as long each, of a fit that has not converged",
+        help=f"repetitions, {LONGER} times as long each, of a fit that has not converged; "
+        "can be raised later",
     )
     command.add_argument(
         "--stress-range",

@@ -44,7 +44,11 @@ N_PRIOR_DRAWS = 1000
 NEAR_BOUND = 0.05
 """A mode within this fraction of a parameter's range above its lower bound leans on the bound."""
 
-SMALL_PART = 0.1
+SMALL_PART = 0.02
+"""Of the spring's compliance at the mode: the coordinate is linear in the compliance above it.
+
+Where the Kelvin element is a second spring, a sixth is left of the compliance. With a tenth for
+this part chains stayed there for tens of draws. `left_to_spring` in `valley.stan` counts in it."""
 
 NOISE_SCALED = ("maxwell_modulus", "kelvin_viscosity")
 """Parameters fixed by the response alone; the others' widths also come from priors of partners."""
@@ -192,7 +196,10 @@ class ValleyChart(Chart[E]):
     ) -> ValleyReference:
         """Let widths grow with the noise (`noise_exponents`)."""
         fixed = (*NOISE_SCALED, *([FIXED_BY_STRAIN] if reference.pins.strain_is_read else []))
-        exponents = noise_exponents(test.coordinates, test.priors, covariance, fixed)
+        slope = _slope_of_plain(reference.coordinate, reference.linear_from)
+        exponents = noise_exponents(
+            test.coordinates, test.priors, covariance * np.outer(slope, slope), fixed
+        )
         return replace(reference, noise_exponent=exponents)
 
     def block(self, references: Sequence[ValleyReference | None], layout: Layout) -> StanData:
@@ -247,7 +254,7 @@ def noise_exponents(
     priors : PriorSet
         Resolved priors.
     covariance : array, shape (n_coordinates, n_coordinates)
-        Laplace approximation of the posterior in valley coordinates.
+        Laplace approximation of the posterior, in plain coordinates.
     names : iterable of str
         Parameters that the response fixes.
 
@@ -337,3 +344,12 @@ def _linear_from(position: FloatArray, coordinates: PlainCoordinates, pins: Pins
     if pins.strain_is_read and FIXED_BY_STRAIN in coordinates.quantities:
         linear[coordinates.quantities.index(FIXED_BY_STRAIN)] = 0.0
     return linear
+
+
+def _slope_of_plain(position: FloatArray, linear_from: FloatArray) -> FloatArray:
+    """Return derivatives of the plain coordinates by the straightened ones (`valley.stan`)."""
+    slope = np.ones_like(position)
+    bent = linear_from != 0
+    ratio = np.exp(np.sign(linear_from[bent]) * position[bent]) / np.abs(linear_from[bent])
+    slope[bent] = -np.expm1(-ratio) / ratio
+    return slope

@@ -43,6 +43,7 @@ from pyburgers.protocols.program_data import given_parameters, program_data
 from pyburgers.protocols.protocol import protocol_of
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.options import SamplerOptions
+from pyburgers.sbc.replication import Replication
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -57,8 +58,7 @@ LONGER = 4
 """Factor on the iterations of a fit that is repeated, and on how closely it keeps its target."""
 
 RHAT_LIMIT = 1.05
-"""Largest R-hat of a fit of a calibration: its chains are short, so that 1.01 is passed by chance.
-"""
+"""Largest R-hat of a fit of a calibration: 1.01 is passed by chance in its short chains."""
 
 CHECKS = (check_chains, check_divergences, check_treedepth, check_energy, check_solver)
 """Checks of a fit that short chains can pass."""
@@ -71,18 +71,20 @@ class DataSetPlan:
     Attributes
     ----------
     n_ranked : int
-        Draws of the fit among which the truth is ranked: evenly spaced, few enough to be nearly
-        independent.
+        Draws of the fit among which the truth is ranked: evenly spaced, nearly independent.
     refits : int
         How often a fit that has not converged is repeated, each time `LONGER` as long.
     stress_range : tuple of two floats, or None
         Least and largest stress (Pa): data sets whose largest |stress| lies outside are replaced.
         That looks at the data alone, so that the ranks of the others stay uniform.
+    first : int
+        Repetition to begin with; fits before it had not converged.
     """
 
     n_ranked: int
     refits: int
     stress_range: tuple[float, float] | None
+    first: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,50 +107,6 @@ class Simulated:
     pooled: Mapping[str, float]
     n_unsolvable: int
     n_outside: int
-
-
-@dataclass(frozen=True)
-class Replication:
-    """One data set of a calibration.
-
-    Attributes
-    ----------
-    seed : int
-        Of this data set.
-    ranks : mapping of str to int
-        Number of thinned draws below the true value, for each free parameter, the reference
-        quantity and the log likelihood; of several tests those of one as NAME[TEST]. Empty where
-        the fit failed or did not converge.
-    n_draws : int
-        Thinned draws; ranks go from 0 to this.
-    n_unsolvable, n_outside : int
-        See `Simulated`.
-    n_refits : int
-        Longer fits after the first.
-    failure : str or None
-        Why there is no fit.
-    failed_checks : tuple of str
-        Names of the checks of convergence that the last fit failed.
-    divergences : int
-        Of the last fit.
-    rhat, least_ess : float or None
-        Largest R-hat and least bulk effective sample size of the last fit.
-    coordinates : str or None
-        Coordinates of the fit.
-    """
-
-    seed: int
-    ranks: Mapping[str, int]
-    n_draws: int
-    n_unsolvable: int
-    n_outside: int = 0
-    n_refits: int = 0
-    failure: str | None = None
-    failed_checks: tuple[str, ...] = ()
-    divergences: int = 0
-    rhat: float | None = None
-    least_ess: float | None = None
-    coordinates: str | None = None
 
 
 def calibration_priors(material: str, protocol: str | None = None) -> PriorSet:
@@ -295,7 +253,7 @@ def fit_and_rank(
     done = Replication(
         seed, {}, plan.n_ranked, simulated.n_unsolvable, simulated.n_outside, failure="not fitted"
     )
-    for n_refits in range(plan.refits + 1):
+    for n_refits in range(plan.first, plan.refits + 1):
         longer = lengthened(replace(options, seed=seed), n_refits)
         done = replace(done, n_refits=n_refits)
         try:

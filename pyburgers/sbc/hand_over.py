@@ -30,11 +30,11 @@ from pyburgers.protocols.problem import one_test
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sbc.data_sets import (
     DataSetPlan,
-    Replication,
     Simulated,
     fit_and_rank,
     lengthened,
 )
+from pyburgers.sbc.replication import Replication
 
 FloatArray = npt.NDArray[np.float64]
 

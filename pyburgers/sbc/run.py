@@ -17,13 +17,13 @@ from pathlib import Path
 from typing import Any
 
 from filelock import FileLock, Timeout
-from pydantic import ConfigDict, Field
+from pydantic import Field
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.atomic_files import sha256_of_json, write_json
 from pyburgers.common.errors import InputError, SystemFailureError
 from pyburgers.common.tasks import ALL_HERE, Workers
-from pyburgers.common.toml_files import Table, read_json_table
+from pyburgers.common.toml_files import Table
 from pyburgers.model.pooling import pooling_from
 from pyburgers.model.priors import PriorSet, load_priors, note_other_material, save_priors
 from pyburgers.protocols.experiment import Experiment
@@ -37,8 +37,16 @@ from pyburgers.sampling.manifest import COMPLETE, PoolingRecord, RecordedHashes,
 from pyburgers.sampling.options import INDECISIVE, SamplerOptions
 from pyburgers.sampling.run import files_in, origin_record, problem_record
 from pyburgers.sampling.run_directory import RunDirectory
-from pyburgers.sbc.data_sets import DataSetPlan, Replication, check_template, replicate
+from pyburgers.sbc.data_sets import DataSetPlan, check_template, replicate
 from pyburgers.sbc.rank_uniformity import RankBands, RankVerdict, judge_ranks, rank_bands
+from pyburgers.sbc.replication import (
+    SIMULATIONS,
+    Replication,
+    read_replication,
+    scratch_of,
+    simulation_file,
+    to_do,
+)
 
 logger = logging.getLogger(__name__)
 
@@ -55,9 +63,6 @@ REFITS = 1
 
 SYSTEM_ATTEMPTS = 3
 """Tries of a data set whose chains the system ends, after which the calibration stops."""
-
-SIMULATIONS = "simulations"
-"""Folder of the data sets."""
 
 
 @dataclass(frozen=True)
@@ -140,25 +145,6 @@ class _CalibrationManifest(RecordedHashes):
     command: str
 
 
-class _ReplicationTable(Table):
-    """A `Replication` in its file."""
-
-    model_config = ConfigDict(allow_inf_nan=True)
-
-    seed: int
-    ranks: dict[str, int]
-    n_draws: int
-    n_unsolvable: int
-    n_outside: int
-    n_refits: int
-    failure: str | None
-    failed_checks: list[str]
-    divergences: int
-    rhat: float | None
-    least_ess: float | None
-    coordinates: str | None
-
-
 @dataclass(frozen=True, eq=False)
 class Calibration:
     """A calibration, finished or as far as it has come.
@@ -229,7 +215,8 @@ def calibrate(
     priors : PriorSet
         What truths are drawn from and fits use.
     out : Path
-        Folder of the calibration. An earlier one with the same inputs there is continued.
+        Folder of the calibration. An earlier one with the same inputs there is continued, with more
+        repetitions as if there had been so many from the beginning.
     plan : CalibrationPlan
         Data sets, seeds, sampler.
     pool : mapping of str to str, optional
@@ -259,6 +246,7 @@ def calibrate(
     plan = replace(plan, sampler=replace(sampler, parallel_chains=1))
     identity = _fingerprint(problem, plan, load_program(problem.protocol.program).key)
     run = RunDirectory(out)
+    _refuse_fewer_repetitions(run, plan)
     folders = ("inputs", SIMULATIONS)
     if workers.part is None:
         with run.claimed(identity, folders):
@@ -270,6 +258,18 @@ def calibrate(
             _write_inputs(run, problem, plan, command)
         _run_missing(run, plan, workers)
     return Calibration(problem, plan, _replications(run, plan), command)
+
+
+def _refuse_fewer_repetitions(run: RunDirectory, plan: CalibrationPlan) -> None:
+    """Raise where an earlier calibration in the folder has repeated fits more often."""
+    if not run.manifest_file.is_file() or "plan" not in run.read_manifest():
+        return
+    earlier = run.read_manifest(_CalibrationManifest)["plan"]["refits"]
+    if plan.refits < earlier:
+        raise InputError(
+            f"{run.path}: was calibrated with {earlier} repetitions of fits that had not "
+            f"converged, expected no fewer, found {plan.refits}."
+        )
 
 
 def _write_inputs(run: RunDirectory, problem: Problem, plan: CalibrationPlan, command: str) -> None:
@@ -319,12 +319,7 @@ def _template(run: RunDirectory, manifest: Mapping[str, Any]) -> Problem:
 def _replications(run: RunDirectory, plan: CalibrationPlan) -> tuple[Replication, ...]:
     """Read the data sets that are done."""
     files = (simulation_file(run, seed) for seed in plan.seeds)
-    return tuple(_read_replication(file) for file in files if file.is_file())
-
-
-def simulation_file(run: RunDirectory, seed: int) -> Path:
-    """Return where the outcome of one data set is."""
-    return run.path / SIMULATIONS / f"simulation_{seed:06d}.json"
+    return tuple(read_replication(file) for file in files if file.is_file())
 
 
 def _fingerprint(problem: Problem, plan: CalibrationPlan, program_key: str) -> str:
@@ -340,7 +335,8 @@ def _fingerprint(problem: Problem, plan: CalibrationPlan, program_key: str) -> s
             "data": program_data(problem, solver=SolverOptions()),
             "seed": plan.seed,
             "simulations": plan.simulations,
-            "data_set": asdict(plan.data_set),
+            # Repetitions can be added: the first ones stay what they were.
+            "data_set": asdict(replace(plan.data_set, refits=0)),
             "sampler": sampler,
             "program": program_key,
         }
@@ -365,7 +361,7 @@ def _run_missing(run: RunDirectory, plan: CalibrationPlan, workers: Workers) -> 
     """Do the data sets of a part that are missing; stop handing them out when one fails."""
     mine = workers.mine({seed: simulation_file(run, seed) for seed in plan.seeds})
     missing = [
-        seed for seed, file in mine.items() if not file.is_file() or _scratch_of(file).exists()
+        seed for seed, file in mine.items() if scratch_of(file).exists() or to_do(file, plan.refits)
     ]
     if len(missing) < len(mine):
         n_found = len(mine) - len(missing)
@@ -391,13 +387,13 @@ def _replicate_into(path: Path, seed: int, plan: CalibrationPlan) -> str:
     """
     run = RunDirectory(path)
     file = simulation_file(run, seed)
-    scratch = _scratch_of(file)
+    scratch = scratch_of(file)
     scratch.mkdir(exist_ok=True)
     try:
         with FileLock(scratch / ".lock", timeout=0):
-            if not file.is_file():
+            if to_do(file, plan.refits):
                 write_json(file, asdict(_replicate(run, scratch, seed, plan)))
-            replication = _read_replication(file)
+            replication = read_replication(file)
             shutil.rmtree(scratch)
     except Timeout as error:
         raise InputError(
@@ -409,26 +405,19 @@ def _replicate_into(path: Path, seed: int, plan: CalibrationPlan) -> str:
     return "ranked" if replication.ranks else "not converged"
 
 
-def _scratch_of(file: Path) -> Path:
-    """Folder in which a data set is made; one that is left was not cleared by a killed process."""
-    return file.parent / f".{file.stem}"
-
-
 def _replicate(run: RunDirectory, scratch: Path, seed: int, plan: CalibrationPlan) -> Replication:
     """Do one data set in a folder of its own, where fits of an earlier attempt go on."""
     template = _template(run, run.read_manifest())
+    file = simulation_file(run, seed)
+    first = read_replication(file).n_refits + 1 if file.is_file() else 0
+    data_set = replace(plan.data_set, first=first)
     tries_left = SYSTEM_ATTEMPTS
     while True:
         tries_left -= 1
         try:
             return replicate(
-                template, scratch / "fits", seed=seed, options=plan.sampler, plan=plan.data_set
+                template, scratch / "fits", seed=seed, options=plan.sampler, plan=data_set
             )
         except SystemFailureError:
             if not tries_left:
                 raise
-
-
-def _read_replication(file: Path) -> Replication:
-    content = read_json_table(file, _ReplicationTable).model_dump()
-    return Replication(**{**content, "failed_checks": tuple(content["failed_checks"])})

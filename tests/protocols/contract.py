@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from conftest import sketch_pictures, with_fixed
-from log_density import Program, program_with
+from log_density import Program, assert_gradient_is_slope, program_with
 from page import Page
 from protocol_examples import EXAMPLES
 from refusals import refusal
@@ -215,17 +215,7 @@ def test_the_gradient_is_the_slope_of_the_density(
 ) -> None:
     program, centre = program_in(protocol, name, what, tmp_path)
     point = centre + 0.1 * np.random.default_rng(8).standard_normal(centre.size)
-    gradient = program.at({"coordinate": point.tolist()}).gradient
-    step = 1e-3
-    for k in range(point.size):
-        shift = step * np.eye(point.size)[k]
-        one, two = (
-            program.columns_at({"coordinate": (point + m * shift).tolist()})["lp__"]
-            - program.columns_at({"coordinate": (point - m * shift).tolist()})["lp__"]
-            for m in (1, 2)
-        )
-        slope = (8 * one - two) / (12 * step)
-        assert gradient[k] == pytest.approx(slope, rel=1e-4, abs=1e-4 * np.abs(gradient).max())
+    assert_gradient_is_slope(program, point)
 
 
 @cases("quick")

@@ -7,11 +7,13 @@ import pytest
 from history_twins import TRUTH, history_twin
 from truth_as_mode import at_truth
 
+from pyburgers.cmdstan.program import load_program
 from pyburgers.model.priors import default_priors
 from pyburgers.model.variants import with_variant
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.loading_history.valley import LoadingHistoryValley
 from pyburgers.protocols.problem import plain_coordinates, problem_of
+from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.protocol import ChartUnsuited
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.protocols.valley import ValleyReference
@@ -91,6 +93,15 @@ def test_sums_of_elements_do_not_suit() -> None:
     two_elements = replace(test, priors=with_variant(ICE, twin, {"kelvin": "two_elements"}))
     with pytest.raises(ChartUnsuited, match="sum of elements"):
         LoadingHistoryValley().reference(two_elements)
+
+
+def test_the_search_for_the_mode_ends_at_one() -> None:
+    """With the gradients of the sampling it ends where the density still rises."""
+    problem = problem_of([history_twin("relaxation", 40)], ICE)
+    found = find_mode(problem, seed=1, solver=SolverOptions()).coordinate
+    exact = program_data(problem, solver=SolverOptions(1e-9))
+    (slope,) = load_program(problem.protocol.program).gradients(exact, "coordinate", [found])
+    assert np.abs(slope).max() < 0.3
 
 
 @pytest.mark.slow

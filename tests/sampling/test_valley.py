@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from conftest import ICE, resolved_priors, valley_of, with_fixed
+from truth_as_mode import at_truth
 
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
@@ -74,3 +75,18 @@ def test_widths_follow_the_noise_as_far_as_the_data_set_them(
     scaled = np.isin(coordinates.quantities, NOISE_SCALED)
     np.testing.assert_array_equal(precise, scaled.astype(float))
     np.testing.assert_array_equal(vague, 0.0)
+
+
+def test_widths_of_springs_follow_the_noise_whatever_unit_their_coordinate_has(
+    experiment: ConstantRateExperiment, priors: PriorSet
+) -> None:
+    test = at_truth(experiment, priors, SolverOptions())
+    chart = ConstantRateValley()
+    reference, _ = chart.reference(test)
+    place = test.coordinates.quantities.index("maxwell_modulus")
+    # A coordinate in small parts of the compliance: one of them is a precise modulus.
+    assert reference.linear_from[place] < 0
+    size = reference.coordinate.size
+    found = chart.rescaled(reference, test, np.eye(size)).noise_exponent
+    assert found[place] > 0.99
+    assert found[test.coordinates.quantities.index("kelvin_viscosity")] < 0.9

@@ -44,7 +44,8 @@ from pyburgers.sbc.data_sets import (
     replicate,
     simulate_from_prior,
 )
-from pyburgers.sbc.run import CalibrationPlan, _replicate_into, simulation_file
+from pyburgers.sbc.replication import simulation_file
+from pyburgers.sbc.run import CalibrationPlan, _replicate_into
 
 SHARED_EXPONENT = {"all": "separate", "stress_exponent": "shared"}
 TEMPLATES = ICE.parent / "calibration"

@@ -21,7 +21,7 @@ from pyburgers.drawing.style import image
 from pyburgers.model.priors import default_priors
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
 from pyburgers.protocols.problem import problem_of
-from pyburgers.sbc.data_sets import Replication
+from pyburgers.sbc.replication import Replication
 from pyburgers.sbc.results import (
     calibration_text,
     count_sentences,
@@ -231,7 +231,6 @@ def test_an_unfinished_calibration_is_shown_as_far_as_it_has_come(
         ("--draws", "21"),
         ("--chains", "3"),
         ("--simulations", "4"),
-        ("--refits", "2"),
     ],
 )
 def test_another_configuration_in_the_same_folder_is_refused(
@@ -243,6 +242,29 @@ def test_another_configuration_in_the_same_folder_is_refused(
 ) -> None:
     code = main(command(small_problem, finished, *option))
     assert_refused(code, capsys, "holds a run of other inputs", "choose another --out")
+
+
+def test_repetitions_can_be_added_but_not_taken_back(
+    small_problem: Problem,
+    finished: Path,
+    outcomes: dict[str, bytes],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Only fits that had not converged are made again, and the outcome is that of one go."""
+    stay_in_this_process(monkeypatch)
+    later = tmp_path / "later"
+    main(command(small_problem, later, "--refits", "0"))
+    assert any(
+        json.loads(file.read_text(encoding="utf-8"))["failed_checks"]
+        for file in (later / "simulations").iterdir()
+    )
+    main(command(small_problem, later))
+    assert contents(later) == outcomes
+    capsys.readouterr()
+    code = main(command(small_problem, finished, "--refits", "0"))
+    assert_refused(code, capsys, "calibrated with 1 repetitions", "expected no fewer, found 0")
 
 
 @pytest.mark.parametrize(

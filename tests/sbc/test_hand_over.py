@@ -25,9 +25,10 @@ from pyburgers.protocols.problem import Problem
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run_directory import RunDirectory
 from pyburgers.sbc import hand_over
-from pyburgers.sbc.data_sets import DataSetPlan, Replication, Simulated, calibration_priors
+from pyburgers.sbc.data_sets import DataSetPlan, Simulated, calibration_priors
 from pyburgers.sbc.hand_over import rank_curve, rank_hand_over, simulate_table
 from pyburgers.sbc.rank_uniformity import judge_ranks, rank_bands
+from pyburgers.sbc.replication import Replication
 
 pytestmark = pytest.mark.usefixtures("programs")
 

@@ -36,6 +36,9 @@ data {
   real fabric_amplitude; // 1 - F_ss
   real exponent_ratio;
   real log_grain_size_ratio;
+  real softening; // of the whole curve
+  real<lower=0> initial_grain_size;
+  row_vector[4] grain_size_prior; // row of d_ss (charts/plain.stan)
 }
 generated quantities {
   real dashpot_loss = dashpot_compliance(rate_at_scale, stress_exponent, stress_scale, bias,
@@ -45,12 +48,18 @@ generated quantities {
   vector[n] quantile_log_slope;
   vector[n] bounded;
   vector[n] bounded_log_slope;
+  vector[n] at_edge;
+  vector[n] at_edge_log_slope;
   matrix[n_pins, 2] grain = grain_softening(u[1], exponent_ratio, log_grain_size_ratio, strain,
                                             bounds);
   matrix[n_pins, 3] fabric = fabric_softening(u[2], fabric_amplitude, strain, bounds);
   for (i in 1 : n) {
     vector[2] quantile = place_of_quantile(log_odds[i], log_density);
     vector[2] from_remainder = bounded_from_remainder(place, deviation, remainder[i]);
+    vector[2] stretched = grain_size_at_edge(log_odds[i], exponent_ratio, softening,
+                                             initial_grain_size, grain_size_prior);
+    at_edge[i] = stretched[1];
+    at_edge_log_slope[i] = stretched[2];
     quantile_place[i] = quantile[1];
     quantile_log_slope[i] = quantile[2];
     bounded[i] = from_remainder[1];

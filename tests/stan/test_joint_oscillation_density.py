@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from conftest import resolved_priors
-from log_density import Program, program_with
+from log_density import Program, assert_gradient_is_slope, program_with
 from oscillation_pair import oscillation_pair
 from scipy import stats
 from stan_data import one_test_data, parameter_in
@@ -108,14 +108,4 @@ def test_gradient_is_the_slope_of_the_density(
     size = joint.layout.size
     program = joint_program(joint, system, tmp_path)
     coordinate = 0.2 * np.random.default_rng(6).standard_normal(size)
-    gradient = program.at({"coordinate": coordinate.tolist()}).gradient
-    step = 1e-3
-    for k in range(0, size, 2):
-        shift = step * np.eye(size)[k]
-        above, below = (
-            program.columns_at({"coordinate": (coordinate + sign * shift).tolist()})["lp__"]
-            for sign in (1, -1)
-        )
-        assert gradient[k] == pytest.approx(
-            (above - below) / (2 * step), rel=1e-3, abs=1e-4 * np.abs(gradient).max()
-        )
+    assert_gradient_is_slope(program, coordinate, range(0, size, 2))

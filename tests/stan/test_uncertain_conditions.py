@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from conftest import ICE
-from log_density import Program, program_with
+from log_density import Program, assert_gradient_is_slope, program_with
 from protocol_examples import short_twin
 from scipy import stats
 from stan_data import parameters_in
@@ -193,16 +193,8 @@ def test_the_gradient_is_the_slope_of_the_density(source: Path, tmp_path: Path) 
     problem = problem_of([uncertain(source)], default_priors(load_experiment(source).material))
     program, centre = program_in(problem, "chart", tmp_path)
     point = centre + 0.1 * np.random.default_rng(8).standard_normal(centre.size)
-    gradient = program.at({"coordinate": point.tolist()}).gradient
-    names, step = problem.layout.names, 1e-3
-    for k in (names.index(TEMPERATURE), names.index(CALIBRATION), names.index("stress_exponent")):
-        shift = step * np.eye(point.size)[k]
-        above, below = (
-            program.columns_at({"coordinate": (point + sign * shift).tolist()})["lp__"]
-            for sign in (1, -1)
-        )
-        slope = (above - below) / (2 * step)
-        assert gradient[k] == pytest.approx(slope, rel=1e-3, abs=1e-4 * np.abs(gradient).max())
+    names = (TEMPERATURE, CALIBRATION, "stress_exponent")
+    assert_gradient_is_slope(program, point, [problem.layout.names.index(name) for name in names])
 
 
 def test_tests_of_one_furnace_have_one_value_and_one_prior(tmp_path: Path) -> None:

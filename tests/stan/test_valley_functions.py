@@ -98,3 +98,31 @@ def test_softening_at_the_pins_and_its_slopes(function_values: FunctionValues) -
         part = 0 if name == "grain" else 1
         slope = (softening(at + step)[part] - softening(at - step)[part]) / 2e-5
         np.testing.assert_allclose(values[name][:, column], slope, rtol=1e-6)
+
+
+def test_grain_sizes_are_stretched_where_they_do_all_the_softening(
+    function_values: FunctionValues,
+) -> None:
+    data = valley_data()
+    values = function_values("chart_values", data)
+    u, slope = values["at_edge"], np.exp(values["at_edge_log_slope"])
+    np.testing.assert_allclose(np.gradient(u, LOG_ODDS)[1:-1], slope[1:-1], rtol=1e-4)
+    lower, upper = data["grain_size_prior"][2:]
+    grain_size = lower + (upper - lower) * expit(u)
+    softening = data["exponent_ratio"] * np.log(data["initial_grain_size"] / grain_size)
+    share = softening / data["softening"]
+    assert np.all(slope[(share > 0.9) & (share < 1.1)] < 0.5)
+    assert np.all(slope > 0.25)
+    assert slope.min() < 0.3
+    np.testing.assert_allclose(u[share < 0.4], LOG_ODDS[share < 0.4], atol=0.02)
+    # At the other end all is shifted, and nothing is stretched.
+    np.testing.assert_allclose(slope[[0, -1]], 1.0, atol=0.01)
+
+
+def test_grain_sizes_without_an_edge_keep_their_coordinate(
+    function_values: FunctionValues,
+) -> None:
+    """With little p even the smallest grains do not soften as much as the curve does."""
+    values = function_values("chart_values", valley_data(exponent_ratio=0.02))
+    inside = np.abs(LOG_ODDS) < 6
+    np.testing.assert_allclose(values["at_edge"][inside], LOG_ODDS[inside], atol=1e-6)

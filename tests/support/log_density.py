@@ -7,15 +7,16 @@ exactly, from positions that are printed with all digits.
 """
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+import pytest
 
+from pyburgers.cmdstan.program import ALL_DIGITS, compile_program
 from pyburgers.cmdstan.program import Program as CompiledProgram
-from pyburgers.cmdstan.program import compile_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.protocols.stan_data import StanData
 
@@ -92,7 +93,7 @@ class Program:
             init=files["init"],
             output=files["output"],
             seed=5,
-            digits=17,
+            digits=ALL_DIGITS,
             output_options=[f"diagnostic_file={files['trace']}"],
         )
         running.wait()
@@ -101,6 +102,31 @@ class Program:
         # CmdStan gives the gradient of the potential, which is minus the log density.
         gradient = [-value for name, value in trace.items() if name.startswith("g_")]
         return _only_row(files["output"]), np.array(gradient)
+
+
+def assert_gradient_is_slope(
+    program: Program, point: FloatArray, along: Sequence[int] | None = None
+) -> None:
+    """Compare the gradient with differences of fourth order, along some coordinates or all.
+
+    Densities are those that generated quantities repeat, in one run without gradients.
+    """
+    here, step = program.at({"coordinate": point.tolist()}), 1e-3
+    along = range(point.size) if along is None else along
+    shifts = step * np.eye(point.size)[along]
+    solved, draws = CompiledProgram(program.executable, program.threads).generate_at(
+        json.loads(program.data_file.read_text(encoding="utf-8")),
+        "coordinate",
+        np.vstack([point, *(point + m * shifts for m in (1, -1, 2, -2))]),
+        digits=ALL_DIGITS,
+    )
+    assert solved.all()
+    density = draws["log_density"][0]
+    assert density[0] == pytest.approx(here.log_density, rel=1e-7)
+    ahead, behind, far_ahead, far_behind = density[1:].reshape(4, -1)
+    slope = (8 * (ahead - behind) - (far_ahead - far_behind)) / (12 * step)
+    limit = 1e-4 * np.abs(here.gradient).max()
+    assert here.gradient[along] == pytest.approx(slope, rel=1e-4, abs=limit)
 
 
 def _only_row(file: Path) -> dict[str, float]:

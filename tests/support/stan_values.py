@@ -59,5 +59,8 @@ CHARTS: Mapping[str, object] = {
     "fabric_amplitude": 0.6,
     "exponent_ratio": 0.15,
     "log_grain_size_ratio": -1.2,
+    "softening": 0.3,
+    "initial_grain_size": 230e-6,
+    "grain_size_prior": [0.0, 1.0, 10e-6, 200e-6],
 }
 """Of `chart_values`."""

@@ -62,7 +62,7 @@ class ConstantRate(Protocol[ConstantRateExperiment]):
         }
     )
     warmup = 300
-    target_acceptance = 0.99
+    target_acceptance = 0.98
     chart = ConstantRateValley()
     figures = CONSTANT_RATE_FIGURES
     reference_text = Markup(

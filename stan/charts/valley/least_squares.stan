@@ -3,10 +3,10 @@
  *
  * What the other parameters ask for is a vector `asked`: p/n, ln(d_ss/d_0), then the left-hand side
  * of (*) at the pins, less ln S_0 where that is given. The same at the reference point is the end
- * of `reference`, which starts with u_1, u_2, 1 - F_ss, ln S_0, ln s and the compliance of the
- * Kelvin element in the elastic rise (valley_reference()); steps go along the path from there. Columns of pins, knots
- * and bounds are those of charts/valley/pins.stan; weights are those at the noise here. Where
- * `stress_given` is 1, ln S_0 is.
+ * of `reference`, which starts with u_1, u_2, 1 - F_ss, ln S_0, ln s, the compliance of the Kelvin
+ * element in the elastic rise and the softening up to the last pin (valley_reference()); steps go
+ * along the path from there. Columns of pins, knots and bounds are those of charts/valley/pins.stan;
+ * weights are those at the noise here. Where `stress_given` is 1, ln S_0 is.
  */
 
 /** Gauss-Newton steps along the path from the reference point. */
@@ -29,7 +29,7 @@ real amplitude_precision() { return 4.0; }
 real reference_stress_precision() { return 1.0; }
 
 /** Elements of `reference` beside the strength at the pins. */
-int n_reference() { return 8; }
+int n_reference() { return 9; }
 
 /** What is asked for at a part of the way from the reference point. */
 vector asked_along_path(real part_of_way, vector asked, data vector reference) {

@@ -19,6 +19,9 @@
  *  - F_ss is centred and scaled by the solution for (ln S_0, F_ss) at this u_1 and u_2;
  *  - ln S_0 is centred and scaled by the solution at this microstructure, which is linear.
  *
+ * Before them comes d_ss: where grain size does all the softening, its density ends at an edge that
+ * depends on p/n, and its coordinate is stretched there.
+ *
  * In a joint fit ln S_0 can follow from shared parameters and is then given. A quantile function
  * passes from one arm of the valley to another as far as the density does, without branches between
  * which it would have to jump.
@@ -253,16 +256,75 @@ real loading_compliance(real kelvin_modulus, real kelvin_viscosity, real time) {
  * What the Kelvin element takes over of the compliance in the elastic rise, so that a part of it is
  * left to the spring, whose modulus would else run away where that element is the softer one.
  *
- * @param compliance in units of a tenth of the spring's at the reference point
+ * @param compliance in units of a fiftieth of the spring's at the reference point
  */
-real left_to_spring(real compliance) { return 9 - log1p_exp(9 - compliance); }
+real left_to_spring(real compliance) { return 45 - log1p_exp(45 - compliance); }
+
+/** Softening of the dashpot, -ln F - (p/n) ln(d/d_0), after a path strain. */
+real softening_after(real strain, vector parameter, real initial_grain_size) {
+  real fabric = log_relative_microstructure(strain, 1 - parameter[i_steady_state_fabric_factor()],
+                                            1 / parameter[i_critical_strain_fabric()]);
+  real grain_size = log_relative_microstructure(strain,
+    1 - parameter[i_steady_state_grain_size()] / initial_grain_size,
+    1 / parameter[i_critical_strain_grain_size()]);
+  return -fabric
+         - parameter[i_grain_size_exponent()] / parameter[i_stress_exponent()] * grain_size;
+}
+
+/** Slope of the plain coordinate of d_ss where grain size does all the softening. */
+real edge_slope() { return 0.25; }
+
+/** Length of that stretch in the coordinate, and width of the bends at its ends. */
+vector edge_shape() { return [4, 0.5]'; }
+
+/** Softening of a curve from which on there is such an edge. */
+real least_softening() { return 0.05; }
+
+/** Share of the curve's softening at which that stretch starts. */
+real edge_softening() { return 0.85; }
+
+/**
+ * Plain coordinate of d_ss, stretched where grain size does all the softening.
+ *
+ * The density of d_ss ends there, within a small part of its range: below, the dashpot would soften
+ * by more than the curve does. Where the edge is depends on p/n.
+ *
+ * @param displaced plain coordinate without the stretch
+ * @param exponent_ratio p/n
+ * @param softening of the dashpot up to the last pin
+ * @param quantity row of d_ss (charts/plain.stan), with a finite lower bound
+ * @return plain coordinate, and ln of its derivative by the displacement
+ */
+vector grain_size_at_edge(real displaced, real exponent_ratio, data real softening,
+                          data real initial_grain_size, data row_vector quantity) {
+  real range = is_inf(quantity[i_upper()]) ? quantity[i_scale()]
+               : quantity[i_upper()] - quantity[i_lower()];
+  real edge = initial_grain_size * exp(-edge_softening() * softening / exponent_ratio);
+  // A smooth floor: the bound may leave no room for an edge.
+  real place = 0.003 * log1p_exp((edge - quantity[i_lower()]) / (0.003 * range));
+  real b = edge_shape()[2];
+  real from_edge = (displaced - log(place)) / b;
+  real from_end = from_edge + edge_shape()[1] / b;
+  return [displaced
+          + (1 - edge_slope())
+            * (edge_shape()[1] + b * (log1p_exp(from_edge) - log1p_exp(from_end))),
+          log1m((1 - edge_slope()) * (inv_logit(from_end) - inv_logit(from_edge)))]';
+}
+
+/** Share of their own variance with which independent residuals count beside those that drift. */
+real independent_weight() { return 0.1; }
+
+/** ln of the noise of what changes slowly, over that of a reading. */
+real log_drift_of(real correlated_share) {
+  return 0.5 * log(correlated_share + independent_weight() * (1 - correlated_share));
+}
 
 /** Largest ln(s/s of the reference point) that widths follow: beyond, no solver follows them. */
 real largest_log_ratio() { return 1.5; }
 
 /**
  * What charts/valley/least_squares.stan wants to know of the reference point, with the compliance of
- * the Kelvin element in the elastic rise.
+ * the Kelvin element in the elastic rise and the softening of the dashpot up to the last pin.
  *
  * @param parameter at the reference point
  * @param coordinate plain coordinates there, and the others as for plain_from_valley()
@@ -277,7 +339,8 @@ vector valley_reference(data vector parameter, data vector coordinate, data arra
                      1 - parameter[i_steady_state_fabric_factor()], log_stress,
                      log(parameter[noise]),
                      loading_compliance(parameter[i_kelvin_modulus()],
-                                        parameter[i_kelvin_viscosity()], conditions[4])]',
+                                        parameter[i_kelvin_viscosity()], conditions[4]),
+                     softening_after(pin[rows(pin), 1], parameter, conditions[2])]',
                     asked_of_pins(parameter, replaced_parameter == 0, log_stress, conditions[2],
                                   knot, pin));
 }
@@ -313,6 +376,9 @@ vector plain_from_valley(vector coordinate, vector given, data array[] int place
   int stress_given = replaced_parameter == 0;
   int flow = stress_given ? 0 : place[replaced_parameter];
   int share = place[i_residual_correlated_share()];
+  int grain_size = place[i_steady_state_grain_size()];
+  int grain_size_is_stretched = grain_size > 0 && reference[7] > least_softening()
+                                && quantity[max(grain_size, 1), i_lower()] > negative_infinity();
   vector[num_elements(coordinate)] plain;
   vector[num_elements(given)] parameter = given;
   real log_noise_ratio; // ln(s/s of the reference point)
@@ -320,8 +386,10 @@ vector plain_from_valley(vector coordinate, vector given, data array[] int place
   real log_jacobian = 0;
   vector[5] softening;
   // Where residuals drift for long their whole standard deviation is next to unknown, that of their
-  // independent part, sqrt(1 - correlated share) of it, is not: coordinates and widths go with it.
+  // independent part, sqrt(1 - correlated share) of it, is not: the coordinate goes with it.
   real log_independent = 0; // ln of this factor over that at the reference point
+  // Widths go with what drifts, though: it moves level and slope of a curve.
+  real log_drift = 0;
   // The noise first: widths of others go with it.
   if (share > 0) {
     parameter[i_residual_correlated_share()] = bounded_from_real(
@@ -330,6 +398,8 @@ vector plain_from_valley(vector coordinate, vector given, data array[] int place
     log_independent = 0.5
                       * (log1m(parameter[i_residual_correlated_share()])
                          - log1m(bounded_from_real(guide[share, 1], quantity[share])));
+    log_drift = log_drift_of(parameter[i_residual_correlated_share()])
+                - log_drift_of(bounded_from_real(guide[share, 1], quantity[share]));
   }
   if (place[noise] > 0) {
     int i = place[noise];
@@ -339,13 +409,14 @@ vector plain_from_valley(vector coordinate, vector given, data array[] int place
                           quantity[i]);
   }
   log_noise_ratio = largest_log_ratio()
-                    * tanh((log(parameter[noise]) + log_independent - reference[5])
+                    * tanh((log(parameter[noise]) + log_drift - reference[5])
                            / largest_log_ratio());
   // From the last to the first: the Maxwell modulus follows the Kelvin element.
   for (from_last in 1 : num_elements(given)) {
     int k = num_elements(given) + 1 - from_last;
     int i = place[k];
-    if (i > 0 && i != flow && i != solved[1] && i != solved[2] && i != solved[3]) {
+    if (i > 0 && i != flow && i != solved[1] && i != solved[2] && i != solved[3]
+        && !(i == grain_size && grain_size_is_stretched)) {
       real log_width = guide[i, 3] * log_noise_ratio;
       real displacement = coordinate[i] * exp(log_width);
       vector[2] straight;
@@ -365,6 +436,18 @@ vector plain_from_valley(vector coordinate, vector given, data array[] int place
       log_jacobian += straight[2] + log_width;
       parameter[k] = bounded_from_real(plain[i], quantity[i]);
     }
+  }
+  if (grain_size_is_stretched) {
+    // After p and n, on which the edge depends.
+    vector[2] straight = plain_from_straightened(coordinate[grain_size], guide[grain_size, 1],
+                                                 guide[grain_size, 2]);
+    vector[2] stretched = grain_size_at_edge(straight[1],
+      parameter[i_grain_size_exponent()] / parameter[i_stress_exponent()], reference[7],
+      conditions[2], quantity[grain_size]);
+    plain[grain_size] = stretched[1];
+    log_jacobian += straight[2] + stretched[2];
+    parameter[i_steady_state_grain_size()] = bounded_from_real(plain[grain_size],
+                                                               quantity[grain_size]);
   }
   if (stress_given) {
     log_stress = log_reference_stress_at(parameter, conditions[1], conditions[2],

@@ -239,16 +239,23 @@ def conflict_text(name: str, influence: Influence) -> str:
     return f"{label} ({influence.distance:+.1f} prior sd)"
 
 
-def conflict_sentence(influences: Mapping[str, Influence]) -> str | None:
-    """Say what prior and data disagree about; None where they do not."""
+CONFLICT_MEANING = (
+    "what comes out is a compromise of the two, so check the prior's source, and whether the model "
+    "describes the data"
+)
+
+
+def disagreement(influences: Mapping[str, Influence]) -> str | None:
+    """Name what prior and data disagree about; None where they do not."""
     names = conflicts(influences)
-    if not names:
-        return None
     listed = ", ".join(conflict_text(name, influences[name]) for name in names)
-    return (
-        f"Prior and data disagree about {listed}: what comes out is a compromise of the two, so "
-        "check the prior's source, and whether the model describes the data."
-    )
+    return f"Prior and data disagree about {listed}" if names else None
+
+
+def conflict_sentence(influences: Mapping[str, Influence]) -> str | None:
+    """Say what prior and data disagree about, and what that means; None where they do not."""
+    named = disagreement(influences)
+    return named and f"{named}: {CONFLICT_MEANING}."
 
 
 def power_scaling_sensitivity(draws: FloatArray, log_component: FloatArray) -> float:

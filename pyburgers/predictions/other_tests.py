@@ -187,6 +187,16 @@ def score_sentence(prediction: Prediction, scores: pd.DataFrame) -> str:
     )
 
 
+def surprise_sentence(prediction: Prediction, scores: pd.DataFrame) -> str:
+    """Say which scores of a `score_table` lie outside what draws expect of 90 % of such tests."""
+    outside = scores[~scores["found"].between(scores["expected_q5"], scores["expected_q95"])]
+    points = count_points(prediction.experiment.n_points)
+    expected = "what the draws expect of 90 % of such tests"
+    if outside.empty:
+        return f"all scores of its {points} are within {expected}."
+    return f"of its {points}, the {' and the '.join(outside.index)} is outside {expected}."
+
+
 def _share(scores: pd.DataFrame, row: str, column: str) -> str:
     share = dict(zip(scores.index, scores[column].to_numpy(np.float64), strict=True))[row]
     return f"{100 * share:.0f} %"

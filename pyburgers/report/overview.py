@@ -8,9 +8,9 @@ import pandas as pd
 from pyburgers.checks.fit_checks import CheckKind, CheckResult, Outcome, coverage
 from pyburgers.checks.prior_influence import (
     Influence,
-    conflict_sentence,
     conflict_text,
     conflicts,
+    disagreement,
 )
 from pyburgers.checks.verdicts import ANSWERS, Verdict, verdicts
 from pyburgers.common.units import number, with_error
@@ -59,6 +59,9 @@ class Entry:
     def doubts(self, kind: CheckKind) -> list[str]:
         """Say what speaks against a yes to a question, without what to do about it."""
         verdict = self.verdicts[kind]
+        if verdict.outcome is Outcome.YES:
+            notes = (one.note for one in self.checks if one.check.kind is kind and one.note)
+            return ["; ".join((ANSWERS[kind][verdict.outcome], *notes)) + "."]
         found = [one for one in self.checks if one.check.kind is kind and not one.passed]
         if kind is CheckKind.DESCRIPTION and any(one.unusable for one in self.checks):
             return [f"{ANSWERS[kind][verdict.outcome]}: the draws are of no use."]
@@ -174,9 +177,7 @@ def entry_of(
         **_times(fit),
     }
     is_synthetic = fit.experiment.provenance.kind == "synthetic"
-    return Entry(
-        key, name, is_synthetic, answered, tuple(checks), conflict_sentence(influences), row
-    )
+    return Entry(key, name, is_synthetic, answered, tuple(checks), disagreement(influences), row)
 
 
 def joint_entry(key: str, name: str, joint: Fit) -> Entry:

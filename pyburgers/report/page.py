@@ -15,6 +15,7 @@ from markupsafe import Markup
 
 from pyburgers.checks.fit_checks import CheckKind, CheckResult, Outcome
 from pyburgers.checks.prior_influence import (
+    CONFLICT_MEANING,
     THRESHOLDS_TEXT,
     Influence,
     Origin,
@@ -25,7 +26,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import read_json
 from pyburgers.drawing.page_parts import FigureText, PageSection, PageTable
 from pyburgers.fitting.fit import Fit
-from pyburgers.model.display import shown_quantity, symbol_text
+from pyburgers.model.display import symbol_text
 from pyburgers.model.parameters import PARAMETER_BY_NAME, REFERENCE_QUANTITIES
 from pyburgers.model.variants import ModelVariant
 from pyburgers.protocols.experiment import Experiment
@@ -71,8 +72,8 @@ class Section:
         What the top of the page says about it.
     parameters, priors, sampler : DataFrame
         Tables as text.
-    influences : mapping of str to Influence
-        What each quantity owes to prior and data; empty without likelihood.
+    fixed : tuple of dict
+        What is not inferred: texts by symbol, quantity, mean, unit.
     truth : DataFrame or None
         Comparison with the truth (`pyburgers.report.tables.truth_table`), for synthetic data.
     more_tables : tuple of PageTable
@@ -90,7 +91,7 @@ class Section:
     parameters: pd.DataFrame
     priors: pd.DataFrame
     sampler: pd.DataFrame
-    influences: Mapping[str, Influence]
+    fixed: tuple[dict[str, str], ...]
     truth: pd.DataFrame | None
     more_tables: tuple[PageTable, ...]
     illustrations: tuple[Illustration, ...]
@@ -114,13 +115,20 @@ class Section:
         return *known, one.provenance, dict(one.metadata), list(self.protocol.facts(one))
 
     @property
-    def from_prior(self) -> list[str]:
-        """Quantities whose number is that of the prior."""
-        return [
-            shown_quantity(name).label
-            for name, influence in self.influences.items()
-            if influence.origin is Origin.PRIOR
-        ]
+    def how_made(self) -> tuple[object, ...]:
+        """What the page tells of the making of the fit but for time and hash."""
+        fit, known = self.fit, self.fit.manifest
+        told = (known["command"], known["sampler"], known.get("refits"), known.get("coordinates"))
+        flow_law = fit.priors.flow_law and fit.priors.flow_law.source
+        return fit.variant, fit.priors.title, flow_law, len(self.sampler), repr(told)
+
+    @property
+    def not_by_data(self) -> dict[str, list[bool]]:
+        """Rows of the parameters that are the prior's, or about which prior and data disagree."""
+        if tables.DECISION not in self.parameters:
+            return {}
+        doubtful = (tables.DECIDED_BY[one] for one in (Origin.PRIOR, Origin.DISAGREEMENT))
+        return {tables.DECISION: self.parameters[tables.DECISION].isin(tuple(doubtful)).tolist()}
 
     @property
     def passed(self) -> list[CheckResult]:
@@ -254,13 +262,44 @@ def render_page(
         synthetic=[s for s in sections if s.experiment.provenance.kind == "synthetic"],
         prior_sources=tables.prior_sources([s.priors for s in sections]),
         prior_notes=list(dict.fromkeys(s.fit.priors.notes for s in sections if s.fit.priors.notes)),
+        told_by=_first_told_by([extra for extra, _ in extras]),
+        made_alike=_made_alike(sections),
+        runs=_runs(sections),
         reference_texts=list(dict.fromkeys(s.protocol.reference_text for s in sections)),
         tex=_TEX,
         written=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         version=importlib.metadata.version("pyburgers"),
         thresholds=THRESHOLDS_TEXT,
+        conflict_meaning=CONFLICT_MEANING,
         truth_sentence=tables.truth_sentence,
     )
+
+
+def _first_told_by(extras: Sequence[PageSection]) -> dict[str, PageSection]:
+    """Return the first part of the page that has each paragraph in its details."""
+    return {text: extra for extra in reversed(extras) for text in extra.details}
+
+
+def _made_alike(sections: Sequence[Section]) -> list[list[Section]]:
+    """Put together fits of which the page tells the same about how they were made."""
+    found: dict[tuple[object, ...], list[Section]] = {}
+    for section in sections:
+        found.setdefault(section.how_made, []).append(section)
+    return list(found.values())
+
+
+def _runs(sections: Sequence[Section]) -> pd.DataFrame:
+    """Say of each fit what no other has: its state, when it was begun and its hash, as text."""
+    return pd.DataFrame(
+        [
+            {"fit": section.name}
+            | {name: section.fit.manifest[key] for name, key in _OF_A_RUN.items()}
+            for section in sections
+        ]
+    )
+
+
+_OF_A_RUN = {"state": "status", "begun": "started", "fingerprint": "fingerprint"}
 
 
 def _names_of_checks(entries: Sequence[Entry], kind: CheckKind) -> list[str]:
@@ -324,7 +363,11 @@ def _write_section(name: str, fit: Fit, out: Path) -> Section:
         parameters=tables.result_table(summary, fit.priors, influences, truth),
         priors=files["priors"],
         sampler=sampler,
-        influences=influences,
+        fixed=tuple(
+            tables.fixed_row(PARAMETER_BY_NAME[name], prior)
+            for name, prior in fit.priors.priors.items()
+            if prior.is_fixed
+        ),
         truth=truth,
         more_tables=more_tables,
         illustrations=tuple(

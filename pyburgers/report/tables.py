@@ -81,13 +81,13 @@ def result_table(
     Returns
     -------
     DataFrame
-        Text. `parameter_table` without `SAMPLER_COLUMNS`; with influences a column decided by,
-        with a truth the columns truth and off by (sd).
+        Text. `parameter_table` without `SAMPLER_COLUMNS` and fixed parameters; with influences a
+        column `DECISION`, with a truth the columns truth and off by (sd).
     """
-    table = parameter_table(summary, priors).drop(columns=list(SAMPLER_COLUMNS))
-    names = [*map(str, summary.index), *("" for _ in range(len(table) - len(summary)))]
+    names = [*map(str, summary.index)]
+    table = parameter_table(summary, priors).head(len(names)).drop(columns=list(SAMPLER_COLUMNS))
     if influences:
-        table["decided by"] = [
+        table[DECISION] = [
             DECIDED_BY[influences[name].origin] if name in influences else "" for name in names
         ]
     if truth is not None:
@@ -99,6 +99,8 @@ def result_table(
         table = pd.concat([table, known], axis=1)
     return table
 
+
+DECISION = "decided by"
 
 DECIDED_BY = {
     Origin.PRIOR: "prior",

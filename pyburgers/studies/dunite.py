@@ -205,8 +205,7 @@ class LawsTried:
             best = "The one that predicts best is" if n_fits > 1 else "It is"
             said = [
                 f"{name}: of {tried}, none is shown to describe the data. {best} {model}, with "
-                f"{width}, an interval that leaves out what the model misses.",
-                answers[CheckKind.DESCRIPTION].sentence,
+                f"{width}, an interval that leaves out what the model misses."
             ]
         if answers[CheckKind.SAMPLING].outcome is not Outcome.YES:
             said.append(answers[CheckKind.SAMPLING].sentence)

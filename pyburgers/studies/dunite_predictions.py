@@ -7,11 +7,16 @@ from pathlib import Path
 
 import pandas as pd
 
+from pyburgers.checks.verdicts import ANSWERS
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.prediction import Prediction
 from pyburgers.predictions.other_test_figures import PREDICTION_CAPTION, prediction_figure
-from pyburgers.predictions.other_tests import score_sentence, score_table
+from pyburgers.predictions.other_tests import (
+    score_sentence,
+    score_table,
+    surprise_sentence,
+)
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.protocol import load_experiment
 
@@ -47,6 +52,10 @@ def predictions_section(joint: Fit, experiments: Sequence[Experiment]) -> PageSe
         for caution in first.cautions
         if all(caution in one.cautions for one in predictions.values())
     ]
+    # Why it is not a yes stands where the page tells of the joint fit.
+    verdicts = {
+        one.sentence: f"{ANSWERS[one.kind][one.outcome]}." for one in joint.verdicts().values()
+    }
     scores = {name: score_table(one) for name, one in predictions.items()}
     said = {name: score_sentence(one, scores[name]) for name, one in predictions.items()}
     table = pd.concat(scores)
@@ -54,12 +63,14 @@ def predictions_section(joint: Fit, experiments: Sequence[Experiment]) -> PageSe
     return PageSection(
         key=KEY,
         title=f"Predicted before it is seen: {experiments[0].material}",
-        paragraphs=tuple(f"{name}: {text}" for name, text in said.items()),
+        paragraphs=tuple(
+            f"{name}: {surprise_sentence(one, scores[name])}" for name, one in predictions.items()
+        ),
         details=(
             f"The fit of {' and '.join(joint.manifest['experiments'])} together predicts "
             f"{' and '.join(predictions)}, which took no part in it, from {DRAWS} draws at most. "
             f"{' '.join(first.notes[:-1])}",
-            *common,
+            *(verdicts.get(caution, caution) for caution in common),
             *(_assumed(one, common) for one in predictions.values()),
             "Readings of a test hang together: one truth made them all. What is expected of a "
             "score comes from tests that the draws themselves would give, scored alike; a "

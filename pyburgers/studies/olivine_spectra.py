@@ -178,9 +178,9 @@ def spectra_section(fits: Mapping[str, Fit]) -> PageSection:
             f"Measured: {table.provenance.source}. Attenuation and shear modulus at "
             f"{len(table.parts)} temperatures, one activation enthalpy for all relaxation times. "
             f"{table.provenance.notes}",
+            *(one.verdicts() for one in tried),
         ),
         paragraphs=(
-            *(one.verdicts() for one in tried),
             "The hottest temperature, predicted from a fit to the colder ones. "
             + " ".join(one.predicted() for one in tried),
             remaining_sentence(last.fit),

@@ -80,10 +80,12 @@ for (const table of all("table.results")) {
   bar.className = "copy";
   for (const [name, written] of [["CSV", asCsv], ["LaTeX", asLatex]]) {
     const button = document.createElement("button");
-    button.textContent = "Copy " + name;
+    const say = (text, label) => { button.textContent = text; button.setAttribute("aria-label", label); };
+    say(name, "Copy " + name);
     button.addEventListener("click", async () => {
-      button.textContent = (await copy(written(table))) ? "Copied" : "Not copied";
-      setTimeout(() => { button.textContent = "Copy " + name; }, 1500);
+      const done = (await copy(written(table))) ? "Copied" : "Not copied";
+      say(done, done);
+      setTimeout(() => say(name, "Copy " + name), 1500);
     });
     bar.append(button);
   }

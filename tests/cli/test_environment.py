@@ -40,7 +40,7 @@ def full() -> int:
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no full device")
-@pytest.mark.parametrize("command", ["['doctor']", "['fit', '--help']"])
+@pytest.mark.parametrize("command", ["['doctor']", "['doctor', '--help']"])
 def test_a_full_standard_output_is_told(full: int, command: str) -> None:
     code, error = ended(f"sys.exit(main({command}))", stdout=full)
     os.close(full)

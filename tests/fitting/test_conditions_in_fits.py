@@ -26,7 +26,7 @@ from pyburgers.sbc.data_sets import check_template, simulate_from_prior
 pytestmark = pytest.mark.usefixtures("programs")
 
 RecordProperty = Callable[[str, object], None]
-QUICK = SamplerOptions(chains=2, warmup=150, draws=200, seed=4, adapt_delta=0.8)
+QUICK = SamplerOptions(chains=2, warmup=100, draws=100, seed=4, adapt_delta=0.8)
 TEMPERATURE, CALIBRATION = "temperature_error", "stress_calibration_error"
 
 

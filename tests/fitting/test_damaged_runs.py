@@ -176,6 +176,7 @@ def test_labelled_draws_that_were_not_noted_are_gathered_again(copy: Path, small
             assert again.equals(first)
 
 
+@pytest.mark.usefixtures("sketched")
 def test_a_folder_of_another_kind_is_told(
     small_fit: Fit, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -32,7 +32,7 @@ from pyburgers.sampling.options import SamplerOptions
 FREE = ("maxwell_modulus", "activation_enthalpy", "stress_noise")
 """Of the material; noise and drift of strain readings are free as well."""
 
-OPTIONS = SamplerOptions(chains=2, warmup=100, draws=50, seed=11, adapt_delta=0.8)
+OPTIONS = SamplerOptions(chains=2, warmup=60, draws=30, seed=11, adapt_delta=0.8, max_treedepth=5)
 
 
 def constant_rate_test(name: str = "curve", rate: float = 1e-4) -> ConstantRateExperiment:

@@ -20,7 +20,7 @@ FloatArray = npt.NDArray[np.float64]
 
 TEMPERATURE, GRAIN_SIZE = 263.0, 2e-4
 PERIODS, AMPLITUDES = (140.0, 20.0), (1e5, 4e4)
-CORNERS, CYCLES = 100, 5
+CORNERS, CYCLES = 70, 3
 """Corners of the stress in the shorter period; long periods, of which the last is looked at."""
 
 VISCOSITY = 1e11

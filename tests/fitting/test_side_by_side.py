@@ -52,7 +52,7 @@ def test_draws_and_runs_are_those_of_a_single_fit(
 
 
 def test_a_refused_fit_is_told_and_leaves_the_others_alone(
-    programs: None, tasks: dict[str, Task], tmp_path: Path
+    programs: None, in_this_process: None, tasks: dict[str, Task], tmp_path: Path
 ) -> None:
     (tmp_path / "second").mkdir()
     (tmp_path / "second" / "notes.txt").write_text("mine", encoding="utf-8")

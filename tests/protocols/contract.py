@@ -280,6 +280,12 @@ def assert_draws_are_labelled(result: Fit, free: Sequence[str]) -> None:
 def test_the_truth_of_a_twin_is_recovered(
     protocol: str, name: str, tmp_path: Path, record_property: RecordProperty
 ) -> None:
+    """The truth lies inside the simultaneous 95 % interval of the k parameters.
+
+    That is a central interval of 1 - 0.05/k for each (Bonferroni): a right program misses it for at
+    most 5 % of data sets, however the parameters hang together. Every truth inside its own 95 %
+    is more than a right program does: it misses that for up to 1 - 0.95^k, 43 % for eleven.
+    """
     example = EXAMPLES[protocol]
     experiment = example.load(name)
     priors = default_priors(experiment.material, experiment.protocol)
@@ -295,11 +301,11 @@ def test_the_truth_of_a_twin_is_recovered(
         inside = int(truth[f"inside_{share}"].sum())
         record_property(f"inside_{share}", inside)
         print(f"{name}: {inside} of {len(truth)} true values inside the central {share} % interval")
-    certain = truth.index if example.certain is None else list(example.certain)
-    assert [name for name in certain if not truth["inside_95"][name]] == []
-    draws = result.posterior["posterior"].to_dataset()
-    low, high = draws[list(truth.index)].to_dataframe().quantile([0.005, 0.995]).to_numpy()
-    assert truth.index[(truth["truth"] < low) | (truth["truth"] > high)].tolist() == []
+    draws = result.posterior["posterior"].to_dataset()[list(truth.index)].to_dataframe()
+    below = (draws < truth["truth"]).mean()
+    record_property("quantiles", below.to_dict())
+    tail = 2 * below.where(below < 0.5, 1 - below)
+    assert tail[tail < 0.05 / len(tail)].to_dict() == {}
     failed = {check.name: check.sentence for check in result.checks() if not check.passed}
     assert set(failed) <= ({"divergences"} if example.divergences else set()), failed
     diverging = result.posterior["sample_stats"].to_dataset()["diverging"]

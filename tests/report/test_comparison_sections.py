@@ -180,7 +180,8 @@ def test_all_parts_are_on_the_page_and_in_files(
             assert (tmp_path / "figures" / f"{extra.key}_{figure.name}.svg").is_file()
         for table in extra.tables:
             assert (tmp_path / "tables" / f"{extra.key}_{table.name}.csv").is_file()
-    assert "are a joint one from another source: the other source" in page.text
+    assert "flow law from the other source" in page.text
+    assert "are a joint one from another source." in page.text
     assert "23 tests (measured data" in page.text
     assert "The table states peaks at 3.0 ± 1.0 % strain" in page.text
     assert "The tests were at 263.10 to 264.05 K." in page.text

@@ -45,6 +45,10 @@ RENDERED = ("stepped", "kept")
 each_rendered_figure = pytest.mark.parametrize(
     ("test", "name"), [(test, name) for test in RENDERED for name in NAMES[test]]
 )
+each_kind_of_figure = pytest.mark.parametrize(
+    ("test", "name"), {name: (test, name) for test in RENDERED for name in NAMES[test]}.values()
+)
+"""One of each name, whatever the protocol."""
 
 
 @pytest.fixture(scope="module")
@@ -140,17 +144,21 @@ def test_letters_have_at_least_nine_points(
 
 @each_figure
 def test_headings_and_legends_are_not_cut_off(
-    test: str, name: str, figures: dict[tuple[str, str], Figure]
+    test: str,
+    name: str,
+    figures: dict[tuple[str, str], Figure],
+    rendered: dict[tuple[str, str], bytes],
 ) -> None:
     figure = figures[test, name]
-    figure.draw_without_rendering()
+    if (test, name) not in rendered:
+        figure.draw_without_rendering()
     for legend in figure.legends:
         extent = legend.get_window_extent()
         assert extent.x0 >= 0
         assert extent.x1 <= figure.bbox.x1
 
 
-@each_rendered_figure
+@each_kind_of_figure
 def test_the_same_fit_gives_the_same_bytes(
     test: str, name: str, rendered: dict[tuple[str, str], bytes], fits: dict[str, Fit]
 ) -> None:

@@ -15,7 +15,8 @@ from synthetic_fit import make_fit, make_prior, with_problem
 from synthetic_olivine_fit import make_olivine_fit, oscillating
 
 from pyburgers.checks.fit_checks import CheckKind, Outcome
-from pyburgers.checks.prior_influence import THRESHOLDS_TEXT, prior_influence
+from pyburgers.checks.prior_influence import CONFLICT_MEANING, THRESHOLDS_TEXT, prior_influence
+from pyburgers.checks.verdicts import ANSWERS
 from pyburgers.common.errors import InputError
 from pyburgers.drawing.page_parts import PageSection
 from pyburgers.fitting.fit import Fit
@@ -176,7 +177,9 @@ def test_both_answers_stand_in_the_contents_and_in_the_section(page: Page, fits:
         for kind, verdict in fit.verdicts().items():
             assert f"{kind.value} {verdict.outcome.value}" in page.labels
             if verdict.outcome is Outcome.YES:
-                assert verdict.sentence in page.text_without_marks
+                notes = [one.note for one in fit.checks() if one.check.kind is kind and one.note]
+                told = "; ".join([ANSWERS[kind][verdict.outcome], *notes])
+                assert f"{told}." in page.text_without_marks
 
 
 def test_measured_data_come_first(page: Page) -> None:
@@ -195,8 +198,11 @@ def test_conflicts_of_prior_and_data_stand_at_the_top(
     (conflict,) = fit.prior_conflicts()
     assert "stress exponent (-" in conflict
     page = write([fit], tmp_path / "page")
-    assert page.text.index("! Prior and data disagree in B .") < page.text.rindex("Overview")
-    assert conflict.split(": ", 1)[1] in page.text_without_marks
+    told = f"! Prior and data disagree in B : {CONFLICT_MEANING}."
+    assert page.text.index(told) < page.text.rindex("Overview")
+    assert page.text.count(CONFLICT_MEANING) == 1
+    named = conflict.removeprefix("B: ").removesuffix(f": {CONFLICT_MEANING}.")
+    assert f"{named}." in page.text_without_marks
 
 
 def test_alarms_of_parts_stand_at_the_top(fits: list[Fit], sketched: None, tmp_path: Path) -> None:
@@ -238,7 +244,9 @@ def test_the_page_says_what_prior_and_data_decide(
     untouched.posterior["posterior"] = draws.assign(
         stress_exponent=draws["stress_exponent"].copy(data=values)
     )
-    assert "This number is your prior: stress exponent" in write([untouched], tmp_path / "p").text
+    file = write_report([untouched], tmp_path / "p", title="T", command=COMMAND)
+    told = [line for line in file.read_text(encoding="utf-8").splitlines() if 'bad">' in line]
+    assert any("stress exponent" in line and 'class="words bad">prior<' in line for line in told)
 
 
 def test_the_page_names_the_laws_of_the_model(page: Page, shown: Page) -> None:
@@ -253,6 +261,25 @@ def test_the_page_says_how_to_make_everything_again(page: Page, fits: list[Fit])
     for text in (manifest["command"], manifest["fingerprint"]):
         assert text in page.text
     assert f"seed {manifest['sampler']['seed']}" in page.text
+
+
+def test_what_parts_tell_alike_stands_once(fits: list[Fit], sketched: None, tmp_path: Path) -> None:
+    parts = [PageSection(key, key.upper(), (), details=("Alike.", key)) for key in ("one", "two")]
+    file = write_report(fits[:1], tmp_path, title="T", command="x", extras=parts)
+    page = Page(file.read_text(encoding="utf-8"))
+    assert page.text.count("Alike.") == 1
+    assert ("a", "#one-found") in page.references
+
+
+def test_how_fits_were_made_is_told_of_all_that_were_made_alike(
+    sketched: None, tmp_path: Path
+) -> None:
+    twins = [small_fit(tmp_path / name) for name in ("first", "second")]
+    for seed, times in ((twins[0].manifest["sampler"]["seed"], 1), (77, 2)):
+        twins[1].manifest["sampler"]["seed"] = seed
+        text = write(twins, tmp_path / "page").text
+        assert text.count("iterations of warm-up") == times
+        assert f"seed {seed}" in text
 
 
 def test_tables_hold_the_summary_at_full_precision(folder: Path, fits: list[Fit]) -> None:

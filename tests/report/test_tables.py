@@ -91,7 +91,9 @@ def test_a_page_says_what_decides_a_number_and_how_far_it_is_off(fit: Fit) -> No
     distance = (TRUTH["stress_exponent"] - of_draws["mean"]) / of_draws["sd"]
     assert exponent["off by (sd)"] == f"{distance:+.2f}"
     assert float(exponent["truth"]) == pytest.approx(TRUTH["stress_exponent"], rel=0.1)
-    assert rows["pre-exponent ln(A)/Q"]["truth"] == ""
+    assert rows["reference stress"]["truth"] == ""
+    assert fit.priors["beta"].is_fixed
+    assert "pre-exponent ln(A)/Q" not in rows
     assert "truth" not in tables.result_table(summary, fit.priors, influences, None)
 
 

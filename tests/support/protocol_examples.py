@@ -62,8 +62,6 @@ class Example(ABC, Generic[E]):
         Parameters of a fit that takes seconds, all others known.
     options : SamplerOptions
         Of a fit in earnest.
-    certain : tuple of str or None
-        Parameters whose truth a fit in earnest has inside its central 95 %; None for all.
     tight : SolverOptions
         With which densities are compared.
     divergences : int
@@ -84,7 +82,6 @@ class Example(ABC, Generic[E]):
     materials: ClassVar[Mapping[str, Mapping[str, float]]] = MappingProxyType({"truth": {}})
     few: ClassVar[tuple[str, ...]]
     options: ClassVar[SamplerOptions]
-    certain: ClassVar[tuple[str, ...] | None] = None
     tight: ClassVar[SolverOptions] = SolverOptions(tolerance=1e-11, max_num_steps=1_000_000)
     divergences: ClassVar[int] = 0
 
@@ -184,7 +181,6 @@ class ForcedOscillationExample(Example[OscillationExperiment]):
     )
     few = ("kelvin_modulus", "activation_enthalpy", "stress_noise")
     options = SamplerOptions(chains=4, draws=1000, seed=20261120)
-    certain = ("stress_exponent", "kelvin_modulus", "kelvin_viscosity")
 
     def load(self, name: str) -> OscillationExperiment:
         background: Background = "removed" if name.startswith("removed") else "kept"

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 
 import pandas as pd
+from markupsafe import Markup
 
 from pyburgers.drawing.page_parts import PageSection, PageTable
 from pyburgers.protocols.protocol import FittedTest
@@ -10,9 +11,8 @@ from pyburgers.studies.maor.statements import Statement
 
 COUNTERPARTS_KEY, CLAIMS_PLACE = "counterparts", "Statement by statement"
 
-APPENDIX = (
-    "the appendix is not public: this is what we take the reference in the paper's text to mean"
-)
+APPENDIX = "appendix"
+"""Note beside what is only in it."""
 
 _POSTERIOR = "Prior and posterior, Trade-offs between quantities, Agreement of the chains"
 
@@ -147,6 +147,10 @@ def coverage_section(table: pd.DataFrame) -> PageSection:
                 table,
                 words=("paper",),
                 sentences=("shows or says", "on this page", "note"),
+                text=Markup(
+                    f"{APPENDIX}: it is not public, and this is what we take the reference in the "
+                    "paper's text to mean."
+                ),
             ),
         ),
     )

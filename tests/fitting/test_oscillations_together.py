@@ -28,7 +28,7 @@ def joint(programs: None, tmp_path_factory: pytest.TempPathFactory) -> Fit:
         experiments,
         with_fixed(priors, known),
         out=tmp_path_factory.mktemp("joint") / "run",
-        options=replace(SMALL_RUN, warmup=100, draws=50),
+        options=replace(SMALL_RUN, warmup=60, draws=40),
     )
 
 

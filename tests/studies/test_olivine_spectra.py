@@ -24,7 +24,7 @@ from pyburgers.studies.olivine_spectra import (
 )
 
 OLIVINE = DUNITE.parent / "olivine"
-FEW = SamplerOptions(chains=2, warmup=150, draws=60, seed=1, adapt_delta=0.8)
+FEW = SamplerOptions(chains=2, warmup=100, draws=60, seed=1, adapt_delta=0.8)
 
 
 def few_rows(table: AttenuationExperiment, runs: str) -> AttenuationExperiment:

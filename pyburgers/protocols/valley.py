@@ -106,7 +106,7 @@ class Pins:
 
     @property
     def strain_is_read(self) -> bool:
-        """Whether most of the readings at the pins are of the strain."""
+        """Whether most of the readings where the dashpot flows are of the strain."""
         return self.noise == "strain_noise"
 
 

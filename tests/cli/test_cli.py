@@ -297,6 +297,7 @@ def test_a_folder_that_is_no_run_is_refused(
     assert not (tmp_path / "page").exists()
 
 
+@pytest.mark.usefixtures("sketched")
 def test_a_report_of_a_run(
     small_fit: Fit, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -51,6 +51,21 @@ def test_pins_lie_at_readings_where_strain_advances(name: str) -> None:
     assert pins.noise == ("stress_noise" if name == "relaxation" else "strain_noise")
 
 
+def test_pins_under_a_load_lie_where_the_kelvin_element_has_settled() -> None:
+    reference = valley_of(history_twin("creep", 40))
+    np.testing.assert_allclose(reference.pins.strain_rate, 1.0, atol=0.12)
+    short = history_twin("creep", 40)
+    few = short.time < 600.0  # four Kelvin times: too few settled readings
+    early = replace(
+        short,
+        stages=(replace(short.stages[0], end_time=600.0),),
+        time=short.time[few],
+        reading=short.reading[few],
+        reading_stage=short.reading_stage[few],
+    )
+    assert pin_times(valley_of(early)).min() < 300.0
+
+
 def test_readings_whose_residuals_drift_count_as_fewer() -> None:
     creep, relaxation = (history_twin(name, 40) for name in ("creep", "relaxation"))
     pins = valley_of(creep).pins

@@ -127,20 +127,45 @@ def test_without_likelihood_draws_have_the_priors_marginals(
     assert_prior_marginals(data, priors, tmp_path, draws=4000, least_size=1000)
 
 
+NARROW = {
+    "maxwell_modulus": 0.03,
+    "kelvin_modulus": 0.1,
+    "kelvin_viscosity": 0.1,
+    "stress_exponent": 0.01,
+    "grain_size_exponent": 0.04,
+    "activation_enthalpy": 0.002,
+    "stress_noise": 0.1,
+}
+"""Relative widths of priors as narrow as a curve could make them."""
+
+
 @pytest.mark.slow
 def test_valley_coordinates_leave_the_prior_as_it_is(
     short_test: ConstantRateExperiment, tmp_path: Path
 ) -> None:
-    """Slow, because they are made for the posterior and suit the prior badly.
+    """The whole priors of what softens the dashpot, narrow ones of all else.
 
-    They are made for a curve of a middle truth: the truths of the shipped twins lie in a corner of
-    the priors.
+    Under the whole priors ln S_0 lies anywhere within 1760 of the standard deviations that the
+    curve fixes it to, which follow the noise: steps are too short for that funnel.
+
+    The map is that for a curve of a middle truth: the truths of the shipped twins lie in a corner
+    of the priors.
     """
     twin, rng = load_constant_rate(ICE / "PIL72.toml"), np.random.default_rng(72)
     full = simulate_data(twin, TRUTHS["middle"], rng, source="tests/support/independent_table.py")
-    priors = default_priors("ice").resolved(float(np.abs(full.stress).max()))
+    whole = default_priors("ice").resolved(float(np.abs(full.stress).max()))
+    narrow = {
+        name: replace(
+            whole[name],
+            family="normal",
+            location=TRUTHS["middle"][name],
+            scale=relative * TRUTHS["middle"][name],
+        )
+        for name, relative in NARROW.items()
+    }
+    priors = replace(whole, priors=MappingProxyType({**whole.priors, **narrow}))
     valley = valley_of(full, priors)
     data = one_test_data(
         short_test, priors, solver=SolverOptions(), use_likelihood=False, reference=valley
     )
-    assert_prior_marginals(data, priors, tmp_path, draws=2000, least_size=300)
+    assert_prior_marginals(data, priors, tmp_path, draws=750, least_size=400)

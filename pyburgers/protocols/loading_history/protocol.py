@@ -60,7 +60,7 @@ class LoadingHistoryProtocol(Protocol[LoadingHistory]):
         }
     )
     warmup = 300
-    target_acceptance = 0.96
+    target_acceptance = 0.98
     chart = LoadingHistoryValley()
     figures = LOADING_HISTORY_FIGURES
     reference_text = Markup(

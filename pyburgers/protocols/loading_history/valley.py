@@ -13,6 +13,7 @@ from pyburgers.protocols.loading_history.stan_data import leg_of_readings, stres
 from pyburgers.protocols.protocol import AtMode, ChartUnsuited
 from pyburgers.protocols.valley import (
     FLOWING_SHARE,
+    N_PINS,
     Pins,
     ValleyChart,
     middle_of_rise,
@@ -29,6 +30,13 @@ N_KNOTS = 60
 MIN_KNOTS = 5
 """Of each of them."""
 
+SETTLED_SHARE = 0.9
+"""Where stress is imposed pins lie where the dashpot carries this share of the strain rate or more.
+
+Earlier on its rate is what the Kelvin element leaves of one that is read: with an element softer
+than that at the mode, pins there ask for a softening that the strain does not show. Tests with
+less than `N_PINS` such readings have pins wherever the dashpot flows."""
+
 SLOPE_NOISE = 2 * np.pi
 """Relative noise of a strain rate over that of the strain: of a wave over the flow."""
 
@@ -40,20 +48,24 @@ class LoadingHistoryValley(ValleyChart[LoadingHistory]):
     """
 
     def pins(self, test: AtMode[LoadingHistory]) -> Pins:
-        """Set the pins where the dashpot carries most of the strain rate."""
+        """Set the pins where the dashpot carries nearly all of a strain rate that is read.
+
+        Of one that is imposed it carries half or more.
+        """
         experiment, values = test.experiment, test.mode.values
         kelvin = variant_of(test.priors, experiment).kelvin
         if kelvin not in ("linear", "power_law"):
             raise ChartUnsuited(f"the Kelvin part is a sum of elements ({kelvin})")
         curve = _along(test)
-        driven_by_stress = np.array([leg.driven == "stress" for leg in experiment.legs])[curve.leg]
-        at_readings = curve.flowing & curve.is_reading
+        flowing = curve.flowing & curve.is_reading
+        settled = flowing & curve.settled
+        at_readings = settled if settled.sum() >= N_PINS else flowing
         places = np.flatnonzero(at_readings)[quantile_places(curve.path_strain[at_readings])]
-        read = experiment.response_is_strain[np.cumsum(curve.is_reading)[places] - 1]
+        strain_is_read = experiment.response_is_strain[np.cumsum(curve.is_reading) - 1]
         flowed = np.ptp(curve.path_strain[at_readings])
         unit = curve.dashpot_rate[places]
         # Where stress is imposed, it is exactly linear between the ends of a leg.
-        shows = np.where(driven_by_stress, curve.is_end, curve.is_knot)
+        shows = np.where(curve.driven_by_stress, curve.is_end, curve.is_knot)
         kept = shows | np.isin(np.arange(curve.leg.size), places)
         return Pins(
             knot_time=curve.time[kept],
@@ -64,7 +76,7 @@ class LoadingHistoryValley(ValleyChart[LoadingHistory]):
             strain_rate=curve.strain_rate[places] / unit,
             stress_rate=curve.stress_rate[places] / unit,
             relative_noise=np.where(
-                read,
+                strain_is_read[places],
                 SLOPE_NOISE * values["strain_noise"] / flowed / values["stress_exponent"],
                 values["stress_noise"] / curve.stress[places],
             ),
@@ -72,7 +84,7 @@ class LoadingHistoryValley(ValleyChart[LoadingHistory]):
             reference_rate=float(np.median(unit)),
             flow_stress=stress_scale(experiment),
             loading_time=_loading_time(experiment, curve, values),
-            noise="strain_noise" if read.mean() > 0.5 else "stress_noise",
+            noise="strain_noise" if strain_is_read[flowing].mean() > 0.5 else "stress_noise",
         )
 
 
@@ -91,6 +103,8 @@ class _Curve:
     stress_rate: FloatArray
     dashpot_rate: FloatArray
     flowing: BoolArray
+    driven_by_stress: BoolArray
+    settled: BoolArray
 
 
 def _along(test: AtMode[LoadingHistory]) -> _Curve:
@@ -116,6 +130,7 @@ def _along(test: AtMode[LoadingHistory]) -> _Curve:
     )
     strain_rate = found["grid_strain_rate"]
     temperature = np.array([one.temperature for one in legs])[leg]
+    driven_by_stress = np.array([one.driven == "stress" for one in legs])[leg]
     return _Curve(
         time=time,
         leg=leg,
@@ -134,6 +149,8 @@ def _along(test: AtMode[LoadingHistory]) -> _Curve:
         & (stress > 0)
         & (dashpot_rate >= FLOWING_SHARE * strain_rate)
         & (temperature == experiment.temperature),
+        driven_by_stress=driven_by_stress,
+        settled=~driven_by_stress | (dashpot_rate >= SETTLED_SHARE * strain_rate),
     )
 
 

@@ -29,7 +29,7 @@ def test_tests_that_were_not_fitted_are_scored_and_drawn(
     assert table.shown["test"].tolist() == 3 * ["slower"] + 3 * ["stronger"]
     inside, outside = section.paragraphs
     assert inside.startswith("slower: all scores of its ")
-    assert "the coverage of the 90 % band and the log predictive density" in outside
+    assert "coverage of the 90 % band, log predictive density" in outside
     text = " ".join((*section.paragraphs, *section.details))
     assert "predicts slower and stronger" in text
     assert text.count("strain rate 2e-05") == 1 or "Beyond what was fitted" in text

@@ -194,7 +194,7 @@ def surprise_sentence(prediction: Prediction, scores: pd.DataFrame) -> str:
     expected = "what the draws expect of 90 % of such tests"
     if outside.empty:
         return f"all scores of its {points} are within {expected}."
-    return f"of the scores of its {points} are outside {expected}: {', '.join(outside.index)}."
+    return f"outside {expected}, over its {points}: {', '.join(outside.index)}."
 
 
 def _share(scores: pd.DataFrame, row: str, column: str) -> str:

@@ -98,8 +98,8 @@ def read_replication(file: Path) -> Replication:
     return Replication(**{**content, "failed_checks": tuple(content["failed_checks"])})
 
 
-def to_do(file: Path, refits: int) -> bool:
-    """Whether a data set has no outcome, or has not converged and may be fitted once more.
+def next_fit(file: Path, refits: int) -> int | None:
+    """Return which fit of a data set is to be made: 0, a repetition, or None where it is done.
 
     Raises
     ------
@@ -107,6 +107,6 @@ def to_do(file: Path, refits: int) -> bool:
         If its file was damaged.
     """
     if not file.is_file():
-        return True
+        return 0
     done = read_replication(file)
-    return bool(done.failed_checks) and done.n_refits < refits
+    return done.n_refits + 1 if done.failed_checks and done.n_refits < refits else None

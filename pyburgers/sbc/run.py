@@ -42,10 +42,10 @@ from pyburgers.sbc.rank_uniformity import RankBands, RankVerdict, judge_ranks, r
 from pyburgers.sbc.replication import (
     SIMULATIONS,
     Replication,
+    next_fit,
     read_replication,
     scratch_of,
     simulation_file,
-    to_do,
 )
 
 logger = logging.getLogger(__name__)
@@ -361,7 +361,9 @@ def _run_missing(run: RunDirectory, plan: CalibrationPlan, workers: Workers) -> 
     """Do the data sets of a part that are missing; stop handing them out when one fails."""
     mine = workers.mine({seed: simulation_file(run, seed) for seed in plan.seeds})
     missing = [
-        seed for seed, file in mine.items() if scratch_of(file).exists() or to_do(file, plan.refits)
+        seed
+        for seed, file in mine.items()
+        if scratch_of(file).exists() or next_fit(file, plan.refits) is not None
     ]
     if len(missing) < len(mine):
         n_found = len(mine) - len(missing)
@@ -391,8 +393,9 @@ def _replicate_into(path: Path, seed: int, plan: CalibrationPlan) -> str:
     scratch.mkdir(exist_ok=True)
     try:
         with FileLock(scratch / ".lock", timeout=0):
-            if to_do(file, plan.refits):
-                write_json(file, asdict(_replicate(run, scratch, seed, plan)))
+            first = next_fit(file, plan.refits)
+            if first is not None:
+                write_json(file, asdict(_replicate(run, scratch, seed, plan, first)))
             replication = read_replication(file)
             shutil.rmtree(scratch)
     except Timeout as error:
@@ -405,11 +408,11 @@ def _replicate_into(path: Path, seed: int, plan: CalibrationPlan) -> str:
     return "ranked" if replication.ranks else "not converged"
 
 
-def _replicate(run: RunDirectory, scratch: Path, seed: int, plan: CalibrationPlan) -> Replication:
+def _replicate(
+    run: RunDirectory, scratch: Path, seed: int, plan: CalibrationPlan, first: int
+) -> Replication:
     """Do one data set in a folder of its own, where fits of an earlier attempt go on."""
     template = _template(run, run.read_manifest())
-    file = simulation_file(run, seed)
-    first = read_replication(file).n_refits + 1 if file.is_file() else 0
     data_set = replace(plan.data_set, first=first)
     tries_left = SYSTEM_ATTEMPTS
     while True:

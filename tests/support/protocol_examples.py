@@ -110,7 +110,7 @@ class ConstantRateExample(Example[ConstantRateExperiment]):
     quick = ("PIL72", "rate steps")
     few = ("maxwell_modulus", "activation_enthalpy", "stress_noise")
     options = SamplerOptions(seed=20261120)
-    # One in 19 000 draws was lost at the tip of the valley (docs/coordinates.md).
+    # Of 23 000 draws four were lost at the tip of the valley (docs/coordinates.md).
     divergences = 1
 
     def load(self, name: str) -> ConstantRateExperiment:

@@ -54,7 +54,7 @@ transformed data {
   int n_reading_grid = reading_grid_end[n_tests + 1];
   // What some free parameter changes; the rest is constant to the solver.
   array[n_parameters()] int is_free = free_in_any_test(own_parameter, pooled_parameter);
-  array[size(varying_rates(is_free, has_part(element, is_of_peak())))] int varying = varying_rates(is_free, has_part(element, is_of_peak()));
+  array[size(varying_rates(is_free, element))] int varying = varying_rates(is_free, element);
   array[leg_end[n_tests + 1]] vector[n_history_rates()] fixed;
   array[n_tests] vector[n_history_constants()] test;
   array[n_tests] vector[n_parameters()] prior_mass

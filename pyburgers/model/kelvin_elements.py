@@ -18,6 +18,12 @@ _POLE = 0.5 * math.pi
 _ALIASING = 0.75
 """Step, in standard deviations, below which the trapezoid rule is exact for a normal density."""
 
+ANDRADE_MARGIN = math.log(30.0)
+"""ln of how far elements of Andrade creep go beyond the times that count.
+
+All faster and all slower ones are right to second order in shortest/time and time/longest, so that
+what is left is below 1e-4 of the creep and of the compliance, for any exponent."""
+
 
 def band_elements(log_width: float, error: float) -> tuple[FloatArray, FloatArray]:
     """Return elements that stand for a band of relaxation times.
@@ -69,3 +75,33 @@ def peak_elements(width: float, error: float) -> tuple[FloatArray, FloatArray]:
     place: FloatArray = step * np.arange(-n_aside, n_aside + 1.0)
     share: FloatArray = np.exp(-0.5 * place**2)
     return place, share / share.sum()
+
+
+def andrade_elements(
+    log_shortest: float, log_longest: float, error: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return elements that stand for the relaxation times of Andrade creep that a test tells apart.
+
+    Times go on beyond both ends (`stan/protocols/loading_history_rates.stan`).
+
+    Parameters
+    ----------
+    log_shortest, log_longest : float
+        ln of the times (s) between which creep counts.
+    error : float
+        As for `band_elements`, relative to the creep.
+
+    Returns
+    -------
+    log_time : array, shape (n,)
+        Of each element, ln(t/s), increasing; the first and the last one are the ends.
+    weight : array, shape (n,)
+        Of the density over ln(t) there; 0 at the ends.
+    """
+    start, end = log_shortest - ANDRADE_MARGIN, log_longest + ANDRADE_MARGIN
+    place, weight = band_elements(end - start, error)
+    inner = start + (end - start) * place
+    return (
+        np.concatenate([[start], inner, [end]]),
+        np.concatenate([[0.0], (end - start) * weight, [0.0]]),
+    )

@@ -227,7 +227,8 @@ def check_variant(priors: PriorSet, experiment: Test) -> None:
     if not _allows(experiment, "kelvin", variant.kelvin):
         raise InputError(
             f"{experiment.id}: kelvin={variant.kelvin} is not for tests of the protocol "
-            f"{experiment.protocol}, expected {' or '.join(experiment.laws['kelvin'])}."
+            f"{experiment.protocol}, expected {' or '.join(experiment.laws['kelvin'])}; tests that "
+            "are given as loading histories take more laws (docs/variants.md)."
         )
     if not _allows(experiment, "kelvin", "extended") and not is_fixed_at(
         priors["kelvin_grain_size_exponent"], 0.0

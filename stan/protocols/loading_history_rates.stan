@@ -20,12 +20,17 @@
  *
  *   dz_k/dt = c_k (D E_K/eta_K) (y - z_k),  z = sum of w_k z_k.
  *
+ * Andrade creep (t/tau)^a has times without end, at the density a/Gamma(1 - a) (t/tau)^a over ln t.
+ * Those that a test can tell apart are a sum as well; all faster ones, which follow at once, and all
+ * slower ones, which only flow, are an element each, with their compliance and mean time, or with
+ * their flow and what it slows down by.
+ *
  * What the solver needs stands in one vector, at places h_NAME(). Only what a free parameter
  * changes is handed to it as varying, because every varying number costs it sensitivities; the
  * rest, as the whole microstructure where it is constant, is data.
  */
 
-int n_history_rates() { return 18; }
+int n_history_rates() { return 20; }
 
 int h_log_dashpot_rate() { return 1; } // ln v_0
 int h_stress_exponent() { return 2; } // n
@@ -45,6 +50,8 @@ int h_band_exponent() { return 15; } // alpha
 int h_peak_strength() { return 16; } // Delta_P E_K/E_M
 int h_peak_shift() { return 17; } // ln(tau_H/tau_P)
 int h_peak_width() { return 18; } // sigma_P
+int h_log_relaxation_time() { return 19; } // ln(tau/s) at T_0 and d_K
+int h_andrade_exponent() { return 20; } // a
 
 /** Places in the constants of a test, which are data. */
 int n_history_constants() { return 6; }
@@ -104,16 +111,36 @@ vector history_rates(vector parameter, data vector constant, data real duration,
           log(10) * parameter[i_relaxation_time_decades()], parameter[i_relaxation_exponent()],
           parameter[i_peak_strength()] * parameter[i_kelvin_modulus()]
           / parameter[i_maxwell_modulus()],
-          log(10) * parameter[i_peak_time_decades()], parameter[i_peak_width()]]';
+          log(10) * parameter[i_peak_time_decades()], parameter[i_peak_width()],
+          log(parameter[i_kelvin_viscosity()] / parameter[i_kelvin_modulus()]),
+          parameter[i_andrade_exponent()]]';
+}
+
+/** Parts of a law that an element may belong to, in the first column of `element`. */
+int is_only_element() { return 0; }
+int is_of_band() { return 1; }
+int is_of_peak() { return 2; }
+int is_of_andrade() { return 3; }
+int is_faster() { return 4; } // all times of Andrade creep below a place
+int is_slower() { return 5; } // all above
+
+/** Whether elements of a part are among them. */
+int has_part(data matrix element, data int which) {
+  for (k in 1 : rows(element)) {
+    if (element[k, 1] == which) {
+      return 1;
+    }
+  }
+  return 0;
 }
 
 /**
  * Places of the numbers above that some free parameter changes.
  *
  * @param is_free of each parameter, whether it is inferred in any test
- * @param has_peak whether relaxation times have a peak
+ * @param element elements of the Kelvin part (history_elements())
  */
-array[] int varying_rates(data array[] int is_free, data int has_peak) {
+array[] int varying_rates(data array[] int is_free, data matrix element) {
   array[n_history_rates()] int varies = rep_array(0, n_history_rates());
   int n_varying = 0;
   varies[h_log_dashpot_rate()]
@@ -138,11 +165,14 @@ array[] int varying_rates(data array[] int is_free, data int has_peak) {
   varies[h_breakdown_stress()] = is_free[i_breakdown_stress()];
   varies[h_band_width()] = is_free[i_relaxation_time_decades()];
   varies[h_band_exponent()] = is_free[i_relaxation_exponent()];
-  varies[h_peak_strength()] = has_peak
+  varies[h_peak_strength()] = has_part(element, is_of_peak())
                               * max(is_free[{i_peak_strength(), i_kelvin_modulus(),
                                              i_maxwell_modulus()}]);
   varies[h_peak_shift()] = is_free[i_peak_time_decades()];
   varies[h_peak_width()] = is_free[i_peak_width()];
+  varies[h_log_relaxation_time()] = has_part(element, is_of_andrade())
+                                    * max(is_free[{i_kelvin_modulus(), i_kelvin_viscosity()}]);
+  varies[h_andrade_exponent()] = is_free[i_andrade_exponent()];
   n_varying = sum(varies);
   {
     array[n_varying] int places;
@@ -183,27 +213,12 @@ int in_use(data int which, data array[] int place, data vector fixed, data real 
   return place[which] > 0 || fixed[which] != without_effect;
 }
 
-/** Parts of a law that an element may belong to, in the first column of `element`. */
-int is_only_element() { return 0; }
-int is_of_band() { return 1; }
-int is_of_peak() { return 2; }
-
-/** Whether elements of a part are among them. */
-int has_part(data matrix element, data int which) {
-  for (k in 1 : rows(element)) {
-    if (element[k, 1] == which) {
-      return 1;
-    }
-  }
-  return 0;
-}
-
 /**
  * Decay c_k D E_K/eta_K and compliance w_k of each element of the Kelvin part.
  *
  * @param element a row each: the part of the law that it belongs to; its place in the band, from 0
- *   at the shortest to 1 at the longest ln(time), or in the peak, in standard deviations of ln(time);
- *   its weight in an integral over the place
+ *   at the shortest to 1 at the longest ln(time), in the peak, in standard deviations of ln(time), or,
+ *   of Andrade creep, its ln(time/s) at T_0 and d_K; its weight in an integral over the place
  * @return (n, 2)
  */
 matrix history_elements(data matrix element, vector varying, data array[] int place,
@@ -222,14 +237,29 @@ matrix history_elements(data matrix element, vector varying, data array[] int pl
     real shift = history_rate(h_peak_shift(), varying, place, fixed);
     real spread = history_rate(h_peak_width(), varying, place, fixed);
     real density = width == 0 ? 1 : exponent * width / -expm1(-exponent * width);
+    real longest = history_rate(h_log_relaxation_time(), varying, place, fixed);
+    real a = history_rate(h_andrade_exponent(), varying, place, fixed);
+    real andrade_density = a / tgamma(1 - a);
     for (k in 1 : n) {
       if (element[k, 1] == is_of_band()) {
         real below = (1 - element[k, 2]) * width;
         elements[k] = [decay * exp(below), element[k, 3] * density * exp(-exponent * below)];
       } else if (element[k, 1] == is_of_peak()) {
         elements[k] = [decay * exp(shift - spread * element[k, 2]), element[k, 3] * strength];
-      } else {
+      } else if (element[k, 1] == is_only_element()) {
         elements[k] = [decay, 1];
+      } else {
+        real below = longest - element[k, 2];
+        real slower = 1;
+        real softer = element[k, 3];
+        if (element[k, 1] == is_faster()) {
+          slower = a / (1 + a);
+          softer = 1 / a;
+        } else if (element[k, 1] == is_slower()) {
+          slower = (2 - a) / (1 - a);
+          softer = slower / (1 - a);
+        }
+        elements[k] = [decay * exp(below) / slower, softer * andrade_density * exp(-a * below)];
       }
     }
   }

@@ -20,7 +20,7 @@ FloatArray = npt.NDArray[np.float64]
 
 TEMPERATURE, GRAIN_SIZE = 263.0, 2e-4
 PERIODS, AMPLITUDES = (140.0, 20.0), (1e5, 4e4)
-CORNERS, CYCLES = 70, 3
+CORNERS, CYCLES = 70, 2
 """Corners of the stress in the shorter period; long periods, of which the last is looked at."""
 
 VISCOSITY = 1e11
@@ -82,8 +82,12 @@ def test_each_period_has_the_attenuation_and_modulus_of_a_table(programs: None, 
     values = {**LINEAR, **LAWS[law]}
     last = (CYCLES - 1) * PERIODS[0] + PERIODS[0] * np.arange(7 * CORNERS) / (7 * CORNERS)
     strain = simulate(cycles(), values, at=last)["strain"].to_numpy()
-    waves = np.exp(-2j * np.pi * last / np.array(PERIODS)[:, np.newaxis])
-    compliance = (waves @ strain) / (waves @ stress_at(last))
+    waves = np.exp(2j * np.pi * last / np.array(PERIODS)[:, np.newaxis])
+    # Andrade creep remembers that it began at rest: the cycles ride on a drift.
+    drift = np.vander(last / last[-1], 4)
+    parts = np.column_stack([waves.imag.T, waves.real.T, drift])
+    in_phase, out_of_phase, _ = np.split(np.linalg.lstsq(parts, strain)[0], [2, 4])
+    compliance = (in_phase + 1j * out_of_phase) / AMPLITUDES
     found = np.log([-compliance.imag / compliance.real, 1 / np.abs(compliance)])
     rows = table()
     place = np.concatenate([rows.conditions.place, rows.conditions.place + 2])

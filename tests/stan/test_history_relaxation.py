@@ -1,21 +1,35 @@
 """Kelvin parts with many relaxation times in loading histories: sums of elements in time."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
 import pytest
+from history_twins import history_twin
 from linear_bodies import LAWS, linear_body
+from log_density import assert_gradient_is_slope, program_with
 from scipy.integrate import solve_ivp
+from truth_as_mode import at_truth
 
 from pyburgers.cmdstan.program import load_program
+from pyburgers.cmdstan.toolchain import stan_directory
+from pyburgers.model.flow_law_prior import GAS_CONSTANT
 from pyburgers.model.kelvin_laws import PARAMETERS_OF_LAW
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.prior_families import fixed_prior
-from pyburgers.model.priors import default_priors
+from pyburgers.model.priors import PriorSet, default_priors
 from pyburgers.model.relaxation import kelvin_part
+from pyburgers.model.variants import with_variant
+from pyburgers.protocols.experiment import Provenance
+from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.loading_history.kelvin_rows import ELEMENT_ERROR, elements_block
+from pyburgers.protocols.loading_history.stages import Stage
+from pyburgers.protocols.problem import problem_of
+from pyburgers.protocols.program_data import program_data
+from pyburgers.protocols.stan_data import SolverOptions
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -26,8 +40,54 @@ LINEAR = linear_body(VISCOSITY, 3e12, TEMPERATURE, GRAIN_SIZE)
 """Its longest relaxation time is 3000 s."""
 
 
+def imagined_test(legs: Sequence[Sequence[float]]) -> LoadingHistory:
+    """A test of such legs without readings."""
+    stages, start = [], 0.0
+    for is_stress, duration, stress, rate, temperature in legs:
+        end = start + duration
+        stages.append(
+            Stage("stress_rate", start, end, temperature, rate, start_stress=stress)
+            if is_stress
+            else Stage("strain_rate", start, end, temperature, rate)
+        )
+        start = end
+    return LoadingHistory(
+        id="imagined",
+        material="ice",
+        temperature=TEMPERATURE,
+        initial_grain_size=GRAIN_SIZE,
+        provenance=Provenance("synthetic", "no data"),
+        metadata=MappingProxyType({}),
+        notices=(),
+        true_parameters=None,
+        stages=tuple(stages),
+        time=np.empty(0),
+        reading_stage=np.empty(0, dtype=np.int64),
+        reading=np.empty(0),
+    )
+
+
+def fixed_at(values: Mapping[str, float]) -> PriorSet:
+    """Priors that fix everything the Kelvin part has."""
+    names = {
+        *PARAMETERS_OF_LAW["extended_peak"],
+        *PARAMETERS_OF_LAW["andrade"],
+        "kelvin_activation_enthalpy",
+        "kelvin_grain_size_exponent",
+        "kelvin_reference_temperature",
+        "kelvin_reference_grain_size",
+    }
+    return default_priors("ice").exchanging(
+        *(fixed_prior(p, values[p.name], "given") for p in PROGRAM_PARAMETERS if p.name in names)
+    )
+
+
 def solve(
-    values: Mapping[str, float], legs: Sequence[Sequence[float]], times: Sequence[FloatArray]
+    values: Mapping[str, float],
+    legs: Sequence[Sequence[float]],
+    times: Sequence[FloatArray],
+    *,
+    elements_of: Sequence[Sequence[float]] = (),
 ) -> FloatArray:
     """Stress (Pa), strain, Kelvin, path and dashpot strain, d/d_0, Kelvin rate: shape (7, n).
 
@@ -37,11 +97,9 @@ def solve(
         Rows: whether stress is imposed, duration (s), stress at the start (Pa), rate, temperature.
     times : sequence of array
         Since the start of each leg, over its duration.
+    elements_of : sequence
+        Legs of the test whose elements are taken, if not of this one.
     """
-    names = [name for name in PARAMETERS_OF_LAW["extended_peak"] if name in values]
-    priors = default_priors("ice").exchanging(
-        *(fixed_prior(p, values[p.name], "given") for p in PROGRAM_PARAMETERS if p.name in names)
-    )
     data = {
         "n_legs": len(legs),
         "n_times": sum(map(len, times)),
@@ -53,7 +111,7 @@ def solve(
         "stress_scale": 1e7,
         "strain_scale": 1e-2,
         "tolerance": 1e-10,
-        **elements_block([priors]),
+        **elements_block([(imagined_test(elements_of or legs), fixed_at(values))]),
     }
     return np.asarray(load_program(VALUES).evaluate(data)["solution"]).T
 
@@ -61,7 +119,9 @@ def solve(
 def creep(values: Mapping[str, float], time: FloatArray) -> FloatArray:
     """Strain over the stress that was put on some times (s) ago, 1/Pa."""
     kelvin = kelvin_part(values, TEMPERATURE, np.array(GRAIN_SIZE))
-    recoverable = np.array([1 / values["maxwell_modulus"] + kelvin.creep(t) for t in time])
+    recoverable = np.array(
+        [1 / values["maxwell_modulus"] + kelvin.creep(max(t, 0.0)) for t in time]
+    )
     return np.where(time >= 0, recoverable + time / VISCOSITY, 0.0)
 
 
@@ -80,7 +140,43 @@ def test_creep_and_recovery_are_those_of_the_integral(law: str) -> None:
     np.testing.assert_allclose(found[1][since.size - 1], expected[since.size - 1], rtol=1e-4)
 
 
-@pytest.mark.parametrize("law", LAWS)
+def stress_of_strain(
+    values: Mapping[str, float], time: FloatArray, strain: FloatArray
+) -> FloatArray:
+    """Stress (Pa) of a body of Andrade creep at rest before the first time, which is 0.
+
+    Boltzmann's integral over a stress that is linear between the times, solved in their order.
+    """
+    a, tau = values["andrade_exponent"], values["kelvin_viscosity"] / values["kelvin_modulus"]
+
+    def integral(since: FloatArray) -> FloatArray:
+        """Of the creep compliance over the time since a unit of stress was put on."""
+        creeping = tau * (since / tau) ** (1 + a) / ((1 + a) * values["kelvin_modulus"])
+        return np.asarray(since / values["maxwell_modulus"] + since**2 / (2 * VISCOSITY) + creeping)
+
+    rates = np.zeros(time.size - 1)
+    for i in range(1, time.size):
+        since = integral(time[i] - time[: i + 1])
+        shares = since[:-1] - since[1:]
+        rates[i - 1] = (strain[i] - shares[:-1] @ rates[: i - 1]) / shares[-1]
+    return np.append(0.0, np.cumsum(rates * np.diff(time)))
+
+
+@pytest.mark.parametrize("driven_to", ["a hold", "another rate"])
+def test_stress_of_andrade_creep_is_that_of_boltzmann_s_integral(driven_to: str) -> None:
+    values = {**LINEAR, **LAWS["andrade"]}
+    rate, duration, rest = 1e-6, 1500.0, 1e4
+    after = {"a hold": 0.0, "another rate": 2e-7}[driven_to]
+    legs = [(0.0, duration, 0.0, rate, TEMPERATURE), (0.0, rest, 0.0, after, TEMPERATURE)]
+    shape = np.geomspace(1e-5, 1.0, 900)
+    time = np.concatenate([[0.0], duration * shape, duration + rest * shape])
+    strain = rate * np.minimum(time, duration) + after * np.maximum(time - duration, 0.0)
+    expected = stress_of_strain(values, time, strain)
+    found = solve(values, legs, [shape, shape])
+    np.testing.assert_allclose(found[0], expected[1:], rtol=0, atol=2e-4 * expected.max())
+
+
+@pytest.mark.parametrize("law", [law for law in LAWS if law != "andrade"])
 def test_stress_of_an_imposed_rate_and_its_relaxation_are_those_of_the_integral(law: str) -> None:
     values = {**LINEAR, **LAWS[law]}
     rate, duration, rest = 1e-6, 1500.0, 1e4
@@ -109,14 +205,15 @@ def test_stress_of_an_imposed_rate_and_its_relaxation_are_those_of_the_integral(
     np.testing.assert_allclose(found[1], parts, rtol=0, atol=1e-10)
 
 
-def test_legs_of_both_kinds_and_temperatures_hand_on_every_element() -> None:
+@pytest.mark.parametrize("law", ["extended", "andrade"])
+def test_legs_of_both_kinds_and_temperatures_hand_on_every_element(law: str) -> None:
     """Two legs in place of one change nothing; the rate of the Kelvin strain is its slope."""
-    values = {**LINEAR, **LAWS["extended"], "kelvin_activation_enthalpy": 6e4}
+    values = {**LINEAR, **LAWS[law], "kelvin_activation_enthalpy": 6e4}
     ramp, hold = (1.0, 2e3, 1e6, 5e2, 268.0), (0.0, 3e3, 0.0, 0.0, 258.0)
     halves = [(1.0, 1e3, 1e6, 5e2, 268.0), (1.0, 1e3, 1.5e6, 5e2, 268.0)]
     halves += [(0.0, 1.5e3, 0.0, 0.0, 258.0)] * 2
     end = np.array([1.0])
-    whole = solve(values, [ramp, hold], [end, end])
+    whole = solve(values, [ramp, hold], [end, end], elements_of=halves)
     split = solve(values, halves, [end] * 4)
     np.testing.assert_allclose(split[:, [1, 3]], whole, rtol=1e-7)
     near = 1 + np.array([-2e-4, -1e-4, 0.0])
@@ -125,12 +222,71 @@ def test_legs_of_both_kinds_and_temperatures_hand_on_every_element() -> None:
     assert fine[6][1] == pytest.approx(slope, rel=1e-4)
 
 
+def test_andrade_creep_of_a_colder_leg_is_that_of_longer_times() -> None:
+    enthalpy, cold = 6e4, 243.0
+    values = {**LINEAR, **LAWS["andrade"], "kelvin_activation_enthalpy": enthalpy}
+    slower = np.exp(enthalpy / GAS_CONSTANT * (1 / cold - 1 / TEMPERATURE))
+    since = np.geomspace(1e-3, 1.0, 20)
+    found = solve(values, [(1.0, 4e3, 2e6, 0.0, cold)], [since])
+    tau = slower * values["kelvin_viscosity"] / values["kelvin_modulus"]
+    expected = 2e6 / values["kelvin_modulus"] * (4e3 * since / tau) ** values["andrade_exponent"]
+    np.testing.assert_allclose(found[2], expected, rtol=ELEMENT_ERROR)
+
+
 def test_elements_are_as_many_as_the_priors_ask_for() -> None:
-    priors = default_priors("ice")
-    assert elements_block([priors]) == {"n_elements": 1, "element": [[0.0, 0.0, 1.0]]}
+    test, priors = imagined_test([(1.0, 1e4, 1e6, 0.0, TEMPERATURE)]), default_priors("ice")
+    one = {"n_elements": 1, "element": [[0.0, 0.0, 1.0]]}
+    assert elements_block([(test, priors), (None, priors)]) == one
     fixed = {p.name: p for p in PROGRAM_PARAMETERS}
     wide, narrow = (
-        elements_block([priors.exchanging(fixed_prior(fixed["relaxation_time_decades"], d, "x"))])
+        elements_block(
+            [(test, priors.exchanging(fixed_prior(fixed["relaxation_time_decades"], d, "x")))]
+        )
         for d in (8.0, 4.0)
     )
     assert wide["n_elements"] > 1.5 * narrow["n_elements"]
+
+
+def test_elements_of_andrade_creep_reach_from_the_first_reading_to_the_end_of_the_test() -> None:
+    priors = fixed_at({**LINEAR, **LAWS["andrade"]})
+    imagined = imagined_test([(1.0, 1e4, 1e6, 0.0, TEMPERATURE)])
+    read = replace(
+        imagined,
+        time=np.array([0.0, 100.0, 1e4]),
+        reading_stage=np.zeros(3, dtype=np.int64),
+        reading=np.zeros(3),
+    )
+    ends = []
+    for test in (imagined, read):
+        part, log_time, _ = np.transpose(
+            elements_block([(test, priors), (None, priors)])["element"]
+        )
+        assert (np.diff(log_time) > 0).all()
+        assert part[[0, -1]].tolist() == [4.0, 5.0]
+        ends.append(np.exp(log_time[[0, -1]]))
+    np.testing.assert_allclose(ends, [[10 / 30, 30e4], [100 / 30, 30e4]])
+
+
+@pytest.mark.parametrize("law", ["two_elements", "extended", "andrade"])
+def test_the_gradient_along_what_a_law_frees_is_the_slope_of_the_density(
+    law: str, tmp_path: Path
+) -> None:
+    twin = history_twin("mixed", 6)
+    assert twin.true_parameters is not None
+    given = {**twin.true_parameters, **LAWS[law], "kelvin_viscosity": 2e11}
+    test = replace(twin, true_parameters=given)
+    priors = with_variant(default_priors("ice"), test, {"kelvin": law})
+    # Twelve decades would be 49 states.
+    priors = priors.exchanging(
+        *(
+            replace(priors[name], location=3.5, scale=2.5, upper=6.0)
+            for name in priors.free
+            if name == "relaxation_time_decades"
+        )
+    )
+    problem = problem_of([test], priors)
+    centre = at_truth(test, priors, SolverOptions()).mode.coordinate
+    data = program_data(problem, solver=SolverOptions(1e-9, max_num_steps=1_000_000))
+    program = program_with(stan_directory() / "loading_history.stan", data, tmp_path)
+    names = (*PARAMETERS_OF_LAW[law], "kelvin_viscosity")
+    assert_gradient_is_slope(program, centre, [problem.layout.names.index(name) for name in names])

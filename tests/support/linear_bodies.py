@@ -17,6 +17,7 @@ LAWS: Mapping[str, Mapping[str, float]] = {
         "peak_time_decades": 2.0,
         "peak_width": 1.5,
     },
+    "andrade": {"andrade_exponent": 0.3},
 }
 """Parameters that each law has beside those of one element."""
 

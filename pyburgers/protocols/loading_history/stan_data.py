@@ -100,7 +100,12 @@ def tests_block(
         "correlated_residuals": int(
             not all(is_fixed_at(own["residual_correlation_time"], 0.0) for own in priors)
         ),
-        **elements_block(priors),
+        **elements_block(
+            [
+                (test if isinstance(test, LoadingHistory) else None, own)
+                for test, own in zip(experiments, priors, strict=True)
+            ]
+        ),
         **attenuation.tables_block(_tables(experiments)),
     }
 

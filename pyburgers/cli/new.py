@@ -88,10 +88,10 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
+    table = look_at(options.csv)
     out: Path = options.out or options.csv.with_suffix(".toml")
     if out.exists():
         raise InputError(f"{out}: exists already, expected a new file; choose another --out.")
-    table = look_at(options.csv)
     if table.separator == ";":
         raise InputError(
             f"{table.path}: found semicolons between its columns, expected commas or white space; "

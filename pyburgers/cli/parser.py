@@ -73,7 +73,10 @@ class OneLineParser(argparse.ArgumentParser):
             return parsed
         name = unknown[0].split("=")[0]
         meant = get_close_matches(name, self.options(), n=1) if name.startswith("-") else []
-        end = f"did you mean {meant[0]}?" if meant else f"see `{self._told(arguments)} --help`."
+        end = f"see `{self._told(arguments)} --help`."
+        if meant:
+            another = f"which is another command's; {end}"
+            end = another if meant[0] == name else f"did you mean {meant[0]}?"
         kind = "option" if name.startswith("-") else "argument"
         raise InputError(f"unknown {kind} {name}, {end}")
 

@@ -384,6 +384,10 @@ def test_simulate_refuses_an_unwritable_file(
         (["fitt"], ("unknown command 'fitt'", "did you mean 'fit'?")),
         (["fit", "a.toml", "--draws", "x"], ("--draws", "'x'")),
         (["fit", "a.toml", "--drwas=5"], ("unknown option --drwas,", "did you mean --draws?")),
+        (
+            ["predict", "a", "b", "--out", "c", "--evolving"],
+            ("which is another command", "predict --help"),
+        ),
         (["fit", "a.toml", "--coordinates", "polar"], ("--coordinates", "'polar'", "valley")),
         (["check", "a", "b"], ("unknown argument b", "`pyburgers check --help`")),
     ],

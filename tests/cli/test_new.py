@@ -157,6 +157,11 @@ def test_what_cannot_be_described_is_refused(
     assert not path.with_suffix(".toml").exists()
 
 
+@pytest.mark.parametrize("path", ["", ".", ".."])
+def test_a_folder_is_no_table(path: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert_refused(main(["new", path, *KNOWN, *RATE]), capsys, "is a folder; expected a file")
+
+
 def test_a_file_that_is_there_is_left_alone(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -8,6 +8,7 @@ import pytest
 from refusals import refusal, written
 from same_contents import assert_equal
 
+from pyburgers.common.errors import InputError
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
 from pyburgers.protocols.protocol import load_experiment, protocol_of, save_experiment
 
@@ -170,6 +171,20 @@ class TestJitter:
         )
         assert experiment.strain[-1] == experiment.final_strain == 0.1095
         assert "1 point moved by at most 0.0005" in experiment.notices[0]
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (curve((-0.05, 0)), "every point is at zero strain"),
+        ("strain,stress\n1,0\n2,0\n", "every stress is zero"),
+    ],
+)
+def test_a_file_without_a_curve_is_refused(write: Write, content: str, words: str) -> None:
+    with pytest.raises(InputError, match=rf"curve\.csv: {words}, expected a curve"):
+        load_constant_rate(
+            write(("[[segments]]", "final_strain = 0.11\n[[segments]]"), curve=content)
+        )
 
 
 @pytest.mark.parametrize(

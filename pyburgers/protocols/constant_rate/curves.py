@@ -89,7 +89,7 @@ def join_curves(
     ------
     InputError
         If strain runs backwards or out of its range by more than a reading error, or no point
-        lies above zero strain.
+        lies above zero strain or has a stress.
     """
     tolerance = min(JITTER_STRAIN, JITTER_SHARE * final_strain)
     strains, stresses = [np.empty(0)], [np.empty(0)]
@@ -104,6 +104,8 @@ def join_curves(
     strain, stress = np.concatenate(strains), np.concatenate(stresses)
     if curves and strain.size == 0:
         raise InputError(f"{curves[0].place}: every point is at zero strain, expected a curve.")
+    if curves and not stress.any():
+        raise InputError(f"{curves[0].place}: every stress is zero, expected a curve.")
     return strain, stress, notices
 
 

@@ -6,7 +6,7 @@ from html.parser import HTMLParser
 class Page(HTMLParser):
     """Collects what a page refers to, its text, and whether elements are closed."""
 
-    VOID = frozenset({"meta", "img", "br", "link", "hr", "input"})
+    VOID = frozenset({"meta", "img", "br", "wbr", "link", "hr", "input"})
 
     def __init__(self, text: str) -> None:
         super().__init__()

@@ -1,16 +1,22 @@
-"""The outcome of one data set of a calibration, and the file that keeps it."""
+"""The outcome of one data set of a calibration, the file that keeps it, and the table of many."""
 
-from collections.abc import Mapping
+import csv
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import pandas as pd
 from pydantic import ConfigDict
 
+from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, read_json_table
 from pyburgers.sampling.run_directory import RunDirectory
 
 SIMULATIONS = "simulations"
 """Folder of the data sets."""
+
+RANKS = "ranks.csv"
+"""Table of the data sets that were done when results were last written."""
 
 
 @dataclass(frozen=True)
@@ -110,3 +116,94 @@ def next_fit(file: Path, refits: int) -> int | None:
         return 0
     done = read_replication(file)
     return done.n_refits + 1 if done.failed_checks and done.n_refits < refits else None
+
+
+_COLUMNS = {
+    "seed": "seed",
+    "n_unsolvable": "unsolvable_draws",
+    "n_outside": "outside_draws",
+    "n_refits": "refits",
+    "coordinates": "coordinates",
+    "divergences": "divergences",
+    "rhat": "rhat",
+    "least_ess": "least_ess",
+    "failed_checks": "failed_checks",
+    "failure": "failure",
+}
+"""Column of each attribute of a `Replication`; behind them those of the ranks."""
+
+_SEPARATOR = "; "
+
+
+def replication_table(replications: Iterable[Replication], ranked: Sequence[str]) -> pd.DataFrame:
+    """Return every data set: seed, outcome, and its ranks.
+
+    Parameters
+    ----------
+    replications : iterable of Replication
+        The data sets.
+    ranked : sequence of str
+        Quantities.
+
+    Returns
+    -------
+    DataFrame
+        Columns seed, unsolvable_draws, outside_draws, refits, coordinates, divergences, rhat,
+        least_ess, failed_checks, failure, then the rank of each quantity (missing where no fit has
+        converged).
+    """
+    return pd.DataFrame(
+        [
+            {
+                **{column: getattr(one, name) for name, column in _COLUMNS.items()},
+                _COLUMNS["failed_checks"]: _SEPARATOR.join(one.failed_checks),
+                **{name: one.ranks.get(name) for name in ranked},
+            }
+            for one in replications
+        ]
+    )
+
+
+def read_replication_table(file: Path, n_draws: int) -> tuple[Replication, ...]:
+    """Return the data sets of a table that `replication_table` has made.
+
+    Parameters
+    ----------
+    file : Path
+        The table.
+    n_draws : int
+        With which they were ranked.
+
+    Raises
+    ------
+    InputError
+        If it is no such table.
+    """
+    try:
+        with file.open(encoding="utf-8", newline="") as lines:
+            return tuple(_of_row(row, n_draws) for row in csv.DictReader(lines))
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(
+            f"{file}: found no table of data sets ({error}), expected what `pyburgers sbc` has "
+            "written; without it every data set is made anew."
+        ) from error
+
+
+def _of_row(row: Mapping[str, str], n_draws: int) -> Replication:
+    cells = {name: row[column] for name, column in _COLUMNS.items()}
+    ranked = row.keys() - _COLUMNS.values()
+    return Replication(
+        seed=int(cells["seed"]),
+        # Quantities are in their order in the table; numbers beside missing ones have a point.
+        ranks={name: int(float(row[name])) for name in row if name in ranked and row[name]},
+        n_draws=n_draws,
+        n_unsolvable=int(cells["n_unsolvable"]),
+        n_outside=int(cells["n_outside"]),
+        n_refits=int(cells["n_refits"]),
+        failure=cells["failure"] or None,
+        failed_checks=tuple(filter(None, cells["failed_checks"].split(_SEPARATOR))),
+        divergences=int(cells["divergences"]),
+        rhat=float(cells["rhat"]) if cells["rhat"] else None,
+        least_ess=float(cells["least_ess"]) if cells["least_ess"] else None,
+        coordinates=cells["coordinates"] or None,
+    )

@@ -15,6 +15,7 @@ from pyburgers.drawing.style import BLACK, BLUE, GREY, SKY_BLUE, VERMILION, few_
 from pyburgers.model.display import STRESS_FACTOR, STRESS_UNIT, shown_quantity
 from pyburgers.sbc.data_sets import LOG_LIKELIHOOD, LONGER, RHAT_LIMIT
 from pyburgers.sbc.rank_uniformity import VERDICTS_TEXT, RankBands, RankVerdict, counts_at_most
+from pyburgers.sbc.replication import RANKS, replication_table
 from pyburgers.sbc.run import Calibration
 
 
@@ -61,36 +62,6 @@ def shown_verdict_table(calibration: Calibration) -> pd.DataFrame:
             "verdict": table["verdict"],
             "in words": table["in_words"],
         }
-    )
-
-
-def rank_table(calibration: Calibration) -> pd.DataFrame:
-    """Return every data set: seed, outcome, and its ranks.
-
-    Returns
-    -------
-    DataFrame
-        Columns seed, unsolvable_draws, outside_draws, refits, coordinates, divergences, rhat,
-        least_ess, failed_checks, failure, then the rank of each quantity (missing where no fit has
-        converged).
-    """
-    return pd.DataFrame(
-        [
-            {
-                "seed": one.seed,
-                "unsolvable_draws": one.n_unsolvable,
-                "outside_draws": one.n_outside,
-                "refits": one.n_refits,
-                "coordinates": one.coordinates,
-                "divergences": one.divergences,
-                "rhat": one.rhat,
-                "least_ess": one.least_ess,
-                "failed_checks": "; ".join(one.failed_checks),
-                "failure": one.failure,
-                **{name: one.ranks.get(name) for name in calibration.ranks},
-            }
-            for one in calibration.replications
-        ]
     )
 
 
@@ -163,7 +134,8 @@ def save_calibration(calibration: Calibration, folder: Path) -> None:
         An existing folder.
     """
     write_text(folder / "verdicts.csv", verdict_table(calibration).to_csv(index=False))
-    write_text(folder / "ranks.csv", rank_table(calibration).to_csv(index=False))
+    table = replication_table(calibration.replications, list(calibration.ranks))
+    write_text(folder / RANKS, table.to_csv(index=False))
     write_text(folder / "calibration.md", calibration_text(calibration))
 
 

@@ -40,10 +40,12 @@ from pyburgers.sampling.run_directory import RunDirectory
 from pyburgers.sbc.data_sets import DataSetPlan, check_template, replicate
 from pyburgers.sbc.rank_uniformity import RankBands, RankVerdict, judge_ranks, rank_bands
 from pyburgers.sbc.replication import (
+    RANKS,
     SIMULATIONS,
     Replication,
     next_fit,
     read_replication,
+    read_replication_table,
     scratch_of,
     simulation_file,
 )
@@ -251,11 +253,13 @@ def calibrate(
     if workers.part is None:
         with run.claimed(identity, folders):
             _write_inputs(run, problem, plan, command)
+            _take_from_table(run, plan)
             _run_missing(run, plan, workers)
             run.update_manifest({"status": COMPLETE})
     else:
         with run.claimed(identity, folders, shared=True):
             _write_inputs(run, problem, plan, command)
+            _take_from_table(run, plan)
         _run_missing(run, plan, workers)
     return Calibration(problem, plan, _replications(run, plan), command)
 
@@ -281,6 +285,20 @@ def _write_inputs(run: RunDirectory, problem: Problem, plan: CalibrationPlan, co
             save_experiment(test, folder)
         save_priors(problem.priors[0], run.priors_file)
     run.update_manifest(_record(run, problem, plan, command))
+
+
+def _take_from_table(run: RunDirectory, plan: CalibrationPlan) -> None:
+    """Write the files of data sets that only the table of results has.
+
+    So a calibration goes on from its results alone, on another machine.
+    """
+    table = run.path / RANKS
+    if not table.is_file():
+        return
+    for one in read_replication_table(table, plan.n_ranked):
+        file = simulation_file(run, one.seed)
+        if one.seed in plan.seeds and not file.exists():
+            write_json(file, asdict(one))
 
 
 def load_calibration(folder: Path) -> Calibration:

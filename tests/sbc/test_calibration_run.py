@@ -21,12 +21,11 @@ from pyburgers.drawing.style import image
 from pyburgers.model.priors import default_priors
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
 from pyburgers.protocols.problem import problem_of
-from pyburgers.sbc.replication import Replication
+from pyburgers.sbc.replication import Replication, replication_table
 from pyburgers.sbc.results import (
     calibration_text,
     count_sentences,
     rank_differences,
-    rank_table,
     verdict_table,
 )
 from pyburgers.sbc.run import Calibration, CalibrationPlan
@@ -106,7 +105,7 @@ def test_lost_fits_unphysical_draws_and_failed_checks_are_shown() -> None:
         assert sentence in page
     assert "| stress exponent |" in page
     assert "`pyburgers sbc x`" in page
-    table = rank_table(calibration)
+    table = replication_table(calibration.replications, list(calibration.ranks))
     assert table["failure"].notna().sum() == 1
     assert table["stress_exponent"].notna().sum() == 98
     assert table["refits"].sum() == 5
@@ -222,6 +221,31 @@ def test_an_unfinished_calibration_is_shown_as_far_as_it_has_come(
     whole = tmp_path / "whole"
     main(["sbc", "--results-of", str(finished), "--out", str(whole)])
     assert (whole / "ranks.csv").read_bytes() == outcomes["ranks.csv"]
+
+
+def test_a_calibration_goes_on_from_its_table(
+    small_problem: Problem,
+    finished: Path,
+    outcomes: dict[str, bytes],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """What is kept of one are its results; a data set that they have is not fitted again."""
+    stay_in_this_process(monkeypatch)
+    out = tmp_path / "out"
+    shutil.copytree(finished, out)
+    table = out / "ranks.csv"
+    rows = table.read_text(encoding="utf-8").splitlines(keepends=True)
+    table.write_text("".join(rows[:-1]), encoding="utf-8")
+    shutil.rmtree(out / "simulations")
+    capsys.readouterr()
+    main(command(small_problem, out))
+    assert "2 of 3 data sets are there already" in capsys.readouterr().err
+    assert contents(out) == outcomes
+    shutil.rmtree(out / "simulations")
+    table.write_text("seed,ranks\n1,2\n", encoding="utf-8")
+    assert_refused(main(command(small_problem, out)), capsys, "found no table of data sets")
 
 
 @pytest.mark.parametrize(

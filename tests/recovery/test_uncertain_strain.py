@@ -70,7 +70,7 @@ def test_intervals_are_as_wide_as_errors_of_the_strain_make_them() -> None:
     found: dict[str, list[float]] = {"inferred": [], "ignored": []}
     for seed in range(RECORDS):
         record = simulate_data(original, truth, np.random.default_rng(seed), source="the twin")
-        assert record.n_driving_errors == 6
+        assert record.n_driving_errors == original.n_driving_errors > 0
         found["inferred"] += deviations(record)
         found["ignored"] += deviations(with_known_strain(record))
     spread = {name: float(np.sqrt(np.mean(np.square(z)))) for name, z in found.items()}

@@ -74,9 +74,10 @@ class OneLineParser(argparse.ArgumentParser):
         name = unknown[0].split("=")[0]
         meant = get_close_matches(name, self.options(), n=1) if name.startswith("-") else []
         end = f"see `{self._told(arguments)} --help`."
-        if meant:
-            another = f"which is another command's; {end}"
-            end = another if meant[0] == name else f"did you mean {meant[0]}?"
+        if meant == [name]:
+            end = f"which is another command's; {end}"
+        elif meant:
+            end = f"did you mean {meant[0]}?"
         kind = "option" if name.startswith("-") else "argument"
         raise InputError(f"unknown {kind} {name}, {end}")
 

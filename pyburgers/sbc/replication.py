@@ -191,11 +191,14 @@ def read_replication_table(file: Path, n_draws: int) -> tuple[Replication, ...]:
 
 def _of_row(row: Mapping[str, str], n_draws: int) -> Replication:
     cells = {name: row[column] for name, column in _COLUMNS.items()}
-    ranked = row.keys() - _COLUMNS.values()
     return Replication(
         seed=int(cells["seed"]),
         # Quantities are in their order in the table; numbers beside missing ones have a point.
-        ranks={name: int(float(row[name])) for name in row if name in ranked and row[name]},
+        ranks={
+            name: int(float(row[name]))
+            for name in row
+            if name not in _COLUMNS.values() and row[name]
+        },
         n_draws=n_draws,
         n_unsolvable=int(cells["n_unsolvable"]),
         n_outside=int(cells["n_outside"]),

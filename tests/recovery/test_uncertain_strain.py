@@ -11,6 +11,7 @@ from pyburgers.model.priors import default_priors
 from pyburgers.protocols.forced_oscillation.experiment import (
     OscillationExperiment,
     load_forced_oscillation,
+    with_background,
     with_known_strain,
 )
 from pyburgers.protocols.forced_oscillation.preparation import prepare, strain_shares
@@ -61,20 +62,41 @@ def deviations(experiment: OscillationExperiment) -> list[float]:
     return [float((mode[k] - at_truth[k]) / np.sqrt(covariance[k, k])) for k in places]
 
 
-def test_intervals_are_as_wide_as_errors_of_the_strain_make_them() -> None:
-    """Root mean squares of 120 standardised errors: 1 with errors of the strain, more without."""
-    original = template()
+def spreads(original: OscillationExperiment) -> tuple[float, float]:
+    """Root mean squares of 120 standardised errors with the strain's inferred, and ignored."""
     truth = dict(original.true_parameters or {})
-    share, _ = strain_shares(original.prepared.strain_fit, original.prepared.stress_fit)
-    assert share > 0.3
-    found: dict[str, list[float]] = {"inferred": [], "ignored": []}
+    inferred: list[float] = []
+    ignored: list[float] = []
     for seed in range(RECORDS):
         record = simulate_data(original, truth, np.random.default_rng(seed), source="the twin")
         assert record.n_driving_errors == original.n_driving_errors > 0
-        found["inferred"] += deviations(record)
-        found["ignored"] += deviations(with_known_strain(record))
-    spread = {name: float(np.sqrt(np.mean(np.square(z)))) for name, z in found.items()}
-    assert spread["inferred"] == pytest.approx(1.0, abs=0.2)  # three standard errors
+        inferred += deviations(record)
+        ignored += deviations(with_known_strain(record))
+    first, second = (float(np.sqrt(np.mean(np.square(z)))) for z in (inferred, ignored))
+    return first, second
+
+
+def share_of_fundamental(record: OscillationExperiment) -> float:
+    """How much the errors of the strain's fundamental count beside those of the stress's."""
+    share, _ = strain_shares(record.prepared.strain_fit, record.prepared.stress_fit)
+    assert share > 0.3
+    return share
+
+
+def test_intervals_are_as_wide_as_errors_of_the_strain_make_them() -> None:
+    """Without a background nothing but the fundamental counts: the share says by how much."""
+    record = with_background(template(), "removed")
+    inferred, ignored = spreads(record)
+    assert inferred == pytest.approx(1.0, abs=0.2)  # three standard errors
     # Of the same records, so that chance has less part in it.
-    ratio = spread["ignored"] / spread["inferred"]
-    assert ratio == pytest.approx(np.sqrt(1 + share), rel=0.06)
+    expected = np.sqrt(1 + share_of_fundamental(record))
+    assert ignored / inferred == pytest.approx(expected, rel=0.06)
+
+
+def test_errors_of_the_mean_strain_rate_count_where_the_background_is_kept() -> None:
+    """Intervals that infer them are right; what ignores them is worse than the fundamental says."""
+    record = template()
+    assert record.n_driving_errors > with_background(record, "removed").n_driving_errors
+    inferred, ignored = spreads(record)
+    assert inferred == pytest.approx(1.0, abs=0.2)
+    assert ignored / inferred > np.sqrt(1 + share_of_fundamental(record))

@@ -64,7 +64,9 @@ class Origin(StrEnum):
 THRESHOLDS_TEXT = (
     "Sensitivity: cumulative Jensen-Shannon distance by which the posterior of a quantity moves, "
     f"per doubling of the weight of prior or data; from {SENSITIVE:g} on, that part matters. Only "
-    "the prior matters: this number is your prior. Only the data: the data decide. Both matter: "
+    "the prior matters: this number is your prior. Only the data: the data decide, but where the "
+    f"posterior is at least {AS_WIDE:g} times as wide as the prior, which then holds it, both do. "
+    "Both matter: "
     "prior and data disagree where they pull the mean in opposite directions by at least "
     f"{PULL:g} standard deviations each and the posterior is not close to the prior's median, that "
     f"is within {CLOSE:g} of its standard deviations, else both decide. Neither: this number is "
@@ -121,10 +123,10 @@ class Influence:
         data_matter = self.likelihood_sensitivity >= SENSITIVE
         if prior_matters and not data_matter:
             return Origin.PRIOR
+        as_wide = self.width is not None and self.width >= AS_WIDE
         if data_matter and not prior_matters:
-            return Origin.DATA
+            return Origin.BOTH if as_wide else Origin.DATA
         if not data_matter:
-            as_wide = self.width is not None and self.width >= AS_WIDE
             return Origin.PRIOR if as_wide else Origin.AGREEMENT
         close = self.distance is not None and abs(self.distance) < CLOSE
         opposed = self.prior_pull * self.likelihood_pull < 0 and not close

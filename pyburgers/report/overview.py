@@ -15,12 +15,14 @@ from pyburgers.checks.prior_influence import (
 from pyburgers.checks.verdicts import ANSWERS, Verdict, verdicts
 from pyburgers.common.units import number, with_error
 from pyburgers.fitting.fit import Fit
+from pyburgers.model.display import unit_text
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 
 ANSWER_COLUMNS = {
     CheckKind.SAMPLING: "sampled well?",
     CheckKind.DESCRIPTION: "describes the data?",
 }
+RESIDUAL_COLUMN = "residual s"
 CONFLICT_COLUMN = "prior against data"
 SHOWN_CONFLICTS = 2
 """Quantities that a row names at most; the section names all."""
@@ -162,6 +164,7 @@ def entry_of(
         What each quantity owes to prior and data; empty without likelihood.
     """
     noise = PARAMETER_BY_NAME[fit.problem.protocol.noise]
+    unit = unit_text(noise)
     answered = verdicts(checks)
     row = {
         "run": name,
@@ -169,9 +172,7 @@ def entry_of(
         "model": fit.variant.short_text,
         **_answers_text(answered, checks),
         "stress exponent n": _mean_sd(fit, "stress_exponent", 1.0),
-        f"residual {noise.symbol} ({noise.display_unit})": _mean_sd(
-            fit, noise.name, noise.display_factor
-        ),
+        RESIDUAL_COLUMN: f"{_mean_sd(fit, noise.name, noise.display_factor)} {unit}",
         "in 90 % band": f"{100.0 * coverage(fit.posterior):.0f} %",
         CONFLICT_COLUMN: _conflicts_text(influences),
         **_times(fit),

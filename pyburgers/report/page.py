@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import jinja2
@@ -144,6 +145,7 @@ def write_report(
     command: str,
     joints: Sequence[Fit] = (),
     extras: Sequence[PageSection] = (),
+    told: Mapping[str, Sequence[Fit]] = MappingProxyType({}),
     jobs: int | None = 1,
 ) -> Path:
     """Write the page ``index.html``, ``figures/``, ``tables/`` and ``manifest.json``.
@@ -166,6 +168,9 @@ def write_report(
         Joint fits, whose parts of the page are among the extras.
     extras : sequence of PageSection
         Parts of the page beside the fits, in their order.
+    told : mapping of str to sequence of Fit
+        Fits that one of the extras is about, by its key: they have no section of their own, and
+        both verdicts on them stand at the top of the page like those on all others.
     jobs : int, optional
         Processes that write figures; None takes one for each core, which pays for many figures.
 
@@ -182,9 +187,12 @@ def write_report(
     if not fits:
         raise InputError(f"{out}: a report needs at least one run, found none.")
     _claim(out)
-    write_json(out / "manifest.json", _manifest(fits, title, command))
+    others = [(key, fit) for key, some in told.items() for fit in some]
+    every = [*fits, *(fit for _, fit in others)]
+    named = list(zip(page_keys(every), every, strict=True))
+    write_json(out / "manifest.json", _manifest(named, title, command))
     sections: list[Section] = []
-    for name, fit in sorted(zip(page_keys(fits), fits, strict=True), key=_is_synthetic):
+    for name, fit in sorted(named[: len(fits)], key=_is_synthetic):
         logger.info(f"Writing the section of {name}.")
         section = _write_section(name, fit, out)
         same = next((one for one in sections if one.about_data == section.about_data), None)
@@ -199,17 +207,29 @@ def write_report(
     illustrations = [one for part in figures for one in part]
     logger.info(f"Writing {len(illustrations)} figures.")
     pictures = write_figures(illustrations, out, jobs)
+    told_entries = [
+        entry_of(key, name, fit, fit.checks(), fit.influences().get(fit.problem.name, {}))
+        for (key, _), (name, fit) in zip(others, named[len(fits) :], strict=True)
+    ]
     entries = [
         *(
             joint_entry(joint_key(name), name, joint)
             for name, joint in zip(page_keys(joints), joints, strict=True)
         ),
         *(section.entry for section in sections),
+        *told_entries,
     ]
     entries.sort(key=lambda entry: entry.is_synthetic)
     page = out / "index.html"
     text = render_page(
-        sections, illustrated, pictures, entries=entries, title=title, command=command
+        sections,
+        illustrated,
+        pictures,
+        entries=entries,
+        told_entries=told_entries,
+        runs=_runs(named),
+        title=title,
+        command=command,
     )
     write_text(page, text)
     return page
@@ -226,6 +246,8 @@ def render_page(
     pictures: Pictures,
     *,
     entries: Sequence[Entry],
+    told_entries: Sequence[Entry],
+    runs: pd.DataFrame,
     title: str,
     command: str,
 ) -> str:
@@ -249,6 +271,7 @@ def render_page(
         glyphs=Markup(pictures.glyphs),
         first=first,
         entries=entries,
+        told_entries=told_entries,
         overview=overview_table(entries),
         bad_answers=bad_answers(entries),
         answer_columns=[*ANSWER_COLUMNS.values(), CONFLICT_COLUMN],
@@ -259,12 +282,12 @@ def render_page(
         outcomes=Outcome,
         checks_made={kind: _names_of_checks(entries, kind) for kind in CheckKind},
         standard=ModelVariant(),
-        synthetic=[s for s in sections if s.experiment.provenance.kind == "synthetic"],
+        synthetic=[entry for entry in entries if entry.is_synthetic],
         prior_sources=tables.prior_sources([s.priors for s in sections]),
         prior_notes=list(dict.fromkeys(s.fit.priors.notes for s in sections if s.fit.priors.notes)),
         told_by=_first_told_by([extra for extra, _ in extras]),
         made_alike=_made_alike(sections),
-        runs=_runs(sections),
+        runs=runs,
         reference_texts=list(dict.fromkeys(s.protocol.reference_text for s in sections)),
         tex=_TEX,
         written=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
@@ -288,13 +311,12 @@ def _made_alike(sections: Sequence[Section]) -> list[list[Section]]:
     return list(found.values())
 
 
-def _runs(sections: Sequence[Section]) -> pd.DataFrame:
+def _runs(named: Sequence[tuple[str, Fit]]) -> pd.DataFrame:
     """Say of each fit what no other has: its state, when it was begun and its hash, as text."""
     return pd.DataFrame(
         [
-            {"fit": section.name}
-            | {name: section.fit.manifest[key] for name, key in _OF_A_RUN.items()}
-            for section in sections
+            {"fit": name} | {title: fit.manifest[key] for title, key in _OF_A_RUN.items()}
+            for name, fit in named
         ]
     )
 
@@ -402,7 +424,7 @@ def _picture_file(out: Path, key: str, text: FigureText) -> Path:
     return out / "figures" / f"{key}_{file_key(text.name)}.png"
 
 
-def _manifest(fits: Sequence[Fit], title: str, command: str) -> dict[str, Any]:
+def _manifest(named: Sequence[tuple[str, Fit]], title: str, command: str) -> dict[str, Any]:
     """Record what made the report and from what."""
     return {
         "kind": REPORT_KIND,
@@ -423,6 +445,6 @@ def _manifest(fits: Sequence[Fit], title: str, command: str) -> dict[str, Any]:
                 "status": fit.manifest["status"],
                 "manifest_sha256": sha256_of_file(fit.directory.manifest_file),
             }
-            for key, fit in zip(page_keys(fits), fits, strict=True)
+            for key, fit in named
         ],
     }

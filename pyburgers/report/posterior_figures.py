@@ -3,6 +3,7 @@
 Every function takes a fit and returns a figure of its own.
 """
 
+import textwrap
 from collections.abc import Sequence
 from typing import Any
 
@@ -52,6 +53,9 @@ TRUE_VALUE: dict[str, Any] = {
     "markeredgecolor": "white",
     "markeredgewidth": 0.8,
 }
+
+PANEL_TITLE_WIDTH = 30
+"""Characters of a title that fit above one panel of a grid."""
 
 PAIRED_DRAWS = 1000
 PAIRED_QUANTITIES = (
@@ -119,7 +123,7 @@ def _draw_densities(axes: Axes, shown: ShownDraws) -> None:
     top = min(max(peaks), 3.0 * sorted(peaks)[(len(peaks) - 1) // 2])
     if truth is not None:
         axes.axvline(truth * factor, color=BLACK, linestyle="--", linewidth=1.1)
-    text = quantity.label
+    text = textwrap.fill(quantity.label, PANEL_TITLE_WIDTH)
     if prior is not None:
         law = prior.distribution()
         text += f"\nsd {100.0 * shown.width_beside_prior:.0f} % of the prior's"
@@ -248,7 +252,8 @@ def rank(fit: FittedTest) -> Figure:
             for k, chain_ranks in enumerate(ranks):
                 counts, _ = np.histogram(chain_ranks, bins=edges)
                 axes.stairs(counts, 100 * edges, baseline=None, linewidth=1.1, **_chain_style(k))
-            axes.set_title(f"{quantity.label}, ${quantity.symbol}$", loc="left", fontsize=9.5)
+            label = textwrap.fill(quantity.label, PANEL_TITLE_WIDTH)
+            axes.set_title(f"{label}, ${quantity.symbol}$", loc="left", fontsize=9.5)
             axes.set_ylim(bottom=0.0)
             axes.set_xlim(0.0, 100.0)
             axes.xaxis.set_major_locator(few_ticks(4))

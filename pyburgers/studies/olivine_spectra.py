@@ -203,7 +203,7 @@ def spectra_section(fits: Mapping[str, Fit]) -> PageSection:
                     partial(master_curves, one.fit),
                     rms_result(one.fit),
                 )
-                for one in tried
+                for one in reversed(tried)
             ),
             PageFigure(
                 "hottest",

@@ -234,6 +234,20 @@ def test_a_flat_prior_that_the_data_leave_alone_is_your_prior() -> None:
     assert found.origin == "this number is your prior"
 
 
+@pytest.mark.parametrize(
+    ("width", "origin"), [(1.0, "prior and data both decide"), (0.5, "the data decide")]
+)
+def test_a_flat_prior_that_the_data_hardly_narrow_decides_with_them(
+    width: float, origin: str
+) -> None:
+    draws = np.random.default_rng(2).uniform(0.0, width, 2000)
+    flat = Prior("beta", "uniform", 0.5, 0.5, 0.0, 1.0, "mol/J", "test")
+    posterior = tree({"beta": draws}, np.zeros(2000), 2.0 * draws / width)
+    (found,) = prior_influence(posterior, priors(flat)).values()
+    assert found.width == pytest.approx(width, rel=0.05)
+    assert found.origin == origin
+
+
 def test_beta_of_a_short_curve_is_its_prior_and_the_noise_is_not(
     programs: None, tmp_path: Path
 ) -> None:

@@ -212,6 +212,22 @@ def test_alarms_of_parts_stand_at_the_top(fits: list[Fit], sketched: None, tmp_p
     assert page.text.index("This must not be missed.") < page.text.rindex("Overview")
 
 
+def test_fits_that_a_part_is_about_have_both_verdicts_at_the_top(
+    fits: list[Fit], sketched: None, tmp_path: Path
+) -> None:
+    extra = PageSection("part", "A part", ())
+    file = write_report(
+        [fits[1]], tmp_path, title="T", command="x", extras=(extra,), told={"part": [fits[0]]}
+    )
+    page = Page(file.read_text(encoding="utf-8"))
+    name = fits[0].directory.path.name
+    # Contents, verdicts and overview lead to the part; the reasons stand there.
+    assert page.references.count(("a", "#part")) >= 3
+    assert page.text.rindex("Both verdicts, fit by fit") < page.text.rindex(name)
+    runs = json.loads((tmp_path / "manifest.json").read_text())["runs"]
+    assert [run["directory"] for run in runs] == [fits[1].directory.path.name, name]
+
+
 def test_a_fit_without_likelihood_says_so(sketched: None, tmp_path: Path) -> None:
     fit = small_fit(tmp_path / "run")
     fit.manifest["use_likelihood"] = False

@@ -181,22 +181,28 @@ def reproduce(
     olivine_fits: dict[str, Fit] = {
         background: found[name] for background, name in OLIVINE_RUNS.items()
     }
+    spectra = spectra_section({name: found[name] for name in of_spectra})
+    halite = halite_section({name: found[name] for name in HALITE_RUNS})
     page = write_report(
         fits,
         out,
-        title=f"Nonlinear Burgers fits of dunite, ice and olivine ({preset} preset)",
+        title=f"Nonlinear Burgers fits of dunite, olivine, halite and ice ({preset} preset)",
         command=command,
         joints=[joint],
         extras=(
             rate_steps_section({name: found[name] for name in STEPPED}),
             predictions_section(joint, predicted_tests(shipped_data_directory() / "dunite")),
-            spectra_section({name: found[name] for name in of_spectra}),
-            halite_section({name: found[name] for name in HALITE_RUNS}),
+            spectra,
+            halite,
             *joint_sections([joint], list(alone.values())),
             *study_sections(ice_fits, olivine_fits, measured),
             peak_stress_section(peak_stress),
             *comparison_sections([joint, *fits]),
         ),
+        told={
+            spectra.key: [found[name] for name in of_spectra],
+            halite.key: [found[name] for name in HALITE_RUNS],
+        },
         jobs=None,
     )
     return Outcome(page=page, fits=tuple(fits), peak_stress=peak_stress)

@@ -10,6 +10,7 @@ import xarray as xr
 from common_flow_law import COMMON, NAMES, with_common_flow_law
 from conftest import DUNITE
 
+from pyburgers.checks.fit_checks import CheckKind
 from pyburgers.common.draws import all_draws
 from pyburgers.fitting.fit import Fit, fit, fit_jointly
 from pyburgers.model.priors import default_priors
@@ -71,16 +72,21 @@ def test_a_common_flow_law_is_recovered(
 
 
 def test_measured_dunite_tests_have_a_common_flow_law(tmp_path: Path) -> None:
-    """Three tests with two rate steps each; loading curves also hold the apparatus."""
+    """Three tests with two rate steps each; loading curves also hold the apparatus.
+
+    What the model misses behind the steps stays missed, and is told.
+    """
     names = ("dunite_4580", "dunite_4469", "dunite_4581")
     joint = fit_jointly(
         [load_constant_rate(DUNITE / f"{name}.toml") for name in names],
         default_priors("dunite"),
         pool=dict.fromkeys(("maxwell_modulus", "kelvin_modulus", "kelvin_viscosity"), "separate"),
         out=tmp_path / "joint",
-        options=SamplerOptions(chains=2, draws=500, seed=5),
+        options=SamplerOptions(chains=2, draws=1000, seed=5),
     )
-    assert [check.sentence for check in joint.checks() if not check.passed] == []
+    failed = {one.name: one for one in joint.checks() if not one.passed}
+    assert {one.check.kind for one in failed.values()} == {CheckKind.DESCRIPTION}, failed
+    assert "behind a step of the rate" in failed["trend by segment"].sentence
     table = joint.summary("SI")
     mean, sd = (float(table[column]["stress_exponent"]) for column in ("mean", "sd"))
     print(f"n {mean:.2f} +- {sd:.2f}")

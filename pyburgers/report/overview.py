@@ -164,7 +164,7 @@ def entry_of(
         What each quantity owes to prior and data; empty without likelihood.
     """
     noise = PARAMETER_BY_NAME[fit.problem.protocol.noise]
-    unit = unit_text(noise)
+    unit = "" if noise.display_unit == "1" else f" {unit_text(noise)}"
     answered = verdicts(checks)
     row = {
         "run": name,
@@ -172,7 +172,7 @@ def entry_of(
         "model": fit.variant.short_text,
         **_answers_text(answered, checks),
         "stress exponent n": _mean_sd(fit, "stress_exponent", 1.0),
-        RESIDUAL_COLUMN: f"{_mean_sd(fit, noise.name, noise.display_factor)} {unit}",
+        RESIDUAL_COLUMN: _mean_sd(fit, noise.name, noise.display_factor) + unit,
         "in 90 % band": f"{100.0 * coverage(fit.posterior):.0f} %",
         CONFLICT_COLUMN: _conflicts_text(influences),
         **_times(fit),

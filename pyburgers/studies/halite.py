@@ -49,9 +49,9 @@ LAWS: Mapping[str, str] = MappingProxyType(
 """Fits by the names of their runs, and what the page calls their laws."""
 
 QUICK = (POWER_LAW, SINE)
-"""Laws that are sampled in a minute or two of one core; those that harden take much longer."""
+"""Laws that are sampled in some minutes of one core; those that harden take much longer."""
 
-SHORT = SamplerOptions(chains=2, warmup=100, draws=450, seed=1)
+SHORT = SamplerOptions(chains=2, warmup=150, draws=800, seed=1)
 """Draws as far as they are needed for 400 independent ones."""
 
 KEPT_OF_GRAIN_SIZE_EXPONENT = 0.1

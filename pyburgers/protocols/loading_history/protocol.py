@@ -60,7 +60,9 @@ class LoadingHistoryProtocol(Protocol[LoadingHistory]):
         }
     )
     warmup = 300
-    target_acceptance = 0.98
+    # One chain in some has steps half as long again as the others, and at 0.98 loses trajectories
+    # where grains shrink to the bound of their prior (docs/coordinates.md).
+    target_acceptance = 0.99
     chart = LoadingHistoryValley()
     figures = LOADING_HISTORY_FIGURES
     reference_text = Markup(

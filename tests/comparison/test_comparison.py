@@ -191,6 +191,22 @@ def test_the_figure_draws_every_fit_but_the_best() -> None:
     assert image(figure, "png").startswith(b"\x89PNG")
 
 
+@pytest.mark.parametrize(
+    "names",
+    [("one", "two", "three"), ("dunite_4581", "dunite_4581_autocorrelated", "dunite_4581_power")],
+)
+def test_the_legend_of_the_figure_fits_into_it(names: tuple[str, ...]) -> None:
+    rng = np.random.default_rng(3)
+    comparison = comparison_of(*((name, result(rng.normal(-1, 1, 30))) for name in names))
+    figure = pointwise_differences(comparison)
+    figure.draw_without_rendering()
+    (legend,) = figure.legends
+    inside = figure.bbox.get_points()
+    (left, _), (right, _) = legend.get_window_extent().get_points()
+    assert inside[0, 0] <= left
+    assert right <= inside[1, 0]
+
+
 def test_what_is_saved_holds_numbers_points_and_origins(tmp_path: Path) -> None:
     fits = {"one": make_fit(tmp_path / "one"), "two": make_fit(tmp_path / "two")}
     comparison = compare(fits)

@@ -193,11 +193,17 @@ def test_the_figure_draws_every_fit_but_the_best() -> None:
 
 @pytest.mark.parametrize(
     "names",
-    [("one", "two", "three"), ("dunite_4581", "dunite_4581_autocorrelated", "dunite_4581_power")],
+    [
+        ("one", "two", "three"),
+        ("dunite_4581_autocorrelated", "dunite_4581_kelvin_power_law", "dunite_4581_sine"),
+    ],
 )
 def test_the_legend_of_the_figure_fits_into_it(names: tuple[str, ...]) -> None:
     rng = np.random.default_rng(3)
-    comparison = comparison_of(*((name, result(rng.normal(-1, 1, 30))) for name in names))
+    comparison = comparison_of(
+        *((name, result(rng.normal(-k, 0.1, 30))) for k, name in enumerate(names))
+    )
+    assert next(iter(comparison.results)) == names[0]
     figure = pointwise_differences(comparison)
     figure.draw_without_rendering()
     (legend,) = figure.legends

@@ -1,7 +1,5 @@
 """Figures of what comparisons found."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -38,14 +36,14 @@ COMPARISON_CAPTION = (
     "importance weights are too uneven to be trusted (Pareto k above 0.7)."
 )
 
-LETTER_WIDTH, HANDLE_WIDTH = 0.08, 0.6
-"""Room in a legend of a letter and of what stands beside a name, in inches."""
-
 LEFT_OUT_CAPTION = (
     "Log density of each test given the others, under a fit less that under the best one; below "
     "zero the best fit predicts the test better. Of a fit alone: per reading. Bars are Monte Carlo "
     "errors."
 )
+
+LETTER_WIDTH, HANDLE_WIDTH = 0.08, 0.6
+"""Room in a legend of a letter and of what stands beside a name, in inches."""
 
 
 def pointwise_differences(comparison: Comparison) -> Figure:
@@ -74,17 +72,16 @@ def pointwise_differences(comparison: Comparison) -> Figure:
             sums.set_xlabel(comparison.clock.label)
         panels[0, 0].set_ylabel("difference of a point's\nlog density (–)")
         panels[1, 0].set_ylabel("added up (–)")
-        handles, labels = panels[0, 0].get_legend_handles_labels()
-        figure.legend(
-            handles, labels, loc="outside upper left", ncols=_columns_of_legend(figure, labels)
-        )
+        _legend_above(figure, panels[0, 0])
     return figure
 
 
-def _columns_of_legend(figure: Figure, labels: Sequence[str]) -> int:
-    """Two where the longest names fit side by side, else one."""
+def _legend_above(figure: Figure, axes: Axes) -> None:
+    """Name what the axes show, in two columns where the longest names fit side by side."""
+    handles, labels = axes.get_legend_handles_labels()
     widest = LETTER_WIDTH * max(map(len, labels), default=0) + HANDLE_WIDTH
-    return 2 if len(labels) > 1 and 2 * widest <= figure.get_figwidth() else 1
+    columns = 2 if len(labels) > 1 and 2 * widest <= figure.get_figwidth() else 1
+    figure.legend(handles, labels, loc="outside upper left", ncols=columns)
 
 
 def _tests(comparison: Comparison) -> dict[str, BoolArray]:
@@ -157,8 +154,5 @@ def left_out_tests(comparison: ComparisonByTest) -> Figure:
         )
         axes.set_yticks(lines, list(best.tests))
         axes.set_ylim(lines.size - 0.5, -0.5)
-        handles, labels = axes.get_legend_handles_labels()
-        figure.legend(
-            handles, labels, loc="outside upper left", ncols=_columns_of_legend(figure, labels)
-        )
+        _legend_above(figure, axes)
     return figure

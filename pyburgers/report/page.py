@@ -271,7 +271,7 @@ def render_page(
         glyphs=Markup(pictures.glyphs),
         first=first,
         entries=entries,
-        told_entries=told_entries,
+        of_part={extra.key: [e for e in told_entries if e.key == extra.key] for extra, _ in extras},
         overview=overview_table(entries),
         bad_answers=bad_answers(entries),
         answer_columns=[*ANSWER_COLUMNS.values(), CONFLICT_COLUMN],

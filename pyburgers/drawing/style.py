@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Literal, TypeAlias
 
 from matplotlib import rc_context
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
 
 from pyburgers.common.atomic_files import write_bytes
 
@@ -99,3 +100,12 @@ def write_page_images(figure: Figure, path: Path) -> str:
 def few_ticks(intervals: int) -> MaxNLocator:
     """Return ticks at round numbers, few enough for small panels."""
     return MaxNLocator(intervals, steps=[1, 2, 5, 10])
+
+
+def few_ticks_of_decades(axes: Axes) -> None:
+    """Label decades of a logarithmic x axis, and threes of them where these are few."""
+    low, high = axes.get_xlim()
+    subs = (1.0, 3.0) if high < 10**2.5 * low else (1.0,)
+    axes.xaxis.set_major_locator(LogLocator(subs=subs, numticks=4))
+    axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axes.xaxis.set_minor_formatter(NullFormatter())

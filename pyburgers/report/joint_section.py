@@ -16,7 +16,7 @@ from pyburgers.common.units import number, with_error
 from pyburgers.comparison.same_data import fits_alone
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.drawing.panels import draw_curve, legend_above
-from pyburgers.drawing.style import BLUE, VERMILION, few_ticks, style
+from pyburgers.drawing.style import BLUE, VERMILION, few_ticks, few_ticks_of_decades, style
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.display import axis_label, shown_quantity, symbol_text, unit_text
 from pyburgers.posterior.labelled_draws import own_name
@@ -357,6 +357,7 @@ def intervals(joint: Fit, separate: Sequence[Fit]) -> Figure:
             everything = np.concatenate([_draws_of(fit, quantity) for fit in tests.values()])
             if spans_decades(everything):
                 axes.set_xscale("log")
+                few_ticks_of_decades(axes)
             else:
                 axes.xaxis.set_major_locator(few_ticks(4))
             axes.set_xlabel(axis_label(shown_quantity(quantity)))

@@ -1,12 +1,15 @@
 """Quantities that span decades are shown by their logarithm, their priors with them."""
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from scipy import stats
 from synthetic_fit import make_fit, make_prior, uniform
 
+from pyburgers.drawing.style import few_ticks_of_decades, style
 from pyburgers.model.display import shown_quantity
 from pyburgers.report.decades import PriorOfLogarithm, logarithm_of, shown_draws, spans_decades
 from pyburgers.report.figure_results import narrowed
@@ -64,3 +67,21 @@ def test_a_panel_over_decades_has_the_logarithm_and_the_truth_in_it(tmp_path: Pa
     shares = {name: shown_draws(fit, name).width_beside_prior for name in fit.priors.free}
     assert shares["kelvin_viscosity"] == pytest.approx(int(only) / 100, abs=0.005)
     assert f"{min(shares.values()):.0%}" in narrowed(fit)
+
+
+@pytest.mark.parametrize("decades", [1.6, 2.0, 3.0, 5.0])
+def test_labels_of_decades_in_a_small_panel_stand_apart(decades: float) -> None:
+    with style():
+        figure = Figure(figsize=(2.6, 1.6), layout="constrained")
+        axes = figure.subplots()
+        axes.set_xscale("log")
+        axes.set_xlim(13.0, 13.0 * 10**decades)
+        few_ticks_of_decades(axes)
+        figure.draw_without_rendering()
+    labels = [one for one in axes.get_xticklabels(which="both") if one.get_text()]
+    low, high = axes.get_xlim()
+    boxes = [
+        label.get_window_extent() for label in labels if low <= label.get_position()[0] <= high
+    ]
+    assert len(boxes) >= 2
+    assert all(one.x1 < other.x0 for one, other in pairwise(boxes))

@@ -233,9 +233,8 @@ def conflicts(influences: Mapping[str, Influence]) -> list[str]:
     return sorted(found, key=lambda name: -abs(influences[name].distance or 0.0))
 
 
-def conflict_text(name: str, influence: Influence) -> str:
-    """Name a quantity, and how far it is from its prior's median where that has a bell."""
-    label = shown_quantity(name).label
+def conflict_text(label: str, influence: Influence) -> str:
+    """Say how far what a label names is from its prior's median where that has a bell."""
     if influence.distance is None:
         return label
     return f"{label} ({influence.distance:+.1f} prior sd)"
@@ -250,7 +249,9 @@ CONFLICT_MEANING = (
 def disagreement(influences: Mapping[str, Influence]) -> str | None:
     """Name what prior and data disagree about; None where they do not."""
     names = conflicts(influences)
-    listed = ", ".join(conflict_text(name, influences[name]) for name in names)
+    listed = ", ".join(
+        conflict_text(shown_quantity(name).label, influences[name]) for name in names
+    )
     return f"Prior and data disagree about {listed}" if names else None
 
 

@@ -15,7 +15,7 @@ from pyburgers.checks.prior_influence import (
 from pyburgers.checks.verdicts import ANSWERS, Verdict, verdicts
 from pyburgers.common.units import number, with_error
 from pyburgers.fitting.fit import Fit
-from pyburgers.model.display import unit_text
+from pyburgers.model.display import shown_quantity, symbol_text, unit_text
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 
 ANSWER_COLUMNS = {
@@ -25,7 +25,7 @@ ANSWER_COLUMNS = {
 RESIDUAL_COLUMN = "residual s"
 CONFLICT_COLUMN = "prior against data"
 SHOWN_CONFLICTS = 2
-"""Quantities that a row names at most; the section names all."""
+"""Quantities whose symbols a row has at most; the section names all."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,7 +238,10 @@ def _answers_text(
 
 def _conflicts_text(influences: Mapping[str, Influence]) -> str:
     names = conflicts(influences)
-    shown = [conflict_text(name, influences[name]) for name in names[:SHOWN_CONFLICTS]]
+    shown = [
+        conflict_text(symbol_text(shown_quantity(name)), influences[name])
+        for name in names[:SHOWN_CONFLICTS]
+    ]
     more = len(names) - len(shown)
     return ", ".join(shown) + (f" and {more} more" if more else "")
 

@@ -62,7 +62,7 @@ def test_a_row_names_what_is_furthest_out(fit: Fit) -> None:
     influences = {name: influence(k + 2.0) for k, name in enumerate(names)}
     entry = entry_of("A", "A", fit, fit.checks(), influences)
     told = entry.row[CONFLICT_COLUMN]
-    assert told.startswith("Kelvin modulus (+5.0 prior sd), Maxwell modulus (+4.0 prior sd)")
+    assert told.startswith("E_K (+5.0 prior sd), E_M (+4.0 prior sd)")
     assert told.endswith("and 2 more")
     assert entry.conflict is not None
     assert "stress exponent (+2.0 prior sd)" in entry.conflict

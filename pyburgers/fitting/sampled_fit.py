@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Literal
 
 import pandas as pd
@@ -76,6 +77,11 @@ class SampledFit(ABC):
 
         Draws of the prior alone describe no data, so they are checked for their sampling.
         """
+        return self._checks
+
+    @cached_property
+    def _checks(self) -> tuple[CheckResult, ...]:
+        """The checks, made once: verdicts, tables and pages ask for them again and again."""
         fitted = self.manifest["use_likelihood"]
         asked = [one for one in CHECKS if fitted or one.kind is CheckKind.SAMPLING]
         return run_checks(self.checked_draws, asked)

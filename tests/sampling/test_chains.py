@@ -1,6 +1,7 @@
 """Chains as processes: beside others in threads, with files that are cut short, or not at all."""
 
 import logging
+import re
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -64,3 +65,15 @@ def test_a_program_that_does_not_start_is_named(small_fit: Fit, tmp_path: Path) 
     run = RunDirectory(tmp_path / "run")
     with pytest.raises(SystemFailureError, match=r"nowhere: could not be started"):
         _start_chain(Program(tmp_path / "nowhere"), run, 1, SMALL_RUN)
+
+
+def test_most_of_a_short_warm_up_is_left_to_the_metric(small_fit: Fit) -> None:
+    """Stan's own first phase takes 75 iterations however few there are."""
+    text = small_fit.directory.draws_file(1).read_text(encoding="utf-8")
+    first, last = (
+        int(found[1])
+        for name in ("init_buffer", "term_buffer")
+        if (found := re.search(rf"{name} = (\d+)", text))
+    )
+    assert 0 < first < last
+    assert first + last <= SMALL_RUN.warmup_iterations / 2

@@ -1,6 +1,7 @@
 """A finished run of chains, whatever was fitted: its checks, its tables, when it is done."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal
@@ -10,6 +11,7 @@ import xarray as xr
 from markupsafe import escape
 
 from pyburgers.checks.fit_checks import (
+    Check,
     CheckedDraws,
     CheckKind,
     CheckResult,
@@ -72,19 +74,22 @@ class SampledFit(ABC):
         table = self.summary().to_html(float_format="{:.4g}".format, na_rep="")
         return f"<p><b>{escape(self.manifest['experiment'])}</b><br>{told}</p>{table}"
 
-    def checks(self) -> tuple[CheckResult, ...]:
-        """Return what the checks found (`pyburgers.checks.registry.CHECKS`).
+    def asked_checks(self) -> Sequence[Check]:
+        """Return the checks that are made (`pyburgers.checks.registry.CHECKS`).
 
         Draws of the prior alone describe no data, so they are checked for their sampling.
         """
+        fitted = self.manifest["use_likelihood"]
+        return [one for one in CHECKS if fitted or one.kind is CheckKind.SAMPLING]
+
+    def checks(self) -> tuple[CheckResult, ...]:
+        """Return what the checks found."""
         return self._checks
 
     @cached_property
     def _checks(self) -> tuple[CheckResult, ...]:
         """The checks, made once: verdicts, tables and pages ask for them again and again."""
-        fitted = self.manifest["use_likelihood"]
-        asked = [one for one in CHECKS if fitted or one.kind is CheckKind.SAMPLING]
-        return run_checks(self.checked_draws, asked)
+        return run_checks(self.checked_draws, self.asked_checks())
 
     def checks_record(self) -> dict[str, Any]:
         """Return both verdicts and the checks behind them as ``checks.json`` has them."""

@@ -223,8 +223,11 @@ def test_the_order_of_the_tests_does_not_matter(small_problem: Problem, tmp_path
         for name, order in (("one", tests), ("turned", tests[::-1]))
     }
     comparison = compare(fits)
-    one, turned = (comparison.results[name].elpd for name in fits)
-    np.testing.assert_allclose(one, turned, atol=0.5)
+    one, turned = (comparison.results[name] for name in fits)
+    # The last readings are leverage points: weights without a variance, at any number of draws.
+    settled = (one.pareto_k < 0.5) & (turned.pareto_k < 0.5)
+    assert settled.sum() >= 20
+    np.testing.assert_allclose(one.elpd[settled], turned.elpd[settled], atol=0.2)
 
 
 def test_a_page_sets_joint_fits_of_the_same_tests_side_by_side(

@@ -22,6 +22,9 @@ functions {
 #include charts/valley/pins.stan
 #include charts/valley/least_squares.stan
 #include charts/valley/quantiles.stan
+#include charts/valley/softening.stan
+#include charts/valley/elastic_rise.stan
+#include charts/valley/grain_size_edge.stan
 #include charts/valley/valley.stan
 #include protocols/constant_rate_density.stan
 }

@@ -48,7 +48,7 @@ SMALL_PART = 0.02
 """Of the spring's compliance at the mode: the coordinate is linear in the compliance above it.
 
 Where the Kelvin element is a second spring, a sixth is left of the compliance. With a tenth for
-this part chains stayed there for tens of draws. `left_to_spring` in `valley.stan` counts in it."""
+this part chains stayed there for tens of draws."""
 
 NOISE_SCALED = ("maxwell_modulus", "kelvin_viscosity")
 """Parameters fixed by the response alone; the others' widths also come from priors of partners."""

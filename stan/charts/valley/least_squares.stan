@@ -3,9 +3,8 @@
  *
  * What the other parameters ask for is a vector `asked`: p/n, ln(d_ss/d_0), then the left-hand side
  * of (*) at the pins, less ln S_0 where that is given. The same at the reference point is the end
- * of `reference`, which starts with u_1, u_2, 1 - F_ss, ln S_0, ln s, the compliance of the Kelvin
- * element in the elastic rise and the softening up to the last pin (valley_reference()); steps go
- * along the path from there. Columns of pins, knots and bounds are those of charts/valley/pins.stan;
+ * of `reference`, which starts with what is named below (valley_reference()); steps go along the
+ * path from there. Columns of pins, knots and bounds are those of charts/valley/pins.stan;
  * weights are those at the noise here. Where `stress_given` is 1, ln S_0 is.
  */
 
@@ -28,7 +27,18 @@ real amplitude_precision() { return 4.0; }
 /** Precision of ln S_0 where the curve does not fix it. */
 real reference_stress_precision() { return 1.0; }
 
-/** Elements of `reference` beside the strength at the pins. */
+/** Places in `reference`: u_1, u_2, 1 - F_ss, ln S_0 and ln s. */
+int i_grain_strain() { return 1; }
+int i_fabric_strain() { return 2; }
+int i_fabric_amplitude() { return 3; }
+int i_log_stress() { return 4; }
+int i_log_noise() { return 5; }
+
+/** Compliance of the Kelvin element in the elastic rise, and softening up to the last pin. */
+int i_rise_compliance() { return 6; }
+int i_whole_softening() { return 7; }
+
+/** Elements of `reference` beside the strength at the pins: those above, p/n and ln(d_ss/d_0). */
 int n_reference() { return 9; }
 
 /** What is asked for at a part of the way from the reference point. */
@@ -74,7 +84,7 @@ real limited_step(real step) { return step / hypot(1, step); }
 vector middle_grain_strain(vector asked, data vector reference, vector linear,
                            data vector strain, vector weight, data int stress_given,
                            data matrix bounds) {
-  real u = reference[1];
+  real u = reference[i_grain_strain()];
   real amplitude = 0;
   real c11;
   real c12;

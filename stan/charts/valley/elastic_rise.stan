@@ -1,0 +1,56 @@
+/**
+ * Coordinates in which the elastic rise of a curve is straight: of moduli that lean on a bound, and
+ * of two springs that give together.
+ */
+
+/**
+ * Plain coordinate of a parameter, straightened: linear in the parameter or in its inverse.
+ *
+ * Data can push a parameter against its lower bound (the Kelvin modulus of ice). There the plain
+ * coordinate is logarithmic and runs away; ln(c log1p_exp(x)) is linear in the parameter above c.
+ * Of the Maxwell modulus they fix the inverse, to which elastic strain is proportional, and that
+ * only together with what the Kelvin element adds (loading_compliance()).
+ *
+ * @param displacement from the reference point, in the straightened coordinate
+ * @param reference plain coordinate of the reference point
+ * @param linear_from c > 0: linear in exp(plain) above c; c < 0: linear in exp(-plain) above -c;
+ *   0: plain
+ * @return plain coordinate, and ln of its derivative by the displacement
+ */
+vector plain_from_straightened(real displacement, data real reference, data real linear_from) {
+  real sign = linear_from > 0 ? 1 : -1;
+  real c = sign * linear_from;
+  real x;
+  if (linear_from == 0) {
+    return [reference + displacement, 0]';
+  }
+  x = log(expm1(exp(sign * reference) / c)) + sign * displacement;
+  return [sign * log(c * log1p_exp(x)), log_inv_logit(x) - log(log1p_exp(x))]';
+}
+
+/**
+ * Compliance of a Kelvin element under a stress that has grown in proportion to time.
+ *
+ * It is that of its spring long after the Kelvin time, and that of its dashpot long before it.
+ *
+ * @return Kelvin strain over stress (1/Pa)
+ */
+real loading_compliance(real kelvin_modulus, real kelvin_viscosity, real time) {
+  real x = time * kelvin_modulus / kelvin_viscosity;
+  return (1 + expm1(-x) / x) / kelvin_modulus;
+}
+
+/** Largest share of the spring's compliance at the reference point that a Kelvin element takes. */
+real largest_share_of_spring() { return 0.9; }
+
+/**
+ * What the Kelvin element takes over of the compliance in the elastic rise, so that a part of it is
+ * left to the spring, whose modulus would else run away where that element is the softer one.
+ *
+ * @param compliance of the element, in any unit
+ * @param spring compliance of the spring at the reference point, in the same unit
+ */
+real left_to_spring(real compliance, data real spring) {
+  real limit = largest_share_of_spring() * spring;
+  return limit - log1p_exp(limit - compliance);
+}

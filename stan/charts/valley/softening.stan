@@ -1,0 +1,166 @@
+/**
+ * ln S_0, F_ss and the critical strains from their valley coordinates (charts/valley/valley.stan).
+ */
+
+/** Misfit, as of chi squared, from which on the density of a misfit has a long tail. */
+real misfit_tail() { return 6; }
+
+/**
+ * ln density of a misfit: normal where it is small, with a tail as of Student's t.
+ *
+ * Where nothing fits, differences between misfits are large and change quickly from one set of
+ * parameters to the next; a quantile function of the normal density would as well.
+ */
+real log_fit(real misfit) {
+  return -0.5 * misfit_tail() * log1p(misfit / misfit_tail());
+}
+
+/**
+ * u_1 at a conditional quantile, and a solution for the fabric there.
+ *
+ * Along u_1 the misfit is that of the solution for (ln S_0, u_2, amplitude), with the amplitude
+ * brought within its bounds, and their volume follows from its Gauss-Newton matrix (Laplace's
+ * method).
+ *
+ * @param log_odds of the quantile
+ * @param middle u_1 in the middle of the places, and their standard deviation
+ * @return u_1, ln of its derivative by the log odds, u_2 and amplitude of the solution
+ */
+vector grain_strain_at_quantile(real log_odds, vector middle, vector asked,
+                                data vector reference, data vector strain, vector weight,
+                                data int stress_given, data matrix bounds) {
+  int n = n_places();
+  vector[rows(strain)] softened = softened_share() * weight;
+  vector[2] solved = reference[{i_fabric_strain(), i_fabric_amplitude()}];
+  vector[2] at_middle;
+  real range = bounds[3, 2] - bounds[3, 1];
+  matrix[2, 2 * n + 1] fabric;
+  vector[2 * n + 1] log_density;
+  vector[2] place;
+  vector[2] away;
+  vector[rows(strain)] rest;
+  for (k in 1 : n_valley_steps()) {
+    real f = k * 1.0 / n_valley_steps();
+    real start = reference[i_grain_strain()];
+    rest = col(rest_of_strength(start + f * (middle[1] - start),
+                                asked_along_path(f, asked, reference), strain, bounds), 1);
+    solved = head(fabric_step(solved, rest, strain, softened, stress_given, bounds), 2);
+  }
+  at_middle = solved;
+  for (sign in {-1, 1}) {
+    solved = at_middle;
+    for (k in (sign < 0 ? 0 : 1) : n) {
+      int i = n + 1 + sign * k;
+      vector[6] step;
+      real determinant;
+      away = offset_at(sign * k, middle[2]);
+      rest = col(rest_of_strength(middle[1] + away[1], asked, strain, bounds), 1);
+      solved = head(fabric_step(solved, rest, strain, softened, stress_given, bounds), 2);
+      step = fabric_step(solved, rest, strain, weight, stress_given, bounds);
+      determinant = step[3] * step[5] - square(step[4]);
+      fabric[ : , i] = solved;
+      log_density[i] = log_fit(step[6] + square(distance_beyond(
+                                 (1 - solved[2] - bounds[3, 1]) / range,
+                                 sqrt(step[3] / determinant) / range)))
+                       - 0.5 * log(determinant) + log_density_of_bounded(solved[1])
+                       + log_density_of_bounded(middle[1] + away[1]) + away[2];
+    }
+  }
+  place = place_of_quantile(log_odds, with_prior(log_density, middle[1], middle[2]));
+  away = offset_at(place[1], middle[2]);
+  rest = col(rest_of_strength(middle[1] + away[1], asked, strain, bounds), 1);
+  solved = fabric * interpolation_weights(place[1]);
+  for (k in 1 : 2) {
+    solved = head(fabric_step(solved, rest, strain, softened, stress_given, bounds), 2);
+  }
+  return append_row([middle[1] + away[1], away[2] + place[2]]', solved);
+}
+
+/**
+ * u_2 at a conditional quantile, and what the data ask of F_ss there.
+ *
+ * Along u_2 the misfit is that of the solution for (ln S_0, F_ss); where F_ss would leave its
+ * bounds, the misfit at the bound counts.
+ *
+ * @param log_odds of the quantile
+ * @param middle u_2 in the middle of the places, and their standard deviation
+ * @param total_softening -ln F at the last pin in the middle
+ * @return u_2, ln of its derivative by the log odds, place of F_ss in its range, and its standard
+ *   deviation
+ */
+vector fabric_strain_at_quantile(real log_odds, vector middle, real total_softening,
+                                 vector rest, data vector strain, vector weight,
+                                 data int stress_given, data matrix bounds) {
+  int n = n_places();
+  real range = bounds[3, 2] - bounds[3, 1];
+  vector[2 * n + 1] total;
+  vector[2 * n + 1] log_density;
+  vector[2] place;
+  vector[2] away;
+  vector[4] factor;
+  for (sign in {-1, 1}) {
+    real total_before = total_softening;
+    for (k in (sign < 0 ? 0 : 1) : n) {
+      int i = n + 1 + sign * k;
+      real c;
+      away = offset_at(sign * k, middle[2]);
+      factor = solve_fabric_factor(total_before, middle[1] + away[1], rest, 1, strain, weight,
+                                   stress_given, bounds);
+      c = 1 / (range * sqrt(factor[2]));
+      total_before = factor[4];
+      total[i] = factor[4];
+      log_density[i] = log_fit(factor[3]
+                               + square(distance_beyond((factor[1] - bounds[3, 1]) / range, c)))
+                       + log(c) + log_density_of_bounded(middle[1] + away[1]) + away[2];
+    }
+  }
+  place = place_of_quantile(log_odds, with_prior(log_density, middle[1], middle[2]));
+  away = offset_at(place[1], middle[2]);
+  factor = solve_fabric_factor(dot_product(total, interpolation_weights(place[1])),
+                               middle[1] + away[1], rest, 2, strain, weight, stress_given,
+                               bounds);
+  return [middle[1] + away[1], away[2] + place[2], (factor[1] - bounds[3, 1]) / range,
+          1 / (range * sqrt(factor[2]))]';
+}
+
+/**
+ * (ln S_0, u_F, u_1, u_2) from their coordinates.
+ *
+ * @param coordinate in this order: remainders of ln S_0 and F_ss, log odds of the quantiles of u_1
+ *   and u_2
+ * @param asked, reference see charts/valley/least_squares.stan
+ * @param pin, bounds see charts/valley/pins.stan
+ * @param precision of the noise here over that at the reference point
+ * @param stress_given 1: ln S_0 is given, its remainder and the one returned have no effect
+ * @return (ln S_0, u_F, u_1, u_2), then ln |d(these)/d(coordinate)|
+ */
+vector softening_from_coordinates(vector coordinate, vector asked, data vector reference,
+                                  data matrix pin, real precision, data int stress_given,
+                                  data matrix bounds) {
+  vector[rows(pin)] weight = precision * col(pin, 5);
+  vector[rows(pin)] fine_weight = precision * col(pin, 6);
+  vector[2] middle = middle_grain_strain(asked, reference,
+    -centred(col(pin, 1), weight, stress_given) / max(col(pin, 1)), col(pin, 1), weight,
+    stress_given, bounds);
+  vector[4] grain = grain_strain_at_quantile(coordinate[3], middle, asked, reference,
+                                             col(pin, 1), weight, stress_given, bounds);
+  vector[rows(pin)] rest = col(rest_of_strength(grain[1], asked, col(pin, 1), bounds), 1);
+  vector[6] step = fabric_step(grain[3 : 4], rest, col(pin, 1), fine_weight, stress_given,
+                               bounds);
+  vector[4] fabric = fabric_strain_at_quantile(coordinate[4],
+    [grain[3], 1 / sqrt(step[3] - square(step[4]) / step[5])]',
+    -fabric_softening(grain[3], grain[4], col(pin, 1), bounds)[rows(pin), 1], rest, col(pin, 1),
+    fine_weight, stress_given, bounds);
+  vector[2] factor = bounded_from_remainder(fabric[3], fabric[4], coordinate[2]);
+  real log_jacobian = grain[2] + fabric[2] + factor[2];
+  real log_stress = 0;
+  if (!stress_given) {
+    real amplitude = 1 - bounds[3, 1] - (bounds[3, 2] - bounds[3, 1]) * inv_logit(factor[1]);
+    vector[2] stress = solve_reference_stress(
+      rest - col(fabric_softening(fabric[1], amplitude, col(pin, 1), bounds), 1), fine_weight,
+      reference[i_log_stress()]);
+    log_stress = stress[1] + coordinate[1] / sqrt(stress[2]);
+    log_jacobian -= 0.5 * log(stress[2]);
+  }
+  return [log_stress, factor[1], grain[1], fabric[1], log_jacobian]';
+}

@@ -207,6 +207,7 @@ def test_points_of_joint_fits_are_those_of_all_their_tests(shared: Fit, separate
     assert image(figure, "png").startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_the_order_of_the_tests_does_not_matter(small_problem: Problem, tmp_path: Path) -> None:
     first, other = pair_of(small_problem)
     smooth = (first.stress + other.stress) / 2

@@ -93,6 +93,7 @@ def test_a_wrong_calibration_is_found_where_the_moduli_are_known(
     assert abs(drawn.mean() - 0.06) < 3.5 * drawn.std()
 
 
+@pytest.mark.slow
 def test_tests_of_one_furnace_have_one_error(small_problem: Problem, tmp_path: Path) -> None:
     """Draws, summary, tables and a new test of the same furnace know it."""
     big, own = (UncertainCondition(TEMPERATURE, 5.0, name) for name in ("big", None))

@@ -14,6 +14,8 @@ from pyburgers.posterior.labelled_draws import total_log_likelihood
 from pyburgers.report.joint_section import joint_section
 from pyburgers.report.page import write_report
 
+pytestmark = pytest.mark.slow
+
 FREE = ("kelvin_modulus", "activation_enthalpy", "stress_noise")
 
 

@@ -480,6 +480,7 @@ def test_simulated_residuals_are_correlated(programs: None, ice: ConstantRateExp
     assert stats.kstest(np.ravel(whitened), "norm").pvalue > 1e-3
 
 
+@pytest.mark.slow
 def test_simulated_residuals_start_anew_at_a_step(
     programs: None, ice: ConstantRateExperiment
 ) -> None:

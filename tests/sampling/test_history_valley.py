@@ -111,6 +111,7 @@ def test_sums_of_elements_do_not_suit() -> None:
         LoadingHistoryValley().reference(two_elements)
 
 
+@pytest.mark.slow
 def test_the_search_for_the_mode_ends_at_one() -> None:
     """With the gradients of the sampling it ends where the density still rises."""
     problem = problem_of([history_twin("relaxation", 40)], ICE)

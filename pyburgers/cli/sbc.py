@@ -19,7 +19,7 @@ from pyburgers.model.pooling import parse_pooling
 from pyburgers.model.priors import load_priors
 from pyburgers.model.variants import parse_choices, with_variant
 from pyburgers.protocols.protocol import load_experiment
-from pyburgers.sbc.data_sets import LONGER, calibration_priors
+from pyburgers.sbc.data_sets import LONGER, Range, calibration_priors
 from pyburgers.sbc.results import (
     count_sentences,
     rank_differences,
@@ -72,6 +72,14 @@ def add_options(command: argparse.ArgumentParser) -> None:
         help="replace data sets whose largest stress lies outside these (MPa)",
     )
     command.add_argument(
+        "--strain-range",
+        type=float,
+        nargs=2,
+        metavar=("LOW", "HIGH"),
+        help="replace data sets whose largest strain, where strain is read, lies outside these "
+        "(percent)",
+    )
+    command.add_argument(
         "--results-of",
         type=Path,
         metavar="FOLDER",
@@ -102,7 +110,8 @@ def run(options: argparse.Namespace) -> int:
         n_ranked=options.ranked_draws,
         sampler=sampler_options(options, CALIBRATION_OPTIONS),
         refits=options.refits,
-        stress_range=_in_pa(options.stress_range),
+        stress_range=_in_si(options.stress_range, UNITS["stress"]["MPa"]),
+        strain_range=_in_si(options.strain_range, UNITS["strain"]["percent"]),
     )
     with workers_of(options) as workers:
         calibration = calibrate(
@@ -120,11 +129,11 @@ def run(options: argparse.Namespace) -> int:
     return _write(calibration, out)
 
 
-def _in_pa(stress_range: Sequence[float] | None) -> tuple[float, float] | None:
-    """Stresses that were given in MPa."""
-    if stress_range is None:
+def _in_si(given: Sequence[float] | None, unit: float) -> Range | None:
+    """Limits that were given in a unit."""
+    if given is None:
         return None
-    low, high = (stress * UNITS["stress"]["MPa"] for stress in stress_range)
+    low, high = (unit * value for value in given)
     return low, high
 
 

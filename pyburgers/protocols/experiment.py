@@ -155,6 +155,11 @@ class Experiment(ABC):
         """Largest |σ| (Pa) in the test; only of an experiment with data."""
 
     @property
+    def largest_strain_read(self) -> float | None:
+        """Largest |ε| that was read as response, None where the response is no strain."""
+        return None
+
+    @property
     @abstractmethod
     def title(self) -> str:
         """Sample, material, conditions and kind of data for figures, as matplotlib text."""

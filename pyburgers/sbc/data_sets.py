@@ -8,6 +8,7 @@ many times, `pyburgers.sbc.rank_uniformity` judges the ranks.
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeAlias
 
 import arviz as az
 import numpy as np
@@ -46,6 +47,7 @@ from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sbc.replication import Replication
 
 FloatArray = npt.NDArray[np.float64]
+Range: TypeAlias = tuple[float, float]
 
 LOG_LIKELIHOOD = "log_likelihood"
 """Ranked beside the parameters: it sees errors that no single parameter shows (Modrák et al.
@@ -74,16 +76,18 @@ class DataSetPlan:
         Draws of the fit among which the truth is ranked: evenly spaced, nearly independent.
     refits : int
         How often a fit that has not converged is repeated, each time `LONGER` as long.
-    stress_range : tuple of two floats, or None
-        Least and largest stress (Pa): data sets whose largest |stress| lies outside are replaced.
-        That looks at the data alone, so that the ranks of the others stay uniform.
+    stress_range, strain_range : tuple of two floats, or None
+        Least and largest stress (Pa), and strain where strains are read: data sets whose largest
+        |stress| or |strain| lies outside are replaced. That looks at the data alone, so that the
+        ranks of the others stay uniform.
     first : int
         Repetition to begin with; fits before it had not converged.
     """
 
     n_ranked: int
     refits: int
-    stress_range: tuple[float, float] | None
+    stress_range: Range | None = None
+    strain_range: Range | None = None
     first: int = 0
 
 
@@ -100,7 +104,7 @@ class Simulated:
     n_unsolvable : int
         Draws before it whose curve the solver could not compute.
     n_outside : int
-        Data sets before it whose stresses lay outside the range.
+        Data sets before it whose stresses or strains lay outside their range.
     """
 
     problem: Problem
@@ -126,15 +130,18 @@ def calibration_priors(material: str, protocol: str | None = None) -> PriorSet:
     return load_priors(files[material]) if material in files else default_priors(material)
 
 
-def check_template(problem: Problem) -> None:
+def check_template(problem: Problem, strain_range: Range | None = None) -> None:
     """Check that data of a problem can be simulated as the program assumes them.
 
     Raises
     ------
     InputError
-        If a parameter has a prior that differs between the tests, or none is free.
+        If a parameter has a prior that differs between the tests, none is free, or strains that no
+        test reads are to lie in a range.
     """
-    first = problem.priors[0]
+    first, tests = problem.priors[0], problem.experiments
+    if strain_range is not None and all(one.largest_strain_read is None for one in tests):
+        raise InputError(f"strain_range: found no test in {problem.name} in which strain is read.")
     if not first.free:
         raise InputError(f"{first.title}: all parameters are fixed, expected a free one to rank.")
     for test, own in enumerate(problem.priors):
@@ -148,7 +155,11 @@ def check_template(problem: Problem) -> None:
 
 
 def simulate_from_prior(
-    template: Problem, *, seed: int, stress_range: tuple[float, float] | None = None
+    template: Problem,
+    *,
+    seed: int,
+    stress_range: Range | None = None,
+    strain_range: Range | None = None,
 ) -> Simulated:
     """Draw parameters from the prior and simulate the data of every test of a problem.
 
@@ -162,13 +173,13 @@ def simulate_from_prior(
         Protocol, points, resolved priors, shared parameters.
     seed : int
         Decides the draw and the noise.
-    stress_range : tuple of two floats, optional
+    stress_range, strain_range : tuple of two floats, optional
         See `DataSetPlan`.
 
     Raises
     ------
     SamplingError
-        If none of `PRIOR_ATTEMPTS` draws has a solution with stresses in the range.
+        If none of `PRIOR_ATTEMPTS` draws has a solution within the ranges.
     """
     rng = np.random.default_rng(seed)
     n_unsolvable = n_outside = 0
@@ -183,18 +194,30 @@ def simulate_from_prior(
         except SamplingError:
             n_unsolvable += 1
             continue
-        low, high = stress_range or (0.0, np.inf)
-        if not all(low <= one.largest_stress <= high for one in simulated):
+        within = (
+            _lies_in(stress_range, one.largest_stress)
+            and _lies_in(strain_range, one.largest_strain_read)
+            for one in simulated
+        )
+        if not all(within):
             n_outside += 1
             continue
         named = tuple(replace(one, id=f"{one.id}_simulated_{seed}") for one in simulated)
         problem = replace(template, experiments=named, given_priors=template.priors[0])
         return Simulated(problem, pooled, n_unsolvable, n_outside)
     raise SamplingError(
-        f"{template.name}: none of {PRIOR_ATTEMPTS} draws from the prior has a finite solution"
-        f"{'' if stress_range is None else ' with stresses in the range'} ({n_unsolvable} without "
-        f"solution, {n_outside} outside the range); check the units and the bounds of the priors."
+        f"{template.name}: none of {PRIOR_ATTEMPTS} draws from the prior has a finite solution "
+        f"within the ranges of the data ({n_unsolvable} without solution, {n_outside} outside); "
+        "check the units and the bounds of the priors."
     )
+
+
+def _lies_in(limits: Range | None, largest: float | None) -> bool:
+    """Tell whether the largest reading of a kind lies in the range for it; None always does."""
+    if limits is None or largest is None:
+        return True
+    low, high = limits
+    return low <= largest <= high
 
 
 def _draw(
@@ -236,7 +259,9 @@ def replicate(
     plan : DataSetPlan
         Ranks, repetitions, range of the stress.
     """
-    simulated = simulate_from_prior(template, seed=seed, stress_range=plan.stress_range)
+    simulated = simulate_from_prior(
+        template, seed=seed, stress_range=plan.stress_range, strain_range=plan.strain_range
+    )
     return fit_and_rank(simulated, template, out, seed=seed, options=options, plan=plan)
 
 

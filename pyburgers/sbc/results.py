@@ -12,7 +12,13 @@ from matplotlib.figure import Figure
 
 from pyburgers.common.atomic_files import write_text
 from pyburgers.drawing.style import BLACK, BLUE, GREY, SKY_BLUE, VERMILION, few_ticks, style
-from pyburgers.model.display import STRESS_FACTOR, STRESS_UNIT, shown_quantity
+from pyburgers.model.display import (
+    STRAIN_FACTOR,
+    STRAIN_UNIT,
+    STRESS_FACTOR,
+    STRESS_UNIT,
+    shown_quantity,
+)
 from pyburgers.sbc.data_sets import LOG_LIKELIHOOD, LONGER, RHAT_LIMIT
 from pyburgers.sbc.rank_uniformity import VERDICTS_TEXT, RankBands, RankVerdict, counts_at_most
 from pyburgers.sbc.replication import RANKS, replication_table
@@ -89,12 +95,18 @@ def count_sentences(calibration: Calibration) -> tuple[str, ...]:
         f"{RHAT_LIMIT} for these short chains, and as many effective draws are wanted as are "
         "ranked.",
     ]
-    if plan.stress_range is not None:
-        low, high = (STRESS_FACTOR * stress for stress in plan.stress_range)
+    ranges = [
+        f"{what} lay outside {factor * limits[0]:g} to {factor * limits[1]:g} {unit}"
+        for what, limits, factor, unit in (
+            ("stress", plan.stress_range, STRESS_FACTOR, STRESS_UNIT),
+            ("strain", plan.strain_range, STRAIN_FACTOR, STRAIN_UNIT),
+        )
+        if limits is not None
+    ]
+    if ranges:
         sentences.append(
-            f"Data sets whose largest stress lay outside {low:g} to {high:g} {STRESS_UNIT}: "
-            f"{n_outside}; they were replaced. That looks at the data alone, so that the ranks of "
-            "the others stay uniform."
+            f"Data sets whose largest {' or '.join(ranges)}: {n_outside}; they were replaced. That "
+            "looks at the data alone, so that the ranks of the others stay uniform."
         )
     return tuple(sentences)
 

@@ -37,7 +37,7 @@ from pyburgers.sampling.manifest import COMPLETE, PoolingRecord, RecordedHashes,
 from pyburgers.sampling.options import INDECISIVE, SamplerOptions
 from pyburgers.sampling.run import files_in, origin_record, problem_record
 from pyburgers.sampling.run_directory import RunDirectory
-from pyburgers.sbc.data_sets import DataSetPlan, check_template, replicate
+from pyburgers.sbc.data_sets import DataSetPlan, Range, check_template, replicate
 from pyburgers.sbc.rank_uniformity import RankBands, RankVerdict, judge_ranks, rank_bands
 from pyburgers.sbc.replication import (
     RANKS,
@@ -83,8 +83,8 @@ class CalibrationPlan:
         Of each first fit; its seed is that of the data set.
     refits : int
         How often a fit that has not converged is repeated, each time longer.
-    stress_range : tuple of two floats, or None
-        Least and largest stress (Pa): data sets whose largest |stress| lies outside are replaced.
+    stress_range, strain_range : tuple of two floats, or None
+        See `pyburgers.sbc.data_sets.DataSetPlan`.
     """
 
     simulations: int = 200
@@ -92,7 +92,8 @@ class CalibrationPlan:
     n_ranked: int = N_RANKED
     sampler: SamplerOptions = SHORT_RUN
     refits: int = REFITS
-    stress_range: tuple[float, float] | None = None
+    stress_range: Range | None = None
+    strain_range: Range | None = None
 
     def __post_init__(self) -> None:
         """Check the values.
@@ -111,17 +112,21 @@ class CalibrationPlan:
         ):
             if not least <= value <= most:
                 raise InputError(f"{name} is {value}, expected a number from {least} to {most}.")
-        low, high = self.stress_range or (0.0, math.inf)
-        if not 0 <= low < high:
-            raise InputError(
-                f"stress_range is {low:g} to {high:g} Pa, expected two stresses of which the "
-                "second is larger."
-            )
+        for name, limits, unit in (
+            ("stress_range", self.stress_range, " Pa"),
+            ("strain_range", self.strain_range, ""),
+        ):
+            low, high = limits or (0.0, math.inf)
+            if not 0 <= low < high:
+                raise InputError(
+                    f"{name} is {low:g} to {high:g}{unit}, expected two numbers of which the "
+                    "second is larger."
+                )
 
     @property
     def data_set(self) -> DataSetPlan:
         """How each data set is made, fitted and ranked."""
-        return DataSetPlan(self.n_ranked, self.refits, self.stress_range)
+        return DataSetPlan(self.n_ranked, self.refits, self.stress_range, self.strain_range)
 
     @property
     def seeds(self) -> range:
@@ -138,6 +143,7 @@ class _PlanTable(Table):
     sampler: SamplerRecord
     refits: int
     stress_range: list[float] | None = Field(min_length=2, max_length=2)
+    strain_range: list[float] | None = Field(default=None, min_length=2, max_length=2)
 
 
 class _CalibrationManifest(RecordedHashes):
@@ -241,7 +247,7 @@ def calibrate(
     """
     tests = [templates] if isinstance(templates, Experiment) else list(templates)
     problem = problem_of(tests, priors, pooling_for(tests, pool))
-    check_template(problem)
+    check_template(problem, plan.strain_range)
     note_other_material(priors, tests[0].material)
     check_coordinates(problem, plan.sampler.coordinates)
     sampler = plan.sampler.suited_to(problem.protocol)
@@ -315,12 +321,12 @@ def load_calibration(folder: Path) -> Calibration:
     manifest = run.read_manifest(_CalibrationManifest)
     run.require_unchanged()
     content = manifest["plan"]
-    limits = content["stress_range"]
+    ranges = {name: content.get(name) for name in ("stress_range", "strain_range")}
     plan = CalibrationPlan(
         **{
             **content,
             "sampler": SamplerOptions(**content["sampler"]),
-            "stress_range": None if limits is None else tuple(limits),
+            **{name: limits and tuple(limits) for name, limits in ranges.items()},
         }
     )
     return Calibration(

@@ -17,7 +17,7 @@ from pyburgers.common.atomic_files import write_json
 from pyburgers.common.errors import InputError, SamplingError, SystemFailureError
 from pyburgers.fitting.fit import Fit, fit_problem
 from pyburgers.model.pooling import pooling_of
-from pyburgers.model.priors import default_priors
+from pyburgers.model.priors import default_priors, load_priors
 from pyburgers.posterior.labelled_draws import convergence_table
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
 from pyburgers.protocols.forced_oscillation.experiment import (
@@ -160,6 +160,22 @@ def test_data_sets_outside_the_range_are_counted_and_replaced(programs: None) ->
         outside += simulated.n_outside
     assert 5e6 <= min(largest) < max(largest) <= 20e6
     assert outside > 12  # half of the draws of Table 1 lie above 70 MPa
+
+
+def test_strains_outside_their_range_are_replaced_too(programs: None) -> None:
+    """At one imposed stress the whole priors creep from nothing to many times the length."""
+    creep = load_experiment(ICE.parent / "calibration" / "ice_creep.toml")
+    template = one_test(
+        creep, load_priors(ICE.parent / "calibration" / "priors" / "ice_creep.toml")
+    )
+    largest, outside = [], 0
+    for seed in range(4):
+        simulated = simulate_from_prior(template, seed=seed, strain_range=(0.01, 0.3))
+        (experiment,) = simulated.problem.experiments
+        largest.append(experiment.largest_strain_read or 0.0)
+        outside += simulated.n_outside
+    assert 0.01 <= min(largest) < max(largest) <= 0.3
+    assert outside > 4
 
 
 def test_tests_of_a_joint_template_share_what_is_shared(programs: None) -> None:

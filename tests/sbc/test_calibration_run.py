@@ -329,6 +329,8 @@ def test_bad_numbers_and_files_are_refused(
         (("--ranked-draws", "161"), "ranked_draws is 161, expected a number from 3 to 160"),
         (("--jobs", "0"), "jobs is 0"),
         (("--coordinates", "sheared"), "sheared coordinates are not for tests"),
+        (("--strain-range", "30", "3"), "strain_range is 0.3 to 0.03"),
+        (("--strain-range", "3", "30"), "found no test in PIL40 in which strain is read"),
     ):
         assert_refused(main(command(small_problem, out, *options)), capsys, words)
     assert_refused(main(["sbc", str(tmp_path / "none.toml")]), capsys, "does not exist")

@@ -115,6 +115,12 @@ class LoadingHistory(Experiment):
         return float(max([*imposed, *np.abs(self.reading[~self.response_is_strain])]))
 
     @property
+    def largest_strain_read(self) -> float | None:
+        """Largest |ε| of the readings, None where none is a strain."""
+        strains = np.abs(self.reading[self.response_is_strain])
+        return float(strains.max()) if strains.size else None
+
+    @property
     def title(self) -> str:
         """Sample, material, temperature, number of stages and kind of data."""
         n_stages = len(self.stages)

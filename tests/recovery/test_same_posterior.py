@@ -48,7 +48,7 @@ def test_plain_and_valley_coordinates_give_the_same_moments(tmp_path: Path) -> N
     wider = replace(
         priors["stress_noise"], family="lognormal", location=8e5, scale=0.5, upper=np.inf
     )
-    # Next to its lower bound, plain chains do not reach what valley chains do (docs/coordinates.md).
+    # Next to its lower bound plain chains miss what valley chains reach (docs/coordinates.md).
     later = replace(priors["critical_strain_fabric"], lower=0.05)
     priors = with_priors(priors, {"stress_noise": wider, "critical_strain_fabric": later})
     results = {}

@@ -59,8 +59,9 @@ IMPORTS: Mapping[str, set[str]] = {name: imported(name) for name in FILES}
 
 
 def room(name: str) -> str | None:
-    """Room of a module; the package itself is above all rooms."""
-    return name.split(".")[1] if "." in name else None
+    """Room of a module; the package itself, imported or run, is above all rooms."""
+    place = name.removesuffix(".__main__")
+    return place.split(".")[1] if "." in place else None
 
 
 def test_every_module_is_in_a_room() -> None:

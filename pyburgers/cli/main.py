@@ -176,7 +176,3 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
     if arguments and not arguments[0].startswith("-") and arguments[0] not in COMMANDS:
         raise InputError(f"unknown command {arguments[0]!r}, {nearest(arguments[0], COMMANDS)}")
     return parser.parse_all(arguments)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -99,7 +99,9 @@ def sampler_options(
 
 def command_line() -> str:
     """Return the command as the user typed it, for manifests; bytes that are no text escaped."""
-    typed = shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
+    script = Path(sys.argv[0]).name
+    program = "pyburgers" if script == "__main__.py" else script
+    typed = shlex.join([program, *sys.argv[1:]])
     return typed.encode("utf-8", "backslashreplace").decode("utf-8")
 
 

@@ -18,6 +18,7 @@ from small_inputs import CURVE, EXPERIMENT, PRIORS
 
 from pyburgers.checks.registry import CHECKS
 from pyburgers.cli.main import COMMANDS, main
+from pyburgers.cli.shared import command_line
 from pyburgers.fitting.fit import Fit
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
 from pyburgers.protocols.protocol import protocols
@@ -406,6 +407,16 @@ def test_the_version_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr().out == f"pyburgers {version('pyburgers')}\n"
 
 
+def test_a_manifest_names_the_program_however_it_was_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    for script, program in (
+        ("/venv/bin/pyburgers", "pyburgers"),
+        ("/venv/site-packages/pyburgers/__main__.py", "pyburgers"),
+        ("drivers/my_study.py", "my_study.py"),
+    ):
+        monkeypatch.setattr("sys.argv", [script, "fit", "a b.toml"])
+        assert command_line() == f"{program} fit 'a b.toml'"
+
+
 def test_help_shows_defaults_and_choices(capsys: pytest.CaptureFixture[str]) -> None:
     def shown(*arguments: str) -> str:
         with pytest.raises(SystemExit):
@@ -436,7 +447,7 @@ def test_help_shows_defaults_and_choices(capsys: pytest.CaptureFixture[str]) -> 
 def test_a_shell_is_told_what_may_stand_next(line: str, offered: set[str], tmp_path: Path) -> None:
     answer = tmp_path / "answer"
     subprocess.run(
-        [sys.executable, "-m", "pyburgers.cli.main"],
+        [sys.executable, "-m", "pyburgers"],
         env={
             **os.environ,
             "_ARGCOMPLETE": "1",
@@ -452,7 +463,7 @@ def test_a_shell_is_told_what_may_stand_next(line: str, offered: set[str], tmp_p
 
 def test_the_module_and_the_console_script_are_the_same_command() -> None:
     shown = subprocess.run(
-        [sys.executable, "-m", "pyburgers.cli.main", "--help"],
+        [sys.executable, "-m", "pyburgers", "--help"],
         capture_output=True,
         text=True,
         check=True,
@@ -466,7 +477,7 @@ def test_help_answers_at_once() -> None:
     seconds = []
     for _ in range(3):
         with subprocess.Popen(
-            [sys.executable, "-m", "pyburgers.cli.main", "--help"], stdout=subprocess.DEVNULL
+            [sys.executable, "-m", "pyburgers", "--help"], stdout=subprocess.DEVNULL
         ) as process:
             _, status, usage = os.wait4(process.pid, 0)
             process.returncode = os.waitstatus_to_exitcode(status)

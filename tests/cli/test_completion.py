@@ -67,7 +67,7 @@ def test_a_shell_is_answered(tmp_path: Path) -> None:
     }
     for _ in range(2):  # from the module, then from what was kept
         subprocess.run(
-            [sys.executable, "-m", "pyburgers.cli.main"], env=environment, check=True, timeout=120
+            [sys.executable, "-m", "pyburgers"], env=environment, check=True, timeout=120
         )
         assert (tmp_path / "answer").read_text(encoding="utf-8").strip() == "--format"
         (tmp_path / "answer").unlink()

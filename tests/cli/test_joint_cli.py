@@ -57,7 +57,7 @@ def test_a_killed_joint_fit_is_continued(
 ) -> None:
     run = RunDirectory(tmp_path / "run")
     killed = subprocess.Popen(
-        [sys.executable, "-m", "pyburgers.cli.main", *arguments, "--parallel-chains", "1"],
+        [sys.executable, "-m", "pyburgers", *arguments, "--parallel-chains", "1"],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     )

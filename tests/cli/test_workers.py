@@ -98,7 +98,7 @@ def test_a_killed_worker_costs_its_task_and_results_are_those_of_this_machine(
 ) -> None:
     out = tmp_path / "out"
     first, *others = (f"alone-standard-own-seed{seed}" for seed in SEEDS)
-    command = [sys.executable, "-m", "pyburgers.cli.main", "campaign", str(plan)]
+    command = [sys.executable, "-m", "pyburgers", "campaign", str(plan)]
     elsewhere = ("--out", str(out), "--scheduler", scheduler, "--part", "1/1")
 
     def killed_in_the_middle() -> bool:

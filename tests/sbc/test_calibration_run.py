@@ -178,7 +178,7 @@ def test_a_killed_calibration_is_continued_to_the_same_result(
 ) -> None:
     out = tmp_path / "out"
     arguments = command(small_problem, out, "--jobs", "1")
-    killed = subprocess.Popen([sys.executable, "-m", "pyburgers.cli.main", *arguments])
+    killed = subprocess.Popen([sys.executable, "-m", "pyburgers", *arguments])
     first = out / "simulations" / "simulation_000001.json"
     deadline = time.monotonic() + 120
     while not first.is_file() and time.monotonic() < deadline:
@@ -197,7 +197,7 @@ def test_parts_that_run_at_the_same_time_come_to_the_same_result(
     small_problem: Problem, outcomes: dict[str, bytes], tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
-    main_command = [sys.executable, "-m", "pyburgers.cli.main"]
+    main_command = [sys.executable, "-m", "pyburgers"]
     parts = [
         subprocess.Popen([*main_command, *command(small_problem, out, "--part", f"{which}/2")])
         for which in (1, 2)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-MAIN = ("-m", "pyburgers.cli.main")
+MAIN = ("-m", "pyburgers")
 SAMPLER = ("--chains", "2", "--warmup", "150", "--draws", "200")
 
 TINY_STUDY = """

@@ -24,22 +24,18 @@ pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("programs")]
 SIMULATIONS = 60
 
 
-def moments(result: Fit) -> tuple[xr.Dataset, xr.Dataset, xr.Dataset, xr.Dataset]:
-    """Means, standard deviations, and the Monte Carlo errors of both."""
+def quantiles(result: Fit, probability: float) -> tuple[xr.Dataset, xr.Dataset]:
+    """Quantiles of what was sampled, and their Monte Carlo errors."""
     draws = result.posterior["posterior"].to_dataset()[free_parameters(result.posterior)]
-    over = ("chain", "draw")
-    spread = draws.std(over)
-    # Effective sizes above the number of draws, of antithetic chains, are too good to build on.
-    independent = spread / np.sqrt(draws.sizes["chain"] * draws.sizes["draw"])
-    return (
-        draws.mean(over),
-        spread,
-        np.maximum(az.mcse(draws, method="mean"), independent),
-        np.maximum(az.mcse(draws, method="sd"), independent / np.sqrt(2)),
-    )
+    found = draws.quantile(probability, ("chain", "draw"))
+    return found, az.mcse(draws, method="quantile", prob=probability)
 
 
-def test_plain_and_valley_coordinates_give_the_same_moments(tmp_path: Path) -> None:
+def test_plain_and_valley_coordinates_give_the_same_posterior(tmp_path: Path) -> None:
+    """Between the twentieth at either end: plain chains miss tails of a hundredth without a sign.
+
+    E_M above 2 GPa is one, where the Kelvin element is the softer spring (docs/coordinates.md).
+    """
     experiment = load_constant_rate(ICE / "PIL40.toml")
     # Plain coordinates converge where the noise is large and the valley wide.
     rng = np.random.default_rng(5)
@@ -58,13 +54,15 @@ def test_plain_and_valley_coordinates_give_the_same_moments(tmp_path: Path) -> N
         table = convergence_table(results[system].posterior)
         assert table["rhat"].max() < 1.01, system
         assert table["ess_bulk"].min() > 400, system
-    plain, valley = (moments(results[system]) for system in ("plain", "valley"))
-    for what, k in (("mean", 0), ("sd", 1)):
-        for name in plain[k].data_vars:
-            difference = float(plain[k][name] - valley[k][name])
-            error = float(np.hypot(plain[k + 2][name], valley[k + 2][name]))
-            # 26 comparisons: 4 errors are passed by chance once in 600 runs.
-            assert abs(difference) < 4 * error, (what, name, difference / error)
+    for probability in (0.05, 0.25, 0.5, 0.75, 0.95):
+        (plain, plain_error), (valley, valley_error) = (
+            quantiles(results[system], probability) for system in ("plain", "valley")
+        )
+        for name in plain.data_vars:
+            difference = float(plain[name] - valley[name])
+            error = float(np.hypot(plain_error[name], valley_error[name]))
+            # 65 comparisons: 4 errors are passed by chance once in 240 runs.
+            assert abs(difference) < 4 * error, (probability, name, difference / error)
 
 
 def test_both_arms_of_the_valley_are_visited(tmp_path: Path) -> None:

@@ -257,7 +257,7 @@ def replicate(
     options : SamplerOptions
         Chains, iterations, target of the first fit.
     plan : DataSetPlan
-        Ranks, repetitions, range of the stress.
+        Ranks, repetitions, ranges of the data.
     """
     simulated = simulate_from_prior(
         template, seed=seed, stress_range=plan.stress_range, strain_range=plan.strain_range

@@ -321,14 +321,10 @@ def load_calibration(folder: Path) -> Calibration:
     manifest = run.read_manifest(_CalibrationManifest)
     run.require_unchanged()
     content = manifest["plan"]
-    ranges = {name: content.get(name) for name in ("stress_range", "strain_range")}
-    plan = CalibrationPlan(
-        **{
-            **content,
-            "sampler": SamplerOptions(**content["sampler"]),
-            **{name: limits and tuple(limits) for name, limits in ranges.items()},
-        }
-    )
+    given = {name: content.get(name) for name in ("stress_range", "strain_range")}
+    ranges = {name: tuple(limits) for name, limits in given.items() if limits is not None}
+    sampler = SamplerOptions(**content["sampler"])
+    plan = CalibrationPlan(**{**content, "sampler": sampler, **ranges})
     return Calibration(
         _template(run, manifest), plan, _replications(run, plan), manifest["command"]
     )

@@ -88,12 +88,17 @@ def test_both_arms_of_the_valley_are_visited(tmp_path: Path) -> None:
 
 
 def test_ranks_of_simulated_truths_are_uniform(tmp_path: Path) -> None:
-    """Whole priors of Table 1, of whose curves half are stronger than any of the laboratory."""
+    """Curves like those of the laboratory: with n as wide as Table 1 has it, half do not converge.
+
+    `reports/calibration` has those.
+    """
+    priors = calibration_priors("ice")
+    exponent = replace(priors["stress_exponent"], lower=3.7, upper=4.2)
     calibration = calibrate(
         load_constant_rate(ICE / "PIL40.toml"),
-        calibration_priors("ice"),
+        with_priors(priors, {"stress_exponent": exponent}),
         out=tmp_path / "calibration",
-        plan=CalibrationPlan(simulations=SIMULATIONS, stress_range=(2e6, 60e6)),
+        plan=CalibrationPlan(simulations=SIMULATIONS),
         workers=Workers(jobs=2),
     )
     for sentence in count_sentences(calibration):

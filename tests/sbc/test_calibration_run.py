@@ -280,12 +280,14 @@ def test_repetitions_can_be_added_but_not_taken_back(
     stay_in_this_process(monkeypatch)
     later = tmp_path / "later"
     repeated = pd.read_csv(finished / "ranks.csv").query("refits == 1")["seed"]
-    one = ("--part", f"{repeated.iloc[0]}/3")
-    main(command(small_problem, later, "--refits", "0", *one))
+    main(command(small_problem, later, "--refits", "0", "--part", f"{repeated.iloc[0]}/3"))
     (file,) = (later / "simulations").iterdir()
     assert json.loads(file.read_text(encoding="utf-8"))["failed_checks"]
-    main(command(small_problem, later, *one))
-    assert file.read_bytes() == outcomes[file.name]
+    for other in (finished / "simulations").iterdir():
+        if other.name != file.name:
+            shutil.copy(other, file.parent)
+    main(command(small_problem, later))
+    assert contents(later) == outcomes
     capsys.readouterr()
     code = main(command(small_problem, finished, "--refits", "0"))
     assert_refused(code, capsys, "calibrated with 1 repetitions", "expected no fewer, found 0")

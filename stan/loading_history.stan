@@ -129,13 +129,15 @@ model {
                                             law));
       } else {
         array[point_end[e + 1] - point_end[e]] int points = part(point_end, e);
+        matrix[size(points), 2] stress_and_strain
+          = history_response(history_states(parameter[e], prior_location[e], varying,
+                                            leg[part(leg_end, e)], fixed[part(leg_end, e)],
+                                            test[e], element, point_time_in_leg[points],
+                                            n_points_in_leg[part(leg_end, e)],
+                                            initial_grain_size[e], tolerance, max_num_steps),
+                             parameter[e], test[e]);
         vector[size(points)] response
-          = history_readings(history_solution(parameter[e], prior_location[e], varying,
-                                              leg[part(leg_end, e)], fixed[part(leg_end, e)],
-                                              test[e], element, point_time_in_leg[points],
-                                              n_points_in_leg[part(leg_end, e)],
-                                              initial_grain_size[e], tolerance, max_num_steps),
-                             is_strain[points], parameter[e]);
+          = history_readings(stress_and_strain, is_strain[points], parameter[e]);
         vector[size(points)] noise = reading_noise(is_strain[points], parameter[e]);
         // Residuals over their standard deviations, so that stress and strain have one process.
         target += stress_log_density(rep_vector(0, size(points)),
@@ -184,13 +186,15 @@ generated quantities {
       vector[size(points)] noise = reading_noise(is_strain[points], parameter[e]);
       real correlation_time = parameter[e][i_residual_correlation_time()];
       real share = parameter[e][i_residual_correlated_share()];
+      matrix[size(points), 2] stress_and_strain
+        = history_response(history_states(parameter[e], prior_location[e], varying,
+                                          leg[part(leg_end, e)], fixed[part(leg_end, e)], test[e],
+                                          element, point_time_in_leg[points],
+                                          n_points_in_leg[part(leg_end, e)],
+                                          initial_grain_size[e], tolerance, max_num_steps),
+                           parameter[e], test[e]);
       response_model[points]
-        = history_readings(history_solution(parameter[e], prior_location[e], varying,
-                                            leg[part(leg_end, e)], fixed[part(leg_end, e)], test[e],
-                                            element, point_time_in_leg[points],
-                                            n_points_in_leg[part(leg_end, e)],
-                                            initial_grain_size[e], tolerance, max_num_steps),
-                           is_strain[points], parameter[e]);
+        = history_readings(stress_and_strain, is_strain[points], parameter[e]);
       response_replicated[points]
         = response_model[points]
           + noise

@@ -25,7 +25,7 @@ array[] vector fixed_rates(data vector parameter, data matrix leg, data real ini
 }
 
 /**
- * Stress, strains and microstructure along a test that starts at rest.
+ * States along a test that starts at rest.
  *
  * @param parameter in the order of physics/parameters.stan
  * @param constant parameters that are never inferred, at their places in the same order, and those
@@ -38,34 +38,27 @@ array[] vector fixed_rates(data vector parameter, data matrix leg, data real ini
  * @param time of each output since the start of its leg over its duration, from 0 to 1
  * @param n_in_leg number of outputs in each leg, one leg after the other
  * @param initial_grain_size d_0, m
- * @return array over outputs of [stress as read (Pa), strain (that of the apparatus included), Kelvin
- *   strain, path strain of the specimen, dashpot strain, d/d_0 (1 where it follows no piezometer),
- *   rate of the Kelvin strain (1/s)]
+ * @return a row of states for each output (loading_history_legs.stan)
  */
-array[] vector history_solution(vector parameter, data vector constant,
-                                data array[] int varying, data matrix leg,
-                                data array[] vector fixed, data vector test,
-                                data matrix element, data array[] real time, data array[] int n_in_leg,
-                                data real initial_grain_size, data real tolerance,
-                                data int max_num_steps) {
+matrix history_states(vector parameter, data vector constant, data array[] int varying,
+                      data matrix leg, data array[] vector fixed, data vector test,
+                      data matrix element, data array[] real time, data array[] int n_in_leg,
+                      data real initial_grain_size, data real tolerance,
+                      data int max_num_steps) {
   array[n_history_rates()] int place = place_among(varying);
-  real stress_scale = test[c_stress_scale()];
-  real strain_scale = test[c_strain_scale()];
-  array[size(time)] vector[7] solution;
   int n_states = 5 + n_summed(element);
-  vector[n_states] state = append_row([0, 0, 0, 0, 1]', rep_vector(0, n_summed(element)));
+  matrix[size(time), n_states] solution;
+  row_vector[n_states] state = append_col([0, 0, 0, 0, 1],
+                                          rep_row_vector(0, n_summed(element)));
   int before = 0;
   for (k in 1 : rows(leg)) {
     int n = n_in_leg[k];
     vector[n_history_rates()] every
       = history_rates(parameter, constant, leg[k, l_duration()], leg[k, l_temperature()],
                       initial_grain_size, test[c_stress_scale()], test[c_strain_scale()]);
-    real kelvin = every[h_kelvin_compliance()];
-    real elastic = every[h_spring_compliance()] + every[h_apparatus_compliance()];
-    matrix[rows(element), 2] elements = history_elements(element, every[varying], place, fixed[k]);
-    array[n + 1] vector[n_states] states;
+    matrix[n + 1, n_states] states;
     if (leg[k, l_is_stress_driven()] > 0) {
-      real y_0 = leg[k, l_start_stress()] / stress_scale;
+      real y_0 = leg[k, l_start_stress()] / test[c_stress_scale()];
       real jump = every[h_spring_compliance()] * magnitude(y_0 - state[1]);
       if (test[c_piezometer()] > 0) {
         state[5] = microstructure_at(jump, state[5],
@@ -91,17 +84,7 @@ array[] vector history_solution(vector parameter, data vector constant,
                                  max_num_steps);
     }
     for (i in 1 : n) {
-      solution[before + i]
-        = [stress_scale * states[i][1],
-           strain_scale
-           * (elastic * states[i][1] + kelvin * states[i][2] + states[i][3]),
-           strain_scale * kelvin * states[i][2], strain_scale * states[i][4],
-           strain_scale * states[i][3], states[i][5],
-           strain_scale / leg[k, l_duration()] * kelvin
-           * dot_product(elements[ : , 2],
-                         history_kelvin_rates(states[i][1], kelvin_states(states[i], element),
-                                              elements, every[varying], place, fixed[k],
-                                              test))]';
+      solution[before + i] = states[i];
     }
     state = states[n + 1];
     before += n;
@@ -110,13 +93,67 @@ array[] vector history_solution(vector parameter, data vector constant,
 }
 
 /**
+ * Stress (Pa) as it is read, and strain, that of the apparatus included, as columns.
+ *
+ * @param states of history_states()
+ */
+matrix history_response(matrix states, vector parameter, data vector test) {
+  vector[3] compliance = history_compliances(parameter, test[c_stress_scale()],
+                                             test[c_strain_scale()]);
+  return append_col(test[c_stress_scale()] * states[ : , 1],
+                    test[c_strain_scale()]
+                    * (compliance[1] * states[ : , 2]
+                       + (compliance[2] + compliance[3]) * states[ : , 1] + states[ : , 3]));
+}
+
+/**
+ * Stress, strains and microstructure along a test.
+ *
+ * @param states of history_states()
+ * @param parameter, constant and the others as there
+ * @return columns: stress as read (Pa), strain (that of the apparatus included), Kelvin strain, path
+ *   strain of the specimen, dashpot strain, d/d_0 (1 where it follows no piezometer), rate of the
+ *   Kelvin strain (1/s)
+ */
+matrix history_solution(matrix states, vector parameter, data vector constant,
+                        data array[] int varying, data matrix leg, data array[] vector fixed,
+                        data vector test, data matrix element, data array[] int n_in_leg,
+                        data real initial_grain_size) {
+  array[n_history_rates()] int place = place_among(varying);
+  real strain_scale = test[c_strain_scale()];
+  real kelvin = history_compliances(parameter, test[c_stress_scale()], strain_scale)[1];
+  matrix[rows(states), 7] solution;
+  int before = 0;
+  solution[ : , 1 : 2] = history_response(states, parameter, test);
+  solution[ : , 3] = strain_scale * kelvin * states[ : , 2];
+  solution[ : , 4] = strain_scale * states[ : , 4];
+  solution[ : , 5] = strain_scale * states[ : , 3];
+  solution[ : , 6] = states[ : , 5];
+  for (k in 1 : rows(leg)) {
+    vector[size(varying)] rates
+      = history_rates(parameter, constant, leg[k, l_duration()], leg[k, l_temperature()],
+                      initial_grain_size, test[c_stress_scale()], test[c_strain_scale()])[varying];
+    matrix[rows(element), 2] elements = history_elements(element, rates, place, fixed[k]);
+    for (i in before + 1 : before + n_in_leg[k]) {
+      solution[i, 7]
+        = strain_scale / leg[k, l_duration()] * kelvin
+          * dot_product(elements[ : , 2],
+                        history_kelvin_rates(states[i, 1], kelvin_states(states[i], element),
+                                             elements, rates, place, fixed[k], test));
+    }
+    before += n_in_leg[k];
+  }
+  return solution;
+}
+
+/**
  * Strain rate (1/s), that of the apparatus included.
  *
- * @param state of a solution, see history_solution()
+ * @param state a row of history_solution()
  * @param leg that it lies in
  * @param grain_size m
  */
-real history_strain_rate(vector state, data row_vector leg, vector parameter, real grain_size,
+real history_strain_rate(row_vector state, data row_vector leg, vector parameter, real grain_size,
                          real fabric_factor) {
   real factor = stress_reading_factor(parameter);
   if (leg[l_is_stress_driven()] == 0) {
@@ -136,15 +173,15 @@ real history_strain_rate(vector state, data row_vector leg, vector parameter, re
 }
 
 /**
- * Readings of a solution: stress (Pa), or strain with the offset of its zero.
+ * Readings: stress (Pa), or strain with the offset of its zero.
  *
- * @param solution at the readings, see history_solution()
+ * @param response at the readings, see history_response()
  * @param is_strain of each reading: 1 or 0
  */
-vector history_readings(array[] vector solution, data array[] int is_strain, vector parameter) {
-  vector[size(solution)] readings;
-  for (i in 1 : size(solution)) {
-    readings[i] = is_strain[i] ? solution[i][2] + parameter[i_strain_offset()] : solution[i][1];
+vector history_readings(matrix response, data array[] int is_strain, vector parameter) {
+  vector[rows(response)] readings;
+  for (i in 1 : rows(response)) {
+    readings[i] = is_strain[i] ? response[i, 2] + parameter[i_strain_offset()] : response[i, 1];
   }
   return readings;
 }

@@ -1,16 +1,20 @@
   // The solution on the grid, and what follows from it.
   for (e in 1 : n_tests) {
     array[grid_end[e + 1] - grid_end[e]] int here = part(grid_end, e);
-    array[size(here)] vector[7] solution
-      = history_solution(parameter[e], prior_location[e], varying, leg[part(leg_end, e)],
-                         fixed[part(leg_end, e)], test[e], element, grid_time_in_leg[here],
-                         n_grid_in_leg[part(leg_end, e)], initial_grain_size[e], tolerance,
-                         max_num_steps);
+    matrix[size(here), 7] solution
+      = history_solution(history_states(parameter[e], prior_location[e], varying,
+                                        leg[part(leg_end, e)], fixed[part(leg_end, e)], test[e],
+                                        element, grid_time_in_leg[here],
+                                        n_grid_in_leg[part(leg_end, e)], initial_grain_size[e],
+                                        tolerance, max_num_steps),
+                         parameter[e], prior_location[e], varying, leg[part(leg_end, e)],
+                         fixed[part(leg_end, e)], test[e], element,
+                         n_grid_in_leg[part(leg_end, e)], initial_grain_size[e]);
     int j = 0;
     for (k in part(leg_end, e)) {
       for (i in 1 : n_grid_in_leg[k]) {
         int at = grid_end[e] + j + i;
-        vector[7] state = solution[j + i];
+        row_vector[7] state = solution[j + i];
         grid_stress[at] = state[1];
         grid_strain[at] = state[2] + parameter[e][i_strain_offset()];
         grid_kelvin_strain[at] = state[3];

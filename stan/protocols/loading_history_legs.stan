@@ -1,6 +1,7 @@
 /**
- * States along a leg of a loading history (loading_history_rates.stan): [y, z, x, g, u] at given
- * times and, last, at the end; behind them, where the Kelvin part is a sum of elements, its z_k.
+ * States along a leg of a loading history (loading_history_rates.stan): y, z, x, g and u as columns,
+ * at given times and, in the last row, at the end; behind them, where the Kelvin part is a sum of
+ * elements, its z_k.
  *
  * Strain driven, at the rate r in the unit e/D, the solver follows y, z and, where they are needed,
  * u and g:
@@ -17,7 +18,12 @@
  *   dx/dt = v_d,  dg/dt = |(S/(E_M e)) r + v_K + v_d|.
  *
  * x and g are counted from the start of the leg, so that its solver starts from numbers that are
- * data; a linear Kelvin element has a closed form.
+ * data; a linear Kelvin element has a closed form. While nothing shortens, the path strain grows with
+ * the strain and is known from the others, so that x alone is left:
+ *
+ *   g = g_0 + (S/(E_M e)) (y - y_0) + (S/(E_K e)) (z - z_0) + x.
+ *
+ * That is so under a load that does not fall, from a Kelvin part that it still stretches.
  */
 
 /** Place of the first time after another, or one more than there are. */
@@ -38,7 +44,8 @@ int first_after(data array[] real time, data real other) {
  */
 real linear_kelvin_strain(real t, real start, real y_0, real r, real decay) {
   real gone = -expm1(-decay * t);
-  return start + (y_0 - start) * gone + r * (t - gone / decay);
+  real settling = start + (y_0 - start) * gone;
+  return r == 0 ? settling : settling + r * (t - gone / decay);
 }
 
 /**
@@ -57,9 +64,9 @@ vector linear_kelvin_strains(real t, vector start, real y_0, real r, matrix elem
 /** Number of z_k that a leg follows beside z: none where the Kelvin part is one element. */
 int n_summed(data matrix element) { return rows(element) > 1 ? rows(element) : 0; }
 
-/** z of each element of the Kelvin part at the states of a leg. */
-vector kelvin_states(vector state, data matrix element) {
-  return rows(element) > 1 ? state[6 : ] : state[2 : 2];
+/** z of each element of the Kelvin part at a row of states. */
+vector kelvin_states(row_vector state, data matrix element) {
+  return rows(element) > 1 ? to_vector(state[6 : ]) : to_vector(state[2 : 2]);
 }
 
 /**
@@ -140,18 +147,52 @@ vector stress_driven_rhs(real t, vector state, real start_path, vector start_kel
 }
 
 /**
+ * Right-hand side of a stress-driven leg in which nothing shortens (see the head of this file), with
+ * a linear Kelvin part and no piezometer.
+ *
+ * @param state [x] since the start of the leg
+ * @param start_path g less the elastic and the Kelvin strain of the specimen at the start of the leg
+ * @param start_kelvin, varying and the others as for stress_driven_rhs()
+ */
+vector lengthening_rhs(real t, vector state, real start_path, vector start_kelvin, vector varying,
+                       data real y_0, data real rate, data array[] int place, data vector fixed,
+                       data vector test, data matrix element) {
+  real y = y_0 + rate * t;
+  real z;
+  if (rows(element) == 1) {
+    z = linear_kelvin_strain(t, start_kelvin[1], y_0, rate,
+                             history_rate(h_kelvin_decay(), varying, place, fixed));
+  } else {
+    matrix[rows(element), 2] elements = history_elements(element, varying, place, fixed);
+    z = dot_product(elements[ : , 2],
+                    linear_kelvin_strains(t, start_kelvin, y_0, rate, elements));
+  }
+  return [history_dashpot_rate(y,
+                               start_path
+                               + history_rate(h_spring_compliance(), varying, place, fixed) * y
+                               + history_rate(h_kelvin_compliance(), varying, place, fixed) * z
+                               + state[1],
+                               1, varying, place, fixed, test)]';
+}
+
+/** Whether nothing shortens in a stress-driven leg: see the head of this file. */
+int only_lengthens(vector start_kelvin, data real y_0, data real rate) {
+  return y_0 >= 0 && rate >= 0 && max(start_kelvin) <= y_0;
+}
+
+/**
  * States along a strain-driven leg.
  *
- * @param start [y, z, x, g, u], and z_k of a sum of elements
+ * @param start a row of states
  * @param at_rest 1: the test starts with this leg, and start is known
  * @param time from 0 to 1, not decreasing
  * @param rate r
- * @return array over times, and the end
+ * @return rows over times, and the end
  */
-array[] vector strain_driven_leg(vector start, data int at_rest, data array[] real time,
-                                 data real rate, vector varying, data array[] int place,
-                                 data vector fixed, data vector test, data matrix element,
-                                 data real tolerance, data int max_num_steps) {
+matrix strain_driven_leg(row_vector start, data int at_rest, data array[] real time,
+                         data real rate, vector varying, data array[] int place,
+                         data vector fixed, data vector test, data matrix element,
+                         data real tolerance, data int max_num_steps) {
   int has_grains = test[c_piezometer()] > 0;
   int compliant = in_use(h_apparatus_compliance(), place, fixed, 0);
   int n_kelvin = rows(element);
@@ -162,41 +203,42 @@ array[] vector strain_driven_leg(vector start, data int at_rest, data array[] re
                  + history_rate(h_apparatus_compliance(), varying, place, fixed);
   int n_at_start = first_after(time, 0) - 1;
   int n = size(time) + 1 - n_at_start;
+  array[n] real after_start = append_array(time[n_at_start + 1 : ], {1.0});
   array[n] vector[n_states] solved;
-  array[size(time) + 1] vector[num_elements(start)] states;
+  matrix[size(time) + 1, num_elements(start)] states;
   if (at_rest) {
     // The initial state is literal: constant to the solver, no sensitivities to it.
     solved = ode_bdf_tol(strain_driven_rhs,
                          append_row(rep_vector(0, 1 + n_kelvin),
                                     append_row(rep_vector(1, has_grains),
                                                rep_vector(0, compliant))),
-                         0, append_array(time[n_at_start + 1 : ], {1.0}), tolerance, tolerance,
-                         max_num_steps, 0.0, varying, rate, place, fixed, test, element);
+                         0, after_start, tolerance, tolerance, max_num_steps, 0.0, varying, rate,
+                         place, fixed, test, element);
   } else {
     solved = ode_bdf_tol(strain_driven_rhs,
                          append_row(append_row(start[1], kelvin_states(start, element)),
-                                    append_row(segment(start, 5, has_grains),
-                                               segment(start, 4, compliant))),
-                         0, append_array(time[n_at_start + 1 : ], {1.0}), tolerance, tolerance,
-                         max_num_steps, start[4], varying, rate, place, fixed, test, element);
+                                    append_row(to_vector(segment(start, 5, has_grains)),
+                                               to_vector(segment(start, 4, compliant)))),
+                         0, after_start, tolerance, tolerance, max_num_steps, start[4], varying,
+                         rate, place, fixed, test, element);
   }
   for (i in 1 : n_at_start) {
     states[i] = start;
   }
   for (i in 1 : n) {
-    real t = i < n ? time[n_at_start + i] : 1;
-    vector[num_elements(start)] state = start;
-    vector[n_kelvin] z = segment(solved[i], 2, n_kelvin);
-    state[1 : 2] = [solved[i][1], dot_product(weight, z)]';
+    int at = n_at_start + i;
+    real z = n_kelvin == 1
+             ? solved[i][2] : dot_product(weight, segment(solved[i], 2, n_kelvin));
+    states[at, 1] = solved[i][1];
+    states[at, 2] = z;
+    states[at, 3] = start[3] + rate * after_start[i] - kelvin * (z - start[2])
+                    - elastic * (solved[i][1] - start[1]);
+    states[at, 4] = compliant
+                    ? solved[i][n_states] : start[4] + magnitude(rate) * after_start[i];
+    states[at, 5] = has_grains ? solved[i][2 + n_kelvin] : start[5];
     if (n_summed(element) > 0) {
-      state[6 : ] = z;
+      states[at, 6 : ] = to_row_vector(segment(solved[i], 2, n_kelvin));
     }
-    state[3] += rate * t - kelvin * (state[2] - start[2]) - elastic * (state[1] - start[1]);
-    state[4] = compliant ? solved[i][n_states] : start[4] + magnitude(rate) * t;
-    if (has_grains) {
-      state[5] = solved[i][2 + n_kelvin];
-    }
-    states[n_at_start + i] = state;
   }
   return states;
 }
@@ -204,65 +246,75 @@ array[] vector strain_driven_leg(vector start, data int at_rest, data array[] re
 /**
  * States along a stress-driven leg: as strain_driven_leg(), and
  *
- * @param start [y, z, x, g, u], and z_k of a sum of elements, after the jump of the stress, if there is one
+ * @param start a row of states, after the jump of the stress, if there is one
  * @param y_0, rate y at the start, and r
  */
-array[] vector stress_driven_leg(vector start, data int at_rest, data array[] real time,
-                                 data real y_0, data real rate, vector varying,
-                                 data array[] int place, data vector fixed, data vector test,
-                                 data matrix element, data real tolerance,
-                                 data int max_num_steps) {
+matrix stress_driven_leg(row_vector start, data int at_rest, data array[] real time,
+                         data real y_0, data real rate, vector varying, data array[] int place,
+                         data vector fixed, data vector test, data matrix element,
+                         data real tolerance, data int max_num_steps) {
   int has_grains = test[c_piezometer()] > 0;
   int solves_kelvin = in_use(h_kelvin_stress_exponent(), place, fixed, 1);
-  int n_states = 2 + solves_kelvin + has_grains;
   int n_kelvin = rows(element);
+  vector[n_kelvin] start_kelvin = kelvin_states(start, element);
+  int lengthens = !has_grains && !solves_kelvin && only_lengthens(start_kelvin, y_0, rate);
+  int n_states = lengthens ? 1 : 2 + solves_kelvin + has_grains;
+  real spring = history_rate(h_spring_compliance(), varying, place, fixed);
+  real kelvin = history_rate(h_kelvin_compliance(), varying, place, fixed);
   matrix[n_kelvin, 2] elements = history_elements(element, varying, place, fixed);
+  real before = start[4] - spring * y_0 - kelvin * start[2]; // g_0 less what the load has stretched
   int n_at_start = first_after(time, 0) - 1;
   int n = size(time) + 1 - n_at_start;
+  array[n] real after_start = append_array(time[n_at_start + 1 : ], {1.0});
   array[n] vector[n_states] solved;
-  array[size(time) + 1] vector[num_elements(start)] states;
+  matrix[size(time) + 1, num_elements(start)] states;
   // What is known is literal: constant to the solver, no sensitivities to it. A jump of the stress
   // at the start moves the grain size of a piezometer.
-  if (!has_grains && at_rest) {
-    solved = ode_bdf_tol(stress_driven_rhs,
-                         rep_vector(0, 2 + solves_kelvin), 0,
-                         append_array(time[n_at_start + 1 : ], {1.0}), tolerance, tolerance,
-                         max_num_steps, start[4], rep_vector(0, n_kelvin), varying, y_0, rate,
-                         place, fixed, test, element);
+  if (lengthens && at_rest) {
+    solved = ode_bdf_tol(lengthening_rhs, rep_vector(0, 1), 0, after_start, tolerance, tolerance,
+                         max_num_steps, 0.0, rep_vector(0, n_kelvin), varying, y_0, rate, place,
+                         fixed, test, element);
+  } else if (lengthens) {
+    solved = ode_bdf_tol(lengthening_rhs, rep_vector(0, 1), 0, after_start, tolerance, tolerance,
+                         max_num_steps, before, start_kelvin, varying, y_0, rate, place, fixed,
+                         test, element);
+  } else if (!has_grains && at_rest) {
+    solved = ode_bdf_tol(stress_driven_rhs, rep_vector(0, 2 + solves_kelvin), 0, after_start,
+                         tolerance, tolerance, max_num_steps, start[4], rep_vector(0, n_kelvin),
+                         varying, y_0, rate, place, fixed, test, element);
   } else if (!has_grains && !solves_kelvin) {
-    solved = ode_bdf_tol(stress_driven_rhs,
-                         rep_vector(0, 2), 0,
-                         append_array(time[n_at_start + 1 : ], {1.0}), tolerance, tolerance,
-                         max_num_steps, start[4], kelvin_states(start, element), varying, y_0,
-                         rate, place, fixed, test, element);
+    solved = ode_bdf_tol(stress_driven_rhs, rep_vector(0, 2), 0, after_start, tolerance,
+                         tolerance, max_num_steps, start[4], start_kelvin, varying, y_0, rate,
+                         place, fixed, test, element);
   } else {
     solved = ode_bdf_tol(stress_driven_rhs,
                          append_row(rep_vector(0, 2),
-                                    append_row(segment(start, 2, solves_kelvin),
-                                               segment(start, 5, has_grains))),
-                         0, append_array(time[n_at_start + 1 : ], {1.0}), tolerance, tolerance,
-                         max_num_steps, start[4], kelvin_states(start, element), varying, y_0,
-                         rate, place, fixed, test, element);
+                                    append_row(segment(start, 2, solves_kelvin)',
+                                               to_vector(segment(start, 5, has_grains)))),
+                         0, after_start, tolerance, tolerance, max_num_steps, start[4],
+                         start_kelvin, varying, y_0, rate, place, fixed, test, element);
   }
   for (i in 1 : n_at_start) {
     states[i] = start;
   }
   for (i in 1 : n) {
-    real t = i < n ? time[n_at_start + i] : 1;
-    vector[num_elements(start)] state = start;
-    vector[n_kelvin] z
-      = solves_kelvin
-        ? rep_vector(solved[i][3], 1)
-        : linear_kelvin_strains(t, kelvin_states(start, element), y_0, rate, elements);
-    state[1 : 2] = [y_0 + rate * t, dot_product(elements[ : , 2], z)]';
+    int at = n_at_start + i;
+    real t = after_start[i];
+    states[at, 1] = y_0 + rate * t;
     if (n_summed(element) > 0) {
-      state[6 : ] = z;
+      vector[n_kelvin] z = linear_kelvin_strains(t, start_kelvin, y_0, rate, elements);
+      states[at, 2] = dot_product(elements[ : , 2], z);
+      states[at, 6 : ] = to_row_vector(z);
+    } else {
+      states[at, 2] = solves_kelvin
+                      ? solved[i][3]
+                      : linear_kelvin_strain(t, start[2], y_0, rate, elements[1, 1]);
     }
-    state[3 : 4] += solved[i][1 : 2];
-    if (has_grains) {
-      state[5] = solved[i][n_states];
-    }
-    states[n_at_start + i] = state;
+    states[at, 3] = start[3] + solved[i][1];
+    states[at, 4] = lengthens
+                    ? before + spring * states[at, 1] + kelvin * states[at, 2] + solved[i][1]
+                    : start[4] + solved[i][2];
+    states[at, 5] = has_grains ? solved[i][n_states] : start[5];
   }
   return states;
 }

@@ -73,6 +73,18 @@ vector history_constants(data vector constant, data real initial_grain_size,
 }
 
 /**
+ * Compliances in the units of the states: S/(E_K e), S/(E_M e), C S/e.
+ *
+ * @param parameter, reading_scale, strain_scale as for history_rates()
+ */
+vector history_compliances(vector parameter, real reading_scale, real strain_scale) {
+  real stress_scale = reading_scale / stress_reading_factor(parameter);
+  return [stress_scale / (parameter[i_kelvin_modulus()] * strain_scale),
+          stress_scale / (parameter[i_maxwell_modulus()] * strain_scale),
+          parameter[i_apparatus_compliance()] * reading_scale / strain_scale]';
+}
+
+/**
  * What a leg is solved with: see the places of its numbers.
  *
  * @param parameter in the order of physics/parameters.stan
@@ -86,6 +98,7 @@ vector history_rates(vector parameter, data vector constant, data real duration,
                      data real temperature, data real initial_grain_size,
                      data real reading_scale, data real strain_scale) {
   real stress_scale = reading_scale / stress_reading_factor(parameter);
+  vector[3] compliance = history_compliances(parameter, reading_scale, strain_scale);
   real at_temperature = true_temperature(parameter, temperature);
   real kelvin_viscosity = kelvin_viscosity_at(parameter[i_kelvin_viscosity()],
                                               parameter[i_kelvin_activation_enthalpy()],
@@ -99,9 +112,7 @@ vector history_rates(vector parameter, data vector constant, data real duration,
           parameter[i_stress_exponent()], parameter[i_grain_size_exponent()],
           duration * parameter[i_kelvin_modulus()] / kelvin_viscosity
           * exp(-parameter[i_kelvin_grain_size_exponent()] * log_coarser),
-          stress_scale / (parameter[i_kelvin_modulus()] * strain_scale),
-          stress_scale / (parameter[i_maxwell_modulus()] * strain_scale),
-          parameter[i_apparatus_compliance()] * reading_scale / strain_scale,
+          compliance[1], compliance[2], compliance[3],
           1 - parameter[i_steady_state_grain_size()] / initial_grain_size,
           strain_scale / parameter[i_critical_strain_grain_size()],
           1 - parameter[i_steady_state_fabric_factor()],

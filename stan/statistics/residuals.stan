@@ -24,16 +24,21 @@ matrix correlated_part_given_before(vector residual, data vector strain,
                                     real share) {
   int n = num_elements(residual);
   matrix[n, 2] part;
+  real mean;
+  real variance;
   for (i in 1 : n) {
     if (i == 1 || segment[i] != segment[max(i - 1, 1)]) {
-      part[i] = [0, share];
+      mean = 0;
+      variance = share;
     } else {
-      real step = abs(strain[i] - strain[i - 1]) / correlation_strain;
-      real gain = part[i - 1, 2] / (part[i - 1, 2] + 1 - share);
-      part[i, 1] = exp(-step)
-                   * (part[i - 1, 1] + gain * (residual[i - 1] - part[i - 1, 1]));
-      part[i, 2] = exp(-2 * step) * (1 - gain) * part[i - 1, 2] - share * expm1(-2 * step);
+      real lost = expm1(-abs(strain[i] - strain[i - 1]) / correlation_strain);
+      real kept = 1 + lost;
+      real gain = variance / (variance + 1 - share);
+      mean = kept * (mean + gain * (residual[i - 1] - mean));
+      variance = square(kept) * (1 - share) * gain - share * lost * (1 + kept);
     }
+    part[i, 1] = mean;
+    part[i, 2] = variance;
   }
   return part;
 }
@@ -67,10 +72,14 @@ vector residual_log_densities(vector residual, real stress_noise, data vector st
 real stress_log_density(data vector observed, vector predicted, real stress_noise,
                         data int correlated, data vector strain, data array[] int segment,
                         real correlation_strain, real share) {
-  return correlated
-         ? sum(residual_log_densities(observed - predicted, stress_noise, strain, segment,
-                                      correlation_strain, share))
-         : normal_lpdf(observed | predicted, stress_noise);
+  if (correlated) {
+    vector[num_elements(observed)] residual = observed - predicted;
+    matrix[num_elements(observed), 2] part
+      = correlated_part_given_before(residual, strain, segment, correlation_strain, share);
+    return normal_lpdf(residual | part[ : , 1],
+                       stress_noise * sqrt(part[ : , 2] + 1 - share));
+  }
+  return normal_lpdf(observed | predicted, stress_noise);
 }
 
 /**

@@ -29,7 +29,10 @@ transformed data {
     = history_constants(parameter, initial_grain_size, stress_scale, strain_scale);
 }
 generated quantities {
-  array[n_times] vector[7] solution
-    = history_solution(parameter, parameter, rep_array(0, 0), leg, fixed, test, element, time, n_in_leg,
-                       initial_grain_size, tolerance, 1000000);
+  matrix[n_times, 7] solution
+    = history_solution(history_states(parameter, parameter, rep_array(0, 0), leg, fixed, test,
+                                      element, time, n_in_leg, initial_grain_size, tolerance,
+                                      1000000),
+                       parameter, parameter, rep_array(0, 0), leg, fixed, test, element, n_in_leg,
+                       initial_grain_size);
 }

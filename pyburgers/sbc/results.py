@@ -210,15 +210,9 @@ def _draw(axes: Axes, ranks: list[int], verdict: RankVerdict, bands: RankBands) 
     axes.set_xticks([0.0, 0.5, 1.0])
     axes.yaxis.set_major_locator(few_ticks(4))
     if verdict.verdict != "calibrated":
-        axes.text(
-            0.97,
-            0.95,
-            verdict.verdict,
-            transform=axes.transAxes,
-            horizontalalignment="right",
-            verticalalignment="top",
-            fontsize=9.0,
-            color=VERMILION if wrong else BLACK,
+        # Beside the heading: in the panel it would lie on the line.
+        axes.set_title(
+            verdict.verdict, loc="right", fontsize=9.0, color=VERMILION if wrong else BLACK
         )
 
 

@@ -2,9 +2,8 @@
 
 The folder of a calibration holds ``manifest.json``, ``inputs/`` (templates and priors) and
 ``simulations/simulation_SEED.json``, one for each data set, written when its fit is done; the same
-command continues with those that are missing. Several calls may do a part of them each. The number
-of data sets is fixed with the first one: nobody can stop, or go on, because of what the ranks look
-like.
+command continues with those that are missing. Several calls may do a part of them each. Their number
+is fixed with the first one: nobody can stop, or go on, because of what the ranks look like.
 """
 
 import logging
@@ -298,13 +297,16 @@ def _take_from_table(run: RunDirectory, plan: CalibrationPlan) -> None:
 
     So a calibration goes on from its results alone, on another machine.
     """
-    table = run.path / RANKS
-    if not table.is_file():
-        return
-    for one in read_replication_table(table, plan.n_ranked):
+    for one in _tabled(run, plan):
         file = simulation_file(run, one.seed)
         if one.seed in plan.seeds and not file.exists():
             write_json(file, asdict(one))
+
+
+def _tabled(run: RunDirectory, plan: CalibrationPlan) -> tuple[Replication, ...]:
+    """Read the data sets of the table of results, if there is one."""
+    table = run.path / RANKS
+    return read_replication_table(table, plan.n_ranked) if table.is_file() else ()
 
 
 def load_calibration(folder: Path) -> Calibration:
@@ -337,9 +339,11 @@ def _template(run: RunDirectory, manifest: Mapping[str, Any]) -> Problem:
 
 
 def _replications(run: RunDirectory, plan: CalibrationPlan) -> tuple[Replication, ...]:
-    """Read the data sets that are done."""
-    files = (simulation_file(run, seed) for seed in plan.seeds)
-    return tuple(read_replication(file) for file in files if file.is_file())
+    """Read the data sets that are done, of those without a file what the table of results has."""
+    done = {one.seed: one for one in _tabled(run, plan)}
+    files = {seed: simulation_file(run, seed) for seed in plan.seeds}
+    done |= {seed: read_replication(file) for seed, file in files.items() if file.is_file()}
+    return tuple(done[seed] for seed in plan.seeds if seed in done)
 
 
 def _fingerprint(problem: Problem, plan: CalibrationPlan, program_key: str) -> str:

@@ -178,6 +178,13 @@ def test_strains_outside_their_range_are_replaced_too(programs: None) -> None:
     assert outside > 4
 
 
+def test_the_template_in_three_stages_has_two_noises() -> None:
+    folder = ICE.parent / "calibration"
+    priors = load_priors(folder / "priors" / "ice_mixed.toml")
+    problem = one_test(load_experiment(folder / "ice_mixed.toml"), priors)
+    assert {"stress_noise", "strain_noise"} <= set(problem.free)
+
+
 def test_tests_of_a_joint_template_share_what_is_shared(programs: None) -> None:
     experiments = [load_constant_rate(ICE / f"{name}.toml") for name in ("PIL40", "PIL72")]
     template = problem_of(experiments, calibration_priors("ice"), pooling_of(SHARED_EXPONENT))

@@ -214,6 +214,7 @@ def test_an_unfinished_calibration_is_shown_as_far_as_it_has_come(
     part = tmp_path / "part"
     shutil.copytree(finished, part)
     (part / "simulations" / "simulation_000003.json").unlink()
+    (part / "ranks.csv").unlink()  # written at the end
     out = tmp_path / "shown"
     main(["sbc", "--results-of", str(part), "--out", str(out)])
     assert "2 of 3 data sets" in capsys.readouterr().out
@@ -239,6 +240,8 @@ def test_a_calibration_goes_on_from_its_table(
     rows = table.read_text(encoding="utf-8").splitlines(keepends=True)
     table.write_text("".join(rows[:-1]), encoding="utf-8")
     shutil.rmtree(out / "simulations")
+    main(["sbc", "--results-of", str(out), "--out", str(tmp_path / "report")])
+    assert (tmp_path / "report" / "ranks.csv").read_bytes() == table.read_bytes()
     capsys.readouterr()
     main(command(small_problem, out))
     assert "2 of 3 data sets are there already" in capsys.readouterr().err

@@ -2,8 +2,8 @@
 
 The folder of a calibration holds ``manifest.json``, ``inputs/`` (templates and priors) and
 ``simulations/simulation_SEED.json``, one for each data set, written when its fit is done; the same
-command continues with those that are missing. Several calls may do a part of them each. Their number
-is fixed with the first one: nobody can stop, or go on, because of what the ranks look like.
+command continues with those that are missing. Several calls may do a part of them each. Their
+number is fixed with the first: nobody can stop, or go on, because of what the ranks look like.
 """
 
 import logging

@@ -77,9 +77,14 @@ class Pins:
     path_strain, strain_rate, stress_rate : array, shape (n_pins,)
         The solution there: path strain, strain rate in the unit, stress rate (Pa) in the unit.
     relative_noise : array, shape (n_pins,)
-        Of a reading near each pin, as a share of the stress.
+        Of a reading near each pin, as a share of the stress; infinite where the pin counts by its
+        time alone.
+    time_spent : array, shape (n_pins,)
+        Time (s) of the dashpot near each pin, where ln S_0 is solved from times; else 0.
+    since_start : array, shape (n_pins,)
+        Time (s) from the start of the test over which the rates are averages; 0: those at the pin.
     readings : float
-        Number of readings for each pin.
+        Number of readings for each pin that has noise.
     reference_rate : float
         Rate (1/s) that ln S_0 belongs to.
     flow_stress : float
@@ -98,6 +103,8 @@ class Pins:
     strain_rate: FloatArray
     stress_rate: FloatArray
     relative_noise: FloatArray
+    time_spent: FloatArray
+    since_start: FloatArray
     readings: float
     reference_rate: float
     flow_stress: float
@@ -144,7 +151,7 @@ class ValleyReference:
 
     @property
     def pin(self) -> FloatArray:
-        """Rows of pins as in `stan/charts/valley/pins.stan`, shape (n_pins, 7)."""
+        """Rows of pins as in `stan/charts/valley/pins.stan`, shape (n_pins, 9)."""
         pins = self.pins
         weights = [
             pins.readings / np.maximum(pins.relative_noise, least) ** 2
@@ -158,6 +165,8 @@ class ValleyReference:
                 np.log(pins.reference_rate / pins.unit),
                 *weights,
                 pins.strain_rate,
+                pins.time_spent,
+                pins.since_start,
             ]
         )
 
@@ -292,7 +301,7 @@ def valley_block(references: Sequence[ValleyReference | None], layout: Layout) -
     ]
     tests = [*references, *[None] * (layout.n_tests - len(references))]
     knots = [np.empty((0, 3)) if own is None else own.knot for own in tests]
-    pins = [np.empty((0, 7)) if own is None else own.pin for own in tests]
+    pins = [np.empty((0, 9)) if own is None else own.pin for own in tests]
     return {
         "knot_end": ends(len(knot) for knot in knots),
         "knot": np.concatenate(knots).tolist(),

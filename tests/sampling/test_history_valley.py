@@ -54,7 +54,8 @@ def test_pins_lie_at_readings_where_strain_advances(name: str) -> None:
 
 def test_pins_under_a_load_lie_where_the_kelvin_element_has_settled() -> None:
     reference = valley_of(history_twin("creep", 40))
-    np.testing.assert_allclose(reference.pins.strain_rate, 1.0, atol=0.12)
+    # The first one stands for all that comes before.
+    np.testing.assert_allclose(reference.pins.strain_rate[1:], 1.0, atol=0.12)
     short = history_twin("creep", 40)
     few = short.time < 600.0  # four Kelvin times: too few settled readings
     early = replace(
@@ -67,12 +68,33 @@ def test_pins_under_a_load_lie_where_the_kelvin_element_has_settled() -> None:
     assert pin_times(valley_of(early)).min() < 300.0
 
 
+@pytest.mark.parametrize("name", ["creep", "load and unload"])
+def test_under_a_first_load_pins_stand_for_all_the_time_that_flow_takes(name: str) -> None:
+    twin = history_twin(name, 40)
+    pins = valley_of(twin).pins
+    flowing = sum(s.end_time - s.start_time for s in twin.stages if s.value > 1e6)
+    assert pins.time_spent.sum() == pytest.approx(flowing, rel=0.06)
+    averaged = pins.since_start > 0
+    assert averaged.tolist() == [True, *[False] * (averaged.size - 1)]
+    assert pins.time_spent[0] == pins.since_start[0] == pin_times(valley_of(twin))[0]
+    # It has no weight but by its time, and softens less than the next one.
+    assert np.isinf(pins.relative_noise[0])
+    assert 0 < pins.path_strain[0] < 0.7 * pins.path_strain[1]
+    assert pins.unit[0] < pins.unit[1]
+
+
+@pytest.mark.parametrize("name", ["relaxation", "mixed"])
+def test_where_stress_is_read_first_no_times_count(name: str) -> None:
+    assert not valley_of(history_twin(name, 40)).pins.time_spent.any()
+
+
 def test_readings_whose_residuals_drift_count_as_fewer() -> None:
     creep, relaxation = (history_twin(name, 40) for name in ("creep", "relaxation"))
     pins = valley_of(creep).pins
     # Residuals forget after twice the correlation time: about 13 such spans, 60 readings.
     spans = creep.time[-1] / (2 * TRUTH["residual_correlation_time"])
-    assert spans < pins.readings * pins.knot.size < 0.5 * creep.time.size
+    weighty = np.isfinite(pins.relative_noise).sum()
+    assert spans < pins.readings * weighty < 0.5 * creep.time.size
     # Those of a stress are independent.
     pins = valley_of(relaxation).pins
     assert pins.readings * pins.knot.size == pytest.approx(

@@ -42,6 +42,8 @@ data {
   real softening; // of the whole curve
   real<lower=0> initial_grain_size;
   row_vector[4] grain_size_prior; // row of d_ss (charts/plain.stan)
+  vector[n_pins] strength;
+  vector<lower=0>[n_pins] time_spent;
 }
 generated quantities {
   real dashpot_loss = dashpot_compliance(rate_at_scale, stress_exponent, stress_scale, bias,
@@ -55,6 +57,7 @@ generated quantities {
   vector[n] at_edge_log_slope;
   matrix[n_pins, 2] grain = grain_softening(u[1], exponent_ratio, log_grain_size_ratio, strain,
                                             bounds);
+  real stress_of_time = reference_stress_of_time(strength, time_spent, stress_exponent);
   matrix[n_pins, 3] fabric = fabric_softening(u[2], fabric_amplitude, strain, bounds);
   for (i in 1 : n) {
     vector[2] quantile = place_of_quantile(log_odds[i], log_density);

@@ -63,25 +63,36 @@ class LoadingHistoryValley(ValleyChart[LoadingHistory]):
         places = np.flatnonzero(at_readings)[quantile_places(curve.path_strain[at_readings])]
         strain_is_read = experiment.response_is_strain[np.cumsum(curve.is_reading) - 1]
         flowed = np.ptp(curve.path_strain[at_readings])
-        unit = curve.dashpot_rate[places]
+        before = _end_before(experiment, curve, places)
+        at = np.concatenate([before, places])
+        since_start = np.where(at < places[0], curve.time[at], 0.0)
+        unit = _rate_or_average(curve.dashpot_rate, curve.dashpot_strain, at, since_start)
+        noise = np.where(
+            strain_is_read[at],
+            SLOPE_NOISE * values["strain_noise"] / flowed / values["stress_exponent"],
+            values["stress_noise"] / curve.stress[at],
+        )
         # Where stress is imposed, it is exactly linear between the ends of a leg.
         shows = np.where(curve.driven_by_stress, curve.is_end, curve.is_knot)
-        kept = shows | np.isin(np.arange(curve.leg.size), places)
+        kept = shows | np.isin(np.arange(curve.leg.size), at)
         return Pins(
             knot_time=curve.time[kept],
             knot_stress=curve.stress[kept],
-            knot=np.searchsorted(np.flatnonzero(kept), places),
+            knot=np.searchsorted(np.flatnonzero(kept), at),
             unit=unit,
-            path_strain=curve.path_strain[places],
-            strain_rate=curve.strain_rate[places] / unit,
-            stress_rate=curve.stress_rate[places] / unit,
-            relative_noise=np.where(
-                strain_is_read[places],
-                SLOPE_NOISE * values["strain_noise"] / flowed / values["stress_exponent"],
-                values["stress_noise"] / curve.stress[places],
+            path_strain=np.concatenate(
+                [
+                    [_strain_at_rate(curve, end, unit[0]) for end in before],
+                    curve.path_strain[places],
+                ]
             ),
+            strain_rate=_rate_or_average(curve.strain_rate, curve.strain, at, since_start) / unit,
+            stress_rate=_rate_or_average(curve.stress_rate, curve.stress, at, since_start) / unit,
+            relative_noise=np.where(since_start > 0, np.inf, noise),
+            time_spent=_time_spent(curve, before, places),
+            since_start=since_start,
             readings=_independent_readings(curve.time[at_readings], values) / places.size,
-            reference_rate=float(np.median(unit)),
+            reference_rate=float(np.median(unit[before.size :])),
             flow_stress=stress_scale(experiment),
             loading_time=_loading_time(experiment, curve, values),
             noise="strain_noise" if strain_is_read[flowing].mean() > 0.5 else "stress_noise",
@@ -98,7 +109,9 @@ class _Curve:
     is_knot: BoolArray
     is_reading: BoolArray
     stress: FloatArray
+    strain: FloatArray
     path_strain: FloatArray
+    dashpot_strain: FloatArray
     strain_rate: FloatArray
     stress_rate: FloatArray
     dashpot_rate: FloatArray
@@ -121,7 +134,7 @@ def _along(test: AtMode[LoadingHistory]) -> _Curve:
     time, leg = np.concatenate(times), np.repeat(np.arange(len(legs)), [t.size for t in times])
     found = test.solution(time)
     elastic = 1 / values["maxwell_modulus"] + values["apparatus_compliance"]
-    stress, strain = found["grid_stress"], found["grid_strain"]
+    stress, strain = found["grid_stress"], found["grid_strain"] - values["strain_offset"]
     dashpot_strain = strain - elastic * stress - found["grid_kelvin_strain"]
     parts = np.split(np.arange(time.size), np.cumsum([t.size for t in times])[:-1])
     dashpot_rate, stress_rate = (
@@ -140,7 +153,9 @@ def _along(test: AtMode[LoadingHistory]) -> _Curve:
             [np.isin(t, experiment.time[of_reading == k]) for k, t in enumerate(times)]
         ),
         stress=stress,
+        strain=strain,
         path_strain=found["grid_path_strain"],
+        dashpot_strain=dashpot_strain,
         strain_rate=strain_rate,
         stress_rate=stress_rate,
         dashpot_rate=dashpot_rate,
@@ -152,6 +167,52 @@ def _along(test: AtMode[LoadingHistory]) -> _Curve:
         driven_by_stress=driven_by_stress,
         settled=~driven_by_stress | (dashpot_rate >= SETTLED_SHARE * strain_rate),
     )
+
+
+def _end_before(experiment: LoadingHistory, curve: _Curve, places: IntArray) -> IntArray:
+    """Find the reading up to which the first pin does not reach, where ln S_0 is solved from times.
+
+    That is so in tests that start under a constant load and have all pins under loads: errors of
+    the level of strain last there, and the time that the whole strain takes is what readings fix
+    best, with what comes before the pins.
+
+    Returns
+    -------
+    array of int, shape (1,) or (0,)
+        Its place along the curve, if there is one.
+    """
+    first: Leg = experiment.legs[0]
+    starts_under_load = first.driven == "stress" and first.rate == 0 and curve.leg[places[0]] == 0
+    earlier = np.flatnonzero(curve.is_reading[: places[0]] & (curve.time[: places[0]] > 0))
+    if not (starts_under_load and curve.driven_by_stress[places].all() and earlier.size):
+        return np.empty(0, dtype=np.int64)
+    strain = curve.path_strain[places]
+    reach = strain[0] - (strain[1] - strain[0]) / 2
+    return earlier[[np.argmin(np.abs(curve.path_strain[earlier] - reach))]]
+
+
+def _rate_or_average(
+    rate: FloatArray, whole: FloatArray, at: IntArray, since_start: FloatArray
+) -> FloatArray:
+    """Rate at places of the curve, the average since the start where a time since it is given."""
+    averaged = since_start > 0
+    return np.where(averaged, whole[at] / np.where(averaged, since_start, 1.0), rate[at])
+
+
+def _strain_at_rate(curve: _Curve, end: int, rate: float) -> float:
+    """Path strain at which the dashpot has a rate, between the start and a place of the curve."""
+    rising = np.maximum.accumulate(curve.dashpot_rate[1 : end + 1])
+    return float(np.interp(rate, rising, curve.path_strain[1 : end + 1]))
+
+
+def _time_spent(curve: _Curve, before: IntArray, places: IntArray) -> FloatArray:
+    """Time (s) that the dashpot spends near each pin; zeros where none stands for the beginning."""
+    if not before.size:
+        return np.zeros(places.size)
+    strain = curve.path_strain[places]
+    middle = (strain[1:] + strain[:-1]) / 2
+    edges = np.concatenate([curve.path_strain[before], middle, [2 * strain[-1] - middle[-1]]])
+    return np.concatenate([curve.time[before], np.diff(edges) / curve.dashpot_rate[places]])
 
 
 def _independent_readings(time: FloatArray, values: Mapping[str, float]) -> float:

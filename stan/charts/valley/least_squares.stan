@@ -192,3 +192,19 @@ vector solve_reference_stress(vector strength, vector weight, data real referenc
   return [(dot_product(weight, strength) + reference_stress_precision() * reference_log_stress)
           / total, total]';
 }
+
+/**
+ * ln S_0 with which the dashpot spends as long on the whole path strain as at the reference point,
+ *
+ *   sum of t_k exp[n (ln S_0 - strength_k)] = sum of t_k.
+ *
+ * Where strain is read under an imposed stress, errors of its level last, and this time is what the
+ * curve fixes best.
+ *
+ * @param strength as for solve_reference_stress()
+ * @param time_spent t near each pin, s
+ */
+real reference_stress_of_time(vector strength, data vector time_spent, real stress_exponent) {
+  return (log(sum(time_spent)) - log_sum_exp(log(time_spent) - stress_exponent * strength))
+         / stress_exponent;
+}

@@ -5,7 +5,9 @@
  *   1 path strain, 2 stress rate over the unit of rates (Pa), 3 unit of rates (1/s), 4 ln(rate that
  *   ln S_0 belongs to/unit), 5 and 6 weights (inverse variance of ln stress): that for
  *   u_1, whose conditional density is known at solutions that a few steps have reached and is
- *   jagged if it is narrow, and that for u_2, F_ss and ln S_0; 7 strain rate over the unit.
+ *   jagged if it is narrow, and that for u_2, F_ss and ln S_0; 7 strain rate over the unit; 8 time
+ *   that the dashpot spends near the pin (s), where ln S_0 is solved from times; 9 time from the start
+ *   of the test (s) over which the rates are averages, 0: they are those at the pin.
  * At constant rate the unit is the imposed rate; where stress is imposed, the strain rate is that
  * of the reference curve.
  * A row of `knot`, a knot of the reference curve, has the columns
@@ -46,7 +48,10 @@ vector log_strength_at_pins(data matrix knot, data matrix pin, real stiffness,
       real kelvin_share;
       real dashpot_share;
       m += 1;
-      kelvin_share = (knot[k, 2] - q) / (kelvin_viscosity * pin[m, 3]);
+      kelvin_share = (pin[m, 9] > 0
+                      ? q / (kelvin_modulus * pin[m, 9])
+                      : (knot[k, 2] - q) / kelvin_viscosity)
+                     / pin[m, 3];
       dashpot_share = pin[m, 7] - kelvin_share / reading_factor
                       - pin[m, 2] / stiffness / reading_factor;
       // A smooth floor: far from the reference the others may ask for a share below 0.

@@ -131,11 +131,13 @@ vector fabric_strain_at_quantile(real log_odds, vector middle, real total_soften
  * @param asked, reference see charts/valley/least_squares.stan
  * @param pin, bounds see charts/valley/pins.stan
  * @param precision of the noise here over that at the reference point
+ * @param stress_exponent n
  * @param stress_given 1: ln S_0 is given, its remainder and the one returned have no effect
  * @return (ln S_0, u_F, u_1, u_2), then ln |d(these)/d(coordinate)|
  */
 vector softening_from_coordinates(vector coordinate, vector asked, data vector reference,
-                                  data matrix pin, real precision, data int stress_given,
+                                  data matrix pin, real precision, real stress_exponent,
+                                  data int stress_given,
                                   data matrix bounds) {
   vector[rows(pin)] weight = precision * col(pin, 5);
   vector[rows(pin)] fine_weight = precision * col(pin, 6);
@@ -156,9 +158,12 @@ vector softening_from_coordinates(vector coordinate, vector asked, data vector r
   real log_stress = 0;
   if (!stress_given) {
     real amplitude = 1 - bounds[3, 1] - (bounds[3, 2] - bounds[3, 1]) * inv_logit(factor[1]);
-    vector[2] stress = solve_reference_stress(
-      rest - col(fabric_softening(fabric[1], amplitude, col(pin, 1), bounds), 1), fine_weight,
-      reference[i_log_stress()]);
+    vector[rows(pin)] strength
+      = rest - col(fabric_softening(fabric[1], amplitude, col(pin, 1), bounds), 1);
+    vector[2] stress = solve_reference_stress(strength, fine_weight, reference[i_log_stress()]);
+    if (max(col(pin, 8)) > 0) {
+      stress[1] = reference_stress_of_time(strength, col(pin, 8), stress_exponent);
+    }
     log_stress = stress[1] + coordinate[1] / sqrt(stress[2]);
     log_jacobian -= 0.5 * log(stress[2]);
   }

@@ -201,7 +201,8 @@ vector plain_from_valley(vector coordinate, vector given, data array[] int place
     [stress_given ? 0 : coordinate[flow], coordinate[solved[3]], coordinate[solved[1]],
      coordinate[solved[2]]]',
     asked_of_pins(parameter, stress_given, log_stress, conditions[2], knot, pin), reference,
-    pin, exp(-2 * log_noise_ratio), stress_given, quantity[solved, i_lower() : i_upper()]);
+    pin, exp(-2 * log_noise_ratio), parameter[i_stress_exponent()], stress_given,
+    quantity[solved, i_lower() : i_upper()]);
   plain[solved] = softening[{3, 4, 2}];
   log_jacobian += softening[5];
   if (!stress_given) {

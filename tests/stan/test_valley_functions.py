@@ -100,6 +100,14 @@ def test_softening_at_the_pins_and_its_slopes(function_values: FunctionValues) -
         np.testing.assert_allclose(values[name][:, column], slope, rtol=1e-6)
 
 
+def test_a_reference_stress_takes_as_long_as_the_curve(function_values: FunctionValues) -> None:
+    data = valley_data()
+    strength, time = np.array(data["strength"]), np.array(data["time_spent"])
+    solved = function_values("chart_values", data)["stress_of_time"]
+    taken = time @ np.exp(data["stress_exponent"] * (solved - strength))
+    assert taken == pytest.approx(time.sum(), rel=1e-9)
+
+
 def test_grain_sizes_are_stretched_where_they_do_all_the_softening(
     function_values: FunctionValues,
 ) -> None:

@@ -62,5 +62,7 @@ CHARTS: Mapping[str, object] = {
     "softening": 0.3,
     "initial_grain_size": 230e-6,
     "grain_size_prior": [0.0, 1.0, 10e-6, 200e-6],
+    "strength": [15.2, 15.1, 14.8],
+    "time_spent": [40.0, 0.0, 900.0],
 }
 """Of `chart_values`."""

@@ -209,9 +209,9 @@ def _time_spent(curve: _Curve, before: IntArray, places: IntArray) -> FloatArray
     """Time (s) that the dashpot spends near each pin; zeros where none stands for the beginning."""
     if not before.size:
         return np.zeros(places.size)
-    strain = curve.path_strain[places]
-    middle = (strain[1:] + strain[:-1]) / 2
-    edges = np.concatenate([curve.path_strain[before], middle, [2 * strain[-1] - middle[-1]]])
+    flowed = curve.dashpot_strain[places]
+    middle = (flowed[1:] + flowed[:-1]) / 2
+    edges = np.concatenate([curve.dashpot_strain[before], middle, [2 * flowed[-1] - middle[-1]]])
     return np.concatenate([curve.time[before], np.diff(edges) / curve.dashpot_rate[places]])
 
 

@@ -68,12 +68,10 @@ def test_pins_under_a_load_lie_where_the_kelvin_element_has_settled() -> None:
     assert pin_times(valley_of(early)).min() < 300.0
 
 
-@pytest.mark.parametrize("name", ["creep", "load and unload"])
-def test_under_a_first_load_pins_stand_for_all_the_time_that_flow_takes(name: str) -> None:
-    twin = history_twin(name, 40)
+def test_under_one_load_pins_stand_for_all_the_time_that_flow_takes() -> None:
+    twin = history_twin("creep", 40)
     pins = valley_of(twin).pins
-    flowing = sum(s.end_time - s.start_time for s in twin.stages if s.value > 1e6)
-    assert pins.time_spent.sum() == pytest.approx(flowing, rel=0.06)
+    assert pins.time_spent.sum() == pytest.approx(twin.time[-1], rel=0.02)
     averaged = pins.since_start > 0
     assert averaged.tolist() == [True, *[False] * (averaged.size - 1)]
     assert pins.time_spent[0] == pins.since_start[0] == pin_times(valley_of(twin))[0]
@@ -83,8 +81,8 @@ def test_under_a_first_load_pins_stand_for_all_the_time_that_flow_takes(name: st
     assert pins.unit[0] < pins.unit[1]
 
 
-@pytest.mark.parametrize("name", ["relaxation", "mixed"])
-def test_where_stress_is_read_first_no_times_count(name: str) -> None:
+@pytest.mark.parametrize("name", ["relaxation", "mixed", "load and unload"])
+def test_no_times_count_where_there_is_more_than_one_load(name: str) -> None:
     assert not valley_of(history_twin(name, 40)).pins.time_spent.any()
 
 

@@ -172,9 +172,9 @@ def _along(test: AtMode[LoadingHistory]) -> _Curve:
 def _end_before(experiment: LoadingHistory, curve: _Curve, places: IntArray) -> IntArray:
     """Find the reading up to which the first pin does not reach, where ln S_0 is solved from times.
 
-    That is so in tests that start under a constant load and have all pins under loads: errors of
-    the level of strain last there, and the time that the whole strain takes is what readings fix
-    best, with what comes before the pins.
+    That is so in tests that start under a constant load and have all pins there: errors of the level
+    of strain last, and the time that the whole strain takes is what readings fix best, with what
+    comes before the pins. After another load its transient lies between pins, and counts for neither.
 
     Returns
     -------
@@ -182,9 +182,9 @@ def _end_before(experiment: LoadingHistory, curve: _Curve, places: IntArray) -> 
         Its place along the curve, if there is one.
     """
     first: Leg = experiment.legs[0]
-    starts_under_load = first.driven == "stress" and first.rate == 0 and curve.leg[places[0]] == 0
+    one_load = first.driven == "stress" and first.rate == 0 and not curve.leg[places].any()
     earlier = np.flatnonzero(curve.is_reading[: places[0]] & (curve.time[: places[0]] > 0))
-    if not (starts_under_load and curve.driven_by_stress[places].all() and earlier.size):
+    if not (one_load and earlier.size):
         return np.empty(0, dtype=np.int64)
     strain = curve.path_strain[places]
     reach = strain[0] - (strain[1] - strain[0]) / 2

@@ -172,9 +172,9 @@ def _along(test: AtMode[LoadingHistory]) -> _Curve:
 def _end_before(experiment: LoadingHistory, curve: _Curve, places: IntArray) -> IntArray:
     """Find the reading up to which the first pin does not reach, where ln S_0 is solved from times.
 
-    That is so in tests that start under a constant load and have all pins there: errors of the level
-    of strain last, and the time that the whole strain takes is what readings fix best, with what
-    comes before the pins. After another load its transient lies between pins, and counts for neither.
+    That is so in tests that start under a constant load and have all pins there: errors of the
+    level of strain last, and the time that the whole strain takes is what readings fix best, with
+    what comes before the pins. The transient of a later load would lie between pins.
 
     Returns
     -------

@@ -18,12 +18,12 @@
  *   dx/dt = v_d,  dg/dt = |(S/(E_M e)) r + v_K + v_d|.
  *
  * x and g are counted from the start of the leg, so that its solver starts from numbers that are
- * data; a linear Kelvin element has a closed form. While nothing shortens, the path strain grows with
- * the strain and is known from the others, so that x alone is left:
+ * data; a linear Kelvin element has a closed form. While strain only grows, the path strain grows
+ * with it and is known from the others, so that x alone is left:
  *
  *   g = g_0 + (S/(E_M e)) (y - y_0) + (S/(E_K e)) (z - z_0) + x.
  *
- * That is so under a load that does not fall, from a Kelvin part that it still stretches.
+ * That is so under a load that does not fall, from a Kelvin part that it still strains.
  */
 
 /** Place of the first time after another, or one more than there are. */
@@ -147,16 +147,16 @@ vector stress_driven_rhs(real t, vector state, real start_path, vector start_kel
 }
 
 /**
- * Right-hand side of a stress-driven leg in which nothing shortens (see the head of this file), with
- * a linear Kelvin part and no piezometer.
+ * Right-hand side of a stress-driven leg in which strain only grows (see the head of this file),
+ * with a linear Kelvin part and no piezometer.
  *
  * @param state [x] since the start of the leg
  * @param start_path g less the elastic and the Kelvin strain of the specimen at the start of the leg
  * @param start_kelvin, varying and the others as for stress_driven_rhs()
  */
-vector lengthening_rhs(real t, vector state, real start_path, vector start_kelvin, vector varying,
-                       data real y_0, data real rate, data array[] int place, data vector fixed,
-                       data vector test, data matrix element) {
+vector growing_strain_rhs(real t, vector state, real start_path, vector start_kelvin,
+                          vector varying, data real y_0, data real rate, data array[] int place,
+                          data vector fixed, data vector test, data matrix element) {
   real y = y_0 + rate * t;
   real z;
   if (rows(element) == 1) {
@@ -175,8 +175,8 @@ vector lengthening_rhs(real t, vector state, real start_path, vector start_kelvi
                                1, varying, place, fixed, test)]';
 }
 
-/** Whether nothing shortens in a stress-driven leg: see the head of this file. */
-int only_lengthens(vector start_kelvin, data real y_0, data real rate) {
+/** Whether strain only grows in a stress-driven leg: see the head of this file. */
+int strain_only_grows(vector start_kelvin, data real y_0, data real rate) {
   return y_0 >= 0 && rate >= 0 && max(start_kelvin) <= y_0;
 }
 
@@ -257,8 +257,8 @@ matrix stress_driven_leg(row_vector start, data int at_rest, data array[] real t
   int solves_kelvin = in_use(h_kelvin_stress_exponent(), place, fixed, 1);
   int n_kelvin = rows(element);
   vector[n_kelvin] start_kelvin = kelvin_states(start, element);
-  int lengthens = !has_grains && !solves_kelvin && only_lengthens(start_kelvin, y_0, rate);
-  int n_states = lengthens ? 1 : 2 + solves_kelvin + has_grains;
+  int grows = !has_grains && !solves_kelvin && strain_only_grows(start_kelvin, y_0, rate);
+  int n_states = grows ? 1 : 2 + solves_kelvin + has_grains;
   real spring = history_rate(h_spring_compliance(), varying, place, fixed);
   real kelvin = history_rate(h_kelvin_compliance(), varying, place, fixed);
   matrix[n_kelvin, 2] elements = history_elements(element, varying, place, fixed);
@@ -270,14 +270,14 @@ matrix stress_driven_leg(row_vector start, data int at_rest, data array[] real t
   matrix[size(time) + 1, num_elements(start)] states;
   // What is known is literal: constant to the solver, no sensitivities to it. A jump of the stress
   // at the start moves the grain size of a piezometer.
-  if (lengthens && at_rest) {
-    solved = ode_bdf_tol(lengthening_rhs, rep_vector(0, 1), 0, after_start, tolerance, tolerance,
-                         max_num_steps, 0.0, rep_vector(0, n_kelvin), varying, y_0, rate, place,
+  if (grows && at_rest) {
+    solved = ode_bdf_tol(growing_strain_rhs, rep_vector(0, 1), 0, after_start, tolerance,
+                         tolerance, max_num_steps, 0.0, rep_vector(0, n_kelvin), varying, y_0,
+                         rate, place, fixed, test, element);
+  } else if (grows) {
+    solved = ode_bdf_tol(growing_strain_rhs, rep_vector(0, 1), 0, after_start, tolerance,
+                         tolerance, max_num_steps, before, start_kelvin, varying, y_0, rate, place,
                          fixed, test, element);
-  } else if (lengthens) {
-    solved = ode_bdf_tol(lengthening_rhs, rep_vector(0, 1), 0, after_start, tolerance, tolerance,
-                         max_num_steps, before, start_kelvin, varying, y_0, rate, place, fixed,
-                         test, element);
   } else if (!has_grains && at_rest) {
     solved = ode_bdf_tol(stress_driven_rhs, rep_vector(0, 2 + solves_kelvin), 0, after_start,
                          tolerance, tolerance, max_num_steps, start[4], rep_vector(0, n_kelvin),
@@ -311,7 +311,7 @@ matrix stress_driven_leg(row_vector start, data int at_rest, data array[] real t
                       : linear_kelvin_strain(t, start[2], y_0, rate, elements[1, 1]);
     }
     states[at, 3] = start[3] + solved[i][1];
-    states[at, 4] = lengthens
+    states[at, 4] = grows
                     ? before + spring * states[at, 1] + kelvin * states[at, 2] + solved[i][1]
                     : start[4] + solved[i][2];
     states[at, 5] = has_grains ? solved[i][n_states] : start[5];

@@ -78,11 +78,9 @@ class Pins:
         The solution there: path strain, strain rate in the unit, stress rate (Pa) in the unit.
     relative_noise : array, shape (n_pins,)
         Of a reading near each pin, as a share of the stress; infinite where the pin counts by its
-        time alone.
+        time alone, which stands for all since the start of the test.
     time_spent : array, shape (n_pins,)
         Time (s) of the dashpot near each pin, where ln S_0 is solved from times; else 0.
-    since_start : array, shape (n_pins,)
-        Time (s) from the start of the test over which the rates are averages; 0: those at the pin.
     readings : float
         Number of readings for each pin that has noise.
     reference_rate : float
@@ -104,12 +102,16 @@ class Pins:
     stress_rate: FloatArray
     relative_noise: FloatArray
     time_spent: FloatArray
-    since_start: FloatArray
     readings: float
     reference_rate: float
     flow_stress: float
     loading_time: float
     noise: str
+
+    @property
+    def since_start(self) -> FloatArray:
+        """Time (s) from the start over which a pin's rates are averages; 0: those at the pin."""
+        return np.where(np.isinf(self.relative_noise), self.time_spent, 0.0)
 
     @property
     def strain_is_read(self) -> bool:

@@ -47,7 +47,6 @@ class ConstantRateValley(ValleyChart[ConstantRateExperiment]):
             stress_rate=knots["grid_stress_slope"][pin_knot],
             relative_noise=mode.values["stress_noise"] / stress[pin_knot],
             time_spent=np.zeros_like(pin_strain),
-            since_start=np.zeros_like(pin_strain),
             readings=int(flowing.sum()) / pin_strain.size,
             reference_rate=first_rate,
             flow_stress=0.0,

@@ -90,7 +90,6 @@ class LoadingHistoryValley(ValleyChart[LoadingHistory]):
             stress_rate=_rate_or_average(curve.stress_rate, curve.stress, at, since_start) / unit,
             relative_noise=np.where(since_start > 0, np.inf, noise),
             time_spent=_time_spent(curve, before, places),
-            since_start=since_start,
             readings=_independent_readings(curve.time[at_readings], values) / places.size,
             reference_rate=float(np.median(unit[before.size :])),
             flow_stress=stress_scale(experiment),

@@ -252,8 +252,9 @@ class Program:
             *("max_depth=1", "stepsize=1e-14", "adapt", "engaged=0"),
         ]
         found = []
-        for point in points:
-            with _inputs(data, {name: point.tolist()}) as folder:
+        with _inputs(data) as folder:
+            for point in points:
+                _write(folder / POSITION, {name: point.tolist()})
                 self._run(folder, method, seed=1, failure="There is no gradient here")
                 # Of the potential, which is minus the log density.
                 row = pd.read_csv(folder / TRACE, comment="#").iloc[0].filter(regex="^g_")
@@ -392,5 +393,9 @@ def _inputs(
     with tempfile.TemporaryDirectory(prefix="pyburgers-") as name:
         folder = Path(name)
         for file, content in ((DATA, data), (POSITION, position or {})):
-            (folder / file).write_text(json.dumps(content), encoding="utf-8")
+            _write(folder / file, content)
         yield folder
+
+
+def _write(file: Path, content: Mapping[str, object]) -> None:
+    file.write_text(json.dumps(content), encoding="utf-8")

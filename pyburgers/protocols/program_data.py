@@ -10,7 +10,7 @@ from itertools import chain
 import numpy as np
 import numpy.typing as npt
 
-from pyburgers.cmdstan.program import load_program
+from pyburgers.cmdstan.program import Program, load_program
 from pyburgers.common.errors import SamplingError
 from pyburgers.model.flow_law_prior import FlowLawPrior
 from pyburgers.model.parameters import (
@@ -277,7 +277,12 @@ def given_parameters(material: str, values: Mapping[str, float]) -> PriorSet:
 
 
 def solve(
-    experiment: Experiment, values: Mapping[str, float], at: FloatArray, *, solver: SolverOptions
+    experiment: Experiment,
+    values: Mapping[str, float],
+    at: FloatArray,
+    *,
+    solver: SolverOptions,
+    program: Program | None = None,
 ) -> dict[str, FloatArray]:
     """Solve the model once and return every generated quantity of the Stan program.
 
@@ -285,6 +290,8 @@ def solve(
     ----------
     experiment, values, at, solver
         As for `simulate`; `values` are taken as they are.
+    program : Program, optional
+        That of the protocol, from who solves many times: to load it takes as long as a solution.
 
     Returns
     -------
@@ -302,7 +309,7 @@ def solve(
     protocol = protocol_of(experiment)
     bare = protocol.without_data(experiment)
     data = program_data(one_test(bare, priors), solver=solver, grids=[at])
-    draw = load_program(protocol.program).evaluate(data)
+    draw = (program or load_program(protocol.program)).evaluate(data)
     for quantity in protocol.read:
         if not np.isfinite(draw[f"grid_{quantity.name}"]).all():
             raise SamplingError(

@@ -312,7 +312,7 @@ def _draw_start(
 ) -> dict[str, list[float]]:
     """Start of one chain: around the mode, or from the prior where none was found."""
     if not run.metric_file.is_file():
-        return draw_initial_values(problem, seed=seed, chain=chain)
+        return draw_initial_values(problem, model, seed=seed, chain=chain)
     data = run.read_stan_data()
     laplace = read_json(run.metric_file)
     centre, covariance = (np.array(laplace[key]) for key in ("centre", "inv_metric"))

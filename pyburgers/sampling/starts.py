@@ -29,7 +29,9 @@ CLIMB_TOLERANCE = 1e-7
 log density: climbs of a relaxation test ended in a corner of the bounds, 18 below the mode."""
 
 
-def draw_initial_values(problem: Problem, *, seed: int, chain: int) -> dict[str, list[float]]:
+def draw_initial_values(
+    problem: Problem, model: Program, *, seed: int, chain: int
+) -> dict[str, list[float]]:
     """Draw a start in plain coordinates from the priors, again where a test has no solution.
 
     Partially pooled parameters are drawn apart for each test; centre and spread are put around
@@ -39,6 +41,8 @@ def draw_initial_values(problem: Problem, *, seed: int, chain: int) -> dict[str,
     ----------
     problem : Problem
         Tests, priors, pooling.
+    model : Program
+        That of its protocol.
     seed, chain : int
         The start depends on these two alone.
 
@@ -60,7 +64,7 @@ def draw_initial_values(problem: Problem, *, seed: int, chain: int) -> dict[str,
         spreads = np.abs(rng.standard_normal(len(problem.partial)))
         try:
             solutions = [
-                solve(experiment, own, experiment.position, solver=SolverOptions())
+                solve(experiment, own, experiment.position, solver=SolverOptions(), program=model)
                 for experiment, own in zip(problem.experiments, values, strict=True)
             ]
         except SamplingError:
@@ -214,7 +218,8 @@ def _best_prior_draws(
     """Draw starts and return the `N_STARTS` with the highest densities."""
     n_drawn = N_CANDIDATES if len(problem.protocol.read) > 1 else N_STARTS
     drawn = [
-        draw_initial_values(problem, seed=seed, chain=start) for start in range(1, n_drawn + 1)
+        draw_initial_values(problem, model, seed=seed, chain=start)
+        for start in range(1, n_drawn + 1)
     ]
     if n_drawn == N_STARTS:
         return drawn

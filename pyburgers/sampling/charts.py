@@ -157,7 +157,7 @@ def at_mode(problem: Problem, mode: Mode, solver: SolverOptions) -> AtMode[Any]:
         coordinates,
         mode,
         data,
-        solution=lambda at: solve(experiment, mode.values, at, solver=solver, program=model),
+        solution=lambda at: solve(experiment, mode.values, at, solver=solver),
         generated=lambda **changes: model.evaluate(
             {**data, **changes}, {"coordinate": position.tolist()}
         ),

@@ -33,7 +33,12 @@ from pyburgers.sampling.charts import ChosenChart, check_coordinates, choose_cha
 from pyburgers.sampling.failures import ChainFailure
 from pyburgers.sampling.options import INDECISIVE, SamplerOptions
 from pyburgers.sampling.run_directory import RunDirectory
-from pyburgers.sampling.starts import draw_initial_values, draw_start_around, find_mode
+from pyburgers.sampling.starts import (
+    draw_initial_values,
+    draw_start_around,
+    find_mode,
+    programs_of_tests,
+)
 
 logger = logging.getLogger(__name__)
 
@@ -312,7 +317,7 @@ def _draw_start(
 ) -> dict[str, list[float]]:
     """Start of one chain: around the mode, or from the prior where none was found."""
     if not run.metric_file.is_file():
-        return draw_initial_values(problem, model, seed=seed, chain=chain)
+        return draw_initial_values(problem, programs_of_tests(problem), seed=seed, chain=chain)
     data = run.read_stan_data()
     laplace = read_json(run.metric_file)
     centre, covariance = (np.array(laplace[key]) for key in ("centre", "inv_metric"))

@@ -12,6 +12,7 @@ from pyburgers.common.errors import SamplingError
 from pyburgers.protocols.coordinates import Mode, ProblemMode
 from pyburgers.protocols.problem import Problem
 from pyburgers.protocols.program_data import program_data, solve, values_of_test
+from pyburgers.protocols.protocol import protocol_of
 from pyburgers.protocols.stan_data import SolverOptions, StanData, solver_block
 
 FloatArray = npt.NDArray[np.float64]
@@ -29,8 +30,15 @@ CLIMB_TOLERANCE = 1e-7
 log density: climbs of a relaxation test ended in a corner of the bounds, 18 below the mode."""
 
 
+def programs_of_tests(problem: Problem) -> list[Program]:
+    """Return the programs that solve the tests one by one; a table has another than histories."""
+    sources = [protocol_of(experiment).program for experiment in problem.experiments]
+    loaded = {source: load_program(source) for source in set(sources)}
+    return [loaded[source] for source in sources]
+
+
 def draw_initial_values(
-    problem: Problem, model: Program, *, seed: int, chain: int
+    problem: Problem, programs: Sequence[Program], *, seed: int, chain: int
 ) -> dict[str, list[float]]:
     """Draw a start in plain coordinates from the priors, again where a test has no solution.
 
@@ -41,8 +49,8 @@ def draw_initial_values(
     ----------
     problem : Problem
         Tests, priors, pooling.
-    model : Program
-        That of its protocol.
+    programs : sequence of Program
+        From `programs_of_tests`.
     seed, chain : int
         The start depends on these two alone.
 
@@ -64,8 +72,8 @@ def draw_initial_values(
         spreads = np.abs(rng.standard_normal(len(problem.partial)))
         try:
             solutions = [
-                solve(experiment, own, experiment.position, solver=SolverOptions(), program=model)
-                for experiment, own in zip(problem.experiments, values, strict=True)
+                solve(one, own, one.position, solver=SolverOptions(), program=program)
+                for one, own, program in zip(problem.experiments, values, programs, strict=True)
             ]
         except SamplingError:
             continue  # a test has no finite solution here; the next draw may have one
@@ -217,8 +225,9 @@ def _best_prior_draws(
 ) -> list[dict[str, list[float]]]:
     """Draw starts and return the `N_STARTS` with the highest densities."""
     n_drawn = N_CANDIDATES if len(problem.protocol.read) > 1 else N_STARTS
+    programs = programs_of_tests(problem)
     drawn = [
-        draw_initial_values(problem, model, seed=seed, chain=start)
+        draw_initial_values(problem, programs, seed=seed, chain=start)
         for start in range(1, n_drawn + 1)
     ]
     if n_drawn == N_STARTS:

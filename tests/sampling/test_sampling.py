@@ -18,7 +18,6 @@ import psutil
 import pytest
 from conftest import SMALL_RUN, Problem, SharedRuns
 
-from pyburgers.cmdstan.program import load_program
 from pyburgers.common.atomic_files import UNFINISHED, write_json
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.fitting.fit import Fit, fit
@@ -28,7 +27,7 @@ from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run import fingerprint
 from pyburgers.sampling.run_directory import RunDirectory
-from pyburgers.sampling.starts import draw_initial_values
+from pyburgers.sampling.starts import draw_initial_values, programs_of_tests
 
 StartFit = Callable[..., subprocess.Popen[str]]
 
@@ -210,12 +209,12 @@ def test_starts_are_prior_draws_that_depend_on_seed_and_chain(
     programs: None, small_problem: Problem
 ) -> None:
     problem = problem_of([small_problem.experiment], small_problem.priors)
-    model = load_program(problem.protocol.program)
+    loaded = programs_of_tests(problem)
     starts = {
-        (seed, chain): draw_initial_values(problem, model, seed=seed, chain=chain)
+        (seed, chain): draw_initial_values(problem, loaded, seed=seed, chain=chain)
         for seed, chain in [(1, 1), (1, 2), (2, 1)]
     }
-    assert starts[1, 1] == draw_initial_values(problem, model, seed=1, chain=1)
+    assert starts[1, 1] == draw_initial_values(problem, loaded, seed=1, chain=1)
     assert len({tuple(start["coordinate"]) for start in starts.values()}) == 3
     assert all(np.isfinite(start["coordinate"]).all() for start in starts.values())
     assert {len(start["coordinate"]) for start in starts.values()} == {len(problem.free)}

@@ -13,6 +13,7 @@ import numpy.typing as npt
 import pandas as pd
 from scipy.special import softmax
 
+from pyburgers.cmdstan.program import Program, load_program
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import SamplingError
 from pyburgers.common.units import number
@@ -84,13 +85,15 @@ def floor_effects(fit: FittedTest) -> tuple[FloorEffect, ...]:
     size = next(iter(free.values())).size
     chosen = np.unique(np.linspace(0, size - 1, SOLVED_DRAWS).round().astype(int))
     points = [known | {name: float(drawn[k]) for name, drawn in free.items()} for k in chosen]
-    as_fitted = [_solved(fit, point) for point in points]
+    program = load_program(protocol_of(fit.experiment).program)
+    as_fitted = [_solved(fit, program, point) for point in points]
     effects = []
     for floor in FLOORS:
         pairs = [
             (before, after)
             for before, point in zip(as_fitted, points, strict=True)
-            if (after := _solved(fit, point | {FLOOR: floor})) is not None and before is not None
+            if (after := _solved(fit, program, point | {FLOOR: floor})) is not None
+            and before is not None
         ]
         if not pairs:
             raise SamplingError(
@@ -165,12 +168,14 @@ def sentence(treatment: str, effects: tuple[FloorEffect, ...]) -> str:
     return f"With the background {treatment} the floor decides the grain size, {seen} ({found})."
 
 
-def _solved(fit: FittedTest, values: Mapping[str, float]) -> tuple[float, float] | None:
+def _solved(
+    fit: FittedTest, program: Program, values: Mapping[str, float]
+) -> tuple[float, float] | None:
     """Grain size at the end (m) and log likelihood; None where there is no solution."""
     protocol = protocol_of(fit.experiment)
     end = protocol.prediction_grid(fit.experiment)[-1:]
     try:
-        draw = solve(fit.experiment, values, end, solver=SOLVER)
+        draw = solve(fit.experiment, values, end, solver=SOLVER, program=program)
     except SamplingError:
         return None  # counted
     return float(draw["grid_grain_size"][-1]), float(draw["log_lik"].sum())

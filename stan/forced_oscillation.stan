@@ -38,7 +38,7 @@ transformed data {
   array[n_tests] vector[n_parameters()] prior_mass
     = prior_log_masses(prior_family, prior_location, prior_scale, prior_lower, prior_upper);
   array[n_tests] int uncertain_calibration;
-  array[n_tests] vector[n_record()] record; // what the shifts want to know of a test
+  array[n_tests] vector[n_record() + n_solutions] record; // what the shifts want to know of a test
   for (i in 1 : n_errors) {
     strain_error_position[i] = n_coordinates - n_errors + i;
   }
@@ -56,9 +56,10 @@ transformed data {
     }
     uncertain_calibration[e] = prior_scale[e][i_stress_calibration_error()] > 0
                                || prior_location[e][i_stress_calibration_error()] != 0;
-    record[e] = [stress_scale[e], start_stress[e], stress_amplitude[e], storage_compliance[e],
-                 loss_compliance[e], period[e], growth_limit, typical_path_strain[e],
-                 initial_grain_size[e], temperature[e]]';
+    record[e] = append_row([stress_scale[e], storage_compliance[e], loss_compliance[e], period[e],
+                            growth_limit, typical_path_strain[e], initial_grain_size[e],
+                            temperature[e], first_log_rate[e], log_rate_step,
+                            log_rate_scale[e]]', log_dashpot_compliance[e]);
   }
 }
 parameters {

@@ -21,6 +21,7 @@ import xarray as xr
 from markupsafe import Markup
 from pydantic import ConfigDict, Field
 
+from pyburgers.cmdstan.draw_files import Draws
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, read_toml
@@ -65,9 +66,11 @@ class AtMode(Generic[E]):
         Receives positions on the clock (SI), returns the solution there
         (`pyburgers.protocols.program_data.solve`).
     generated, curvature, covariance : callable
-        Receive changed entries of the data (the last a position before them); return every variable
-        of the program, the Hessian of minus the log density by the plain coordinates, and the
-        Laplace approximation at the position.
+        Receive changed entries of the data (the last a position before them); return all variables,
+        the Hessian of minus the log density in plain coordinates, and the Laplace approximation.
+    generated_at : callable
+        Receives positions, shape (n, n_coordinates), and changed entries; returns which are solved,
+        and the variables there (`pyburgers.cmdstan.program.Program.generate_at`).
     """
 
     experiment: E
@@ -79,6 +82,7 @@ class AtMode(Generic[E]):
     generated: Callable[..., dict[str, FloatArray]]
     curvature: Callable[..., FloatArray]
     covariance: Callable[..., FloatArray]
+    generated_at: Callable[..., tuple[npt.NDArray[np.bool_], Draws]]
 
 
 class Chart(ABC, Generic[E]):

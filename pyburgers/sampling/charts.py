@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from pyburgers.cmdstan.program import ModeNotFound, Program, load_program
+from pyburgers.cmdstan.program import ALL_DIGITS, ModeNotFound, Program, load_program
 from pyburgers.common.errors import InputError
 from pyburgers.protocols.coordinates import Mode, ProblemMode
 from pyburgers.protocols.problem import Problem
@@ -163,6 +163,9 @@ def at_mode(problem: Problem, mode: Mode, solver: SolverOptions) -> AtMode[Any]:
         ),
         curvature=lambda **changes: curvature_at(model, {**data, **changes}, position),
         covariance=lambda at, **changes: laplace_metric(model, {**data, **changes}, at),
+        generated_at=lambda points, **changes: model.generate_at(
+            {**data, **changes}, "coordinate", points, ALL_DIGITS
+        ),
     )
 
 

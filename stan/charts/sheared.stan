@@ -10,29 +10,31 @@
  *   grain sizes after the one at the start. The multiples come from the curvature of the
  *   likelihood at the posterior mode.
  * - E_K and eta_K by what the other elements leave to the Kelvin element of the observed
- *   compliance, the ratio of strain to stress as a complex number.
+ *   compliance, the ratio of strain to stress as a complex number. What the dashpot takes follows
+ *   from solutions at the mode with other flow rates: a bias that relaxes depends on them too.
  * - beta by what n and p imply: the flow rate fixes Q_M (beta - 1/(R T)), and both factors have
  *   normal priors. Where n and p move that product, beta and Q_M take their most probable share.
  *
  * The last is for normal priors of beta and Q_M. The flow rate is stretched besides: where the
- * dashpot carries next to nothing its logarithm is as wide as the prior, where it carries much the
- * rate itself is what data fix. The multiples can be large, so that the flow rate is not shifted at
- * the mode, for which the stretch is made. Parameters stand in the order of
- * physics/parameters.stan.
+ * dashpot carries next to nothing its logarithm is as wide as the prior, where it carries much (a
+ * tenth of the loss or more) the rate itself is what data fix. The multiples can be large, so that
+ * the flow rate is not shifted at the mode, for which the stretch is made. Parameters stand in the
+ * order of physics/parameters.stan.
  */
 
 /** Places in a record: what the shifts want to know of a test. */
-int n_record() { return 10; }
+int n_record() { return 11; } // logarithms of the dashpot's loss compliance follow
 int r_flow_stress() { return 1; } // stress of the flow rate, Pa
-int r_bias() { return 2; } // of the stress, Pa
-int r_amplitude() { return 3; } // of the stress, Pa
-int r_storage_compliance() { return 4; } // 1/Pa
-int r_loss_compliance() { return 5; } // 1/Pa
-int r_period() { return 6; } // s
-int r_growth_limit() { return 7; } // piezometer's mean grain size over d_0, less 1
-int r_path_strain() { return 8; } // half of the record's
-int r_grain_size() { return 9; } // d_0, m
-int r_temperature() { return 10; } // stated, K
+int r_storage_compliance() { return 2; } // 1/Pa
+int r_loss_compliance() { return 3; } // 1/Pa
+int r_period() { return 4; } // s
+int r_growth_limit() { return 5; } // piezometer's mean grain size over d_0, less 1
+int r_path_strain() { return 6; } // half of the record's
+int r_grain_size() { return 7; } // d_0, m
+int r_temperature() { return 8; } // stated, K
+int r_first_log_rate() { return 9; } // of the dashpot's loss compliances
+int r_log_rate_step() { return 10; } // between them
+int r_log_rate_scale() { return 11; } // from which on the coordinate is the flow rate itself
 
 /**
  * ln(d/d_0) half way through a record, roughly: the piezometer's grain size is taken as constant.
@@ -73,26 +75,22 @@ real flow_shift(vector parameter, data vector flow_slope, data vector flow_refer
 }
 
 /**
- * Compliance of a power-law dashpot at the fundamental of an oscillating stress.
+ * Loss compliance of the dashpot in a record: between solutions, and beyond them, its logarithm is
+ * linear in that of the flow rate.
  *
- * Mean over a cycle of the rate times sin(theta), times 2/amplitude (the describing function),
- * over the angular frequency.
- *
- * @param rate_at_scale strain rate at the stress `stress_scale`
- * @param bias, amplitude of the stress, Pa
+ * @param log_rate ln(flow rate s) without its shift
+ * @param record see its places above
  * @return 1/Pa
  */
-real dashpot_compliance(real rate_at_scale, real stress_exponent, data real stress_scale,
-                        data real bias, data real amplitude, data real period) {
-  int n_angles = 24;
-  real total = 0;
-  for (i in 1 : n_angles) {
-    real angle = 2 * pi() * (i - 0.5) / n_angles;
-    total += sin(angle)
-             * signed_power((bias + amplitude * sin(angle)) / stress_scale, 0, stress_exponent,
-                            0);
+real dashpot_compliance(real log_rate, data vector record) {
+  int n_solutions = num_elements(record) - n_record();
+  vector[n_solutions] solution = tail(record, n_solutions);
+  real place = (log_rate - record[r_first_log_rate()]) / record[r_log_rate_step()];
+  int k = 1;
+  while (k < n_solutions - 1 && place > k) {
+    k += 1;
   }
-  return rate_at_scale * 2 * total / (n_angles * amplitude) * period / (2 * pi());
+  return exp(solution[k] + (place - k + 1) * (solution[k + 1] - solution[k]));
 }
 
 /**
@@ -184,14 +182,11 @@ vector shears(vector plain, vector given, data array[] int place, data matrix qu
   }
   if (place[i_kelvin_modulus()] > 0 && place[i_kelvin_viscosity()] > 0) {
     array[2] int i = place[{i_kelvin_modulus(), i_kelvin_viscosity()}];
-    real log_typical_rate = log_rate
-                            - p * rough_growth(parameter[i_critical_strain_grain_size()],
-                                               record[r_growth_limit()],
-                                               record[r_path_strain()]);
-    real dashpot = dashpot_compliance(exp(log_typical_rate), n, record[r_flow_stress()],
-                                      record[r_bias()], record[r_amplitude()],
-                                      record[r_period()]);
-    vector[2] kelvin = kelvin_left_over(parameter[i_maxwell_modulus()], dashpot,
+    real unshifted = log_rate
+                     - flow_shift(parameter, flow_slope, flow_reference,
+                                  record[r_growth_limit()], record[r_path_strain()]);
+    vector[2] kelvin = kelvin_left_over(parameter[i_maxwell_modulus()],
+                                        dashpot_compliance(unshifted, record),
                                         record[r_storage_compliance() : r_loss_compliance()],
                                         record[r_period()]);
     for (k in 1 : 2) {
@@ -199,20 +194,6 @@ vector shears(vector plain, vector given, data array[] int place, data matrix qu
     }
   }
   return shifts;
-}
-
-/**
- * ln of the flow rate from which on the stretched coordinate is the rate and not its logarithm:
- * that of a dashpot with a tenth of the observed loss compliance.
- *
- * @param flow_reference, record see shears()
- */
-real log_rate_scale(data vector flow_reference, data vector record) {
-  return log(0.1 * record[r_loss_compliance()]
-             / dashpot_compliance(1, flow_reference[1], record[r_flow_stress()],
-                                  record[r_bias()], record[r_amplitude()], record[r_period()]))
-         + flow_reference[2] * rough_growth(flow_reference[3], record[r_growth_limit()],
-                                            record[r_path_strain()]);
 }
 
 /**
@@ -232,8 +213,7 @@ vector plain_from_sheared(vector sheared, vector given, data array[] int place,
   if (replaced_parameter > 0) {
     int flow = place[replaced_parameter];
     real rate = log1p_exp(sheared[flow]); // over the scale
-    unshifted[flow] = (log_rate_scale(flow_reference, record) + log(rate)
-                       - quantity[flow, i_shift()])
+    unshifted[flow] = (record[r_log_rate_scale()] + log(rate) - quantity[flow, i_shift()])
                       / quantity[flow, i_scale()];
     log_jacobian = log_inv_logit(sheared[flow]) - log(rate) - log(quantity[flow, i_scale()]);
   }
@@ -260,7 +240,7 @@ vector sheared_from_plain(vector plain, vector given, data array[] int place,
   if (replaced_parameter > 0) {
     int flow = place[replaced_parameter];
     real rate = exp(quantity[flow, i_shift()] + quantity[flow, i_scale()] * sheared[flow]
-                    - log_rate_scale(flow_reference, record));
+                    - record[r_log_rate_scale()]);
     sheared[flow] = rate + log1m_exp(-rate); // ln(exp(rate) - 1)
   }
   return sheared;

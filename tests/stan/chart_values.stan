@@ -17,17 +17,17 @@ functions {
 #include charts/valley/valley.stan
 }
 data {
+  int<lower=0> n;
   real stress_exponent;
-  real<lower=0> rate_at_scale;
-  real<lower=0> stress_scale;
-  real bias;
-  real<lower=0> amplitude;
+  int<lower=2> n_solutions;
+  vector[n_solutions] log_dashpot_compliance; // at 0, 0.5, 1, ...
+  int<lower=0> n_rates;
+  vector[n_rates] log_rate;
   real<lower=0> period;
   real<lower=0> maxwell_modulus;
   real<lower=0> dashpot;
   vector[2] compliance;
   vector[2 * n_places() + 1] log_density; // at the places
-  int<lower=0> n;
   vector[n] log_odds;
   real place; // of a bounded parameter in its range
   real<lower=0> deviation;
@@ -45,9 +45,12 @@ data {
   vector[n_pins] strength;
   vector<lower=0>[n_pins] time_spent;
 }
+transformed data {
+  vector[n_record() + n_solutions] record = append_row(rep_vector(0, n_record()), log_dashpot_compliance);
+  record[r_log_rate_step()] = 0.5;
+}
 generated quantities {
-  real dashpot_loss = dashpot_compliance(rate_at_scale, stress_exponent, stress_scale, bias,
-                                         amplitude, period);
+  vector[n_rates] dashpot_loss;
   vector[2] kelvin = kelvin_left_over(maxwell_modulus, dashpot, compliance, period);
   vector[n] quantile_place;
   vector[n] quantile_log_slope;
@@ -59,6 +62,9 @@ generated quantities {
                                             bounds);
   real stress_of_time = reference_stress_of_time(strength, time_spent, stress_exponent);
   matrix[n_pins, 3] fabric = fabric_softening(u[2], fabric_amplitude, strain, bounds);
+  for (i in 1 : n_rates) {
+    dashpot_loss[i] = dashpot_compliance(log_rate[i], record);
+  }
   for (i in 1 : n) {
     vector[2] quantile = place_of_quantile(log_odds[i], log_density);
     vector[2] from_remainder = bounded_from_remainder(place, deviation, remainder[i]);

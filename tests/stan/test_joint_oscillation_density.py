@@ -9,12 +9,11 @@ from conftest import resolved_priors
 from log_density import Program, assert_gradient_is_slope, program_with
 from oscillation_pair import oscillation_pair
 from scipy import stats
-from stan_data import one_test_data, parameter_in
+from stan_data import one_test_data, parameter_in, sheared_reference
 
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import default_priors
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
-from pyburgers.protocols.forced_oscillation.stan_data import ShearedReference
 from pyburgers.protocols.problem import Problem, problem_of
 from pyburgers.protocols.program_data import chart_block, program_data
 from pyburgers.protocols.stan_data import SolverOptions
@@ -24,8 +23,8 @@ pytestmark = pytest.mark.usefixtures("programs")
 
 SOLVER = SolverOptions(tolerance=1e-10, max_num_steps=1_000_000)
 REFERENCES = [
-    ShearedReference(np.array([-0.7, 2.5, 0.8]), np.array([2.7, 0.6, 0.3])),
-    ShearedReference(np.array([0.4, -1.0, 1.2]), np.array([3.2, 0.9, 0.2])),
+    sheared_reference([-0.7, 2.5, 0.8], [2.7, 0.6, 0.3]),
+    sheared_reference([0.4, -1.0, 1.2], [3.2, 0.9, 0.2]),
 ]
 SYSTEMS = ["plain", "sheared"]
 

@@ -14,7 +14,7 @@ from default_chains import sampled
 from log_density import Program, program_with
 from protocol_examples import short_twin
 from scipy import stats
-from stan_data import one_test_data, parameter_in, parameters_in
+from stan_data import one_test_data, parameter_in, parameters_in, sheared_reference
 
 from pyburgers.cmdstan.program import Program as CompiledProgram
 from pyburgers.cmdstan.program import load_program
@@ -29,25 +29,32 @@ from pyburgers.protocols.forced_oscillation.experiment import (
     with_background,
     with_known_strain,
 )
+from pyburgers.protocols.forced_oscillation.harmonics import fundamentals
 from pyburgers.protocols.forced_oscillation.preparation import Background, prepare
 from pyburgers.protocols.forced_oscillation.sheared import SHIFTED_BY, find_sheared
-from pyburgers.protocols.forced_oscillation.stan_data import ShearedReference
+from pyburgers.protocols.forced_oscillation.stan_data import (
+    LOG_RATE_STEP,
+    N_SOLUTIONS,
+    ShearedReference,
+    grid_block,
+)
 from pyburgers.protocols.problem import one_test, plain_coordinates, problem_of
 from pyburgers.protocols.program_data import chart_block
 from pyburgers.protocols.protocol import protocol_of
 from pyburgers.protocols.stan_data import PLAIN, SolverOptions, StanData, solver_block
 from pyburgers.sampling.charts import ChosenChart, at_mode, choose_chart, curvature_at
 from pyburgers.sampling.starts import find_mode
-from pyburgers.sbc.data_sets import simulate_from_prior
+from pyburgers.sbc.data_sets import calibration_priors, simulate_from_prior
 
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
 
+KEPT_TEMPLATE = ICE.parent / "calibration" / "olivine_kept.toml"
 TWIN_FILE = ICE.parent / "olivine" / "olivine_twin.toml"
 TIGHT = SolverOptions(tolerance=1e-11, max_num_steps=1_000_000)
 SAMPLING = SolverOptions()
 # Whatever the slopes and their origin, the posterior is the same.
-REFERENCE = ShearedReference(np.array([-0.7, 2.5, 0.8]), np.array([2.7, 0.6, 0.3]))
+REFERENCE = sheared_reference([-0.7, 2.5, 0.8], [2.7, 0.6, 0.3])
 FREE = (
     "maxwell_modulus",
     "kelvin_modulus",
@@ -349,15 +356,63 @@ def test_the_stretch_of_the_flow_rate_does_not_depend_on_its_slopes_at_the_mode(
     experiment = twin_with("removed")
     priors = resolved_priors(experiment)
     mode = truth_in(experiment, priors)
-    origin = np.array([mode.values[name] for name in SHIFTED_BY])
+    origin = [mode.values[name] for name in SHIFTED_BY]
     flow = plain_coordinates(experiment, priors).quantities.index(REFERENCE_FLOW_RATE)
     moderate, large = (
-        sheared_truth(experiment, priors, ShearedReference(np.array(slope), origin))[flow]
+        sheared_truth(experiment, priors, sheared_reference(slope, origin))[flow]
         for slope in ([0.0, 0.0, 1.0], [-6.4, -8.3, 1.4])
     )
     assert large == pytest.approx(moderate, rel=1e-9)
     # Below ten tenths of the loss, what all of it would be.
     assert -5 < moderate < 10
+
+
+def relaxing() -> OscillationExperiment:
+    """Return a record whose bias falls from 98 MPa within cycles."""
+    template = load_forced_oscillation(KEPT_TEMPLATE)
+    priors = calibration_priors(template.material)
+    simulated = simulate_from_prior(one_test(template, priors), seed=10, stress_range=(5e7, 5e8))
+    (drawn,) = simulated.problem.experiments
+    assert isinstance(drawn, OscillationExperiment)
+    return with_known_strain(drawn)
+
+
+@pytest.mark.parametrize(
+    "experiment_of",
+    [lambda: twin_with("removed"), lambda: twin_with("kept"), relaxing],
+    ids=["removed", "kept", "relaxing"],
+)
+def test_dashpot_and_kelvin_element_share_the_loss_at_every_flow_rate(
+    experiment_of: Callable[[], OscillationExperiment],
+) -> None:
+    """Closed form of the Kelvin element: what the shifts know of the dashpot is what is left."""
+    experiment = experiment_of()
+    priors = resolved_priors(experiment)
+    mode = truth_in(experiment, priors)
+    test = at_mode(problem_of([experiment], priors), mode, SolverOptions(tolerance=1e-7))
+    reference, _ = find_sheared(test)
+    rates = reference.first_log_rate + LOG_RATE_STEP * np.arange(N_SOLUTIONS)
+    flow = test.coordinates.quantities.index(REFERENCE_FLOW_RATE)
+    prepared = experiment.prepared
+    grid = grid_block([experiment], [prepared.time])
+    kelvin_compliance = 1 / (
+        mode.values["kelvin_modulus"]
+        + 2j * np.pi / prepared.period * mode.values["kelvin_viscosity"]
+    )
+    chosen = [2, 7, 11, 14]
+    points = np.tile(mode.coordinate, (len(chosen), 1))
+    points[:, flow] = test.coordinates.of_quantity(flow, rates[chosen])
+    solved, found = test.generated_at(points, **grid)
+    assert solved.all()
+    stress = fundamentals(
+        prepared.time,
+        found["grid_stress"][0],
+        period=prepared.period,
+        degree=prepared.stress_fit.degree,
+    )
+    loss = -((prepared.strain_sine[0] + 1j * prepared.strain_cosine[0]) / stress).imag
+    dashpot = np.exp(reference.log_dashpot_compliance[chosen])
+    np.testing.assert_allclose(dashpot - kelvin_compliance.imag, loss, rtol=0.05)
 
 
 @pytest.mark.slow

@@ -1,6 +1,6 @@
 """Data of the programs for one test, and parameters in what they write."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -8,6 +8,7 @@ import numpy.typing as npt
 from pyburgers.model.parameters import PLACE, PROGRAM_PARAMETERS
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.forced_oscillation.stan_data import N_SOLUTIONS, ShearedReference
 from pyburgers.protocols.problem import one_test
 from pyburgers.protocols.program_data import chart_block, program_data
 from pyburgers.protocols.stan_data import SolverOptions, StanData
@@ -33,6 +34,18 @@ def one_test_data(
         use_likelihood=use_likelihood,
     )
     return data if reference is None else {**data, **chart_block(tests, [reference])}
+
+
+def sheared_reference(flow_slope: Sequence[float], origin: Sequence[float]) -> ShearedReference:
+    """Sheared coordinates whose dashpot is about that of the olivine twin, with bends."""
+    bends = 0.3 * np.sin(np.arange(N_SOLUTIONS))
+    return ShearedReference(
+        np.array(flow_slope),
+        np.array(origin),
+        log_rate_scale=-14.5,
+        first_log_rate=-19.0,
+        log_dashpot_compliance=np.linspace(-31.0, -20.0, N_SOLUTIONS) + bends,
+    )
 
 
 def parameter_in(columns: Mapping[str, float], name: str, test: int = 1) -> float:

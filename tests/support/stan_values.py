@@ -38,10 +38,10 @@ PHYSICS: Mapping[str, object] = {
 
 CHARTS: Mapping[str, object] = {
     "stress_exponent": 3.0,
-    "rate_at_scale": 3e-7,
-    "stress_scale": 48e6,
-    "bias": 98e6,
-    "amplitude": 48e6,
+    "n_solutions": 2,
+    "log_dashpot_compliance": [0.0, 0.0],
+    "n_rates": 0,
+    "log_rate": [],
     "period": 300.0,
     "maxwell_modulus": 203e9,
     "dashpot": 1e-12,

@@ -8,11 +8,20 @@ from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
+from scipy.interpolate import make_interp_spline
 
 from pyburgers.model.prior_families import Prior
 from pyburgers.protocols.coordinates import Layout, Mode, PlainCoordinates
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
-from pyburgers.protocols.forced_oscillation.stan_data import ShearedReference, sheared_block
+from pyburgers.protocols.forced_oscillation.harmonics import fundamentals
+from pyburgers.protocols.forced_oscillation.stan_data import (
+    LOG_RATE_STEP,
+    N_SOLUTIONS,
+    ShearedReference,
+    grid_block,
+    sheared_block,
+    shifts_block,
+)
 from pyburgers.protocols.protocol import AtMode, Chart, ChartUnsuited
 from pyburgers.protocols.stan_data import StanData
 
@@ -23,6 +32,16 @@ LEAST_INFORMATION = 10.0
 
 SHIFTED_BY = ("stress_exponent", "grain_size_exponent", "critical_strain_grain_size")
 """Parameters whose values shift the flow rate."""
+
+STRETCHED_FROM = 0.1
+"""Share of the observed loss from which on the flow rate counts by itself, not its logarithm."""
+
+FIRST_SOLUTION = -4.0
+"""ln of the first solution's flow rate over the one that would give the dashpot that share, if its
+compliance were in proportion."""
+
+LEAST_SHARE = 1e-6
+"""Of that share: noise of a solution can make less of it negative."""
 
 UNINFORMED_SLOPE = np.array([0.0, 0.0, 1.0])
 """The flow at the grain size half way through the record, whatever n."""
@@ -57,7 +76,7 @@ def find_sheared(test: AtMode[OscillationExperiment]) -> tuple[ShearedReference,
     Returns
     -------
     ShearedReference
-        Slopes of the flow rate, zero shift at the mode.
+        Slopes of the flow rate, zero shift at the mode, what the dashpot does at other rates.
     array, shape (n_coordinates,)
         Sheared coordinates of the mode.
 
@@ -77,15 +96,59 @@ def find_sheared(test: AtMode[OscillationExperiment]) -> tuple[ShearedReference,
                 raise ChartUnsuited(f"the prior of {prior.parameter} is not an unbounded normal")
     if test.data["storage_compliance"][0] <= 0 or test.data["loss_compliance"][0] <= 0:
         raise ChartUnsuited("the observed stress is not ahead of the strain by 0 to 90 degrees")
+    flow = coordinates.parameters.index(replaced)
+    first, compliance = _log_dashpot_compliance(test, flow)
+    wanted = np.log(STRETCHED_FROM * test.data["loss_compliance"][0])
+    rates = first + LOG_RATE_STEP * np.arange(N_SOLUTIONS)
     reference = ShearedReference(
-        _flow_slope(test, coordinates.parameters.index(replaced)),
+        _flow_slope(test, flow),
         np.array([test.mode.values[name] for name in SHIFTED_BY]),
+        float(np.interp(wanted, np.maximum.accumulate(compliance), rates)),
+        first,
+        compliance,
     )
-    block = {
-        "flow_slope": [reference.flow_slope.tolist()],
-        "flow_reference": [reference.flow_reference.tolist()],
-    }
-    return reference, np.atleast_1d(test.generated(**block)["sheared_coordinate"])
+    shifted = test.generated(**shifts_block([reference]))
+    return reference, np.atleast_1d(shifted["sheared_coordinate"])
+
+
+def _log_dashpot_compliance(
+    test: AtMode[OscillationExperiment], flow: int
+) -> tuple[float, FloatArray]:
+    """First ln(flow rate s) and ln(compliance) of `ShearedReference`; `flow` is its place."""
+    at_mode = test.coordinates.value(flow, test.mode.coordinate[flow])
+    wanted = STRETCHED_FROM * test.data["loss_compliance"][0]
+    (there,) = _dashpot_compliance(test, flow, np.array([at_mode]))
+    first = float(at_mode - np.log(max(there / wanted, LEAST_SHARE)) + FIRST_SOLUTION)
+    log_rates = np.asarray(first + LOG_RATE_STEP * np.arange(N_SOLUTIONS), dtype=np.float64)
+    compliance = _dashpot_compliance(test, flow, log_rates)
+    solved = np.isfinite(compliance)
+    known = np.log(np.maximum(compliance[solved], LEAST_SHARE * wanted))
+    line = make_interp_spline(log_rates[solved], known, k=1)
+    return first, np.asarray(line(log_rates), dtype=np.float64)
+
+
+def _dashpot_compliance(
+    test: AtMode[OscillationExperiment], flow: int, log_rates: FloatArray
+) -> FloatArray:
+    """Loss compliance (1/Pa) of the dashpot at the mode with other flow rates; nan: unsolved."""
+    prepared = test.experiment.prepared
+    points = np.tile(np.append(test.mode.coordinate, test.mode.driving_error), (log_rates.size, 1))
+    points[:, flow] = test.coordinates.of_quantity(flow, log_rates)
+    solved, found = test.generated_at(points, **grid_block([test.experiment], [prepared.time]))
+    if solved.sum() < min(2, log_rates.size):
+        raise ChartUnsuited("there is no solution at flow rates near that of the mode")
+    rate, stress = (
+        fundamentals(
+            prepared.time,
+            found[name][0],
+            period=prepared.period,
+            degree=prepared.stress_fit.degree,
+        )
+        for name in ("grid_dashpot_rate", "grid_stress")
+    )
+    compliance = np.full(log_rates.size, np.nan)
+    compliance[solved] = (rate / stress).real * prepared.period / (2 * np.pi)
+    return compliance
 
 
 def _flow_slope(test: AtMode[OscillationExperiment], flow: int) -> FloatArray:

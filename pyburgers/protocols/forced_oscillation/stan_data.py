@@ -1,7 +1,7 @@
 """Data of `stan/forced_oscillation.stan` about its tests, and about their sheared coordinates."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -25,11 +25,11 @@ START_MARGIN = 1e-3
 PATH_TIMES = 4001
 """Times at which the strain rate is read off for the path strain of a record."""
 
-NO_SHIFT = [0.0, 0.0, 0.0]
-"""Slopes of the flow rate that leave it where it is."""
+LOG_RATE_STEP, N_SOLUTIONS = 0.5, 25
+"""Between solutions that say what the dashpot does at other flow rates, and how many there are."""
 
-ANYWHERE = [3.0, 0.0, 1.0]
-"""Where the flow rate is not shifted in plain coordinates, which make no use of it."""
+NO_COMPLIANCE = -100.0
+"""ln of a compliance (1/Pa) next to which that of any element is large."""
 
 
 def reference_origin(experiment: OscillationExperiment) -> tuple[float, float]:
@@ -125,7 +125,6 @@ def _record(experiment: OscillationExperiment) -> dict[str, Any]:
         "first_tau": first_tau,
         "stress_scale": max(amplitude, abs(bias)) if kept else amplitude,
         "strain_scale": float(np.hypot(sine, cosine)),
-        "stress_amplitude": amplitude,
         "storage_compliance": compliance * float(np.cos(lag)),
         "loss_compliance": compliance * float(np.sin(lag)),
         "typical_path_strain": 0.5 * _path_strain(experiment),
@@ -175,20 +174,39 @@ class ShearedReference:
         Derivatives of the ln(flow rate s) that fits best by n, p and p ln(d/d_0).
     flow_reference : array, shape (3,)
         n, p and epsilon_c1 where the flow rate is not shifted.
+    log_rate_scale : float
+        ln(flow rate s) from which on the coordinate is the rate itself.
+    first_log_rate : float
+        ln(flow rate s) of the first solution, those of the others follow in `LOG_RATE_STEP`.
+    log_dashpot_compliance : array, shape (N_SOLUTIONS,)
+        ln of the dashpot's loss compliance (1/Pa) in the solutions.
     """
 
     flow_slope: FloatArray
     flow_reference: FloatArray
+    log_rate_scale: float
+    first_log_rate: float
+    log_dashpot_compliance: FloatArray
+
+
+UNSHIFTED = ShearedReference(
+    np.zeros(3), np.array([3.0, 0.0, 1.0]), 0.0, 0.0, np.full(N_SOLUTIONS, NO_COMPLIANCE)
+)
+"""In place of a reference in plain coordinates, which make no use of it."""
 
 
 def sheared_block(references: Sequence[ShearedReference], layout: Layout) -> StanData:
     """Return shifts of the block `stan/data/sheared.stan`; no references: plain coordinates."""
-    if not references:
-        return {
-            "flow_slope": [NO_SHIFT] * layout.n_tests,
-            "flow_reference": [ANYWHERE] * layout.n_tests,
-        }
+    return shifts_block(references or [UNSHIFTED] * layout.n_tests)
+
+
+def shifts_block(references: Sequence[ShearedReference]) -> StanData:
+    """Return shifts of the block `stan/data/sheared.stan`, a reference for each test."""
     return {
-        "flow_slope": [own.flow_slope.tolist() for own in references],
-        "flow_reference": [own.flow_reference.tolist() for own in references],
+        "log_rate_step": LOG_RATE_STEP,
+        "n_solutions": N_SOLUTIONS,
+        **{
+            field.name: np.array([getattr(one, field.name) for one in references]).tolist()
+            for field in fields(ShearedReference)
+        },
     }

@@ -415,6 +415,23 @@ def test_dashpot_and_kelvin_element_share_the_loss_at_every_flow_rate(
     np.testing.assert_allclose(dashpot - kelvin_compliance.imag, loss, rtol=0.05)
 
 
+def test_the_stretch_is_found_from_a_dashpot_that_stands_still() -> None:
+    experiment = with_known_strain(short_twin("kept"))
+    truth = experiment.true_parameters
+    assert truth is not None
+    still = {**truth, "activation_enthalpy": 1.3 * truth["activation_enthalpy"]}
+    experiment = replace(experiment, true_parameters=still)
+    priors = resolved_priors(experiment)
+    mode = truth_in(experiment, priors)
+    test = at_mode(problem_of([experiment], priors), mode, SolverOptions(tolerance=1e-6))
+    reference, centre = find_sheared(test)
+    flow = test.coordinates.quantities.index(REFERENCE_FLOW_RATE)
+    assert centre[flow] < -20  # the logarithm of a share of a tenth of the loss
+    rates = reference.first_log_rate + LOG_RATE_STEP * np.arange(N_SOLUTIONS)
+    at_stretch = np.interp(reference.log_rate_scale, rates, reference.log_dashpot_compliance)
+    assert np.exp(at_stretch) == pytest.approx(0.1 * test.data["loss_compliance"][0], rel=1e-9)
+
+
 @pytest.mark.slow
 def test_a_record_whose_loss_is_all_the_dashpots_is_smooth_in_its_coordinates(
     tmp_path: Path,

@@ -97,34 +97,32 @@ def find_sheared(test: AtMode[OscillationExperiment]) -> tuple[ShearedReference,
     if test.data["storage_compliance"][0] <= 0 or test.data["loss_compliance"][0] <= 0:
         raise ChartUnsuited("the observed stress is not ahead of the strain by 0 to 90 degrees")
     flow = coordinates.parameters.index(replaced)
-    first, compliance = _log_dashpot_compliance(test, flow)
-    wanted = np.log(STRETCHED_FROM * test.data["loss_compliance"][0])
-    rates = first + LOG_RATE_STEP * np.arange(N_SOLUTIONS)
+    wanted = STRETCHED_FROM * test.data["loss_compliance"][0]
+    log_rates, log_compliance = _dashpot_at_other_rates(test, flow, wanted)
     reference = ShearedReference(
         _flow_slope(test, flow),
         np.array([test.mode.values[name] for name in SHIFTED_BY]),
-        float(np.interp(wanted, np.maximum.accumulate(compliance), rates)),
-        first,
-        compliance,
+        float(np.interp(np.log(wanted), np.maximum.accumulate(log_compliance), log_rates)),
+        float(log_rates[0]),
+        log_compliance,
     )
     shifted = test.generated(**shifts_block([reference]))
     return reference, np.atleast_1d(shifted["sheared_coordinate"])
 
 
-def _log_dashpot_compliance(
-    test: AtMode[OscillationExperiment], flow: int
-) -> tuple[float, FloatArray]:
-    """First ln(flow rate s) and ln(compliance) of `ShearedReference`; `flow` is its place."""
+def _dashpot_at_other_rates(
+    test: AtMode[OscillationExperiment], flow: int, wanted: float
+) -> tuple[FloatArray, FloatArray]:
+    """ln(flow rate s) and ln(loss compliance / (1/Pa)) about a wanted one; `flow` is its place."""
     at_mode = test.coordinates.value(flow, test.mode.coordinate[flow])
-    wanted = STRETCHED_FROM * test.data["loss_compliance"][0]
     (there,) = _dashpot_compliance(test, flow, np.array([at_mode]))
-    first = float(at_mode - np.log(max(there / wanted, LEAST_SHARE)) + FIRST_SOLUTION)
+    first = at_mode - np.log(abs(there) / wanted) + FIRST_SOLUTION
     log_rates = np.asarray(first + LOG_RATE_STEP * np.arange(N_SOLUTIONS), dtype=np.float64)
     compliance = _dashpot_compliance(test, flow, log_rates)
     solved = np.isfinite(compliance)
     known = np.log(np.maximum(compliance[solved], LEAST_SHARE * wanted))
     line = make_interp_spline(log_rates[solved], known, k=1)
-    return first, np.asarray(line(log_rates), dtype=np.float64)
+    return log_rates, np.asarray(line(log_rates), dtype=np.float64)
 
 
 def _dashpot_compliance(

@@ -46,7 +46,8 @@ data {
   vector<lower=0>[n_pins] time_spent;
 }
 transformed data {
-  vector[n_record() + n_solutions] record = append_row(rep_vector(0, n_record()), log_dashpot_compliance);
+  vector[n_record() + n_solutions] record = append_row(rep_vector(0, n_record()),
+                                                       log_dashpot_compliance);
   record[r_log_rate_step()] = 0.5;
 }
 generated quantities {

@@ -31,7 +31,7 @@ from pyburgers.protocols.forced_oscillation.experiment import (
 )
 from pyburgers.protocols.forced_oscillation.harmonics import fundamentals
 from pyburgers.protocols.forced_oscillation.preparation import Background, prepare
-from pyburgers.protocols.forced_oscillation.sheared import SHIFTED_BY, find_sheared
+from pyburgers.protocols.forced_oscillation.sheared import find_sheared
 from pyburgers.protocols.forced_oscillation.stan_data import (
     LOG_RATE_STEP,
     N_SOLUTIONS,
@@ -356,10 +356,11 @@ def test_the_stretch_of_the_flow_rate_does_not_depend_on_its_slopes_at_the_mode(
     experiment = twin_with("removed")
     priors = resolved_priors(experiment)
     mode = truth_in(experiment, priors)
-    origin = [mode.values[name] for name in SHIFTED_BY]
-    flow = plain_coordinates(experiment, priors).quantities.index(REFERENCE_FLOW_RATE)
+    test = at_mode(problem_of([experiment], priors), mode, SolverOptions(tolerance=1e-6))
+    reference, _ = find_sheared(test)
+    flow = test.coordinates.quantities.index(REFERENCE_FLOW_RATE)
     moderate, large = (
-        sheared_truth(experiment, priors, sheared_reference(slope, origin))[flow]
+        sheared_truth(experiment, priors, replace(reference, flow_slope=np.array(slope)))[flow]
         for slope in ([0.0, 0.0, 1.0], [-6.4, -8.3, 1.4])
     )
     assert large == pytest.approx(moderate, rel=1e-9)

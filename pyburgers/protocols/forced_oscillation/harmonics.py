@@ -217,13 +217,13 @@ def fundamentals(
     degree: int,
     uncertainty: FloatArray | None = None,
 ) -> npt.NDArray[np.complex128]:
-    """Return sine plus i times cosine of the fundamental of many series (U), shape (n_series,).
+    """Return sine plus i times cosine of the fundamental of many series (U), shape (...).
 
     Parameters
     ----------
     time, period, degree, uncertainty
         As in `fit_harmonics`, which finds the same in each of them.
-    series : array, shape (n_series, n)
+    series : array, shape (..., n)
         Values at the same times.
     """
     weight = np.ones_like(time) if uncertainty is None else 1.0 / uncertainty

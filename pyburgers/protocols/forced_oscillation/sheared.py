@@ -135,14 +135,11 @@ def _dashpot_compliance(
     solved, found = test.generated_at(points, **grid_block([test.experiment], [prepared.time]))
     if solved.sum() < min(2, log_rates.size):
         raise ChartUnsuited("there is no solution at flow rates near that of the mode")
-    rate, stress = (
-        fundamentals(
-            prepared.time,
-            found[name][0],
-            period=prepared.period,
-            degree=prepared.stress_fit.degree,
-        )
-        for name in ("grid_dashpot_rate", "grid_stress")
+    rate, stress = fundamentals(
+        prepared.time,
+        np.array([found["grid_dashpot_rate"][0], found["grid_stress"][0]]),
+        period=prepared.period,
+        degree=prepared.stress_fit.degree,
     )
     compliance = np.full(log_rates.size, np.nan)
     compliance[solved] = (rate / stress).real * prepared.period / (2 * np.pi)

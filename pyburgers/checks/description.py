@@ -127,7 +127,8 @@ def _finding(draws: CheckedDraws, discrepancies: tuple[str, ...], tell: Tell) ->
     family = discrepancies_of(draws)
     every = family.table.reset_index()
     table = every[every["discrepancy"].isin(discrepancies)].reset_index(drop=True)
-    worst = table.iloc[int(table["probability"].argmin())]
+    # Some discrepancies are families of their own, so that the outcome goes by the family's.
+    worst = table.sort_values(["family_probability", "probability"], kind="stable").iloc[0]
     leftover = family.tests[worst["test"]]
     told = tell(leftover, family, worst)
     outcome = family.outcome(worst)

@@ -149,7 +149,7 @@ def discrepancies_of(draws: CheckedDraws) -> Family:
     """Compare what a fit leaves over with what fits of replicated data do."""
     posterior = draws.posterior
     groups = posterior[TESTS].children if TESTS in posterior.children else {"the test": posterior}
-    tests = {name: _leftover(name, group) for name, group in groups.items()}
+    tests = {name: _leftover(name, group, k) for k, (name, group) in enumerate(groups.items())}
     pairs = {
         (name, test): pair
         for test, leftover in tests.items()
@@ -233,7 +233,7 @@ def _largest_mean(ordered: FloatArray, found: FloatArray, least: FloatArray) -> 
     return low
 
 
-def _leftover(name: str, group: xr.DataTree) -> Leftover:
+def _leftover(name: str, group: xr.DataTree, number: int) -> Leftover:
     data, model, replicas = (
         response_in(group, part)
         for part in ("observed_data", "model_response", "posterior_predictive")
@@ -270,7 +270,7 @@ def _leftover(name: str, group: xr.DataTree) -> Leftover:
     found[OUTSIDE] = np.full(len(observed), _outside(observed.mean(axis=0), band_beside))
     if error is not None:
         found[OVER_READING_ERROR] = np.sqrt(((observed / error.mean()) ** 2).mean(axis=1))
-        refits[OVER_READING_ERROR] = _sizes_of_errors(len(means), position.size)
+        refits[OVER_READING_ERROR] = _sizes_of_errors(len(means), position.size, number)
     pairs = {each: (found[each], refits[each]) for each in found}
     return Leftover(name, group, protocol, position, segment, quantity, observed, weight, pairs)
 
@@ -328,13 +328,15 @@ def _by_draw(values: xr.DataArray) -> FloatArray:
     return np.asarray(ordered.reshape(-1, ordered.shape[-1]), dtype=np.float64)
 
 
-def _sizes_of_errors(n_replicates: int, n: int) -> FloatArray:
+def _sizes_of_errors(n_replicates: int, n: int, number: int) -> FloatArray:
     """Root mean squares of n errors as much larger than stated as they may be, over the stated one.
+
+    Those of tests by another number are independent: the worst of all tests is judged.
 
     Returns
     -------
     array, shape (n_replicates, 1)
     """
-    squares = np.random.default_rng(n).chisquare(n, (n_replicates, 1))
+    squares = np.random.default_rng([n, number]).chisquare(n, (n_replicates, 1))
     sizes: FloatArray = READING_ERROR_FACTOR * np.sqrt(squares / n)
     return sizes

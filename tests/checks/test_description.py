@@ -19,6 +19,8 @@ from pyburgers.checks.description import (
 )
 from pyburgers.checks.discrepancies import (
     LEVEL,
+    OVER_READING_ERROR,
+    SEGMENT_SPREAD,
     discrepancies_of,
     family_probability,
 )
@@ -210,6 +212,32 @@ def test_residuals_are_held_against_a_stated_reading_error(error: float, outcome
     result = check_size(draws_of(one=groups(residual, reading_error=error)))
     assert result.outcome.value == outcome
     assert f"{1 / error:.1f} times the stated reading error" in result.sentence
+
+
+def test_the_failing_one_of_two_sizes_is_told() -> None:
+    """Spread and reading error are families of their own: the outcome goes by the worse family."""
+    rows = {
+        (SEGMENT_SPREAD, "the test"): (1.2, 1.3, 0.001, 0.006),
+        (OVER_READING_ERROR, "the test"): (1.9, 1.7, 0.0015, 0.0015),
+    }
+    draws = draws_of(
+        test=groups(white(), segment=np.floor(np.arange(POINTS) / 25.0), reading_error=1.0)
+    )
+    family = discrepancies_of(draws)
+    for row, values in rows.items():
+        family.table.loc[row] = values
+    result = check_size(draws)
+    assert result.outcome is Outcome.NO
+    assert "1.9 times the stated reading error" in result.meaning
+
+
+def test_reading_errors_of_tests_with_as_many_readings_are_replicated_apart() -> None:
+    alike = groups(white(), reading_error=1.0)
+    family = discrepancies_of(draws_of(A=alike, B=alike))
+    one, other = (
+        leftover.discrepancies[OVER_READING_ERROR][1].ravel() for leftover in family.tests.values()
+    )
+    assert abs(np.corrcoef(one, other)[0, 1]) < 0.2
 
 
 def test_the_share_of_the_variance_that_is_left_is_told() -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
@@ -10,7 +11,12 @@ import xarray as xr
 from pyburgers.common.draws import all_draws, evenly_spaced
 from pyburgers.common.errors import InputError
 from pyburgers.model.display import unit_text
-from pyburgers.model.parameters import CONDITIONS, PARAMETER_BY_NAME, STANDARD_VALUES
+from pyburgers.model.parameters import (
+    CONDITIONS,
+    PARAMETER_BY_NAME,
+    RESIDUAL_CORRELATION,
+    STANDARD_VALUES,
+)
 from pyburgers.model.prior_families import Prior, fixed_prior
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.variants import variant_of, with_variant
@@ -25,17 +31,11 @@ FloatArray = npt.NDArray[np.float64]
 BOX_MARGIN = 0.5
 """Range of a parameter's draws by which the bounds of its coordinate lie outside them."""
 
-RESIDUAL_CORRELATION = (
-    "residual_correlation_strain",
-    "residual_correlation_time",
-    "residual_correlated_share",
-)
-
 OF_A_TEST = ("apparatus_compliance", "strain_offset")
 """Parameters of a test and its apparatus, which say nothing of another one."""
 
-NEGLIGIBLE_NOISE = 1.0
-"""Noise (Pa) of a stress that has none: programs want some."""
+NEGLIGIBLE_NOISE = MappingProxyType({"stress_noise": 1.0, "strain_noise": 1e-12})
+"""Noises (SI) of readings that have none: programs want some of these."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,9 +175,10 @@ def with_noises(
     """
     found, notes = dict(values), []
     n_draws = len(next(iter(values.values())))
+    read = {name for test in fitted.experiments for name in protocol_of(test).noises(test)}
     for name, stated in protocol_of(experiment).noises(experiment).items():
         noise = PARAMETER_BY_NAME[name]
-        if name in fitted.free:
+        if name in read and name in values:
             size, origin = float(values[name].mean()), "of the fit"
         elif stated == 0:
             found[name] = np.zeros(n_draws)
@@ -192,7 +193,7 @@ def with_noises(
                 "an uncertainty of the readings in [data]."
             )
         else:
-            found[name] = np.full(n_draws, STANDARD_VALUES.get(name, NEGLIGIBLE_NOISE))
+            found[name] = np.full(n_draws, NEGLIGIBLE_NOISE.get(name, 0.0))
             notes.append(f"The fit has no {noise.label}, so that new readings have no noise here.")
             continue
         shown = f"{size * noise.display_factor:.3g} {unit_text(noise)}"

@@ -345,6 +345,13 @@ CONDITION_PARAMETERS: tuple[Parameter, ...] = (
 )
 """Errors of the conditions of a test; their priors come from its file, not from the material's."""
 
+RESIDUAL_CORRELATION = (
+    "residual_correlation_strain",
+    "residual_correlation_time",
+    "residual_correlated_share",
+)
+"""Parameters of how residuals hang together."""
+
 STANDARD_VALUES: Mapping[str, float] = MappingProxyType(
     {
         p.name: p.standard

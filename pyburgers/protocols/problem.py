@@ -8,14 +8,20 @@ from typing import Any
 import numpy as np
 
 from pyburgers.common.errors import InputError
-from pyburgers.model.parameters import CONDITIONS, PARAMETER_BY_NAME, Parameter
+from pyburgers.model.parameters import (
+    CONDITIONS,
+    PARAMETER_BY_NAME,
+    RESIDUAL_CORRELATION,
+    Parameter,
+)
 from pyburgers.model.pooling import SEPARATE, Pooling
-from pyburgers.model.prior_families import Prior, fixed_prior
+from pyburgers.model.prior_families import fixed_prior
 from pyburgers.model.priors import FLOW_LAW, PriorSet
 from pyburgers.model.variants import check_variant
 from pyburgers.protocols.coordinates import Layout, PlainCoordinates, layout_of
-from pyburgers.protocols.experiment import CONDITION_KEYS, Experiment
+from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.protocol import Protocol, protocol_of, protocols
+from pyburgers.protocols.uncertain_conditions import check_conditions, condition_priors
 
 HISTORIES, TABLES = "loading_history", "attenuation"
 """Protocols that one program takes together."""
@@ -184,20 +190,45 @@ class Problem:
         """Take out a test, or a part of a single one, and keep the prior densities of the rest.
 
         Where the prior of a shared parameter is a share of the largest stress, it stays that of
-        all tests.
+        all tests. Residuals that correlate because of a test that is taken out, whose strain is
+        read, do so in the others too.
 
         Parameters
         ----------
         part : str
             One of `parts`.
+
+        Raises
+        ------
+        InputError
+            If the others do so by priors that differ, which no file of priors can state.
         """
         if len(self.experiments) == 1:
             kept = [self.experiments[0].without_part(part)]
             return problem_of(kept, self.priors[0], self.pooling)
         shared = [name for name in self.shared if name not in CONDITIONS]
         priors = _with_shared(self.given_priors, self.priors[0], shared)
-        kept = [experiment for experiment in self.experiments if experiment.id != part]
-        return problem_of(kept, priors, self.pooling)
+        others = [k for k, experiment in enumerate(self.experiments) if experiment.id != part]
+        left = problem_of([self.experiments[k] for k in others], priors, self.pooling)
+        lost = [
+            name
+            for name in RESIDUAL_CORRELATION
+            if name in self.free
+            and name not in left.free
+            and any(name not in experiment.without_effect for experiment in left.experiments)
+        ]
+        if not lost:
+            return left
+        for name in lost:
+            if len({self.priors[k][name].location for k in others}) > 1:
+                raise InputError(
+                    f"{part}: found the only strain readings of the joint fit in it, so that the "
+                    f"others by themselves would have no {PARAMETER_BY_NAME[name].label}, expected "
+                    f"one prior of {name} for all tests in the prior file."
+                )
+        return problem_of(
+            left.experiments, _with_shared(priors, self.priors[others[0]], lost), self.pooling
+        )
 
 
 def one_test(experiment: Experiment, priors: PriorSet) -> Problem:
@@ -243,7 +274,7 @@ def problem_of(
     for experiment in experiments:
         _check_test(experiment, experiments[0], priors)
     largest = [experiment.largest_stress for experiment in experiments]
-    _check_conditions(experiments)
+    check_conditions(experiments)
     of_tests = tuple(
         own.exchanging(*condition_priors(experiment))
         for experiment, own in zip(
@@ -260,20 +291,6 @@ def problem_of(
     problem = Problem(tuple(experiments), priors, resolved, pooling)
     _check_pooling(problem)
     return problem
-
-
-def condition_priors(experiment: Experiment) -> tuple[Prior, ...]:
-    """Return the priors of the errors of a test's conditions."""
-    return tuple(
-        Prior.of_family(
-            condition.parameter,
-            "normal",
-            {"location": 0.0, "scale": condition.sd},
-            unit=PARAMETER_BY_NAME[condition.parameter].si_unit,
-            source="stated in the file of the test",
-        )
-        for condition in experiment.uncertain
-    )
 
 
 def of_one_program(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
@@ -365,36 +382,6 @@ def _check_test(experiment: Experiment, first: Experiment, priors: PriorSet) -> 
         )
     check_variant(priors, experiment)
     protocol_of(experiment).check_priors(experiment, priors)
-
-
-def _check_conditions(experiments: Sequence[Experiment]) -> None:
-    """Ask for the same uncertain conditions in all tests, and one error of one apparatus."""
-    for experiment in experiments:
-        for one in experiment.uncertain:
-            if one.parameter not in experiment.may_be_uncertain:
-                raise InputError(
-                    f"{experiment.id}: key {CONDITION_KEYS[one.parameter][0]!r}: found {one.sd:g}, "
-                    f"expected none because tests of the protocol {experiment.protocol} take it as "
-                    "known."
-                )
-    for name, (sd_key, apparatus_key) in CONDITION_KEYS.items():
-        stated = {
-            test.id: one for test in experiments for one in test.uncertain if one.parameter == name
-        }
-        missing = [test.id for test in experiments if test.id not in stated]
-        if stated and missing:
-            raise InputError(
-                f"{missing[0]}: key {sd_key!r} is missing, expected it because {min(stated)} of "
-                "the same joint fit has it; a condition that is well known has a small one."
-            )
-        for test, one in stated.items():
-            for other, again in stated.items():
-                same = one.apparatus is not None and one.apparatus == again.apparatus
-                if same and one.sd != again.sd:
-                    raise InputError(
-                        f"{test}: key {sd_key!r} is {one.sd:g}, in {other} it is {again.sd:g}, "
-                        f"expected one number for the {apparatus_key} {one.apparatus!r}."
-                    )
 
 
 def _check_not_in_prior(experiment: Experiment, priors: PriorSet) -> None:

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
-from conftest import Problem, pair_of, resolved_priors
+from conftest import Problem, pair_of, resolved_priors, with_fixed
 from protocol_examples import TWIN_FILE
 
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
-from pyburgers.fitting.new_test import Source
+from pyburgers.fitting.new_test import Source, with_noises
 from pyburgers.fitting.prediction import Prediction, predict_test
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import PriorSet
@@ -270,6 +270,9 @@ def test_creep_is_predicted_from_a_test_at_constant_rate(
     np.testing.assert_allclose(predictions["strain"], solution["strain"], rtol=1e-5, atol=1e-12)
     assert any("no strain noise" in note or "have no noise" in note for note in prediction.notes)
     assert [one.name for one in answers(prediction)] == ["strain"]
+    np.testing.assert_allclose(
+        predictions["strain_replicated"], predictions["strain"], rtol=0, atol=1e-10
+    )
     assert "strain_q50" in band_table(prediction)
     assert len(prediction_figure(prediction).axes) == 1
 
@@ -287,6 +290,18 @@ def test_readings_need_a_noise_that_somebody_knows(small_fit: Fit, small_problem
     assert "that the file of the test states, 0.01 % on average" in prediction.notes[-1]
     assert reading_table(prediction)["quantity"].tolist() == ["strain", "strain"]
     assert np.isfinite(score_table(prediction)["found"]).all()
+
+
+def test_a_noise_that_the_fit_took_as_known_is_that_of_new_readings(
+    small_problem: Problem,
+) -> None:
+    test = small_problem.experiment
+    known = problem_of([test], with_fixed(small_problem.priors, {"stress_noise": 1e5}))
+    values = {"stress_noise": np.full(4, 1e5)}
+    for target in (test, replace(test, strain=np.empty(0), stress=np.empty(0))):
+        found, notes = with_noises(values, known, target)
+        np.testing.assert_array_equal(found["stress_noise"], 1e5)
+        assert "of the fit, 0.1 MPa" in notes[0]
 
 
 def test_the_zero_of_the_strain_is_that_of_the_file(small_fit: Fit, small_problem: Problem) -> None:

@@ -61,6 +61,32 @@ def three_tests() -> list[Experiment]:
     return [constant_rate_test(), history_twin("creep", 12), history_twin("relaxation", 8)]
 
 
+def test_without_the_one_test_whose_strain_is_read_residuals_hang_together_as_before() -> None:
+    """The joint fit and the one without it have one model of the tests that both have."""
+    problem = problem_of(
+        [constant_rate_test(), history_twin("creep", 12)], known_priors(), pooling_of()
+    )
+    left = problem.without("creep")
+    (own,) = left.priors
+    correlation = {name for name in own.free if name.startswith("residual_correl")}
+    assert correlation == {"residual_correlation_time", "residual_correlated_share"}
+    for name in own.free:
+        assert own[name] == problem.priors[0][name]
+    # What a run keeps gives the same priors again.
+    again = problem_of(left.experiments, left.given_priors, left.pooling)
+    assert again.priors[0].priors == own.priors
+
+
+def test_residuals_of_others_that_would_need_priors_of_their_own_are_refused() -> None:
+    curves = [constant_rate_test(), constant_rate_test("slow", 1e-6)]
+    problem = problem_of([*curves, history_twin("creep", 12)], known_priors(), pooling_of())
+    with pytest.raises(InputError, match="one prior of residual_correlation_time for all tests"):
+        problem.without("creep")
+    stated = known_priors().exchanging(problem.priors[0]["residual_correlation_time"])
+    left = problem_of([*curves, history_twin("creep", 12)], stated, pooling_of()).without("creep")
+    assert all("residual_correlation_time" in own.free for own in left.priors)
+
+
 @pytest.fixture(scope="module")
 def mixed(programs: None, tmp_path_factory: pytest.TempPathFactory) -> Fit:
     out = tmp_path_factory.mktemp("mixed") / "run"

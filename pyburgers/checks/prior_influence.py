@@ -6,7 +6,7 @@ and Vehtari 2024, Statistics and Computing 34, 57). ArviZ has it too, but under 
 signature in each of its major versions, and not for the priors of single parameters.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 
@@ -22,6 +22,7 @@ from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import FLOW_LAW, PriorSet
 from pyburgers.posterior.labelled_draws import (
     free_parameters,
+    on_scale_of_prior,
     smooth_weights,
     total_log_likelihood,
     width_beside_prior,
@@ -34,6 +35,13 @@ POWER_STEP = 0.01
 
 SENSITIVE = 0.05
 """Sensitivity from which a part of the model matters: the threshold of Kallioinen et al. 2024."""
+
+CHANCE_SHIFTS = 8
+"""Shifts of the weights of draws against the draws that say what chance alone moves."""
+
+CHANCE_FACTOR = 2.0
+"""Times what they move on the mean, which some 1 of 100 quantities exceed that a component of the
+model says nothing of."""
 
 PULL = 0.05
 """Shift of the mean, in standard deviations for a doubled weight, that counts as a pull."""
@@ -59,6 +67,7 @@ class Origin(StrEnum):
     AGREEMENT = "prior and data agree"
     DISAGREEMENT = "prior and data disagree"
     BOTH = "prior and data both decide"
+    CANNOT_TELL = "cannot tell from these draws"
 
 
 THRESHOLDS_TEXT = (
@@ -72,11 +81,15 @@ THRESHOLDS_TEXT = (
     f"is within {CLOSE:g} of its standard deviations, else both decide. Neither: this number is "
     f"your prior where the posterior is at least {AS_WIDE:g} times as wide as it, else prior and "
     "data agree. "
+    f"A sensitivity of {SENSITIVE:g} or more that chance may give (at most {CHANCE_FACTOR:g} times "
+    "the mean of what it is where the weights are shifted against the draws) decides nothing: then "
+    "it cannot be told from these draws. "
     "A uniform prior has no slope, so that it counts as not mattering; its bounds are not scaled, "
     "and a posterior that leans on one is held there by the prior whatever the table says. All "
     "priors count together: along a trade-off that the data leave open, a quantity can be set by "
     "the prior of another one; the last column names the prior that alone moves the quantity "
-    f"furthest, by at least {SENSITIVE:g}. The distance is how far the posterior median is from "
+    f"furthest, by at least {SENSITIVE:g}. Of a quantity with a lognormal prior all numbers are "
+    "about its logarithm. The distance is how far the posterior median is from "
     "that of a normal or lognormal prior, in its standard deviations (of the logarithm for the "
     f"latter); from {FAR_OUT:g} on, prior and data count as disagreeing whatever they pull."
 )
@@ -90,6 +103,8 @@ class Influence:
     ----------
     prior_sensitivity, likelihood_sensitivity : float
         Distance per doubling of the weight (dimensionless, 0 to about 1).
+    prior_chance, likelihood_chance : float
+        Largest sensitivity that may be chance (`chance_sensitivity`).
     prior_pull, likelihood_pull : float
         Shift of the mean in posterior standard deviations per doubling of the weight.
     strongest_prior : str or None
@@ -104,6 +119,8 @@ class Influence:
 
     prior_sensitivity: float
     likelihood_sensitivity: float
+    prior_chance: float
+    likelihood_chance: float
     prior_pull: float
     likelihood_pull: float
     strongest_prior: str | None
@@ -121,6 +138,10 @@ class Influence:
         """What decides it."""
         prior_matters = self.prior_sensitivity >= SENSITIVE
         data_matter = self.likelihood_sensitivity >= SENSITIVE
+        if (prior_matters and self.prior_sensitivity <= self.prior_chance) or (
+            data_matter and self.likelihood_sensitivity <= self.likelihood_chance
+        ):
+            return Origin.CANNOT_TELL
         if prior_matters and not data_matter:
             return Origin.PRIOR
         as_wide = self.width is not None and self.width >= AS_WIDE
@@ -160,20 +181,29 @@ def prior_influence(posterior: xr.DataTree, priors: PriorSet) -> dict[str, Influ
     found = {}
     for name in free_parameters(posterior):
         values = all_draws(draws[name])
+        if name in priors.free:
+            values = on_scale_of_prior(values, priors[name])
         by_prior = {key: power_scaling_sensitivity(values, part) for key, part in single.items()}
         strongest = max(by_prior, key=by_prior.__getitem__)
         found[name] = Influence(
             prior_sensitivity=power_scaling_sensitivity(values, log_prior),
             likelihood_sensitivity=power_scaling_sensitivity(values, log_likelihood),
+            prior_chance=chance_sensitivity(values, log_prior),
+            likelihood_chance=chance_sensitivity(values, log_likelihood),
             prior_pull=mean_pull(values, log_prior),
             likelihood_pull=mean_pull(values, log_likelihood),
-            strongest_prior=strongest if by_prior[strongest] >= SENSITIVE else None,
+            strongest_prior=(
+                strongest
+                if by_prior[strongest]
+                >= max(SENSITIVE, chance_sensitivity(values, single[strongest]))
+                else None
+            ),
             width=(
-                width_beside_prior(values, priors[name].distribution().std())
+                width_beside_prior(all_draws(draws[name]), priors[name])
                 if name in priors.free
                 else None
             ),
-            distance=_distance(values, priors[name]) if name in single else None,
+            distance=_distance(all_draws(draws[name]), priors[name]) if name in single else None,
         )
     return found
 
@@ -277,8 +307,34 @@ def power_scaling_sensitivity(draws: FloatArray, log_component: FloatArray) -> f
         Mean of the cumulative Jensen-Shannon distances to the posteriors with the component
         raised to the powers 1 + `POWER_STEP` and its inverse, over log2(1 + `POWER_STEP`).
     """
+    return _moved(draws, _weights_of_powers(log_component))
+
+
+def chance_sensitivity(draws: FloatArray, log_component: FloatArray) -> float:
+    """Sensitivity that a quantity may have by chance, which falls with the number of draws.
+
+    Shifts of a component against the draws, around the end, keep how draws follow one another and
+    nothing else.
+
+    Parameters
+    ----------
+    draws, log_component
+        As for `power_scaling_sensitivity`.
+    """
+    weights = _weights_of_powers(log_component)
+    shifts = [k * draws.size // (CHANCE_SHIFTS + 1) for k in range(1, CHANCE_SHIFTS + 1)]
+    by_shift = [_moved(draws, [np.roll(one, shift) for one in weights]) for shift in shifts]
+    return float(CHANCE_FACTOR * np.mean(by_shift))
+
+
+def _weights_of_powers(log_component: FloatArray) -> list[FloatArray]:
+    """Weights of draws by which a component has a power a step below and above 1."""
     powers = (1.0 / (1.0 + POWER_STEP), 1.0 + POWER_STEP)
-    weights = [np.exp(smooth_weights((power - 1.0) * log_component)[0]) for power in powers]
+    return [np.exp(smooth_weights((power - 1.0) * log_component)[0]) for power in powers]
+
+
+def _moved(draws: FloatArray, weights: Sequence[FloatArray]) -> float:
+    """Mean distance by which weights move draws, per doubling of a component's weight."""
     moved = [max(cumulative_distance(draws, w), cumulative_distance(-draws, w)) for w in weights]
     return float(np.mean(moved) / np.log2(1.0 + POWER_STEP))
 

@@ -21,6 +21,7 @@ from pyburgers.cmdstan.draw_files import Draws
 from pyburgers.common.atomic_files import sha256_of_file, write_bytes
 from pyburgers.model.display import shown_quantity, unit_text
 from pyburgers.model.parameters import REFERENCE_QUANTITIES, Parameter
+from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet
 from pyburgers.sampling.run_directory import RunDirectory
 
@@ -277,9 +278,22 @@ DIMENSIONAL = ("mean", "sd", "q5", "q95", "prior_mean", "prior_sd", "prior_q5", 
 """Columns of tables of quantities that have their unit."""
 
 
-def width_beside_prior(draws: FloatArray, prior_sd: float) -> float:
-    """Return the standard deviation of draws over that of their prior, both in one unit."""
-    return float(np.std(draws, ddof=1) / prior_sd)
+def on_scale_of_prior(draws: FloatArray, prior: Prior) -> FloatArray:
+    """Return draws (SI), or their logarithms where the prior is normal in these.
+
+    Few draws from a wide lognormal prior have most of its variance, so that what draws say of it
+    by moments is chance.
+    """
+    return np.asarray(np.log(draws) if prior.family == "lognormal" else draws)
+
+
+def width_beside_prior(draws: FloatArray, prior: Prior) -> float:
+    """Return the standard deviation of draws (SI) over that of their prior.
+
+    Both are of the logarithm where the prior is lognormal.
+    """
+    prior_sd = prior.scale if prior.family == "lognormal" else prior.distribution().std()
+    return float(np.std(on_scale_of_prior(draws, prior), ddof=1) / prior_sd)
 
 
 def summary_table(posterior: xr.DataTree, priors: PriorSet) -> pd.DataFrame:
@@ -288,10 +302,11 @@ def summary_table(posterior: xr.DataTree, priors: PriorSet) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Columns of `draws_table`, then prior, prior_mean, prior_sd, prior_q5, prior_q95. The
-        reference stress or flow rate has none: NaN there.
+        Columns of `draws_table`, then prior, prior_mean, prior_sd, prior_q5, prior_q95 and
+        width_beside_prior (as the function says it). The reference stress or flow rate has none:
+        NaN there.
     """
-    table = draws_table(posterior)
+    table, draws = draws_table(posterior), posterior["posterior"].to_dataset()
     rows: dict[str, dict[str, Any]] = {}
     for name in table.index:
         if name in REFERENCE_QUANTITIES:
@@ -304,6 +319,7 @@ def summary_table(posterior: xr.DataTree, priors: PriorSet) -> pd.DataFrame:
             "prior_sd": float(law.std()),
             "prior_q5": float(law.ppf(0.05)),
             "prior_q95": float(law.ppf(0.95)),
+            "width_beside_prior": width_beside_prior(draws[name].to_numpy(), prior),
         }
     return table.join(pd.DataFrame.from_dict(rows, orient="index"))
 

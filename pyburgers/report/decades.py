@@ -105,7 +105,9 @@ class ShownDraws:
     def width_beside_prior(self) -> float:
         """Standard deviation of the draws over that of their prior, which there has to be."""
         assert self.prior is not None
-        return width_beside_prior(self.draws.to_numpy(), self.prior.distribution().std())
+        if isinstance(self.prior, PriorOfLogarithm):
+            return float(self.draws.std(ddof=1)) / self.prior.std()
+        return width_beside_prior(self.draws.to_numpy(), self.prior)
 
 
 def shown_draws(fit: FittedTest, name: str) -> ShownDraws:

@@ -108,6 +108,7 @@ DECIDED_BY = {
     Origin.AGREEMENT: "either",
     Origin.BOTH: "both",
     Origin.DISAGREEMENT: "disagree",
+    Origin.CANNOT_TELL: "cannot tell",
 }
 """Words for what a number comes from."""
 
@@ -142,7 +143,7 @@ def posterior_row(
             for title, key in numbers.items()
         },
         "prior": "implied" if prior is None else prior_text(prior, quantity, with_unit=False),
-        "sd / prior sd": "" if prior is None else f"{row['sd'] / row['prior_sd']:.2f}",
+        "sd / prior sd": "" if prior is None else f"{row['width_beside_prior']:.2f}",
     }
 
 

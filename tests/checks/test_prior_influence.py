@@ -225,6 +225,38 @@ def test_two_pulls_in_one_direction_are_no_disagreement() -> None:
     assert found["beta"].origin == "prior and data both decide"
 
 
+@pytest.mark.parametrize("scale", [0.5, 1.5, 3.5])
+def test_a_wide_lognormal_prior_that_the_data_leave_alone_is_your_prior(scale: float) -> None:
+    rng = np.random.default_rng(3)
+    law = Prior("kelvin_viscosity", "lognormal", 1e10, scale, 0.0, np.inf, "Pa s", "test")
+    score = rng.normal(size=4000)
+    posterior = tree(
+        {"kelvin_viscosity": law.location * np.exp(scale * score)},
+        np.asarray(stats.norm.logpdf(score)),
+        -0.5 * rng.chisquare(12, 4000),
+    )
+    (found,) = prior_influence(posterior, priors(law)).values()
+    assert found.origin == "this number is your prior"
+    assert found.width == pytest.approx(1.0, abs=0.05)
+    assert found.likelihood_sensitivity < SENSITIVE
+
+
+def test_chance_does_not_let_data_matter_to_skewed_draws() -> None:
+    """With 400 draws nine of ten quantities that the data leave alone would be moved by them."""
+    flat = Prior("beta", "uniform", 0.5, 100.0, 0.0, 200.0, "mol/J", "test")
+    by_chance = 0
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        posterior = tree(
+            {"beta": rng.exponential(size=400)}, np.zeros(400), -0.5 * rng.chisquare(12, 400)
+        )
+        (found,) = prior_influence(posterior, priors(flat)).values()
+        by_chance += found.likelihood_sensitivity >= SENSITIVE
+        if found.likelihood_sensitivity >= SENSITIVE:
+            assert found.origin == "cannot tell from these draws"
+    assert by_chance > 20
+
+
 def test_a_flat_prior_that_the_data_leave_alone_is_your_prior() -> None:
     draws = np.random.default_rng(2).uniform(0.0, 1.0, 2000)
     flat = Prior("beta", "uniform", 0.5, 0.5, 0.0, 1.0, "mol/J", "test")

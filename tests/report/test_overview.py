@@ -29,7 +29,7 @@ def fit(tmp_path_factory: pytest.TempPathFactory) -> Fit:
 
 def influence(distance: float) -> Influence:
     """What a quantity far from its prior owes to it."""
-    return Influence(0.2, 0.2, 0.1, -0.1, None, 0.5, distance)
+    return Influence(0.2, 0.2, 0.0, 0.0, 0.1, -0.1, None, 0.5, distance)
 
 
 def test_a_row_has_both_answers_with_what_failed(fit: Fit) -> None:

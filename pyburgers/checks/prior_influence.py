@@ -6,7 +6,7 @@ and Vehtari 2024, Statistics and Computing 34, 57). ArviZ has it too, but under 
 signature in each of its major versions, and not for the priors of single parameters.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 
@@ -156,7 +156,9 @@ class Influence:
         return Origin.BOTH
 
 
-def prior_influence(posterior: xr.DataTree, priors: PriorSet) -> dict[str, Influence]:
+def prior_influence(
+    posterior: xr.DataTree, priors: PriorSet, pooled: Collection[str] = ()
+) -> dict[str, Influence]:
     """Tell for every sampled quantity what prior and data do to it.
 
     Parameters
@@ -166,18 +168,23 @@ def prior_influence(posterior: xr.DataTree, priors: PriorSet) -> dict[str, Influ
         (one variable, by point). In a test of a joint fit the data are those of all tests.
     priors : PriorSet
         Priors of the fit, resolved.
+    pooled : collection of str
+        Parameters of a test whose prior is a normal distribution about a centre of several tests,
+        so that they have none of their own.
     """
     draws = posterior["posterior"].to_dataset()
     log_prior = all_draws(posterior["log_prior"].to_dataset()["lprior"])
     log_likelihood = all_draws(total_log_likelihood(posterior))
-    joint = FLOW_LAW if priors.flow_law is not None else ()
+    alone = [name for name in priors.free if priors.flow_law is None or name not in FLOW_LAW]
     single = {
         name: priors[name].distribution().logpdf(all_draws(draws[name]))
-        for name in priors.free
-        if name not in joint
+        for name in alone
+        if name not in pooled
     }
-    if joint:
-        single[JOINT_PRIOR] = log_prior - sum(single.values())
+    if priors.flow_law is not None:
+        single[JOINT_PRIOR] = priors.flow_law.log_density(
+            {name: all_draws(draws[name]) for name in FLOW_LAW}
+        )
     found = {}
     for name in free_parameters(posterior):
         values = all_draws(draws[name])
@@ -203,7 +210,7 @@ def prior_influence(posterior: xr.DataTree, priors: PriorSet) -> dict[str, Influ
                 if name in priors.free
                 else None
             ),
-            distance=_distance(all_draws(draws[name]), priors[name]) if name in single else None,
+            distance=_distance(all_draws(draws[name]), priors[name]) if name in alone else None,
         )
     return found
 

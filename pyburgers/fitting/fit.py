@@ -121,7 +121,7 @@ class Fit(SampledFit):
         if not self.manifest["use_likelihood"]:
             return {}
         return {
-            name: prior_influence(test.posterior, test.priors)
+            name: prior_influence(test.posterior, test.priors, self.problem.partial)
             for name, test in self.tests().items()
         }
 

@@ -207,6 +207,26 @@ class FlowLawPrior:
         )
         return log_rate
 
+    def log_density(self, values: Mapping[str, npt.ArrayLike]) -> FloatArray:
+        """Log density of n, p, Q_M and beta: `flow_law_prior_log_density` of the Stan functions.
+
+        Parameters
+        ----------
+        values : mapping
+            n, p, Q_M (J/mol) and beta (mol/J) by name, of any shape.
+        """
+        found = {**values, "log_reference_flow_rate": self.log_flow_rate(values)}
+        beside = np.stack([np.asarray(found[name]) for name in self.quantities], axis=-1)
+        scores = np.linalg.solve(self.factor, (beside - self.mean)[..., np.newaxis])[..., 0]
+        slope = 1 / (GAS_CONSTANT * self.conditions.temperature) - np.asarray(values["beta"])
+        density: FloatArray = (
+            -0.5 * np.sum(scores**2, axis=-1)
+            - np.log(np.diag(self.factor)).sum()
+            - 0.5 * self.mean.size * np.log(2.0 * np.pi)
+            + np.log(slope)
+        )
+        return density
+
     def activation_enthalpy(
         self,
         stress_exponent: npt.ArrayLike,

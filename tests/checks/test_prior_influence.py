@@ -257,6 +257,19 @@ def test_chance_does_not_let_data_matter_to_skewed_draws() -> None:
     assert by_chance > 20
 
 
+def test_what_is_pooled_has_no_prior_of_its_own_to_name() -> None:
+    """The prior in the file is that of the centre of several tests."""
+    model = Conjugate(0.0, 30.0)
+    draws = model.draws()
+    other = {"stress_exponent": np.random.default_rng(4).normal(size=N_DRAWS)}
+    posterior = tree({"beta": draws, **other}, model.log_prior(draws), np.zeros(N_DRAWS))
+    laws = priors(standard_normal("beta"), standard_normal("stress_exponent"))
+    assert prior_influence(posterior, laws)["beta"].strongest_prior == "beta"
+    found = prior_influence(posterior, laws, pooled=("beta",))["beta"]
+    assert found.strongest_prior is None
+    assert found.origin == "this number is your prior"
+
+
 def test_a_flat_prior_that_the_data_leave_alone_is_your_prior() -> None:
     draws = np.random.default_rng(2).uniform(0.0, 1.0, 2000)
     flat = Prior("beta", "uniform", 0.5, 0.5, 0.0, 1.0, "mol/J", "test")

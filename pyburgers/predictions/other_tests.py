@@ -153,7 +153,10 @@ def score_table(prediction: Prediction) -> pd.DataFrame:
     kept = evenly_spaced(np.arange(len(new)), MIXED)
     own = evenly_spaced(np.arange(len(kept)), COMPARED)
     readings = np.vstack([experiment.response, new[kept[own]]])
-    scores = {f"coverage of the {band} % band": _coverage(readings, new, band) for band in BANDS}
+    scores = {
+        f"coverage of the {band} % band": _coverage(readings, new, kept[own], band)
+        for band in BANDS
+    }
     scores[DENSITY] = _mean_log_density(prediction, readings, kept, own)
     return pd.DataFrame.from_dict(
         {
@@ -232,12 +235,39 @@ def _quantiles(draws: FloatArray, column: str) -> dict[str, FloatArray]:
     return {f"{column}_q{q}": values for q, values in zip(QUANTILES, found, strict=True)}
 
 
-def _coverage(readings: FloatArray, new: FloatArray, band: int) -> FloatArray:
-    """Share of the points of each set of readings inside a band, shape (n_sets,)."""
+def _coverage(
+    readings: FloatArray, new: FloatArray, own: npt.NDArray[np.int64], band: int
+) -> FloatArray:
+    """Share of the points of each set of readings inside a band, shape (n_sets,).
+
+    The first set is measured; the others are those of some of the draws (`own`), each of which is
+    left out of the band for its own set, which would else reach out to it.
+    """
     tail = (1 - band / 100) / 2
-    low, high = np.quantile(new, [tail, 1 - tail], axis=0)
+    low, high = (
+        np.vstack([np.quantile(new, share, axis=0), _quantiles_without(new, own, share)])
+        for share in (tail, 1 - tail)
+    )
     inside: FloatArray = np.mean((readings >= low) & (readings <= high), axis=1)
     return inside
+
+
+def _quantiles_without(
+    new: FloatArray, left_out: npt.NDArray[np.int64], share: float
+) -> FloatArray:
+    """Quantile of all draws but one, for each one left out, shape (n_left_out, n_points)."""
+    order = np.argsort(new, axis=0)
+    in_order = np.take_along_axis(new, order, axis=0)
+    rank = np.argsort(order, axis=0)[left_out]
+    last = len(new) - 2
+    below = int(share * last)
+    # Without a draw, those above it move down by one.
+    lower, upper = (
+        np.where(place < rank, in_order[place], in_order[place + 1])
+        for place in (below, min(below + 1, last))
+    )
+    found: FloatArray = lower + (share * last - below) * (upper - lower)
+    return found
 
 
 def _mean_log_density(

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from scipy.special import logsumexp
+from scipy.special import log_ndtr, logsumexp, ndtri_exp
 
 from pyburgers.common.atomic_files import write_atomically
 from pyburgers.common.draws import all_draws, evenly_spaced
@@ -280,7 +280,7 @@ def _mean_log_density(
 
     The first set is measured; the others are replicated from some of the kept draws, each of which
     is left out where its own set is scored: a draw knows the truth that its set was made from,
-    which no prediction does.
+    which no prediction does. A reading at an upper limit counts with the probability of that.
     """
     experiment = prediction.experiment
     solved = all_draws(response_in(prediction.posterior, "model_response"))
@@ -288,11 +288,22 @@ def _mean_log_density(
     values = {str(name): all_draws(column) for name, column in group.items()}
     noise = protocol_of(experiment).reading_noise(experiment, values)
     solved, noise = solved[kept], noise[kept]
+    limit = experiment.response_limit
+    bounded = experiment.response <= limit
+    if bounded.any():
+        # A solution stops at a limit: how far below it the model lies, the likelihood there knows.
+        log_share = all_draws(response_in(prediction.posterior, "log_likelihood"))[kept]
+        below = noise[:, bounded] * ndtri_exp(log_share[:, bounded])
+        solved[:, bounded] = limit[bounded] - below
     found = np.empty(len(readings))
     for number, reading in enumerate(readings):
-        density = -0.5 * ((reading - solved) / noise) ** 2 - np.log(noise)
+        distance = (reading - solved) / noise
+        density = np.where(
+            reading <= limit,
+            log_ndtr(distance),
+            -0.5 * distance**2 - np.log(noise) - 0.5 * np.log(2 * np.pi),
+        )
         if number > 0:
             density = np.delete(density, own[number - 1], axis=0)
-        each = logsumexp(density, axis=0) - np.log(len(density)) - 0.5 * np.log(2 * np.pi)
-        found[number] = each.mean()
+        found[number] = np.mean(logsumexp(density, axis=0) - np.log(len(density)))
     return found

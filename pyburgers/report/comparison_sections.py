@@ -16,6 +16,7 @@ from pyburgers.common.draws import all_draws
 from pyburgers.common.units import count_points, with_error
 from pyburgers.comparison.by_points import compare
 from pyburgers.comparison.by_tests import compare_kept_by_test
+from pyburgers.comparison.conclusions import sentences, sentences_by_test
 from pyburgers.comparison.figures import (
     COMPARISON_CAPTION,
     LEFT_OUT_CAPTION,
@@ -27,8 +28,6 @@ from pyburgers.comparison.results import (
     COMPARISON_TEXT,
     Comparison,
     comparison_table,
-    sentences,
-    sentences_by_test,
     table_of_fits,
     table_of_tests,
 )

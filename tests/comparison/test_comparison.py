@@ -17,15 +17,9 @@ from synthetic_olivine_fit import make_olivine_fit
 from pyburgers.cli.compare import save_comparison
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_points import compare, leave_one_out, leave_out_exactly
+from pyburgers.comparison.conclusions import pairs, sentences
 from pyburgers.comparison.figures import pointwise_differences
-from pyburgers.comparison.results import (
-    Comparison,
-    LeaveOneOut,
-    comparison_table,
-    elpd_difference,
-    pairs,
-    sentences,
-)
+from pyburgers.comparison.results import Comparison, LeaveOneOut, comparison_table, elpd_difference
 from pyburgers.comparison.same_data import data_hash, stacking_weights
 from pyburgers.drawing.style import image
 from pyburgers.fitting.fit import Fit, fit

@@ -16,6 +16,7 @@ from pyburgers.cli.main import main
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_points import compare
 from pyburgers.comparison.by_tests import compare_by_test, leave_one_test_out
+from pyburgers.comparison.conclusions import sentences_by_test
 from pyburgers.comparison.figures import left_out_tests, pointwise_differences
 from pyburgers.comparison.marginal_likelihood import log_marginal_likelihood
 from pyburgers.comparison.results import (
@@ -23,7 +24,6 @@ from pyburgers.comparison.results import (
     LeaveOneTestOut,
     LogIntegral,
     pointwise_table,
-    sentences_by_test,
     table_of_fits,
     table_of_tests,
 )

@@ -15,8 +15,8 @@ import pytest
 from conftest import ICE
 
 from pyburgers.comparison.by_points import compare
+from pyburgers.comparison.conclusions import pairs
 from pyburgers.comparison.pairs import Pair, PairOutcome
-from pyburgers.comparison.results import pairs
 from pyburgers.fitting.fit import fit
 from pyburgers.model.priors import default_priors
 from pyburgers.model.variants import with_variant

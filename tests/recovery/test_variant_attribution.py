@@ -20,8 +20,9 @@ from conftest import ICE
 from independent_table import TRUTHS
 
 from pyburgers.comparison.by_points import compare
+from pyburgers.comparison.conclusions import pairs, sentences
 from pyburgers.comparison.pairs import Pair, PairOutcome
-from pyburgers.comparison.results import comparison_table, pairs, sentences
+from pyburgers.comparison.results import comparison_table
 from pyburgers.fitting.fit import fit
 from pyburgers.model.priors import default_priors
 from pyburgers.model.variants import with_variant

@@ -13,7 +13,8 @@ from synthetic_fit import Kind, make_fit, with_problem
 from pyburgers.cli.main import main
 from pyburgers.common.draws import all_draws
 from pyburgers.comparison.by_points import compare
-from pyburgers.comparison.results import comparison_table, sentences
+from pyburgers.comparison.conclusions import sentences
+from pyburgers.comparison.results import comparison_table
 from pyburgers.drawing.page_parts import PageSection
 from pyburgers.fitting.fit import Fit
 from pyburgers.flow_law_tables.fit import PeakStressFit

@@ -40,12 +40,14 @@ def pairs_by_test(comparison: ComparisonByTest) -> tuple[Pair, ...]:
 
 def sentences(comparison: Comparison) -> tuple[str, ...]:
     """One sentence for each pair of fits, then those about weights and doubtful points."""
-    doubts = [
-        f"{name}: its elpd may be far off, because of {_numbered(result.unreliable)} with a Pareto "
-        f"k above {PARETO_K_LIMIT}, not left out by fitting again."
-        for name, result in comparison.results.items()
-        if result.unreliable.any()
-    ]
+    doubts = []
+    for name, result in comparison.results.items():
+        doubts += [f"{name}: {doubt}" for doubt in result.doubts]
+        if result.unreliable.any():
+            doubts.append(
+                f"{name}: its elpd may be far off, because of {_numbered(result.unreliable)} with "
+                f"a Pareto k above {PARETO_K_LIMIT}, not left out by fitting again."
+            )
     said = [pair.sentence() for pair in pairs(comparison)]
     elpd = {name: one.elpd for name, one in comparison.results.items()}
     return (*said, *_about_weights(elpd, comparison.weights, "points"), *doubts)

@@ -26,7 +26,8 @@ COMPARISON_TEXT = (
     f"{NO_DIFFERENCE:g} or more that is also {CLEAR:g} or more of its standard errors; fits are "
     f"alike where even {CLEAR:g} standard errors further apart they would differ by less than "
     f"{NO_DIFFERENCE:g}; else the data cannot tell. Points with a Pareto k above {PARETO_K_LIMIT} "
-    "are not reliable; pyburgers compare leaves them out by fitting again. Weights are those of "
+    "are not reliable; pyburgers compare leaves them out by fitting again. Nor is a fit that was "
+    "not sampled well, with all points or without one. Weights are those of "
     "the best mixture of the fits, and arbitrary between fits that predict alike."
 )
 
@@ -77,18 +78,26 @@ class LeaveOneOut:
         Whether the point was left out by fitting again, so that its `pareto_k` does not matter.
     lppd : float
         Log pointwise predictive density of the points that the fit has seen, summed.
+    doubts : tuple of str
+        A sentence for the fit, and for each one without a point, whose draws failed a check.
     """
 
     elpd: FloatArray
     pareto_k: FloatArray
     exact: BoolArray
     lppd: float
+    doubts: tuple[str, ...] = ()
 
     @property
     def unreliable(self) -> BoolArray:
         """Points whose elpd may be far off: Pareto k above 0.7, and not left out in earnest."""
         flagged: BoolArray = (self.pareto_k > PARETO_K_LIMIT) & ~self.exact
         return flagged
+
+    @property
+    def reliable(self) -> bool:
+        """Whether no point is left with too heavy a tail and all draws passed their checks."""
+        return not self.doubts and not self.unreliable.any()
 
     @property
     def total(self) -> float:
@@ -131,8 +140,8 @@ class Comparison:
 
     @property
     def reliable(self) -> bool:
-        """Whether no point of any fit is left with too heavy a tail."""
-        return not any(result.unreliable.any() for result in self.results.values())
+        """Whether all results are."""
+        return all(result.reliable for result in self.results.values())
 
 
 @dataclass(frozen=True, eq=False)

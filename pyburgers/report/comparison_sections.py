@@ -144,9 +144,9 @@ def by_points_section(fits: Mapping[str, Fit]) -> tuple[PageSection, ...]:
 
 def _points_to_fit_again(comparison: Comparison, fits: Mapping[str, Fit]) -> tuple[str, ...]:
     """Say which command leaves points out in earnest, which a page never does."""
-    if comparison.reliable or not all(map(_has_single_points, fits.values())):
-        return ()
     count = sum(int(result.unreliable.sum()) for result in comparison.results.values())
+    if not count or not all(map(_has_single_points, fits.values())):
+        return ()
     runs = " ".join(shlex.quote(str(fit.directory.path)) for fit in fits.values())
     return (f"To fit again without {count_points(count)} of that kind: pyburgers compare {runs}",)
 

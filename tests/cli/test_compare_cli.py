@@ -34,7 +34,8 @@ def test_a_comparison_is_a_table_points_a_record_and_a_figure(
     assert str(out) in printed
     table = pd.read_csv(out / "comparison.csv", index_col="fit")
     assert set(table.index) == names
-    assert code == (3 if table["high_k"].any() else 0)
+    assert code == 3
+    assert "effective sample size: its elpd may be far off" in printed
     assert len(pd.read_csv(out / "pointwise.csv")) == small_fit.experiment.n_points
     record = json.loads((out / "comparison.json").read_text(encoding="utf-8"))
     assert set(record["fits"]) == names
@@ -44,10 +45,9 @@ def test_a_comparison_is_a_table_points_a_record_and_a_figure(
 
 
 @pytest.mark.slow
-def test_points_with_heavy_tails_are_left_out_in_earnest(
-    small_fit: Fit, long_fit: Fit, tmp_path: Path
-) -> None:
-    runs = [str(one.directory.path) for one in (small_fit, long_fit)]
+def test_points_with_heavy_tails_are_left_out_in_earnest(long_fit: Fit, tmp_path: Path) -> None:
+    again = copy_of(long_fit, tmp_path / "again")
+    runs = [str(one.directory.path) for one in (long_fit, again)]
     assert main(["compare", *runs, "--out", str(tmp_path / "out")]) == 0
     table = pd.read_csv(tmp_path / "out" / "comparison.csv", index_col="fit")
     assert table["left_out"].tolist() == table["high_k"].tolist()
@@ -89,7 +89,7 @@ def test_joint_runs_are_compared_by_points(
     code = main(["compare", *joints.values(), "--out", str(out)])
     table = pd.read_csv(out / "comparison.csv", index_col="fit")
     assert set(table.index) == set(joints)
-    assert code == (3 if table["high_k"].any() else 0)
+    assert code == 3  # few draws
     assert set(pd.read_csv(out / "pointwise.csv")["test"]) == {"PIL40", "other"}
     assert re.search(r"(shared|separate) .*these data", capsys.readouterr().out)
 

@@ -171,6 +171,22 @@ def test_points_that_cannot_be_trusted_are_named_until_they_are_left_out() -> No
     assert len(sentences(comparison)) == 1
 
 
+def test_fits_that_were_not_sampled_well_are_named(small_fit: Fit, long_fit: Fit) -> None:
+    comparison = compare({"short": small_fit, "long": long_fit})
+    assert comparison.results["long"].doubts == ()
+    (doubt,) = comparison.results["short"].doubts
+    assert doubt.startswith(f"The fit of {small_fit.experiment.id} failed its check of ")
+    assert "effective sample size: its elpd may be far off." in doubt
+    assert f"short: {doubt}" in sentences(comparison)
+    assert not comparison.reliable
+    settled = {
+        name: replace(one, exact=np.ones(one.elpd.size, dtype=bool))
+        for name, one in comparison.results.items()
+    }
+    assert not replace(comparison, results=settled).reliable
+    assert replace(comparison, results={"long": settled["long"]}).reliable
+
+
 def test_the_figure_draws_every_fit_but_the_best() -> None:
     rng = np.random.default_rng(3)
     comparison = comparison_of(
@@ -273,6 +289,8 @@ def test_a_point_left_out_in_earnest_has_the_approximated_density(
     point = int(np.argmin(np.where(approximate.pareto_k < 0.7, approximate.elpd, np.inf)))
     assert approximate.pareto_k[point] < 0.7
     exact = leave_out_exactly(small_fit, approximate, [point], tmp_path / "refits")
+    # The fit without it is as short.
+    assert [f"without point {point + 1} failed its check" in one for one in exact.doubts] == [True]
     assert exact.exact.tolist() == [k == point for k in range(exact.elpd.size)]
     # Leaving an unexpected point out must cost it something.
     seen = small_fit.posterior["log_likelihood"].to_dataset()["stress"].isel(point=point)

@@ -8,11 +8,12 @@ import numpy.typing as npt
 
 from pyburgers.checks.fit_checks import PARETO_K_LIMIT
 from pyburgers.common.units import count_points
-from pyburgers.comparison.pairs import Pair, weight_sentence
+from pyburgers.comparison.pairs import LEAST_UNITS, Pair, doubt_about, weight_sentence
 from pyburgers.comparison.results import (
     LARGEST_ERROR,
     Comparison,
     ComparisonByTest,
+    LeaveOneOut,
     difference_by_test,
     elpd_difference,
 )
@@ -24,9 +25,18 @@ BoolArray = npt.NDArray[np.bool_]
 def pairs(comparison: Comparison) -> tuple[Pair, ...]:
     """Return every two fits of a comparison, the better first."""
     return tuple(
-        Pair(better, worse, *elpd_difference(one, other))
+        pair_of({better: one, worse: other})
         for (better, one), (worse, other) in itertools.combinations(comparison.results.items(), 2)
     )
+
+
+def pair_of(results: Mapping[str, LeaveOneOut]) -> Pair:
+    """Relate two fits of the same points, by name and the better first."""
+    (better, one), (worse, other) = results.items()
+    unreliable = [name for name, result in results.items() if not result.reliable]
+    n_points = one.elpd.size
+    doubt = doubt_about(count_points(n_points), n_points, unreliable)
+    return Pair(better, worse, *elpd_difference(one, other), doubt)
 
 
 def pairs_by_test(comparison: ComparisonByTest) -> tuple[Pair, ...]:
@@ -34,7 +44,14 @@ def pairs_by_test(comparison: ComparisonByTest) -> tuple[Pair, ...]:
     found = []
     for (better, one), (worse, other) in itertools.combinations(comparison.results.items(), 2):
         difference, over_tests, monte_carlo = difference_by_test(one, other)
-        found.append(Pair(better, worse, difference, float(np.hypot(over_tests, monte_carlo))))
+        n_tests = len(one.tests)
+        doubt = doubt_about(
+            f"{n_tests} {one.kind}",
+            n_tests,
+            [name for name, result in ((better, one), (worse, other)) if result.doubts],
+        )
+        error = float(np.hypot(over_tests, monte_carlo))
+        found.append(Pair(better, worse, difference, error, doubt))
     return tuple(found)
 
 
@@ -68,10 +85,10 @@ def sentences_by_test(comparison: ComparisonByTest) -> tuple[str, ...]:
         said = [pair.sentence(f"left-out {kind}") for pair in pairs_by_test(comparison)]
         elpd = {name: one.elpd for name, one in results}
         said += _about_weights(elpd, comparison.weights, kind)
-        if len(results[0][1].tests) == 2:
+        if len(results[0][1].tests) < LEAST_UNITS:
             said.append(
-                f"Of two {kind} the standard error says little: what the one tells about the other "
-                "is as much as the other tells about it."
+                f"Of two {kind} the standard error says nothing: what the one tells about the "
+                "other is as much as the other tells about it."
             )
     for name, result in results:
         said += [f"{name}: {doubt}" for doubt in result.doubts]

@@ -1,5 +1,6 @@
 """What comparisons found, and its tables."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Self
@@ -10,7 +11,7 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.checks.fit_checks import PARETO_K_LIMIT
-from pyburgers.comparison.pairs import CLEAR, NO_DIFFERENCE
+from pyburgers.comparison.pairs import CLEAR, LEAST_UNITS, NO_DIFFERENCE
 from pyburgers.model.display import Quantity
 
 FloatArray = npt.NDArray[np.float64]
@@ -27,15 +28,17 @@ COMPARISON_TEXT = (
     f"alike where even {CLEAR:g} standard errors further apart they would differ by less than "
     f"{NO_DIFFERENCE:g}; else the data cannot tell. Points with a Pareto k above {PARETO_K_LIMIT} "
     "are not reliable; pyburgers compare leaves them out by fitting again. Nor is a fit that was "
-    "not sampled well, with all points or without one. Weights are those of "
-    "the best mixture of the fits, and arbitrary between fits that predict alike."
+    "not sampled well, with all points or without one. While there is anything of that kind, or "
+    f"fewer than {LEAST_UNITS} points, it cannot be told which of two fits is better. Weights are "
+    "those of the best mixture of the fits, and arbitrary between fits that predict alike."
 )
 
 BY_TEST_TEXT = (
     "Measure: log density of each whole test given the others, stresses in Pa; higher is better. "
     "The fits were repeated without each test, and the density is a ratio of marginal likelihoods, "
     "by bridge sampling. A test's own parameters are averaged under their priors, which costs as "
-    "much as the test narrows them."
+    "much as the test narrows them. Of two tests, or where a fit was not sampled well, it cannot "
+    "be told which of two fits is better."
 )
 
 
@@ -260,7 +263,9 @@ def difference_by_test(one: LeaveOneTestOut, other: LeaveOneTestOut) -> tuple[fl
 
 
 def standard_error(pointwise: FloatArray) -> float:
-    """Return the standard error of a sum over points, or tests."""
+    """Return the standard error of a sum over points, or tests; NaN of a single one."""
+    if pointwise.size < 2:
+        return math.nan
     return float(np.sqrt(pointwise.size) * np.std(pointwise, ddof=1))
 
 

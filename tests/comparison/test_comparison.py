@@ -9,7 +9,7 @@ import numpy.typing as npt
 import pandas as pd
 import pytest
 import xarray as xr
-from conftest import SMALL_RUN, Problem, with_fixed
+from conftest import LONG_RUN, Problem, with_fixed
 from scipy import stats
 from synthetic_fit import make_fit
 from synthetic_olivine_fit import make_olivine_fit
@@ -19,6 +19,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_points import compare, leave_one_out, leave_out_exactly
 from pyburgers.comparison.conclusions import pairs, sentences
 from pyburgers.comparison.figures import pointwise_differences
+from pyburgers.comparison.pairs import PairOutcome
 from pyburgers.comparison.results import Comparison, LeaveOneOut, comparison_table, elpd_difference
 from pyburgers.comparison.same_data import data_hash, stacking_weights
 from pyburgers.drawing.style import image
@@ -165,10 +166,30 @@ def test_points_that_cannot_be_trusted_are_named_until_they_are_left_out() -> No
     assert not comparison.reliable
     assert "one: its elpd may be far off" in sentences(comparison)[-1]
     assert "1 point (number 4) with a Pareto k above 0.7" in sentences(comparison)[-1]
+    assert sentences(comparison)[0].startswith("Cannot tell which of one and two")
+    assert sentences(comparison)[0].endswith("because the elpd of one may be far off.")
     settled = replace(doubtful, exact=np.arange(10) == 3)
     comparison = comparison_of(("one", settled), ("two", result(np.full(10, -1.0))))
     assert comparison.reliable
-    assert len(sentences(comparison)) == 1
+    (only,) = sentences(comparison)
+    assert "one predicts these data clearly better than two" in only
+
+
+def test_draws_that_failed_a_check_decide_nothing() -> None:
+    good, doubted = result(np.zeros(10)), replace(result(np.full(10, -9.0)), doubts=("It failed.",))
+    (pair,) = pairs(comparison_of(("good", good), ("bad", doubted)))
+    assert pair.outcome is PairOutcome.CANNOT_TELL
+    assert pair.doubt == "the elpd of bad may be far off"
+
+
+@pytest.mark.parametrize(("n_points", "told"), [(1, "over 1 point"), (2, "over 2 points")])
+def test_one_and_two_readings_have_no_standard_error(n_points: int, told: str) -> None:
+    comparison = comparison_of(
+        ("one", result(np.zeros(n_points))), ("two", result(np.full(n_points, -9.0)))
+    )
+    assert told in sentences(comparison)[0]
+    assert pairs(comparison)[0].outcome is PairOutcome.CANNOT_TELL
+    assert len(comparison_table(comparison)) == 2
 
 
 def test_fits_that_were_not_sampled_well_are_named(small_fit: Fit, long_fit: Fit) -> None:
@@ -271,11 +292,13 @@ def wrong_fit(small_problem: Problem, tmp_path_factory: pytest.TempPathFactory) 
     assert truth is not None
     priors = with_fixed(small_problem.priors, {"kelvin_modulus": 3 * truth["kelvin_modulus"]})
     out = tmp_path_factory.mktemp("wrong") / "run"
-    return fit(small_problem.experiment, priors, out=out, options=SMALL_RUN)
+    return fit(small_problem.experiment, priors, out=out, options=LONG_RUN)
 
 
-def test_the_model_behind_the_data_predicts_them_better(small_fit: Fit, wrong_fit: Fit) -> None:
-    comparison = compare({"wrong": wrong_fit, "right": small_fit})
+def test_the_model_behind_the_data_predicts_them_better(
+    long_fit: Fit, wrong_fit: Fit, tmp_path: Path
+) -> None:
+    comparison = compare({"wrong": wrong_fit, "right": long_fit}, refits=tmp_path)
     assert list(comparison.results) == ["right", "wrong"]
     assert "right predicts these data clearly better than wrong" in sentences(comparison)[0]
     assert comparison.weights[0] > 0.9

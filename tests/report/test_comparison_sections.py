@@ -198,7 +198,7 @@ def test_the_report_of_two_runs_of_one_experiment_compares_them(
     names = ("small_fit_run", "long_fit_run")  # the folders are called run
     assert f"comparison_{names[0]}" in page.ids
     assert any(
-        f"{one} and {other} predict these data alike" in page.text
+        f"Cannot tell which of {one} and {other} predicts these data better" in page.text
         for one, other in (names, names[::-1])
     )
     manifest = json.loads((tmp_path / "page" / "manifest.json").read_text(encoding="utf-8"))

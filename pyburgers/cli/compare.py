@@ -16,6 +16,7 @@ from pyburgers.comparison.by_tests import (
     compare_by_test,
     fit_without_tests,
 )
+from pyburgers.comparison.conclusions import pairs, pairs_by_test, sentences, sentences_by_test
 from pyburgers.comparison.figures import left_out_tests, pointwise_differences
 from pyburgers.comparison.pairs import Pair
 from pyburgers.comparison.results import (
@@ -23,11 +24,7 @@ from pyburgers.comparison.results import (
     ComparisonByTest,
     LogIntegral,
     comparison_table,
-    pairs,
-    pairs_by_test,
     pointwise_table,
-    sentences,
-    sentences_by_test,
     table_of_fits,
     table_of_tests,
 )

@@ -43,8 +43,8 @@ COMMANDS = {
 
 EXIT_CODES = (
     "exit codes: 0 done, and of a fit both verdicts are yes; 1 it could not run; 2 bad input; 3 a "
-    "posterior was not sampled well, or a check of another kind failed; 4 it was sampled well, but "
-    "the model is not shown to describe the data; 130 interrupted"
+    "posterior was not sampled well, or a check of another kind failed or had too little to tell; "
+    "4 it was sampled well, but the model is not shown to describe the data; 130 interrupted"
 )
 
 

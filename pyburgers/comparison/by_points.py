@@ -4,7 +4,7 @@ The measure is the expected log pointwise predictive density (elpd) by leave-one
 cross-validation, approximated from the draws of the fit of all points with Pareto smoothed
 importance sampling (Vehtari, Gelman and Gabry 2017, Statistics and Computing 27, 1413-1432). A
 point whose weights have too heavy a tail (Pareto k above 0.7) is flagged, and can be left out in
-earnest: the fit is repeated without it.
+earnest: the fit is repeated without it. Of all these fits it is said which were not sampled well.
 """
 
 import logging
@@ -20,6 +20,7 @@ from scipy.special import logsumexp
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError, SamplingError
+from pyburgers.comparison.doubts import sampling_doubts
 from pyburgers.comparison.results import Comparison, LeaveOneOut
 from pyburgers.comparison.same_data import check_same_data, stacking_weights, tests_of
 from pyburgers.fitting.fit import Fit, fit
@@ -65,7 +66,10 @@ def compare(fits: Mapping[str, Fit], *, refits: Path | None = None) -> Compariso
     check_same_data(fits)
     found = {}
     for name, one in fits.items():
-        result = _all_tests([leave_one_out(test.posterior) for test in tests_of(one)])
+        result = _all_tests(
+            [leave_one_out(test.posterior) for test in tests_of(one)],
+            sampling_doubts(one, one.problem.name, "its elpd may be far off"),
+        )
         flagged = np.flatnonzero(result.unreliable).tolist()
         if flagged and refits is not None:
             if one.is_joint:
@@ -124,13 +128,14 @@ def leave_one_out(posterior: xr.DataTree) -> LeaveOneOut:
     )
 
 
-def _all_tests(results: Sequence[LeaveOneOut]) -> LeaveOneOut:
+def _all_tests(results: Sequence[LeaveOneOut], doubts: tuple[str, ...]) -> LeaveOneOut:
     """Put the points of several tests one after the other."""
     return LeaveOneOut(
         elpd=np.concatenate([one.elpd for one in results]),
         pareto_k=np.concatenate([one.pareto_k for one in results]),
         exact=np.concatenate([one.exact for one in results]),
         lppd=sum(one.lppd for one in results),
+        doubts=doubts,
     )
 
 
@@ -157,49 +162,35 @@ def leave_out_exactly(
     SamplingError
         If a fit fails.
     """
-    elpd, exact = result.elpd.copy(), result.exact.copy()
+    elpd, exact, doubts = result.elpd.copy(), result.exact.copy(), result.doubts
     for point in points:
         logger.info(
             f"{one.experiment.id}: Pareto k of point {point + 1} is {result.pareto_k[point]:.2f}; "
             "fitting again without it."
         )
-        elpd[point] = log_density_without(one, point, folder / f"point_{point + 1}")
+        again = _without_point(one, point, folder / f"point_{point + 1}")
+        log_lik = _log_likelihood_of(again, one.experiment)[:, point]
+        elpd[point] = logsumexp(log_lik) - np.log(log_lik.size)
         exact[point] = True
-    return replace(result, elpd=elpd, exact=exact)
+        doubts += sampling_doubts(
+            again,
+            f"{one.experiment.id} without point {point + 1}",
+            "the density of that point may be far off",
+        )
+    return replace(result, elpd=elpd, exact=exact, doubts=doubts)
 
 
-def log_density_without(one: Fit, point: int, out: Path) -> float:
-    """Log predictive density (1/Pa) of a point from a fit that has not seen it.
-
-    Parameters
-    ----------
-    one : Fit
-        A fit of a test whose points can be left out.
-    point : int
-        The point, from 0.
-    out : Path
-        Run directory of the fit without it.
-
-    Raises
-    ------
-    InputError
-        If single points of such tests cannot be left out.
-    SamplingError
-        If the fit fails.
-    """
-    experiment = one.experiment
-    without = protocol_of(experiment).without_point(experiment, point)
+def _without_point(one: Fit, point: int, out: Path) -> Fit:
+    """Repeat a fit without one of its points."""
     solver = one.manifest["solver"]
-    again = fit(
-        without,
+    return fit(
+        protocol_of(one.experiment).without_point(one.experiment, point),
         one.priors,
         out=out,
         options=SamplerOptions(**one.manifest["sampler"]),
         solver=SolverOptions(solver["tolerance"], solver["max_num_steps"]),
         command=f"pyburgers compare (point {point + 1} left out)",
     )
-    log_lik = _log_likelihood_of(again, experiment)[:, point]
-    return float(logsumexp(log_lik) - np.log(log_lik.size))
 
 
 def _positions(tests: Sequence[Fit]) -> xr.DataArray:

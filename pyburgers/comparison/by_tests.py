@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from pyburgers.checks.fit_checks import CheckKind
 from pyburgers.common.errors import InputError
 from pyburgers.common.tasks import ALL_HERE, Workers
+from pyburgers.comparison.doubts import sampling_doubts
 from pyburgers.comparison.marginal_likelihood import log_marginal_likelihood
 from pyburgers.comparison.results import ComparisonByTest, LeaveOneTestOut
 from pyburgers.comparison.same_data import check_same_data, stacking_weights
@@ -30,6 +30,9 @@ IntArray = npt.NDArray[np.int64]
 
 LEFT_OUT_FOLDER = "leave_out"
 """Folder in a run of the fits without single tests, by their names."""
+
+DOUBT = "its marginal likelihood may be off by more than the error says"
+"""What a fit that was not sampled well means here."""
 
 
 def compare_by_test(
@@ -179,14 +182,14 @@ def _left_out(joint: Fit) -> LeaveOneTestOut:
     parts = joint.problem.parts
     tests = tuple(sorted(parts))
     all_tests = log_marginal_likelihood(joint)
-    doubts = _doubts(joint, joint.problem.name)
+    doubts = sampling_doubts(joint, joint.problem.name, DOUBT)
     without = []
     for test, folder in _folders_without(joint).items():
         others = Fit.load(folder)
         without.append(log_marginal_likelihood(others))
         same = others.problem.name == joint.problem.name
         name = f"{joint.problem.name} without {test}" if same else others.problem.name
-        doubts += _doubts(others, name)
+        doubts += sampling_doubts(others, name, DOUBT)
     return LeaveOneTestOut(
         tests=tests,
         n_points=np.array([parts[test] for test in tests]),
@@ -194,19 +197,4 @@ def _left_out(joint: Fit) -> LeaveOneTestOut:
         without=tuple(without),
         doubts=doubts,
         kind=joint.problem.parts_name,
-    )
-
-
-def _doubts(joint: Fit, name: str) -> tuple[str, ...]:
-    """Say which checks of its draws a fit failed."""
-    failed = [
-        result.name
-        for result in joint.checks()
-        if not result.passed and result.check.kind is CheckKind.SAMPLING
-    ]
-    if not failed:
-        return ()
-    return (
-        f"The fit of {name} failed its check of {' and '.join(failed)}: its "
-        "marginal likelihood may be off by more than the error says.",
     )

@@ -1,5 +1,7 @@
 """Which of two fits predicts better, from their difference alone: better, alike or cannot tell."""
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -13,6 +15,9 @@ NO_DIFFERENCE = 4.0
 
 CLEAR = 2.0
 """Standard errors that a difference may be off."""
+
+LEAST_UNITS = 3
+"""Points, or tests, of which a standard error says something."""
 
 
 class PairOutcome(StrEnum):
@@ -33,29 +38,39 @@ class Pair:
         Their names, that of the higher elpd first.
     difference, error : float
         Of their elpd, not negative, and its standard error.
+    doubt : str
+        Why these numbers decide nothing, in words after "because"; none where they do.
     """
 
     better: str
     worse: str
     difference: float
     error: float
+    doubt: str = ""
 
     @property
     def outcome(self) -> PairOutcome:
         """What the difference and its error come to.
 
         Better from `NO_DIFFERENCE` and `CLEAR` errors on; alike where `CLEAR` errors more would
-        still be less than `NO_DIFFERENCE`; between them a comparison cannot tell.
+        still be less than `NO_DIFFERENCE`; between them a comparison cannot tell, nor where the
+        numbers are in doubt.
         """
+        if self.doubt or not math.isfinite(self.error):
+            return PairOutcome.CANNOT_TELL
         if self.difference >= max(NO_DIFFERENCE, CLEAR * self.error):
             return PairOutcome.BETTER
-        if self.difference + CLEAR * self.error < NO_DIFFERENCE:
+        if abs(self.difference) + CLEAR * self.error < NO_DIFFERENCE:
             return PairOutcome.ALIKE
         return PairOutcome.CANNOT_TELL
 
     def sentence(self, what: str = "these data") -> str:
         """Say it, of predictions of `what`."""
-        numbers = f"difference of elpd {self.difference:.1f}, standard error {self.error:.1f}"
+        error = (
+            f"standard error {self.error:.1f}" if math.isfinite(self.error) else "no standard error"
+        )
+        numbers = f"difference of elpd {self.difference:.1f}, {error}"
+        because = f", because {self.doubt}" if self.doubt else ""
         match self.outcome:
             case PairOutcome.BETTER:
                 said = f"{self.better} predicts {what} clearly better than {self.worse}"
@@ -63,7 +78,27 @@ class Pair:
                 said = f"{self.better} and {self.worse} predict {what} alike"
             case PairOutcome.CANNOT_TELL:
                 said = f"Cannot tell which of {self.better} and {self.worse} predicts {what} better"
-        return f"{said} ({numbers})."
+        return f"{said} ({numbers}){because}."
+
+
+def doubt_about(units: str, n_units: int, unreliable: Sequence[str]) -> str:
+    """Say why the numbers of two fits decide nothing, as `Pair.doubt`.
+
+    Parameters
+    ----------
+    units : str
+        What the standard error is over, with its number: "2 tests".
+    n_units : int
+        That number.
+    unreliable : sequence of str
+        Names of those of the fits whose elpd may be far off.
+    """
+    reasons = []
+    if n_units < LEAST_UNITS:
+        reasons.append(f"a standard error over {units} says nothing")
+    if unreliable:
+        reasons.append(f"the elpd of {' and '.join(unreliable)} may be far off")
+    return " and ".join(reasons)
 
 
 def weight_sentence(

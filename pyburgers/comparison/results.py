@@ -1,6 +1,6 @@
-"""What comparisons found, its tables and its sentences."""
+"""What comparisons found, and its tables."""
 
-import itertools
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Self
@@ -11,8 +11,7 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.checks.fit_checks import PARETO_K_LIMIT
-from pyburgers.common.units import count_points
-from pyburgers.comparison.pairs import CLEAR, NO_DIFFERENCE, Pair, weight_sentence
+from pyburgers.comparison.pairs import CLEAR, LEAST_UNITS, NO_DIFFERENCE
 from pyburgers.model.display import Quantity
 
 FloatArray = npt.NDArray[np.float64]
@@ -28,15 +27,18 @@ COMPARISON_TEXT = (
     f"{NO_DIFFERENCE:g} or more that is also {CLEAR:g} or more of its standard errors; fits are "
     f"alike where even {CLEAR:g} standard errors further apart they would differ by less than "
     f"{NO_DIFFERENCE:g}; else the data cannot tell. Points with a Pareto k above {PARETO_K_LIMIT} "
-    "are not reliable; pyburgers compare leaves them out by fitting again. Weights are those of "
-    "the best mixture of the fits, and arbitrary between fits that predict alike."
+    "are not reliable; pyburgers compare leaves them out by fitting again. Nor is a fit that was "
+    "not sampled well, with all points or without one. While there is anything of that kind, or "
+    f"fewer than {LEAST_UNITS} points, it cannot be told which of two fits is better. Weights are "
+    "those of the best mixture of the fits, and arbitrary between fits that predict alike."
 )
 
 BY_TEST_TEXT = (
     "Measure: log density of each whole test given the others, stresses in Pa; higher is better. "
     "The fits were repeated without each test, and the density is a ratio of marginal likelihoods, "
     "by bridge sampling. A test's own parameters are averaged under their priors, which costs as "
-    "much as the test narrows them."
+    "much as the test narrows them. Of two tests, or where a fit was not sampled well, it cannot "
+    "be told which of two fits is better."
 )
 
 
@@ -79,18 +81,26 @@ class LeaveOneOut:
         Whether the point was left out by fitting again, so that its `pareto_k` does not matter.
     lppd : float
         Log pointwise predictive density of the points that the fit has seen, summed.
+    doubts : tuple of str
+        A sentence for the fit, and for each one without a point, whose draws failed a check.
     """
 
     elpd: FloatArray
     pareto_k: FloatArray
     exact: BoolArray
     lppd: float
+    doubts: tuple[str, ...] = ()
 
     @property
     def unreliable(self) -> BoolArray:
         """Points whose elpd may be far off: Pareto k above 0.7, and not left out in earnest."""
         flagged: BoolArray = (self.pareto_k > PARETO_K_LIMIT) & ~self.exact
         return flagged
+
+    @property
+    def reliable(self) -> bool:
+        """Whether no point is left with too heavy a tail and all draws passed their checks."""
+        return not self.doubts and not self.unreliable.any()
 
     @property
     def total(self) -> float:
@@ -133,8 +143,8 @@ class Comparison:
 
     @property
     def reliable(self) -> bool:
-        """Whether no point of any fit is left with too heavy a tail."""
-        return not any(result.unreliable.any() for result in self.results.values())
+        """Whether all results are."""
+        return all(result.reliable for result in self.results.values())
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,7 +263,9 @@ def difference_by_test(one: LeaveOneTestOut, other: LeaveOneTestOut) -> tuple[fl
 
 
 def standard_error(pointwise: FloatArray) -> float:
-    """Return the standard error of a sum over points, or tests."""
+    """Return the standard error of a sum over points, or tests; NaN of a single one."""
+    if pointwise.size < 2:
+        return math.nan
     return float(np.sqrt(pointwise.size) * np.std(pointwise, ddof=1))
 
 
@@ -309,46 +321,6 @@ def pointwise_table(comparison: Comparison) -> pd.DataFrame:
     return table
 
 
-def pairs(comparison: Comparison) -> tuple[Pair, ...]:
-    """Return every two fits of a comparison, the better first."""
-    return tuple(
-        Pair(better, worse, *elpd_difference(one, other))
-        for (better, one), (worse, other) in itertools.combinations(comparison.results.items(), 2)
-    )
-
-
-def pairs_by_test(comparison: ComparisonByTest) -> tuple[Pair, ...]:
-    """Return the same by whole tests; errors hold those of Monte Carlo."""
-    found = []
-    for (better, one), (worse, other) in itertools.combinations(comparison.results.items(), 2):
-        difference, over_tests, monte_carlo = difference_by_test(one, other)
-        found.append(Pair(better, worse, difference, float(np.hypot(over_tests, monte_carlo))))
-    return tuple(found)
-
-
-def _about_weights(elpd: Mapping[str, FloatArray], weights: FloatArray, unit: str) -> list[str]:
-    """Sentences about fits that weigh more than the best one, which comes first."""
-    (best, first), *others = elpd.items()
-    said = [
-        weight_sentence(best, name, (float(weights[0]), float(own)), of_one - first, unit=unit)
-        for (name, of_one), own in zip(others, weights[1:], strict=True)
-    ]
-    return [sentence for sentence in said if sentence is not None]
-
-
-def sentences(comparison: Comparison) -> tuple[str, ...]:
-    """One sentence for each pair of fits, then those about weights and doubtful points."""
-    doubts = [
-        f"{name}: its elpd may be far off, because of {_numbered(result.unreliable)} with a Pareto "
-        f"k above {PARETO_K_LIMIT}, not left out by fitting again."
-        for name, result in comparison.results.items()
-        if result.unreliable.any()
-    ]
-    said = [pair.sentence() for pair in pairs(comparison)]
-    elpd = {name: one.elpd for name, one in comparison.results.items()}
-    return (*said, *_about_weights(elpd, comparison.weights, "points"), *doubts)
-
-
 def table_of_fits(comparison: ComparisonByTest) -> pd.DataFrame:
     """Numbers of a comparison, a row for each fit, the best first.
 
@@ -394,40 +366,3 @@ def table_of_tests(comparison: ComparisonByTest) -> pd.DataFrame:
             f"{name} per_point": result.elpd / result.n_points,
         }
     return pd.DataFrame(columns, index=pd.Index(first.tests, name="test"))
-
-
-def sentences_by_test(comparison: ComparisonByTest) -> tuple[str, ...]:
-    """One sentence for each pair of fits, or for a single one, then those of what is doubtful."""
-    results = list(comparison.results.items())
-    kind = results[0][1].kind
-    if len(results) == 1:
-        ((name, only),) = results
-        said = [
-            f"{name}: the {kind} have, each given the others, a log density of {only.total:.1f} "
-            f"together, Monte Carlo error {only.total_error:.1f}; it means something only beside "
-            "that of another fit of the same tests."
-        ]
-    else:
-        said = [pair.sentence(f"left-out {kind}") for pair in pairs_by_test(comparison)]
-        elpd = {name: one.elpd for name, one in results}
-        said += _about_weights(elpd, comparison.weights, kind)
-        if len(results[0][1].tests) == 2:
-            said.append(
-                f"Of two {kind} the standard error says little: what the one tells about the other "
-                "is as much as the other tells about it."
-            )
-    for name, result in results:
-        said += [f"{name}: {doubt}" for doubt in result.doubts]
-        said += [
-            f"{name}: the log density of {test} has a Monte Carlo error of {error:.1f}, more than "
-            f"{LARGEST_ERROR:g}; run the fit and those without single {kind} for longer."
-            for test, error in zip(result.tests, result.error, strict=True)
-            if error > LARGEST_ERROR
-        ]
-    return tuple(said)
-
-
-def _numbered(flags: BoolArray) -> str:
-    """Say how many points, and which, numbered from 1."""
-    numbers = ", ".join(str(k + 1) for k in np.flatnonzero(flags))
-    return f"{count_points(int(flags.sum()))} (number {numbers})"

@@ -352,7 +352,8 @@ def _has_peak(
     Of one element, with r = E_K/E_M and c = B eta_K, the slope of tan(delta) changes sign twice
     along frequency, at a dip and a peak, if and only if (1 + r)(1 + c) > 9 r c, that is r <= 1/8 or
     c < (1 + r)/(8 r - 1); else tan(delta) falls with frequency everywhere. Of other laws it is
-    looked for at frequencies across all relaxation times.
+    looked for at frequencies across all relaxation times, those of a second element or of a peak on
+    top of a band among them.
     """
     if kelvin.is_one_element:
         ratio = (draws["kelvin_modulus"] / draws["maxwell_modulus"])[..., np.newaxis]
@@ -360,7 +361,8 @@ def _has_peak(
         background = dashpot_fluidity * viscosity[..., np.newaxis]
         peak: BoolArray = (1 + ratio) * (1 + background) > 9 * ratio * background
         return peak
-    decades = kelvin.values["relaxation_time_decades"].max()
+    below_longest = kelvin.values["peak_time_decades"] + kelvin.values["peak_width"] / np.log(10)
+    decades = np.maximum(kelvin.values["relaxation_time_decades"], below_longest).max()
     reach = np.logspace(-3, 3 + decades, int(10 * (6 + decades)))
     omega = reach / kelvin.longest_time[..., np.newaxis]
     storage, loss = kelvin.compliance(omega)

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from scipy.special import logsumexp
+from scipy.special import log_ndtr, logsumexp, ndtri_exp
 
 from pyburgers.common.atomic_files import write_atomically
 from pyburgers.common.draws import all_draws, evenly_spaced
@@ -153,7 +153,10 @@ def score_table(prediction: Prediction) -> pd.DataFrame:
     kept = evenly_spaced(np.arange(len(new)), MIXED)
     own = evenly_spaced(np.arange(len(kept)), COMPARED)
     readings = np.vstack([experiment.response, new[kept[own]]])
-    scores = {f"coverage of the {band} % band": _coverage(readings, new, band) for band in BANDS}
+    scores = {
+        f"coverage of the {band} % band": _coverage(readings, new, kept[own], band)
+        for band in BANDS
+    }
     scores[DENSITY] = _mean_log_density(prediction, readings, kept, own)
     return pd.DataFrame.from_dict(
         {
@@ -232,12 +235,39 @@ def _quantiles(draws: FloatArray, column: str) -> dict[str, FloatArray]:
     return {f"{column}_q{q}": values for q, values in zip(QUANTILES, found, strict=True)}
 
 
-def _coverage(readings: FloatArray, new: FloatArray, band: int) -> FloatArray:
-    """Share of the points of each set of readings inside a band, shape (n_sets,)."""
+def _coverage(
+    readings: FloatArray, new: FloatArray, own: npt.NDArray[np.int64], band: int
+) -> FloatArray:
+    """Share of the points of each set of readings inside a band, shape (n_sets,).
+
+    The first set is measured; the others are those of some of the draws (`own`), each of which is
+    left out of the band for its own set, which would else reach out to it.
+    """
     tail = (1 - band / 100) / 2
-    low, high = np.quantile(new, [tail, 1 - tail], axis=0)
+    low, high = (
+        np.vstack([np.quantile(new, share, axis=0), _quantiles_without(new, own, share)])
+        for share in (tail, 1 - tail)
+    )
     inside: FloatArray = np.mean((readings >= low) & (readings <= high), axis=1)
     return inside
+
+
+def _quantiles_without(
+    new: FloatArray, left_out: npt.NDArray[np.int64], share: float
+) -> FloatArray:
+    """Quantile of all draws but one, for each one left out, shape (n_left_out, n_points)."""
+    order = np.argsort(new, axis=0)
+    in_order = np.take_along_axis(new, order, axis=0)
+    rank = np.argsort(order, axis=0)[left_out]
+    last = len(new) - 2
+    below = int(share * last)
+    # Without a draw, those above it move down by one.
+    lower, upper = (
+        np.where(place < rank, in_order[place], in_order[place + 1])
+        for place in (below, min(below + 1, last))
+    )
+    found: FloatArray = lower + (share * last - below) * (upper - lower)
+    return found
 
 
 def _mean_log_density(
@@ -250,7 +280,7 @@ def _mean_log_density(
 
     The first set is measured; the others are replicated from some of the kept draws, each of which
     is left out where its own set is scored: a draw knows the truth that its set was made from,
-    which no prediction does.
+    which no prediction does. A reading at an upper limit counts with the probability of that.
     """
     experiment = prediction.experiment
     solved = all_draws(response_in(prediction.posterior, "model_response"))
@@ -258,11 +288,22 @@ def _mean_log_density(
     values = {str(name): all_draws(column) for name, column in group.items()}
     noise = protocol_of(experiment).reading_noise(experiment, values)
     solved, noise = solved[kept], noise[kept]
+    limit = experiment.response_limit
+    bounded = experiment.response <= limit
+    if bounded.any():
+        # A solution stops at a limit: how far below it the model lies, the likelihood there knows.
+        log_share = all_draws(response_in(prediction.posterior, "log_likelihood"))[kept]
+        below = noise[:, bounded] * ndtri_exp(log_share[:, bounded])
+        solved[:, bounded] = limit[bounded] - below
     found = np.empty(len(readings))
     for number, reading in enumerate(readings):
-        density = -0.5 * ((reading - solved) / noise) ** 2 - np.log(noise)
+        distance = (reading - solved) / noise
+        density = np.where(
+            reading <= limit,
+            log_ndtr(distance),
+            -0.5 * distance**2 - np.log(noise) - 0.5 * np.log(2 * np.pi),
+        )
         if number > 0:
             density = np.delete(density, own[number - 1], axis=0)
-        each = logsumexp(density, axis=0) - np.log(len(density)) - 0.5 * np.log(2 * np.pi)
-        found[number] = each.mean()
+        found[number] = np.mean(logsumexp(density, axis=0) - np.log(len(density)))
     return found

@@ -150,6 +150,11 @@ class Experiment(ABC):
         """What the model is compared with (SI unit of the protocol's response), (n_points,)."""
 
     @property
+    def response_limit(self) -> FloatArray:
+        """Response at or below which a reading says no more than that; -inf: none, (n_points,)."""
+        return np.full(self.n_points, -np.inf)
+
+    @property
     @abstractmethod
     def largest_stress(self) -> float:
         """Largest |σ| (Pa) in the test; only of an experiment with data."""

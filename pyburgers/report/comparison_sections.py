@@ -16,6 +16,7 @@ from pyburgers.common.draws import all_draws
 from pyburgers.common.units import count_points, with_error
 from pyburgers.comparison.by_points import compare
 from pyburgers.comparison.by_tests import compare_kept_by_test
+from pyburgers.comparison.conclusions import sentences, sentences_by_test
 from pyburgers.comparison.figures import (
     COMPARISON_CAPTION,
     LEFT_OUT_CAPTION,
@@ -27,8 +28,6 @@ from pyburgers.comparison.results import (
     COMPARISON_TEXT,
     Comparison,
     comparison_table,
-    sentences,
-    sentences_by_test,
     table_of_fits,
     table_of_tests,
 )
@@ -145,9 +144,9 @@ def by_points_section(fits: Mapping[str, Fit]) -> tuple[PageSection, ...]:
 
 def _points_to_fit_again(comparison: Comparison, fits: Mapping[str, Fit]) -> tuple[str, ...]:
     """Say which command leaves points out in earnest, which a page never does."""
-    if comparison.reliable or not all(map(_has_single_points, fits.values())):
-        return ()
     count = sum(int(result.unreliable.sum()) for result in comparison.results.values())
+    if not count or not all(map(_has_single_points, fits.values())):
+        return ()
     runs = " ".join(shlex.quote(str(fit.directory.path)) for fit in fits.values())
     return (f"To fit again without {count_points(count)} of that kind: pyburgers compare {runs}",)
 

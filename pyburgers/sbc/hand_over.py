@@ -49,6 +49,11 @@ PRIOR_ATTEMPTS = 1000
 CURVE_STREAM = 1
 """Of random numbers for the noise of a curve, beside those of its table."""
 
+TABLE_STREAM = 1000
+"""Of random numbers for a table. The fit of the table simulates its prior from the seed itself, so
+that with the same numbers the truth would be the first material there; chains start from streams of
+their numbers."""
+
 
 @dataclass(frozen=True, eq=False)
 class SimulatedTable:
@@ -99,7 +104,7 @@ def simulate_table(
     SamplingError
         If no draw has stresses like those of the template.
     """
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng([seed, TABLE_STREAM])
     for _ in range(PRIOR_ATTEMPTS):
         values = curve.resolved(float(template.stress.max())).sample(rng)
         scatter = priors[STRESS_SCATTER.name].sample(rng)

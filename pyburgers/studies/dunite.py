@@ -17,8 +17,9 @@ from matplotlib.figure import Figure
 from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.common.units import with_error
 from pyburgers.comparison.by_points import compare
-from pyburgers.comparison.pairs import Pair, PairOutcome
-from pyburgers.comparison.results import LeaveOneOut, elpd_difference
+from pyburgers.comparison.conclusions import pair_of
+from pyburgers.comparison.pairs import PairOutcome
+from pyburgers.comparison.results import LeaveOneOut
 from pyburgers.comparison.same_data import data_hash
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.drawing.panels import FittedCurve, curve_result, curve_with_residuals
@@ -251,13 +252,15 @@ class LawsTried:
     def _against_best(self, name: str) -> dict[str, Any]:
         if not self.elpd:
             return {"elpd_difference": np.nan, "standard_error": np.nan, "outcome": ""}
-        best, result = next(iter(self.elpd.items()))
-        pair = Pair(best, name, *elpd_difference(result, self.elpd[name]))
+        best = next(iter(self.elpd))
+        if name == best:
+            return {"elpd_difference": 0.0, "standard_error": 0.0, "outcome": "best"}
+        pair = pair_of({best: self.elpd[best], name: self.elpd[name]})
         worse = "worse" if pair.outcome is PairOutcome.BETTER else pair.outcome.value
         return {
             "elpd_difference": pair.difference,
             "standard_error": pair.error,
-            "outcome": "best" if name == best else worse,
+            "outcome": worse,
         }
 
 

@@ -30,11 +30,12 @@ def test_a_comparison_is_a_table_points_a_record_and_a_figure(
     code = main(["compare", *runs, "--out", str(out), "--no-refit"])
     names = {f"{Path(run).parent.name}_run" for run in runs}
     printed = capsys.readouterr().out
-    assert "predict these data alike" in printed
+    assert "Cannot tell which of" in printed
     assert str(out) in printed
     table = pd.read_csv(out / "comparison.csv", index_col="fit")
     assert set(table.index) == names
-    assert code == (3 if table["high_k"].any() else 0)
+    assert code == 3
+    assert "effective sample size: its elpd may be far off" in printed
     assert len(pd.read_csv(out / "pointwise.csv")) == small_fit.experiment.n_points
     record = json.loads((out / "comparison.json").read_text(encoding="utf-8"))
     assert set(record["fits"]) == names
@@ -44,10 +45,9 @@ def test_a_comparison_is_a_table_points_a_record_and_a_figure(
 
 
 @pytest.mark.slow
-def test_points_with_heavy_tails_are_left_out_in_earnest(
-    small_fit: Fit, long_fit: Fit, tmp_path: Path
-) -> None:
-    runs = [str(one.directory.path) for one in (small_fit, long_fit)]
+def test_points_with_heavy_tails_are_left_out_in_earnest(long_fit: Fit, tmp_path: Path) -> None:
+    again = copy_of(long_fit, tmp_path / "again")
+    runs = [str(one.directory.path) for one in (long_fit, again)]
     assert main(["compare", *runs, "--out", str(tmp_path / "out")]) == 0
     table = pd.read_csv(tmp_path / "out" / "comparison.csv", index_col="fit")
     assert table["left_out"].tolist() == table["high_k"].tolist()
@@ -89,7 +89,7 @@ def test_joint_runs_are_compared_by_points(
     code = main(["compare", *joints.values(), "--out", str(out)])
     table = pd.read_csv(out / "comparison.csv", index_col="fit")
     assert set(table.index) == set(joints)
-    assert code == (3 if table["high_k"].any() else 0)
+    assert code == 3  # few draws
     assert set(pd.read_csv(out / "pointwise.csv")["test"]) == {"PIL40", "other"}
     assert re.search(r"(shared|separate) .*these data", capsys.readouterr().out)
 
@@ -101,7 +101,8 @@ def test_joint_runs_are_compared_by_tests(
     out = tmp_path / "out"
     assert main(["compare", *joints.values(), "--leave-out", "tests", "--out", str(out)]) == 3
     printed = capsys.readouterr().out
-    assert "shared predicts left-out tests" in printed
+    assert "Cannot tell which of shared and separate predicts left-out tests better" in printed
+    assert "because a standard error over 2 tests says nothing and the elpd of" in printed
     # A hundred draws a chain fail the check of their number.
     assert "failed its check of" in printed
     names = {"comparison.csv", "comparison.json", "comparison.png", "comparison.svg"}

@@ -9,7 +9,7 @@ import numpy.typing as npt
 import pandas as pd
 import pytest
 import xarray as xr
-from conftest import SMALL_RUN, Problem, with_fixed
+from conftest import LONG_RUN, Problem, with_fixed
 from scipy import stats
 from synthetic_fit import make_fit
 from synthetic_olivine_fit import make_olivine_fit
@@ -17,15 +17,10 @@ from synthetic_olivine_fit import make_olivine_fit
 from pyburgers.cli.compare import save_comparison
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_points import compare, leave_one_out, leave_out_exactly
+from pyburgers.comparison.conclusions import pairs, sentences
 from pyburgers.comparison.figures import pointwise_differences
-from pyburgers.comparison.results import (
-    Comparison,
-    LeaveOneOut,
-    comparison_table,
-    elpd_difference,
-    pairs,
-    sentences,
-)
+from pyburgers.comparison.pairs import PairOutcome
+from pyburgers.comparison.results import Comparison, LeaveOneOut, comparison_table, elpd_difference
 from pyburgers.comparison.same_data import data_hash, stacking_weights
 from pyburgers.drawing.style import image
 from pyburgers.fitting.fit import Fit, fit
@@ -174,7 +169,59 @@ def test_points_that_cannot_be_trusted_are_named_until_they_are_left_out() -> No
     settled = replace(doubtful, exact=np.arange(10) == 3)
     comparison = comparison_of(("one", settled), ("two", result(np.full(10, -1.0))))
     assert comparison.reliable
-    assert len(sentences(comparison)) == 1
+    (only,) = sentences(comparison)
+    assert "one predicts these data clearly better than two" in only
+
+
+def test_points_that_cannot_be_trusted_do_not_decide_which_fit_is_better() -> None:
+    """The others have to say the same."""
+    doubtful = result(np.zeros(10))
+    doubtful.pareto_k[:6] = 0.9
+    everywhere, at_these, at_others = np.full(10, -2.0), np.zeros(10), np.zeros(10)
+    at_these[:6], at_others[:6], at_others[6:] = -9.0, 9.0, -0.1
+    for elpd, outcome in ((everywhere, PairOutcome.BETTER), (at_these, PairOutcome.CANNOT_TELL)):
+        (pair,) = pairs(comparison_of(("one", doubtful), ("two", result(elpd))))
+        assert pair.outcome is outcome
+        hangs = "because it hangs on 6 points with a Pareto k above 0.7" in pair.sentence()
+        assert hangs is (outcome is PairOutcome.CANNOT_TELL)
+    (pair,) = pairs(comparison_of(("two", result(at_others)), ("one", doubtful)))
+    assert pair.outcome is PairOutcome.CANNOT_TELL
+    doubtful.pareto_k[:] = 0.9
+    (pair,) = pairs(comparison_of(("one", doubtful), ("two", result(everywhere))))
+    assert pair.outcome is PairOutcome.CANNOT_TELL
+
+
+def test_draws_that_failed_a_check_decide_nothing() -> None:
+    good, doubted = result(np.zeros(10)), replace(result(np.full(10, -9.0)), doubts=("It failed.",))
+    (pair,) = pairs(comparison_of(("good", good), ("bad", doubted)))
+    assert pair.outcome is PairOutcome.CANNOT_TELL
+    assert pair.doubt == "the elpd of bad may be far off"
+
+
+@pytest.mark.parametrize(("n_points", "told"), [(1, "over 1 point"), (2, "over 2 points")])
+def test_one_and_two_readings_have_no_standard_error(n_points: int, told: str) -> None:
+    comparison = comparison_of(
+        ("one", result(np.zeros(n_points))), ("two", result(np.full(n_points, -9.0)))
+    )
+    assert told in sentences(comparison)[0]
+    assert pairs(comparison)[0].outcome is PairOutcome.CANNOT_TELL
+    assert len(comparison_table(comparison)) == 2
+
+
+def test_fits_that_were_not_sampled_well_are_named(small_fit: Fit, long_fit: Fit) -> None:
+    comparison = compare({"short": small_fit, "long": long_fit})
+    assert comparison.results["long"].doubts == ()
+    (doubt,) = comparison.results["short"].doubts
+    assert doubt.startswith(f"The fit of {small_fit.experiment.id} failed its check of ")
+    assert "effective sample size: its elpd may be far off." in doubt
+    assert f"short: {doubt}" in sentences(comparison)
+    assert not comparison.reliable
+    settled = {
+        name: replace(one, exact=np.ones(one.elpd.size, dtype=bool))
+        for name, one in comparison.results.items()
+    }
+    assert not replace(comparison, results=settled).reliable
+    assert replace(comparison, results={"long": settled["long"]}).reliable
 
 
 def test_the_figure_draws_every_fit_but_the_best() -> None:
@@ -261,11 +308,13 @@ def wrong_fit(small_problem: Problem, tmp_path_factory: pytest.TempPathFactory) 
     assert truth is not None
     priors = with_fixed(small_problem.priors, {"kelvin_modulus": 3 * truth["kelvin_modulus"]})
     out = tmp_path_factory.mktemp("wrong") / "run"
-    return fit(small_problem.experiment, priors, out=out, options=SMALL_RUN)
+    return fit(small_problem.experiment, priors, out=out, options=LONG_RUN)
 
 
-def test_the_model_behind_the_data_predicts_them_better(small_fit: Fit, wrong_fit: Fit) -> None:
-    comparison = compare({"wrong": wrong_fit, "right": small_fit})
+def test_the_model_behind_the_data_predicts_them_better(
+    long_fit: Fit, wrong_fit: Fit, tmp_path: Path
+) -> None:
+    comparison = compare({"wrong": wrong_fit, "right": long_fit}, refits=tmp_path)
     assert list(comparison.results) == ["right", "wrong"]
     assert "right predicts these data clearly better than wrong" in sentences(comparison)[0]
     assert comparison.weights[0] > 0.9
@@ -279,6 +328,8 @@ def test_a_point_left_out_in_earnest_has_the_approximated_density(
     point = int(np.argmin(np.where(approximate.pareto_k < 0.7, approximate.elpd, np.inf)))
     assert approximate.pareto_k[point] < 0.7
     exact = leave_out_exactly(small_fit, approximate, [point], tmp_path / "refits")
+    # The fit without it is as short.
+    assert [f"without point {point + 1} failed its check" in one for one in exact.doubts] == [True]
     assert exact.exact.tolist() == [k == point for k in range(exact.elpd.size)]
     # Leaving an unexpected point out must cost it something.
     seen = small_fit.posterior["log_likelihood"].to_dataset()["stress"].isel(point=point)

@@ -16,6 +16,7 @@ from pyburgers.cli.main import main
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_points import compare
 from pyburgers.comparison.by_tests import compare_by_test, leave_one_test_out
+from pyburgers.comparison.conclusions import sentences_by_test
 from pyburgers.comparison.figures import left_out_tests, pointwise_differences
 from pyburgers.comparison.marginal_likelihood import log_marginal_likelihood
 from pyburgers.comparison.results import (
@@ -23,7 +24,6 @@ from pyburgers.comparison.results import (
     LeaveOneTestOut,
     LogIntegral,
     pointwise_table,
-    sentences_by_test,
     table_of_fits,
     table_of_tests,
 )
@@ -166,9 +166,20 @@ def test_a_sentence_for_each_pair_and_for_what_is_doubtful() -> None:
     doubtful = comparison_of(only=result(base, doubts=("The fit failed.",)))
     assert not doubtful.reliable
     assert sentences_by_test(doubtful)[1] == "only: The fit failed."
-    two = comparison_of(good=result(base[:2]), bad=result(base[:2] - 30.0))
-    assert "Of two tests the standard error says little" in sentences_by_test(two)[1]
     assert comparison_of(only=result(base)).reliable
+
+
+def test_two_tests_and_fits_that_failed_a_check_do_not_tell_which_is_better() -> None:
+    base = np.array([-700.0, -710.0, -690.0])
+    two = comparison_of(good=result(base[:2]), bad=result(base[:2] - 30.0))
+    first, second = sentences_by_test(two)[:2]
+    assert first.startswith("Cannot tell which of good and bad predicts left-out tests better")
+    assert first.endswith("because a standard error over 2 tests says nothing.")
+    assert "Of two tests the standard error says nothing" in second
+    doubtful = comparison_of(
+        good=result(base), bad=result(base - 30.0, doubts=("The fit failed.",))
+    )
+    assert sentences_by_test(doubtful)[0].endswith("because the elpd of bad may be far off.")
 
 
 def test_figures_are_drawn_of_one_fit_and_of_several() -> None:

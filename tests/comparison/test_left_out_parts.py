@@ -13,7 +13,7 @@ from scipy.special import logsumexp
 
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_tests import compare_by_test, compare_kept_by_test
-from pyburgers.comparison.results import sentences_by_test
+from pyburgers.comparison.conclusions import sentences_by_test
 from pyburgers.fitting.fit import fit
 from pyburgers.model.priors import default_priors
 from pyburgers.protocols.attenuation.experiment import AttenuationExperiment

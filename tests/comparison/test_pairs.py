@@ -1,9 +1,12 @@
 """What a difference of two fits comes to, and the sentence about weights."""
 
+import math
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from pyburgers.comparison.pairs import Pair, PairOutcome, weight_sentence
+from pyburgers.comparison.pairs import Pair, PairOutcome, doubt_about, weight_sentence
 
 
 @pytest.mark.parametrize(
@@ -33,6 +36,29 @@ def test_each_outcome_has_its_words() -> None:
         "Cannot tell which of a and b predicts these data better (difference of elpd 3.3, standard "
         "error 17.2).",
     ]
+
+
+def test_numbers_in_doubt_and_errors_that_are_none_decide_nothing() -> None:
+    doubtful = Pair("a", "b", 9.0, 1.0, "the elpd of a may be far off")
+    assert doubtful.outcome is PairOutcome.CANNOT_TELL
+    assert doubtful.sentence().startswith("Cannot tell which of a and b predicts these data better")
+    assert doubtful.sentence().endswith(
+        "elpd 9.0, standard error 1.0), because the elpd of a may be far off."
+    )
+    assert replace(doubtful, difference=0.0).outcome is PairOutcome.CANNOT_TELL
+    for error in (math.nan, math.inf):
+        without = Pair("a", "b", 9.0, error)
+        assert without.outcome is PairOutcome.CANNOT_TELL
+        assert without.sentence().endswith("(difference of elpd 9.0, no standard error).")
+
+
+def test_a_doubt_names_too_few_tests_and_fits_that_may_be_far_off() -> None:
+    assert doubt_about("3 tests", 3, []) == ""
+    assert doubt_about("2 tests", 2, []) == "a standard error over 2 tests says nothing"
+    both = doubt_about("1 point", 1, ["a", "b"])
+    assert both == (
+        "a standard error over 1 point says nothing and the elpd of a and b may be far off"
+    )
 
 
 def test_a_larger_weight_of_the_worse_fit_is_explained() -> None:

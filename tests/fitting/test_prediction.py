@@ -5,10 +5,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 import xarray as xr
-from conftest import Problem, pair_of, resolved_priors, with_fixed
+from conftest import ICE, Problem, pair_of, resolved_priors, with_fixed
 from protocol_examples import TWIN_FILE
+from scipy import stats
+from scipy.special import logsumexp
 
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
@@ -17,7 +20,14 @@ from pyburgers.fitting.prediction import Prediction, predict_test
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import PriorSet
 from pyburgers.predictions.other_test_figures import prediction_figure
-from pyburgers.predictions.other_tests import answers, band_table, reading_table, score_table
+from pyburgers.predictions.other_tests import (
+    DENSITY,
+    answers,
+    band_table,
+    reading_table,
+    score_table,
+)
+from pyburgers.protocols.attenuation.files import load_attenuation
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, RateSegment
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forced_oscillation.experiment import (
@@ -30,6 +40,8 @@ from pyburgers.protocols.loading_history.stages import Stage
 from pyburgers.protocols.problem import one_test, problem_of
 from pyburgers.protocols.protocol import FittedTest, protocol_of
 from pyburgers.studies.maor.before_data import prior_draws
+
+FloatArray = npt.NDArray[np.float64]
 
 
 def another_test(experiment: ConstantRateExperiment) -> ConstantRateExperiment:
@@ -189,8 +201,8 @@ class Holder:
         self.experiment, self.priors, self.posterior = experiment, priors, posterior
 
 
-def oscillation_source(experiment: Experiment) -> Source:
-    """Draws of the prior of a record, as if they were a fit of it."""
+def prior_source(experiment: Experiment) -> Source:
+    """Draws of the prior of a test, as if they were a fit of it."""
     fitted = Holder(experiment, resolved_priors(experiment), xr.DataTree())
     prior = prior_draws(fitted, n_draws=6, seed=3)
     problem = one_test(experiment, prior.priors)
@@ -199,10 +211,46 @@ def oscillation_source(experiment: Experiment) -> Source:
 
 def test_an_oscillation_is_predicted_at_another_temperature(programs: None) -> None:
     record = with_known_strain(load_forced_oscillation(TWIN_FILE))
-    source = oscillation_source(record)
+    source = prior_source(record)
     prediction = predict_test(source, replace(record, id="hotter", temperature=1480.0))
     assert_solves(prediction, 0, rtol=2e-4)
     assert any("temperature 1480 K" in caution for caution in prediction.cautions)
+
+
+def test_an_upper_limit_is_scored_with_the_probability_of_being_below_it(programs: None) -> None:
+    """What lies below is that of the same table without limits."""
+    table = load_attenuation(ICE / "attenuation_twin.toml")
+    readings = table.readings
+    at_limit = np.arange(readings.tan_delta.size) % 2 == 0
+    tan_delta = np.maximum(readings.tan_delta, 0.01)
+    free = replace(
+        readings,
+        tan_delta=tan_delta,
+        tan_delta_error=np.zeros(at_limit.size),
+        limit=np.zeros(at_limit.size),
+    )
+    limited = replace(free, limit=np.where(at_limit, 1.2 * tan_delta, 0.0))
+    source = prior_source(table)
+    prediction = predict_test(source, replace(table, readings=limited))
+    without_limits = predict_test(source, replace(table, readings=free)).posterior
+    solved = without_limits["model_response"]["log_reading"].to_numpy()[0]
+    group = without_limits["posterior"].to_dataset().isel(chain=0)
+    scatter = group[["attenuation_scatter", "modulus_scatter"]].to_array().to_numpy()
+    noise = np.repeat(scatter.T, at_limit.size, axis=1)
+    limit = np.full(2 * at_limit.size, -np.inf)
+    limit[: at_limit.size][at_limit] = np.log(1.2 * tan_delta[at_limit])
+    new = prediction.posterior["posterior_predictive"]["log_reading"].to_numpy()[0]
+
+    def score(reading: FloatArray, without: list[int]) -> float:
+        law = stats.norm(np.delete(solved, without, 0), np.delete(noise, without, 0))
+        density = np.where(reading <= limit, law.logcdf(limit), law.logpdf(reading))
+        return float(np.mean(logsumexp(density, axis=0) - np.log(len(density))))
+
+    scores = score_table(prediction).loc[DENSITY]
+    assert (new <= limit).any()
+    assert scores["found"] == pytest.approx(score(prediction.experiment.response, []), rel=1e-6)
+    expected = np.mean([score(own, [k]) for k, own in enumerate(new)])
+    assert scores["expected"] == pytest.approx(expected, rel=1e-6)
 
 
 def test_a_fit_of_an_oscillation_predicts_a_test_at_constant_rate(
@@ -210,7 +258,7 @@ def test_a_fit_of_an_oscillation_predicts_a_test_at_constant_rate(
 ) -> None:
     record = with_known_strain(load_forced_oscillation(TWIN_FILE))
     target = replace(another_test(small_problem.experiment), material="olivine", temperature=1450.0)
-    prediction = predict_test(oscillation_source(record), target, draws=3)
+    prediction = predict_test(prior_source(record), target, draws=3)
     assert_solves(prediction, 0, rtol=1e-4)
 
 

@@ -204,6 +204,21 @@ def test_a_wide_band_shows_no_peak_where_one_element_does() -> None:
     assert not bool(spectrum_of(soft | CREEP, regimes)["debye_peak"].any())
 
 
+def test_a_second_element_far_below_the_longest_time_shows_its_peak() -> None:
+    elements = {"kelvin_modulus": 9e9, "kelvin_viscosity": 9e14, "maxwell_modulus": 9e9}
+    second = {"peak_strength": 1.0, "peak_time_decades": 6.0}
+    regimes = (Regime(0.25e6, 0.025e6),)  # so fast a dashpot hides the slower element
+    frequencies = np.geomspace(1e-3, 10.0, 60)
+    found = spectrum_of(material() | elements | second, regimes, tuple(frequencies))
+    assert bool((np.diff(found["tan_delta"][0]) > 0).any())
+    assert bool(found["debye_peak"].all())
+    alone = spectrum_of(material() | elements, regimes, tuple(frequencies))
+    assert not bool((np.diff(alone["tan_delta"][0]) > 0).any())
+    of_band = {"relaxation_time_decades": 1.0, "relaxation_exponent": 0.3, "peak_width": 1.0}
+    on_top = spectrum_of(material() | elements | second | of_band, regimes, tuple(frequencies))
+    assert bool(on_top["debye_peak"].all())
+
+
 def test_a_modulus_that_falls_with_temperature_is_taken_at_that_of_the_prediction() -> None:
     falls = {"modulus_temperature_coefficient": 1e-3, "modulus_reference_temperature": 250.0}
     softer = spectrum_of(material() | falls)["storage_compliance"]

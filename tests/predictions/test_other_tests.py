@@ -100,6 +100,21 @@ def test_what_is_expected_is_what_happens_where_the_draws_are_right() -> None:
     assert 0.3 < np.mean(shares) < 0.7
 
 
+@pytest.mark.parametrize("n_draws", [2, 3, 10, 20])
+def test_the_band_of_a_replicated_test_is_made_without_its_own_draw(n_draws: int) -> None:
+    prediction = make_prediction(spread=5e5, n_draws=n_draws)
+    new = prediction.posterior["posterior_predictive"]["stress"].to_numpy()[0]
+    scores = score_table(prediction)
+    for band in (50, 90):
+        tails = np.array([0.5 - band / 200, 0.5 + band / 200])
+        shares = []
+        for k, readings in enumerate(new):
+            low, high = np.quantile(np.delete(new, k, axis=0), tails, axis=0)
+            shares.append(np.mean((readings >= low) & (readings <= high)))
+        found = scores["expected"][f"coverage of the {band} % band"]
+        assert found == pytest.approx(np.mean(shares), abs=1e-12)
+
+
 def test_known_noise_alone_gives_the_nominal_coverage() -> None:
     tables = [score_table(make_prediction(spread=0.0, seed=seed)) for seed in range(20)]
     for band in (50, 90):

@@ -7,8 +7,9 @@ import pytest
 from common_flow_law import with_common_flow_law
 
 from pyburgers.comparison.by_tests import compare_by_test, leave_one_test_out
+from pyburgers.comparison.conclusions import sentences_by_test
 from pyburgers.comparison.marginal_likelihood import log_marginal_likelihood
-from pyburgers.comparison.results import difference_by_test, sentences_by_test
+from pyburgers.comparison.results import difference_by_test
 from pyburgers.fitting.fit import Fit, fit, fit_jointly
 from pyburgers.model.priors import default_priors
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment

@@ -13,7 +13,8 @@ from synthetic_fit import Kind, make_fit, with_problem
 from pyburgers.cli.main import main
 from pyburgers.common.draws import all_draws
 from pyburgers.comparison.by_points import compare
-from pyburgers.comparison.results import comparison_table, sentences
+from pyburgers.comparison.conclusions import sentences
+from pyburgers.comparison.results import comparison_table
 from pyburgers.drawing.page_parts import PageSection
 from pyburgers.fitting.fit import Fit
 from pyburgers.flow_law_tables.fit import PeakStressFit
@@ -197,7 +198,7 @@ def test_the_report_of_two_runs_of_one_experiment_compares_them(
     names = ("small_fit_run", "long_fit_run")  # the folders are called run
     assert f"comparison_{names[0]}" in page.ids
     assert any(
-        f"{one} and {other} predict these data alike" in page.text
+        f"Cannot tell which of {one} and {other} predicts these data better" in page.text
         for one, other in (names, names[::-1])
     )
     manifest = json.loads((tmp_path / "page" / "manifest.json").read_text(encoding="utf-8"))

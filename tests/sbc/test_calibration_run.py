@@ -112,6 +112,14 @@ def test_lost_fits_unphysical_draws_and_failed_checks_are_shown() -> None:
     assert image(rank_differences(calibration), "png").startswith(b"\x89PNG")
 
 
+def test_too_few_data_sets_to_tell_are_not_passed() -> None:
+    done = made_up(1.0).replications
+    assert replace(made_up(1.0), replications=done[:20]).passed
+    few = replace(made_up(1.0), replications=done[:19])
+    assert {verdict.verdict for verdict in few.verdicts.values()} == {"too few data sets"}
+    assert not few.passed
+
+
 def test_without_a_single_fit_nothing_is_passed() -> None:
     calibration = replace(made_up(1.0), replications=made_up(1.0).replications[-1:])
     assert not calibration.passed
@@ -131,7 +139,7 @@ def finished(
     out = tmp_path_factory.mktemp("calibration") / "out"
     with pytest.MonkeyPatch.context() as patch:
         stay_in_this_process(patch)
-        assert main(command(small_problem, out)) == 0
+        assert main(command(small_problem, out)) == 3  # three data sets say nothing
     return out
 
 
@@ -188,7 +196,7 @@ def test_a_killed_calibration_is_continued_to_the_same_result(
     left = {file.name for file in (out / "simulations").iterdir()}
     assert first.name in left
     assert len(left) < 2 or not (out / "ranks.csv").is_file()
-    assert main(command(small_problem, out, "--jobs", "1")) == 0
+    assert main(command(small_problem, out, "--jobs", "1")) == 3
     assert contents(out) == outcomes
 
 
@@ -204,7 +212,7 @@ def test_parts_that_run_at_the_same_time_come_to_the_same_result(
     ]
     assert [part.wait() for part in parts] == [0, 0]
     assert not (out / "ranks.csv").exists()
-    assert main(command(small_problem, out)) == 0
+    assert main(command(small_problem, out)) == 3
     assert contents(out) == outcomes
 
 

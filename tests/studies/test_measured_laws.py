@@ -4,12 +4,14 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from conftest import DUNITE
 from synthetic_fit import make_fit, with_problem
 
 from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.checks.verdicts import Verdict
+from pyburgers.comparison.results import LeaveOneOut
 from pyburgers.drawing.style import image
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import SampledFit
@@ -111,6 +113,16 @@ def test_a_law_that_describes_is_told_with_its_doubtful_sampling(
     told = LawsTried.of(fits).conclusion()
     assert "standard describes the data" in told
     assert told.endswith("Because cannot tell.")
+
+
+def test_a_law_is_not_said_to_be_worse_where_an_elpd_may_be_far_off(fits: dict[str, Fit]) -> None:
+    sure = LeaveOneOut(np.zeros(9), np.zeros(9), np.zeros(9, dtype=bool), 1.0)
+    unsure = replace(sure, pareto_k=np.full(9, 0.9))
+    far = replace(sure, elpd=np.full(9, -9.0))
+    for best, outcome in ((sure, "worse"), (unsure, "cannot tell")):
+        table = LawsTried(fits, dict(zip(fits, (best, far), strict=True))).table()
+        assert table["outcome"].tolist() == ["best", outcome]
+        assert table["elpd_difference"].tolist() == [0.0, 81.0]
 
 
 def test_a_test_with_a_single_fit_has_an_answer_but_no_comparison(

@@ -126,6 +126,13 @@ class AttenuationExperiment(Experiment):
         return np.asarray(np.log(np.concatenate([recorded, self.readings.modulus])))
 
     @property
+    def response_limit(self) -> FloatArray:
+        """Logarithms of the limits of tan(delta); moduli have none."""
+        no_limit = np.zeros(self.readings.modulus.size)
+        with np.errstate(divide="ignore"):
+            return np.asarray(np.log(np.concatenate([self.readings.limit, no_limit])))
+
+    @property
     def amplitude_is_stated(self) -> bool:
         """Whether the amplitude of the stress is known."""
         return bool(np.all(self.conditions.amplitude > 0))

@@ -1,0 +1,31 @@
+"""What speaks against the draws that a comparison stands on."""
+
+from pyburgers.checks.fit_checks import CheckKind
+from pyburgers.fitting.fit import Fit
+
+
+def sampling_doubts(one: Fit, name: str, consequence: str) -> tuple[str, ...]:
+    """Say which checks of its draws a fit failed.
+
+    Parameters
+    ----------
+    one : Fit
+        Of one test or of several.
+    name : str
+        What it is a fit of.
+    consequence : str
+        What that means for a comparison.
+
+    Returns
+    -------
+    tuple of str
+        A sentence; none where the fit was sampled well.
+    """
+    failed = [
+        result.name
+        for result in one.checks()
+        if not result.passed and result.check.kind is CheckKind.SAMPLING
+    ]
+    if not failed:
+        return ()
+    return (f"The fit of {name} failed its check of {' and '.join(failed)}: {consequence}.",)

@@ -2,7 +2,7 @@
 
 import re
 import types
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
@@ -13,7 +13,8 @@ from pyburgers.common.columns import Column
 from pyburgers.common.toml_files import Table
 from pyburgers.flow_law_tables import inputs
 from pyburgers.model import priors
-from pyburgers.protocols.experiment import ExperimentFile
+from pyburgers.protocols.attenuation.files import _AttenuationFile
+from pyburgers.protocols.experiment import CONDITION_KEYS, ExperimentFile
 from pyburgers.protocols.protocol import protocols
 
 UNIT_OF_ENDING = {
@@ -39,6 +40,11 @@ UNIT_OF_WORDS = {
 """What the meaning of a key says about it."""
 
 COLUMN_MEANING = "the column that holds the {}: its name, or its number from 1 without header"
+
+REFUSED: Mapping[type[Table], frozenset[str]] = {
+    _AttenuationFile: frozenset(key for keys in CONDITION_KEYS.values() for key in keys)
+}
+"""Keys that files of all experiments share, but that this kind of test refuses."""
 
 _WORDS: dict[Any, str] = {
     float: "number",
@@ -127,11 +133,11 @@ def _tables(
     keys = tuple(
         _key(name, field, structure)
         for name, field in structure.model_fields.items()
-        if inside[name] is None
+        if inside[name] is None and name not in REFUSED.get(structure, ())
     )
     path = ".".join(place)
     heading = f"[[{path}]]" if repeated else f"[{path}]" if path else ""
-    if keys or meaning:
+    if keys:
         yield KeyTable(heading, needed, meaning, keys)
     for name, found in inside.items():
         if found is None:

@@ -5,11 +5,13 @@ import re
 from collections.abc import Iterable, Sequence
 from importlib import import_module
 from itertools import groupby
+from typing import Any
 
 from combinations import FROZEN, POSSIBLE, REFUSED, STANDARD, combinations, materials
 from file_keys import key_tables, structures
 
 from pyburgers.cli.main import COMMANDS, EXIT_CODES
+from pyburgers.cli.parser import HelpWithDefaults, OneLineParser
 from pyburgers.common.units import UNITS
 from pyburgers.model.display import symbol_text
 from pyburgers.model.parameters import (
@@ -20,6 +22,9 @@ from pyburgers.model.parameters import (
 )
 from pyburgers.model.prior_families import MAX_STRESS, OPTIONAL_KEYS, REQUIRED_KEYS
 from pyburgers.protocols.protocol import NAMES
+
+FREE_IN_HISTORIES = ("strain_noise", "residual_correlation_time", "residual_correlated_share")
+"""Parameters of variants that are free where a loading history reads strain."""
 
 SHOWN = {STANDARD: "**yes**", POSSIBLE: "yes", FROZEN: "yes ¹", REFUSED: "–"}
 
@@ -51,7 +56,7 @@ def parameter_lines() -> list[str]:
                 symbol_text(p),
                 p.label,
                 ", ".join(f"`{unit}`" for unit in _units(p)),
-                "" if p.standard is None else f"{p.standard:g} {p.si_unit}",
+                _left_out(p),
             )
             for p in parameters
         )
@@ -97,24 +102,51 @@ def command_lines() -> list[str]:
     """Return the help of every command."""
     lines = []
     for name, purpose in COMMANDS.items():
-        parser = argparse.ArgumentParser(prog=f"pyburgers {name}", formatter_class=_Wide)
+        parser = _WideParser(prog=f"pyburgers {name}")
         import_module(f"pyburgers.cli.{name.replace('-', '_')}").add_options(parser)
-        heading = f"{purpose[0].upper()}{purpose[1:]}."
-        help_text = parser.format_help().splitlines()
-        lines += [f"## `pyburgers {name}`", "", heading, "", "```text", *help_text, "```", ""]
+        lines += _helps(parser, purpose)
     return [*lines, _sentence([EXIT_CODES])]
 
 
-class _Wide(argparse.HelpFormatter):
+def _helps(parser: argparse.ArgumentParser, purpose: str, level: int = 2) -> list[str]:
+    """Return the help of a command and of those below it."""
+    lines = [f"{'#' * level} `{parser.prog}`", "", _sentence([purpose]), ""]
+    lines += ["```text", *parser.format_help().splitlines(), "```", ""]
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            purposes = {one.dest: one.help or "" for one in action._choices_actions}
+            for name, below in action.choices.items():
+                lines += _helps(below, purposes[name], level + 1)
+    return lines
+
+
+class _Wide(HelpWithDefaults):
     """Help as wide as a page, whatever the terminal."""
 
     def __init__(self, prog: str) -> None:
         super().__init__(prog, width=100)
 
 
+class _WideParser(OneLineParser):
+    """Has such help, as have the commands below it."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **{"formatter_class": _Wide, **kwargs})
+
+
 def _units(parameter: Parameter) -> list[str]:
     units = list(UNITS[parameter.quantity])
     return [*units, MAX_STRESS] if parameter.name == "stress_noise" else units
+
+
+def _left_out(parameter: Parameter) -> str:
+    """Return the value of a parameter that a file does not name."""
+    if parameter.name in FREE_IN_HISTORIES:
+        return "see [loading histories](../loading_history.md#how-it-is-solved-and-fitted)"
+    if parameter.standard is None:
+        return ""
+    unit = "" if parameter.si_unit == "1" else f" {parameter.si_unit}"
+    return f"{parameter.standard:g}{unit}"
 
 
 def _codes(names: Iterable[str]) -> str:

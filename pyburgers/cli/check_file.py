@@ -12,7 +12,11 @@ from pyburgers.cli.file_hints import doubts, hints, text_files
 from pyburgers.common.errors import InputError, StructureError
 from pyburgers.common.toml_files import read_tables, write_toml
 from pyburgers.common.units import count_points
-from pyburgers.flow_law_tables.inputs import load_peak_stress
+from pyburgers.flow_law_tables.inputs import (
+    STRESS_SCATTER,
+    load_peak_stress,
+    load_peak_stress_priors,
+)
 from pyburgers.model.priors import load_priors
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.protocol import load_experiment
@@ -37,7 +41,11 @@ STAND_INS: Mapping[str, Any] = {
 def add_options(command: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
     command.add_argument(
-        "files", type=Path, nargs="+", metavar="FILE.toml", help="of an experiment, or of priors"
+        "files",
+        type=Path,
+        nargs="+",
+        metavar="FILE.toml",
+        help="experiment, table of peak stresses, or priors of either",
     )
 
 
@@ -98,6 +106,10 @@ def all_errors(path: Path, content: Mapping[str, Any]) -> tuple[list[str], objec
 def _reader(content: Mapping[str, Any]) -> Callable[[Path], object]:
     """Return what reads a file of its kind."""
     if "parameters" in content and "protocol" not in content:
+        parameters = content["parameters"]
+        # No other priors have a scatter of peak stresses.
+        if isinstance(parameters, dict) and STRESS_SCATTER.name in parameters:
+            return load_peak_stress_priors
         return load_priors
     return load_peak_stress if content.get("protocol") == "peak_stress" else load_experiment
 

@@ -54,7 +54,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
         help="only flag points whose Pareto k is above 0.7, do not fit again without them; points "
         "of joint fits are only flagged anyway",
     )
-    add_worker_options(command)
+    add_worker_options(command, "with --leave-out tests: ")
 
 
 def run(options: argparse.Namespace) -> int:

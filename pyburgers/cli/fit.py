@@ -61,7 +61,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--tolerance",
         type=float,
-        help=f"of the ODE solver{by_protocol(lambda one: one.solver.tolerance)}",
+        help=f"tolerance of the ODE solver{by_protocol(lambda one: one.solver.tolerance)}",
     )
     command.add_argument(
         "--prior-only", action="store_true", help="switch the likelihood off: sample the prior"

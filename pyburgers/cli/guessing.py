@@ -18,7 +18,7 @@ QUANTITIES: Mapping[str, str] = MappingProxyType(
         "frequency": r"freq|^f(?![a-z])|omega",
         "temperature": r"temp|^t_?[kc](?![a-z])|^t ?[(\[]°?[kc]",
         "median_stress": r"median|mean_?stress|bias",
-        "amplitude": r"ampl",
+        "amplitude": r"(?<![a-z])ampl",
         "limit": r"limit",
         "stress": r"stress|sigma|σ|tau|τ|load|pressure",
         "strain": r"strain|eps|ε|gamma|γ|shorten|deformation",

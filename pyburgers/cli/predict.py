@@ -113,7 +113,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
         help="measured attenuation to draw over it: columns frequency_Hz, tan_delta and, if you "
         "like, tan_delta_sd and series",
     )
-    command.add_argument("--seed", type=int, default=1, help="of draws of the elastic modulus")
+    command.add_argument("--seed", type=int, default=1, help="seed of draws of the elastic modulus")
     command.set_defaults(predict=_attenuation)
 
 

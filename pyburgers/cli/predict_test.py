@@ -50,7 +50,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
         "every test in turn",
     )
     command.add_argument(
-        "--seed", type=int, default=1, help="of noise and of a new test's own values"
+        "--seed", type=int, default=1, help="seed of noise and of a new test's own values"
     )
 
 

@@ -28,9 +28,9 @@ def add_model_options(command: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME=HOW",
-        help="of a joint fit, what its experiments have of a parameter (or of all): shared, one "
-        "value; separate, a value for each; partial or partial:SCALE, values around a common "
-        "centre with a spread whose prior has this scale; may be repeated",
+        help="how tests of a joint fit share parameter NAME (or all): shared, one value; separate, "
+        "a value for each; partial or partial:SCALE, values around a common centre with a spread "
+        "whose prior has this scale; may be repeated",
     )
     variant = command.add_argument(
         "--variant",
@@ -73,10 +73,11 @@ _SAMPLER_HELP = {
     "chains": "number of chains",
     "warmup": "iterations ahead of the draws",
     "draws": "draws of each chain",
-    "seed": "of initial values and chains",
+    "seed": "seed of initial values and chains",
     "adapt_delta": "target acceptance",
     "max_treedepth": "trajectories have at most 2**max_treedepth - 1 leapfrog steps",
-    "coordinates": "of the sampler (docs/coordinates.md); auto takes those that suit the test",
+    "coordinates": "coordinates of the sampler (docs/coordinates.md); auto takes those that suit "
+    "the test",
     "chain_timeout": "seconds after which a chain is stopped",
     "parallel_chains": "chains side by side",
     "threads_per_chain": "threads that share the tests of a joint fit at constant rate; they pay "

@@ -39,14 +39,19 @@ class Description:
 def experiment_text(test: Description) -> str:
     """Return the text of an experiment file."""
     values = test.values
+    errors = [
+        _optional("temperature_sd_K = 2.0", "how well the temperature is known"),
+        _optional("stress_calibration_sd = 0.02", "relative error of the load cell"),
+    ]
+    if values["protocol"] == "attenuation":  # tables are fitted at their stated conditions
+        errors = []
     lines = [
         _line("id", values["id"], "names the run and its files"),
         _line("material", values["material"], "its priors are taken unless --priors is given"),
         _line("protocol", values["protocol"], "the kind of test"),
         _line("temperature_K", values["temperature_K"]),
         _line("initial_grain_size_m", values["grain_size_m"], "mean, at the start"),
-        _optional("temperature_sd_K = 2.0", "how well the temperature is known"),
-        _optional("stress_calibration_sd = 0.02", "relative error of the load cell"),
+        *errors,
         "",
         *_PROTOCOLS[values["protocol"]](test),
         "",
@@ -106,6 +111,7 @@ def _column(
 
 def _constant_rate(test: Description) -> list[str]:
     position = "strain" if "strain" in test.columns else "time"
+    late_strain = 20.0 if test.columns[position].unit == "percent" else 0.2
     return [
         _with_comment("[[segments]]", "one for each imposed strain rate"),
         _line("start_strain", 0.0, "a fraction, where this rate starts"),
@@ -118,7 +124,7 @@ def _constant_rate(test: Description) -> list[str]:
         *_column(test, "stress", comment="differential stress, compression positive"),
         _optional("stress_uncertainty = 0.05", "of a reading, in the unit of the stress"),
         _optional("[[microstructure]]", "measured in the sample, at one strain or more"),
-        _optional("strain = 20.0", "in the unit of [data]"),
+        _optional(f"strain = {late_strain}", "in strain_unit of [data], else a fraction"),
         "# grain_size_m = 165e-6",
         "# grain_size_sd_m = 8e-6",
     ]

@@ -12,23 +12,34 @@ ANSWER_SECONDS = 30
 """How long to wait for a scheduler."""
 
 
-def add_worker_options(command: argparse.ArgumentParser) -> None:
-    """Add the options that say who does tasks."""
+def add_worker_options(command: argparse.ArgumentParser, when: str = "") -> None:
+    """Add the options that say who does tasks.
+
+    Parameters
+    ----------
+    command : ArgumentParser
+        Gets them.
+    when : str
+        Begins their help where not all that the command does is handed out.
+    """
     command.add_argument(
-        "--jobs", type=int, metavar="N", help="tasks at the same time, default one for each core"
+        "--jobs",
+        type=int,
+        metavar="N",
+        help=f"{when}tasks at the same time, default one for each core",
     )
     command.add_argument(
         "--scheduler",
         metavar="ADDRESS",
-        help="of Dask, such as tcp://node1:8786: its workers do the tasks "
-        "(needs pyburgers[cluster])",
+        help=f"{when}address of a Dask scheduler, such as tcp://node1:8786: its workers do the "
+        "tasks (needs Dask: docs/campaign.md)",
     )
     command.add_argument(
         "--part",
         type=_part,
         metavar="I/N",
-        help="do the I-th of N parts of the tasks and nothing else, such as in a job array; the "
-        "same command without it then gathers the results",
+        help=f"{when}do the I-th of N parts of the tasks and nothing else, such as in a job array; "
+        "the same command without it then gathers the results",
     )
 
 
@@ -61,7 +72,8 @@ def workers_of(options: argparse.Namespace) -> Iterator[Workers]:
         from distributed import Client, KilledWorker
     except ModuleNotFoundError as error:
         raise InputError(
-            "--scheduler: Dask is not installed; get it with pip install 'pyburgers[cluster]'."
+            "--scheduler: Dask is not installed; get it with pip install '.[cluster]' in the "
+            "folder of the checkout."
         ) from error
     try:
         client = Client(address, timeout=ANSWER_SECONDS)

@@ -1,7 +1,7 @@
 """The page as a reader's browser has it: nothing fails, nothing overflows, everybody can read it.
 
 Run with `pytest -m browser`. It needs Chromium (Debian: `apt-get install chromium`), Playwright
-(`pip install 'pyburgers[browser]'`) and axe-core (`npm install --prefix tests/browser axe-core`).
+(`pip install '.[browser]'`) and axe-core (`npm install --prefix tests/browser axe-core`).
 """
 
 import importlib.util
@@ -42,7 +42,7 @@ def chromium() -> str:
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
     if importlib.util.find_spec("playwright") is None:
-        pytest.fail("Playwright is missing: pip install 'pyburgers[browser]'.")
+        pytest.fail("Playwright is missing: pip install '.[browser]' in the checkout.")
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as driver:

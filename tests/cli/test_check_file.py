@@ -37,7 +37,16 @@ def of_kind(kind: str, lines: list[str]) -> list[str]:
     return [line for line in lines if line.startswith(f"{kind}: ")]
 
 
-@pytest.mark.parametrize("name", ["ice/PIL40", "olivine/olivine_twin", "priors/ice"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "ice/PIL40",
+        "olivine/olivine_twin",
+        "ice/peak_stress_qi_goldsby_2021",
+        "priors/ice",
+        "priors/peak_stress/ice",
+    ],
+)
 def test_shipped_files_have_no_errors(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check-file", str(DATA / f"{name}.toml")]) == 0
     out = capsys.readouterr().out
@@ -137,6 +146,18 @@ def test_a_prior_file_is_checked_as_one(tmp_path: Path, capsys: pytest.CaptureFi
     path.write_text(PRIORS.replace("scale = 1e-6", "scale = -1e-6"), encoding="utf-8")
     assert main(["check-file", str(path)]) == 2
     assert "scale" in capsys.readouterr().out
+
+
+def test_a_prior_file_of_peak_stresses_is_checked_as_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = (DATA / "priors" / "peak_stress" / "ice.toml").read_text(encoding="utf-8")
+    path = tmp_path / "priors.toml"
+    path.write_text(text.replace("[parameters.beta]", "[parameters.betta]"), encoding="utf-8")
+    assert main(["check-file", str(path)]) == 2
+    out = capsys.readouterr().out
+    assert "unknown key 'betta'" in out
+    assert "key 'beta' in [parameters] is missing" in out
 
 
 def test_other_commands_tell_the_first_error_and_how_many_there_are(

@@ -19,6 +19,7 @@ from small_inputs import CURVE, EXPERIMENT, PRIORS
 from pyburgers.checks.registry import CHECKS
 from pyburgers.cli.main import COMMANDS, main
 from pyburgers.cli.shared import command_line
+from pyburgers.cmdstan.installation import PYPI_VERSION
 from pyburgers.fitting.fit import Fit
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
 from pyburgers.protocols.protocol import protocols
@@ -430,6 +431,17 @@ def test_help_shows_defaults_and_choices(capsys: pytest.CaptureFixture[str]) -> 
         assert f"{protocol.warmup} {name}" in text
     assert "iterations ahead of the draws; default 300 --draws" in shown("sbc")
     assert "--microstructure {initial,steady-state}" in shown("predict", "attenuation")
+    assert f"pypi: {PYPI_VERSION} from the package index" in shown("install-cmdstan")
+
+
+def test_help_of_compare_says_that_only_left_out_tests_are_handed_out(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    for command, times in (("compare", 3), ("sbc", 0)):
+        with pytest.raises(SystemExit):
+            main([command, "--help"])
+        text = " ".join(capsys.readouterr().out.split())
+        assert text.count("with --leave-out tests: ") == times
 
 
 @pytest.mark.parametrize(

@@ -11,10 +11,12 @@ import pytest
 from refusals import assert_refused
 from small_inputs import DATA
 
+from pyburgers.cli.guessing import guess_columns
 from pyburgers.cli.main import main
+from pyburgers.common.text_tables import look_at
 from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
-from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.experiment import CONDITION_KEYS, Experiment
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.protocol import load_experiment
@@ -53,6 +55,41 @@ def test_curves_are_told_by_names_and_numbers(
         np.testing.assert_allclose(test.stress, stress)
 
 
+def test_a_number_of_the_sample_is_no_amplitude(tmp_path: Path) -> None:
+    path = tmp_path / "curve.csv"
+    path.write_text("sample,strain,stress\n4506,0.001,2\n4506,0.02,3\n", encoding="utf-8")
+    assert guess_columns(look_at(path)).keys() == {"strain", "stress"}
+    path.write_text("ampl (MPa),stress_amplitude_MPa\n1,2\n3,4\n", encoding="utf-8")
+    assert guess_columns(look_at(path)).keys() == {"amplitude"}
+
+
+def proposed(path: Path) -> str:
+    """Text of a file with the keys that it proposes in comments, but for free text."""
+    lines = path.read_text(encoding="utf-8").splitlines()
+    return "\n".join(line.removeprefix("# ") for line in lines if "..." not in line)
+
+
+@pytest.mark.parametrize(
+    ("text", "strain"),
+    [
+        ("strain (%),stress (MPa)\n0.1,2\n21,3\n", 0.2),
+        ("strain,stress (MPa)\n0.001,2\n0.21,3\n", 0.2),
+        ("time_s,stress (MPa)\n100,2\n21000,3\n", 0.2),
+    ],
+)
+def test_a_proposed_microstructure_is_at_a_strain_of_the_test(
+    text: str, strain: float, tmp_path: Path
+) -> None:
+    path = tmp_path / "curve.csv"
+    path.write_text(text, encoding="utf-8")
+    made(path, *RATE)
+    file = path.with_suffix(".toml")
+    file.write_text(proposed(file), encoding="utf-8")
+    test = load_experiment(file)
+    assert isinstance(test, ConstantRateExperiment)
+    assert [one.strain for one in test.microstructure] == [strain]
+
+
 def test_creep_at_a_constant_stress(tmp_path: Path) -> None:
     path = tmp_path / "creep.csv"
     path.write_text("time_h,strain (%)\n0,0\n10,0.4\n20,0.7\n50,1.3\n", encoding="utf-8")
@@ -89,6 +126,8 @@ def test_a_table_of_attenuation(tmp_path: Path) -> None:
     path = tmp_path / "table.csv"
     shutil.copy(DATA / "ice" / "attenuation_twin.csv", path)
     test = made(path, "--deformation", "axial")
+    written = path.with_suffix(".toml").read_text(encoding="utf-8")
+    assert not any(key in written for keys in CONDITION_KEYS.values() for key in keys)
     twin = load_experiment(DATA / "ice" / "attenuation_twin.toml")
     assert isinstance(test, AttenuationExperiment)
     assert isinstance(twin, AttenuationExperiment)

@@ -1,5 +1,6 @@
 """Tables of the reference are complete, and say what the readers of files do."""
 
+import shutil
 import tomllib
 from pathlib import Path
 
@@ -7,14 +8,18 @@ import pytest
 from combinations import FROZEN, REFUSED, STANDARD, Combination, combinations, materials
 from conftest import DUNITE, ICE
 from file_keys import Key, KeyTable, key_tables, structures
-from generated_tables import command_lines, key_lines, parameter_lines
+from generated_tables import FREE_IN_HISTORIES, command_lines, key_lines, parameter_lines
 
 import pyburgers
 from pyburgers.cli.main import COMMANDS
 from pyburgers.common.errors import InputError
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
+from pyburgers.model.prior_families import is_fixed_at
 from pyburgers.model.priors import default_priors
 from pyburgers.model.variants import CHOICES, variant_of, with_variant
+from pyburgers.protocols.experiment import CONDITION_KEYS
+from pyburgers.protocols.loading_history.experiment import LoadingHistory
+from pyburgers.protocols.loading_history.priors import priors_of
 from pyburgers.protocols.protocol import NAMES, load_experiment
 
 DATA = ICE.parent
@@ -103,9 +108,49 @@ def test_all_parameters_and_commands_are_listed() -> None:
     text = "\n".join(parameter_lines())
     for parameter in PROGRAM_PARAMETERS:
         assert f"| `{parameter.name}` |" in text
+
+
+def test_every_command_is_listed_as_its_help_prints_it() -> None:
     text = "\n".join(command_lines())
-    for name in COMMANDS:
+    for name in (*COMMANDS, "predict test", "predict attenuation"):
         assert f"usage: pyburgers {name}" in text
+    assert "--hold-time-h H" in text
+    assert "draws of each chain; default 1000" in text
+
+
+def test_keys_that_tables_of_attenuation_refuse_are_not_listed(tmp_path: Path) -> None:
+    shutil.copy(DATA / "ice" / "attenuation_twin.csv", tmp_path)
+    text = (DATA / "ice" / "attenuation_twin.toml").read_text(encoding="utf-8")
+    listed = {found.name for found in tables("attenuation")[""].keys}
+    for sd_key, apparatus_key in CONDITION_KEYS.values():
+        assert not {sd_key, apparatus_key} & listed
+        for line in (f"{sd_key} = 0.01", f'{apparatus_key} = "A"'):
+            file = tmp_path / "test.toml"
+            file.write_text(f"{line}\n{text}", encoding="utf-8")
+            with pytest.raises(InputError, match=sd_key):
+                load_experiment(file)
+    assert {key for keys in CONDITION_KEYS.values() for key in keys} <= {
+        found.name for found in tables("constant_rate")[""].keys
+    }
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_every_table_that_is_shown_has_keys(name: str) -> None:
+    assert all(table.keys for table in tables(name).values())
+
+
+def test_values_of_parameters_that_are_left_out_are_those_of_a_fit() -> None:
+    rows = {line.split(" | ")[0]: line for line in parameter_lines() if " | " in line}
+    assert rows["| `kelvin_stress_exponent`"].endswith("| 1 |")
+    assert rows["| `breakdown_stress`"].endswith("| 0 Pa |")
+    history = load_experiment(SHIPPED["loading_history"])
+    assert isinstance(history, LoadingHistory)
+    plain = default_priors(history.material, history.protocol)
+    (priors,) = priors_of([history], plain)
+    for name in FREE_IN_HISTORIES:
+        assert name not in plain.priors
+        assert not priors[name].is_fixed
+        assert "loading_history.md" in rows[f"| `{name}`"]
 
 
 def test_every_document_is_on_the_site() -> None:
@@ -156,3 +201,19 @@ def test_shipped_tests_take_the_laws_that_the_table_allows(
         )
         if c.outcome == STANDARD:
             assert variant_of(priors, experiment).record()[c.part] == c.law
+
+
+def test_what_depends_on_readings_stands_above_the_tables() -> None:
+    page = DATA.parent / "docs" / "reference" / "combinations.md"
+    said = " ".join(page.read_text(encoding="utf-8").split())
+    history = load_experiment(SHIPPED["loading_history"])
+    assert isinstance(history, LoadingHistory)
+    (priors,) = priors_of([history], default_priors(history.material, history.protocol))
+    law = variant_of(priors, history).residuals
+    assert f"whose strain is read takes `residuals={law}`" in said
+    without_scatter = [
+        material
+        for material in materials()
+        if is_fixed_at(default_priors(material, "attenuation")["attenuation_scatter"], 0.0)
+    ]
+    assert f"with the priors of {' and '.join(without_scatter)}, which" in said

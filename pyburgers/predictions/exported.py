@@ -79,6 +79,10 @@ def exported(fit: Fit) -> Exported:
     columns = {name: draws[name].to_numpy().ravel() for name in names}
     columns[LOG_FACTOR] = columns["beta"] * columns["activation_enthalpy"]
     values = np.stack(list(columns.values()))
+    fixed = np.ptp(values, axis=1) == 0
+    covariance = np.atleast_2d(np.cov(values))
+    # Rounding would give what never varies a spread, and correlations of 1.
+    covariance[fixed, :] = covariance[:, fixed] = 0.0
     return Exported(
         test=fit.experiment.id,
         material=fit.experiment.material,
@@ -87,8 +91,8 @@ def exported(fit: Fit) -> Exported:
         sampled_well=fit.sampled_well.value,
         describes_data=fit.describes_data.value,
         names=tuple(columns),
-        mean=values.mean(axis=1),
-        covariance=np.atleast_2d(np.cov(values)),
+        mean=np.where(fixed, values[:, 0], values.mean(axis=1)),
+        covariance=covariance,
         n_draws=values.shape[1],
     )
 

@@ -2,11 +2,13 @@
 
 import io
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+import xarray as xr
 from conftest import ICE
 from refusals import assert_refused
 
@@ -48,6 +50,21 @@ def test_what_is_left_out_is_of_a_test_or_its_readings() -> None:
     # What tests share by default belongs to the material, but for scatter, which one kind has.
     shared = {name for name, kind in DEFAULT_KINDS.items() if kind == "shared"}
     assert shared & LEFT_OUT == {"attenuation_scatter", "modulus_scatter"}
+
+
+def test_what_is_fixed_has_its_value_and_no_spread(small_fit: Fit) -> None:
+    """Of numbers such as 0.55 the mean of equal draws is another, and their variance is not 0."""
+    draws = small_fit.posterior["posterior"].to_dataset()
+    fixed = {"grain_size_exponent": 0.55, "beta": -7.29e-4}
+    known = draws.assign({name: xr.full_like(draws[name], value) for name, value in fixed.items()})
+    posterior = xr.DataTree.from_dict({**small_fit.posterior.to_dict(), "/posterior": known})
+    one = exported(replace(small_fit, posterior=posterior))
+    for name, value in fixed.items():
+        place = one.names.index(name)
+        assert one.mean[place] == value
+        assert not one.covariance[place].any()
+        assert not one.covariance[:, place].any()
+    assert (one.sd > 0).any()
 
 
 def test_csv_holds_the_same(small_fit: Fit, capsys: pytest.CaptureFixture[str]) -> None:

@@ -266,12 +266,14 @@ def least_squares(data: PeakStressData) -> dict[str, tuple[float, float]]:
     -------
     dict
         Value and standard error (first order) of stress_exponent and, where grain sizes differ,
-        grain_size_exponent.
+        grain_size_exponent; empty where rows are too few, or too much alike, to tell.
     """
     columns = [np.ones(data.n_points), np.log(data.strain_rate)]
     if np.ptp(data.grain_size) > 0:
         columns.append(np.log(data.grain_size))
     design = np.column_stack(columns)
+    if data.n_points <= len(columns) or np.linalg.matrix_rank(design) < len(columns):
+        return {}
     log_stress = np.log(data.stress)
     slopes, *_ = np.linalg.lstsq(design, log_stress, rcond=None)
     residual = log_stress - design @ slopes

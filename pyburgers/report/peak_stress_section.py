@@ -48,6 +48,12 @@ def peak_stress_section(fit: PeakStressFit) -> PageSection:
     """
     data = fit.data
     comparison = least_squares_table(fit)
+    compared = _table(
+        "least_squares",
+        "Exponents, against least squares",
+        _shown_least_squares(comparison),
+        comparison.reset_index(),
+    )
     return PageSection(
         key=PEAK_STRESS_KEY,
         title=f"Flow law of {data.material} from peak stresses",
@@ -68,12 +74,7 @@ def peak_stress_section(fit: PeakStressFit) -> PageSection:
         ),
         tables=(
             _table("posterior", "Posterior", flow_law_table(fit), fit.summary("SI").reset_index()),
-            _table(
-                "least_squares",
-                "Exponents, against least squares",
-                _shown_least_squares(comparison),
-                comparison.reset_index(),
-            ),
+            *(() if comparison.empty else (compared,)),
             checks_page_table("Checks of this fit", fit.checks()),
         ),
         figures=(

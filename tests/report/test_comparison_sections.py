@@ -157,6 +157,10 @@ def test_least_squares_leave_out_a_grain_size_that_never_changes(
     data = peak_stress.data
     same = replace(data, grain_size=np.full(data.n_points, 2.3e-4))
     assert set(least_squares(same)) == {"stress_exponent"}
+    few = {name: getattr(data, name)[:3] for name in ("strain_rate", "stress", "temperature")}
+    sizes = np.array([2e-4, 2e-4, 9e-4])
+    assert least_squares(replace(data, grain_size=sizes, **few)) == {}
+    assert least_squares(replace(data, strain_rate=np.full(data.n_points, 1e-5))) == {}
     exact = replace(data, stress=(data.strain_rate * data.grain_size**0.5 * 1e25) ** (1 / 3))
     found = least_squares(exact)
     assert found["stress_exponent"] == pytest.approx((3.0, 0.0), abs=1e-10)

@@ -1,6 +1,7 @@
 """Temperatures of a table of attenuation left out, against marginal likelihoods by quadrature."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import attenuation_oracle
@@ -68,6 +69,17 @@ def test_temperatures_are_left_out_one_by_one(tmp_path: Path) -> None:
     kept = compare_kept_by_test({"one": result})
     assert kept is not None
     np.testing.assert_array_equal(kept.results["one"].elpd, found.elpd)
+
+
+def test_temperatures_of_one_name_are_one_part_with_all_their_readings() -> None:
+    conditions = TWIN.conditions
+    nudge = np.where(np.arange(conditions.temperature.size) % 2 == 0, 1e-4, 0.0)
+    close = replace(
+        TWIN, conditions=replace(conditions, temperature=conditions.temperature + nudge)
+    )
+    assert dict(close.parts) == dict(TWIN.parts)
+    assert list(close.parts) == list(TWIN.parts)
+    assert close.without_part("253.15K").n_points == TWIN.without_part("253.15K").n_points
 
 
 def test_only_a_temperature_of_the_table_can_be_left_out() -> None:

@@ -1,5 +1,6 @@
 """Tables of attenuation and modulus as tests."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
@@ -75,13 +76,11 @@ class AttenuationExperiment(Experiment):
     @property
     def parts(self) -> Mapping[str, int]:
         """Readings at each temperature, the hottest first."""
-        temperature = self.conditions.temperature
         quantities = 2 if self.readings.modulus.size else 1
+        # Temperatures that differ by less than a name shows are one part.
+        hottest_first = self._names[np.argsort(-self.conditions.temperature)]
         return MappingProxyType(
-            {
-                _temperature_name(own): quantities * int(np.sum(temperature == own))
-                for own in np.unique(temperature)[::-1]
-            }
+            {str(name): quantities * number for name, number in Counter(hottest_first).items()}
         )
 
     def without_part(self, name: str) -> Self:

@@ -222,6 +222,26 @@ class TestTurning:
         test = load_loading_history(write(text, rows))
         np.testing.assert_allclose(test.response, [-np.log(0.9), -np.log(1.2)], rtol=1e-14)
 
+    def test_the_zero_of_an_engineering_strain_is_no_shortening(self, write: Write) -> None:
+        """Readings are what the model has beside them: true strain and the offset."""
+        time, shortening = np.array([10.0, 20.0]), np.array([0.1, 0.2])
+        rows = table(
+            ("time", time), ("stress", np.array([1.0, 2.0])), ("strain", 100 * (shortening + 0.02))
+        )
+        measures = ('stress_measure = "engineering"', 'strain_measure = "engineering"')
+        zero = '[strain_offset]\nvalue = 2.0\nsd = 0.01\nunit = "percent"\n\n[data]'
+        held = one_stage('control = "hold_strain"', 20.0, *measures).replace("[data]", zero)
+        loaded = load_loading_history(write(held, rows))
+        np.testing.assert_allclose(loaded.response, [0.9e6, 1.6e6], rtol=1e-14)
+        rows = table(("time", time), ("strain", 100 * (shortening + 0.02)))
+        crept = (
+            one_stage('control = "stress"\nstress = 1e6', 20.0, measures[1])
+            .replace('stress_column = "stress"\nstress_unit = "MPa"\n', "")
+            .replace("[data]", zero)
+        )
+        test = load_loading_history(write(crept, rows))
+        np.testing.assert_allclose(test.response, 0.02 - np.log1p(-shortening), rtol=1e-14)
+
     def test_constant_force(self, write: Write) -> None:
         time = np.linspace(0.0, 1000.0, 101)
         shortening = 0.15 * (time / 1000) ** 0.5

@@ -158,7 +158,8 @@ def _test(path: Path, file: _LoadingHistoryFile) -> tuple[Test, Stated | None]:
     readings = NO_READINGS
     if file.data is not None:
         raw = read_readings(path, file.data, bounds, conventions.sign)
-        readings = true_readings(path, raw, file.stress_measure, file.strain_measure)
+        zero = offset.value if offset else 0.0
+        readings = true_readings(path, raw, file.stress_measure, file.strain_measure, zero)
     test = Test(
         path=path,
         temperature=file.temperature_K,

@@ -137,11 +137,15 @@ def read_readings(path: Path, data: HistoryDataTable, bounds: FloatArray, sign: 
     )
 
 
-def true_readings(path: Path, readings: Readings, stress: Measure, strain: Measure) -> Readings:
+def true_readings(
+    path: Path, readings: Readings, stress: Measure, strain: Measure, zero: float = 0.0
+) -> Readings:
     """Turn engineering measures into true ones.
 
     With e the shortening over the first length, positive in compression, the true strain is
     -ln(1 - e), and at constant volume the true stress is the force over the first area times 1 - e.
+    Strain that is read of a sample at rest is no shortening: it is taken off before, and put back.
+    Where it is uncertain, its error is one of e, not turned.
 
     Parameters
     ----------
@@ -151,20 +155,22 @@ def true_readings(path: Path, readings: Readings, stress: Measure, strain: Measu
         As in the file.
     stress, strain : {"true", "engineering"}
         Their measures.
+    zero : float
+        Strain that is read of a sample at rest (fraction), as it is known beforehand.
 
     Raises
     ------
     InputError
         If a sample is shortened by all its length, or a stress has no strain beside it.
     """
-    true_strain = readings.strain
+    true_strain = readings.strain - zero
     if strain == "engineering":
-        if np.any(readings.strain >= 1):
+        if np.any(true_strain >= 1):
             raise InputError(
-                f"{readings.source}: found an engineering strain of {np.nanmax(readings.strain):g},"
+                f"{readings.source}: found an engineering strain of {np.nanmax(true_strain):g},"
                 " expected less than 1 (fraction) in compression: check its unit."
             )
-        true_strain = -np.log1p(-readings.strain)
+        true_strain = -np.log1p(-true_strain)
     true_stress = readings.stress
     if stress == "engineering":
         if np.any(np.isfinite(readings.stress) & np.isnan(true_strain)):
@@ -173,7 +179,7 @@ def true_readings(path: Path, readings: Readings, stress: Measure, strain: Measu
                 f"in {readings.source}, expected the strain of every reading, which tells the area."
             )
         true_stress = readings.stress * np.exp(-true_strain)
-    return Readings(readings.source, readings.time, readings.stage, true_stress, true_strain)
+    return Readings(readings.source, readings.time, readings.stage, true_stress, true_strain + zero)
 
 
 def responses(

@@ -15,9 +15,9 @@ from pyburgers.model.parameters import (
     Parameter,
 )
 from pyburgers.model.pooling import SEPARATE, Pooling
-from pyburgers.model.prior_families import fixed_prior
+from pyburgers.model.prior_families import fixed_prior, is_fixed_at
 from pyburgers.model.priors import FLOW_LAW, PriorSet
-from pyburgers.model.variants import check_variant
+from pyburgers.model.variants import WITHOUT_EFFECT, check_variant, variant_of
 from pyburgers.protocols.coordinates import Layout, PlainCoordinates, layout_of
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.protocol import Protocol, protocol_of, protocols
@@ -38,8 +38,8 @@ class Problem:
     given_priors : PriorSet
         For all tests, not resolved.
     priors : tuple of PriorSet
-        Of each test, resolved; they differ only where a prior is a share of the largest stress, or
-        in the errors of the test's conditions.
+        Of each test, resolved; they differ only where a prior is a share of the largest stress, in
+        the errors of the test's conditions, or in a grain size that stays as it is at the start.
     pooling : Pooling
         How the tests hang together; a partially pooled parameter has centre and spread even where
         one test alone is left.
@@ -209,6 +209,8 @@ class Problem:
         shared = [name for name in self.shared if name not in CONDITIONS]
         priors = _with_shared(self.given_priors, self.priors[0], shared)
         others = [k for k, experiment in enumerate(self.experiments) if experiment.id != part]
+        grains = [n for n in ("steady_state_grain_size",) if n not in self.free]
+        priors = _with_shared(priors, self.priors[others[0]], grains)
         left = problem_of([self.experiments[k] for k in others], priors, self.pooling)
         lost = [
             name
@@ -276,7 +278,7 @@ def problem_of(
     largest = [experiment.largest_stress for experiment in experiments]
     check_conditions(experiments)
     of_tests = tuple(
-        own.exchanging(*condition_priors(experiment))
+        _with_own_grains(own, experiments[0], experiment).exchanging(*condition_priors(experiment))
         for experiment, own in zip(
             experiments, common_protocol(experiments).priors_of(experiments, priors), strict=True
         )
@@ -291,6 +293,22 @@ def problem_of(
     problem = Problem(tuple(experiments), priors, resolved, pooling)
     _check_pooling(problem)
     return problem
+
+
+def _with_own_grains(own: PriorSet, first: Experiment, experiment: Experiment) -> PriorSet:
+    """Let grains stay at, or start from, the size of each test where variants fix it in the first.
+
+    Grains of a steady-state size that priors fix, with a critical strain of their own, do neither.
+    """
+    if "steady_state_grain_size" not in own.priors:
+        return own
+    size, critical_strain = own["steady_state_grain_size"], own["critical_strain_grain_size"]
+    law = variant_of(own, first).grain_size
+    stays = law == "constant" and is_fixed_at(critical_strain, WITHOUT_EFFECT)
+    if not is_fixed_at(size, first.initial_grain_size) or not (stays or law == "piezometric"):
+        return own
+    quantity = PARAMETER_BY_NAME[size.parameter]
+    return own.exchanging(fixed_prior(quantity, experiment.initial_grain_size, size.source))
 
 
 def of_one_program(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:

@@ -12,8 +12,10 @@ from protocol_examples import TWIN_FILE
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_tests import leave_one_test_out
 from pyburgers.fitting.fit import Fit, fit
+from pyburgers.model.parameters import PIEZOMETER
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import PriorSet, default_priors
+from pyburgers.model.variants import variant_of, with_variant
 from pyburgers.protocols.constant_rate.experiment import (
     ConstantRateExperiment,
     RateSegment,
@@ -85,6 +87,23 @@ def test_residuals_of_others_that_would_need_priors_of_their_own_are_refused() -
     stated = known_priors().exchanging(problem.priors[0]["residual_correlation_time"])
     left = problem_of([*curves, history_twin("creep", 12)], stated, pooling_of()).without("creep")
     assert all("residual_correlation_time" in own.free for own in left.priors)
+
+
+@pytest.mark.parametrize("law", ["constant", "piezometric"])
+def test_grains_that_a_variant_keeps_stay_as_they_are_in_each_test(law: str) -> None:
+    fine = constant_rate_test()
+    coarse = replace(constant_rate_test("coarse"), initial_grain_size=3.0 * fine.initial_grain_size)
+    priors = default_priors("ice")
+    if law == "piezometric":
+        of_olivine = default_priors("olivine")
+        priors = priors.exchanging(*(of_olivine[name] for name in PIEZOMETER))
+    problem = problem_of([fine, coarse], with_variant(priors, fine, {"grain_size": law}))
+    left = problem.without(fine.id)
+    for test, own in zip(
+        (*problem.experiments, coarse), (*problem.priors, left.priors[0]), strict=True
+    ):
+        assert variant_of(own, test).grain_size == law
+        assert own["steady_state_grain_size"].location == test.initial_grain_size
 
 
 @pytest.fixture(scope="module")

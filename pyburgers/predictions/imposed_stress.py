@@ -25,10 +25,12 @@ from pyburgers.predictions.assumptions import EVOLUTION
 from pyburgers.predictions.stress_cycles import (
     BREAKDOWN,
     HOLD_TIME,
+    MODULUS_OF_TEMPERATURE,
     Regime,
     checked_frequencies,
     checked_hold_time,
     checked_inputs,
+    modulus_at,
 )
 from pyburgers.protocols.forced_oscillation.harmonics import (
     N_HARMONICS,
@@ -146,6 +148,7 @@ def phase_lag(
 OTHER_PARAMETERS = (
     *RELAXATION_PARAMETERS,
     BREAKDOWN,
+    *MODULUS_OF_TEMPERATURE,
     *PIEZOMETER,
     *EVOLUTION,
 )
@@ -306,9 +309,14 @@ def solve_imposed_stress(
         raise InputError(
             f"parameters: {missing[0]!r} is missing, expected it where the microstructure evolves."
         )
+    # The program takes the modulus as it is at the temperature of the cycles.
+    given = {
+        **parameters,
+        "maxwell_modulus": modulus_at(parameters, parameters["maxwell_modulus"], temperature),
+    }
     # What has no value has no effect: on a frozen microstructure, or on stresses without noise.
     columns = [
-        np.broadcast_to(parameters.get(p.name, np.array(p.standard or 0.0)), grain_size.shape)
+        np.broadcast_to(given.get(p.name, np.array(p.standard or 0.0)), grain_size.shape)
         for p in PROGRAM_PARAMETERS
     ]
     data = {

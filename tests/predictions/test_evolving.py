@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import oracle
+import pandas as pd
 import pytest
 import xarray as xr
 from scipy.integrate import solve_ivp
@@ -154,6 +155,31 @@ def test_the_solution_is_that_of_an_independent_solver(
         np.testing.assert_allclose(record[column], values, rtol=2e-6, err_msg=column)
     strain = record["stress_Pa"] / 4e9 + record["kelvin_strain"] + record["dashpot_strain"]
     np.testing.assert_allclose(record["strain"], strain, rtol=1e-13)
+
+
+def test_the_maxwell_modulus_is_that_of_the_temperature() -> None:
+    """E_M [1 + a_E (T - T_E)] and a modulus that is so at every temperature give one solution."""
+    falls = {"modulus_temperature_coefficient": -0.03, "modulus_reference_temperature": 250.0}
+    softer = ICE["maxwell_modulus"] * (1 - 0.03 * (TEMPERATURE - 250.0))
+    records = [
+        simulate_imposed_stress(
+            parameters,
+            PAPER_REGIMES[3],
+            1e-3,
+            np.linspace(-5000.0, 3000.0, 17),
+            temperature=TEMPERATURE,
+            grain_size=GRAIN_SIZE,
+            evolving=True,
+        )
+        for parameters in (ICE | falls, ICE | {"maxwell_modulus": softer}, ICE)
+    ]
+    pd.testing.assert_frame_equal(records[0], records[1], rtol=1e-9)
+    assert not np.allclose(records[0]["path_strain"], records[2]["path_strain"], rtol=1e-5)
+    found, expected = (
+        evolving_attenuation(material(parameters), (1e-3,), (PAPER_REGIMES[3],))
+        for parameters in (ICE | falls, ICE | {"maxwell_modulus": softer})
+    )
+    xr.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
 def test_grain_size_and_fabric_are_functions_of_the_path_strain() -> None:

@@ -242,13 +242,17 @@ class TestTurning:
         test = load_loading_history(write(crept, rows))
         np.testing.assert_allclose(test.response, 0.02 - np.log1p(-shortening), rtol=1e-14)
 
-    def test_constant_force(self, write: Write) -> None:
+    @pytest.mark.parametrize("zero", [0.0, 2.0], ids="a zero of {} percent".format)
+    def test_constant_force(self, write: Write, zero: float) -> None:
         time = np.linspace(0.0, 1000.0, 101)
         shortening = 0.15 * (time / 1000) ** 0.5
-        rows = table(("time", time), ("strain", -100 * np.log1p(-shortening)))
-        text = one_stage(
-            'control = "stress"\nstress = 1e6', 1000.0, 'stress_measure = "engineering"'
-        ).replace('stress_column = "stress"\nstress_unit = "MPa"\n', "")
+        rows = table(("time", time), ("strain", zero - 100 * np.log1p(-shortening)))
+        offset = f'[strain_offset]\nvalue = {zero}\nsd = 0.01\nunit = "percent"\n\n[data]'
+        text = (
+            one_stage('control = "stress"\nstress = 1e6', 1000.0, 'stress_measure = "engineering"')
+            .replace('stress_column = "stress"\nstress_unit = "MPa"\n', "")
+            .replace("[data]", offset)
+        )
         test = load_loading_history(write(text, rows))
         corners, stress = np.transpose(test.stages[0].knots)
         true = 1e6 * (1 - shortening)
@@ -269,6 +273,25 @@ class TestTurning:
         for leg in legs:
             middle = 1e-3 / (1 - 1e-3 * (leg.start_time + leg.end_time) / 2)
             assert leg.rate == pytest.approx(middle, rel=1e-4)
+
+    def test_a_displacement_rate_after_a_load_goes_on_from_the_length(self, write: Write) -> None:
+        """The strain that is read of a sample at rest is no part of its shortening."""
+        rows = table(
+            ("time", np.array([50.0, 100.0, 200.0])),
+            ("stress", np.array([1.0, 1.0, 2.0])),
+            ("strain", np.array([7.0, 12.0, 22.0])),
+        )
+        after = '[[stages]]\ncontrol = "strain_rate"\nstrain_rate_per_s = 1e-3\n'
+        text = one_stage(
+            'control = "stress"\nstress = 1e6', 100.0, 'strain_measure = "engineering"'
+        ).replace(
+            "[data]",
+            f"{after}start_time = 100.0\nend_time = 200.0\n\n"
+            '[strain_offset]\nvalue = 2.0\nsd = 0.01\nunit = "percent"\n\n[data]',
+        )
+        legs = load_loading_history(write(text, rows)).stages[1].knots
+        (_, first), (_, last) = legs[0], legs[-1]
+        assert last - first == pytest.approx(np.log(0.9 / 0.8), rel=1e-12)
 
     def test_a_stress_series_becomes_legs(self, write: Write) -> None:
         time = np.linspace(0.0, 1000.0, 501)

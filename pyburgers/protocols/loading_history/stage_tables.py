@@ -292,7 +292,7 @@ class _StageReader:
                 return self._stage("stress", value=start)
             return self._stage("stress_rate", value=rate, start_stress=start)
         time, strain = self._readings("strain", "the area under the force")
-        value = (start + rate * (time - self.start)) * np.exp(-strain)
+        value = (start + rate * (time - self.start)) * np.exp(self.test.first_strain[0] - strain)
         corners, line = line_through(time, value, tolerance_of(value, 0.0))
         self.notices.append(
             f"Stage {self.number}: the force over the first area became a true stress in "
@@ -336,7 +336,7 @@ class _StageReader:
                 f"{self.where}: found an engineering strain rate after an imposed stress without a "
                 "reading of the strain, expected 'strain_column' in [data] to tell the length."
             )
-        return float(strain[earlier[-1]])
+        return float(strain[earlier[-1]]) - self.test.first_strain[0]
 
     def _given_series(self, knots: Sequence[Sequence[float]], stress: float) -> Stage:
         """Corners as they stand in the file."""

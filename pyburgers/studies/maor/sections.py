@@ -6,6 +6,7 @@ treatments change.
 
 import logging
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
 import numpy as np
@@ -13,6 +14,7 @@ import numpy.typing as npt
 import pandas as pd
 import xarray as xr
 
+from pyburgers.common.processes import cores
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.model.display import STRESS_FACTOR, STRESS_UNIT
 from pyburgers.predictions import attenuation_figures
@@ -109,8 +111,12 @@ def study_sections(
         In their order on the page.
     """
     logger.info("Solving draws of the priors, for what is known before the data.")
-    ice = {name: _known(fit, PEAK_STRESS) for name, fit in ice_fits.items()}
-    olivine = {name: _known(fit, STRESS_AMPLITUDE) for name, fit in olivine_fits.items()}
+    # The solver is a process for each test, which threads can wait for side by side.
+    with ThreadPoolExecutor(max_workers=cores()) as solving:
+        of_ice = solving.map(partial(_known, datum=PEAK_STRESS), ice_fits.values())
+        of_olivine = solving.map(partial(_known, datum=STRESS_AMPLITUDE), olivine_fits.values())
+        ice = dict(zip(ice_fits, of_ice, strict=True))
+        olivine = dict(zip(olivine_fits, of_olivine, strict=True))
     logger.info("Predicting attenuation.")
     spectra = {name: spectra_of(one) for name, one in ice.items()}
     logger.info("Comparing the paper's statements with the posterior.")

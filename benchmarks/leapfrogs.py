@@ -23,9 +23,12 @@ from sampling import ROOT
 
 from pyburgers.cmdstan.draw_files import adaptation_of, read_draws
 from pyburgers.cmdstan.installation import ensure_cmdstan
-from pyburgers.cmdstan.program import load_program
+from pyburgers.cmdstan.program import Program, load_program
+from pyburgers.common.errors import SamplingError
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
+from pyburgers.protocols.stan_data import StanData
+from pyburgers.sampling.run_directory import RunDirectory
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -45,10 +48,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--shown", type=int, default=5, help="steps; default %(default)s")
     parser.add_argument("--seed", type=int, default=1, help="default %(default)s")
     options = parser.parse_args(arguments)
-    fit = Fit.load(options.run)
-    files = sorted((options.run / "chains").glob("chain_*/draws.csv"))
-    adapted = [adaptation_of(file) for file in files]
-    drawn = np.concatenate(list(read_draws(files)["coordinate"]))
+    fit, run = Fit.load(options.run), RunDirectory(options.run)
+    adapted = [adaptation_of(file) for file in run.draws_files()]
+    drawn = np.concatenate(list(read_draws(run.draws_files())["coordinate"]))
     every = max(1, len(drawn) // options.points)
     step = options.step or float(np.mean([one.step_size for one in adapted]))
     metric = np.mean([one.metric for one in adapted], axis=0)
@@ -58,7 +60,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         np.savetxt(inputs[1], np.linalg.cholesky(metric), fmt="%.17g")
         said = subprocess.run(
             [
-                *(_compiled(fit, Path(folder)), options.run / "stan_data.json", *inputs),
+                *(_compiled(fit, Path(folder)), run.stan_data_file, *inputs),
                 *(str(one) for one in (step, options.steps, options.seed, options.told)),
             ],
             capture_output=True,
@@ -68,8 +70,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     found = np.loadtxt(said.splitlines(), ndmin=2)
     n_steps, wrong = int(found[:, 0].sum()), found[:, 1] > 0
     print(f"{wrong.sum()} of {n_steps} steps of {step:.3g} change the energy by {options.told:g}.")
+    program = load_program(fit.problem.protocol.program)
+    data = json.loads(run.stan_data_file.read_text(encoding="utf-8"))
     for row in found[wrong][: options.shown]:
-        shown = _along(fit, options.run, *np.split(row[3:], 2))
+        shown = _along(program, data, fit.problem.free, *np.split(row[3:], 2))
         print(shown.to_string(float_format=lambda value: f"{value:.5g}"), end="\n\n")
 
 
@@ -109,20 +113,26 @@ def _compiled(fit: Fit, folder: Path) -> Path:
     return executable
 
 
-def _along(fit: Fit, run: Path, start: FloatArray, end: FloatArray) -> pd.DataFrame:
-    """Evaluate the program along a step, from before its start (0) to behind its end (1)."""
-    program = load_program(fit.problem.protocol.program)
-    data = json.loads((run / "stan_data.json").read_text(encoding="utf-8"))
-    rows = {}
+def _along(
+    program: Program, data: StanData, free: Sequence[str], start: FloatArray, end: FloatArray
+) -> pd.DataFrame:
+    """Evaluate a program along a step, from before its start (0) to behind its end (1).
+
+    Where there is no solution the column has no numbers.
+    """
+    names = [one.name for one in PROGRAM_PARAMETERS]
+    rows: dict[str, dict[str, float]] = {}
     for part in np.linspace(-0.5, 1.5, 9):
-        found = program.evaluate(data, {"coordinate": (start + part * (end - start)).tolist()})
-        values = dict(
-            zip((one.name for one in PROGRAM_PARAMETERS), found["parameter"][0], strict=True)
-        )
-        rows[f"{part:.2f}"] = {
-            "log density": float(found["log_density"]),
-            "log Jacobian": float(found["log_jacobian"]),
-        } | {name: values[name] for name in fit.problem.free if name in values}
+        row = rows[f"{part:.2f}"] = {}
+        position = {"coordinate": (start + part * (end - start)).tolist()}
+        try:
+            found = program.evaluate(data, position)
+        except SamplingError:
+            continue
+        values = dict(zip(names, found["parameter"][0], strict=True))
+        row["log density"] = float(found["log_density"])
+        row["log Jacobian"] = float(found["log_jacobian"])
+        row |= {name: float(values[name]) for name in free if name in values}
     return pd.DataFrame(rows)
 
 

@@ -5,7 +5,7 @@ posterior is uniform (Talts et al. 2018, arXiv:1804.06788). `pyburgers.sbc.run` 
 many times, `pyburgers.sbc.rank_uniformity` judges the ranks.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeAlias
@@ -58,6 +58,9 @@ PRIOR_ATTEMPTS = 1000
 
 LONGER = 4
 """Factor on the iterations of a fit that is repeated, and on how closely it keeps its target."""
+
+DIVERGENCES = check_divergences.name
+"""What a stricter target mends, and nothing else does: without it steps would only be too short."""
 
 RHAT_LIMIT = 1.05
 """Largest R-hat of a fit of a calibration: 1.01 is passed by chance in its short chains."""
@@ -239,7 +242,13 @@ def _draw(
 
 
 def replicate(
-    template: Problem, out: Path, *, seed: int, options: SamplerOptions, plan: DataSetPlan
+    template: Problem,
+    out: Path,
+    *,
+    seed: int,
+    options: SamplerOptions,
+    plan: DataSetPlan,
+    failed: Sequence[str] = (),
 ) -> Replication:
     """Simulate one data set, fit it until it has converged, and rank the true values.
 
@@ -258,11 +267,15 @@ def replicate(
         Chains, iterations, target of the first fit.
     plan : DataSetPlan
         Ranks, repetitions, ranges of the data.
+    failed : sequence of str
+        Names of the checks of convergence that the fit before the plan's first one failed.
     """
     simulated = simulate_from_prior(
         template, seed=seed, stress_range=plan.stress_range, strain_range=plan.strain_range
     )
-    return fit_and_rank(simulated, template, out, seed=seed, options=options, plan=plan)
+    return fit_and_rank(
+        simulated, template, out, seed=seed, options=options, plan=plan, failed=failed
+    )
 
 
 def fit_and_rank(
@@ -273,13 +286,14 @@ def fit_and_rank(
     seed: int,
     options: SamplerOptions,
     plan: DataSetPlan,
+    failed: Sequence[str] = (),
 ) -> Replication:
     """Fit simulated data until the fit has converged, and rank the true values: see `replicate`."""
     done = Replication(
         seed, {}, plan.n_ranked, simulated.n_unsolvable, simulated.n_outside, failure="not fitted"
     )
     for n_refits in range(plan.first, plan.refits + 1):
-        longer = lengthened(replace(options, seed=seed), n_refits)
+        longer = lengthened(replace(options, seed=seed), n_refits, failed)
         done = replace(done, n_refits=n_refits)
         try:
             result = fit_problem(
@@ -294,7 +308,8 @@ def fit_and_rank(
             if lost.by_system:
                 raise SystemFailureError(lost.reason)
         done = _with_fit(done, result)
-        if not done.failed_checks:
+        failed = done.failed_checks
+        if not failed:
             return replace(done, ranks=rank_truth(result, simulated, template, plan.n_ranked))
     return done
 
@@ -312,8 +327,8 @@ def _with_fit(done: Replication, result: Fit) -> Replication:
     )
 
 
-def lengthened(options: SamplerOptions, n_refits: int) -> SamplerOptions:
-    """Return settings of a repetition: longer, and with steps that diverge less.
+def lengthened(options: SamplerOptions, n_refits: int, failed: Sequence[str]) -> SamplerOptions:
+    """Return settings of a repetition: longer, after divergences with steps that diverge less.
 
     Parameters
     ----------
@@ -321,14 +336,17 @@ def lengthened(options: SamplerOptions, n_refits: int) -> SamplerOptions:
         Of the first fit, with numbers for warm-up and target.
     n_refits : int
         Which repetition; 0 is the first fit.
+    failed : sequence of str
+        Names of the checks of convergence that the fit before it failed.
     """
     assert options.warmup is not None
     assert options.adapt_delta is not None
+    stricter = LONGER**n_refits if DIVERGENCES in failed else 1
     return replace(
         options,
         warmup=options.warmup * LONGER**n_refits,
         draws=options.draws * LONGER**n_refits,
-        adapt_delta=1 - (1 - options.adapt_delta) / LONGER**n_refits,
+        adapt_delta=1 - (1 - options.adapt_delta) / stricter,
     )
 
 

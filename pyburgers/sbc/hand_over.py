@@ -193,13 +193,14 @@ def rank_hand_over(
         Ranks and repetitions.
     """
     table = simulate_table(template, priors, curve, seed=seed)
+    failed: tuple[str, ...] = ()
     for n_refits in range(plan.refits + 1):
         fit = fit_peak_stress(
             table.data,
             with_curve_flow_law(priors, curve),
             out=out / f"table_{n_refits}",
             curve=curve,
-            options=lengthened(replace(options, seed=seed), n_refits),
+            options=lengthened(replace(options, seed=seed), n_refits, failed),
         )
         failed = tuple(check.name for check in fit.checks() if not check.passed)
         if not failed:

@@ -419,7 +419,8 @@ def _replicate_into(path: Path, seed: int, plan: CalibrationPlan) -> str:
         with FileLock(scratch / ".lock", timeout=0):
             first = next_fit(file, plan.refits)
             if first is not None:
-                write_json(file, asdict(_replicate(run, scratch, seed, plan, first)))
+                failed = read_replication(file).failed_checks if first else ()
+                write_json(file, asdict(_replicate(run, scratch, seed, plan, first, failed)))
             replication = read_replication(file)
             shutil.rmtree(scratch)
     except Timeout as error:
@@ -433,7 +434,12 @@ def _replicate_into(path: Path, seed: int, plan: CalibrationPlan) -> str:
 
 
 def _replicate(
-    run: RunDirectory, scratch: Path, seed: int, plan: CalibrationPlan, first: int
+    run: RunDirectory,
+    scratch: Path,
+    seed: int,
+    plan: CalibrationPlan,
+    first: int,
+    failed: Sequence[str],
 ) -> Replication:
     """Do one data set in a folder of its own, where fits of an earlier attempt go on."""
     template = _template(run, run.read_manifest())
@@ -443,7 +449,12 @@ def _replicate(
         tries_left -= 1
         try:
             return replicate(
-                template, scratch / "fits", seed=seed, options=plan.sampler, plan=data_set
+                template,
+                scratch / "fits",
+                seed=seed,
+                options=plan.sampler,
+                plan=data_set,
+                failed=failed,
             )
         except SystemFailureError:
             if not tries_left:

@@ -61,7 +61,7 @@ class LoadingHistoryProtocol(Protocol[LoadingHistory]):
     )
     warmup = 300
     # One chain in some has steps half as long again as the others, and at 0.98 loses trajectories
-    # where grains shrink to the bound of their prior (docs/coordinates.md).
+    # where grains shrink to the bound of their prior (docs/coordinates_trials.md).
     target_acceptance = 0.99
     chart = LoadingHistoryValley()
     figures = LOADING_HISTORY_FIGURES

@@ -59,9 +59,6 @@ PRIOR_ATTEMPTS = 1000
 LONGER = 4
 """Factor on the iterations of a fit that is repeated, and on how closely it keeps its target."""
 
-DIVERGENCES = check_divergences.name
-"""What a stricter target mends, and nothing else does: without it steps would only be too short."""
-
 RHAT_LIMIT = 1.05
 """Largest R-hat of a fit of a calibration: 1.01 is passed by chance in its short chains."""
 
@@ -341,7 +338,8 @@ def lengthened(options: SamplerOptions, n_refits: int, failed: Sequence[str]) ->
     """
     assert options.warmup is not None
     assert options.adapt_delta is not None
-    stricter = LONGER**n_refits if DIVERGENCES in failed else 1
+    # A stricter target mends nothing else: steps would only be too short.
+    stricter = LONGER**n_refits if check_divergences.name in failed else 1
     return replace(
         options,
         warmup=options.warmup * LONGER**n_refits,

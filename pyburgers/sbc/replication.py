@@ -1,13 +1,14 @@
 """The outcome of one data set of a calibration, the file that keeps it, and the table of many."""
 
 import csv
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Container, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import pandas as pd
 from pydantic import ConfigDict
 
+from pyburgers.common.atomic_files import write_json
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, read_json_table
 from pyburgers.sampling.run_directory import RunDirectory
@@ -210,3 +211,54 @@ def _of_row(row: Mapping[str, str], n_draws: int) -> Replication:
         least_ess=float(cells["least_ess"]) if cells["least_ess"] else None,
         coordinates=cells["coordinates"] or None,
     )
+
+
+def replications(run: RunDirectory, seeds: Iterable[int], n_draws: int) -> tuple[Replication, ...]:
+    """Read the data sets that are done, of those without a file what the table of results has.
+
+    Parameters
+    ----------
+    run : RunDirectory
+        Of the calibration.
+    seeds : iterable of int
+        Of its data sets.
+    n_draws : int
+        With which they are ranked.
+
+    Raises
+    ------
+    InputError
+        If a file of one, or the table, was damaged.
+    """
+    seeds = tuple(seeds)
+    done = {one.seed: one for one in _tabled(run, n_draws)}
+    files = {seed: simulation_file(run, seed) for seed in seeds}
+    done |= {seed: read_replication(file) for seed, file in files.items() if file.is_file()}
+    return tuple(done[seed] for seed in seeds if seed in done)
+
+
+def take_from_table(run: RunDirectory, seeds: Container[int], n_draws: int) -> None:
+    """Write the files of data sets that only the table of results has.
+
+    So a calibration goes on from its results alone, on another machine.
+
+    Parameters
+    ----------
+    run, seeds, n_draws
+        As for `replications`.
+
+    Raises
+    ------
+    InputError
+        If the table was damaged.
+    """
+    for one in _tabled(run, n_draws):
+        file = simulation_file(run, one.seed)
+        if one.seed in seeds and not file.exists():
+            write_json(file, asdict(one))
+
+
+def _tabled(run: RunDirectory, n_draws: int) -> tuple[Replication, ...]:
+    """Read the data sets of the table of results, if there is one."""
+    table = run.path / RANKS
+    return read_replication_table(table, n_draws) if table.is_file() else ()

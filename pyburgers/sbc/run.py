@@ -39,14 +39,14 @@ from pyburgers.sampling.run_directory import RunDirectory
 from pyburgers.sbc.data_sets import DataSetPlan, Range, check_template, replicate
 from pyburgers.sbc.rank_uniformity import RankBands, RankVerdict, judge_ranks, rank_bands
 from pyburgers.sbc.replication import (
-    RANKS,
     SIMULATIONS,
     Replication,
     next_fit,
     read_replication,
-    read_replication_table,
+    replications,
     scratch_of,
     simulation_file,
+    take_from_table,
 )
 
 logger = logging.getLogger(__name__)
@@ -258,15 +258,15 @@ def calibrate(
     if workers.part is None:
         with run.claimed(identity, folders):
             _write_inputs(run, problem, plan, command)
-            _take_from_table(run, plan)
+            take_from_table(run, plan.seeds, plan.n_ranked)
             _run_missing(run, plan, workers)
             run.update_manifest({"status": COMPLETE})
     else:
         with run.claimed(identity, folders, shared=True):
             _write_inputs(run, problem, plan, command)
-            _take_from_table(run, plan)
+            take_from_table(run, plan.seeds, plan.n_ranked)
         _run_missing(run, plan, workers)
-    return Calibration(problem, plan, _replications(run, plan), command)
+    return Calibration(problem, plan, replications(run, plan.seeds, plan.n_ranked), command)
 
 
 def _refuse_fewer_repetitions(run: RunDirectory, plan: CalibrationPlan) -> None:
@@ -292,23 +292,6 @@ def _write_inputs(run: RunDirectory, problem: Problem, plan: CalibrationPlan, co
     run.update_manifest(_record(run, problem, plan, command))
 
 
-def _take_from_table(run: RunDirectory, plan: CalibrationPlan) -> None:
-    """Write the files of data sets that only the table of results has.
-
-    So a calibration goes on from its results alone, on another machine.
-    """
-    for one in _tabled(run, plan):
-        file = simulation_file(run, one.seed)
-        if one.seed in plan.seeds and not file.exists():
-            write_json(file, asdict(one))
-
-
-def _tabled(run: RunDirectory, plan: CalibrationPlan) -> tuple[Replication, ...]:
-    """Read the data sets of the table of results, if there is one."""
-    table = run.path / RANKS
-    return read_replication_table(table, plan.n_ranked) if table.is_file() else ()
-
-
 def load_calibration(folder: Path) -> Calibration:
     """Return a calibration as far as it has come.
 
@@ -328,7 +311,10 @@ def load_calibration(folder: Path) -> Calibration:
     sampler = SamplerOptions(**content["sampler"])
     plan = CalibrationPlan(**{**content, "sampler": sampler, **ranges})
     return Calibration(
-        _template(run, manifest), plan, _replications(run, plan), manifest["command"]
+        _template(run, manifest),
+        plan,
+        replications(run, plan.seeds, plan.n_ranked),
+        manifest["command"],
     )
 
 
@@ -336,14 +322,6 @@ def _template(run: RunDirectory, manifest: Mapping[str, Any]) -> Problem:
     """Read what data sets are simulated from."""
     tests = [load_experiment(run.test_file(name)) for name in manifest["experiments"]]
     return problem_of(tests, load_priors(run.priors_file), pooling_from(manifest["pooling"]))
-
-
-def _replications(run: RunDirectory, plan: CalibrationPlan) -> tuple[Replication, ...]:
-    """Read the data sets that are done, of those without a file what the table of results has."""
-    done = {one.seed: one for one in _tabled(run, plan)}
-    files = {seed: simulation_file(run, seed) for seed in plan.seeds}
-    done |= {seed: read_replication(file) for seed, file in files.items() if file.is_file()}
-    return tuple(done[seed] for seed in plan.seeds if seed in done)
 
 
 def _fingerprint(problem: Problem, plan: CalibrationPlan, program_key: str) -> str:

@@ -105,6 +105,11 @@ def read_replication(file: Path) -> Replication:
     return Replication(**{**content, "failed_checks": tuple(content["failed_checks"])})
 
 
+def write_replication(file: Path, replication: Replication) -> None:
+    """Write what `read_replication` reads."""
+    write_json(file, asdict(replication))
+
+
 def next_fit(file: Path, refits: int) -> int | None:
     """Return which fit of a data set is to be made: 0, a repetition, or None where it is done.
 
@@ -255,7 +260,7 @@ def take_from_table(run: RunDirectory, seeds: Container[int], n_draws: int) -> N
     for one in _tabled(run, n_draws):
         file = simulation_file(run, one.seed)
         if one.seed in seeds and not file.exists():
-            write_json(file, asdict(one))
+            write_replication(file, one)
 
 
 def _tabled(run: RunDirectory, n_draws: int) -> tuple[Replication, ...]:

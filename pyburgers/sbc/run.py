@@ -19,7 +19,7 @@ from filelock import FileLock, Timeout
 from pydantic import Field
 
 from pyburgers.cmdstan.program import load_program
-from pyburgers.common.atomic_files import sha256_of_json, write_json
+from pyburgers.common.atomic_files import sha256_of_json
 from pyburgers.common.errors import InputError, SystemFailureError
 from pyburgers.common.tasks import ALL_HERE, Workers
 from pyburgers.common.toml_files import Table
@@ -47,6 +47,7 @@ from pyburgers.sbc.replication import (
     scratch_of,
     simulation_file,
     take_from_table,
+    write_replication,
 )
 
 logger = logging.getLogger(__name__)
@@ -398,7 +399,7 @@ def _replicate_into(path: Path, seed: int, plan: CalibrationPlan) -> str:
             first = next_fit(file, plan.refits)
             if first is not None:
                 failed = read_replication(file).failed_checks if first else ()
-                write_json(file, asdict(_replicate(run, scratch, seed, plan, first, failed)))
+                write_replication(file, _replicate(run, scratch, seed, plan, first, failed))
             replication = read_replication(file)
             shutil.rmtree(scratch)
     except Timeout as error:

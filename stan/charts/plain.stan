@@ -37,20 +37,34 @@ real bounded_from_real(real u, data row_vector quantity) {
 }
 
 /**
- * The real number u of a parameter: bounded_from_real() inverted.
- *
- * A value outside the bounds counts as one within them by a thousandth of their distance.
+ * x where it is well above a least value, which it nears smoothly from above as x falls.
+ */
+real kept_above(real x, data real least) {
+  return least * (1 + log1p_exp(x / least - 1));
+}
+
+/** Share of the distance of two bounds by which a value is kept above the lower one. */
+real least_above_lower() { return 1e-3; }
+
+/** The same below the upper one, where data can ask for more than the bound allows. */
+real least_below_upper() { return 0.05; }
+
+/**
+ * The real number u of a parameter: bounded_from_real() inverted, but for values near the bounds
+ * and beyond them. These are kept within smoothly, the nearer to a bound (by the logarithm) the
+ * further they are beyond it.
  */
 real real_from_bounded(real value, data row_vector quantity) {
   if (is_inf(quantity[i_lower()])) {
     return (value - quantity[i_shift()]) / quantity[i_scale()];
   }
   if (is_inf(quantity[i_upper()])) {
-    return log(fmax(value - quantity[i_lower()], 1e-3 * quantity[i_scale()])
-               / quantity[i_scale()]);
+    return log(kept_above((value - quantity[i_lower()]) / quantity[i_scale()],
+                          least_above_lower()));
   }
-  return logit(fmin(fmax((value - quantity[i_lower()])
-                         / (quantity[i_upper()] - quantity[i_lower()]), 1e-3), 0.999));
+  real place = (value - quantity[i_lower()]) / (quantity[i_upper()] - quantity[i_lower()]);
+  return log(kept_above(place, least_above_lower()))
+         - log(kept_above(1 - place, least_below_upper()));
 }
 
 /**

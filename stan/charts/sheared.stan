@@ -17,9 +17,10 @@
  *
  * The last is for normal priors of beta and Q_M. The flow rate is stretched besides: where the
  * dashpot carries next to nothing its logarithm is as wide as the prior, where it carries much (a
- * tenth of the loss or more) the rate itself is what data fix. The multiples can be large, so that
- * the flow rate is not shifted at the mode, for which the stretch is made. Parameters stand in the
- * order of physics/parameters.stan.
+ * tenth of the loss or more) the rate itself is what data fix. Where they fix it less well than
+ * that, it counts by itself only from the width that they leave to it on. The multiples can be
+ * large, so that the flow rate is not shifted at the mode, for which the stretch is made.
+ * Parameters stand in the order of physics/parameters.stan.
  */
 
 /** Places in a record: what the shifts want to know of a test. */
@@ -96,16 +97,16 @@ real dashpot_compliance(real log_rate, data vector record) {
 /**
  * E_K and eta_K of the Kelvin element that has what is left of the observed compliance.
  *
- * Both parts of what is left are kept positive: they follow 1 - x down to small values and fade
- * from there on.
+ * Both parts are kept above a tenth of the observed ones: what is left would fade to nothing within
+ * a small change of the flow rate, and the data want no such element there.
  *
  * @param compliance observed storage and loss compliance, 1/Pa
  * @param dashpot value of dashpot_compliance()
  */
 vector kelvin_left_over(real maxwell_modulus, real dashpot, data vector compliance,
                         data real period) {
-  real storage = compliance[1] * log1p_exp(8 * (1 - 1 / (maxwell_modulus * compliance[1]))) / 8;
-  real loss = compliance[2] * log1p_exp(8 * (1 - dashpot / compliance[2])) / 8;
+  real storage = compliance[1] * kept_above(1 - 1 / (maxwell_modulus * compliance[1]), 0.1);
+  real loss = compliance[2] * kept_above(1 - dashpot / compliance[2], 0.1);
   return [storage, loss * period / (2 * pi())]' / (square(storage) + square(loss));
 }
 
@@ -132,8 +133,8 @@ real probable_beta(real log_rate, real stress_exponent, real grain_size_exponent
 /**
  * Shifts at given plain coordinates, one for each of a test's own ones.
  *
- * n, p, E_M and the error of the temperature are not shifted; epsilon_c1 needs p; the flow rate needs n, p and epsilon_c1; the
- * others need these.
+ * n, p, E_M and the error of the temperature are not shifted; epsilon_c1 needs p; the flow rate
+ * needs n, p and epsilon_c1; the others need these.
  *
  * @param plain coordinates
  * @param given values of the parameters that are not the test's own; other entries have no effect

@@ -44,6 +44,9 @@ data {
   row_vector[4] grain_size_prior; // row of d_ss (charts/plain.stan)
   vector[n_pins] strength;
   vector<lower=0>[n_pins] time_spent;
+  int<lower=0> n_values;
+  vector[n_values] value; // of a parameter, within its bounds or beyond them
+  row_vector[4] quantity; // row of that parameter (charts/plain.stan)
 }
 transformed data {
   vector[n_record() + n_solutions] record = append_row(rep_vector(0, n_record()),
@@ -52,6 +55,7 @@ transformed data {
 }
 generated quantities {
   vector[n_rates] dashpot_loss;
+  vector[n_values] real_number;
   vector[2] kelvin = kelvin_left_over(maxwell_modulus, dashpot, compliance, period);
   vector[n] quantile_place;
   vector[n] quantile_log_slope;
@@ -63,6 +67,9 @@ generated quantities {
                                             bounds);
   real stress_of_time = reference_stress_of_time(strength, time_spent, stress_exponent);
   matrix[n_pins, 3] fabric = fabric_softening(u[2], fabric_amplitude, strain, bounds);
+  for (i in 1 : n_values) {
+    real_number[i] = real_from_bounded(value[i], quantity);
+  }
   for (i in 1 : n_rates) {
     dashpot_loss[i] = dashpot_compliance(log_rate[i], record);
   }

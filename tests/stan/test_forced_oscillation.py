@@ -51,6 +51,18 @@ def twin(request: pytest.FixtureRequest) -> OscillationExperiment:
     return with_background(load_forced_oscillation(TWIN_FILE), request.param)
 
 
+def numbers_of(
+    value: FloatArray, quantity: FloatArray, function_values: FunctionValues
+) -> FloatArray:
+    data = {
+        **CHARTS,
+        "quantity": quantity.tolist(),
+        "n_values": value.size,
+        "value": value.tolist(),
+    }
+    return function_values("chart_values", data)["real_number"]
+
+
 def truth() -> dict[str, float]:
     parameters = load_forced_oscillation(TWIN_FILE).true_parameters
     assert parameters is not None
@@ -332,13 +344,42 @@ def test_kelvin_element_has_the_compliance_that_is_left(function_values: Functio
     assert -compliance.imag == pytest.approx(1.7e-11 - 1e-12, rel=1e-3)
 
 
-def test_kelvin_element_fades_where_nothing_is_left(function_values: FunctionValues) -> None:
-    viscosity = [
-        function_values("chart_values", {**CHARTS, "dashpot": dashpot})["kelvin"][1]
-        for dashpot in (1e-12, 1.7e-11, 3e-11, 6e-11)
-    ]
-    assert np.all(np.diff(viscosity) < 0)
-    assert 0 < viscosity[-1] < 1e-3 * viscosity[0]
+def test_kelvin_element_keeps_a_tenth_where_nothing_is_left(
+    function_values: FunctionValues,
+) -> None:
+    loss = []
+    for dashpot in (1e-12, 1.3e-11, 1.7e-11, 3e-11, 6e-11):
+        kelvin = function_values("chart_values", {**CHARTS, "dashpot": dashpot})["kelvin"]
+        loss.append(-(1 / (kelvin[0] + 2j * np.pi / PERIOD * kelvin[1])).imag)
+    assert np.all(np.diff(loss) < 0)
+    np.testing.assert_allclose(loss[-2:], 0.1 * 1.7e-11, rtol=1e-3)
+
+
+TWO_BOUNDS = np.array([0.0, 1.0, 3.0, 8.0])
+ONE_BOUND = np.array([0.0, 2.0, 3.0, np.inf])
+
+
+@pytest.mark.parametrize("quantity", [TWO_BOUNDS, ONE_BOUND], ids=["two bounds", "one bound"])
+def test_a_left_over_value_is_taken_as_it_is_well_within_its_bounds(
+    quantity: FloatArray, function_values: FunctionValues
+) -> None:
+    value = 3 + 5 * np.linspace(0.01, 0.7, 50)
+    found = numbers_of(value, quantity, function_values)
+    expected = np.log((value - 3) / (8 - value if np.isfinite(quantity[3]) else 2.0))
+    np.testing.assert_allclose(found, expected, atol=2e-3)
+
+
+def test_a_left_over_value_is_kept_within_its_bounds(function_values: FunctionValues) -> None:
+    value = np.linspace(-2, 13, 150_001)
+    two = numbers_of(value, TWO_BOUNDS, function_values)
+    one = numbers_of(value, ONE_BOUND, function_values)
+    np.testing.assert_allclose(two[[0, -1]], np.log([1e-3 / 2, 2 / 0.05]), atol=1e-2)
+    assert one[0] == pytest.approx(np.log(1e-3), abs=1e-12)
+    for found in (two, one):
+        assert np.all(np.diff(found) >= 0)
+        slope = np.gradient(found, value)
+        seen = slope[slope > 1e-3 * slope.max()]
+        assert np.abs(np.diff(np.log(seen))).max() < 0.06  # in a step of 1e-4: no kink
 
 
 def test_the_same_seed_gives_the_same_draws(twin: OscillationExperiment, tmp_path: Path) -> None:

@@ -64,5 +64,8 @@ CHARTS: Mapping[str, object] = {
     "grain_size_prior": [0.0, 1.0, 10e-6, 200e-6],
     "strength": [15.2, 15.1, 14.8],
     "time_spent": [40.0, 0.0, 900.0],
+    "n_values": 0,
+    "value": [],
+    "quantity": [0.0, 1.0, 1.0, 2.0],
 }
 """Of `chart_values`."""

@@ -34,7 +34,9 @@ SHIFTED_BY = ("stress_exponent", "grain_size_exponent", "critical_strain_grain_s
 """Parameters whose values shift the flow rate."""
 
 STRETCHED_FROM = 0.1
-"""Share of the observed loss from which on the flow rate counts by itself, not its logarithm."""
+"""Share of the observed loss from which on the flow rate counts by itself, not its logarithm.
+
+Where data leave a wider range to the flow rate, it does from that width on."""
 
 FIRST_SOLUTION = -4.0
 """ln of the first solution's flow rate over the one that would give the dashpot that share, if its
@@ -99,10 +101,12 @@ def find_sheared(test: AtMode[OscillationExperiment]) -> tuple[ShearedReference,
     flow = coordinates.parameters.index(replaced)
     wanted = STRETCHED_FROM * test.data["loss_compliance"][0]
     log_rates, log_compliance = _dashpot_at_other_rates(test, flow, wanted)
+    seen_from = float(np.interp(np.log(wanted), np.maximum.accumulate(log_compliance), log_rates))
+    curvature = test.curvature()
     reference = ShearedReference(
-        _flow_slope(test, flow),
+        _flow_slope(test, flow, curvature - test.curvature(use_likelihood=0)),
         np.array([test.mode.values[name] for name in SHIFTED_BY]),
-        float(np.interp(np.log(wanted), np.maximum.accumulate(log_compliance), log_rates)),
+        max(seen_from, _log_width(test, flow, curvature)),
         float(log_rates[0]),
         log_compliance,
     )
@@ -146,10 +150,36 @@ def _dashpot_compliance(
     return compliance
 
 
-def _flow_slope(test: AtMode[OscillationExperiment], flow: int) -> FloatArray:
-    """Slopes of `ShearedReference` at the mode; `flow` is the flow rate's place."""
+def _log_width(test: AtMode[OscillationExperiment], flow: int, curvature: FloatArray) -> float:
+    """Ln of the width (1/s) that the posterior leaves to the flow rate; `flow` is its place.
+
+    That of the Laplace approximation, given the parameters that shift the flow rate; -inf where the
+    curvature is none of a mode.
+    """
+    coordinates = test.coordinates
+    shifting = [k for k, name in enumerate(coordinates.parameters) if name in SHIFTED_BY]
+    others = [k for k in range(len(curvature)) if k not in shifting]
+    given_shifts = curvature[np.ix_(others, others)]
+    if np.linalg.eigvalsh(given_shifts)[0] <= 0:
+        return -np.inf
+    variance = np.linalg.inv(given_shifts)[others.index(flow), others.index(flow)]
+    log_rate = coordinates.value(flow, test.mode.coordinate[flow])
+    return float(log_rate + np.log(variance) / 2 + np.log(coordinates.scale[flow]))
+
+
+def _flow_slope(
+    test: AtMode[OscillationExperiment], flow: int, likelihood: FloatArray
+) -> FloatArray:
+    """Slopes of `ShearedReference` at the mode.
+
+    Parameters
+    ----------
+    test, flow : AtMode, int
+        A test at its mode, and the flow rate's place.
+    likelihood : array
+        What the likelihood adds to the curvature of minus the log density.
+    """
     coordinates, mode = test.coordinates, test.mode
-    likelihood = test.curvature() - test.curvature(use_likelihood=0)
     if likelihood[flow, flow] < LEAST_INFORMATION:
         return UNINFORMED_SLOPE
     slope = -likelihood[flow] / likelihood[flow, flow] * coordinates.scale[flow]

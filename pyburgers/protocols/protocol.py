@@ -96,13 +96,14 @@ class Chart(ABC, Generic[E]):
         As in the option ``--coordinates`` (`docs/coordinates.md`).
     curvature_tolerance : float or None
         Tolerance of the solver for curvatures; None takes that of the run.
-    solved : tuple of str
-        Parameters that every test must have of its own.
     """
 
     name: ClassVar[str]
-    solved: ClassVar[tuple[str, ...]] = ()
     curvature_tolerance: ClassVar[float | None] = None
+
+    def solved(self, priors: PriorSet, experiment: E) -> tuple[str, ...]:
+        """Return the parameters that a test must have of its own."""
+        return ()
 
     @abstractmethod
     def reference(self, test: AtMode[E]) -> tuple[Any, FloatArray]:

@@ -59,7 +59,16 @@ FIXED_BY_STRAIN = "kelvin_modulus"
 Bounds of this modulus are bounds of the compliance, and log odds between them the same but for sign
 and a constant: the plain coordinate is near linear in what strain fixes."""
 
-SOLVED = ("steady_state_fabric_factor", "critical_strain_grain_size", "critical_strain_fabric")
+SOLVED = {
+    ("evolving", "evolving"): (
+        "steady_state_fabric_factor",
+        "critical_strain_grain_size",
+        "critical_strain_fabric",
+    ),
+    ("constant", "evolving"): ("steady_state_fabric_factor", "critical_strain_fabric"),
+    ("evolving", "constant"): ("steady_state_grain_size", "critical_strain_grain_size"),
+}
+"""What is solved for besides ln S_0, by the laws of grain size and fabric."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,7 +186,11 @@ class ValleyChart(Chart[E]):
     """The valley coordinates, whose origin is at conditional medians given the mode."""
 
     name = "valley"
-    solved = SOLVED
+
+    def solved(self, priors: PriorSet, experiment: E) -> tuple[str, ...]:
+        """Return the parameters that follow from the softening, none where nothing softens."""
+        variant = variant_of(priors, experiment)
+        return SOLVED.get((variant.grain_size, variant.fabric), ())
 
     @abstractmethod
     def pins(self, test: AtMode[E]) -> Pins:
@@ -191,7 +204,8 @@ class ValleyChart(Chart[E]):
 
     def reference(self, test: AtMode[E]) -> tuple[ValleyReference, FloatArray]:
         """Set the pins where priors suit; the mode lies at the origin."""
-        _check_priors(test.priors, test.coordinates, test.experiment)
+        solved = self.solved(test.priors, test.experiment)
+        _check_priors(solved, test.priors, test.coordinates, test.experiment)
         mode, pins = test.mode, self.pins(test)
         reference = ValleyReference(
             values=np.array([mode.values[p.name] for p in PROGRAM_PARAMETERS]),
@@ -321,18 +335,23 @@ def valley_block(references: Sequence[ValleyReference | None], layout: Layout) -
     }
 
 
-def _check_priors(priors: PriorSet, coordinates: PlainCoordinates, experiment: Experiment) -> None:
+def _check_priors(
+    solved: Sequence[str], priors: PriorSet, coordinates: PlainCoordinates, experiment: Experiment
+) -> None:
     """Ask for solved parameters between finite bounds, and for ln S_0 as a coordinate."""
     variant = variant_of(priors, experiment)
     if variant.grain_size == "piezometric":
         raise ChartUnsuited("the grain size follows a piezometer")
     if variant.maxwell == "hyperbolic_sine":
         raise ChartUnsuited("the stress at a rate is no product of powers in a hyperbolic sine")
-    for name in SOLVED:
+    if not solved:
+        raise ChartUnsuited("neither grain size nor fabric evolves")
+    for name in solved:
         prior = priors[name]
         if prior.is_fixed or not np.isfinite([prior.lower, prior.upper]).all():
             raise ChartUnsuited(f"{name} is not free between two finite bounds")
-    if priors["steady_state_fabric_factor"].upper > 1:
+    fabric = "steady_state_fabric_factor"
+    if fabric in solved and priors[fabric].upper > 1:
         raise ChartUnsuited("the fabric may harden")
     if coordinates.replaced_parameter is None:
         raise ChartUnsuited("neither Q_M nor beta leaves its place to the reference stress")

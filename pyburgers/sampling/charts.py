@@ -1,7 +1,7 @@
 """What the sampler moves in: coordinates, where their origin lies, and the first metric."""
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -184,9 +184,9 @@ def _chart_at(
     Pooling and data share the centring of partially pooled parameters, so that there the centre is
     not the mode, and its curvature can be far from that of the posterior.
     """
-    for name in chart.solved:
-        if name in problem.free and problem.pooling.kinds[name] != "separate":
-            raise ChartUnsuited(f"{name} is {_POOLED[problem.pooling.kinds[name]]}")
+    for one in problem.alone():
+        if one.protocol is problem.protocol:
+            _check_pooling(chart.solved(one.priors[0], one.experiments[0]), problem)
     if chart.curvature_tolerance is not None:
         solver = SolverOptions(chart.curvature_tolerance)
         data = {**data, **solver_block(solver)}
@@ -226,6 +226,13 @@ def _chart_at(
 
 
 _POOLED = {"shared": "shared", "partial": "partially pooled"}
+
+
+def _check_pooling(solved: Iterable[str], problem: Problem) -> None:
+    """Ask for what a chart solves for to be each test's own."""
+    for name in solved:
+        if name in problem.free and problem.pooling.kinds[name] != "separate":
+            raise ChartUnsuited(f"{name} is {_POOLED[problem.pooling.kinds[name]]}")
 
 
 def laplace_at_mode(

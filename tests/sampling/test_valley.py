@@ -1,18 +1,25 @@
 """Reference point and pins of the valley coordinates."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from conftest import ICE, resolved_priors, valley_of, with_fixed
 from truth_as_mode import at_truth
 
+from pyburgers.common.errors import InputError
 from pyburgers.model.priors import PriorSet
+from pyburgers.model.variants import with_variant
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
 from pyburgers.protocols.constant_rate.valley import ConstantRateValley
+from pyburgers.protocols.coordinates import ProblemMode
 from pyburgers.protocols.problem import plain_coordinates, problem_of
+from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.protocol import ChartUnsuited
 from pyburgers.protocols.stan_data import SolverOptions
+from pyburgers.protocols.together import pooling_for
 from pyburgers.protocols.valley import NOISE_SCALED, noise_exponents
-from pyburgers.sampling.charts import at_mode
+from pyburgers.sampling.charts import at_mode, choose_chart
 from pyburgers.sampling.starts import find_mode
 
 pytestmark = pytest.mark.usefixtures("programs")
@@ -63,6 +70,37 @@ def test_a_prior_that_fixes_the_fabric_does_not_suit(
     assert mode.values[name] == 0.5
     with pytest.raises(ChartUnsuited, match=f"{name} is not free"):
         ConstantRateValley().reference(at_mode(problem, mode, solver))
+
+
+def test_a_dashpot_that_does_not_soften_does_not_suit(
+    experiment: ConstantRateExperiment, priors: PriorSet
+) -> None:
+    laws = {"grain_size": "constant", "fabric": "constant"}
+    test = at_truth(experiment, with_variant(priors, experiment, laws), SolverOptions())
+    with pytest.raises(ChartUnsuited, match="neither grain size nor fabric evolves"):
+        ConstantRateValley().reference(test)
+
+
+def test_what_evolves_alone_is_each_tests_own(
+    experiment: ConstantRateExperiment, priors: PriorSet
+) -> None:
+    """Where the fabric is constant d_ss is solved for, which is partially pooled by default."""
+    tests = [experiment, replace(experiment, id="another")]
+    pooling = pooling_for(tests)
+    assert pooling.kinds["steady_state_grain_size"] == "partial"
+    priors = with_variant(priors, experiment, {"fabric": "constant"})
+    problem, solver = problem_of(tests, priors, pooling), SolverOptions()
+    truth = at_truth(experiment, priors, solver).mode
+    found = ProblemMode((truth, truth), np.zeros(problem.layout.size))
+    with pytest.raises(InputError, match="steady_state_grain_size is partially pooled"):
+        choose_chart(
+            problem,
+            program_data(problem, solver=solver),
+            lambda: found,
+            wanted="valley",
+            seed=1,
+            solver=solver,
+        )
 
 
 def test_widths_follow_the_noise_as_far_as_the_data_set_them(

@@ -1,5 +1,6 @@
 """Coordinates of the sampler: the Jacobian is that of the map, whatever the coordinates."""
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -8,9 +9,11 @@ import pytest
 from conftest import ICE, resolved_priors, valley_of
 from log_density import Program, constant_rate_program
 from stan_data import one_test_data, parameter_in
+from truth_as_mode import at_truth
 
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.priors import PriorSet
+from pyburgers.model.variants import with_variant
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
 from pyburgers.protocols.problem import plain_coordinates
 from pyburgers.protocols.stan_data import SolverOptions
@@ -21,6 +24,10 @@ pytestmark = pytest.mark.usefixtures("programs")
 
 SOLVER = SolverOptions(tolerance=1e-10, max_num_steps=1_000_000)
 SIZE = len(PARAMETERS)
+VARIANTS = [{}, {"fabric": "constant"}, {"grain_size": "constant"}]
+"""Where grain size and fabric evolve, and where one of them does."""
+
+SOFTENING = ("grain_size_exponent", "critical_strain_grain_size", "critical_strain_fabric")
 
 
 def program_for(
@@ -33,42 +40,80 @@ def program_for(
     return constant_rate_program(data, folder)
 
 
-@pytest.fixture(params=["plain", "valley"])
-def program(request: pytest.FixtureRequest, tmp_path: Path) -> Program:
-    experiment = load_constant_rate(ICE / "PIL72.toml")
-    priors = resolved_priors(experiment)
-    valley = valley_of(experiment, priors) if request.param == "valley" else None
-    return program_for(experiment, priors, valley, tmp_path)
-
-
-def parameters_at(program: Program, coordinate: FloatArray) -> FloatArray:
+def stress_at(program: Program, coordinate: FloatArray) -> FloatArray:
     columns = program.columns_at({"coordinate": coordinate.tolist()})
-    return np.array([parameter_in(columns, parameter.name) for parameter in PARAMETERS])
+    return np.array([columns[name] for name in columns if name.startswith("stress_model.")])
 
 
-def derivative(program: Program, coordinate: FloatArray, k: int) -> FloatArray:
+def parameters_at(program: Program, names: Sequence[str], coordinate: FloatArray) -> FloatArray:
+    columns = program.columns_at({"coordinate": coordinate.tolist()})
+    return np.array([parameter_in(columns, name) for name in names])
+
+
+def derivative(
+    program: Program, names: Sequence[str], coordinate: FloatArray, k: int
+) -> FloatArray:
     """Derivative of the parameters by a coordinate, fourth order in the step."""
-    step = 2e-3 * np.eye(SIZE)[k]
+    step = 2e-3 * np.eye(coordinate.size)[k]
     one, two = (
-        parameters_at(program, coordinate + m * step)
-        - parameters_at(program, coordinate - m * step)
+        parameters_at(program, names, coordinate + m * step)
+        - parameters_at(program, names, coordinate - m * step)
         for m in (1, 2)
     )
     slope: FloatArray = (8 * one - two) / (12 * 2e-3)
     return slope
 
 
-def test_log_jacobian_is_that_of_the_map(program: Program) -> None:
+@pytest.mark.parametrize("system", ["plain", "valley"])
+@pytest.mark.parametrize("variant", VARIANTS, ids=str)
+def test_log_jacobian_is_that_of_the_map(
+    system: str, variant: Mapping[str, str], tmp_path: Path
+) -> None:
+    experiment = load_constant_rate(ICE / "PIL72.toml")
+    priors = with_variant(resolved_priors(experiment), experiment, variant)
+    valley = valley_of(experiment, priors) if system == "valley" else None
+    program = program_for(experiment, priors, valley, tmp_path)
+    names = plain_coordinates(experiment, priors).parameters
     rng = np.random.default_rng(12)
     for _ in range(3):
-        coordinate = rng.standard_normal(SIZE)
+        coordinate = rng.standard_normal(len(names))
         columns = program.columns_at({"coordinate": coordinate.tolist()})
-        jacobian = np.column_stack([derivative(program, coordinate, k) for k in range(SIZE)])
+        jacobian = np.column_stack(
+            [derivative(program, names, coordinate, k) for k in range(len(names))]
+        )
         # Parameters in SI differ by many powers of ten.
-        scale = np.abs(parameters_at(program, coordinate))
+        scale = np.abs(parameters_at(program, names, coordinate))
         sign, logarithm = np.linalg.slogdet(jacobian / scale[:, None])
         assert sign != 0
         assert columns["log_jacobian"] == pytest.approx(logarithm + np.log(scale).sum(), abs=1e-5)
+
+
+@pytest.mark.parametrize("variant", VARIANTS, ids=str)
+def test_the_curve_stays_when_what_softens_changes(
+    variant: Mapping[str, str], tmp_path: Path
+) -> None:
+    experiment = load_constant_rate(ICE / "PIL40.toml")
+    priors = with_variant(resolved_priors(experiment), experiment, variant)
+    names = plain_coordinates(experiment, priors).parameters
+    softening = [names.index(name) for name in SOFTENING if name in names]
+    test = at_truth(experiment, priors, SolverOptions())
+    systems = {
+        "plain": (None, test.mode.coordinate),
+        "valley": (valley_of(experiment, priors), np.zeros(len(names))),
+    }
+    moved = {}  # largest relative change of the stress where the dashpot flows
+    for system, (valley, centre) in systems.items():
+        program = program_for(experiment, priors, valley, tmp_path)
+        stress = stress_at(program, centre)
+        changes = [
+            stress_at(program, centre + step * np.eye(len(names))[k]) / stress - 1
+            for k in softening
+            for step in (-1.5, 1.5)
+        ]
+        flowing = slice(int(np.argmax(stress)), None)
+        moved[system] = np.abs(changes)[:, flowing].max()
+    assert moved["valley"] < 0.01
+    assert moved["plain"] > 0.05
 
 
 def test_the_elastic_rise_stays_when_the_kelvin_element_becomes_a_second_spring(

@@ -27,7 +27,7 @@ real amplitude_precision() { return 4.0; }
 /** Precision of ln S_0 where the curve does not fix it. */
 real reference_stress_precision() { return 1.0; }
 
-/** Places in `reference`: u_1, u_2, 1 - F_ss, ln S_0 and ln s. */
+/** Places in `reference`: u_1, u_2, 1 - F_ss, ln S_0 and ln s; see softening_of_one() too. */
 int i_grain_strain() { return 1; }
 int i_fabric_strain() { return 2; }
 int i_fabric_amplitude() { return 3; }

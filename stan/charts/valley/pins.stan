@@ -14,7 +14,8 @@
  *   1 time since the knot before (s), 0 behind a jump of the stress, 2 stress (Pa), 3 whether the
  *   next pin lies there.
  * The rows of `bounds` are those of epsilon_c1, epsilon_c2 and F_ss, with the columns
- *   1 lower, 2 upper.
+ *   1 lower, 2 upper. Where grain size or fabric evolves alone, the second and the third are those of
+ *   its critical strain and of its steady state over the start.
  */
 
 /**

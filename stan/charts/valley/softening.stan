@@ -123,6 +123,26 @@ vector fabric_strain_at_quantile(real log_odds, vector middle, real total_soften
           1 / (range * sqrt(factor[2]))]';
 }
 
+/** 1 - F_ss at a real number behind F_ss. */
+real amplitude_of(real u, data matrix bounds) {
+  return 1 - bounds[3, 1] - (bounds[3, 2] - bounds[3, 1]) * inv_logit(u);
+}
+
+/**
+ * ln S_0 from its remainder at given microstructure.
+ *
+ * @param strength as for solve_reference_stress()
+ * @return ln S_0, then ln |d(ln S_0)/d(remainder)|
+ */
+vector stress_from_remainder(real remainder, vector strength, vector weight, data matrix pin,
+                             real stress_exponent, data real reference_log_stress) {
+  vector[2] stress = solve_reference_stress(strength, weight, reference_log_stress);
+  if (max(col(pin, 8)) > 0) {
+    stress[1] = reference_stress_of_time(strength, col(pin, 8), stress_exponent);
+  }
+  return [stress[1] + remainder / sqrt(stress[2]), -0.5 * log(stress[2])]';
+}
+
 /**
  * (ln S_0, u_F, u_1, u_2) from their coordinates.
  *
@@ -154,18 +174,57 @@ vector softening_from_coordinates(vector coordinate, vector asked, data vector r
     -fabric_softening(grain[3], grain[4], col(pin, 1), bounds)[rows(pin), 1], rest, col(pin, 1),
     fine_weight, stress_given, bounds);
   vector[2] factor = bounded_from_remainder(fabric[3], fabric[4], coordinate[2]);
-  real log_jacobian = grain[2] + fabric[2] + factor[2];
-  real log_stress = 0;
-  if (!stress_given) {
-    real amplitude = 1 - bounds[3, 1] - (bounds[3, 2] - bounds[3, 1]) * inv_logit(factor[1]);
-    vector[rows(pin)] strength
-      = rest - col(fabric_softening(fabric[1], amplitude, col(pin, 1), bounds), 1);
-    vector[2] stress = solve_reference_stress(strength, fine_weight, reference[i_log_stress()]);
-    if (max(col(pin, 8)) > 0) {
-      stress[1] = reference_stress_of_time(strength, col(pin, 8), stress_exponent);
-    }
-    log_stress = stress[1] + coordinate[1] / sqrt(stress[2]);
-    log_jacobian -= 0.5 * log(stress[2]);
+  vector[rows(pin)] strength
+    = rest
+      - col(fabric_softening(fabric[1], amplitude_of(factor[1], bounds), col(pin, 1), bounds), 1);
+  vector[2] stress = stress_given ? rep_vector(0, 2)
+                     : stress_from_remainder(coordinate[1], strength, fine_weight, pin,
+                                             stress_exponent, reference[i_log_stress()]);
+  return [stress[1], factor[1], grain[1], fabric[1],
+          grain[2] + fabric[2] + factor[2] + stress[2]]';
+}
+
+/**
+ * The same where grain size or fabric evolves alone: (ln S_0, u_F, 0, u_2).
+ *
+ * A grain size softens like a fabric to the power p/n: d/d_0 is in the place of F then, d_ss/d_0 in
+ * that of F_ss and epsilon_c1 in that of epsilon_c2.
+ *
+ * @param coordinate in this order: remainders of ln S_0 and F_ss, log odds of the quantile of u_2
+ * @param is_grain_size 1: grain size evolves, 0: fabric
+ */
+vector softening_of_one(vector coordinate, vector asked, data vector reference,
+                        data matrix pin, real precision, real stress_exponent,
+                        data int is_grain_size, data int stress_given, data matrix bounds) {
+  real power = is_grain_size ? asked[1] : 1;
+  vector[rows(pin)] fine_weight = precision * col(pin, 6);
+  vector[rows(pin)] root = tail(asked, rows(pin)) / power; // ln strength, as one of a fabric
+  vector[rows(pin)] root_weight = square(power) * fine_weight;
+  vector[2] solved = reference[{i_fabric_strain(), i_fabric_amplitude()}];
+  vector[6] step;
+  vector[4] evolved;
+  vector[2] factor;
+  vector[2] stress = rep_vector(0, 2);
+  for (k in 1 : n_valley_steps()) {
+    vector[rows(asked)] here = asked_along_path(k * 1.0 / n_valley_steps(), asked, reference);
+    real power_here = is_grain_size ? here[1] : 1;
+    solved = head(fabric_step(solved, tail(here, rows(pin)) / power_here, col(pin, 1),
+                              softened_share() * precision * square(power_here) * col(pin, 5),
+                              stress_given, bounds),
+                  2);
   }
-  return [log_stress, factor[1], grain[1], fabric[1], log_jacobian]';
+  step = fabric_step(solved, root, col(pin, 1), root_weight, stress_given, bounds);
+  evolved = fabric_strain_at_quantile(coordinate[3],
+    [solved[1], 1 / sqrt(step[3] - square(step[4]) / step[5])]',
+    -fabric_softening(solved[1], solved[2], col(pin, 1), bounds)[rows(pin), 1], root, col(pin, 1),
+    root_weight, stress_given, bounds);
+  factor = bounded_from_remainder(evolved[3], evolved[4], coordinate[2]);
+  if (!stress_given) {
+    vector[rows(pin)] strength
+      = power * (root - col(fabric_softening(evolved[1], amplitude_of(factor[1], bounds),
+                                             col(pin, 1), bounds), 1));
+    stress = stress_from_remainder(coordinate[1], strength, fine_weight, pin, stress_exponent,
+                                   reference[i_log_stress()]);
+  }
+  return [stress[1], factor[1], 0, evolved[1], evolved[2] + factor[2] + stress[2]]';
 }

@@ -22,6 +22,9 @@
  * Before them comes d_ss: where grain size does all the softening, its density ends at an edge that
  * depends on p/n, and its coordinate is stretched there.
  *
+ * Where only one of grain size and fabric evolves, there is one critical strain, whose density needs
+ * no other; what is centred and scaled next to it is d_ss or F_ss.
+ *
  * In a joint fit ln S_0 can follow from shared parameters and is then given. A quantile function
  * passes from one arm of the valley to another as far as the density does, without branches between
  * which it would have to jump.
@@ -53,6 +56,30 @@ vector asked_of_pins(vector parameter, data int stress_given, real log_stress,
                     stress_given ? log_strength - log_stress : log_strength);
 }
 
+/**
+ * Places among a test's own parameters of what is solved for: (epsilon_c1, epsilon_c2, F_ss), or
+ * where grain size or fabric evolves alone (0, its critical strain, its steady state).
+ */
+array[] int solved_places(data array[] int place) {
+  array[3] int both = place[{i_critical_strain_grain_size(), i_critical_strain_fabric(),
+                             i_steady_state_fabric_factor()}];
+  if (both[2] == 0) {
+    return {0, both[1], place[i_steady_state_grain_size()]};
+  }
+  return both;
+}
+
+/** Bounds of what is solved for, a row for each; those of d_ss over d_0. */
+matrix solved_bounds(data array[] int place, data matrix quantity,
+                     data real initial_grain_size) {
+  array[3] int solved = solved_places(place);
+  matrix[3, 2] bounds = quantity[{max(solved[1], 1), solved[2], solved[3]}, i_lower() : i_upper()];
+  if (solved[3] == place[i_steady_state_grain_size()]) {
+    bounds[3] /= initial_grain_size;
+  }
+  return bounds;
+}
+
 /** Share of their own variance with which independent residuals count beside those that drift. */
 real independent_weight() { return 0.1; }
 
@@ -76,10 +103,12 @@ vector valley_reference(data vector parameter, data vector coordinate, data arra
                         data matrix knot, data matrix pin) {
   real log_stress = log_reference_stress_at(parameter, conditions[1], conditions[2],
                                             conditions[3]);
-  return append_row([coordinate[place[i_critical_strain_grain_size()]],
-                     coordinate[place[i_critical_strain_fabric()]],
-                     1 - parameter[i_steady_state_fabric_factor()], log_stress,
-                     log(parameter[noise]),
+  array[3] int solved = solved_places(place);
+  real steady_state = solved[3] == place[i_steady_state_grain_size()]
+                      ? parameter[i_steady_state_grain_size()] / conditions[2]
+                      : parameter[i_steady_state_fabric_factor()];
+  return append_row([solved[1] > 0 ? coordinate[solved[1]] : 0, coordinate[solved[2]],
+                     1 - steady_state, log_stress, log(parameter[noise]),
                      loading_compliance(parameter[i_kelvin_modulus()],
                                         parameter[i_kelvin_viscosity()], conditions[4]),
                      softening_after(pin[rows(pin), 1], parameter, conditions[2])]',
@@ -113,13 +142,12 @@ vector plain_from_valley(vector coordinate, vector given, data array[] int place
                          data matrix quantity, data matrix guide, data int replaced_parameter,
                          data real flow_stress, data vector conditions, data int noise,
                          data matrix knot, data matrix pin, data vector reference) {
-  array[3] int solved = place[{i_critical_strain_grain_size(), i_critical_strain_fabric(),
-                               i_steady_state_fabric_factor()}];
+  array[3] int solved = solved_places(place);
   int stress_given = replaced_parameter == 0;
   int flow = stress_given ? 0 : place[replaced_parameter];
   int share = place[i_residual_correlated_share()];
   int grain_size = place[i_steady_state_grain_size()];
-  int grain_size_is_stretched = grain_size > 0
+  int grain_size_is_stretched = grain_size > 0 && grain_size != solved[3]
                                 && reference[i_whole_softening()] > least_softening()
                                 && quantity[max(grain_size, 1), i_lower()] > negative_infinity();
   vector[num_elements(coordinate)] plain;
@@ -127,6 +155,8 @@ vector plain_from_valley(vector coordinate, vector given, data array[] int place
   real log_noise_ratio; // ln(s/s of the reference point)
   real log_stress = 0;
   real log_jacobian = 0;
+  vector[rows(pin) + 2] asked;
+  vector[2] remainder; // of ln S_0, and of F_ss or d_ss
   vector[5] softening;
   // Where residuals drift for long their whole standard deviation is next to unknown, that of their
   // independent part, sqrt(1 - correlated share) of it, is not: the coordinate goes with it.
@@ -197,13 +227,21 @@ vector plain_from_valley(vector coordinate, vector given, data array[] int place
     log_stress = log_reference_stress_at(parameter, conditions[1], conditions[2],
                                          conditions[3]);
   }
-  softening = softening_from_coordinates(
-    [stress_given ? 0 : coordinate[flow], coordinate[solved[3]], coordinate[solved[1]],
-     coordinate[solved[2]]]',
-    asked_of_pins(parameter, stress_given, log_stress, conditions[2], knot, pin), reference,
-    pin, exp(-2 * log_noise_ratio), parameter[i_stress_exponent()], stress_given,
-    quantity[solved, i_lower() : i_upper()]);
-  plain[solved] = softening[{3, 4, 2}];
+  asked = asked_of_pins(parameter, stress_given, log_stress, conditions[2], knot, pin);
+  remainder = [stress_given ? 0 : coordinate[flow], coordinate[solved[3]]]';
+  if (solved[1] > 0) {
+    softening = softening_from_coordinates(
+      append_row(remainder, coordinate[solved[1 : 2]]), asked, reference, pin,
+      exp(-2 * log_noise_ratio), parameter[i_stress_exponent()], stress_given,
+      solved_bounds(place, quantity, conditions[2]));
+    plain[solved[1]] = softening[3];
+  } else {
+    softening = softening_of_one(
+      append_row(remainder, coordinate[solved[2]]), asked, reference, pin,
+      exp(-2 * log_noise_ratio), parameter[i_stress_exponent()], solved[3] == grain_size,
+      stress_given, solved_bounds(place, quantity, conditions[2]));
+  }
+  plain[solved[2 : 3]] = softening[{4, 2}];
   log_jacobian += softening[5];
   if (!stress_given) {
     real flow_quantity = softening[1];

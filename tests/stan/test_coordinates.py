@@ -6,16 +6,19 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import pytest
-from conftest import ICE, resolved_priors, valley_of
-from log_density import Program, constant_rate_program
+from conftest import ICE, resolved_priors, valley_of, with_fixed
+from history_twins import TRUTH, history_twin
+from log_density import Program, constant_rate_program, program_with
 from stan_data import one_test_data, parameter_in
 from truth_as_mode import at_truth
 
 from pyburgers.model.parameters import PARAMETERS
-from pyburgers.model.priors import PriorSet
+from pyburgers.model.priors import PriorSet, default_priors
 from pyburgers.model.variants import with_variant
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
+from pyburgers.protocols.loading_history.valley import LoadingHistoryValley
 from pyburgers.protocols.problem import plain_coordinates
+from pyburgers.protocols.protocol import protocol_of
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.protocols.valley import ValleyReference
 
@@ -64,16 +67,7 @@ def derivative(
     return slope
 
 
-@pytest.mark.parametrize("system", ["plain", "valley"])
-@pytest.mark.parametrize("variant", VARIANTS, ids=str)
-def test_log_jacobian_is_that_of_the_map(
-    system: str, variant: Mapping[str, str], tmp_path: Path
-) -> None:
-    experiment = load_constant_rate(ICE / "PIL72.toml")
-    priors = with_variant(resolved_priors(experiment), experiment, variant)
-    valley = valley_of(experiment, priors) if system == "valley" else None
-    program = program_for(experiment, priors, valley, tmp_path)
-    names = plain_coordinates(experiment, priors).parameters
+def assert_jacobian_is_that_of_the_map(program: Program, names: Sequence[str]) -> None:
     rng = np.random.default_rng(12)
     for _ in range(3):
         coordinate = rng.standard_normal(len(names))
@@ -86,6 +80,34 @@ def test_log_jacobian_is_that_of_the_map(
         sign, logarithm = np.linalg.slogdet(jacobian / scale[:, None])
         assert sign != 0
         assert columns["log_jacobian"] == pytest.approx(logarithm + np.log(scale).sum(), abs=1e-5)
+
+
+@pytest.mark.parametrize("system", ["plain", "valley"])
+@pytest.mark.parametrize("variant", VARIANTS, ids=str)
+def test_log_jacobian_is_that_of_the_map(
+    system: str, variant: Mapping[str, str], tmp_path: Path
+) -> None:
+    experiment = load_constant_rate(ICE / "PIL72.toml")
+    priors = with_variant(resolved_priors(experiment), experiment, variant)
+    valley = valley_of(experiment, priors) if system == "valley" else None
+    program = program_for(experiment, priors, valley, tmp_path)
+    assert_jacobian_is_that_of_the_map(program, plain_coordinates(experiment, priors).parameters)
+
+
+@pytest.mark.parametrize("variant", VARIANTS, ids=str)
+def test_log_jacobian_of_a_creep_test_is_that_of_the_map(
+    variant: Mapping[str, str], tmp_path: Path
+) -> None:
+    """Whose plain coordinate is the flow rate at its stress, with ln S_0 solved from times."""
+    twin = history_twin("creep", 30)
+    known = {"residual_correlation_time", "residual_correlated_share"}
+    priors = with_fixed(default_priors(twin.material, twin.protocol), {k: TRUTH[k] for k in known})
+    priors = with_variant(priors, twin, variant)
+    reference, _ = LoadingHistoryValley().reference(at_truth(twin, priors, SolverOptions()))
+    assert reference.pins.time_spent.all()
+    data = one_test_data(twin, priors, solver=SOLVER, reference=reference)
+    program = program_with(protocol_of(twin).program, data, tmp_path)
+    assert_jacobian_is_that_of_the_map(program, plain_coordinates(twin, priors).parameters)
 
 
 @pytest.mark.parametrize("variant", VARIANTS, ids=str)

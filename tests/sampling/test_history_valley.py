@@ -14,7 +14,6 @@ from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.loading_history.valley import LoadingHistoryValley
 from pyburgers.protocols.problem import plain_coordinates, problem_of
 from pyburgers.protocols.program_data import program_data
-from pyburgers.protocols.protocol import ChartUnsuited
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.protocols.valley import ValleyReference
 from pyburgers.sampling.charts import expected_rise, laplace_metric
@@ -123,12 +122,19 @@ def test_stages_at_another_temperature_have_no_pins() -> None:
     assert times.max() < 1500
 
 
-def test_sums_of_elements_do_not_suit() -> None:
+def test_pins_of_a_sum_of_elements_are_of_what_the_kelvin_part_leaves() -> None:
+    """Rates of the Kelvin part are those at the mode, whatever its parameters are elsewhere."""
     twin = history_twin("creep", 20)
-    test = at_truth(twin, ICE, SolverOptions())
-    two_elements = replace(test, priors=with_variant(ICE, twin, {"kelvin": "two_elements"}))
-    with pytest.raises(ChartUnsuited, match="sum of elements"):
-        LoadingHistoryValley().reference(two_elements)
+    truth = {**TRUTH, "peak_strength": 1.0, "peak_time_decades": -0.5}
+    twin = replace(twin, true_parameters={**(twin.true_parameters or {}), **truth})
+    test = at_truth(twin, with_variant(ICE, twin, {"kelvin": "two_elements"}), SolverOptions())
+    reference, _ = LoadingHistoryValley().reference(test)
+    pins = reference.pins
+    np.testing.assert_allclose(pins.strain_rate[1:], 1.0, atol=0.02)
+    # An element of the parameters' own would have relaxed.
+    slowest = max(truth["kelvin_viscosity"] / truth["kelvin_modulus"], 1.0)
+    times = reference.knot[:, 0]
+    assert times[times > 0].min() > 1e6 * slowest
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ from pyburgers.model.variants import variant_of
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.loading_history.stages import Leg
 from pyburgers.protocols.loading_history.stan_data import leg_of_readings, stress_scale
-from pyburgers.protocols.protocol import AtMode, ChartUnsuited
+from pyburgers.protocols.protocol import AtMode
 from pyburgers.protocols.valley import (
     FLOWING_SHARE,
     N_PINS,
@@ -53,9 +53,7 @@ class LoadingHistoryValley(ValleyChart[LoadingHistory]):
         Of one that is imposed it carries half or more.
         """
         experiment, values = test.experiment, test.mode.values
-        kelvin = variant_of(test.priors, experiment).kelvin
-        if kelvin not in ("linear", "power_law"):
-            raise ChartUnsuited(f"the Kelvin part is a sum of elements ({kelvin})")
+        one_element = variant_of(test.priors, experiment).kelvin in ("linear", "power_law")
         curve = _along(test)
         flowing = curve.flowing & curve.is_reading
         settled = flowing & curve.settled
@@ -75,6 +73,9 @@ class LoadingHistoryValley(ValleyChart[LoadingHistory]):
         # Where stress is imposed, it is exactly linear between the ends of a leg.
         shows = np.where(curve.driven_by_stress, curve.is_end, curve.is_knot)
         kept = shows | np.isin(np.arange(curve.leg.size), at)
+        strain_rate = _rate_or_average(curve.strain_rate, curve.strain, at, since_start)
+        if not one_element:
+            strain_rate -= _rate_or_average(curve.kelvin_rate, curve.kelvin_strain, at, since_start)
         return Pins(
             knot_time=curve.time[kept],
             knot_stress=curve.stress[kept],
@@ -86,7 +87,7 @@ class LoadingHistoryValley(ValleyChart[LoadingHistory]):
                     curve.path_strain[places],
                 ]
             ),
-            strain_rate=_rate_or_average(curve.strain_rate, curve.strain, at, since_start) / unit,
+            strain_rate=strain_rate / unit,
             stress_rate=_rate_or_average(curve.stress_rate, curve.stress, at, since_start) / unit,
             relative_noise=np.where(since_start > 0, np.inf, noise),
             time_spent=_time_spent(curve, before, places),
@@ -95,6 +96,7 @@ class LoadingHistoryValley(ValleyChart[LoadingHistory]):
             flow_stress=stress_scale(experiment),
             loading_time=_loading_time(experiment, curve, values),
             noise="strain_noise" if strain_is_read[flowing].mean() > 0.5 else "stress_noise",
+            one_element=one_element,
         )
 
 
@@ -111,9 +113,11 @@ class _Curve:
     strain: FloatArray
     path_strain: FloatArray
     dashpot_strain: FloatArray
+    kelvin_strain: FloatArray
     strain_rate: FloatArray
     stress_rate: FloatArray
     dashpot_rate: FloatArray
+    kelvin_rate: FloatArray
     flowing: BoolArray
     driven_by_stress: BoolArray
     settled: BoolArray
@@ -134,11 +138,12 @@ def _along(test: AtMode[LoadingHistory]) -> _Curve:
     found = test.solution(time)
     elastic = 1 / values["maxwell_modulus"] + values["apparatus_compliance"]
     stress, strain = found["grid_stress"], found["grid_strain"] - values["strain_offset"]
-    dashpot_strain = strain - elastic * stress - found["grid_kelvin_strain"]
+    kelvin_strain = found["grid_kelvin_strain"]
+    dashpot_strain = strain - elastic * stress - kelvin_strain
     parts = np.split(np.arange(time.size), np.cumsum([t.size for t in times])[:-1])
-    dashpot_rate, stress_rate = (
+    dashpot_rate, kelvin_rate, stress_rate = (
         np.concatenate([np.gradient(along[part], time[part]) for part in parts])
-        for along in (dashpot_strain, stress)
+        for along in (dashpot_strain, kelvin_strain, stress)
     )
     strain_rate = found["grid_strain_rate"]
     temperature = np.array([one.temperature for one in legs])[leg]
@@ -155,9 +160,11 @@ def _along(test: AtMode[LoadingHistory]) -> _Curve:
         strain=strain,
         path_strain=found["grid_path_strain"],
         dashpot_strain=dashpot_strain,
+        kelvin_strain=kelvin_strain,
         strain_rate=strain_rate,
         stress_rate=stress_rate,
         dashpot_rate=dashpot_rate,
+        kelvin_rate=kelvin_rate,
         # The strength at another temperature hangs on Q_M.
         flowing=(strain_rate > 0)
         & (stress > 0)

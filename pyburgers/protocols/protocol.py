@@ -63,8 +63,7 @@ class AtMode(Generic[E]):
     data : dict
         Data of the program in plain coordinates.
     solution : callable
-        Receives positions on the clock (SI), returns the solution there
-        (`pyburgers.protocols.program_data.solve`).
+        Solution at positions on the clock, SI (`pyburgers.protocols.program_data.solve`).
     generated, curvature, covariance : callable
         Receive changed entries of the data (the last a position before them); return all variables,
         the Hessian of minus the log density in plain coordinates, and the Laplace approximation.

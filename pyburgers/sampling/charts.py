@@ -184,7 +184,8 @@ def _chart_at(
     Pooling and data share the centring of partially pooled parameters, so that there the centre is
     not the mode, and its curvature can be far from that of the posterior.
     """
-    for one in problem.alone():
+    alone = problem.alone()
+    for one in alone:
         if one.protocol is problem.protocol:
             _check_pooling(chart.solved(one.priors[0], one.experiments[0]), problem)
     if chart.curvature_tolerance is not None:
@@ -194,7 +195,7 @@ def _chart_at(
     # Tables beside histories have plain coordinates.
     tests = [
         at_mode(one, own, solver) if one.protocol is problem.protocol else None
-        for one, own in zip(problem.alone(), mode.tests, strict=True)
+        for one, own in zip(alone, mode.tests, strict=True)
     ]
     references: list[Any] = []
     centre = np.zeros(layout.size)

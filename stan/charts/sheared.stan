@@ -94,6 +94,9 @@ real dashpot_compliance(real log_rate, data vector record) {
   return exp(solution[k] + (place - k + 1) * (solution[k + 1] - solution[k]));
 }
 
+/** Share of the observed compliance that is left to the Kelvin element at least. */
+real least_left_over() { return 0.1; }
+
 /**
  * E_K and eta_K of the Kelvin element that has what is left of the observed compliance.
  *
@@ -105,8 +108,9 @@ real dashpot_compliance(real log_rate, data vector record) {
  */
 vector kelvin_left_over(real maxwell_modulus, real dashpot, data vector compliance,
                         data real period) {
-  real storage = compliance[1] * kept_above(1 - 1 / (maxwell_modulus * compliance[1]), 0.1);
-  real loss = compliance[2] * kept_above(1 - dashpot / compliance[2], 0.1);
+  real storage = compliance[1] * kept_above(1 - 1 / (maxwell_modulus * compliance[1]),
+                                              least_left_over());
+  real loss = compliance[2] * kept_above(1 - dashpot / compliance[2], least_left_over());
   return [storage, loss * period / (2 * pi())]' / (square(storage) + square(loss));
 }
 

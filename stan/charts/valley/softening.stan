@@ -123,6 +123,25 @@ vector fabric_strain_at_quantile(real log_odds, vector middle, real total_soften
           1 / (range * sqrt(factor[2]))]';
 }
 
+/**
+ * u_F and u_2 where what is left is softened by fabric, or by grain size as if by fabric.
+ *
+ * @param coordinate in this order: remainder of F_ss, log odds of the quantile of u_2
+ * @param solved u_2 and amplitude of a solution nearby
+ * @param rest ln of the strength that is left
+ * @return u_F and u_2, then ln of the derivatives of u_2 and of u_F by their coordinates
+ */
+vector last_softening(vector coordinate, vector solved, vector rest, vector weight,
+                      data matrix pin, data int stress_given, data matrix bounds) {
+  vector[6] step = fabric_step(solved, rest, col(pin, 1), weight, stress_given, bounds);
+  vector[4] fabric = fabric_strain_at_quantile(coordinate[2],
+    [solved[1], 1 / sqrt(step[3] - square(step[4]) / step[5])]',
+    -fabric_softening(solved[1], solved[2], col(pin, 1), bounds)[rows(pin), 1], rest, col(pin, 1),
+    weight, stress_given, bounds);
+  vector[2] factor = bounded_from_remainder(fabric[3], fabric[4], coordinate[1]);
+  return [factor[1], fabric[1], fabric[2], factor[2]]';
+}
+
 /** 1 - F_ss at a real number behind F_ss. */
 real amplitude_of(real u, data matrix bounds) {
   return 1 - bounds[3, 1] - (bounds[3, 2] - bounds[3, 1]) * inv_logit(u);
@@ -167,21 +186,14 @@ vector softening_from_coordinates(vector coordinate, vector asked, data vector r
   vector[4] grain = grain_strain_at_quantile(coordinate[3], middle, asked, reference,
                                              col(pin, 1), weight, stress_given, bounds);
   vector[rows(pin)] rest = col(rest_of_strength(grain[1], asked, col(pin, 1), bounds), 1);
-  vector[6] step = fabric_step(grain[3 : 4], rest, col(pin, 1), fine_weight, stress_given,
-                               bounds);
-  vector[4] fabric = fabric_strain_at_quantile(coordinate[4],
-    [grain[3], 1 / sqrt(step[3] - square(step[4]) / step[5])]',
-    -fabric_softening(grain[3], grain[4], col(pin, 1), bounds)[rows(pin), 1], rest, col(pin, 1),
-    fine_weight, stress_given, bounds);
-  vector[2] factor = bounded_from_remainder(fabric[3], fabric[4], coordinate[2]);
+  vector[4] last = last_softening(coordinate[{2, 4}], grain[3 : 4], rest, fine_weight, pin,
+                                  stress_given, bounds);
   vector[rows(pin)] strength
-    = rest
-      - col(fabric_softening(fabric[1], amplitude_of(factor[1], bounds), col(pin, 1), bounds), 1);
+    = rest - col(fabric_softening(last[2], amplitude_of(last[1], bounds), col(pin, 1), bounds), 1);
   vector[2] stress = stress_given ? rep_vector(0, 2)
                      : stress_from_remainder(coordinate[1], strength, fine_weight, pin,
                                              stress_exponent, reference[i_log_stress()]);
-  return [stress[1], factor[1], grain[1], fabric[1],
-          grain[2] + fabric[2] + factor[2] + stress[2]]';
+  return [stress[1], last[1], grain[1], last[2], grain[2] + last[3] + last[4] + stress[2]]';
 }
 
 /**
@@ -199,11 +211,8 @@ vector softening_of_one(vector coordinate, vector asked, data vector reference,
   real power = is_grain_size ? asked[1] : 1;
   vector[rows(pin)] fine_weight = precision * col(pin, 6);
   vector[rows(pin)] root = tail(asked, rows(pin)) / power; // ln strength, as one of a fabric
-  vector[rows(pin)] root_weight = square(power) * fine_weight;
   vector[2] solved = reference[{i_fabric_strain(), i_fabric_amplitude()}];
-  vector[6] step;
-  vector[4] evolved;
-  vector[2] factor;
+  vector[4] last;
   vector[2] stress = rep_vector(0, 2);
   for (k in 1 : n_valley_steps()) {
     vector[rows(asked)] here = asked_along_path(k * 1.0 / n_valley_steps(), asked, reference);
@@ -213,18 +222,14 @@ vector softening_of_one(vector coordinate, vector asked, data vector reference,
                               stress_given, bounds),
                   2);
   }
-  step = fabric_step(solved, root, col(pin, 1), root_weight, stress_given, bounds);
-  evolved = fabric_strain_at_quantile(coordinate[3],
-    [solved[1], 1 / sqrt(step[3] - square(step[4]) / step[5])]',
-    -fabric_softening(solved[1], solved[2], col(pin, 1), bounds)[rows(pin), 1], root, col(pin, 1),
-    root_weight, stress_given, bounds);
-  factor = bounded_from_remainder(evolved[3], evolved[4], coordinate[2]);
+  last = last_softening(coordinate[2 : 3], solved, root, square(power) * fine_weight, pin,
+                        stress_given, bounds);
   if (!stress_given) {
     vector[rows(pin)] strength
-      = power * (root - col(fabric_softening(evolved[1], amplitude_of(factor[1], bounds),
-                                             col(pin, 1), bounds), 1));
+      = power * (root - col(fabric_softening(last[2], amplitude_of(last[1], bounds), col(pin, 1),
+                                             bounds), 1));
     stress = stress_from_remainder(coordinate[1], strength, fine_weight, pin, stress_exponent,
                                    reference[i_log_stress()]);
   }
-  return [stress[1], factor[1], 0, evolved[1], evolved[2] + factor[2] + stress[2]]';
+  return [stress[1], last[1], 0, last[2], last[3] + last[4] + stress[2]]';
 }

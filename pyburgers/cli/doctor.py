@@ -10,7 +10,7 @@ import platform
 import re
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -108,13 +108,15 @@ def _packages() -> list[Finding]:
         return [Finding("pyburgers", False, "not installed", "run `pip install -e .`")]
     required = [text for text in requirements if "extra ==" not in text]
     names = ["pyburgers", *(re.split(r"[^\w.-]", text, maxsplit=1)[0] for text in required)]
-    return [_package(name) for name in names]
+    modules = {module.lower(): module for module in importlib.metadata.packages_distributions()}
+    return [_package(name, modules) for name in names]
 
 
-def _package(name: str) -> Finding:
+def _package(name: str, modules: Mapping[str, str]) -> Finding:
+    module = name.replace("-", "_")
     try:
-        # A damaged installation may have a version and no module.
-        there = importlib.util.find_spec(name.replace("-", "_"))
+        # A damaged installation may have a version and no module. Metadata is in lower case.
+        there = importlib.util.find_spec(modules.get(module, module))
         version = importlib.metadata.version(name) if there else None
     except (ImportError, importlib.metadata.PackageNotFoundError):
         version = None

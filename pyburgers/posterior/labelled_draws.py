@@ -18,7 +18,8 @@ import xarray as xr
 from scipy.special import logsumexp
 
 from pyburgers.cmdstan.draw_files import Draws
-from pyburgers.common.atomic_files import sha256_of_file, write_bytes
+from pyburgers.common.atomic_files import sha256_of_file
+from pyburgers.common.netcdf_files import read_netcdf, write_netcdf
 from pyburgers.model.display import shown_quantity, unit_text
 from pyburgers.model.parameters import REFERENCE_QUANTITIES, Parameter
 from pyburgers.model.prior_families import Prior
@@ -157,10 +158,8 @@ def keep_posterior(
     for test, clock in (clocks or {}).items():
         part = tree[TESTS][test] if TESTS in tree.children else tree
         part.attrs["clock"] = clock
-    # In memory first: where the disk is full, HDF5 brings the process down.
-    content = bytes(tree.to_netcdf(engine="h5netcdf"))
     run.update_manifest({"posterior_sha256": None})
-    write_bytes(run.posterior_file, content)
+    write_netcdf(run.posterior_file, tree)
     run.update_manifest({"posterior_sha256": sha256_of_file(run.posterior_file)})
     return tree
 
@@ -169,8 +168,7 @@ def load_posterior(run: RunDirectory) -> xr.DataTree | None:
     """Labelled draws of a run, or None where they are not complete or lack finished draws."""
     if not run.posterior_file.is_file() or run.read_manifest().get("posterior_sha256") is None:
         return None
-    with xr.open_datatree(run.posterior_file, engine="h5netcdf") as opened:
-        tree = opened.load()
+    tree = read_netcdf(run.posterior_file)
     if json.loads(tree.attrs["chains"]) != list(run.finished_chains()):
         return None
     if tree.attrs.get("extensions") != run.n_extensions():

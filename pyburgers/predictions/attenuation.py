@@ -30,7 +30,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from pyburgers.common.atomic_files import write_atomically
+from pyburgers.common.netcdf_files import write_netcdf
 from pyburgers.model.relaxation import KelvinPart, kelvin_part
 from pyburgers.predictions.assumptions import (
     CRITICAL_SHARE,
@@ -298,10 +298,7 @@ def save_spectrum(spectrum: xr.Dataset, path: Path) -> None:
         for name, variable in spectrum.data_vars.items()
         if variable.dtype.kind == "f"
     }
-    write_atomically(
-        path,
-        lambda temporary: spectrum.to_netcdf(temporary, engine="h5netcdf", encoding=encoding),
-    )
+    write_netcdf(path, xr.DataTree(spectrum), {"/": encoding})
 
 
 def flat_draws(values: xr.DataArray) -> FloatArray:

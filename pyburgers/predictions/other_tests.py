@@ -7,9 +7,9 @@ import numpy.typing as npt
 import pandas as pd
 from scipy.special import log_ndtr, logsumexp, ndtri_exp
 
-from pyburgers.common.atomic_files import write_atomically
 from pyburgers.common.draws import all_draws, evenly_spaced
 from pyburgers.common.errors import InputError
+from pyburgers.common.netcdf_files import write_netcdf
 from pyburgers.common.units import count_points
 from pyburgers.fitting.prediction import Prediction
 from pyburgers.model.display import Quantity
@@ -213,9 +213,7 @@ def save_prediction(prediction: Prediction, path: Path) -> None:
     OSError
         If the file cannot be written.
     """
-    write_atomically(
-        path, lambda temporary: prediction.posterior.to_netcdf(temporary, engine="h5netcdf")
-    )
+    write_netcdf(path, prediction.posterior)
 
 
 def _with_data(prediction: Prediction) -> Experiment:

@@ -86,10 +86,19 @@ def test_unusable_cache_folder(bare_machine: Path, monkeypatch: pytest.MonkeyPat
 
 
 @pytest.mark.parametrize(
-    "package", ["argcomplete", "arviz", "filelock", "platformdirs", "psutil", "pydantic", "tomli-w"]
+    ("package", "module"),
+    [
+        ("argcomplete", "argcomplete"),
+        ("arviz", "arviz"),
+        ("filelock", "filelock"),
+        ("netcdf4", "netCDF4"),
+        ("platformdirs", "platformdirs"),
+        ("psutil", "psutil"),
+        ("pydantic", "pydantic"),
+        ("tomli-w", "tomli_w"),
+    ],
 )
-def test_a_missing_package_is_named_with_how_to_get_it(package: str) -> None:
-    module = package.replace("-", "_")
+def test_a_missing_package_is_named_with_how_to_get_it(package: str, module: str) -> None:
     done = subprocess.run(
         [sys.executable, "-c", WITHOUT, module, "doctor"], capture_output=True, text=True
     )

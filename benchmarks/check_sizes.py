@@ -16,11 +16,11 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-import xarray as xr
 from linear_fits import LinearModel
 from scipy.stats import beta
 
 from pyburgers.checks.discrepancies import LEVEL, discrepancies_of
+from pyburgers.common.netcdf_files import read_netcdf
 
 LEVELS = (0.003, 0.005, 0.01, 0.02, 0.05, 0.1)
 DRAWS = 400
@@ -50,8 +50,7 @@ def models(runs: list[Path]) -> dict[str, LinearModel]:
     """Linear models like those of runs, and straight lines."""
     found = {"a straight line": LinearModel.of_polynomials(60, steps=0, degree=1)}
     for run in runs:
-        with xr.open_datatree(run / "posterior.nc", engine="h5netcdf") as posterior:
-            found[run.name] = LinearModel.like(posterior.load())
+        found[run.name] = LinearModel.like(read_netcdf(run / "posterior.nc"))
     return found
 
 

@@ -6,12 +6,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-import xarray as xr
 from conftest import SMALL_RUN, Problem, copy_of
 from refusals import assert_refused
 
 from pyburgers.cli.main import main
 from pyburgers.common.errors import InputError
+from pyburgers.common.netcdf_files import read_netcdf, write_netcdf
 from pyburgers.fitting.fit import Fit, fit
 
 Damage = Callable[[Path], None]
@@ -66,10 +66,9 @@ def without(name: str) -> Damage:
 
 def other_draws(file: Path) -> None:
     """Move all draws of a parameter in the labelled ones."""
-    with xr.open_datatree(file, engine="h5netcdf") as opened:
-        tree = opened.load()
+    tree = read_netcdf(file)
     tree["posterior"]["maxwell_modulus"] *= 1.01
-    tree.to_netcdf(file, engine="h5netcdf")
+    write_netcdf(file, tree)
 
 
 DRAWS, TIMING = "chains/chain_2/draws.csv", "chains/chain_2/timing.json"

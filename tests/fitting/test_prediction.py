@@ -25,6 +25,7 @@ from pyburgers.predictions.other_tests import (
     answers,
     band_table,
     reading_table,
+    save_prediction,
     score_table,
 )
 from pyburgers.protocols.attenuation.files import load_attenuation
@@ -278,7 +279,7 @@ def test_what_cannot_be_predicted_is_refused(joint: Fit, small_fit: Fit) -> None
 def test_all_is_kept_in_the_file(small_fit: Fit, tmp_path: Path) -> None:
     target = another_test(small_fit.problem.experiments[0])  # type: ignore[arg-type]
     prediction = small_fit.predict(target, draws=4)
-    prediction.posterior.to_netcdf(tmp_path / "draws.nc", engine="h5netcdf")
+    save_prediction(prediction, tmp_path / "draws.nc")
     with xr.open_datatree(tmp_path / "draws.nc", engine="h5netcdf") as kept:
         assert kept.attrs["fitted_to"] == "PIL40"
         assert kept.attrs["cautions"].splitlines() == list(prediction.cautions)

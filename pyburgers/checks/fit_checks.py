@@ -45,11 +45,14 @@ class CheckedDraws:
         Chains that did not finish.
     max_treedepth : int
         The sampler's limit.
+    diverged_before : tuple of int
+        How many trajectories had diverged each time that chains went on with shorter steps.
     """
 
     posterior: xr.DataTree
     failures: tuple[ChainFailure, ...] = ()
     max_treedepth: int = 10
+    diverged_before: tuple[int, ...] = ()
 
 
 class Finding(NamedTuple):
@@ -214,14 +217,18 @@ def check_divergences(draws: CheckedDraws) -> Finding:
     diverging = draws.posterior["sample_stats"]["diverging"]
     table = diverging.sum("draw").to_dataframe().rename(columns={"diverging": "divergences"})
     total = int(diverging.sum())
+    before = " and ".join(map(str, draws.diverged_before))
     if not total:
         none = "No trajectory diverged: no region of the posterior was too curved to enter."
+        if before:
+            none += f" (With longer steps {before} had; those draws are put aside.)"
         return Finding(Outcome.YES, table, none)
+    again = f" ({before} with longer steps)" if before else ""
     return Finding(
         Outcome.NO,
         table,
-        f"{total} of {diverging.size} trajectories diverged, so a strongly curved region may be "
-        "missed",
+        f"{total} of {diverging.size} trajectories diverged{again}, so a strongly curved region "
+        "may be missed",
         "raise --adapt-delta closer to 1 and look where they sit in the pairs figure",
     )
 

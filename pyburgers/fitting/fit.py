@@ -29,13 +29,26 @@ from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.protocols.together import pooling_for
 from pyburgers.sampling.manifest import FitManifest
 from pyburgers.sampling.options import SamplerOptions
-from pyburgers.sampling.run import run_chains, tighten_solver
+from pyburgers.sampling.repetitions import (
+    SHORTENING,
+    shorten_steps,
+    shortened,
+    tighten_solver,
+)
+from pyburgers.sampling.run import run_chains
 from pyburgers.sampling.run_directory import RunDirectory
 
 logger = logging.getLogger(__name__)
 
 MAX_REFITS = 2
 """Times that a run is repeated at a tighter tolerance of the solver."""
+
+MAX_SHORTENED = 2
+"""Times that a run is repeated with shorter steps."""
+
+FEW = 0.01
+"""Share of the trajectories that may diverge for shorter steps to be tried; where more do, it is
+the coordinates or the priors that do not suit the posterior."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,7 +265,9 @@ def fit(
         How parameters of several tests are pooled where it is not the default
         (`pyburgers.protocols.together.pooling_for`).
     options : SamplerOptions, optional
-        Chains, iterations, seed.
+        Chains, iterations, seed. Where a few trajectories diverge (at most a share of `FEW`), all
+        chains go on with steps half as long, at most `MAX_SHORTENED` times; the draws before are
+        put aside and the manifest notes it.
     solver : SolverOptions, optional
         Tolerance of the ODE solver while sampling. Where the draws, solved again at the reference
         tolerance, show it too loose (Pareto k), all chains are run again ten times tighter, at
@@ -362,13 +377,13 @@ def fit_problem(
         more_draws = 0  # chains that are run again get the same number
         return Fit.load(run.path)
 
-    result = _sample_until_solved(sample, run)
+    result = _sample_until_good(sample, run)
     write_tables(result)
     return replace(result, manifest=run.read_manifest())
 
 
-def _sample_until_solved(sample: Callable[[], Fit], run: RunDirectory) -> Fit:
-    """Sample, and again at a tighter tolerance of the solver where its check fails.
+def _sample_until_good(sample: Callable[[], Fit], run: RunDirectory) -> Fit:
+    """Sample, and again where the solver's check fails or a few trajectories diverge.
 
     Parameters
     ----------
@@ -379,9 +394,20 @@ def _sample_until_solved(sample: Callable[[], Fit], run: RunDirectory) -> Fit:
     """
     while True:
         result = sample()
-        check = check_solver(result.checked_draws)
-        n_refits = len(result.manifest["refits"])
-        if check.outcome is not Outcome.NO or n_refits == MAX_REFITS or result.missing_chains():
+        if result.missing_chains():
             return result
-        tight = tighten_solver(run, float(check.table["pareto_k"].iloc[0]))
-        logger.info(f"{check.sentence} Sampling all chains again at a tolerance of {tight:g}.")
+        solver = check_solver(result.checked_draws)
+        diverging = result.posterior["sample_stats"]["diverging"]
+        divergences, n_shortened = int(diverging.sum()), len(shortened(result.manifest))
+        if solver.outcome is Outcome.NO and len(result.manifest["refits"]) < MAX_REFITS:
+            tight = tighten_solver(run, float(solver.table["pareto_k"].iloc[0]))
+            logger.info(f"{solver.sentence} Sampling all chains again at a tolerance of {tight:g}.")
+        elif 0 < divergences <= FEW * diverging.size and n_shortened < MAX_SHORTENED:
+            shorten_steps(run, divergences)
+            logger.info(
+                f"{divergences} of {diverging.size} trajectories diverged. All chains go on from "
+                f"their last draws with steps {SHORTENING:g} times shorter; the draws until here "
+                "are put aside."
+            )
+        else:
+            return result

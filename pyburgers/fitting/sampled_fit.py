@@ -24,6 +24,7 @@ from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.posterior.labelled_draws import in_display_units
 from pyburgers.sampling.failures import ChainFailure, missing_chains
 from pyburgers.sampling.manifest import COMPLETE
+from pyburgers.sampling.repetitions import shortened
 from pyburgers.sampling.run_directory import RunDirectory
 
 
@@ -113,7 +114,8 @@ class SampledFit(ABC):
     def checked_draws(self) -> CheckedDraws:
         """What the checks look at."""
         limit = self.manifest["sampler"]["max_treedepth"]
-        return CheckedDraws(self.posterior, self.missing_chains(), limit)
+        before = tuple(one["divergences"] for one in shortened(self.manifest))
+        return CheckedDraws(self.posterior, self.missing_chains(), limit, before)
 
     def missing_chains(self) -> tuple[ChainFailure, ...]:
         """Return the chains that were asked for and are not there, and why."""

@@ -118,8 +118,8 @@ class Section:
     @property
     def how_made(self) -> tuple[object, ...]:
         """What the page tells of the making of the fit but for time and hash."""
-        fit, known = self.fit, self.fit.manifest
-        told = (known["command"], known["sampler"], known.get("refits"), known.get("coordinates"))
+        entries = ("command", "sampler", "refits", "shortened", "coordinates")
+        fit, told = self.fit, [self.fit.manifest.get(entry) for entry in entries]
         flow_law = fit.priors.flow_law and fit.priors.flow_law.source
         return fit.variant, fit.priors.title, flow_law, len(self.sampler), repr(told)
 

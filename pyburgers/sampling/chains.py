@@ -15,13 +15,14 @@ import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from pyburgers.cmdstan.draw_files import adaptation_of, join_draws, read_draws
+from pyburgers.cmdstan.draw_files import Adaptation, join_draws, read_draws
 from pyburgers.cmdstan.program import Program
 from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.processes import Running, cores, side_by_side
 from pyburgers.common.toml_files import read_json
 from pyburgers.sampling.failures import ChainFailure
 from pyburgers.sampling.options import SamplerOptions
+from pyburgers.sampling.repetitions import Resumption, adaptation, resumption
 from pyburgers.sampling.run_directory import RunDirectory
 
 logger = logging.getLogger(__name__)
@@ -212,21 +213,24 @@ def run_side_by_side(
         If the system starts no process.
     """
     active: dict[Running, _Chain] = {}
+    resumed = {chain: resumption(run, chain) for chain in chains} if extension is None else {}
 
     def starting() -> Iterator[Running]:
         for chain in chains:
-            one = (
-                _start_chain(model, run, chain, options)
-                if extension is None
-                else _continue_chain(model, run, chain, options, extension)
-            )
+            if extension is not None:
+                one = _extend_chain(model, run, chain, options, extension)
+            elif (known := resumed[chain]) is not None:
+                one = _resume_chain(model, run, chain, options, known)
+            else:
+                one = _start_chain(model, run, chain, options)
             active[one.running] = one
             yield one.running
 
     failures: list[ChainFailure | None] = []
     at_once = options.parallel_chains or max(1, cores() // model.threads)
     limit = options.chain_timeout
-    total = extension.draws if extension else options.warmup_iterations + options.draws
+    warmup = options.warmup_iterations if None in resumed.values() else 0
+    total = extension.draws if extension else warmup + options.draws
     try:
         with (
             shown_progress(chains, total) as advance,
@@ -287,22 +291,54 @@ def _start_chain(
     return _Chain(chain, running, ConsoleFile(running.console))
 
 
-def _continue_chain(
+def _extend_chain(
     program: Program, run: RunDirectory, chain: int, options: SamplerOptions, extension: Extension
 ) -> _Chain:
     """Start a finished chain again where it ended, with its step size and metric."""
-    before = run.draws_file(chain, extension.number - 1)
+    return _go_on(
+        *(program, run, chain, options),
+        before=run.draws_file(chain, extension.number - 1),
+        adapted=adaptation(run, chain),
+        draws=extension.draws,
+        seed=[options.seed, extension.number],
+    )
+
+
+def _resume_chain(
+    program: Program, run: RunDirectory, chain: int, options: SamplerOptions, resumed: Resumption
+) -> _Chain:
+    """Start a chain where the one that was put aside ended, with shorter steps."""
+    return _go_on(
+        *(program, run, chain, options),
+        before=resumed.draws_file,
+        adapted=resumed.adapted,
+        draws=options.draws,
+        seed=[options.seed, 0, resumed.number],
+    )
+
+
+def _go_on(
+    program: Program,
+    run: RunDirectory,
+    chain: int,
+    options: SamplerOptions,
+    *,
+    before: Path,
+    adapted: Adaptation,
+    draws: int,
+    seed: Sequence[int],
+) -> _Chain:
+    """Start a chain at the last draw of a file, without a warm-up."""
     scratch = run.new_scratch()
-    adapted, start = adaptation_of(before), scratch / "start.json"
+    start = scratch / "start.json"
     names = read_json(run.initial_values_file(chain))
     last = read_draws([before])
     write_json(start, {name: last[name][0, -1].tolist() for name in names})
     write_json(scratch / "metric.json", {"inv_metric": adapted.metric.tolist()})
-    seeds = np.random.SeedSequence([options.seed, extension.number])
     running = program.start(
         [
             "method=sample",
-            *(f"num_samples={extension.draws}", "num_warmup=0"),
+            *(f"num_samples={draws}", "num_warmup=0"),
             *("algorithm=hmc", "engine=nuts", f"max_depth={options.max_treedepth}"),
             *(f"stepsize={adapted.step_size!r}", "metric=dense_e"),
             f"metric_file={scratch / 'metric.json'}",
@@ -311,10 +347,10 @@ def _continue_chain(
         data=run.stan_data_file,
         init=start,
         output=scratch / "draws.csv",
-        seed=int(seeds.generate_state(1)[0] >> 1),
+        seed=int(np.random.SeedSequence(seed).generate_state(1)[0] >> 1),
         chain=chain,
         digits=DIGITS,
-        output_options=[f"refresh={max(1, extension.draws // 100)}"],
+        output_options=[f"refresh={max(1, draws // 100)}"],
     )
     return _Chain(chain, running, ConsoleFile(running.console))
 
@@ -340,6 +376,9 @@ def _keep_chain(
     seconds, number = running.seconds, 0
     if extension is None:
         (scratch / "draws.csv").rename(finished / "draws.csv")
+        resumed = resumption(run, one.identifier)
+        if resumed is not None:
+            seconds += resumed.seconds
     else:
         number = extension.number
         before = run.draws_file(one.identifier, number - 1)

@@ -32,6 +32,7 @@ from pyburgers.sampling.changes import Wanted, refusal
 from pyburgers.sampling.charts import ChosenChart, check_coordinates, choose_chart
 from pyburgers.sampling.failures import ChainFailure
 from pyburgers.sampling.options import INDECISIVE, SamplerOptions
+from pyburgers.sampling.repetitions import shortened, tolerance_in
 from pyburgers.sampling.run_directory import RunDirectory
 from pyburgers.sampling.starts import (
     draw_initial_values,
@@ -43,9 +44,6 @@ from pyburgers.sampling.starts import (
 logger = logging.getLogger(__name__)
 
 PACKAGES = ("pyburgers", "cmdstanpy", "arviz", "numpy", "scipy", "pandas", "xarray")
-
-TIGHTENING = 10.0
-"""Factor between the tolerance of a run and of its repetition."""
 
 
 def fingerprint(data: StanData, options: SamplerOptions, program_key: str) -> str:
@@ -145,7 +143,8 @@ def run_chains(
                 **record,
                 **problem_record(problem),
                 "refits": run.read_manifest().get("refits", []),
-                "solver": {**asdict(solver), "tolerance": _tolerance_in(run)},
+                "shortened": shortened(run.read_manifest()),
+                "solver": {**asdict(solver), "tolerance": tolerance_in(run)},
             }
         )
         return complete_chains(
@@ -258,42 +257,6 @@ def _extend_chains(
         if failures:
             return failures
     return ()
-
-
-def tighten_solver(run: RunDirectory, pareto_k: float) -> float:
-    """Put a run's chains aside and have them sampled again at a tighter tolerance.
-
-    Coordinates, metric and initial values stay; `run_chains` with the same inputs then runs all
-    chains. The manifest's list ``refits`` notes what was put aside and why.
-
-    Parameters
-    ----------
-    run : RunDirectory
-        A run with finished chains.
-    pareto_k : float
-        Its diagnostic of the solver's tolerance.
-
-    Returns
-    -------
-    float
-        The new tolerance.
-    """
-    loose = _tolerance_in(run)
-    manifest = run.read_manifest()
-    with run.claimed(manifest["fingerprint"]):
-        aside = run.supersede_chains(f"tolerance_{loose:.0e}")
-        refit = {"tolerance": loose, "pareto_k": pareto_k, "chains": aside}
-        run.update_manifest({"refits": [*manifest["refits"], refit]})
-        data = run.read_stan_data()
-        tight = loose / TIGHTENING
-        write_json(run.stan_data_file, {**data, "tolerance": tight})
-    return tight
-
-
-def _tolerance_in(run: RunDirectory) -> float:
-    """Tolerance with which the run's chains are sampled, tightened or as asked for."""
-    data = run.read_stan_data()
-    return float(data["tolerance"])
 
 
 def _write_chart(run: RunDirectory, data: StanData, chart: ChosenChart) -> None:

@@ -155,6 +155,16 @@ def test_a_divergence_fails() -> None:
     assert check.table["divergences"].tolist() == [0, 0, 0, 1]
 
 
+def test_divergences_of_draws_put_aside_are_told() -> None:
+    tree = good()
+    check = check_divergences(CheckedDraws(tree, diverged_before=(3, 1)))
+    assert check.passed
+    assert "3 and 1 had" in check.sentence
+    values(tree, "sample_stats", "diverging")[3, 17] = True
+    check = check_divergences(CheckedDraws(tree, diverged_before=(3, 1)))
+    assert_fails(check, f"1 of {CHAINS * DRAWS}", "3 and 1 with longer steps", "--adapt-delta")
+
+
 def test_a_saturated_treedepth_fails() -> None:
     tree = good()
     values(tree, "sample_stats", "tree_depth")[0, :3] = MAX_TREEDEPTH

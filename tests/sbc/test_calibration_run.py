@@ -31,7 +31,7 @@ from pyburgers.sbc.results import (
 from pyburgers.sbc.run import Calibration, CalibrationPlan
 
 TINY = (
-    *("--simulations", "3", "--warmup", "80", "--draws", "80", "--ranked-draws", "19"),
+    *("--simulations", "3", "--warmup", "60", "--draws", "60", "--ranked-draws", "19"),
     *("--adapt-delta", "0.8"),
 )
 RESULTS = ("verdicts.csv", "ranks.csv", "ranks.png", "ranks.svg")
@@ -170,7 +170,7 @@ def test_every_data_set_is_a_file_and_the_manifest_says_how_to_repeat_it(
     assert len(set(ranks["reference_stress"])) > 1
     manifest = json.loads((finished / "manifest.json").read_text(encoding="utf-8"))
     assert manifest["status"] == "complete"
-    assert manifest["plan"]["sampler"]["draws"] == 80
+    assert manifest["plan"]["sampler"]["draws"] == 60
     assert set(manifest["hashes"]) == {
         f"inputs/tests/{manifest['experiments'][0]}/experiment.csv",
         f"inputs/tests/{manifest['experiments'][0]}/experiment.toml",
@@ -308,7 +308,7 @@ def test_repetitions_can_be_added_but_not_taken_back(
     ("name", "old", "new", "word"),
     [
         ("manifest.json", '"n_ranked": 19', '"n_ranked": "x"', "'n_ranked' in [plan]: found 'x'"),
-        ("manifest.json", '"draws": 80', '"drows": 80', "unknown key 'drows' in [plan.sampler]"),
+        ("manifest.json", '"draws": 60', '"drows": 60', "unknown key 'drows' in [plan.sampler]"),
         ("manifest.json", '"command"', '"cmd"', "key 'command' is missing"),
         ("inputs/priors.toml", "ice", "ICE", "inputs/priors.toml has changed"),
         ("simulations/simulation_000002.json", '"seed"', '"sead"', "unknown key 'sead'"),
@@ -339,7 +339,7 @@ def test_bad_numbers_and_files_are_refused(
     out = tmp_path / "out"
     for options, words in (
         (("--simulations", "0"), "simulations is 0"),
-        (("--ranked-draws", "161"), "ranked_draws is 161, expected a number from 3 to 160"),
+        (("--ranked-draws", "121"), "ranked_draws is 121, expected a number from 3 to 120"),
         (("--jobs", "0"), "jobs is 0"),
         (("--coordinates", "sheared"), "sheared coordinates are not for tests"),
         (("--strain-range", "30", "3"), "strain_range is 0.3 to 0.03"),

@@ -1,0 +1,147 @@
+"""Chains that are put aside and sampled again: at a tighter tolerance, or with shorter steps."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pyburgers.cmdstan.draw_files import Adaptation, adaptation_of
+from pyburgers.common.atomic_files import write_json
+from pyburgers.common.errors import InputError
+from pyburgers.common.toml_files import read_json_table
+from pyburgers.sampling.manifest import ChainRecord
+from pyburgers.sampling.run_directory import RunDirectory
+
+TIGHTENING = 10.0
+"""Factor between the tolerance of a run and of its repetition."""
+
+SHORTENING = 2.0
+"""Factor between the step sizes of a run and of its repetition.
+
+The share of proposals that is not accepted falls with the third power of the step, that of
+trajectories that diverge faster (`docs/coordinates_trials.md`).
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class Resumption:
+    """What a chain goes on from, without a warm-up, where one was put aside for its divergences.
+
+    Attributes
+    ----------
+    draws_file : Path
+        CmdStan's CSV of the chain that was put aside last; its last draw is the start.
+    adapted : Adaptation
+        The shorter step, and the metric of the first warm-up.
+    number : int
+        How often steps were shortened.
+    seconds : float
+        Wall time that the chain has taken until then (s).
+    """
+
+    draws_file: Path
+    adapted: Adaptation
+    number: int
+    seconds: float
+
+
+def tolerance_in(run: RunDirectory) -> float:
+    """Tolerance with which the run's chains are sampled, tightened or as asked for."""
+    return float(run.read_stan_data()["tolerance"])
+
+
+def tighten_solver(run: RunDirectory, pareto_k: float) -> float:
+    """Put a run's chains aside and have them sampled again at a tighter tolerance.
+
+    Coordinates, metric and initial values stay; `pyburgers.sampling.run.run_chains` with the same
+    inputs then runs all chains. The manifest's list ``refits`` notes what was put aside and why.
+
+    Parameters
+    ----------
+    run : RunDirectory
+        A run with finished chains.
+    pareto_k : float
+        Its diagnostic of the solver's tolerance.
+
+    Returns
+    -------
+    float
+        The new tolerance.
+    """
+    loose = tolerance_in(run)
+    manifest = run.read_manifest()
+    with run.claimed(manifest["fingerprint"]):
+        aside = run.supersede_chains(f"tolerance_{loose:.0e}")
+        refit = {"tolerance": loose, "pareto_k": pareto_k, "chains": aside}
+        run.update_manifest({"refits": [*manifest["refits"], refit]})
+        data = run.read_stan_data()
+        tight = loose / TIGHTENING
+        write_json(run.stan_data_file, {**data, "tolerance": tight})
+    return tight
+
+
+def shorten_steps(run: RunDirectory, divergences: int) -> None:
+    """Put a run's chains aside and have them go on, all of them, with shorter steps.
+
+    A chain takes its own step or that of the middle chain, whichever is shorter, divided by
+    `SHORTENING`: chains with the longest steps diverge most. `pyburgers.sampling.run.run_chains`
+    with the same inputs then runs all chains, from their last draws. The manifest's list
+    ``shortened`` notes what was put aside and why.
+
+    Parameters
+    ----------
+    run : RunDirectory
+        A run with finished chains.
+    divergences : int
+        How many of their trajectories diverged.
+    """
+    manifest = run.read_manifest()
+    before = shortened(manifest)
+    own = {str(chain): adaptation(run, chain).step_size for chain in run.finished_chains()}
+    longest = float(np.median(list(own.values())))
+    steps = {chain: min(step, longest) / SHORTENING for chain, step in own.items()}
+    with run.claimed(manifest["fingerprint"]):
+        aside = run.supersede_chains(f"longer_steps_{len(before) + 1}")
+        done = {"divergences": divergences, "chains": aside, "step_sizes": steps}
+        run.update_manifest({"shortened": [*before, done]})
+
+
+def shortened(manifest: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return what the manifest of a run notes of chains that were put aside for divergences."""
+    return list(manifest.get("shortened", []))
+
+
+def adaptation(run: RunDirectory, chain: int) -> Adaptation:
+    """Return the step size and the metric that a finished chain was sampled with."""
+    resumed = resumption(run, chain)
+    return adaptation_of(run.draws_file(chain)) if resumed is None else resumed.adapted
+
+
+def resumption(run: RunDirectory, chain: int) -> Resumption | None:
+    """Return what a chain goes on from, None where it starts with a warm-up.
+
+    Raises
+    ------
+    InputError
+        If what was put aside is gone.
+    """
+    aside = [one for one in shortened(run.read_manifest()) if str(chain) in one["step_sizes"]]
+    if not aside:
+        return None
+    first, last = (run.path / aside[k]["chains"] / f"chain_{chain}" for k in (0, -1))
+    needed = [first / "draws.csv", last / "draws.csv", last / "timing.json"]
+    for file in needed:
+        if not file.is_file():
+            raise InputError(
+                f"{file} does not exist, expected what chain {chain} goes on from; put it back, or "
+                "remove the run directory and run the command in its manifest again."
+            )
+    return Resumption(
+        last / "draws.csv",
+        Adaptation(
+            float(aside[-1]["step_sizes"][str(chain)]), adaptation_of(first / "draws.csv").metric
+        ),
+        len(aside),
+        float(read_json_table(last / "timing.json", ChainRecord).wall_seconds),
+    )

@@ -1,0 +1,147 @@
+"""Where a few trajectories diverge, all chains go on from where they were with shorter steps."""
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from conftest import SMALL_RUN, Problem
+
+from pyburgers.cmdstan.draw_files import adaptation_of, read_draws
+from pyburgers.common.errors import InputError
+from pyburgers.common.toml_files import read_json
+from pyburgers.fitting.fit import Fit, fit
+from pyburgers.sampling.repetitions import SHORTENING, adaptation, shorten_steps
+from pyburgers.sampling.run_directory import RunDirectory
+
+FloatArray = npt.NDArray[np.float64]
+
+LONG_STEPS = replace(SMALL_RUN, adapt_delta=0.05)
+"""A target with which half of the trajectories diverge, and a few still with steps half as long."""
+
+
+def again(problem: Problem, out: Path, more_draws: int = 0) -> Fit:
+    return fit(
+        problem.experiment, problem.priors, out=out, options=LONG_STEPS, more_draws=more_draws
+    )
+
+
+def all_draws(run: RunDirectory) -> FloatArray:
+    return read_draws(run.draws_files()).values
+
+
+@pytest.fixture(scope="module")
+def mended(small_problem: Problem, tmp_path_factory: pytest.TempPathFactory) -> Fit:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("pyburgers.fitting.fit.FEW", 1.0)
+        return again(small_problem, tmp_path_factory.mktemp("mended") / "run")
+
+
+def test_the_draws_that_count_have_none_and_the_others_are_put_aside(mended: Fit) -> None:
+    done = mended.manifest["shortened"]
+    assert len(done) == 2
+    stats = mended.posterior["sample_stats"].to_dataset()
+    assert stats["diverging"].size == LONG_STEPS.chains * LONG_STEPS.draws
+    assert not stats["diverging"].any()
+    run = mended.directory
+    for one in done:
+        files = [run.path / one["chains"] / f"chain_{chain}" / "draws.csv" for chain in (1, 2)]
+        assert int(read_draws(files)["divergent__"].sum()) == one["divergences"] > 0
+    check = next(one for one in mended.checks() if one.name == "divergences")
+    assert check.passed
+    assert f"{done[0]['divergences']}" in check.sentence
+
+
+def test_steps_are_half_of_the_own_or_of_the_middle_one(mended: Fit) -> None:
+    run = mended.directory
+    first = mended.manifest["shortened"][0]
+    own = [
+        adaptation_of(run.path / first["chains"] / f"chain_{chain}" / "draws.csv").step_size
+        for chain in (1, 2)
+    ]
+    expected = np.minimum(own, np.median(own)) / SHORTENING
+    np.testing.assert_allclose(list(first["step_sizes"].values()), expected, rtol=1e-12)
+    last = mended.manifest["shortened"][-1]["step_sizes"]
+    used = mended.posterior["sample_stats"].to_dataset()["step_size"]
+    for chain in (1, 2):
+        np.testing.assert_allclose(used.sel(chain=chain), last[str(chain)], rtol=1e-5)
+        assert adaptation(run, chain).step_size == last[str(chain)]
+
+
+def test_the_time_of_what_was_put_aside_counts(mended: Fit) -> None:
+    run, last = mended.directory, mended.manifest["shortened"][-1]
+    for chain in (1, 2):
+        aside = read_json(run.path / last["chains"] / f"chain_{chain}" / "timing.json")
+        assert mended.manifest["chains"][str(chain)]["wall_seconds"] > aside["wall_seconds"]
+
+
+def test_nothing_is_sampled_again_and_a_lost_chain_is_the_same_again(
+    mended: Fit, small_problem: Problem, tmp_path: Path
+) -> None:
+    mended.save(tmp_path / "run")
+    kept = all_draws(mended.directory)
+    assert (
+        again(small_problem, tmp_path / "run").manifest["shortened"]
+        == (mended.manifest["shortened"])
+    )
+    shutil.rmtree(tmp_path / "run" / "chains" / "chain_2")
+    (tmp_path / "run" / "posterior.nc").unlink()
+    again(small_problem, tmp_path / "run")
+    np.testing.assert_array_equal(all_draws(RunDirectory(tmp_path / "run")), kept)
+
+
+def test_chains_put_aside_by_a_process_that_was_killed_are_sampled_as_before(
+    mended: Fit, small_problem: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Between moving the chains and noting it, nothing says that they go on."""
+    monkeypatch.setattr("pyburgers.fitting.fit.FEW", 1.0)
+    mended.save(tmp_path / "run")
+    run = RunDirectory(tmp_path / "run")
+    shutil.rmtree(run.path / "chains")
+    (run.path / "chains").mkdir()
+    run.posterior_file.unlink()
+    run.update_manifest({"shortened": [], "chains": {}, "hashes": {}})
+    resumed = again(small_problem, run.path)
+    assert resumed.manifest["shortened"] == mended.manifest["shortened"]
+    np.testing.assert_array_equal(all_draws(run), all_draws(mended.directory))
+
+
+def test_chains_are_extended_with_their_shorter_steps(
+    mended: Fit, small_problem: Problem, tmp_path: Path
+) -> None:
+    mended.save(tmp_path / "run")
+    longer = again(small_problem, tmp_path / "run", 20)
+    stats = longer.posterior["sample_stats"].to_dataset()
+    assert stats.sizes["draw"] == LONG_STEPS.draws + 20
+    for chain, step in mended.manifest["shortened"][-1]["step_sizes"].items():
+        np.testing.assert_allclose(stats["step_size"].sel(chain=int(chain)), step, rtol=1e-5)
+
+
+def test_chains_do_not_go_on_from_what_is_gone(
+    mended: Fit, small_problem: Problem, tmp_path: Path
+) -> None:
+    mended.save(tmp_path / "run")
+    shutil.rmtree(tmp_path / "run" / "superseded")
+    assert Fit.load(tmp_path / "run").posterior.equals(mended.posterior)
+    with pytest.raises(InputError, match="does not exist, expected what chain 1 goes on from"):
+        again(small_problem, tmp_path / "run", 20)
+
+
+def test_many_divergences_are_no_matter_of_the_step(small_problem: Problem, tmp_path: Path) -> None:
+    result = again(small_problem, tmp_path / "run")
+    assert result.manifest["shortened"] == []
+    check = next(one for one in result.checks() if one.name == "divergences")
+    assert not check.passed
+
+
+def test_a_step_that_was_short_already_is_shortened_too(mended: Fit, tmp_path: Path) -> None:
+    """Of a run whose steps were shortened before, the metric stays that of the warm-up."""
+    mended.save(tmp_path / "run")
+    run = RunDirectory(tmp_path / "run")
+    before = adaptation(run, 1)
+    shorten_steps(run, 1)
+    after = adaptation(run, 1)
+    assert after.step_size <= before.step_size / SHORTENING
+    np.testing.assert_array_equal(after.metric, before.metric)

@@ -16,7 +16,7 @@ from pyburgers.common.errors import InputError, nearest
 from pyburgers.fitting.new_test import Source
 from pyburgers.fitting.plots import FitPlots
 from pyburgers.fitting.prediction import Prediction, predict_test
-from pyburgers.fitting.sampled_fit import SampledFit, write_tables
+from pyburgers.fitting.sampled_fit import SampledFit, put_aside_where_few_diverged, write_tables
 from pyburgers.model.pooling import pooling_from
 from pyburgers.model.priors import PriorSet, load_priors, note_other_material
 from pyburgers.model.variants import ModelVariant, variant_of
@@ -29,12 +29,7 @@ from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.protocols.together import pooling_for
 from pyburgers.sampling.manifest import FitManifest
 from pyburgers.sampling.options import SamplerOptions
-from pyburgers.sampling.repetitions import (
-    SHORTENING,
-    shorten_steps,
-    shortened,
-    tighten_solver,
-)
+from pyburgers.sampling.repetitions import tighten_solver
 from pyburgers.sampling.run import run_chains
 from pyburgers.sampling.run_directory import RunDirectory
 
@@ -42,13 +37,6 @@ logger = logging.getLogger(__name__)
 
 MAX_REFITS = 2
 """Times that a run is repeated at a tighter tolerance of the solver."""
-
-MAX_SHORTENED = 2
-"""Times that a run is repeated with shorter steps."""
-
-FEW = 0.01
-"""Share of the trajectories that may diverge for shorter steps to be tried; where more do, it is
-the coordinates or the priors that do not suit the posterior."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -265,9 +253,8 @@ def fit(
         How parameters of several tests are pooled where it is not the default
         (`pyburgers.protocols.together.pooling_for`).
     options : SamplerOptions, optional
-        Chains, iterations, seed. Where a few trajectories diverge (at most a share of `FEW`), all
-        chains go on with steps half as long, at most `MAX_SHORTENED` times; the draws before are
-        put aside and the manifest notes it.
+        Chains, iterations, seed. Where a few trajectories diverge, all chains go on with shorter
+        steps (`pyburgers.fitting.sampled_fit.put_aside_where_few_diverged`).
     solver : SolverOptions, optional
         Tolerance of the ODE solver while sampling. Where the draws, solved again at the reference
         tolerance, show it too loose (Pareto k), all chains are run again ten times tighter, at
@@ -397,17 +384,8 @@ def _sample_until_good(sample: Callable[[], Fit], run: RunDirectory) -> Fit:
         if result.missing_chains():
             return result
         solver = check_solver(result.checked_draws)
-        diverging = result.posterior["sample_stats"]["diverging"]
-        divergences, n_shortened = int(diverging.sum()), len(shortened(result.manifest))
         if solver.outcome is Outcome.NO and len(result.manifest["refits"]) < MAX_REFITS:
             tight = tighten_solver(run, float(solver.table["pareto_k"].iloc[0]))
             logger.info(f"{solver.sentence} Sampling all chains again at a tolerance of {tight:g}.")
-        elif 0 < divergences <= FEW * diverging.size and n_shortened < MAX_SHORTENED:
-            shorten_steps(run, divergences)
-            logger.info(
-                f"{divergences} of {diverging.size} trajectories diverged. All chains go on from "
-                f"their last draws with steps {SHORTENING:g} times shorter; the draws until here "
-                "are put aside."
-            )
-        else:
+        elif not put_aside_where_few_diverged(result):
             return result

@@ -1,5 +1,6 @@
 """A finished run of chains, whatever was fitted: its checks, its tables, when it is done."""
 
+import logging
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,8 +25,17 @@ from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.posterior.labelled_draws import in_display_units
 from pyburgers.sampling.failures import ChainFailure, missing_chains
 from pyburgers.sampling.manifest import COMPLETE
-from pyburgers.sampling.repetitions import shortened
+from pyburgers.sampling.repetitions import SHORTENING, shorten_steps, shortened
 from pyburgers.sampling.run_directory import RunDirectory
+
+logger = logging.getLogger(__name__)
+
+MAX_SHORTENED = 2
+"""Times that a run is repeated with shorter steps."""
+
+FEW = 0.01
+"""Share of the trajectories that may diverge for shorter steps to be tried; where more do, it is
+the coordinates or the priors that do not suit the posterior."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,6 +132,35 @@ class SampledFit(ABC):
         return missing_chains(
             self.posterior["posterior"]["chain"].to_numpy().tolist(), self.manifest
         )
+
+
+def put_aside_where_few_diverged(result: SampledFit) -> bool:
+    """Have all chains go on with shorter steps where a few trajectories diverged.
+
+    The draws until here are put aside, which the manifest notes (`shorten_steps`): the same command
+    samples as many. A run is not shortened more often than `MAX_SHORTENED` times.
+
+    Parameters
+    ----------
+    result : SampledFit
+        With all of its chains.
+
+    Returns
+    -------
+    bool
+        Whether there is anything to sample now.
+    """
+    diverging = result.posterior["sample_stats"]["diverging"]
+    divergences = int(diverging.sum())
+    few = 0 < divergences <= FEW * diverging.size
+    if not few or len(shortened(result.manifest)) == MAX_SHORTENED or result.missing_chains():
+        return False
+    shorten_steps(result.directory, divergences)
+    logger.info(
+        f"{divergences} of {diverging.size} trajectories diverged. All chains go on from their "
+        f"last draws with steps {SHORTENING:g} times shorter; the draws until here are put aside."
+    )
+    return True
 
 
 def write_tables(result: SampledFit) -> None:

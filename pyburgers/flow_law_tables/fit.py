@@ -21,7 +21,7 @@ from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.atomic_files import write_json
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError
-from pyburgers.fitting.sampled_fit import SampledFit, write_tables
+from pyburgers.fitting.sampled_fit import SampledFit, put_aside_where_few_diverged, write_tables
 from pyburgers.flow_law_tables.inputs import (
     FLOW_LAW_PARAMETERS,
     PeakStressData,
@@ -295,26 +295,32 @@ def fit_peak_stress(
     stan_data = peak_stress_data(data, priors, softening, use_likelihood=use_likelihood)
     model = load_program(stan_directory() / "peak_stress.stan")
     identity = fingerprint(stan_data, options, model.key)
-    with run.claimed(identity):
-        save_peak_stress(data, run.inputs)
-        save_peak_stress_priors(priors, run.priors_file)
-        softening.save(run.inputs / SOFTENING_FILE)
-        write_json(run.stan_data_file, stan_data)
-        run.update_manifest(
-            run_record(
-                run,
-                name=data.id,
-                data_kind=data.provenance.kind,
-                options=options,
-                identity=identity,
-                use_likelihood=use_likelihood,
-                command=command,
+
+    def sample() -> PeakStressFit:
+        with run.claimed(identity):
+            save_peak_stress(data, run.inputs)
+            save_peak_stress_priors(priors, run.priors_file)
+            softening.save(run.inputs / SOFTENING_FILE)
+            write_json(run.stan_data_file, stan_data)
+            run.update_manifest(
+                run_record(
+                    run,
+                    name=data.id,
+                    data_kind=data.provenance.kind,
+                    options=options,
+                    identity=identity,
+                    use_likelihood=use_likelihood,
+                    command=command,
+                )
             )
-        )
-        complete_chains(
-            model, run, options, lambda chain: _draw_start(data, priors, options.seed, chain)
-        )
-    result = PeakStressFit.load(run.path)
+            complete_chains(
+                model, run, options, lambda chain: _draw_start(data, priors, options.seed, chain)
+            )
+        return PeakStressFit.load(run.path)
+
+    result = sample()
+    while put_aside_where_few_diverged(result):
+        result = sample()
     if not any(priors[p.name].is_fixed for p in FLOW_LAW_PARAMETERS):
         flow_law_prior(result).save(run.path / FLOW_LAW_PRIOR_FILE)
         run.note_hash(run.path / FLOW_LAW_PRIOR_FILE)

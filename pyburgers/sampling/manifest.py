@@ -62,15 +62,15 @@ class _Refit(Entries):
     chains: str = Field(description="the folder where they are")
 
 
+class _Coordinates(Entries):
+    system: str = Field(description="name of the coordinates")
+    reason: str = Field(description="why these")
+
+
 class _Shortened(Entries):
     divergences: int = Field(ge=1, description="of the draws that were put aside")
     chains: str = Field(description="the folder where they are")
     step_sizes: dict[str, float] = Field(description="step that each chain goes on with")
-
-
-class _Coordinates(Entries):
-    system: str = Field(description="name of the coordinates")
-    reason: str = Field(description="why these")
 
 
 class PoolingRecord(Entries):
@@ -93,6 +93,9 @@ class RunManifest(RecordedHashes):
     sampler: SamplerRecord = Field(description="settings of the sampler")
     use_likelihood: bool = Field(description="whether data took part")
     failures: list[_Failure] = Field(description="chains that did not finish")
+    shortened: list[_Shortened] = Field(
+        [], description="runs that were put aside for their divergences"
+    )
 
 
 class FitManifest(RunManifest):
@@ -104,7 +107,4 @@ class FitManifest(RunManifest):
     solver: _Solver = Field(description="settings of the solver")
     more_draws: list[int] = Field([], description="draws by which chains were extended")
     refits: list[_Refit] = Field(description="runs that were put aside")
-    shortened: list[_Shortened] = Field(
-        [], description="runs that were put aside for their divergences"
-    )
     coordinates: _Coordinates = Field(description="coordinates of the sampler")

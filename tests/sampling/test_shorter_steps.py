@@ -7,12 +7,13 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import pytest
-from conftest import SMALL_RUN, Problem
+from conftest import PEAK_STRESS_RUN, SMALL_RUN, Problem
 
 from pyburgers.cmdstan.draw_files import adaptation_of, read_draws
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import read_json
 from pyburgers.fitting.fit import Fit, fit
+from pyburgers.flow_law_tables.fit import PeakStressFit, fit_peak_stress
 from pyburgers.sampling.repetitions import SHORTENING, adaptation, shorten_steps
 from pyburgers.sampling.run_directory import RunDirectory
 
@@ -35,7 +36,7 @@ def all_draws(run: RunDirectory) -> FloatArray:
 @pytest.fixture(scope="module")
 def mended(small_problem: Problem, tmp_path_factory: pytest.TempPathFactory) -> Fit:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("pyburgers.fitting.fit.FEW", 1.0)
+        patch.setattr("pyburgers.fitting.sampled_fit.FEW", 1.0)
         return again(small_problem, tmp_path_factory.mktemp("mended") / "run")
 
 
@@ -96,7 +97,7 @@ def test_chains_put_aside_by_a_process_that_was_killed_are_sampled_as_before(
     mended: Fit, small_problem: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Between moving the chains and noting it, nothing says that they go on."""
-    monkeypatch.setattr("pyburgers.fitting.fit.FEW", 1.0)
+    monkeypatch.setattr("pyburgers.fitting.sampled_fit.FEW", 1.0)
     mended.save(tmp_path / "run")
     run = RunDirectory(tmp_path / "run")
     shutil.rmtree(run.path / "chains")
@@ -145,3 +146,17 @@ def test_a_step_that_was_short_already_is_shortened_too(mended: Fit, tmp_path: P
     after = adaptation(run, 1)
     assert after.step_size <= before.step_size / SHORTENING
     np.testing.assert_array_equal(after.metric, before.metric)
+
+
+def test_a_fit_of_peak_stresses_goes_on_too(
+    peak_stress: PeakStressFit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pyburgers.fitting.sampled_fit.FEW", 1.0)
+    options = replace(PEAK_STRESS_RUN, adapt_delta=0.05)
+    fit = fit_peak_stress(peak_stress.data, peak_stress.priors, out=tmp_path, options=options)
+    assert fit.manifest["shortened"]
+    assert not fit.posterior["sample_stats"]["diverging"].any()
+    assert (tmp_path / fit.manifest["shortened"][0]["chains"] / "chain_1" / "draws.csv").is_file()
+    again = fit_peak_stress(peak_stress.data, peak_stress.priors, out=tmp_path, options=options)
+    assert again.manifest["shortened"] == fit.manifest["shortened"]
+    assert again.posterior.equals(fit.posterior)

@@ -306,7 +306,4 @@ def test_the_truth_of_a_twin_is_recovered(
     record_property("quantiles", below.to_dict())
     tail = 2 * below.where(below < 0.5, 1 - below)
     assert tail[tail < 0.05 / len(tail)].to_dict() == {}
-    failed = {check.name: check.sentence for check in result.checks() if not check.passed}
-    assert set(failed) <= ({"divergences"} if example.divergences else set()), failed
-    diverging = result.posterior["sample_stats"].to_dataset()["diverging"]
-    assert int(diverging.sum()) <= example.divergences
+    assert [check.sentence for check in result.checks() if not check.passed] == []

@@ -44,6 +44,7 @@ from pyburgers.protocols.program_data import given_parameters, program_data
 from pyburgers.protocols.protocol import protocol_of
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.options import SamplerOptions
+from pyburgers.sampling.repetitions import shortened
 from pyburgers.sbc.replication import Replication
 
 FloatArray = npt.NDArray[np.float64]
@@ -317,6 +318,7 @@ def _with_fit(done: Replication, result: Fit) -> Replication:
         done,
         failure=None,
         failed_checks=not_converged(result, done.n_draws),
+        n_shortened=len(shortened(result.manifest)),
         divergences=int(result.posterior["sample_stats"]["diverging"].sum()),
         rhat=largest_rhat(result.posterior),
         least_ess=float(convergence_table(result.posterior)["ess_bulk"].min()),
@@ -350,11 +352,11 @@ def lengthened(options: SamplerOptions, n_refits: int, failed: Sequence[str]) ->
 
 def not_converged(result: Fit, n_ranked: int) -> tuple[str, ...]:
     """Return the names of the checks of convergence that a fit failed."""
-    least_ess = float(convergence_table(result.posterior)["ess_bulk"].min())
+    n_effective = convergence_table(result.posterior)["ess_bulk"]
     return (
         *(one.name for one in run_checks(result.checked_draws, CHECKS) if not one.passed),
         *([] if largest_rhat(result.posterior) <= RHAT_LIMIT else ["R-hat"]),
-        *([] if least_ess >= n_ranked else ["independent draws"]),
+        *([] if n_effective.min() >= n_ranked else ["independent draws"]),
     )
 
 
@@ -423,12 +425,11 @@ def rank_truth(
     total = sum(truth[LOG_LIKELIHOOD] for truth in truths)
     likelihood = response_in(result.posterior, "log_likelihood").sum("point")
     values[LOG_LIKELIHOOD] = (likelihood, total)
-    ranks = {}
-    for name, (drawn, truth_of_name) in values.items():
-        flat = all_draws(drawn)
-        kept = flat[np.linspace(0, flat.size - 1, n_thinned).astype(int)]
-        ranks[name] = int(np.sum(kept < truth_of_name))
-    return ranks
+    n_draws = draws.sizes["chain"] * draws.sizes["draw"]
+    kept = np.linspace(0, n_draws - 1, n_thinned).astype(int)
+    return {
+        name: int(np.sum(all_draws(drawn)[kept] < truth)) for name, (drawn, truth) in values.items()
+    }
 
 
 def _at_truth(

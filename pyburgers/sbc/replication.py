@@ -38,6 +38,8 @@ class Replication:
         See `pyburgers.sbc.data_sets.Simulated`.
     n_refits : int
         Longer fits after the first.
+    n_shortened : int
+        How often the last fit went on with shorter steps because a few trajectories diverged.
     failure : str or None
         Why there is no fit.
     failed_checks : tuple of str
@@ -56,6 +58,7 @@ class Replication:
     n_unsolvable: int
     n_outside: int = 0
     n_refits: int = 0
+    n_shortened: int = 0
     failure: str | None = None
     failed_checks: tuple[str, ...] = ()
     divergences: int = 0
@@ -75,6 +78,7 @@ class _ReplicationTable(Table):
     n_unsolvable: int
     n_outside: int
     n_refits: int
+    n_shortened: int = 0
     failure: str | None
     failed_checks: list[str]
     divergences: int
@@ -129,6 +133,7 @@ _COLUMNS = {
     "n_unsolvable": "unsolvable_draws",
     "n_outside": "outside_draws",
     "n_refits": "refits",
+    "n_shortened": "shortened",
     "coordinates": "coordinates",
     "divergences": "divergences",
     "rhat": "rhat",
@@ -154,9 +159,9 @@ def replication_table(replications: Iterable[Replication], ranked: Sequence[str]
     Returns
     -------
     DataFrame
-        Columns seed, unsolvable_draws, outside_draws, refits, coordinates, divergences, rhat,
-        least_ess, failed_checks, failure, then the rank of each quantity (missing where no fit has
-        converged).
+        Columns seed, unsolvable_draws, outside_draws, refits, shortened, coordinates, divergences,
+        rhat, least_ess, failed_checks, failure, then the rank of each quantity (missing where no
+        fit has converged).
     """
     return pd.DataFrame(
         [
@@ -196,6 +201,8 @@ def read_replication_table(file: Path, n_draws: int) -> tuple[Replication, ...]:
 
 
 def _of_row(row: Mapping[str, str], n_draws: int) -> Replication:
+    # Tables of fits that never went on with shorter steps do not say so.
+    row = {"shortened": "0", **row}
     cells = {name: row[column] for name, column in _COLUMNS.items()}
     return Replication(
         seed=int(cells["seed"]),
@@ -209,6 +216,7 @@ def _of_row(row: Mapping[str, str], n_draws: int) -> Replication:
         n_unsolvable=int(cells["n_unsolvable"]),
         n_outside=int(cells["n_outside"]),
         n_refits=int(cells["n_refits"]),
+        n_shortened=int(cells["n_shortened"]),
         failure=cells["failure"] or None,
         failed_checks=tuple(filter(None, cells["failed_checks"].split(_SEPARATOR))),
         divergences=int(cells["divergences"]),

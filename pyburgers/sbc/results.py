@@ -89,6 +89,8 @@ def count_sentences(calibration: Calibration) -> tuple[str, ...]:
         "solution within the solver's step limit and were replaced by the next ones.",
         f"Fits without any chain: {sum(one.failure is not None for one in done)}; they have no "
         "ranks.",
+        "Fits that went on with shorter steps because a few trajectories diverged: "
+        f"{sum(one.n_shortened > 0 for one in done)}.",
         f"Fits that had not converged and were repeated {LONGER} times as long: "
         f"{sum(one.n_refits > 0 for one in done)}; still not converged and not ranked: "
         f"{len(unconverged)}{f' ({by_name})' if by_name else ''}. The limit of R-hat is "

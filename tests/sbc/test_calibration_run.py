@@ -21,7 +21,7 @@ from pyburgers.drawing.style import image
 from pyburgers.model.priors import default_priors
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
 from pyburgers.protocols.problem import problem_of
-from pyburgers.sbc.replication import Replication, replication_table
+from pyburgers.sbc.replication import Replication, read_replication_table, replication_table
 from pyburgers.sbc.results import (
     calibration_text,
     count_sentences,
@@ -51,6 +51,7 @@ def made_up(width: float, *, n: int = 100) -> Calibration:
             n_unsolvable=int(k == 3),
             n_outside=2 if k == 5 else 0,
             n_refits=int(k < 4),
+            n_shortened=2 if k == 7 else 0,
             rhat=1.01,
             least_ess=200.0,
             coordinates="valley",
@@ -99,6 +100,7 @@ def test_lost_fits_unphysical_draws_and_failed_checks_are_shown() -> None:
     assert "1 of 103 draws from the prior had no finite solution" in text
     assert "Fits without any chain: 1" in text
     assert "4 times as long: 5; still not converged and not ranked: 1 (divergences 1)" in text
+    assert "shorter steps because a few trajectories diverged: 1." in text
     assert "outside 1 to 100 MPa: 2;" in text
     page = calibration_text(calibration)
     for sentence in count_sentences(calibration):
@@ -110,6 +112,15 @@ def test_lost_fits_unphysical_draws_and_failed_checks_are_shown() -> None:
     assert table["stress_exponent"].notna().sum() == 98
     assert table["refits"].sum() == 5
     assert image(rank_differences(calibration), "png").startswith(b"\x89PNG")
+
+
+def test_a_table_reads_back_also_where_it_does_not_tell_of_shorter_steps(tmp_path: Path) -> None:
+    done, file = made_up(1.0).replications, tmp_path / "ranks.csv"
+    table = replication_table(done, ["stress_exponent", "log_likelihood"])
+    table.to_csv(file, index=False)
+    assert read_replication_table(file, 99) == done
+    table.drop(columns="shortened").to_csv(file, index=False)
+    assert read_replication_table(file, 99) == tuple(replace(one, n_shortened=0) for one in done)
 
 
 def test_too_few_data_sets_to_tell_are_not_passed() -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from pyburgers.cmdstan.draw_files import Adaptation, adaptation_of
-from pyburgers.common.atomic_files import write_json
+from pyburgers.common.atomic_files import sha256_of_file, write_json
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import read_json_table
 from pyburgers.sampling.manifest import ChainRecord
@@ -124,24 +124,33 @@ def resumption(run: RunDirectory, chain: int) -> Resumption | None:
     Raises
     ------
     InputError
-        If what was put aside is gone.
+        If what was put aside is gone or has changed.
     """
     aside = [one for one in shortened(run.read_manifest()) if str(chain) in one["step_sizes"]]
     if not aside:
         return None
-    first, last = (run.path / aside[k]["chains"] / f"chain_{chain}" for k in (0, -1))
-    needed = [first / "draws.csv", last / "draws.csv", last / "timing.json"]
-    for file in needed:
-        if not file.is_file():
-            raise InputError(
-                f"{file} does not exist, expected what chain {chain} goes on from; put it back, or "
-                "remove the run directory and run the command in its manifest again."
-            )
+    folders = [run.path / one["chains"] / f"chain_{chain}" for one in aside]
+    records = [_record_put_aside(folder) for folder in folders]
+    first, last = (folders[k] / "draws.csv" for k in (0, -1))
+    step_size = float(aside[-1]["step_sizes"][str(chain)])
     return Resumption(
-        last / "draws.csv",
-        Adaptation(
-            float(aside[-1]["step_sizes"][str(chain)]), adaptation_of(first / "draws.csv").metric
-        ),
+        last,
+        Adaptation(step_size, adaptation_of(first).metric),
         len(aside),
-        float(read_json_table(last / "timing.json", ChainRecord).wall_seconds),
+        float(records[-1].wall_seconds),
+    )
+
+
+def _record_put_aside(folder: Path) -> ChainRecord:
+    """Return the record of a chain that others go on from, if its draws are those of it."""
+    draws, record = folder / "draws.csv", folder / "timing.json"
+    found = "is missing"
+    if draws.is_file() and record.is_file():
+        known = read_json_table(record, ChainRecord)
+        if sha256_of_file(draws) == known.sha256:
+            return known
+        found = "has changed since the run"
+    raise InputError(
+        f"{draws}: {found}, expected the chain that another goes on from; put it back, or remove "
+        "the run directory and run the command in its manifest again."
     )

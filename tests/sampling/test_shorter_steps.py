@@ -120,13 +120,18 @@ def test_chains_are_extended_with_their_shorter_steps(
         np.testing.assert_allclose(stats["step_size"].sel(chain=int(chain)), step, rtol=1e-5)
 
 
-def test_chains_do_not_go_on_from_what_is_gone(
+def test_chains_do_not_go_on_from_what_is_gone_or_has_changed(
     mended: Fit, small_problem: Problem, tmp_path: Path
 ) -> None:
     mended.save(tmp_path / "run")
+    aside = tmp_path / "run" / mended.manifest["shortened"][-1]["chains"]
+    draws = aside / "chain_1" / "draws.csv"
+    draws.write_text(draws.read_text(encoding="utf-8").replace("1", "2"), encoding="utf-8")
+    with pytest.raises(InputError, match="has changed since the run, expected the chain that"):
+        again(small_problem, tmp_path / "run", 20)
     shutil.rmtree(tmp_path / "run" / "superseded")
     assert Fit.load(tmp_path / "run").posterior.equals(mended.posterior)
-    with pytest.raises(InputError, match="does not exist, expected what chain 1 goes on from"):
+    with pytest.raises(InputError, match="is missing, expected the chain that another goes on"):
         again(small_problem, tmp_path / "run", 20)
 
 
@@ -152,7 +157,7 @@ def test_a_fit_of_peak_stresses_goes_on_too(
     peak_stress: PeakStressFit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("pyburgers.fitting.sampled_fit.FEW", 1.0)
-    options = replace(PEAK_STRESS_RUN, adapt_delta=0.05)
+    options = replace(PEAK_STRESS_RUN, warmup=100, draws=100, adapt_delta=0.05)
     fit = fit_peak_stress(peak_stress.data, peak_stress.priors, out=tmp_path, options=options)
     assert fit.manifest["shortened"]
     assert not fit.posterior["sample_stats"]["diverging"].any()

@@ -23,7 +23,8 @@ def fits(programs: None, tmp_path_factory: pytest.TempPathFactory) -> dict[str, 
     """Fits of the curve, the table and both with one set of priors."""
     curve, table = (load_experiment(ICE / f"{name}.toml") for name in (CURVE, TABLE))
     priors = default_priors_for([curve, table])
-    options = SamplerOptions(chains=4, draws=1000, seed=20261122)
+    # The grain size exponent is slow: 4000 draws of it are worth 500 to 1100.
+    options = SamplerOptions(chains=4, draws=2000, seed=20261122)
     folder: Path = tmp_path_factory.mktemp("fits")
     tests = {"curve": [curve], "table": [table], "both": [curve, table]}
     return {
@@ -36,10 +37,7 @@ def draws_of(one: Fit, test: str, name: str) -> np.ndarray:
 
 
 def test_they_agree_with_the_truth_of_both(fits: dict[str, Fit]) -> None:
-    failed = {check.name for check in fits["both"].checks() if not check.passed}
-    assert failed <= {"divergences"}
-    # A draw in a thousand may be lost in the bend of the curve's valley (docs/coordinates.md).
-    assert int(fits["both"].posterior["sample_stats"]["diverging"].sum()) <= 3
+    assert [check.sentence for check in fits["both"].checks() if not check.passed] == []
     for name, part in fits["both"].tests().items():
         truth = part.experiment.true_parameters
         assert truth is not None

@@ -381,10 +381,9 @@ def _sample_until_good(sample: Callable[[], Fit], run: RunDirectory) -> Fit:
     """
     while True:
         result = sample()
-        if result.missing_chains():
-            return result
         solver = check_solver(result.checked_draws)
-        if solver.outcome is Outcome.NO and len(result.manifest["refits"]) < MAX_REFITS:
+        loose = solver.outcome is Outcome.NO and not result.missing_chains()
+        if loose and len(result.manifest["refits"]) < MAX_REFITS:
             tight = tighten_solver(run, float(solver.table["pareto_k"].iloc[0]))
             logger.info(f"{solver.sentence} Sampling all chains again at a tolerance of {tight:g}.")
         elif not put_aside_where_few_diverged(result):

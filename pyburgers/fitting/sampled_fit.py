@@ -138,12 +138,13 @@ def put_aside_where_few_diverged(result: SampledFit) -> bool:
     """Have all chains go on with shorter steps where a few trajectories diverged.
 
     The draws until here are put aside, which the manifest notes (`shorten_steps`): the same command
-    samples as many. A run is not shortened more often than `MAX_SHORTENED` times.
+    samples as many. A run is not shortened more often than `MAX_SHORTENED` times, nor where chains
+    are missing.
 
     Parameters
     ----------
     result : SampledFit
-        With all of its chains.
+        The run, loaded.
 
     Returns
     -------

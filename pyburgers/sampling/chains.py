@@ -254,12 +254,15 @@ def run_side_by_side(
 class _Chain:
     """A chain that runs or has run: its identifier, its process, and what that prints.
 
+    It goes on from one that has taken `seconds_before` (s), or starts.
+
     The folder of the console is a scratch folder for all files of the chain.
     """
 
     identifier: int
     running: Running
     console: ConsoleFile
+    seconds_before: float = 0.0
 
 
 def _start_chain(
@@ -295,9 +298,11 @@ def _extend_chain(
     program: Program, run: RunDirectory, chain: int, options: SamplerOptions, extension: Extension
 ) -> _Chain:
     """Start a finished chain again where it ended, with its step size and metric."""
+    timing = read_json(run.timing_file(chain, extension.number - 1))
     return _go_on(
         *(program, run, chain, options),
         before=run.draws_file(chain, extension.number - 1),
+        seconds_before=float(timing["wall_seconds"]),
         adapted=adaptation(run, chain),
         draws=extension.draws,
         seed=[options.seed, extension.number],
@@ -311,6 +316,7 @@ def _resume_chain(
     return _go_on(
         *(program, run, chain, options),
         before=resumed.draws_file,
+        seconds_before=resumed.seconds,
         adapted=resumed.adapted,
         draws=options.draws,
         seed=[options.seed, 0, resumed.number],
@@ -324,6 +330,7 @@ def _go_on(
     options: SamplerOptions,
     *,
     before: Path,
+    seconds_before: float,
     adapted: Adaptation,
     draws: int,
     seed: Sequence[int],
@@ -352,7 +359,7 @@ def _go_on(
         digits=DIGITS,
         output_options=[f"refresh={max(1, draws // 100)}"],
     )
-    return _Chain(chain, running, ConsoleFile(running.console))
+    return _Chain(chain, running, ConsoleFile(running.console), seconds_before)
 
 
 def _keep_chain(
@@ -373,18 +380,13 @@ def _keep_chain(
         return _explain_failure(run, one, f"found {found}, expected {n_draws}")
     finished = scratch / "finished"
     finished.mkdir()
-    seconds, number = running.seconds, 0
+    seconds, number = one.seconds_before + running.seconds, 0
     if extension is None:
         (scratch / "draws.csv").rename(finished / "draws.csv")
-        resumed = resumption(run, one.identifier)
-        if resumed is not None:
-            seconds += resumed.seconds
     else:
         number = extension.number
         before = run.draws_file(one.identifier, number - 1)
         join_draws(before, scratch / "draws.csv", finished / "draws.csv")
-        timing = read_json(run.timing_file(one.identifier, number - 1))
-        seconds += float(timing["wall_seconds"])
     running.console.rename(finished / "console.txt")
     run.keep_chain(one.identifier, finished, wall_seconds=seconds, extension=number)
     shutil.rmtree(scratch)

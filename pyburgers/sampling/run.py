@@ -138,12 +138,13 @@ def run_chains(
             use_likelihood=use_likelihood,
             command=command,
         )
+        known = run.read_manifest()
         run.update_manifest(
             {
                 **record,
                 **problem_record(problem),
-                "refits": run.read_manifest().get("refits", []),
-                "shortened": shortened(run.read_manifest()),
+                "refits": known.get("refits", []),
+                "shortened": shortened(known),
                 "solver": {**asdict(solver), "tolerance": tolerance_in(run)},
             }
         )

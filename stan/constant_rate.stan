@@ -11,6 +11,7 @@ functions {
 #include physics/flow_law.stan
 #include physics/reference_stress.stan
 #include physics/kelvin_element.stan
+#include physics/relaxation_elements.stan
 #include physics/microstructure.stan
 #include protocols/constant_rate_dynamics.stan
 #include statistics/priors.stan
@@ -50,6 +51,7 @@ transformed data {
     = prior_log_masses(prior_family, prior_location, prior_scale, prior_lower, prior_upper);
   array[n_tests] int test = linspaced_int_array(n_tests, 1, n_tests);
   array[n_tests] int gives = gives_to_others(shared_from); // parameters
+  matrix[1, 3] element = [[is_only_element(), 0, 1]]; // of the Kelvin part
 #include charts/valley_references.stan
 }
 parameters {
@@ -82,7 +84,7 @@ model {
     quantity, own_place, replaced_parameter, pooled_parameter, pooled_position, pooled_quantity,
     centre_position, centre_reference, pooled_reference, pooled_data_precision,
     knot_end, knot, pin_end, pin, guide, flow_stress, noise_parameter, conditions,
-    reference_end, reference,
+    reference_end, reference, element,
     tolerance, max_num_steps);
 }
 generated quantities {

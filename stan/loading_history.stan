@@ -16,6 +16,7 @@ functions {
 #include physics/reference_stress.stan
 #include physics/kelvin_element.stan
 #include physics/relaxation.stan
+#include physics/relaxation_elements.stan
 #include physics/stress_cycles.stan
 #include physics/microstructure.stan
 #include protocols/loading_history_rates.stan

@@ -59,12 +59,6 @@ FIXED_BY_STRAIN = "kelvin_modulus"
 Bounds of this modulus are bounds of the compliance, and log odds between them the same but for sign
 and a constant: the plain coordinate is near linear in what strain fixes."""
 
-RELAXED = 1e12
-"""Factor of the times of a reference curve whose Kelvin part is no single element.
-
-Its rate is taken as that at the mode, and the strain rates of the pins are those without it. The
-single element that the coordinates know has relaxed between knots that lie so far apart."""
-
 SOLVED = {
     ("evolving", "evolving"): (
         "steady_state_fabric_factor",
@@ -106,9 +100,6 @@ class Pins:
         Time (s) of the elastic rise, in which spring and Kelvin element give together.
     noise : str
         Parameter that widths follow.
-    one_element : bool
-        Whether the Kelvin part is a single element, whose rate follows from its parameters and the
-        curve; else strain rates are those without it.
     """
 
     knot_time: FloatArray
@@ -125,17 +116,11 @@ class Pins:
     flow_stress: float
     loading_time: float
     noise: str
-    one_element: bool = True
-
-    @property
-    def time_scale(self) -> float:
-        """Factor of the times that a Kelvin element has."""
-        return 1.0 if self.one_element else RELAXED
 
     @property
     def since_start(self) -> FloatArray:
         """Time (s) from the start over which a pin's rates are averages; 0: those at the pin."""
-        return np.where(np.isinf(self.relative_noise), self.time_scale * self.time_spent, 0.0)
+        return np.where(np.isinf(self.relative_noise), self.time_spent, 0.0)
 
     @property
     def strain_is_read(self) -> bool:
@@ -173,7 +158,7 @@ class ValleyReference:
         """Rows of knots as in `stan/charts/valley/pins.stan`, shape (n_knots, 3)."""
         pins = self.pins
         is_pin = np.isin(np.arange(pins.knot_time.size), pins.knot)
-        times = pins.time_scale * np.diff(pins.knot_time, prepend=0.0)
+        times = np.diff(pins.knot_time, prepend=0.0)
         return np.column_stack([times, pins.knot_stress, is_pin])
 
     @property
@@ -346,10 +331,7 @@ def valley_block(references: Sequence[ValleyReference | None], layout: Layout) -
         ],
         "reference_rate": [0.0 if own is None else own.pins.reference_rate for own in references],
         "flow_stress": [0.0 if own is None else own.pins.flow_stress for own in references],
-        "loading_time": [
-            0.0 if own is None else own.pins.loading_time / own.pins.time_scale
-            for own in references
-        ],
+        "loading_time": [0.0 if own is None else own.pins.loading_time for own in references],
         "noise_parameter": [1 if own is None else PLACE[own.pins.noise] for own in references],
     }
 

@@ -4,5 +4,6 @@
       plain = plain_from_valley(coordinate[own_position[own]], given, own_place[e],
                                 quantity[own], guide[own], replaced_parameter[e], flow_stress[e],
                                 conditions[e], noise_parameter[e], knot[part(knot_end, e)],
-                                pin[part(pin_end, e)], reference[part(reference_end, e)]);
+                                pin[part(pin_end, e)], reference[part(reference_end, e)],
+                                element);
     }

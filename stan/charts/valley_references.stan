@@ -11,6 +11,6 @@
       reference[part(reference_end, e)]
         = valley_reference(reference_parameter[e], guide[part(own_end, e), 1], own_place[e],
                            replaced_parameter[e], conditions[e], noise_parameter[e],
-                           knot[part(knot_end, e)], pin[part(pin_end, e)]);
+                           knot[part(knot_end, e)], pin[part(pin_end, e)], element);
     }
   }

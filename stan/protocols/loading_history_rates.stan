@@ -16,14 +16,9 @@
  * v_0 the rate of the undeformed dashpot at stress S. With a power-law Kelvin element its linear
  * driving stress stands for q (physics/kelvin_element.stan), with a hyperbolic-sine dashpot
  * power_law_stress(y, sigma_L/S, F) for y in v_d. A Kelvin part with many relaxation times
- * (physics/relaxation.stan) is a sum of elements, each with a z_k of its own:
+ * (physics/relaxation_elements.stan) is a sum of elements, each with a z_k of its own:
  *
  *   dz_k/dt = c_k (D E_K/eta_K) (y - z_k),  z = sum of w_k z_k.
- *
- * Andrade creep (t/tau)^a has times without end, at the density a/Gamma(1 - a) (t/tau)^a over ln t.
- * Those that a test can tell apart are a sum as well; all faster ones, which follow at once, and all
- * slower ones, which only flow, are an element each, with their compliance and mean time, or with
- * their flow and what it slows down by.
  *
  * What the solver needs stands in one vector, at places h_NAME(). Only what a free parameter
  * changes is handed to it as varying, because every varying number costs it sensitivities; the
@@ -127,14 +122,6 @@ vector history_rates(vector parameter, data vector constant, data real duration,
           parameter[i_andrade_exponent()]]';
 }
 
-/** Parts of a law that an element may belong to, in the first column of `element`. */
-int is_only_element() { return 0; }
-int is_of_band() { return 1; }
-int is_of_peak() { return 2; }
-int is_of_andrade() { return 3; }
-int is_faster() { return 4; } // all times of Andrade creep below a place
-int is_slower() { return 5; } // all above
-
 /** Whether elements of a part are among them. */
 int has_part(data matrix element, data int which) {
   for (k in 1 : rows(element)) {
@@ -227,9 +214,7 @@ int in_use(data int which, data array[] int place, data vector fixed, data real 
 /**
  * Decay c_k D E_K/eta_K and compliance w_k of each element of the Kelvin part.
  *
- * @param element a row each: the part of the law that it belongs to; its place in the band, from 0
- *   at the shortest to 1 at the longest ln(time), in the peak, in standard deviations of ln(time), or,
- *   of Andrade creep, its ln(time/s) at T_0 and d_K; its weight in an integral over the place
+ * @param element see relaxation_elements()
  * @return (n, 2)
  */
 matrix history_elements(data matrix element, vector varying, data array[] int place,
@@ -241,39 +226,15 @@ matrix history_elements(data matrix element, vector varying, data array[] int pl
     elements[1] = [decay, 1];
     return elements;
   }
-  {
-    real width = history_rate(h_band_width(), varying, place, fixed);
-    real exponent = history_rate(h_band_exponent(), varying, place, fixed);
-    real strength = history_rate(h_peak_strength(), varying, place, fixed);
-    real shift = history_rate(h_peak_shift(), varying, place, fixed);
-    real spread = history_rate(h_peak_width(), varying, place, fixed);
-    real density = width == 0 ? 1 : exponent * width / -expm1(-exponent * width);
-    real longest = history_rate(h_log_relaxation_time(), varying, place, fixed);
-    real a = history_rate(h_andrade_exponent(), varying, place, fixed);
-    real andrade_density = a / tgamma(1 - a);
-    for (k in 1 : n) {
-      if (element[k, 1] == is_of_band()) {
-        real below = (1 - element[k, 2]) * width;
-        elements[k] = [decay * exp(below), element[k, 3] * density * exp(-exponent * below)];
-      } else if (element[k, 1] == is_of_peak()) {
-        elements[k] = [decay * exp(shift - spread * element[k, 2]), element[k, 3] * strength];
-      } else if (element[k, 1] == is_only_element()) {
-        elements[k] = [decay, 1];
-      } else {
-        real below = longest - element[k, 2];
-        real slower = 1;
-        real softer = element[k, 3];
-        if (element[k, 1] == is_faster()) {
-          slower = a / (1 + a);
-          softer = 1 / a;
-        } else if (element[k, 1] == is_slower()) {
-          slower = (2 - a) / (1 - a);
-          softer = slower / (1 - a);
-        }
-        elements[k] = [decay * exp(below) / slower, softer * andrade_density * exp(-a * below)];
-      }
-    }
-  }
+  elements = relaxation_elements(element,
+                                 history_rate(h_band_width(), varying, place, fixed),
+                                 history_rate(h_band_exponent(), varying, place, fixed),
+                                 history_rate(h_peak_strength(), varying, place, fixed),
+                                 history_rate(h_peak_shift(), varying, place, fixed),
+                                 history_rate(h_peak_width(), varying, place, fixed),
+                                 history_rate(h_log_relaxation_time(), varying, place, fixed),
+                                 history_rate(h_andrade_exponent(), varying, place, fixed));
+  elements[ : , 1] *= decay;
   return elements;
 }
 

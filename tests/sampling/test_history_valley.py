@@ -1,16 +1,21 @@
 """Pins of the valley coordinates along loading histories, and the search for their mode."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from conftest import FunctionValues
 from history_twins import TRUTH, history_twin
+from stan_values import CHARTS
 from truth_as_mode import at_truth
 
 from pyburgers.cmdstan.program import load_program
+from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.priors import default_priors
 from pyburgers.model.variants import with_variant
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
+from pyburgers.protocols.loading_history.kelvin_rows import elements_block
 from pyburgers.protocols.loading_history.valley import LoadingHistoryValley
 from pyburgers.protocols.problem import plain_coordinates, problem_of
 from pyburgers.protocols.program_data import program_data
@@ -122,19 +127,60 @@ def test_stages_at_another_temperature_have_no_pins() -> None:
     assert times.max() < 1500
 
 
-def test_pins_of_a_sum_of_elements_are_of_what_the_kelvin_part_leaves() -> None:
-    """Rates of the Kelvin part are those at the mode, whatever its parameters are elsewhere."""
-    twin = history_twin("creep", 20)
-    truth = {**TRUTH, "peak_strength": 1.0, "peak_time_decades": -0.5}
-    twin = replace(twin, true_parameters={**(twin.true_parameters or {}), **truth})
-    test = at_truth(twin, with_variant(ICE, twin, {"kelvin": "two_elements"}), SolverOptions())
+KELVIN_PARTS: Mapping[str, Mapping[str, float]] = {
+    "linear": {},
+    "two_elements": {"peak_strength": 1.0, "peak_time_decades": -0.5},
+    "extended": {"relaxation_time_decades": 3.0, "relaxation_exponent": 0.3},
+    "andrade": {"andrade_exponent": 0.3},
+}
+
+
+@pytest.mark.parametrize("name", ["creep", "mixed"])
+@pytest.mark.parametrize("law", KELVIN_PARTS)
+def test_the_kelvin_part_leaves_the_dashpot_its_strength_at_the_pins(
+    law: str, name: str, function_values: FunctionValues
+) -> None:
+    """That of its softened material, (*) in `stan/charts/valley/valley.stan`."""
+    twin = history_twin(name, 60)
+    truth = {**(twin.true_parameters or {}), **KELVIN_PARTS[law]}
+    twin = replace(twin, true_parameters=truth)
+    test = at_truth(twin, with_variant(ICE, twin, {"kelvin": law}), SolverOptions())
     reference, _ = LoadingHistoryValley().reference(test)
-    pins = reference.pins
-    np.testing.assert_allclose(pins.strain_rate[1:], 1.0, atol=0.02)
-    # An element of the parameters' own would have relaxed.
-    slowest = max(truth["kelvin_viscosity"] / truth["kelvin_modulus"], 1.0)
-    times = reference.knot[:, 0]
-    assert times[times > 0].min() > 1e6 * slowest
+
+    def softening_missed(**changed: float) -> float:
+        """Range of what is left of the strength without the softening, over n pins."""
+        values = {**test.mode.values, **changed}
+        strength = function_values(
+            "chart_values",
+            {
+                **CHARTS,
+                **elements_block([(twin, test.priors)]),
+                "parameter": [values[p.name] for p in PROGRAM_PARAMETERS],
+                "temperature": twin.temperature,
+                "initial_grain_size": twin.initial_grain_size,
+                "n_knots": len(reference.knot),
+                "knot": reference.knot.tolist(),
+                "n_at_knots": len(reference.pin),
+                "pin": reference.pin.tolist(),
+            },
+        )["strength_at_pins"]
+        strain = reference.pins.path_strain
+        of_fabric, of_grains = (
+            np.log(end + (1 - end) * np.exp(-strain / values[critical]))
+            for end, critical in (
+                (values["steady_state_fabric_factor"], "critical_strain_fabric"),
+                (
+                    values["steady_state_grain_size"] / twin.initial_grain_size,
+                    "critical_strain_grain_size",
+                ),
+            )
+        )
+        exponents = values["grain_size_exponent"] / values["stress_exponent"]
+        return float(np.ptp(strength - of_fabric - exponents * of_grains))
+
+    assert softening_missed() < 0.006
+    # Its own parameters count at the pins, and not those at the reference point.
+    assert softening_missed(kelvin_viscosity=4 * test.mode.values["kelvin_viscosity"]) > 0.012
 
 
 @pytest.mark.slow

@@ -4,6 +4,7 @@ functions {
 #include physics/flow_law.stan
 #include physics/reference_stress.stan
 #include physics/kelvin_element.stan
+#include physics/relaxation_elements.stan
 #include physics/microstructure.stan
 #include protocols/constant_rate_dynamics.stan
 #include charts/plain.stan
@@ -47,6 +48,16 @@ data {
   int<lower=0> n_values;
   vector[n_values] value; // of a parameter, within its bounds or beyond them
   row_vector[4] quantity; // row of that parameter (charts/plain.stan)
+  // Strength at the pins of a test (charts/valley/pins.stan).
+  vector[n_parameters()] parameter;
+  real<lower=0> temperature;
+  int<lower=1> n_elements;
+  matrix[n_elements, 3] element;
+  int<lower=0> n_knots;
+  matrix[n_knots, 3] knot;
+  int<lower=0> n_at_knots;
+  matrix[n_at_knots, 9] pin;
+  real<lower=0> rise_time;
 }
 transformed data {
   vector[n_record() + n_solutions] record = append_row(rep_vector(0, n_record()),
@@ -66,6 +77,12 @@ generated quantities {
   matrix[n_pins, 2] grain = grain_softening(u[1], exponent_ratio, log_grain_size_ratio, strain,
                                             bounds);
   real stress_of_time = reference_stress_of_time(strength, time_spent, stress_exponent);
+  matrix[n_elements, 2] element_of_test = kelvin_elements(parameter, element, temperature,
+                                                          initial_grain_size);
+  real rise_compliance = loading_compliance(element_of_test, rise_time);
+  vector[n_at_knots] strength_at_pins
+    = log_strength_at_pins(knot, pin, parameter[i_maxwell_modulus()], element_of_test,
+                           parameter[i_stress_exponent()], 1);
   matrix[n_pins, 3] fabric = fabric_softening(u[2], fabric_amplitude, strain, bounds);
   for (i in 1 : n_values) {
     real_number[i] = real_from_bounded(value[i], quantity);

@@ -3,6 +3,7 @@ functions {
 #include physics/parameters.stan
 #include physics/flow_law.stan
 #include physics/kelvin_element.stan
+#include physics/relaxation_elements.stan
 #include physics/microstructure.stan
 #include protocols/loading_history_rates.stan
 #include protocols/loading_history_legs.stan

@@ -8,10 +8,12 @@ from types import MappingProxyType
 import numpy as np
 import numpy.typing as npt
 import pytest
+from conftest import FunctionValues
 from history_twins import history_twin
 from linear_bodies import LAWS, linear_body
 from log_density import assert_gradient_is_slope, program_with
 from scipy.integrate import solve_ivp
+from stan_values import CHARTS
 from truth_as_mode import at_truth
 
 from pyburgers.cmdstan.program import load_program
@@ -290,3 +292,37 @@ def test_the_gradient_along_what_a_law_frees_is_the_slope_of_the_density(
     program = program_with(stan_directory() / "loading_history.stan", data, tmp_path)
     names = (*PARAMETERS_OF_LAW[law], "kelvin_viscosity")
     assert_gradient_is_slope(program, centre, [problem.layout.names.index(name) for name in names])
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_elements_of_the_kelvin_part_creep_like_it_and_give_in_a_rise(
+    law: str, function_values: FunctionValues
+) -> None:
+    """Colder and coarser than what its viscosity is stated for; a stress that grows with time."""
+    values = {
+        **LINEAR,
+        **LAWS[law],
+        "kelvin_activation_enthalpy": 60e3,
+        "kelvin_grain_size_exponent": 1.5,
+    }
+    colder, coarser, time = TEMPERATURE - 10, 1.5 * GRAIN_SIZE, 400.0
+    part = kelvin_part(values, colder, np.array(coarser))
+    test = imagined_test([(True, 4000.0, 1e6, 0.0, colder)])
+    found = function_values(
+        "chart_values",
+        {
+            **CHARTS,
+            **elements_block([(test, fixed_at(values))]),
+            "parameter": [values[p.name] for p in PROGRAM_PARAMETERS],
+            "temperature": colder,
+            "initial_grain_size": coarser,
+            "rise_time": time,
+        },
+    )
+    modulus, viscosity = found["element_of_test"].reshape(-1, 2).T
+    creep = -np.sum(np.expm1(-time * modulus / viscosity) / modulus)
+    assert creep == pytest.approx(float(part.creep(time)), rel=3e-4)
+    since = time * (0.5 + 0.5 * np.polynomial.legendre.leggauss(60)[0])
+    weights = 0.5 * np.polynomial.legendre.leggauss(60)[1]
+    grown = sum(w * float(part.creep(t)) for w, t in zip(weights, since, strict=True))
+    assert found["rise_compliance"] == pytest.approx(grown, rel=1e-3)

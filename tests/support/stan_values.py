@@ -2,6 +2,8 @@
 
 from collections.abc import Mapping
 
+from pyburgers.model.parameters import PROGRAM_PARAMETERS
+
 PHYSICS: Mapping[str, object] = {
     "temperature": 260.0,
     "initial_grain_size": 230e-6,
@@ -67,5 +69,14 @@ CHARTS: Mapping[str, object] = {
     "n_values": 0,
     "value": [],
     "quantity": [0.0, 1.0, 1.0, 2.0],
+    "parameter": [1.0 if p.standard is None else p.standard for p in PROGRAM_PARAMETERS],
+    "temperature": 260.0,
+    "n_elements": 1,
+    "element": [[0.0, 0.0, 1.0]],
+    "n_knots": 0,
+    "knot": [],
+    "n_at_knots": 0,
+    "pin": [],
+    "rise_time": 1.0,
 }
 """Of `chart_values`."""

@@ -26,7 +26,7 @@ START_OF_IMAGINED = 1e-3
 """Shortest time that counts of a stage without readings, over its duration."""
 
 _ONLY, _BAND, _PEAK, _ANDRADE, _FASTER, _SLOWER = map(float, range(6))
-"""Parts of a law, as in `stan/protocols/loading_history_rates.stan`."""
+"""Parts of a law, as in `stan/physics/relaxation_elements.stan`."""
 
 
 def elements_block(tests: Sequence[tuple[LoadingHistory | None, PriorSet]]) -> StanData:

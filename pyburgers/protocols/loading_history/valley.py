@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from pyburgers.model.variants import variant_of
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.loading_history.stages import Leg
 from pyburgers.protocols.loading_history.stan_data import leg_of_readings, stress_scale
@@ -53,7 +52,6 @@ class LoadingHistoryValley(ValleyChart[LoadingHistory]):
         Of one that is imposed it carries half or more.
         """
         experiment, values = test.experiment, test.mode.values
-        one_element = variant_of(test.priors, experiment).kelvin in ("linear", "power_law")
         curve = _along(test)
         flowing = curve.flowing & curve.is_reading
         settled = flowing & curve.settled
@@ -74,8 +72,6 @@ class LoadingHistoryValley(ValleyChart[LoadingHistory]):
         shows = np.where(curve.driven_by_stress, curve.is_end, curve.is_knot)
         kept = shows | np.isin(np.arange(curve.leg.size), at)
         strain_rate = _rate_or_average(curve.strain_rate, curve.strain, at, since_start)
-        if not one_element:
-            strain_rate -= _rate_or_average(curve.kelvin_rate, curve.kelvin_strain, at, since_start)
         return Pins(
             knot_time=curve.time[kept],
             knot_stress=curve.stress[kept],
@@ -96,7 +92,6 @@ class LoadingHistoryValley(ValleyChart[LoadingHistory]):
             flow_stress=stress_scale(experiment),
             loading_time=_loading_time(experiment, curve, values),
             noise="strain_noise" if strain_is_read[flowing].mean() > 0.5 else "stress_noise",
-            one_element=one_element,
         )
 
 
@@ -113,11 +108,9 @@ class _Curve:
     strain: FloatArray
     path_strain: FloatArray
     dashpot_strain: FloatArray
-    kelvin_strain: FloatArray
     strain_rate: FloatArray
     stress_rate: FloatArray
     dashpot_rate: FloatArray
-    kelvin_rate: FloatArray
     flowing: BoolArray
     driven_by_stress: BoolArray
     settled: BoolArray
@@ -141,9 +134,9 @@ def _along(test: AtMode[LoadingHistory]) -> _Curve:
     kelvin_strain = found["grid_kelvin_strain"]
     dashpot_strain = strain - elastic * stress - kelvin_strain
     parts = np.split(np.arange(time.size), np.cumsum([t.size for t in times])[:-1])
-    dashpot_rate, kelvin_rate, stress_rate = (
+    dashpot_rate, stress_rate = (
         np.concatenate([np.gradient(along[part], time[part]) for part in parts])
-        for along in (dashpot_strain, kelvin_strain, stress)
+        for along in (dashpot_strain, stress)
     )
     strain_rate = found["grid_strain_rate"]
     temperature = np.array([one.temperature for one in legs])[leg]
@@ -160,11 +153,9 @@ def _along(test: AtMode[LoadingHistory]) -> _Curve:
         strain=strain,
         path_strain=found["grid_path_strain"],
         dashpot_strain=dashpot_strain,
-        kelvin_strain=kelvin_strain,
         strain_rate=strain_rate,
         stress_rate=stress_rate,
         dashpot_rate=dashpot_rate,
-        kelvin_rate=kelvin_rate,
         # The strength at another temperature hangs on Q_M.
         flowing=(strain_rate > 0)
         & (stress > 0)

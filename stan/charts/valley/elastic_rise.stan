@@ -29,15 +29,21 @@ vector plain_from_straightened(real displacement, data real reference, data real
 }
 
 /**
- * Compliance of a Kelvin element under a stress that has grown in proportion to time.
+ * Compliance of a Kelvin part under a stress that has grown in proportion to time.
  *
- * It is that of its spring long after the Kelvin time, and that of its dashpot long before it.
+ * That of an element is that of its spring long after its Kelvin time, and that of its dashpot long
+ * before it.
  *
+ * @param kelvin modulus (Pa) and viscosity (Pa s) of each element
  * @return Kelvin strain over stress (1/Pa)
  */
-real loading_compliance(real kelvin_modulus, real kelvin_viscosity, real time) {
-  real x = time * kelvin_modulus / kelvin_viscosity;
-  return (1 + expm1(-x) / x) / kelvin_modulus;
+real loading_compliance(matrix kelvin, real time) {
+  real compliance = 0;
+  for (j in 1 : rows(kelvin)) {
+    real x = time * kelvin[j, 1] / kelvin[j, 2];
+    compliance += (1 + expm1(-x) / x) / kelvin[j, 1];
+  }
+  return compliance;
 }
 
 /** Largest share of the spring's compliance at the reference point that a Kelvin element takes. */

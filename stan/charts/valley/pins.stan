@@ -22,42 +22,50 @@
  * ln of the strength that the reference curve implies at the pins: the left-hand side of (*) in
  * charts/valley/valley.stan.
  *
- * The Kelvin rate is the exact response of the Kelvin element to the piecewise linear reference
- * curve; with q = E_K kelvin_strain it obeys dq/dt = (stress - q) E_K/eta_K. The curve is that of the
- * readings; stress and q are in proportion to it.
+ * The Kelvin rate is the exact response of the Kelvin part to the piecewise linear reference curve;
+ * with q = modulus times kelvin_strain an element obeys dq/dt = (stress - q) modulus/viscosity. The
+ * curve is that of the readings; stress and q are in proportion to it.
  *
  * @param stiffness stress over elastic strain, that of the apparatus included (Pa)
+ * @param kelvin modulus (Pa) and viscosity (Pa s) of each element of the Kelvin part
  * @param reading_factor of the load cell, over the stress
  */
-vector log_strength_at_pins(data matrix knot, data matrix pin, real stiffness,
-                            real kelvin_modulus, real kelvin_viscosity, real stress_exponent,
-                            real reading_factor) {
-  vector[rows(knot)] x = col(knot, 1) * (kelvin_modulus / kelvin_viscosity);
-  vector[rows(knot)] decay = exp(-x);
+vector log_strength_at_pins(data matrix knot, data matrix pin, real stiffness, matrix kelvin,
+                            real stress_exponent, real reading_factor) {
+  vector[rows(pin)] kelvin_rate = rep_vector(0, rows(pin)); // 1/s
   vector[rows(pin)] log_strength;
-  real q = 0;
-  int m = 0;
-  for (k in 1 : rows(knot)) {
-    if (knot[k, 1] > 0) {
-      real mean_decay = (1 - decay[k]) / x[k]; // over the time since the knot before
-      q = q * decay[k] + knot[k, 2] * (1 - mean_decay);
-      if (k > 1) {
-        q += knot[k - 1, 2] * (mean_decay - decay[k]);
+  int at_pin = 0;
+  for (j in 1 : rows(kelvin)) {
+    vector[rows(knot)] x = col(knot, 1) * (kelvin[j, 1] / kelvin[j, 2]);
+    vector[rows(knot)] decay = exp(-x);
+    real q = 0;
+    int m = 0;
+    for (k in 1 : rows(knot)) {
+      if (knot[k, 1] > 0) {
+        real mean_decay = (1 - decay[k]) / x[k]; // over the time since the knot before
+        q = q * decay[k] + knot[k, 2] * (1 - mean_decay);
+        if (k > 1) {
+          q += knot[k - 1, 2] * (mean_decay - decay[k]);
+        }
+      }
+      if (knot[k, 3] > 0) {
+        m += 1;
+        kelvin_rate[m] += pin[m, 9] > 0
+                          ? q / (kelvin[j, 1] * pin[m, 9])
+                          : (knot[k, 2] - q) / kelvin[j, 2];
       }
     }
+  }
+  for (k in 1 : rows(knot)) {
     if (knot[k, 3] > 0) {
-      real kelvin_share;
       real dashpot_share;
-      m += 1;
-      kelvin_share = (pin[m, 9] > 0
-                      ? q / (kelvin_modulus * pin[m, 9])
-                      : (knot[k, 2] - q) / kelvin_viscosity)
-                     / pin[m, 3];
-      dashpot_share = pin[m, 7] - kelvin_share / reading_factor
-                      - pin[m, 2] / stiffness / reading_factor;
+      at_pin += 1;
+      dashpot_share = pin[at_pin, 7] - kelvin_rate[at_pin] / pin[at_pin, 3] / reading_factor
+                      - pin[at_pin, 2] / stiffness / reading_factor;
       // A smooth floor: far from the reference the others may ask for a share below 0.
       dashpot_share = 0.15 + log1p_exp(20 * (dashpot_share - 0.15)) / 20;
-      log_strength[m] = log(knot[k, 2] / reading_factor) - (log(dashpot_share) - pin[m, 4]) / stress_exponent;
+      log_strength[at_pin] = log(knot[k, 2] / reading_factor)
+                             - (log(dashpot_share) - pin[at_pin, 4]) / stress_exponent;
     }
   }
   return log_strength;

@@ -39,17 +39,41 @@
  * the posterior is exactly that of the plain coordinates. Only the speed depends on the pins.
  */
 
+/**
+ * Modulus (Pa) and viscosity (Pa s) of each element of the Kelvin part, (n, 2).
+ *
+ * @param element see relaxation_elements()
+ * @param temperature K
+ * @param grain_size m
+ */
+matrix kelvin_elements(vector parameter, data matrix element, data real temperature,
+                       data real grain_size) {
+  real slowing = log_thermal_slowing(parameter[i_kelvin_activation_enthalpy()], temperature,
+                                     parameter[i_kelvin_reference_temperature()])
+                 + parameter[i_kelvin_grain_size_exponent()]
+                   * log(grain_size / parameter[i_kelvin_reference_grain_size()]);
+  matrix[rows(element), 2] decay_and_compliance
+    = relaxation_elements(element, log(10) * parameter[i_relaxation_time_decades()],
+                          parameter[i_relaxation_exponent()],
+                          parameter[i_peak_strength()] * parameter[i_kelvin_modulus()]
+                          / parameter[i_maxwell_modulus()],
+                          log(10) * parameter[i_peak_time_decades()], parameter[i_peak_width()],
+                          log(parameter[i_kelvin_viscosity()] / parameter[i_kelvin_modulus()]),
+                          parameter[i_andrade_exponent()]);
+  return append_col(parameter[i_kelvin_modulus()] ./ decay_and_compliance[ : , 2],
+                    parameter[i_kelvin_viscosity()] * exp(slowing)
+                    ./ (decay_and_compliance[ : , 1] .* decay_and_compliance[ : , 2]));
+}
+
 /** What parameters ask for at the pins: `asked` of charts/valley/least_squares.stan. */
-vector asked_of_pins(vector parameter, data int stress_given, real log_stress,
+vector asked_of_pins(vector parameter, matrix kelvin, data int stress_given, real log_stress,
                      data real initial_grain_size, data matrix knot, data matrix pin) {
   vector[rows(pin)] log_strength = log_strength_at_pins(knot, pin,
                                                         parameter[i_maxwell_modulus()]
                                                         / (1
                                                            + parameter[i_apparatus_compliance()]
                                                              * parameter[i_maxwell_modulus()]),
-                                                        parameter[i_kelvin_modulus()],
-                                                        parameter[i_kelvin_viscosity()],
-                                                        parameter[i_stress_exponent()],
+                                                        kelvin, parameter[i_stress_exponent()],
                                                         stress_reading_factor(parameter));
   return append_row([parameter[i_grain_size_exponent()] / parameter[i_stress_exponent()],
                      log(parameter[i_steady_state_grain_size()] / initial_grain_size)]',
@@ -100,7 +124,9 @@ real largest_log_ratio() { return 1.5; }
  */
 vector valley_reference(data vector parameter, data vector coordinate, data array[] int place,
                         data int replaced_parameter, data vector conditions, data int noise,
-                        data matrix knot, data matrix pin) {
+                        data matrix knot, data matrix pin, data matrix element) {
+  matrix[rows(element), 2] kelvin = kelvin_elements(parameter, element, conditions[3],
+                                                    conditions[2]);
   real log_stress = log_reference_stress_at(parameter, conditions[1], conditions[2],
                                             conditions[3]);
   array[3] int solved = solved_places(place);
@@ -109,11 +135,10 @@ vector valley_reference(data vector parameter, data vector coordinate, data arra
                       : parameter[i_steady_state_fabric_factor()];
   return append_row([solved[1] > 0 ? coordinate[solved[1]] : 0, coordinate[solved[2]],
                      1 - steady_state, log_stress, log(parameter[noise]),
-                     loading_compliance(parameter[i_kelvin_modulus()],
-                                        parameter[i_kelvin_viscosity()], conditions[4]),
+                     loading_compliance(kelvin, conditions[4]),
                      softening_after(pin[rows(pin), 1], parameter, conditions[2])]',
-                    asked_of_pins(parameter, replaced_parameter == 0, log_stress, conditions[2],
-                                  knot, pin));
+                    asked_of_pins(parameter, kelvin, replaced_parameter == 0, log_stress,
+                                  conditions[2], knot, pin));
 }
 
 /**
@@ -136,12 +161,14 @@ vector valley_reference(data vector parameter, data vector coordinate, data arra
  * @param noise place of the noise that the widths follow
  * @param knot, pin see charts/valley/pins.stan
  * @param reference see valley_reference()
+ * @param element of the Kelvin part, see relaxation_elements()
  * @return plain coordinates, then ln |d(these)/d(coordinate)|
  */
 vector plain_from_valley(vector coordinate, vector given, data array[] int place,
                          data matrix quantity, data matrix guide, data int replaced_parameter,
                          data real flow_stress, data vector conditions, data int noise,
-                         data matrix knot, data matrix pin, data vector reference) {
+                         data matrix knot, data matrix pin, data vector reference,
+                         data matrix element) {
   array[3] int solved = solved_places(place);
   int stress_given = replaced_parameter == 0;
   int flow = stress_given ? 0 : place[replaced_parameter];
@@ -152,6 +179,7 @@ vector plain_from_valley(vector coordinate, vector given, data array[] int place
                                 && quantity[max(grain_size, 1), i_lower()] > negative_infinity();
   vector[num_elements(coordinate)] plain;
   vector[num_elements(given)] parameter = given;
+  matrix[rows(element), 2] kelvin;
   real log_noise_ratio; // ln(s/s of the reference point)
   real log_stress = 0;
   real log_jacobian = 0;
@@ -198,10 +226,10 @@ vector plain_from_valley(vector coordinate, vector given, data array[] int place
       }
       if (k == i_maxwell_modulus() && guide[i, 2] < 0) {
         // The curve fixes what both springs give together in the elastic rise.
+        parameter[k] = bounded_from_real(guide[i, 1], quantity[i]); // a peak is in proportion to it
+        kelvin = kelvin_elements(parameter, element, conditions[3], conditions[2]);
         displacement += left_to_spring(quantity[i, i_scale()] / -guide[i, 2]
-                                       * (loading_compliance(parameter[i_kelvin_modulus()],
-                                                             parameter[i_kelvin_viscosity()],
-                                                             conditions[4])
+                                       * (loading_compliance(kelvin, conditions[4])
                                           - reference[i_rise_compliance()]),
                                        exp(-guide[i, 1]) / -guide[i, 2]);
       }
@@ -227,7 +255,9 @@ vector plain_from_valley(vector coordinate, vector given, data array[] int place
     log_stress = log_reference_stress_at(parameter, conditions[1], conditions[2],
                                          conditions[3]);
   }
-  asked = asked_of_pins(parameter, stress_given, log_stress, conditions[2], knot, pin);
+  kelvin = kelvin_elements(parameter, element, conditions[3], conditions[2]);
+  asked = asked_of_pins(parameter, kelvin, stress_given, log_stress, conditions[2], knot,
+                        pin);
   remainder = [stress_given ? 0 : coordinate[flow], coordinate[solved[3]]]';
   if (solved[1] > 0) {
     softening = softening_from_coordinates(

@@ -10,6 +10,7 @@ from pyburgers.common.atomic_files import sha256_of_json
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
 from pyburgers.posterior.labelled_draws import MICROSTRUCTURE
+from pyburgers.protocols.stan_data import decisive
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -37,7 +38,10 @@ def data_hash(one: Fit) -> str:
         )
     return sha256_of_json(
         {
-            group: {str(name): values.to_numpy().tolist() for name, values in variables.items()}
+            group: {
+                str(name): decisive(values.to_numpy().tolist())
+                for name, values in variables.items()
+            }
             for group, variables in columns.items()
         }
     )

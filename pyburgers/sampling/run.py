@@ -26,7 +26,7 @@ from pyburgers.model.variants import variant_of
 from pyburgers.protocols.problem import Problem
 from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.protocol import save_experiment
-from pyburgers.protocols.stan_data import SolverOptions, StanData
+from pyburgers.protocols.stan_data import SolverOptions, StanData, decisive
 from pyburgers.sampling.chains import Extension, run_side_by_side
 from pyburgers.sampling.changes import Wanted, refusal
 from pyburgers.sampling.charts import ChosenChart, check_coordinates, choose_chart
@@ -58,8 +58,8 @@ def fingerprint(data: StanData, options: SamplerOptions, program_key: str) -> st
     program_key : str
         Hash of the program, its compiler and its flags.
     """
-    decisive = {k: v for k, v in asdict(options).items() if k not in INDECISIVE}
-    return sha256_of_json({"data": data, "options": decisive, "program": program_key})
+    chosen = {k: v for k, v in asdict(options).items() if k not in INDECISIVE}
+    return sha256_of_json({"data": decisive(data), "options": chosen, "program": program_key})
 
 
 def run_chains(

@@ -29,7 +29,7 @@ from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.problem import Problem, problem_of
 from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.protocol import load_experiment, save_experiment
-from pyburgers.protocols.stan_data import SolverOptions
+from pyburgers.protocols.stan_data import SolverOptions, decisive
 from pyburgers.protocols.together import pooling_for
 from pyburgers.sampling.charts import check_coordinates
 from pyburgers.sampling.manifest import COMPLETE, PoolingRecord, RecordedHashes, SamplerRecord
@@ -335,7 +335,7 @@ def _fingerprint(problem: Problem, plan: CalibrationPlan, program_key: str) -> s
     return sha256_of_json(
         {
             "kind": CALIBRATION_KIND,
-            "data": program_data(problem, solver=SolverOptions()),
+            "data": decisive(program_data(problem, solver=SolverOptions())),
             "seed": plan.seed,
             "simulations": plan.simulations,
             # Repetitions can be added: the first ones stay what they were.

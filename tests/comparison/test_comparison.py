@@ -292,6 +292,16 @@ def test_fits_of_other_data_are_refused(tmp_path: Path) -> None:
         compare({"one": one, "other": other})
 
 
+def test_last_digits_make_no_other_data(tmp_path: Path) -> None:
+    """A record whose background is taken off ends in others on another processor."""
+    one = make_fit(tmp_path / "one")
+    elsewhere = make_fit(tmp_path / "elsewhere")
+    before = elsewhere.posterior["observed_data"].to_dataset()
+    elsewhere.posterior["observed_data"] = xr.DataTree(before * (1 + 1e-14))
+    assert not before.equals(elsewhere.posterior["observed_data"].to_dataset())
+    assert data_hash(one) == data_hash(elsewhere)
+
+
 def test_one_fit_and_a_sampled_prior_are_refused(tmp_path: Path) -> None:
     one = make_fit(tmp_path / "one")
     with pytest.raises(InputError, match=r"found 1 fits, expected at least two\.$"):

@@ -205,6 +205,29 @@ def test_fingerprint_changes_with_what_decides_the_draws(small_problem: Problem)
     assert len({first, *others}) == 5
 
 
+def test_fingerprint_is_the_same_on_another_processor(small_problem: Problem) -> None:
+    """Where linear algebra ends in other last digits, but not where an input is another."""
+    data = program_data(
+        problem_of([small_problem.experiment], small_problem.priors), solver=SolverOptions()
+    )
+    first = fingerprint(data, SMALL_RUN, "program")
+
+    def off(content: Any, by: float) -> Any:
+        if isinstance(content, float):
+            return content * (1 + by)
+        if isinstance(content, list):
+            return [off(part, by) for part in content]
+        return content
+
+    for by in (1e-14, -3e-13):
+        elsewhere = {name: off(part, by) for name, part in data.items()}
+        assert elsewhere != data
+        assert fingerprint(elsewhere, SMALL_RUN, "program") == first
+    for name in ("stress_observed", "temperature", "prior_location"):
+        other = {**data, name: off(data[name], 1e-4)}
+        assert fingerprint(other, SMALL_RUN, "program") != first
+
+
 def test_starts_are_prior_draws_that_depend_on_seed_and_chain(
     programs: None, small_problem: Problem
 ) -> None:

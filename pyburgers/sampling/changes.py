@@ -91,8 +91,9 @@ def differences(run: RunDirectory, wanted: Wanted) -> Iterator[str]:
     if wanted.use_likelihood != manifest["use_likelihood"]:
         kinds = {True: "data and prior", False: "the prior alone"}
         yield _told("draws of", kinds[wanted.use_likelihood], kinds[manifest["use_likelihood"]])
-    tolerance = manifest["solver"]["tolerance"]
-    if wanted.solver.tolerance != tolerance and not manifest["refits"]:
+    tightened = [*manifest.get("noisy", []), *manifest["refits"]]
+    tolerance = (*tightened, manifest["solver"])[0]["tolerance"]
+    if wanted.solver.tolerance != tolerance:
         yield _told("tolerance", f"{wanted.solver.tolerance:g}", f"{tolerance:g}")
     before = manifest.get("variant", {})
     for part, law in variant_of(problem.priors[0], problem.experiments[0]).record().items():

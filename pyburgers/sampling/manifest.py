@@ -73,6 +73,11 @@ class _Shortened(Entries):
     step_sizes: dict[str, float] = Field(description="step that each chain goes on with")
 
 
+class _Noisy(Entries):
+    tolerance: float = Field(description="of the solver")
+    noise: float = Field(description="of the log density at that tolerance")
+
+
 class PoolingRecord(Entries):
     """A `pyburgers.model.pooling.Pooling`."""
 
@@ -106,5 +111,6 @@ class FitManifest(RunManifest):
     variant: dict[str, str] = Field({}, description="law of each part of the model")
     solver: _Solver = Field(description="settings of the solver")
     more_draws: list[int] = Field([], description="draws by which chains were extended")
+    noisy: list[_Noisy] = Field([], description="tolerances that were too loose to sample with")
     refits: list[_Refit] = Field(description="runs that were put aside")
     coordinates: _Coordinates = Field(description="coordinates of the sampler")

@@ -32,8 +32,9 @@ from pyburgers.sampling.changes import Wanted, refusal
 from pyburgers.sampling.charts import ChosenChart, check_coordinates, choose_chart
 from pyburgers.sampling.failures import ChainFailure
 from pyburgers.sampling.options import INDECISIVE, SamplerOptions
-from pyburgers.sampling.repetitions import shortened, tolerance_in
+from pyburgers.sampling.repetitions import TIGHTENING, shortened, tolerance_in
 from pyburgers.sampling.run_directory import RunDirectory
+from pyburgers.sampling.solver_noise import Noisy, noisy_tolerances
 from pyburgers.sampling.starts import (
     draw_initial_values,
     draw_start_around,
@@ -128,7 +129,7 @@ def run_chains(
                 seed=options.seed,
                 solver=solver,
             )
-            _write_chart(run, data, chosen)
+            _write_chart(run, problem, data, chosen, options.seed)
         record = run_record(
             run,
             name=problem.name,
@@ -260,20 +261,37 @@ def _extend_chains(
     return ()
 
 
-def _write_chart(run: RunDirectory, data: StanData, chart: ChosenChart) -> None:
+def _write_chart(
+    run: RunDirectory, problem: Problem, data: StanData, chart: ChosenChart, seed: int
+) -> None:
     """Save coordinates, metric and Stan data; the data go last: they tell that all is there."""
     logger.info(
         f"Coordinates: {chart.name}, as asked for."
         if chart.reason == "asked for"
         else f"Coordinates: {chart.name}, because {chart.reason}."
     )
-    run.update_manifest({"coordinates": {"system": chart.name, "reason": chart.reason}})
+    data = {**data, **chart.block}
+    noisy: list[Noisy] = []
     if chart.centre is not None and chart.covariance is not None:
         write_json(
             run.metric_file,
             {"inv_metric": chart.covariance.tolist(), "centre": chart.centre.tolist()},
         )
-    write_json(run.stan_data_file, {**data, **chart.block})
+        model = load_program(problem.protocol.program)
+        noisy = noisy_tolerances(model, data, chart.centre, chart.covariance, seed=seed)
+    if noisy:
+        data = {**data, "tolerance": noisy[-1].tolerance / TIGHTENING}
+        logger.info(
+            f"At a tolerance of {noisy[-1].tolerance:g} of the solver the log density jumps by "
+            f"{noisy[-1].noise:.1g} from point to point: sampling at {data['tolerance']:g}."
+        )
+    run.update_manifest(
+        {
+            "coordinates": {"system": chart.name, "reason": chart.reason},
+            "noisy": [asdict(one) for one in noisy],
+        }
+    )
+    write_json(run.stan_data_file, data)
 
 
 def _draw_start(

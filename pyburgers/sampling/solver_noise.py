@@ -15,7 +15,7 @@ from pyburgers.sampling.repetitions import TIGHTENING
 
 FloatArray = npt.NDArray[np.float64]
 
-MOST_NOISE = 0.2
+MOST_NOISE = 0.3
 """Of the log density, with which sampling still goes well (`docs/coordinates_trials.md`)."""
 
 MOST_TIGHTENED = 3

@@ -17,7 +17,7 @@ from pyburgers.protocols.protocol import load_experiment
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.charts import choose_chart
 from pyburgers.sampling.run_directory import RunDirectory
-from pyburgers.sampling.solver_noise import MOST_NOISE, noisy_tolerances
+from pyburgers.sampling.solver_noise import noisy_tolerances
 from pyburgers.sampling.starts import find_mode
 from pyburgers.sbc.data_sets import calibration_priors, simulate_from_prior
 
@@ -36,27 +36,33 @@ def loosely(problem: Problem, out: Path, tolerance: float = LOOSE.tolerance) -> 
     )
 
 
-def test_a_loose_solver_is_tightened_until_the_density_is_smooth(
+def test_chains_start_at_a_tolerance_that_is_not_too_loose(
     small_problem: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pyburgers.sampling.solver_noise.MOST_NOISE", MOST_NOISE / 50)
+    monkeypatch.setattr("pyburgers.sampling.solver_noise.MOST_NOISE", 0.0)
+    monkeypatch.setattr("pyburgers.sampling.solver_noise.MOST_TIGHTENED", 1)
     result = loosely(small_problem, tmp_path / "run")
-    noisy = result.manifest["noisy"]
-    assert noisy[0]["tolerance"] == LOOSE.tolerance
-    assert all(one["noise"] > MOST_NOISE / 50 for one in noisy)
-    used = noisy[-1]["tolerance"] / 10
-    assert result.manifest["solver"]["tolerance"] == pytest.approx(used)
+    (noisy,) = result.manifest["noisy"]
+    assert noisy["tolerance"] == LOOSE.tolerance
+    used = pytest.approx(LOOSE.tolerance / 10)
+    assert result.manifest["solver"]["tolerance"] == used
     run = RunDirectory(tmp_path / "run")
     data = run.read_stan_data()
-    assert data["tolerance"] == pytest.approx(used)
+    assert data["tolerance"] == used
     laplace = read_json(run.metric_file)
     centre, covariance = (np.array(laplace[key]) for key in ("centre", "inv_metric"))
     model = load_program(
         problem_of([small_problem.experiment], small_problem.priors).protocol.program
     )
-    assert noisy_tolerances(model, data, centre, covariance, seed=SMALL_RUN.seed) == []
+    for share, found in ((0.99, 1), (1.01, 0)):
+        monkeypatch.setattr(
+            "pyburgers.sampling.solver_noise.MOST_NOISE", share * float(noisy["noise"])
+        )
+        loose = {**data, "tolerance": LOOSE.tolerance}
+        again = noisy_tolerances(model, loose, centre, covariance, seed=SMALL_RUN.seed)
+        assert len(again) == found
     # The same call finds its run again, and another tolerance is told as what was asked for.
-    assert loosely(small_problem, tmp_path / "run").manifest["noisy"] == noisy
+    assert loosely(small_problem, tmp_path / "run").manifest["noisy"] == [noisy]
     with pytest.raises(InputError, match=r"tolerance .*1e-05.*0\.001"):
         loosely(small_problem, tmp_path / "run", tolerance=1e-5)
 

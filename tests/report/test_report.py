@@ -236,6 +236,25 @@ def test_a_fit_without_likelihood_says_so(sketched: None, tmp_path: Path) -> Non
     assert "decided by" not in text
 
 
+def test_what_was_not_good_enough_to_sample_with_is_told(sketched: None, tmp_path: Path) -> None:
+    fit = small_fit(tmp_path / "run")
+    told_of = {
+        "noisy": [{"tolerance": 1e-5, "noise": 5.6}],
+        "refits": [{"tolerance": 1e-6, "pareto_k": 0.9, "chains": "superseded/tolerance_1e-06"}],
+        "shortened": [
+            {"divergences": 3, "chains": "superseded/longer_steps_1", "step_sizes": {"1": 0.1}}
+        ],
+    }
+    fit = replace(fit, manifest={**fit.manifest, **told_of})
+    text = write([fit], tmp_path / "page").text
+    for told in (
+        "At tolerance 1e-05 of the solver the log density jumped by 5.6 from point to point",
+        "A first run at tolerance 1e-06 was put aside (superseded/tolerance_1e-06)",
+        "Draws of which 3 had diverged were put aside (superseded/longer_steps_1)",
+    ):
+        assert told in text
+
+
 def test_the_page_says_what_prior_and_data_decide(
     folder: Path, page: Page, fits: list[Fit], sketched: None, tmp_path: Path
 ) -> None:

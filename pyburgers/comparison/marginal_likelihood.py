@@ -19,12 +19,13 @@ from scipy.special import expit
 from scipy.stats import multivariate_normal
 
 from pyburgers.cmdstan.draw_files import read_draws
-from pyburgers.cmdstan.program import ALL_DIGITS, Program, load_program
+from pyburgers.cmdstan.program import load_program
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.comparison.results import LogIntegral
 from pyburgers.fitting.fit import Fit
 from pyburgers.posterior.labelled_draws import relative_efficiency
-from pyburgers.protocols.stan_data import REFERENCE_SOLVER, StanData, solver_block
+from pyburgers.protocols.stan_data import REFERENCE_SOLVER, solver_block
+from pyburgers.sampling.densities import log_density_at
 
 logger = logging.getLogger(__name__)
 
@@ -74,25 +75,6 @@ def log_marginal_likelihood(fit: Fit) -> LogIntegral:
         lambda points: log_density_at(program, data, points),
         seed=fit.manifest["sampler"]["seed"],
     )
-
-
-def log_density_at(program: Program, data: StanData, points: FloatArray) -> FloatArray:
-    """Log density of coordinates, minus infinity where the model has no solution.
-
-    Parameters
-    ----------
-    program : Program
-        The program for constant rate.
-    data : dict
-        Its data.
-    points : array, shape (n_points, n_coordinates)
-        Coordinates.
-    """
-    solved, drawn = program.generate_at(data, "coordinate", points, ALL_DIGITS)
-    found = np.full(len(points), -np.inf)
-    if solved.any():
-        found[solved] = drawn["log_density"][0]
-    return np.where(np.isnan(found), -np.inf, found)
 
 
 def log_integral(

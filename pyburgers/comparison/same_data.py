@@ -36,15 +36,11 @@ def data_hash(one: Fit) -> str:
         columns[MICROSTRUCTURE] = (
             one.posterior[MICROSTRUCTURE].to_dataset()[["measured", "error"]].data_vars
         )
-    return sha256_of_json(
-        {
-            group: {
-                str(name): decisive(values.to_numpy().tolist())
-                for name, values in variables.items()
-            }
-            for group, variables in columns.items()
-        }
-    )
+    values = {
+        group: {str(name): values.to_numpy().tolist() for name, values in variables.items()}
+        for group, variables in columns.items()
+    }
+    return sha256_of_json(decisive(values))
 
 
 def check_same_data(fits: Mapping[str, Fit]) -> None:

@@ -129,7 +129,10 @@ def run_chains(
                 seed=options.seed,
                 solver=solver,
             )
-            _write_chart(run, problem, data, chosen, options.seed)
+            _write_chart(run, chosen)
+            settled = _settle_tolerance(run, problem, data, chosen, seed=options.seed)
+            # Last: it tells that all is there.
+            write_json(run.stan_data_file, settled)
         record = run_record(
             run,
             name=problem.name,
@@ -261,37 +264,38 @@ def _extend_chains(
     return ()
 
 
-def _write_chart(
-    run: RunDirectory, problem: Problem, data: StanData, chart: ChosenChart, seed: int
-) -> None:
-    """Save coordinates, metric and Stan data; the data go last: they tell that all is there."""
+def _write_chart(run: RunDirectory, chart: ChosenChart) -> None:
+    """Save coordinates and metric."""
     logger.info(
         f"Coordinates: {chart.name}, as asked for."
         if chart.reason == "asked for"
         else f"Coordinates: {chart.name}, because {chart.reason}."
     )
-    data = {**data, **chart.block}
-    noisy: list[Noisy] = []
+    run.update_manifest({"coordinates": {"system": chart.name, "reason": chart.reason}})
     if chart.centre is not None and chart.covariance is not None:
         write_json(
             run.metric_file,
             {"inv_metric": chart.covariance.tolist(), "centre": chart.centre.tolist()},
         )
+
+
+def _settle_tolerance(
+    run: RunDirectory, problem: Problem, data: StanData, chart: ChosenChart, *, seed: int
+) -> StanData:
+    """Return the data in the chart's coordinates, at a tolerance that is good to sample with."""
+    data, noisy = {**data, **chart.block}, list[Noisy]()
+    if chart.centre is not None and chart.covariance is not None:
         model = load_program(problem.protocol.program)
         noisy = noisy_tolerances(model, data, chart.centre, chart.covariance, seed=seed)
-    if noisy:
-        data = {**data, "tolerance": noisy[-1].tolerance / TIGHTENING}
-        logger.info(
-            f"At a tolerance of {noisy[-1].tolerance:g} of the solver the log density jumps by "
-            f"{noisy[-1].noise:.1g} from point to point: sampling at {data['tolerance']:g}."
-        )
-    run.update_manifest(
-        {
-            "coordinates": {"system": chart.name, "reason": chart.reason},
-            "noisy": [asdict(one) for one in noisy],
-        }
+    run.update_manifest({"noisy": [asdict(one) for one in noisy]})
+    if not noisy:
+        return data
+    tolerance = noisy[-1].tolerance / TIGHTENING
+    logger.info(
+        f"At a tolerance of {noisy[-1].tolerance:g} of the solver the log density jumps by "
+        f"{noisy[-1].noise:.1g} from point to point: sampling at {tolerance:g}."
     )
-    write_json(run.stan_data_file, data)
+    return {**data, "tolerance": tolerance}
 
 
 def _draw_start(

@@ -14,6 +14,7 @@ from pyburgers.protocols.problem import Problem
 from pyburgers.protocols.program_data import program_data, solve, values_of_test
 from pyburgers.protocols.protocol import protocol_of
 from pyburgers.protocols.stan_data import SolverOptions, StanData, solver_block
+from pyburgers.sampling.densities import log_density_at
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -233,10 +234,8 @@ def _best_prior_draws(
     if n_drawn == N_STARTS:
         return drawn
     points = np.array([start["coordinate"] for start in drawn])
-    solved, found = model.generate_at(data, "coordinate", points)
-    density = np.full(n_drawn, -np.inf)
-    density[solved] = found["log_density"].ravel()
-    return [drawn[k] for k in np.argsort(-density, kind="stable")[:N_STARTS]]
+    best_first = np.argsort(-log_density_at(model, data, points), kind="stable")
+    return [drawn[k] for k in best_first[:N_STARTS]]
 
 
 def _plain_of_tests(

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from charts_at_modes import chart_at_mode
 from conftest import ICE
 
 from pyburgers.cmdstan.program import load_program
@@ -12,8 +13,7 @@ from pyburgers.protocols.forward import simulate_data
 from pyburgers.protocols.problem import problem_of
 from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.stan_data import SolverOptions
-from pyburgers.sampling.charts import choose_chart, curvature_at, expected_rise
-from pyburgers.sampling.starts import find_mode
+from pyburgers.sampling.charts import curvature_at, expected_rise
 
 pytestmark = pytest.mark.usefixtures("programs")
 
@@ -26,14 +26,7 @@ def test_the_first_metric_fits_where_noise_is_far_below_a_percent() -> None:
     problem, solver = problem_of([precise], default_priors("ice")), SolverOptions()
     data = program_data(problem, solver=solver)
     model = load_program(CONSTANT_RATE.program)
-    chart = choose_chart(
-        problem,
-        data,
-        lambda: find_mode(problem, seed=1, solver=solver),
-        wanted="valley",
-        seed=1,
-        solver=solver,
-    )
+    chart = chart_at_mode(problem, data, solver, wanted="valley")
     assert chart.centre is not None
     assert chart.covariance is not None
     around = {**data, **chart.block}

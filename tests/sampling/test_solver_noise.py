@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from charts_at_modes import chart_at_mode
 from conftest import SMALL_RUN, TESTS, Problem
 
 from pyburgers.cmdstan.program import load_program
@@ -15,10 +16,8 @@ from pyburgers.protocols.problem import problem_of
 from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.protocol import load_experiment
 from pyburgers.protocols.stan_data import SolverOptions
-from pyburgers.sampling.charts import choose_chart
 from pyburgers.sampling.run_directory import RunDirectory
 from pyburgers.sampling.solver_noise import noisy_tolerances
-from pyburgers.sampling.starts import find_mode
 from pyburgers.sbc.data_sets import calibration_priors, simulate_from_prior
 
 pytestmark = pytest.mark.usefixtures("programs")
@@ -82,14 +81,7 @@ def test_a_record_that_the_usual_tolerance_cannot_sample_is_told() -> None:
     problem = simulate_from_prior(template, seed=47, stress_range=(50e6, 500e6)).problem
     solver = SolverOptions()
     data = program_data(problem, solver=solver)
-    chart = choose_chart(
-        problem,
-        data,
-        lambda: find_mode(problem, seed=47, solver=solver),
-        wanted="auto",
-        seed=47,
-        solver=solver,
-    )
+    chart = chart_at_mode(problem, data, solver, seed=47)
     assert chart.centre is not None
     assert chart.covariance is not None
     model = load_program(problem.protocol.program)

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import oracle
 import pytest
+from charts_at_modes import chart_at_mode
 from conftest import ICE, fixed, resolved_priors, with_fixed, with_priors
 from default_chains import sampled
 from log_density import Program, program_with
@@ -43,7 +44,6 @@ from pyburgers.protocols.program_data import chart_block
 from pyburgers.protocols.protocol import protocol_of
 from pyburgers.protocols.stan_data import PLAIN, SolverOptions, StanData, solver_block
 from pyburgers.sampling.charts import ChosenChart, at_mode, choose_chart, curvature_at
-from pyburgers.sampling.starts import find_mode
 from pyburgers.sbc.data_sets import calibration_priors, simulate_from_prior
 
 FloatArray = npt.NDArray[np.float64]
@@ -314,15 +314,7 @@ def chart_at_truth(
 
 
 def chart_from(data: StanData, experiment: OscillationExperiment, priors: PriorSet) -> ChosenChart:
-    problem = problem_of([experiment], priors)
-    return choose_chart(
-        problem,
-        data,
-        lambda: find_mode(problem, seed=1, solver=SAMPLING),
-        wanted="auto",
-        seed=1,
-        solver=SAMPLING,
-    )
+    return chart_at_mode(problem_of([experiment], priors), data, SAMPLING)
 
 
 @pytest.mark.parametrize("case", UNSUITED)

@@ -1,0 +1,28 @@
+"""Log density of a program at given points."""
+
+import numpy as np
+import numpy.typing as npt
+
+from pyburgers.cmdstan.program import ALL_DIGITS, Program
+from pyburgers.protocols.stan_data import StanData
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def log_density_at(program: Program, data: StanData, points: FloatArray) -> FloatArray:
+    """Log density of coordinates, minus infinity where the model has no solution.
+
+    Parameters
+    ----------
+    program : Program
+        Program whose parameter is the vector ``coordinate``.
+    data : dict
+        Its data.
+    points : array, shape (n_points, n_coordinates)
+        Coordinates.
+    """
+    solved, drawn = program.generate_at(data, "coordinate", points, ALL_DIGITS)
+    found = np.full(len(points), -np.inf)
+    if solved.any():
+        found[solved] = drawn["log_density"][0]
+    return np.where(np.isnan(found), -np.inf, found)

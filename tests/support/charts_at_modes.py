@@ -1,0 +1,25 @@
+"""Coordinates of a problem, set up at the mode that is searched for."""
+
+from pyburgers.protocols.problem import Problem
+from pyburgers.protocols.stan_data import SolverOptions, StanData
+from pyburgers.sampling.charts import ChosenChart, choose_chart
+from pyburgers.sampling.starts import find_mode
+
+
+def chart_at_mode(
+    problem: Problem,
+    data: StanData,
+    solver: SolverOptions,
+    *,
+    wanted: str = "auto",
+    seed: int = 1,
+) -> ChosenChart:
+    """Choose coordinates as a fit does."""
+    return choose_chart(
+        problem,
+        data,
+        lambda: find_mode(problem, seed=seed, solver=solver),
+        wanted=wanted,
+        seed=seed,
+        solver=solver,
+    )

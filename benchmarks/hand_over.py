@@ -21,13 +21,13 @@ import pandas as pd
 from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.flow_law_tables.inputs import (
-    STRESS_SCATTER,
     PeakStressData,
     default_peak_stress_priors,
     load_peak_stress,
     without_test,
 )
 from pyburgers.model.flow_law_prior import FlowLawPrior
+from pyburgers.model.parameters import STRESS_SCATTER
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet, default_priors
 from pyburgers.protocols.protocol import load_experiment

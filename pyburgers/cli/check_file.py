@@ -13,10 +13,10 @@ from pyburgers.common.errors import InputError, StructureError
 from pyburgers.common.toml_files import read_tables, write_toml
 from pyburgers.common.units import count_points
 from pyburgers.flow_law_tables.inputs import (
-    STRESS_SCATTER,
     load_peak_stress,
     load_peak_stress_priors,
 )
+from pyburgers.model.parameters import STRESS_SCATTER
 from pyburgers.model.priors import load_priors
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.protocol import load_experiment

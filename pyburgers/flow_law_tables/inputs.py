@@ -18,7 +18,7 @@ from pyburgers.common.columns import Column, TextFilesTable, read_columns, write
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import NAME, Table, read_toml, write_toml
 from pyburgers.model.flow_law_prior import Conditions, PeakTest
-from pyburgers.model.parameters import PARAMETER_BY_NAME, Parameter
+from pyburgers.model.parameters import PARAMETER_BY_NAME, STRESS_SCATTER, Parameter
 from pyburgers.model.prior_families import PriorTable, check_beta, load_prior
 from pyburgers.model.priors import FLOW_LAW, PriorFile, PriorSet, save_priors, shipped_prior_file
 from pyburgers.protocols.experiment import Experiment, Provenance, ProvenanceTable
@@ -321,11 +321,6 @@ def _check_values(source: Path, values: Mapping[str, FloatArray]) -> None:
             f"{source}: all stresses are {values['stress'][0]:g} Pa, expected different ones."
         )
 
-
-STRESS_SCATTER = Parameter(
-    "stress_scatter", r"s_\sigma", "scatter of ln(peak stress)", "dimensionless", "1", "1"
-)
-"""Standard deviation of ln(peak stress) between tests, beyond what known uncertainties explain."""
 
 FLOW_LAW_PARAMETERS: tuple[Parameter, ...] = (
     *(PARAMETER_BY_NAME[name] for name in FLOW_LAW),

@@ -4,7 +4,12 @@ import math
 from dataclasses import dataclass
 
 from pyburgers.common.units import UNITS, number
-from pyburgers.model.parameters import PARAMETER_BY_NAME, REFERENCE_QUANTITIES, Parameter
+from pyburgers.model.parameters import (
+    PARAMETER_BY_NAME,
+    REFERENCE_QUANTITIES,
+    STRESS_SCATTER,
+    Parameter,
+)
 from pyburgers.model.prior_families import Prior
 
 STRESS_UNIT, STRESS_FACTOR = "MPa", 1.0 / UNITS["stress"]["MPa"]
@@ -61,14 +66,16 @@ def shown_quantity(name: str) -> Parameter:
     Parameters
     ----------
     name : str
-        A parameter, or a point of the flow law such as the reference stress.
+        A parameter, a point of the flow law such as the reference stress, or the scatter of a
+        table's peak stresses.
 
     Raises
     ------
     KeyError
         If there is no such quantity.
     """
-    return REFERENCE_QUANTITIES.get(name) or PARAMETER_BY_NAME[name]
+    beside = {**REFERENCE_QUANTITIES, STRESS_SCATTER.name: STRESS_SCATTER}
+    return beside.get(name) or PARAMETER_BY_NAME[name]
 
 
 def unit_text(quantity: Parameter) -> str:

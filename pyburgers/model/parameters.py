@@ -427,3 +427,9 @@ REFERENCE_QUANTITIES: Mapping[str, Parameter] = MappingProxyType(
     {q.name: q for q in (REFERENCE_STRESS_QUANTITY, REFERENCE_FLOW_RATE_QUANTITY)}
 )
 """Points of the flow law that are sampled, by their logarithms, in place of a parameter."""
+
+STRESS_SCATTER = Parameter(
+    "stress_scatter", r"s_\sigma", "scatter of ln(peak stress)", "dimensionless", "1", "1"
+)
+"""Standard deviation of ln(peak stress) between tests, beyond what known uncertainties explain;
+tables of peak stresses have it."""

@@ -415,7 +415,9 @@ def _choose_residuals(priors: PriorSet, experiment: Test, choice: str) -> PriorS
     if in_time and experiment.n_points > 1:
         tenth = float(f"{0.1 * np.ptp(experiment.position):.0e}")
         correlation = replace(correlation, location=tenth)
-    return priors.exchanging(correlation, freed["residual_correlated_share"])
+    share = priors["residual_correlated_share"]
+    said = share.parameter in priors.priors and not is_fixed_at(share, 1.0)
+    return priors.exchanging(correlation, share if said else freed[share.parameter])
 
 
 _CHANGES = MappingProxyType(

@@ -197,11 +197,6 @@ class Problem:
         ----------
         part : str
             One of `parts`.
-
-        Raises
-        ------
-        InputError
-            If the others do so by priors that differ, which no file of priors can state.
         """
         if len(self.experiments) == 1:
             kept = [self.experiments[0].without_part(part)]
@@ -221,15 +216,10 @@ class Problem:
         ]
         if not lost:
             return left
-        for name in lost:
-            if len({self.priors[k][name].location for k in others}) > 1:
-                raise InputError(
-                    f"{part}: found the only strain readings of the joint fit in it, so that the "
-                    f"others by themselves would have no {PARAMETER_BY_NAME[name].label}, expected "
-                    f"one prior of {name} for all tests in the prior file."
-                )
+        # One that each test has by its own duration comes back with what else correlates.
+        alike = [n for n in lost if len({self.priors[k][n].location for k in others}) == 1]
         return problem_of(
-            left.experiments, _with_shared(priors, self.priors[others[0]], lost), self.pooling
+            left.experiments, _with_shared(priors, self.priors[others[0]], alike), self.pooling
         )
 
 

@@ -16,13 +16,13 @@ import numpy.typing as npt
 from pyburgers.common.errors import SamplingError
 from pyburgers.flow_law_tables.fit import fit_peak_stress, flow_law_prior
 from pyburgers.flow_law_tables.inputs import (
-    STRESS_SCATTER,
     PeakStrain,
     PeakStressData,
     with_curve_flow_law,
 )
 from pyburgers.flow_law_tables.softening import simulate_peaks
 from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, FlowLawPrior
+from pyburgers.model.parameters import STRESS_SCATTER
 from pyburgers.model.priors import PriorSet, with_flow_law
 from pyburgers.protocols.experiment import Experiment, Provenance
 from pyburgers.protocols.forward import simulate_data

@@ -14,7 +14,7 @@ from pyburgers.comparison.by_tests import leave_one_test_out
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.model.parameters import PIEZOMETER
 from pyburgers.model.pooling import pooling_of
-from pyburgers.model.priors import PriorSet, default_priors
+from pyburgers.model.priors import PriorSet, default_priors, load_priors, save_priors
 from pyburgers.model.variants import variant_of, with_variant
 from pyburgers.protocols.constant_rate.experiment import (
     ConstantRateExperiment,
@@ -79,14 +79,21 @@ def test_without_the_one_test_whose_strain_is_read_residuals_hang_together_as_be
     assert again.priors[0].priors == own.priors
 
 
-def test_residuals_of_others_that_would_need_priors_of_their_own_are_refused() -> None:
+def test_residuals_of_others_hang_together_over_times_of_their_own_as_before(
+    tmp_path: Path,
+) -> None:
     curves = [constant_rate_test(), constant_rate_test("slow", 1e-6)]
     problem = problem_of([*curves, history_twin("creep", 12)], known_priors(), pooling_of())
-    with pytest.raises(InputError, match="one prior of residual_correlation_time for all tests"):
-        problem.without("creep")
+    left = problem.without("creep")
+    times = [own["residual_correlation_time"] for own in left.priors]
+    assert times == [own["residual_correlation_time"] for own in problem.priors[:2]]
+    assert times[1].location == 100 * times[0].location
+    save_priors(left.given_priors, tmp_path / "priors.toml")
+    again = problem_of(left.experiments, load_priors(tmp_path / "priors.toml"), left.pooling)
+    assert [own.priors for own in again.priors] == [own.priors for own in left.priors]
     stated = known_priors().exchanging(problem.priors[0]["residual_correlation_time"])
     left = problem_of([*curves, history_twin("creep", 12)], stated, pooling_of()).without("creep")
-    assert all("residual_correlation_time" in own.free for own in left.priors)
+    assert {own["residual_correlation_time"].location for own in left.priors} == {times[0].location}
 
 
 @pytest.mark.parametrize("law", ["constant", "piezometric"])

@@ -13,7 +13,6 @@ from conftest import ICE
 from pyburgers.common.errors import SamplingError
 from pyburgers.flow_law_tables import softening
 from pyburgers.flow_law_tables.inputs import (
-    STRESS_SCATTER,
     PeakStressData,
     default_peak_stress_priors,
     load_peak_stress,
@@ -21,6 +20,7 @@ from pyburgers.flow_law_tables.inputs import (
 )
 from pyburgers.flow_law_tables.softening import simulate_peaks, softening_prior
 from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, Conditions, FlowLawPrior
+from pyburgers.model.parameters import STRESS_SCATTER
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet, default_priors
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate

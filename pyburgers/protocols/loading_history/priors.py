@@ -23,7 +23,8 @@ def priors_of(
     """Return priors of each of some histories, and tables behind them, that are fitted together.
 
     Where strain is read, its noise is free and residuals correlate in time, unless the priors say
-    otherwise; where no stress is read, it has no noise. The compliance of the apparatus and the
+    otherwise; they do so too where the priors only say what share of them correlates. Where no
+    stress is read, it has no noise. The compliance of the apparatus and the
     offset of the strain are those of the test's file, where that states them. What histories have
     beside the material's has no effect in a table, whose priors are those of the first history.
 
@@ -61,16 +62,15 @@ def _of_readings(
     if not reads_stress:
         noise = fixed_prior(PARAMETER_BY_NAME["stress_noise"], 1.0, "no stress is read")
         priors = priors.exchanging(noise)
-    if not reads_strain:
-        return priors
-    if "strain_noise" not in priors.priors:
+    if reads_strain and "strain_noise" not in priors.priors:
         strain = experiment.reading[experiment.response_is_strain]
         free = priors_of_freed_parameters()["strain_noise"]
         if strain.size > 0 and np.ptp(strain) > 0:
             median = float(f"{STRAIN_NOISE_SHARE * np.ptp(strain):.0e}")
             free = replace(free, location=median)
         priors = priors.exchanging(free)
-    if experiment.residual_correlation not in priors.priors:
+    correlate = reads_strain or not is_fixed_at(priors["residual_correlated_share"], 1.0)
+    if correlate and experiment.residual_correlation not in priors.priors:
         priors = with_variant(priors, experiment, {"residuals": "autocorrelated"})
     return priors
 

@@ -9,10 +9,10 @@ model fails any of them (`docs/checks.md`), however many there are, however they
 however far the posterior follows the data.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
-from typing import Any
+from functools import lru_cache, partial
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -34,6 +34,7 @@ from pyburgers.posterior.labelled_draws import CORRELATED, TESTS, response_in
 from pyburgers.protocols.protocol import Protocol, protocols
 
 FloatArray = npt.NDArray[np.float64]
+Pair: TypeAlias = tuple[FloatArray, FloatArray]
 
 LEVEL = 0.003
 """Family probability at which a discrepancy counts. Simulated fits of correct models have it about
@@ -88,7 +89,7 @@ class Leftover:
     quantity: npt.NDArray[np.int64]
     observed: FloatArray
     weight: FloatArray
-    discrepancies: dict[str, tuple[FloatArray, FloatArray]] = field(repr=False)
+    discrepancies: dict[str, Pair] = field(repr=False)
 
     @property
     def residual(self) -> FloatArray:
@@ -138,10 +139,15 @@ class Family:
 
         It cannot be told where it is beyond all replicates, but these are too few for `LEVEL`.
         """
-        if row["family_probability"] <= LEVEL:
-            return Outcome.NO
-        beyond_all = row["family_probability"] * (self.n_replicates + 1) < 1.5
-        return Outcome.CANNOT_TELL if beyond_all else Outcome.YES
+        return outcome_of(row, self.n_replicates)
+
+
+def outcome_of(row: "pd.Series[float]", n_replicates: int) -> Outcome:
+    """As `Family.outcome`, of a row of such a table."""
+    if row["family_probability"] <= LEVEL:
+        return Outcome.NO
+    beyond_all = row["family_probability"] * (n_replicates + 1) < 1.5
+    return Outcome.CANNOT_TELL if beyond_all else Outcome.YES
 
 
 @lru_cache(maxsize=1)
@@ -155,6 +161,24 @@ def discrepancies_of(draws: CheckedDraws) -> Family:
         for test, leftover in tests.items()
         for name, pair in leftover.discrepancies.items()
     }
+    return Family(tests, *beside_replicates(pairs))
+
+
+def beside_replicates(pairs: Mapping[tuple[str, str], Pair]) -> tuple[pd.DataFrame, int]:
+    """Compare numbers of the data with those of replicates that are fitted as the data were.
+
+    Parameters
+    ----------
+    pairs : mapping of (str, str) to (array, array)
+        By discrepancy and test, as `Leftover.discrepancies` has them.
+
+    Returns
+    -------
+    table : DataFrame
+        As of `Family`.
+    n_replicates : int
+        Number of replicates.
+    """
     # Errors as stated are so far below what they may be that they are a family of their own.
     alone = {key: key[0] == OVER_READING_ERROR for key in pairs}
     ordered = {key: np.sort(refits, axis=None) for key, (_, refits) in pairs.items()}
@@ -178,7 +202,7 @@ def discrepancies_of(draws: CheckedDraws) -> Family:
             }
         )
     index = pd.MultiIndex.from_tuples(list(pairs), names=["discrepancy", "test"])
-    return Family(tests, pd.DataFrame(rows, index), next(iter(least.values())).size)
+    return pd.DataFrame(rows, index), next(iter(least.values())).size
 
 
 def family_probability(probability: float, least: FloatArray) -> float:
@@ -264,10 +288,9 @@ def _leftover(name: str, group: xr.DataTree, number: int) -> Leftover:
     band = np.quantile(of_replicas, (TAIL, 1.0 - TAIL), axis=0)
     means = refitted_means(observed, replicated, correlated=CORRELATED in group.children)
     band_beside = (band - _by_draw(model).mean(axis=0)) * weight
-    refits = _numbers_of_refits(observed, means, segment, position)
-    refits[OUTSIDE] = _outside(means / scale_of(means), band_beside)[:, None]
-    found = _numbers(observed, segment, position)
-    found[OUTSIDE] = np.full(len(observed), _outside(observed.mean(axis=0), band_beside))
+    numbers = partial(_numbers, segment=segment, position=position)
+    found, refits = numbers(observed), numbers_of_refits(observed, means, numbers)
+    found[OUTSIDE], refits[OUTSIDE] = shares_outside(observed, means, band_beside)
     if error is not None:
         found[OVER_READING_ERROR] = np.sqrt(((observed / error.mean()) ** 2).mean(axis=1))
         refits[OVER_READING_ERROR] = _sizes_of_errors(len(means), position.size, number)
@@ -282,23 +305,47 @@ def _of_one_size(replicated: FloatArray, quantity: npt.NDArray[np.int64]) -> Flo
     return np.array([largest / max(sizes[k], TINY) for k in quantity])
 
 
-def _numbers_of_refits(
-    observed: FloatArray,
-    means: FloatArray,
-    segment: npt.NDArray[np.int64],
-    position: FloatArray,
+def numbers_of_refits(
+    observed: FloatArray, means: FloatArray, numbers: Callable[[FloatArray], dict[str, FloatArray]]
 ) -> dict[str, FloatArray]:
-    """`_numbers` of replicates that are fitted as the data were, shape (replicates, draws)."""
+    """Numbers of replicates that are fitted as the data were, shape (replicates, draws).
+
+    Parameters
+    ----------
+    observed : array, shape (draws, n)
+        Residuals of the data.
+    means : array, shape (replicates, n)
+        From `pyburgers.checks.refits.refitted_means`.
+    numbers : callable
+        Of residuals, shape (any, n); arrays of shape (any,).
+    """
     parts = [
         {
-            name: numbers.reshape(residuals.shape[:2])
-            for name, numbers in _numbers(
-                residuals.reshape(-1, position.size), segment, position
-            ).items()
+            name: found.reshape(residuals.shape[:2])
+            for name, found in numbers(residuals.reshape(-1, observed.shape[1])).items()
         }
         for residuals in refitted_residuals(observed, means)
     ]
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def shares_outside(observed: FloatArray, means: FloatArray, band: FloatArray) -> Pair:
+    """Shares of readings outside a band: of the data, and of replicates with widths of their own.
+
+    Parameters
+    ----------
+    observed, means : array
+        As for `numbers_of_refits`.
+    band : array, shape (2, n)
+        About the mean response of the model.
+
+    Returns
+    -------
+    array, shape (draws,)
+    array, shape (replicates, 1)
+    """
+    data = np.full(len(observed), _outside(observed.mean(axis=0), band))
+    return data, _outside(means / scale_of(means), band)[:, None]
 
 
 def _outside(values: FloatArray, band: FloatArray) -> FloatArray:

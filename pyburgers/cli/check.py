@@ -5,6 +5,7 @@ from pathlib import Path
 
 from pyburgers.cli.terminal import print_checks
 from pyburgers.fitting.fit import Fit
+from pyburgers.flow_law_tables.fit import PeakStressFit, is_peak_stress_run
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -14,5 +15,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
+    if is_peak_stress_run(options.directory):
+        return print_checks(PeakStressFit.load(options.directory).checks())
     fit = Fit.load(options.directory)
     return print_checks(fit.checks(), fit.prior_conflicts())

@@ -5,8 +5,10 @@ from pathlib import Path
 
 from pyburgers.cli.shared import writing
 from pyburgers.common.atomic_files import write_text
+from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
-from pyburgers.predictions.exported import FORMATS, exported
+from pyburgers.flow_law_tables.fit import PeakStressFit, is_peak_stress_run
+from pyburgers.predictions.exported import FORMATS, Exported, exported, exported_table
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -19,8 +21,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
-    fit = Fit.load(options.directory)
-    text = FORMATS[options.format](exported(fit if options.test is None else fit[options.test]))
+    text = FORMATS[options.format](_exported(options.directory, options.test))
     if options.out is None:
         print(text, end="")
         return 0
@@ -28,3 +29,16 @@ def run(options: argparse.Namespace) -> int:
         write_text(options.out, text)
     print(options.out)
     return 0
+
+
+def _exported(directory: Path, test: str | None) -> Exported:
+    """Return the numbers of a fit, of a test of a joint one, or of a table of peak stresses."""
+    if is_peak_stress_run(directory):
+        if test is not None:
+            raise InputError(
+                f"--test: found {test}, expected none: {directory} is a fit of a table of peak "
+                "stresses."
+            )
+        return exported_table(PeakStressFit.load(directory))
+    fit = Fit.load(directory)
+    return exported(fit if test is None else fit[test])

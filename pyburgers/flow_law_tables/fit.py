@@ -22,6 +22,8 @@ from pyburgers.common.atomic_files import write_json
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.sampled_fit import SampledFit, put_aside_where_few_diverged, write_tables
+from pyburgers.flow_law_tables.description import LOG_STRESS, TABLE_CHECKS
+from pyburgers.flow_law_tables.groups import GRID_STRESSES, groups
 from pyburgers.flow_law_tables.inputs import (
     FLOW_LAW_PARAMETERS,
     PeakStressData,
@@ -52,8 +54,16 @@ from pyburgers.sampling.run_directory import RunDirectory
 
 FloatArray = npt.NDArray[np.float64]
 
-GROUP_TEMPERATURES = 2.0
-"""Widest gap (K) between sorted temperatures of tests that are drawn together."""
+AT_POINTS = {
+    "temperature": "K",
+    "strain_rate": "1/s",
+    "grain_size": "m",
+    "relative_stress_uncertainty": "1",
+}
+"""What draws keep of the rows of a table, with its units."""
+
+TABLE_FILE = "peak_stress.toml"
+"""Name of the saved table in a run directory."""
 
 SOFTENING_FILE = "softening.json"
 """Name of the saved prior of the softening in a run directory."""
@@ -63,54 +73,6 @@ PEAK_SOFTENING = "peak_softening"
 
 FLOW_RATE_OF_TEST = "log_flow_rate_of_test"
 """ln(flow rate s) of another test at the mean conditions, among the predictions."""
-
-GRID_STRESSES = 30
-"""Stresses at which each group's flow law is drawn."""
-
-GRID_MARGIN = 1.3
-"""Factor by which the drawn stresses reach beyond those of a group."""
-
-
-@dataclass(frozen=True, eq=False)
-class Group:
-    """Tests at one grain size and about one temperature, which share a line of the flow law.
-
-    Attributes
-    ----------
-    points : array of int, shape (n,)
-        Positions in the table.
-    temperature, grain_size : float
-        Harmonic mean (K), and grain size (m).
-    stress : array, shape (GRID_STRESSES,)
-        Stresses (Pa) at which the line is drawn.
-    """
-
-    points: npt.NDArray[np.int64]
-    temperature: float
-    grain_size: float
-    stress: FloatArray
-
-
-def groups(data: PeakStressData) -> tuple[Group, ...]:
-    """Split a table by grain size, and by gaps of temperature wider than `GROUP_TEMPERATURES`."""
-    found = []
-    for grain_size in np.unique(data.grain_size):
-        alike = np.flatnonzero(data.grain_size == grain_size)
-        ordered = alike[np.argsort(data.temperature[alike], kind="stable")]
-        gaps = np.flatnonzero(np.diff(data.temperature[ordered]) > GROUP_TEMPERATURES) + 1
-        for points in np.split(ordered, gaps):
-            stress = data.stress[points]
-            found.append(
-                Group(
-                    points=points,
-                    temperature=float(1 / np.mean(1 / data.temperature[points])),
-                    grain_size=float(grain_size),
-                    stress=np.geomspace(
-                        stress.min() / GRID_MARGIN, stress.max() * GRID_MARGIN, GRID_STRESSES
-                    ),
-                )
-            )
-    return tuple(found)
 
 
 def peak_stress_coordinates(data: PeakStressData, priors: PriorSet) -> PlainCoordinates:
@@ -184,10 +146,9 @@ class PeakStressFit(SampledFit):
     ----------
     directory, posterior, manifest
         As of every `SampledFit`; groups of the draws: posterior, sample_stats, log_likelihood (of
-        each ln(peak stress)), log_prior, posterior_predictive, predictions (strain rates by group
-        and stress, of undeformed material and of peaks; softening; flow rate of another test),
-        observed_data,
-        constant_data.
+        each ln(peak stress)), log_prior, model_response, posterior_predictive, predictions (strain
+        rates by group and stress, of undeformed material and of peaks; softening; flow rate of
+        another test), observed_data, constant_data.
     data : PeakStressData
         What was fitted.
     priors : PriorSet
@@ -205,8 +166,9 @@ class PeakStressFit(SampledFit):
         return summary_table(self.posterior, self.priors)
 
     def asked_checks(self) -> Sequence[Check]:
-        """Return the checks that are made; there is no solver and no band to check."""
-        return CHAIN_CHECKS
+        """Return the checks that are made: there is no solver to check."""
+        fitted = self.manifest["use_likelihood"]
+        return (*CHAIN_CHECKS, *TABLE_CHECKS) if fitted else CHAIN_CHECKS
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -220,7 +182,7 @@ class PeakStressFit(SampledFit):
         """
         run = RunDirectory(Path(path))
         run.read_manifest()
-        if not (run.inputs / "peak_stress.toml").is_file():
+        if not is_peak_stress_run(path):
             raise InputError(
                 f"{path}: is not a fit of a table of peak stresses, expected a run of pyburgers "
                 "fit-peak-stress."
@@ -228,10 +190,10 @@ class PeakStressFit(SampledFit):
         run.require_a_chain()
         manifest = run.read_manifest(RunManifest)
         run.require_unchanged()
-        data = load_peak_stress(run.inputs / "peak_stress.toml")
+        data = load_peak_stress(run.inputs / TABLE_FILE)
         priors = load_peak_stress_priors(run.priors_file)
         posterior = load_posterior(run)
-        if posterior is None:
+        if posterior is None or "model_response" not in posterior.children:
             posterior = _build_posterior(run, data, priors)
         return cls(
             run,
@@ -328,6 +290,11 @@ def fit_peak_stress(
     return replace(result, manifest=run.read_manifest())
 
 
+def is_peak_stress_run(path: str | Path) -> bool:
+    """Whether a run directory holds a fit of a table of peak stresses."""
+    return (RunDirectory(Path(path)).inputs / TABLE_FILE).is_file()
+
+
 def flow_law_prior(fit: PeakStressFit) -> FlowLawPrior:
     """Return the flow law of another test (see `FlowLawPrior`) as the posterior has it.
 
@@ -385,12 +352,15 @@ def _build_posterior(run: RunDirectory, data: PeakStressData, priors: PriorSet) 
     }
     point = {"point": np.arange(data.n_points)}
     contents["observed_data"] = xr.Dataset(
-        {"log_stress": ("point", np.log(data.stress))}, coords=point
+        {LOG_STRESS: ("point", np.log(data.stress))}, coords=point
     )
+    of_group = np.empty(data.n_points, dtype=np.int64)
+    for number, group in enumerate(groups(data)):
+        of_group[group.points] = number
     contents["constant_data"] = xr.Dataset(
         {
-            name: ("point", getattr(data, name), {"units": unit})
-            for name, unit in (("temperature", "K"), ("strain_rate", "1/s"), ("grain_size", "m"))
+            **{name: ("point", getattr(data, name), {"units": u}) for name, u in AT_POINTS.items()},
+            "group": ("point", of_group),
         },
         coords=point,
     )
@@ -405,7 +375,7 @@ def _drawn_groups(chains: Draws, data: PeakStressData, priors: PriorSet) -> dict
     point = {"point": np.arange(data.n_points)}
     at_points = {
         name: chains.dataset([name])[name].rename({f"{name}_dim_0": "point"}).assign_coords(point)
-        for name in ("log_lik", "log_stress_replicated")
+        for name in ("log_lik", "log_stress_model", "log_stress_replicated")
     }
     lines = groups(data)
     predictions = xr.Dataset(
@@ -430,8 +400,9 @@ def _drawn_groups(chains: Draws, data: PeakStressData, priors: PriorSet) -> dict
     return {
         "posterior": draws,
         "sample_stats": sample_stats(chains),
-        "log_likelihood": xr.Dataset({"log_stress": at_points["log_lik"]}),
+        "log_likelihood": xr.Dataset({LOG_STRESS: at_points["log_lik"]}),
         "log_prior": chains.dataset(["lprior"]),
-        "posterior_predictive": xr.Dataset({"log_stress": at_points["log_stress_replicated"]}),
+        "model_response": xr.Dataset({LOG_STRESS: at_points["log_stress_model"]}),
+        "posterior_predictive": xr.Dataset({LOG_STRESS: at_points["log_stress_replicated"]}),
         "predictions": predictions,
     }

@@ -2,7 +2,7 @@
 
 import io
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
@@ -13,8 +13,11 @@ import pandas as pd
 
 from pyburgers.common.units import rounded
 from pyburgers.fitting.fit import Fit
+from pyburgers.fitting.sampled_fit import SampledFit
+from pyburgers.flow_law_tables.fit import PeakStressFit
 from pyburgers.model.display import shown_quantity, unit_text
-from pyburgers.model.parameters import CONDITIONS
+from pyburgers.model.parameters import CONDITIONS, STRESS_SCATTER
+from pyburgers.model.priors import FLOW_LAW as FLOW_LAW_NAMES
 
 LOG_FACTOR = "ln_flow_law_factor"
 """ln A in SI units, which β and Q_M give: A = exp(β Q_M)."""
@@ -74,8 +77,24 @@ def exported(fit: Fit) -> Exported:
     InputError
         If it is a joint fit.
     """
-    draws = fit.posterior["posterior"].to_dataset()
     names = [name for name in fit.priors.priors if name not in LEFT_OUT]
+    one = fit.experiment
+    return _exported(fit, names, test=one.id, material=one.material, law=fit.variant.short_text)
+
+
+def exported_table(fit: PeakStressFit) -> Exported:
+    """Return what other codes need of a fit of a table of peak stresses.
+
+    The flow law is that of all its tests; single ones scatter about it in ln(stress).
+    """
+    names, data = (*FLOW_LAW_NAMES, STRESS_SCATTER.name), fit.data
+    return _exported(fit, names, test=data.id, material=data.material, law="flow law")
+
+
+def _exported(
+    fit: SampledFit, names: Sequence[str], *, test: str, material: str, law: str
+) -> Exported:
+    draws = fit.posterior["posterior"].to_dataset()
     columns = {name: draws[name].to_numpy().ravel() for name in names}
     columns[LOG_FACTOR] = columns["beta"] * columns["activation_enthalpy"]
     values = np.stack(list(columns.values()))
@@ -84,9 +103,9 @@ def exported(fit: Fit) -> Exported:
     # Rounding would give what never varies a spread, and correlations of 1.
     covariance[fixed, :] = covariance[:, fixed] = 0.0
     return Exported(
-        test=fit.experiment.id,
-        material=fit.experiment.material,
-        variant=fit.variant.short_text,
+        test=test,
+        material=material,
+        variant=law,
         run=fit.directory.path.name,
         sampled_well=fit.sampled_well.value,
         describes_data=fit.describes_data.value,

@@ -15,11 +15,10 @@ from pyburgers.drawing.panels import draw_band
 from pyburgers.drawing.style import BLUE, GREEN, ORANGE, PURPLE, VERMILION, style
 from pyburgers.flow_law_tables.fit import (
     FLOW_RATE_OF_TEST,
-    GROUP_TEMPERATURES,
     PEAK_SOFTENING,
     PeakStressFit,
-    groups,
 )
+from pyburgers.flow_law_tables.groups import GROUP_TEMPERATURES, groups
 from pyburgers.flow_law_tables.inputs import FLOW_LAW_PARAMETERS, least_squares
 from pyburgers.model.display import (
     LENGTH_FACTOR,
@@ -57,7 +56,10 @@ def peak_stress_section(fit: PeakStressFit) -> PageSection:
     return PageSection(
         key=PEAK_STRESS_KEY,
         title=f"Flow law of {data.material} from peak stresses",
-        paragraphs=(_hand_over_text(fit),),
+        paragraphs=(
+            *(verdict.sentence for verdict in fit.verdicts().values()),
+            _hand_over_text(fit),
+        ),
         details=(
             f"{data.n_points} tests ({data.provenance.kind} data: {data.provenance.source}), one "
             "point each: the rate is imposed, the peak stress is measured. Fitted is "

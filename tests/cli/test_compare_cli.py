@@ -1,5 +1,6 @@
 """`pyburgers compare` and `pyburgers fit-peak-stress`: files, exit codes, one sentence each."""
 
+import io
 import json
 import re
 import shutil
@@ -148,7 +149,9 @@ def test_a_table_is_fitted_with_figure_checks_and_a_prior_to_hand_on(
     printed, told = capsys.readouterr()
     assert "1 of 23 rows may be" in told
     checks = json.loads((out / "checks.json").read_text(encoding="utf-8"))["checks"]
-    assert code == (0 if all(check["passed"] for check in checks) else 3)
+    failed = {check["kind"] for check in checks if not check["passed"]}
+    assert code == (3 if "sampling" in failed else 4 if failed else 0)
+    assert {check["kind"] for check in checks} == {"sampling", "description"}
     assert f"run directory: {out}" in printed
     assert "stress exponent" in printed
     for name in ("manifest.json", "posterior.nc", "summary.csv", "flow_law.png", "flow_law.svg"):
@@ -159,6 +162,16 @@ def test_a_table_is_fitted_with_figure_checks_and_a_prior_to_hand_on(
     law = FlowLawPrior.load(out / "flow_law_prior.json")
     assert law.mean.shape == (4,)
     assert len(law.tests) == 22
+    assert main(["check", str(out)]) == code
+    assert "bend along the rate" in capsys.readouterr().out
+    assert main(["export", str(out), "--format", "csv"]) == 0
+    exported = pd.read_csv(io.StringIO(capsys.readouterr().out), index_col="name")
+    summary = pd.read_csv(out / "summary.csv", index_col="parameter")
+    for name in ("stress_exponent", "stress_scatter"):
+        assert exported["mean"][name] == pytest.approx(summary["mean"][name])
+    assert "ln_flow_law_factor" in exported.index
+    code = main(["export", str(out), "--test", "PIL40"])
+    assert_refused(code, capsys, "--test: found PIL40, expected none")
 
 
 def test_bad_tables_priors_and_folders_are_refused(

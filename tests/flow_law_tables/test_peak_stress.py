@@ -9,7 +9,7 @@ import pytest
 from conftest import ICE
 
 from pyburgers.common.errors import InputError
-from pyburgers.flow_law_tables.fit import groups
+from pyburgers.flow_law_tables.groups import groups
 from pyburgers.flow_law_tables.inputs import (
     COLUMNS,
     FLOW_LAW_PARAMETERS,

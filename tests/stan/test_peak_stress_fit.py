@@ -1,6 +1,7 @@
 """Flow law from peak stresses: known truths, priors, densities, hand-over, run directory."""
 
 import json
+import shutil
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -10,10 +11,12 @@ import numpy as np
 import numpy.typing as npt
 import oracle
 import pytest
+import xarray as xr
 from conftest import ICE, PEAK_STRESS_RUN, with_fixed
 from independent_table import TRUTHS
 from scipy import stats
 
+from pyburgers.checks.fit_checks import Outcome
 from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.draws import all_draws
@@ -24,10 +27,10 @@ from pyburgers.flow_law_tables.fit import (
     PeakStressFit,
     fit_peak_stress,
     flow_law_prior,
-    groups,
     peak_stress_coordinates,
     peak_stress_data,
 )
+from pyburgers.flow_law_tables.groups import groups
 from pyburgers.flow_law_tables.inputs import (
     FLOW_LAW_PARAMETERS,
     PeakStrain,
@@ -185,6 +188,45 @@ def test_the_peaks_of_the_published_table_have_the_exponents_of_least_squares(
         1e-3 * peak_stress.summary("SI")["mean"]["activation_enthalpy"]
     )
     assert "stress_scatter" in peak_stress._repr_html_()
+
+
+def test_one_law_describes_the_published_table(peak_stress: PeakStressFit) -> None:
+    assert peak_stress.describes_data is Outcome.YES
+    names = {one.name for one in peak_stress.checks()}
+    assert names >= {"coverage", "largest residual", "bend along the rate", "groups"}
+
+
+def test_draws_that_were_kept_without_the_model_s_stresses_are_gathered_again(
+    peak_stress: PeakStressFit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shutil.copytree(peak_stress.directory.path, tmp_path / "run")
+    kept = peak_stress.posterior.to_dict()
+    older = {name: one for name, one in kept.items() if name != "/model_response"}
+    monkeypatch.setattr(
+        "pyburgers.flow_law_tables.fit.load_posterior", lambda run: xr.DataTree.from_dict(older)
+    )
+    again = PeakStressFit.load(tmp_path / "run")
+    found, expected = (fit.posterior["model_response"].to_dataset() for fit in (again, peak_stress))
+    xr.testing.assert_equal(found, expected)
+
+
+@pytest.mark.slow
+def test_a_table_of_two_mechanisms_is_not_described(
+    peak_stress: PeakStressFit, tmp_path: Path
+) -> None:
+    """Its slow tests flow as if by n = 1.8, as ice does at low stresses, its fast ones by 4."""
+    data = peak_stress.data
+    log_rate = np.log(data.strain_rate / data.mean_strain_rate)
+    exponent = np.where(log_rate < 0, 1.8, 4.0)
+    residual = np.log(data.stress) - log_rate / 3.6
+    bent = replace(data, stress=np.exp(residual + log_rate / exponent))
+    fit = fit_peak_stress(
+        bent, default_peak_stress_priors("ice"), out=tmp_path / "run", options=PEAK_STRESS_RUN
+    )
+    assert fit.sampled_well is Outcome.YES
+    assert fit.describes_data is Outcome.NO
+    failed = {one.name for one in fit.checks() if not one.passed}
+    assert "bend along the rate" in failed
 
 
 def test_a_single_temperature_leaves_the_activation_enthalpy_open(

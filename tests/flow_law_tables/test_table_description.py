@@ -1,0 +1,155 @@
+"""Whether one flow law describes a table: what is missed, and how often by chance."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+import xarray as xr
+
+from pyburgers.checks.fit_checks import CheckedDraws, CheckResult, Outcome, run_checks
+from pyburgers.flow_law_tables.description import LOG_STRESS, TABLE_CHECKS
+
+FloatArray = npt.NDArray[np.float64]
+
+SCATTER = 0.05
+LOG_RATE = np.log(np.geomspace(1e-6, 5e-4, 18))
+LOG_RATES = np.append(LOG_RATE, np.log(np.geomspace(3e-6, 2e-4, 6)))
+GROUP = np.repeat([0, 1], [18, 6])
+MIDDLE = LOG_RATES.mean()
+
+
+@dataclass(frozen=True, eq=False)
+class StraightLaw:
+    """ln(stress) linear in ln(rate) and, for tests of the second group, ln(grain size).
+
+    Attributes
+    ----------
+    log_rate, group : array, shape (n,)
+        Of the tests.
+    uncertainty : array, shape (n,)
+        Stated, of ln(stress).
+    """
+
+    log_rate: FloatArray
+    group: npt.NDArray[np.int64]
+    uncertainty: FloatArray
+
+    def data(self, seed: int) -> FloatArray:
+        """ln(stress) as the law has it, with scatter."""
+        rng = np.random.default_rng([seed, 1])
+        law = 14.0 + (self.log_rate - MIDDLE) / 3.6 + 0.2 * self.group
+        return np.asarray(law + np.hypot(SCATTER, self.uncertainty) * rng.standard_normal(law.size))
+
+    def fit(self, data: FloatArray, seed: int, draws: int = 1000) -> CheckedDraws:
+        """Draws of the posterior under flat priors, all errors in proportion to the scatter."""
+        rng = np.random.default_rng([seed, 2])
+        error = np.hypot(SCATTER, self.uncertainty) / SCATTER
+        design = np.column_stack([np.ones_like(data), self.log_rate - MIDDLE, self.group])
+        design = design[:, : 2 + np.ptp(self.group)]
+        whitened = design / error[:, None]
+        best, (squares,), *_ = np.linalg.lstsq(whitened, data / error)
+        freedom = data.size - design.shape[1]
+        scatter = np.sqrt(squares / rng.chisquare(freedom, draws))[:, None]
+        factor = np.linalg.cholesky(np.linalg.inv(whitened.T @ whitened))
+        away = scatter * (rng.standard_normal((draws, design.shape[1])) @ factor.T)
+        model = (best + away) @ design.T
+        replicas = model + scatter * error * rng.standard_normal(model.shape)
+        dims = ("chain", "draw", "point")
+        along = {
+            "strain_rate": np.exp(self.log_rate),
+            "temperature": np.full(data.size, 263.0),
+            "grain_size": np.where(self.group == 0, 230e-6, 630e-6),
+            "relative_stress_uncertainty": self.uncertainty,
+            "group": self.group,
+        }
+        return CheckedDraws(
+            xr.DataTree.from_dict(
+                {
+                    "observed_data": xr.Dataset({LOG_STRESS: ("point", data)}),
+                    "model_response": xr.Dataset({LOG_STRESS: (dims, model[None])}),
+                    "posterior_predictive": xr.Dataset({LOG_STRESS: (dims, replicas[None])}),
+                    "posterior": xr.Dataset({"stress_scatter": (dims[:2], scatter.T)}),
+                    "constant_data": xr.Dataset({k: ("point", v) for k, v in along.items()}),
+                    "sample_stats": xr.Dataset(
+                        {"diverging": (dims[:2], np.zeros((1, draws), dtype=bool))}
+                    ),
+                }
+            )
+        )
+
+
+LAW = StraightLaw(LOG_RATES, GROUP, np.zeros(GROUP.size))
+
+
+def failed(draws: CheckedDraws) -> dict[str, CheckResult]:
+    return {
+        one.name: one for one in run_checks(draws, TABLE_CHECKS) if one.outcome is not Outcome.YES
+    }
+
+
+def test_a_table_of_one_law_passes() -> None:
+    draws = LAW.fit(LAW.data(1), 1)
+    results = run_checks(draws, TABLE_CHECKS)
+    assert [one.sentence for one in results if not one.passed] == []
+    assert len({one.name for one in results}) == len(TABLE_CHECKS)
+    assert "of the peak stresses lie inside the 90 % predictive band" in results[0].sentence
+
+
+def test_an_exponent_that_changes_with_the_rate_is_told() -> None:
+    bent = LAW.data(1) + 0.07 * ((LAW.log_rate - MIDDLE) / 2.0) ** 2
+    found = failed(LAW.fit(bent, 1))["bend along the rate"]
+    assert found.outcome is Outcome.NO
+    assert "The stress exponent changes with the rate" in found.sentence
+    assert "% below a line through those at the ends" in found.sentence
+    assert "another mechanism" in found.sentence
+
+
+def test_a_group_with_an_exponent_of_its_own_is_told() -> None:
+    own = LAW.data(1) + np.where(GROUP == 1, 0.2 * (LAW.log_rate - MIDDLE), 0.0)
+    found = failed(LAW.fit(own, 1))["groups"]
+    assert found.outcome is Outcome.NO
+    assert "the 6 tests at 630 µm and about 263 K lie" in found.sentence
+    assert "below the flow law where they are slowest" in found.sentence
+
+
+def test_an_outlier_is_named() -> None:
+    data = LAW.data(1)
+    data[4] -= 12 * SCATTER
+    found = failed(LAW.fit(data, 1))["largest residual"]
+    assert found.outcome is Outcome.NO
+    assert "row 5 (" in found.sentence
+    assert "% below the flow law" in found.sentence
+
+
+def test_a_group_that_scatters_more_is_told() -> None:
+    rng = np.random.default_rng(3)
+    data = LAW.data(1) + np.where(GROUP == 1, 10 * SCATTER, 0.0) * rng.choice([-1, 1], GROUP.size)
+    found = failed(LAW.fit(data, 1))
+    assert "the 6 tests at 630 µm" in found["size of residuals"].sentence
+
+
+def test_a_test_stated_to_be_uncertain_is_no_outlier() -> None:
+    uncertain = StraightLaw(LOG_RATES, GROUP, np.where(np.arange(GROUP.size) == 4, 0.5, 0.0))
+    data = LAW.data(1)
+    data[4] -= 12 * SCATTER
+    assert failed(uncertain.fit(data, 1)) == {}
+
+
+def test_two_rates_cannot_show_a_bend() -> None:
+    rates = np.log(np.repeat([1e-6, 1e-5], 6))
+    law = StraightLaw(rates, np.zeros(12, dtype=np.int64), np.zeros(12))
+    found = failed(law.fit(law.data(1), 1))
+    assert list(found) == ["bend along the rate"]
+    assert found["bend along the rate"].outcome is Outcome.CANNOT_TELL
+    assert "2 strain rates cannot show whether n changes" in found["bend along the rate"].sentence
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("n_groups", [1, 2])
+def test_at_most_1_in_100_tables_of_one_law_fails_any_check(n_groups: int) -> None:
+    here = n_groups > GROUP
+    law = StraightLaw(LOG_RATES[here], GROUP[here], np.zeros(int(here.sum())))
+    n_tables = 500
+    count = sum(bool(failed(law.fit(law.data(seed), seed))) for seed in range(n_tables))
+    assert count <= 0.01 * n_tables + 3.1 * np.sqrt(0.01 * n_tables), count

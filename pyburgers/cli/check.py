@@ -15,7 +15,6 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
-    if is_peak_stress_run(options.directory):
-        return print_checks(PeakStressFit.load(options.directory).checks())
-    fit = Fit.load(options.directory)
+    kind = PeakStressFit if is_peak_stress_run(options.directory) else Fit
+    fit = kind.load(options.directory)
     return print_checks(fit.checks(), fit.prior_conflicts())

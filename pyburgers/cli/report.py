@@ -5,9 +5,13 @@ from pathlib import Path
 
 from pyburgers.cli.shared import command_line
 from pyburgers.fitting.fit import Fit
+from pyburgers.flow_law_tables.fit import PeakStressFit, is_peak_stress_run
 from pyburgers.report.comparison_sections import comparison_sections
 from pyburgers.report.joint_section import joint_sections
+from pyburgers.report.names import file_key
 from pyburgers.report.page import write_report
+from pyburgers.report.peak_stress_section import PEAK_STRESS_KEY, peak_stress_section
+from pyburgers.sampling.run_directory import names_of_runs
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -19,7 +23,12 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
-    loaded = [Fit.load(directory) for directory in options.directories]
+    of_tables = [one for one in options.directories if is_peak_stress_run(one)]
+    loaded = [Fit.load(one) for one in options.directories if one not in of_tables]
+    tables = {
+        f"{PEAK_STRESS_KEY}_{file_key(name)}": PeakStressFit.load(directory)
+        for name, directory in zip(names_of_runs(of_tables), of_tables, strict=True)
+    }
     joints = [fit for fit in loaded if fit.is_joint]
     fits = [fit for fit in loaded if not fit.is_joint]
     sections = joint_sections(joints, fits)
@@ -30,7 +39,12 @@ def run(options: argparse.Namespace) -> int:
         title=options.title,
         command=command_line(),
         joints=joints,
-        extras=(*sections, *comparison_sections([*joints, *fits])),
+        extras=(
+            *sections,
+            *comparison_sections([*joints, *fits]),
+            *(peak_stress_section(table, key) for key, table in tables.items()),
+        ),
+        told={key: [table] for key, table in tables.items()},
     )
     print(f"The page is {page}")
     return 0

@@ -22,7 +22,7 @@ from pyburgers.model.priors import PriorSet, load_priors, note_other_material
 from pyburgers.model.variants import ModelVariant, variant_of
 from pyburgers.posterior.build import build_posterior
 from pyburgers.posterior.labelled_draws import TESTS, draws_table, load_posterior, summary_table
-from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.experiment import Experiment, Provenance
 from pyburgers.protocols.problem import Problem, one_test, problem_of
 from pyburgers.protocols.protocol import load_experiment
 from pyburgers.protocols.stan_data import SolverOptions
@@ -89,6 +89,16 @@ class Fit(SampledFit):
     def is_part(self) -> bool:
         """Whether it is what a joint fit says of one test."""
         return len(self.manifest["experiments"]) > len(self.problem.experiments)
+
+    @property
+    def provenance(self) -> Provenance:
+        """Where the data of the one test come from."""
+        return self.experiment.provenance
+
+    @property
+    def part_name(self) -> str | None:
+        """Name of the test where this is what a joint fit says of one; else None."""
+        return self.problem.name if self.is_part else None
 
     def __getitem__(self, test: str) -> "Fit":
         """Return what the fit says about a test, as a fit of that test.

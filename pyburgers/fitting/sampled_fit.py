@@ -23,6 +23,7 @@ from pyburgers.checks.registry import CHECKS
 from pyburgers.checks.verdicts import Verdict, verdicts, verdicts_record
 from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.posterior.labelled_draws import in_display_units
+from pyburgers.protocols.experiment import Provenance
 from pyburgers.sampling.failures import ChainFailure, missing_chains
 from pyburgers.sampling.manifest import COMPLETE
 from pyburgers.sampling.repetitions import SHORTENING, shorten_steps, shortened
@@ -55,6 +56,20 @@ class SampledFit(ABC):
     directory: RunDirectory
     posterior: xr.DataTree
     manifest: dict[str, Any]
+
+    @property
+    @abstractmethod
+    def provenance(self) -> Provenance:
+        """Where the data of the one test, or the table, come from."""
+
+    @property
+    def part_name(self) -> str | None:
+        """Name of the test where this is what a joint fit says of one; else None."""
+        return None
+
+    def prior_conflicts(self) -> tuple[str, ...]:
+        """Return a sentence for each test in which prior and data disagree."""
+        return ()
 
     @abstractmethod
     def si_summary(self) -> pd.DataFrame:

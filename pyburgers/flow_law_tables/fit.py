@@ -44,6 +44,7 @@ from pyburgers.posterior.labelled_draws import (
     summary_table,
 )
 from pyburgers.protocols.coordinates import REFERENCE_FLOW_RATE, PlainCoordinates
+from pyburgers.protocols.experiment import Provenance
 from pyburgers.protocols.problem import coordinates_through
 from pyburgers.protocols.program_data import prior_block
 from pyburgers.protocols.stan_data import StanData
@@ -160,6 +161,11 @@ class PeakStressFit(SampledFit):
     data: PeakStressData
     priors: PriorSet
     softening: SofteningPrior
+
+    @property
+    def provenance(self) -> Provenance:
+        """Where the table comes from."""
+        return self.data.provenance
 
     def si_summary(self) -> pd.DataFrame:
         """Posterior table in SI units (`pyburgers.posterior.labelled_draws.summary_table`)."""

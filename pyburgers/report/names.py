@@ -6,19 +6,19 @@ from collections import Counter
 from collections.abc import Sequence
 
 from pyburgers.common.errors import InputError
-from pyburgers.fitting.fit import Fit
+from pyburgers.fitting.sampled_fit import SampledFit
 from pyburgers.sampling.run_directory import names_of_runs
 
 _NOT_IN_FILES = re.compile(r"[^A-Za-z0-9_.+-]")
 
 
-def page_keys(fits: Sequence[Fit]) -> list[str]:
+def page_keys(fits: Sequence[SampledFit]) -> list[str]:
     """Name each fit after its run directory, and a test of a joint fit after both.
 
     Parameters
     ----------
-    fits : sequence of Fit
-        Of single tests, joint ones, and tests of joint fits.
+    fits : sequence of SampledFit
+        Of single tests, joint ones, tests of joint fits, and of tables of peak stresses.
 
     Raises
     ------
@@ -28,7 +28,7 @@ def page_keys(fits: Sequence[Fit]) -> list[str]:
     directories = list(dict.fromkeys(fit.directory.path.resolve() for fit in fits))
     names = dict(zip(directories, names_of_runs(directories), strict=True))
     keys = [
-        names[fit.directory.path.resolve()] + (f": {fit.problem.name}" if fit.is_part else "")
+        names[fit.directory.path.resolve()] + (f": {fit.part_name}" if fit.part_name else "")
         for fit in fits
     ]
     twice = [key for key, count in Counter(keys).items() if count > 1]

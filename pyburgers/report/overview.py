@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
 import pandas as pd
 
 from pyburgers.checks.fit_checks import CheckKind, CheckResult, Outcome, coverage
@@ -15,8 +16,9 @@ from pyburgers.checks.prior_influence import (
 from pyburgers.checks.verdicts import ANSWERS, Verdict, verdicts
 from pyburgers.common.units import number, with_error
 from pyburgers.fitting.fit import Fit
+from pyburgers.fitting.sampled_fit import SampledFit
 from pyburgers.model.display import shown_quantity, symbol_text, unit_text
-from pyburgers.model.parameters import PARAMETER_BY_NAME
+from pyburgers.model.parameters import PARAMETER_BY_NAME, STRESS_SCATTER
 
 ANSWER_COLUMNS = {
     CheckKind.SAMPLING: "sampled well?",
@@ -181,6 +183,37 @@ def entry_of(
     return Entry(key, name, is_synthetic, answered, tuple(checks), disagreement(influences), row)
 
 
+def told_entry(key: str, name: str, fit: SampledFit) -> Entry:
+    """Gather what the top of the page says about a fit that another part of the page is about.
+
+    Parameters
+    ----------
+    key : str
+        Anchor of that part.
+    name : str
+        Its name on the page.
+    fit : SampledFit
+        Of one test, or of a table of peak stresses.
+    """
+    if isinstance(fit, Fit):
+        influences = fit.influences().get(fit.problem.name, {})
+        return entry_of(key, name, fit, fit.checks(), influences)
+    checks, draws = fit.checks(), fit.posterior["posterior"].to_dataset()
+    answered, kind = verdicts(checks), fit.provenance.kind
+    mean, sd = (float(draws["stress_exponent"].pipe(f)) for f in (np.mean, np.std))
+    row = {
+        "run": name,
+        "data": kind,
+        "model": "flow law",
+        **_answers_text(answered, checks),
+        "stress exponent n": with_error(mean, sd) if sd > 0 else f"{number(mean)} (fixed)",
+        RESIDUAL_COLUMN: f"{100 * float(draws[STRESS_SCATTER.name].mean()):.2g} % of the peak",
+        "in 90 % band": f"{100.0 * coverage(fit.posterior):.0f} %",
+        **_times(fit),
+    }
+    return Entry(key, name, kind == "synthetic", answered, tuple(checks), None, row)
+
+
 def joint_entry(key: str, name: str, joint: Fit) -> Entry:
     """Gather what the top of the page says about a joint fit as a whole.
 
@@ -254,7 +287,7 @@ def _mean_sd(fit: Fit, name: str, factor: float) -> str:
     return with_error(mean, sd)
 
 
-def _times(fit: Fit) -> dict[str, str]:
+def _times(fit: SampledFit) -> dict[str, str]:
     """Wall time of all chains."""
     seconds = [record["wall_seconds"] for record in fit.manifest["chains"].values()]
     return {

@@ -2,7 +2,6 @@
 
 import importlib.metadata
 import logging
-import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -22,11 +21,12 @@ from pyburgers.checks.prior_influence import (
     Origin,
     influence_numbers,
 )
-from pyburgers.common.atomic_files import sha256_of_file, write_json, write_text
+from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import read_json
 from pyburgers.drawing.page_parts import FigureText, PageSection, PageTable
 from pyburgers.fitting.fit import Fit
+from pyburgers.fitting.sampled_fit import SampledFit
 from pyburgers.model.display import symbol_text
 from pyburgers.model.parameters import PARAMETER_BY_NAME, REFERENCE_QUANTITIES
 from pyburgers.model.variants import ModelVariant
@@ -46,15 +46,12 @@ from pyburgers.report.overview import (
     joint_entry,
     overview_table,
     remedies,
+    told_entry,
 )
 from pyburgers.report.posterior_figures import figures_for
+from pyburgers.report.run_records import REPORT_KIND, report_manifest, runs_table
 
 logger = logging.getLogger(__name__)
-
-REPORT_KIND = "pyburgers report"
-"""What the manifest of a report says, so that no other manifest is overwritten."""
-
-PACKAGES = ("pyburgers", "arviz", "jinja2", "matplotlib", "numpy", "pandas", "scipy", "xarray")
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +142,7 @@ def write_report(
     command: str,
     joints: Sequence[Fit] = (),
     extras: Sequence[PageSection] = (),
-    told: Mapping[str, Sequence[Fit]] = MappingProxyType({}),
+    told: Mapping[str, Sequence[SampledFit]] = MappingProxyType({}),
     jobs: int | None = 1,
 ) -> Path:
     """Write the page ``index.html``, ``figures/``, ``tables/`` and ``manifest.json``.
@@ -156,8 +153,7 @@ def write_report(
     Parameters
     ----------
     fits : sequence of Fit
-        At least one, of single tests or of the tests of joint fits. Measured ones come first on
-        the page.
+        Of single tests or of the tests of joint fits. Measured ones come first on the page.
     out : Path
         Folder, new or of an earlier report.
     title : str
@@ -168,9 +164,10 @@ def write_report(
         Joint fits, whose parts of the page are among the extras.
     extras : sequence of PageSection
         Parts of the page beside the fits, in their order.
-    told : mapping of str to sequence of Fit
-        Fits that one of the extras is about, by its key: they have no section of their own, and
-        both verdicts on them stand at the top of the page like those on all others.
+    told : mapping of str to sequence of SampledFit
+        Fits that one of the extras is about, by its key, those of tables of peak stresses among
+        them: they have no section of their own, and both verdicts on them stand at the top of the
+        page like those on all others.
     jobs : int, optional
         Processes that write figures; None takes one for each core, which pays for many figures.
 
@@ -184,15 +181,16 @@ def write_report(
     InputError
         If there is no fit, or the folder cannot be written or holds something else.
     """
-    if not fits:
+    if not fits and not told:
         raise InputError(f"{out}: a report needs at least one run, found none.")
     _claim(out)
     others = [(key, fit) for key, some in told.items() for fit in some]
-    every = [*fits, *(fit for _, fit in others)]
-    named = list(zip(page_keys(every), every, strict=True))
-    write_json(out / "manifest.json", _manifest(named, title, command))
+    names = page_keys([*fits, *(fit for _, fit in others)])
+    own = list(zip(names, fits, strict=False))
+    named = [*own, *zip(names[len(fits) :], (fit for _, fit in others), strict=True)]
+    write_json(out / "manifest.json", report_manifest(named, title, command))
     sections: list[Section] = []
-    for name, fit in sorted(named[: len(fits)], key=_is_synthetic):
+    for name, fit in sorted(own, key=_is_synthetic):
         logger.info(f"Writing the section of {name}.")
         section = _write_section(name, fit, out)
         same = next((one for one in sections if one.about_data == section.about_data), None)
@@ -208,7 +206,7 @@ def write_report(
     logger.info(f"Writing {len(illustrations)} figures.")
     pictures = write_figures(illustrations, out, jobs)
     told_entries = [
-        entry_of(key, name, fit, fit.checks(), fit.influences().get(fit.problem.name, {}))
+        told_entry(key, name, fit)
         for (key, _), (name, fit) in zip(others, named[len(fits) :], strict=True)
     ]
     entries = [
@@ -227,7 +225,7 @@ def write_report(
         pictures,
         entries=entries,
         told_entries=told_entries,
-        runs=_runs(named),
+        runs=runs_table(named),
         title=title,
         command=command,
     )
@@ -235,9 +233,9 @@ def write_report(
     return page
 
 
-def _is_synthetic(named: tuple[str, Fit]) -> bool:
+def _is_synthetic(named: tuple[str, SampledFit]) -> bool:
     """Whether nobody measured the data of a fit with its name."""
-    return named[1].experiment.provenance.kind == "synthetic"
+    return named[1].provenance.kind == "synthetic"
 
 
 def render_page(
@@ -309,19 +307,6 @@ def _made_alike(sections: Sequence[Section]) -> list[list[Section]]:
     for section in sections:
         found.setdefault(section.how_made, []).append(section)
     return list(found.values())
-
-
-def _runs(named: Sequence[tuple[str, Fit]]) -> pd.DataFrame:
-    """Say of each fit what no other has: its state, when it was begun and its hash, as text."""
-    return pd.DataFrame(
-        [
-            {"fit": name} | {title: fit.manifest[key] for title, key in _OF_A_RUN.items()}
-            for name, fit in named
-        ]
-    )
-
-
-_OF_A_RUN = {"state": "status", "begun": "started", "fingerprint": "fingerprint"}
 
 
 def _names_of_checks(entries: Sequence[Entry], kind: CheckKind) -> list[str]:
@@ -422,29 +407,3 @@ def _write_extra(extra: PageSection, out: Path) -> tuple[Illustration, ...]:
 
 def _picture_file(out: Path, key: str, text: FigureText) -> Path:
     return out / "figures" / f"{key}_{file_key(text.name)}.png"
-
-
-def _manifest(named: Sequence[tuple[str, Fit]], title: str, command: str) -> dict[str, Any]:
-    """Record what made the report and from what."""
-    return {
-        "kind": REPORT_KIND,
-        "title": title,
-        "command": command,
-        "written": datetime.now(UTC).isoformat(timespec="seconds"),
-        "versions": {
-            "python": platform.python_version(),
-            **{package: importlib.metadata.version(package) for package in PACKAGES},
-        },
-        "runs": [
-            {
-                "id": key,
-                "directory": fit.directory.path.name,
-                "data_kind": fit.experiment.provenance.kind,
-                "command": fit.manifest["command"],
-                "fingerprint": fit.manifest["fingerprint"],
-                "status": fit.manifest["status"],
-                "manifest_sha256": sha256_of_file(fit.directory.manifest_file),
-            }
-            for key, fit in named
-        ],
-    }

@@ -37,13 +37,15 @@ FloatArray = npt.NDArray[np.float64]
 PEAK_STRESS_KEY = "peak_stress"
 
 
-def peak_stress_section(fit: PeakStressFit) -> PageSection:
+def peak_stress_section(fit: PeakStressFit, key: str = PEAK_STRESS_KEY) -> PageSection:
     """Return figure, posterior, comparison with least squares, and checks of a fit.
 
     Parameters
     ----------
     fit : PeakStressFit
         Fit of a table of peak stresses.
+    key : str
+        Name of its files and its anchor, unique on the page.
     """
     data = fit.data
     comparison = least_squares_table(fit)
@@ -54,12 +56,9 @@ def peak_stress_section(fit: PeakStressFit) -> PageSection:
         comparison.reset_index(),
     )
     return PageSection(
-        key=PEAK_STRESS_KEY,
+        key=key,
         title=f"Flow law of {data.material} from peak stresses",
-        paragraphs=(
-            *(verdict.sentence for verdict in fit.verdicts().values()),
-            _hand_over_text(fit),
-        ),
+        paragraphs=(_hand_over_text(fit),),
         details=(
             f"{data.n_points} tests ({data.provenance.kind} data: {data.provenance.source}), one "
             "point each: the rate is imposed, the peak stress is measured. Fitted is "

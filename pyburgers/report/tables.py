@@ -196,7 +196,8 @@ def prior_sources(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
     DataFrame
         Text. Columns of (symbols of the quantities), source.
     """
-    stacked = pd.concat(tables, ignore_index=True)
+    columns = pd.DataFrame(columns=["symbol", "source"])
+    stacked = pd.concat([columns, *tables], ignore_index=True)
     symbols = stacked.groupby("source", sort=False)["symbol"].agg(
         lambda found: ", ".join(dict.fromkeys(found))
     )

@@ -170,6 +170,12 @@ def test_a_table_is_fitted_with_figure_checks_and_a_prior_to_hand_on(
     for name in ("stress_exponent", "stress_scatter"):
         assert exported["mean"][name] == pytest.approx(summary["mean"][name])
     assert "ln_flow_law_factor" in exported.index
+    assert main(["report", str(out), "--out", str(tmp_path / "page")]) == 0
+    page = (tmp_path / "page" / "index.html").read_text(encoding="utf-8")
+    assert "Flow law of ice from peak stresses" in page
+    assert page.count('href="#peak_stress_run"') >= 3  # contents, the fit among them, overview
+    assert "SYNTHETIC" not in page
+    capsys.readouterr()
     code = main(["export", str(out), "--test", "PIL40"])
     assert_refused(code, capsys, "--test: found PIL40, expected none")
 

@@ -32,7 +32,7 @@ from pyburgers.protocols.protocol import load_experiment
 from pyburgers.report.comparison_sections import comparison_sections
 from pyburgers.report.joint_section import joint_sections
 from pyburgers.report.page import write_report
-from pyburgers.report.peak_stress_section import peak_stress_section
+from pyburgers.report.peak_stress_section import PEAK_STRESS_KEY, peak_stress_section
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.studies.dunite import (
     JOINT_RUN,
@@ -202,6 +202,7 @@ def reproduce(
         told={
             spectra.key: [found[name] for name in of_spectra],
             halite.key: [found[name] for name in HALITE_RUNS],
+            PEAK_STRESS_KEY: [peak_stress, handed_on],
         },
         jobs=None,
     )

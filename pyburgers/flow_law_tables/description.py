@@ -102,9 +102,9 @@ class TableLeftover:
         """Return which group it is, with its number of tests."""
         here = self.conditions[self.group == k]
         size, temperature = here["grain_size"].iloc[0], here["temperature"].mean()
+        tests = f"the {len(here)} tests" if len(here) > 1 else "the test"
         return (
-            f"the {len(here)} tests at {number(size * LENGTH_FACTOR)} {LENGTH_UNIT} and about "
-            f"{temperature:.0f} K"
+            f"{tests} at {number(size * LENGTH_FACTOR)} {LENGTH_UNIT} and about {temperature:.0f} K"
         )
 
 
@@ -203,10 +203,10 @@ def check_table_groups(draws: CheckedDraws) -> Finding:
     here = left.group == worst
     x, y = left.log_rate[here], left.residual[here]
     line = y if x.size < 3 or np.ptp(x) == 0 else np.polyval(np.polyfit(x, y, 1), x)
-    slow, fast = line[x.argmin()], line[x.argmax()]
+    slow, fast = (left.beside(line[k]) for k in (x.argmin(), x.argmax()))
+    far = f"lie {slow} where they are slowest and {fast} where they are fastest"
     offset = (
-        f"{left.group_text(worst)} lie {left.beside(slow)} where they are slowest and "
-        f"{left.beside(fast)} where they are fastest, as much as "
+        f"{left.group_text(worst)} {far if x.size > 1 else f'lies {slow}'}, as much as "
         f"{_per_cent(left.row(SEGMENT_TREND))} of fits of a correct model leave"
     )
     bad = f"A group is off as a whole: {offset}: one flow law does not hold for it, and {NARROW}"
@@ -224,8 +224,8 @@ def check_table_scatter(draws: CheckedDraws) -> Finding:
     _, spread = segment_parts(left.residual[None], left.group, left.log_rate)
     worst, row = int(spread[:, 0].argmax()), left.row(SEGMENT_SPREAD)
     found = (
-        f"{left.group_text(worst)} scatter {np.sqrt(row['found']):.1f} times as much as the table "
-        f"(at most {np.sqrt(row['at_most']):.1f} expected of a correct model)"
+        f"residuals of {left.group_text(worst)} are {np.sqrt(row['found']):.1f} times those of "
+        f"the table (at most {np.sqrt(row['at_most']):.1f} expected of a correct model)"
     )
     bad = f"One group scatters more than the others: {found}, and {NARROW}"
     remedy = "state the uncertainty of its stresses, or fit it as a table of its own"

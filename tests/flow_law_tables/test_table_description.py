@@ -145,6 +145,23 @@ def test_two_rates_cannot_show_a_bend() -> None:
     assert "2 strain rates cannot show whether n changes" in found["bend along the rate"].sentence
 
 
+def test_a_group_may_be_a_single_test() -> None:
+    alone = np.where(np.arange(GROUP.size) == 23, 1, 0)
+    law = StraightLaw(LOG_RATES, alone, np.zeros(GROUP.size))
+    sentences = {
+        one.name: one.sentence for one in run_checks(law.fit(law.data(1), 1), TABLE_CHECKS)
+    }
+    assert "No group is off as a whole: the 23 tests" in sentences["groups"]
+    data = law.data(1)
+    data[23] += 3.0
+    shared = StraightLaw(LOG_RATES, np.zeros_like(alone), np.zeros(GROUP.size)).fit(data, 1)
+    shared.posterior["constant_data"] = (
+        shared.posterior["constant_data"].to_dataset().assign(group=("point", alone))
+    )
+    told = {one.name: one.sentence for one in run_checks(shared, TABLE_CHECKS)}["groups"]
+    assert "the test at 230 µm and about 263 K lies" in told
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("n_groups", [1, 2])
 def test_at_most_1_in_100_tables_of_one_law_fails_any_check(n_groups: int) -> None:

@@ -7,8 +7,6 @@ beside an executable tells one that was damaged, which is compiled again, and fi
 is no compiler.
 """
 
-import hashlib
-import json
 import logging
 import os
 import platform
@@ -176,16 +174,34 @@ def _read(path: Path) -> str:
         raise ToolchainError(f"The Stan file {path} cannot be read: {error.strerror}.") from error
 
 
+def program_recipe(program: Path, include_directory: Path, cmdstan: Path) -> str:
+    """Return the hash of what decides the results of a program, wherever CmdStan lies.
+
+    Parameters and errors are those of `program_key`.
+    """
+    return _recipe(_read_sources(program, include_directory), toolchain(cmdstan))
+
+
+def recorded_recipe(executable: Path) -> str:
+    """Return the `program_recipe` of a compiled program, as noted beside it."""
+    return read_json_table(_record_file(executable), _Record).recipe
+
+
 def _key(sources: _Sources, tools: Toolchain) -> str:
-    decisive = {
-        "program": [sources.name, sources.text],
-        "included": dict(sources.included),
-        "cmdstan": [str(tools.cmdstan_path), tools.cmdstan_version],
-        "compiler": tools.compiler,
-        "compile_flags": tools.compile_flags,
-        "machine": [platform.system(), platform.machine()],
-    }
-    return hashlib.sha256(json.dumps(decisive, sort_keys=True).encode()).hexdigest()
+    return sha256_of_json([_recipe(sources, tools), str(tools.cmdstan_path)])
+
+
+def _recipe(sources: _Sources, tools: Toolchain) -> str:
+    return sha256_of_json(
+        {
+            "program": [sources.name, sources.text],
+            "included": dict(sources.included),
+            "cmdstan": tools.cmdstan_version,
+            "compiler": tools.compiler,
+            "compile_flags": tools.compile_flags,
+            "machine": [platform.system(), platform.machine()],
+        }
+    )
 
 
 def _compile(program: Path, cmdstan: Path, *, threads: bool = False) -> Path:
@@ -226,10 +242,13 @@ class _Record(Table):
         Hash of the executable.
     sources : str
         Hash of all that decides it, but for the compiler.
+    recipe : str
+        Hash of all that decides its results: what decides it, but for the folder of CmdStan.
     """
 
     sha256: str
     sources: str
+    recipe: str
 
 
 def _record_file(executable: Path) -> Path:
@@ -301,6 +320,7 @@ def _build(sources: _Sources, tools: Toolchain, executable: Path, *, threads: bo
             record = _Record(
                 sha256=sha256_of_file(partial),
                 sources=_sources_key(sources, tools.cmdstan_path, threads=threads),
+                recipe=_recipe(sources, tools),
             )
             write_json(_record_file(executable), record.model_dump())
             partial.replace(executable)

@@ -15,6 +15,7 @@ from pyburgers.cmdstan.compilation import (
     compile_program,
     compile_programs,
     executable_path,
+    recorded_recipe,
     shares_work,
 )
 from pyburgers.cmdstan.draw_files import Draws, read_draws, rows_of_draws
@@ -73,9 +74,9 @@ class Program:
     threads: int = 1
 
     @property
-    def key(self) -> str:
-        """Hash of the program, its compiler and its flags."""
-        return self.executable.parent.name
+    def recipe(self) -> str:
+        """Hash of the program, its compiler and its flags, wherever CmdStan lies."""
+        return recorded_recipe(self.executable)
 
     def start(
         self,

@@ -262,7 +262,7 @@ def fit_peak_stress(
     softening = softening_prior(data, curve, seed=options.seed)
     stan_data = peak_stress_data(data, priors, softening, use_likelihood=use_likelihood)
     model = load_program(stan_directory() / "peak_stress.stan")
-    identity = fingerprint(stan_data, options, model.key)
+    identity = fingerprint(stan_data, options, model.recipe)
 
     def sample() -> PeakStressFit:
         with run.claimed(identity):

@@ -47,7 +47,7 @@ logger = logging.getLogger(__name__)
 PACKAGES = ("pyburgers", "cmdstanpy", "arviz", "numpy", "scipy", "pandas", "xarray")
 
 
-def fingerprint(data: StanData, options: SamplerOptions, program_key: str) -> str:
+def fingerprint(data: StanData, options: SamplerOptions, recipe: str) -> str:
     """Hash of everything that decides the draws of a chain (not how many chains there are).
 
     Parameters
@@ -56,11 +56,11 @@ def fingerprint(data: StanData, options: SamplerOptions, program_key: str) -> st
         Stan data in plain coordinates; other coordinates follow from them and the seed.
     options : SamplerOptions
         Settings of the sampler.
-    program_key : str
+    recipe : str
         Hash of the program, its compiler and its flags.
     """
     chosen = {k: v for k, v in asdict(options).items() if k not in INDECISIVE}
-    return sha256_of_json({"data": decisive(data), "options": chosen, "program": program_key})
+    return sha256_of_json({"data": decisive(data), "options": chosen, "program": recipe})
 
 
 def run_chains(
@@ -112,7 +112,7 @@ def run_chains(
     data = program_data(problem, solver=solver, use_likelihood=use_likelihood)
     run = RunDirectory(directory)
     model = _program_for(problem, options)
-    identity = fingerprint(data, options, model.key)
+    identity = fingerprint(data, options, model.recipe)
     wanted = Wanted(problem, options, solver, use_likelihood)
     if run.manifest_file.is_file() and run.read_manifest().get("fingerprint") != identity:
         if not overwrite:

@@ -252,7 +252,7 @@ def calibrate(
     check_coordinates(problem, plan.sampler.coordinates)
     sampler = plan.sampler.suited_to(problem.protocol)
     plan = replace(plan, sampler=replace(sampler, parallel_chains=1))
-    identity = _fingerprint(problem, plan, load_program(problem.protocol.program).key)
+    identity = _fingerprint(problem, plan, load_program(problem.protocol.program).recipe)
     run = RunDirectory(out)
     _refuse_fewer_repetitions(run, plan)
     folders = ("inputs", SIMULATIONS)
@@ -325,7 +325,7 @@ def _template(run: RunDirectory, manifest: Mapping[str, Any]) -> Problem:
     return problem_of(tests, load_priors(run.priors_file), pooling_from(manifest["pooling"]))
 
 
-def _fingerprint(problem: Problem, plan: CalibrationPlan, program_key: str) -> str:
+def _fingerprint(problem: Problem, plan: CalibrationPlan, recipe: str) -> str:
     """Hash of everything that decides the outcome of a data set, save which one it is."""
     sampler = {
         key: value
@@ -341,7 +341,7 @@ def _fingerprint(problem: Problem, plan: CalibrationPlan, program_key: str) -> s
             # Repetitions can be added: the first ones stay what they were.
             "data_set": asdict(replace(plan.data_set, refits=0)),
             "sampler": sampler,
-            "program": program_key,
+            "program": recipe,
         }
     )
 

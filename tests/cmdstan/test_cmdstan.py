@@ -19,7 +19,12 @@ import numpy as np
 import pytest
 
 from pyburgers.cmdstan import installation as cmdstan_installation
-from pyburgers.cmdstan.compilation import cache_directory, compile_program, program_key
+from pyburgers.cmdstan.compilation import (
+    cache_directory,
+    compile_program,
+    program_key,
+    program_recipe,
+)
 from pyburgers.cmdstan.installation import install_cmdstan
 from pyburgers.cmdstan.program import Program, Unsolved, load_program
 from pyburgers.cmdstan.toolchain import (
@@ -365,6 +370,16 @@ class TestProgramKey:
         keys.add(program_key(program, program.parent, folders[0]))
         assert len(keys) == 4
 
+    def test_results_are_the_same_wherever_cmdstan_lies(self, home: Path, program: Path) -> None:
+        folders = [make_cmdstan(home / "a"), make_cmdstan(home / "b")]
+        recipes = {program_recipe(program, program.parent, folder) for folder in folders}
+        assert len(recipes) == 1
+        (folders[0] / "makefile").write_text("CMDSTAN_VERSION := 2.28.0\n")
+        recipes.add(program_recipe(program, program.parent, folders[0]))
+        (program.parent / "functions" / "inner.stan").write_text("real one() { return 1; }\n")
+        recipes.add(program_recipe(program, program.parent, folders[0]))
+        assert len(recipes) == 3
+
     def test_changes_with_the_compiler(
         self, home: Path, program: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
@@ -408,7 +423,7 @@ generated quantities {
 
 
 def assert_every_method_runs(program: Program, folder: Path) -> None:
-    assert program.key == program.executable.parent.name
+    assert len(program.recipe) == 64
     values = program.evaluate({}, {"x": [3.0]})
     assert (values["x"].tolist(), float(values["square"])) == ([3.0], 9.0)
     log_density, top = program.optimise({}, {"x": [3.0]}, seed=1)
@@ -510,10 +525,11 @@ class TestCache:
         self, tools: Path, tiny: Path, missing: str, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         executable = compile_program(tiny)
+        recipe = Program(executable).recipe
         (tools / missing).unlink()
         monkeypatch.setenv("PATH", str(tools))
         assert compile_program(tiny) == executable
-        assert Program(executable).key == executable.parent.name
+        assert Program(executable).recipe == recipe
         versions = software_versions()
         assert versions["cmdstan"] == "2.27.0"
         assert versions["compiler"] == (None if missing == "g++" else "g++ 12")

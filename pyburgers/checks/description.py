@@ -27,7 +27,7 @@ from pyburgers.checks.fit_checks import (
     Outcome,
     check,
 )
-from pyburgers.checks.residual_numbers import longest_run, segment_parts
+from pyburgers.checks.residual_numbers import longest_run, segment_parts, straight_line
 from pyburgers.posterior.labelled_draws import CORRELATED, free_parameters, response_in
 
 NARROW = "the intervals of its parameters are then too narrow"
@@ -131,16 +131,10 @@ def _finding(draws: CheckedDraws, discrepancies: tuple[str, ...], tell: Tell) ->
     worst = table.sort_values(["family_probability", "probability"], kind="stable").iloc[0]
     leftover = family.tests[worst["test"]]
     told = tell(leftover, family, worst)
-    outcome = family.outcome(worst)
     table = table.assign(
         where=[tell(family.tests[row["test"]], family, row).where for _, row in table.iterrows()]
     )
-    if outcome is Outcome.YES:
-        return Finding(outcome, table, told.good)
-    if outcome is Outcome.CANNOT_TELL:
-        few = f"{family.n_replicates} draws are too few to tell whether it is chance: "
-        return Finding(outcome, table, few + told.bad, "raise --draws")
-    return Finding(outcome, table, told.bad, told.remedy)
+    return family.finding(worst, table, told.good, told.bad, told.remedy)
 
 
 def _tell_coverage(leftover: Leftover, family: Family, row: Row) -> Told:
@@ -186,8 +180,7 @@ def _tell_segment(leftover: Leftover, family: Family, row: Row) -> Told:
     trend, _ = segment_parts(leftover.residual[None], leftover.segment, leftover.position)
     points = _points_of_segment(leftover, int(trend[:, 0].argmax()))
     where = _segment_name(leftover, points)
-    x, y = leftover.position[points], leftover.residual[points]
-    line = y if x.size < 3 or np.ptp(x) == 0 else np.polyval(np.polyfit(x, y, 1), x)
+    line = straight_line(leftover.position[points], leftover.residual[points])
     offset = (
         f"a straight line through the residuals of {leftover.name}, {where}, starts "
         f"{_beside(leftover, line[0], points[0])} and ends "

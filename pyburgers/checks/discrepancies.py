@@ -19,7 +19,7 @@ import numpy.typing as npt
 import pandas as pd
 import xarray as xr
 
-from pyburgers.checks.fit_checks import CheckedDraws, Outcome
+from pyburgers.checks.fit_checks import CheckedDraws, Finding, Outcome
 from pyburgers.checks.refits import refitted_means, refitted_residuals, scale_of
 from pyburgers.checks.residual_numbers import (
     TINY,
@@ -115,13 +115,11 @@ class Leftover:
 
 
 @dataclass(frozen=True, eq=False)
-class Family:
-    """All discrepancies of a fit.
+class Judged:
+    """Numbers of the data beside those of replicates that are fitted as the data were.
 
     Attributes
     ----------
-    tests : dict of str to Leftover
-        What is left over of each test.
     table : DataFrame
         Index discrepancy and test; columns found (mean over the draws), at_most (the mean from
         which on it fails), probability (that a replicate has as much) and family_probability (that
@@ -130,7 +128,6 @@ class Family:
         Number of replicates.
     """
 
-    tests: Mapping[str, Leftover]
     table: pd.DataFrame
     n_replicates: int
 
@@ -139,15 +136,37 @@ class Family:
 
         It cannot be told where it is beyond all replicates, but these are too few for `LEVEL`.
         """
-        return outcome_of(row, self.n_replicates)
+        if row["family_probability"] <= LEVEL:
+            return Outcome.NO
+        beyond_all = row["family_probability"] * (self.n_replicates + 1) < 1.5
+        return Outcome.CANNOT_TELL if beyond_all else Outcome.YES
+
+    def finding(
+        self, row: "pd.Series[float]", table: pd.DataFrame, good: str, bad: str, remedy: str
+    ) -> Finding:
+        """Put the outcome of a discrepancy into words, its numbers in a table."""
+        outcome = self.outcome(row)
+        if outcome is Outcome.YES:
+            return Finding(outcome, table, good)
+        if outcome is Outcome.CANNOT_TELL:
+            few = f"{self.n_replicates} draws are too few to tell whether it is chance: "
+            return Finding(outcome, table, few + bad, "raise --draws")
+        return Finding(outcome, table, bad, remedy)
 
 
-def outcome_of(row: "pd.Series[float]", n_replicates: int) -> Outcome:
-    """As `Family.outcome`, of a row of such a table."""
-    if row["family_probability"] <= LEVEL:
-        return Outcome.NO
-    beyond_all = row["family_probability"] * (n_replicates + 1) < 1.5
-    return Outcome.CANNOT_TELL if beyond_all else Outcome.YES
+@dataclass(frozen=True, eq=False)
+class Family(Judged):
+    """All discrepancies of a fit.
+
+    Attributes
+    ----------
+    table, n_replicates
+        As of every `Judged`.
+    tests : dict of str to Leftover
+        What is left over of each test.
+    """
+
+    tests: Mapping[str, Leftover]
 
 
 @lru_cache(maxsize=1)
@@ -161,23 +180,17 @@ def discrepancies_of(draws: CheckedDraws) -> Family:
         for test, leftover in tests.items()
         for name, pair in leftover.discrepancies.items()
     }
-    return Family(tests, *beside_replicates(pairs))
+    judged = beside_replicates(pairs)
+    return Family(judged.table, judged.n_replicates, tests)
 
 
-def beside_replicates(pairs: Mapping[tuple[str, str], Pair]) -> tuple[pd.DataFrame, int]:
+def beside_replicates(pairs: Mapping[tuple[str, str], Pair]) -> Judged:
     """Compare numbers of the data with those of replicates that are fitted as the data were.
 
     Parameters
     ----------
     pairs : mapping of (str, str) to (array, array)
         By discrepancy and test, as `Leftover.discrepancies` has them.
-
-    Returns
-    -------
-    table : DataFrame
-        As of `Family`.
-    n_replicates : int
-        Number of replicates.
     """
     # Errors as stated are so far below what they may be that they are a family of their own.
     alone = {key: key[0] == OVER_READING_ERROR for key in pairs}
@@ -202,7 +215,7 @@ def beside_replicates(pairs: Mapping[tuple[str, str], Pair]) -> tuple[pd.DataFra
             }
         )
     index = pd.MultiIndex.from_tuples(list(pairs), names=["discrepancy", "test"])
-    return pd.DataFrame(rows, index), next(iter(least.values())).size
+    return Judged(pd.DataFrame(rows, index), next(iter(least.values())).size)
 
 
 def family_probability(probability: float, least: FloatArray) -> float:
@@ -286,15 +299,20 @@ def _leftover(name: str, group: xr.DataTree, number: int) -> Leftover:
     observed, replicated = observed * weight, replicated * weight
     of_replicas = _by_draw(replicas)
     band = np.quantile(of_replicas, (TAIL, 1.0 - TAIL), axis=0)
-    means = refitted_means(observed, replicated, correlated=CORRELATED in group.children)
-    band_beside = (band - _by_draw(model).mean(axis=0)) * weight
-    numbers = partial(_numbers, segment=segment, position=position)
-    found, refits = numbers(observed), numbers_of_refits(observed, means, numbers)
-    found[OUTSIDE], refits[OUTSIDE] = shares_outside(observed, means, band_beside)
+    pairs = data_and_refits(
+        observed,
+        replicated,
+        (band - _by_draw(model).mean(axis=0)) * weight,
+        partial(_numbers, segment=segment, position=position),
+        correlated=CORRELATED in group.children,
+    )
     if error is not None:
-        found[OVER_READING_ERROR] = np.sqrt(((observed / error.mean()) ** 2).mean(axis=1))
-        refits[OVER_READING_ERROR] = _sizes_of_errors(len(means), position.size, number)
-    pairs = {each: (found[each], refits[each]) for each in found}
+        over_error = np.sqrt(((observed / error.mean()) ** 2).mean(axis=1))
+        n_replicates = len(pairs[OUTSIDE][1])
+        pairs[OVER_READING_ERROR] = (
+            over_error,
+            _sizes_of_errors(n_replicates, position.size, number),
+        )
     return Leftover(name, group, protocol, position, segment, quantity, observed, weight, pairs)
 
 
@@ -305,47 +323,43 @@ def _of_one_size(replicated: FloatArray, quantity: npt.NDArray[np.int64]) -> Flo
     return np.array([largest / max(sizes[k], TINY) for k in quantity])
 
 
-def numbers_of_refits(
-    observed: FloatArray, means: FloatArray, numbers: Callable[[FloatArray], dict[str, FloatArray]]
-) -> dict[str, FloatArray]:
-    """Numbers of replicates that are fitted as the data were, shape (replicates, draws).
+def data_and_refits(
+    observed: FloatArray,
+    replicated: FloatArray,
+    band: FloatArray,
+    numbers: Callable[[FloatArray], dict[str, FloatArray]],
+    *,
+    correlated: bool,
+) -> dict[str, Pair]:
+    """Numbers of the data, and of replicates that are fitted as the data were.
 
     Parameters
     ----------
-    observed : array, shape (draws, n)
-        Residuals of the data.
-    means : array, shape (replicates, n)
-        From `pyburgers.checks.refits.refitted_means`.
+    observed, replicated : array, shape (draws, n)
+        Residuals of the data, and of the replicated data of each draw.
+    band : array, shape (2, n)
+        Predictive band about the mean response of the model; the share of readings outside is one
+        more number. Replicates have widths of their own.
     numbers : callable
         Of residuals, shape (any, n); arrays of shape (any,).
+    correlated : bool
+        Whether residuals correlate in the model.
     """
+    means = refitted_means(observed, replicated, correlated=correlated)
+    found = numbers(observed)
     parts = [
         {
-            name: found.reshape(residuals.shape[:2])
-            for name, found in numbers(residuals.reshape(-1, observed.shape[1])).items()
+            name: values.reshape(residuals.shape[:2])
+            for name, values in numbers(residuals.reshape(-1, observed.shape[1])).items()
         }
         for residuals in refitted_residuals(observed, means)
     ]
-    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-
-
-def shares_outside(observed: FloatArray, means: FloatArray, band: FloatArray) -> Pair:
-    """Shares of readings outside a band: of the data, and of replicates with widths of their own.
-
-    Parameters
-    ----------
-    observed, means : array
-        As for `numbers_of_refits`.
-    band : array, shape (2, n)
-        About the mean response of the model.
-
-    Returns
-    -------
-    array, shape (draws,)
-    array, shape (replicates, 1)
-    """
-    data = np.full(len(observed), _outside(observed.mean(axis=0), band))
-    return data, _outside(means / scale_of(means), band)[:, None]
+    pairs = {name: (found[name], np.concatenate([part[name] for part in parts])) for name in found}
+    pairs[OUTSIDE] = (
+        np.full(len(observed), _outside(observed.mean(axis=0), band)),
+        _outside(means / scale_of(means), band)[:, None],
+    )
+    return pairs
 
 
 def _outside(values: FloatArray, band: FloatArray) -> FloatArray:

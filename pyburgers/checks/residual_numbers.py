@@ -130,6 +130,14 @@ def segment_parts(
     return np.stack(trend), np.stack(spread)
 
 
+def straight_line(position: FloatArray, residuals: FloatArray) -> FloatArray:
+    """Straight line through residuals at their positions; themselves where there is none."""
+    if position.size < 3 or np.ptp(position) == 0:
+        return residuals
+    line = np.polyval(np.polyfit(position, residuals, 1), position)
+    return np.asarray(line, dtype=np.float64)
+
+
 def _line_basis(position: FloatArray) -> FloatArray:
     """Orthonormal columns that span straight lines at positions, shape (n, 1 or 2)."""
     level: FloatArray = np.full((position.size, 1), position.size**-0.5)

@@ -18,11 +18,9 @@ from pyburgers.checks.discrepancies import (
     OUTSIDE,
     SEGMENT_SPREAD,
     SEGMENT_TREND,
-    Pair,
+    Judged,
     beside_replicates,
-    numbers_of_refits,
-    outcome_of,
-    shares_outside,
+    data_and_refits,
 )
 from pyburgers.checks.fit_checks import (
     LEAST_DRAWS,
@@ -32,8 +30,12 @@ from pyburgers.checks.fit_checks import (
     Outcome,
     check,
 )
-from pyburgers.checks.refits import refitted_means
-from pyburgers.checks.residual_numbers import TINY, largest_residual, segment_parts
+from pyburgers.checks.residual_numbers import (
+    TINY,
+    largest_residual,
+    segment_parts,
+    straight_line,
+)
 from pyburgers.common.draws import TAIL
 from pyburgers.common.units import number
 from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT
@@ -67,10 +69,8 @@ class TableLeftover:
         Number of each row's group, from 0.
     conditions : DataFrame
         Strain rate (1/s), temperature (K) and grain size (m) of the rows.
-    table : DataFrame
-        As of `pyburgers.checks.discrepancies.Family`, by discrepancy.
-    n_replicates : int
-        Number of replicates.
+    judged : Judged
+        Its numbers beside those of replicates.
     """
 
     residual: FloatArray
@@ -78,8 +78,12 @@ class TableLeftover:
     log_rate: FloatArray
     group: npt.NDArray[np.int64]
     conditions: pd.DataFrame
-    table: pd.DataFrame
-    n_replicates: int
+    judged: Judged
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """The numbers by discrepancy."""
+        return self.judged.table.droplevel("test")
 
     def row(self, discrepancy: str) -> Row:
         """Return the row of a discrepancy."""
@@ -122,16 +126,10 @@ def table_leftover(draws: CheckedDraws) -> TableLeftover:
     error = np.sqrt((scatter**2).mean() + along["relative_stress_uncertainty"].to_numpy() ** 2)
     weight = error.mean() / error
     observed, replicated = (data - model) * weight, (replicas - model) * weight
-    means = refitted_means(observed, replicated, correlated=False)
     log_rate, group = np.log(along["strain_rate"].to_numpy()), along["group"].to_numpy()
-    numbers = partial(_numbers, log_rate=log_rate, group=group)
-    found, refits = numbers(observed), numbers_of_refits(observed, means, numbers)
     band = (np.quantile(replicas, (TAIL, 1.0 - TAIL), axis=0) - model.mean(axis=0)) * weight
-    found[OUTSIDE], refits[OUTSIDE] = shares_outside(observed, means, band)
-    pairs: dict[tuple[str, str], Pair] = {
-        (name, "the table"): (found[name], refits[name]) for name in found
-    }
-    table, n_replicates = beside_replicates(pairs)
+    numbers = partial(_numbers, log_rate=log_rate, group=group)
+    pairs = data_and_refits(observed, replicated, band, numbers, correlated=False)
     return TableLeftover(
         residual=observed.mean(axis=0),
         weight=weight,
@@ -140,8 +138,7 @@ def table_leftover(draws: CheckedDraws) -> TableLeftover:
         conditions=along[["strain_rate", "temperature", "grain_size"]].to_dataframe()[
             ["strain_rate", "temperature", "grain_size"]
         ],
-        table=table.droplevel("test"),
-        n_replicates=n_replicates,
+        judged=beside_replicates({(name, "the table"): pair for name, pair in pairs.items()}),
     )
 
 
@@ -201,8 +198,8 @@ def check_table_groups(draws: CheckedDraws) -> Finding:
     trend, _ = segment_parts(left.residual[None], left.group, left.log_rate)
     worst = int(trend[:, 0].argmax())
     here = left.group == worst
-    x, y = left.log_rate[here], left.residual[here]
-    line = y if x.size < 3 or np.ptp(x) == 0 else np.polyval(np.polyfit(x, y, 1), x)
+    x = left.log_rate[here]
+    line = straight_line(x, left.residual[here])
     slow, fast = (left.beside(line[k]) for k in (x.argmin(), x.argmax()))
     far = f"lie {slow} where they are slowest and {fast} where they are fastest"
     offset = (
@@ -244,15 +241,8 @@ TABLE_CHECKS = (
 
 def _finding(left: TableLeftover, name: str, good: str, bad: str, remedy: str) -> Finding:
     """Judge a discrepancy."""
-    row = left.row(name)
-    outcome = outcome_of(row, left.n_replicates)
     table = left.table.loc[[name]].reset_index()
-    if outcome is Outcome.YES:
-        return Finding(outcome, table, good)
-    if outcome is Outcome.CANNOT_TELL:
-        few = f"{left.n_replicates} draws are too few to tell whether it is chance: "
-        return Finding(outcome, table, few + bad, "raise --draws")
-    return Finding(outcome, table, bad, remedy)
+    return left.judged.finding(left.row(name), table, good, bad, remedy)
 
 
 def _per_cent(row: Row) -> str:

@@ -174,16 +174,8 @@ def _read(path: Path) -> str:
         raise ToolchainError(f"The Stan file {path} cannot be read: {error.strerror}.") from error
 
 
-def program_recipe(program: Path, include_directory: Path, cmdstan: Path) -> str:
-    """Return the hash of what decides the results of a program, wherever CmdStan lies.
-
-    Parameters and errors are those of `program_key`.
-    """
-    return _recipe(_read_sources(program, include_directory), toolchain(cmdstan))
-
-
 def recorded_recipe(executable: Path) -> str:
-    """Return the `program_recipe` of a compiled program, as noted beside it."""
+    """Return the hash of what decides the results of a compiled program, wherever CmdStan lies."""
     return read_json_table(_record_file(executable), _Record).recipe
 
 

@@ -19,12 +19,7 @@ import numpy as np
 import pytest
 
 from pyburgers.cmdstan import installation as cmdstan_installation
-from pyburgers.cmdstan.compilation import (
-    cache_directory,
-    compile_program,
-    program_key,
-    program_recipe,
-)
+from pyburgers.cmdstan.compilation import cache_directory, compile_program, program_key
 from pyburgers.cmdstan.installation import install_cmdstan
 from pyburgers.cmdstan.program import Program, Unsolved, load_program
 from pyburgers.cmdstan.toolchain import (
@@ -370,16 +365,6 @@ class TestProgramKey:
         keys.add(program_key(program, program.parent, folders[0]))
         assert len(keys) == 4
 
-    def test_results_are_the_same_wherever_cmdstan_lies(self, home: Path, program: Path) -> None:
-        folders = [make_cmdstan(home / "a"), make_cmdstan(home / "b")]
-        recipes = {program_recipe(program, program.parent, folder) for folder in folders}
-        assert len(recipes) == 1
-        (folders[0] / "makefile").write_text("CMDSTAN_VERSION := 2.28.0\n")
-        recipes.add(program_recipe(program, program.parent, folders[0]))
-        (program.parent / "functions" / "inner.stan").write_text("real one() { return 1; }\n")
-        recipes.add(program_recipe(program, program.parent, folders[0]))
-        assert len(recipes) == 3
-
     def test_changes_with_the_compiler(
         self, home: Path, program: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
@@ -480,6 +465,22 @@ class TestCache:
     def test_what_is_whole_is_not_compiled_again(self, tools: Path, tiny: Path) -> None:
         assert compile_program(tiny) == compile_program(tiny)
         assert len(self.targets(tools)) == 1
+
+    def test_results_are_the_same_wherever_cmdstan_lies(
+        self, home: Path, tools: Path, tiny: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        executables = [compile_program(tiny)]
+        other = make_cmdstan(home / "elsewhere")
+        monkeypatch.setenv("CMDSTAN", str(other))
+        executables.append(compile_program(tiny))
+        assert executables[0] != executables[1]
+        recipes = {Program(one).recipe for one in executables}
+        assert len(recipes) == 1
+        (other / "makefile").write_text("CMDSTAN_VERSION := 2.28.0\n")
+        recipes.add(Program(compile_program(tiny)).recipe)
+        tiny.write_text("model { }")
+        recipes.add(Program(compile_program(tiny)).recipe)
+        assert len(recipes) == 3
 
     @pytest.mark.parametrize(
         "damage", ["cut", "empty", "not executable", "no record", "bad record"]

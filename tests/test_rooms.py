@@ -5,6 +5,8 @@ from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 
+from pyburgers.protocols.protocol import NAMES
+
 PACKAGE = Path(__file__).parents[1] / "pyburgers"
 
 ROOMS = (
@@ -101,6 +103,36 @@ def test_chains_of_imports_are_short() -> None:
 
     longest = max(map(chain, IMPORTS), key=len)
     assert len(longest) <= DEEPEST_CHAIN, " -> ".join(longest)
+
+
+KINDS_OF_TEST = frozenset(NAMES) - {"attenuation"}
+"""Names that decide something where they stand; attenuation is a quantity and a command as well."""
+
+
+def decisions(name: str) -> list[str]:
+    """Where a module asks what kind of test it has: by the kind's name, or by its class."""
+    nodes = list(ast.walk(ast.parse(FILES[name].read_text(encoding="utf-8"))))
+    classes = {
+        alias.name
+        for node in nodes
+        if isinstance(node, ast.ImportFrom)
+        and (node.module or "").startswith(tuple(f"pyburgers.protocols.{kind}" for kind in NAMES))
+        for alias in node.names
+    }
+    return [
+        f"{name}, line {node.lineno}"
+        for node in nodes
+        if (isinstance(node, ast.Constant) and node.value in KINDS_OF_TEST)
+        or (
+            isinstance(node, ast.Call)
+            and ast.unparse(node.func) == "isinstance"
+            and any(ast.unparse(part) in classes for part in ast.walk(node.args[1]))
+        )
+    ]
+
+
+def test_only_protocols_know_what_kind_of_test_there_is() -> None:
+    assert not [place for name in FILES if room(name) != "protocols" for place in decisions(name)]
 
 
 def test_files_are_short() -> None:

@@ -4,71 +4,50 @@ import argparse
 import os
 import re
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from pyburgers.cli.check_file import check
-from pyburgers.cli.guessing import GuessedColumn, guess_columns, guess_protocol
 from pyburgers.cli.shared import writing
-from pyburgers.cli.templates import Description, experiment_text
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.errors import InputError
 from pyburgers.common.text_tables import TextTable, look_at
 from pyburgers.model.priors import shipped_prior_files
+from pyburgers.protocols.guessed_columns import GuessedColumn, guess_columns
+from pyburgers.protocols.new_file import (
+    Description,
+    NewFile,
+    Question,
+    experiment_text,
+    new_files,
+)
 from pyburgers.protocols.protocol import NAMES
 
+MATERIAL = Question("material", "material")
 
-@dataclass(frozen=True)
-class Question:
-    """Something that a text file does not say of its test.
-
-    Attributes
-    ----------
-    name : str
-        Of the answer; the option has dashes in place of underscores.
-    text : str
-        What is asked.
-    kind : callable
-        Makes the answer from text.
-    choices : sequence of str, optional
-        What it may be.
-    default : object
-        Where nothing is answered; None where something has to be.
-    """
-
-    name: str
-    text: str
-    kind: Callable[[str], Any] = str
-    choices: Sequence[str] | None = None
-    default: Any = None
-
-    @property
-    def option(self) -> str:
-        """Name of the option that answers it."""
-        return f"--{self.name.replace('_', '-')}"
+FIRST = (
+    Question("id", "name of the test"),
+    MATERIAL,
+    Question("temperature_K", "temperature in kelvin", float),
+    Question("grain_size_m", "mean grain size at the start in m (230 um: 230e-6)", float),
+)
+LAST = (
+    Question(
+        "kind", "kind of data", choices=("measured", "digitised", "synthetic"), default="measured"
+    ),
+    Question("source", "source: who, when, where", default="unknown"),
+)
+"""What is asked about every kind of test, before and after its own questions."""
 
 
-QUESTIONS = {
-    question.name: question
-    for question in (
-        Question("id", "name of the test"),
-        Question("material", "material"),
-        Question("temperature_K", "temperature in kelvin", float),
-        Question("grain_size_m", "mean grain size at the start in m (230 um: 230e-6)", float),
-        Question("strain_rate_per_s", "imposed strain rate in 1/s", float),
-        Question("stress_MPa", "imposed stress in MPa", float),
-        Question("strain_uncertainty", "standard deviation of a strain, in its unit", float),
-        Question("stress_uncertainty", "standard deviation of a stress, in its unit", float),
-        Question("deformation", "deformation", choices=("axial", "shear")),
-        Question("poisson_ratio", "Poisson's ratio", float, default=0.25),
-        Question("kind", "kind of data", choices=("measured", "digitised", "synthetic"),
-                 default="measured"),
-        Question("source", "source: who, when, where", default="unknown"),
+def _every_question() -> tuple[Question, ...]:
+    """Return the questions of all kinds of test, in the order in which they are asked."""
+    own = dict.fromkeys(
+        question for new_file in new_files().values() for question in new_file.questions
     )
-}  # fmt: skip
-"""In the order in which they are asked, as far as a kind of test needs them."""
+    return (*FIRST, *own, *LAST)
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -77,7 +56,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--protocol", choices=NAMES, help="kind of test; default what the columns look like"
     )
-    for question in QUESTIONS.values():
+    for question in _every_question():
         command.add_argument(
             question.option, type=question.kind, choices=question.choices, help=question.text
         )
@@ -100,16 +79,17 @@ def run(options: argparse.Namespace) -> int:
     columns = guess_columns(table)
     for guessed in columns.values():
         print(f"guessed: {guessed.sentence}")
-    protocol = options.protocol
-    if protocol is None:
-        protocol, reason = guess_protocol(table, columns)
-        print(f"guessed: protocol {protocol}, because {reason}")
-    _require_columns(options.csv, protocol, columns)
-    questions = list(_questions(protocol, table, columns, options))
-    values = {"protocol": protocol, **_answers(questions, options)}
+    name = options.protocol
+    if name is None:
+        name, reason = _guess_protocol(table, columns)
+        print(f"guessed: protocol {name}, because {reason}")
+    new_file = new_files()[name]
+    _require_columns(options.csv, name, new_file, columns)
+    questions = list(_questions(new_file, table, columns, options))
     file = os.path.relpath(options.csv, out.parent)
+    description = Description(file, table, columns, _answers(questions, options))
     with writing(out):
-        write_text(out, experiment_text(Description(file, table, columns, values)))
+        write_text(out, experiment_text(name, new_file, description))
     print(f"written: {out}")
     code = check(out)
     if code == 0:
@@ -117,17 +97,22 @@ def run(options: argparse.Namespace) -> int:
     return code
 
 
-NEEDED: Mapping[str, Sequence[Sequence[str]]] = {
-    "constant_rate": (("strain", "time"), ("stress",)),
-    "forced_oscillation": (("time",), ("strain",), ("stress",)),
-    "loading_history": (("time",), ("strain", "stress")),
-    "attenuation": (("period", "frequency"), ("attenuation",)),
-}
-"""Quantities whose columns a kind of test needs, one of each."""
+def _guess_protocol(table: TextTable, columns: Mapping[str, GuessedColumn]) -> tuple[str, str]:
+    """Return the protocol that a text file looks like, and why: of several that it suits the last.
+
+    Any curve suits the first one.
+    """
+    return next(
+        (name, reason)
+        for name in reversed(NAMES)
+        if (reason := new_files()[name].suits(table, columns)) is not None
+    )
 
 
-def _require_columns(path: Path, protocol: str, columns: Mapping[str, GuessedColumn]) -> None:
-    for quantities in NEEDED[protocol]:
+def _require_columns(
+    path: Path, protocol: str, new_file: NewFile, columns: Mapping[str, GuessedColumn]
+) -> None:
+    for quantities in new_file.needed:
         if not any(name in columns for name in quantities):
             raise InputError(
                 f"{path}: found no column that looks like {' or '.join(quantities)}, expected one "
@@ -136,7 +121,7 @@ def _require_columns(path: Path, protocol: str, columns: Mapping[str, GuessedCol
 
 
 def _questions(
-    protocol: str,
+    new_file: NewFile,
     table: TextTable,
     columns: Mapping[str, GuessedColumn],
     options: argparse.Namespace,
@@ -147,22 +132,11 @@ def _questions(
         "id": name if re.match(r"[A-Za-z0-9_]", name) else f"_{name}",
         "temperature_K": _temperature(table, columns),
     }
-    asked = {"id", "material", "temperature_K", "grain_size_m", "kind", "source"}
-    match protocol:
-        case "constant_rate":
-            asked.add("strain_rate_per_s")
-        case "loading_history" if options.strain_rate_per_s is None:
-            if options.stress_MPa is not None or not {"stress", "strain"} <= columns.keys():
-                asked.add("stress_MPa")
-        case "forced_oscillation":
-            errors = ("strain_uncertainty", "stress_uncertainty")
-            asked |= {error for error in errors if error not in columns}
-        case "attenuation":
-            asked |= {"deformation", "poisson_ratio"}
-    for question in QUESTIONS.values():
+    own = new_file.asked(columns.keys(), vars(options))
+    asked = {question.name for question in (*FIRST, *LAST)} | set(own)
+    for question in _every_question():
         if question.name in asked:
-            default = known.get(question.name, question.default)
-            yield Question(question.name, question.text, question.kind, question.choices, default)
+            yield replace(question, default=known.get(question.name, question.default))
 
 
 def _temperature(table: TextTable, columns: Mapping[str, GuessedColumn]) -> float | None:
@@ -176,7 +150,7 @@ def _temperature(table: TextTable, columns: Mapping[str, GuessedColumn]) -> floa
 
 def _answers(questions: Sequence[Question], options: argparse.Namespace) -> dict[str, Any]:
     """Return the answers: options, what is typed in a terminal, or defaults."""
-    given = {question.name: getattr(options, question.name) for question in QUESTIONS.values()}
+    given = {question.name: vars(options)[question.name] for question in _every_question()}
     asking = sys.stdin.isatty()
     missing = [
         question.option
@@ -198,7 +172,7 @@ def _answers(questions: Sequence[Question], options: argparse.Namespace) -> dict
 def _ask(question: Question) -> Any:
     """Ask until there is an answer."""
     choices = question.choices
-    if question.name == "material":
+    if question.name == MATERIAL.name:
         choices = sorted(shipped_prior_files())
     among = f" ({', '.join(choices)})" if choices else ""
     proposed = "" if question.default is None else f" [{question.default}]"

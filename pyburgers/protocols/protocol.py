@@ -1,7 +1,7 @@
 """What the package asks of a kind of test, and every kind; all else about one is in its folder.
 
 To add a protocol: a folder whose module ``protocol`` has an object ``PROTOCOL`` of a class derived
-from `Protocol`, and its name in `NAMES`.
+from `Protocol`, and its module ``new_file`` one ``NEW_FILE`` (`NewFile`); its name in `NAMES`.
 """
 
 import typing

@@ -8,6 +8,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
+from typing import cast
 
 import numpy as np
 import numpy.typing as npt
@@ -347,9 +348,8 @@ def _shown_laws(laws: pd.DataFrame) -> pd.DataFrame:
 
 
 def _history(fit: Fit) -> LoadingHistory:
-    test = fit.experiment
-    assert isinstance(test, LoadingHistory)
-    return test
+    """Return the test of a fit; all that this study fits are loading histories."""
+    return cast(LoadingHistory, fit.experiment)
 
 
 def _residual(fit: Fit) -> FloatArray:

@@ -11,13 +11,13 @@ import pytest
 from refusals import assert_refused
 from small_inputs import DATA
 
-from pyburgers.cli.guessing import guess_columns
 from pyburgers.cli.main import main
 from pyburgers.common.text_tables import look_at
 from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.protocols.experiment import CONDITION_KEYS, Experiment
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
+from pyburgers.protocols.guessed_columns import guess_columns
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.protocol import load_experiment
 
@@ -120,6 +120,16 @@ def test_an_oscillation_in_one_table(tmp_path: Path) -> None:
     assert isinstance(test, OscillationExperiment)
     assert test.prepared.period == pytest.approx(2 * math.pi * 60, rel=0.01)
     np.testing.assert_allclose(test.record.stress_uncertainty, 0.5e6)
+
+
+def test_an_oscillation_about_a_stress_that_hardly_changes_is_no_creep(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = "".join(f"{k},{math.sin(k / 6):.4f},{100 + math.sin(k / 6):.4f}\n" for k in range(200))
+    path = tmp_path / "oscillation.csv"
+    path.write_text(f"time_s,strain_percent,stress_MPa\n{rows}", encoding="utf-8")
+    made(path, "--strain-uncertainty", "1e-3", "--stress-uncertainty", "0.1")
+    assert "protocol forced_oscillation, because the strain goes" in capsys.readouterr().out
 
 
 def test_a_table_of_attenuation(tmp_path: Path) -> None:

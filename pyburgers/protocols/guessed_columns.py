@@ -60,12 +60,8 @@ PERCENT_FROM, MEGAPASCAL_UP_TO, CELSIUS_UP_TO = 1.0, 1e5, 200.0
 """Numbers from which strain is taken as percent, and up to which stress as MPa, or temperature as
 degrees Celsius, where names say nothing."""
 
-
 LEAST_CYCLES = 2
-"""Cycles from which strain counts as oscillating."""
-
-STEADY_STRESS = 0.05
-"""Relative range of a stress that counts as constant."""
+"""Cycles from which values count as oscillating."""
 
 
 @dataclass(frozen=True)
@@ -154,36 +150,16 @@ def _unit_of_numbers(kind: str, numbers: Sequence[float]) -> tuple[str | None, s
             return None, "its name"
 
 
-def guess_protocol(table: TextTable, columns: Mapping[str, GuessedColumn]) -> tuple[str, str]:
-    """Guess the kind of test and say why.
+def numbers_of(
+    table: TextTable, columns: Mapping[str, GuessedColumn], quantity: str
+) -> npt.NDArray[np.float64]:
+    """Return the numbers of the column of a quantity that is there."""
+    return np.array(table.numbers(columns[quantity].column))
 
-    Parameters
-    ----------
-    table : TextTable
-        The file.
-    columns : mapping
-        From `guess_columns`.
 
-    Returns
-    -------
-    protocol, reason : str
-        Its name, and the end of a sentence.
-    """
-    if "attenuation" in columns:
-        return "attenuation", "there is a column of attenuation"
-    if {"time", "strain", "stress"} <= columns.keys():
-        strain, stress = (
-            np.array(table.numbers(columns[name].column)) for name in ("strain", "stress")
-        )
-        if _crossings(strain) >= 2 * LEAST_CYCLES:
-            return "forced_oscillation", "the strain goes back and forth"
-        level = np.median(stress)
-        if level and np.ptp(stress[stress.size // 10 :]) < STEADY_STRESS * abs(level):
-            return "loading_history", "the stress stays the same while strain grows"
-        return "constant_rate", "there are strain and stress"
-    if {"time", "strain"} <= columns.keys():
-        return "loading_history", "there are time and strain but no stress"
-    return "constant_rate", "there are strain and stress"
+def goes_back_and_forth(values: npt.NDArray[np.float64]) -> bool:
+    """Whether values oscillate about a straight trend."""
+    return _crossings(values) >= 2 * LEAST_CYCLES
 
 
 def _crossings(values: npt.NDArray[np.float64]) -> int:

@@ -1,0 +1,51 @@
+"""What `pyburgers new` writes for a test at constant strain rate."""
+
+from collections.abc import Mapping
+
+from pyburgers.common.text_tables import TextTable
+from pyburgers.protocols.guessed_columns import GuessedColumn
+from pyburgers.protocols.new_file import (
+    STRAIN_RATE,
+    Description,
+    NewFile,
+    column_lines,
+    layout_lines,
+    line,
+    optional,
+    with_comment,
+)
+
+
+class ConstantRateFile(NewFile):
+    """One segment, whose rate is asked for; curves against strain or time."""
+
+    needed = (("strain", "time"), ("stress",))
+    questions = (STRAIN_RATE,)
+
+    def suits(self, table: TextTable, columns: Mapping[str, GuessedColumn]) -> str | None:
+        """Return that there is a curve; one that oscillates or creeps is asked about before."""
+        return "there are strain and stress"
+
+    def lines(self, test: Description) -> list[str]:
+        """Return the segment and the columns of the curve."""
+        position = "strain" if "strain" in test.columns else "time"
+        late_strain = 20.0 if test.columns[position].unit == "percent" else 0.2
+        return [
+            with_comment("[[segments]]", "one for each imposed strain rate"),
+            line("start_strain", 0.0, "a fraction, where this rate starts"),
+            line("strain_rate_per_s", test.values["strain_rate_per_s"]),
+            "",
+            "[data]",
+            line("file", test.file),
+            *layout_lines(test),
+            *column_lines(test, position),
+            *column_lines(test, "stress", comment="differential stress, compression positive"),
+            optional("stress_uncertainty = 0.05", "of a reading, in the unit of the stress"),
+            optional("[[microstructure]]", "measured in the sample, at one strain or more"),
+            optional(f"strain = {late_strain}", "in strain_unit of [data], else a fraction"),
+            "# grain_size_m = 165e-6",
+            "# grain_size_sd_m = 8e-6",
+        ]
+
+
+NEW_FILE = ConstantRateFile()

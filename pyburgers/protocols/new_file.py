@@ -1,0 +1,196 @@
+"""Experiment files as a person would write them, keys with comments: what all kinds of test share.
+
+What the file of a kind of test has of its own says ``NEW_FILE`` in the module ``new_file`` of its
+folder.
+"""
+
+import json
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
+from types import MappingProxyType
+from typing import Any, ClassVar
+
+from pyburgers.common.text_tables import TextTable
+from pyburgers.common.units import UNITS
+from pyburgers.protocols.guessed_columns import GuessedColumn
+from pyburgers.protocols.protocol import NAMES
+
+COMMENTS_AT = 36
+"""Column at which comments start."""
+
+
+@dataclass(frozen=True)
+class Question:
+    """Something that a text file does not say of its test.
+
+    Attributes
+    ----------
+    name : str
+        Of the answer; the option has dashes in place of underscores.
+    text : str
+        What is asked.
+    kind : callable
+        Makes the answer from text.
+    choices : sequence of str, optional
+        What it may be.
+    default : object
+        Where nothing is answered; None where something has to be.
+    """
+
+    name: str
+    text: str
+    kind: Callable[[str], Any] = str
+    choices: Sequence[str] | None = None
+    default: Any = None
+
+    @property
+    def option(self) -> str:
+        """Name of the option that answers it."""
+        return f"--{self.name.replace('_', '-')}"
+
+
+STRAIN_RATE = Question("strain_rate_per_s", "imposed strain rate in 1/s", float)
+"""Several kinds of test can have one."""
+
+
+@dataclass(frozen=True)
+class Description:
+    """What is known of a test that a file is written for.
+
+    Attributes
+    ----------
+    file : str
+        Its text file, as seen from the file that is written.
+    table : TextTable
+        How that looks.
+    columns : mapping of str to GuessedColumn
+        What its columns hold.
+    values : mapping
+        Answers, by the name of the question.
+    """
+
+    file: str
+    table: TextTable
+    columns: Mapping[str, GuessedColumn]
+    values: Mapping[str, Any]
+
+
+class NewFile(ABC):
+    """What a new file of a kind of test needs and says beside what those of all kinds do.
+
+    Attributes
+    ----------
+    needed : sequence of sequences of str
+        Quantities whose columns it needs, one of each.
+    questions : sequence of Question
+        What may be asked for it alone.
+    """
+
+    needed: ClassVar[Sequence[Sequence[str]]]
+    questions: ClassVar[Sequence[Question]] = ()
+
+    @abstractmethod
+    def suits(self, table: TextTable, columns: Mapping[str, GuessedColumn]) -> str | None:
+        """Return why a text file looks like such a test, as the end of a sentence, if it does."""
+
+    def asked(self, columns: Collection[str], given: Mapping[str, Any]) -> Collection[str]:
+        """Return the names of those of its questions that are asked.
+
+        Parameters
+        ----------
+        columns : collection of str
+            Quantities that have one.
+        given : mapping
+            Answers that are there already, None where there is none.
+        """
+        return {question.name for question in self.questions}
+
+    def conditions(self) -> Sequence[str]:
+        """Return lines about how well the conditions are known."""
+        return (
+            optional("temperature_sd_K = 2.0", "how well the temperature is known"),
+            optional("stress_calibration_sd = 0.02", "relative error of the load cell"),
+        )
+
+    @abstractmethod
+    def lines(self, test: Description) -> Sequence[str]:
+        """Return the lines about what drives the test, and about its text file."""
+
+
+@cache
+def new_files() -> Mapping[str, NewFile]:
+    """Return what new files have of their own, by the name of the protocol."""
+    return MappingProxyType(
+        {name: import_module(f"{__package__}.{name}.new_file").NEW_FILE for name in NAMES}
+    )
+
+
+def experiment_text(protocol: str, new_file: NewFile, test: Description) -> str:
+    """Return the text of an experiment file of a protocol."""
+    values = test.values
+    lines = [
+        line("id", values["id"], "names the run and its files"),
+        line("material", values["material"], "its priors are taken unless --priors is given"),
+        line("protocol", protocol, "the kind of test"),
+        line("temperature_K", values["temperature_K"]),
+        line("initial_grain_size_m", values["grain_size_m"], "mean, at the start"),
+        *new_file.conditions(),
+        "",
+        *new_file.lines(test),
+        "",
+        "[provenance]",
+        line("kind", values["kind"], "measured, digitised or synthetic"),
+        line("source", values["source"], "who, when, where"),
+        '# doi = "..."',
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def line(key: str, value: object, comment: str = "") -> str:
+    """Return a key with its value and a comment."""
+    text = f"{key} = {_toml(value)}"
+    return with_comment(text, comment) if comment else text
+
+
+def with_comment(text: str, comment: str) -> str:
+    """Return a line with a comment."""
+    return f"{text:<{COMMENTS_AT}}# {comment}"
+
+
+def optional(text: str, comment: str) -> str:
+    """Return a key as a comment, for whoever has it."""
+    return with_comment(f"# {text}", comment)
+
+
+def _toml(value: object) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        return repr(value)
+    return json.dumps(value, ensure_ascii=False)
+
+
+def layout_lines(test: Description) -> Iterator[str]:
+    """Return how the text file is laid out, where it is not as by default."""
+    if test.table.separator != ",":
+        yield line("separator", "whitespace", 'or ","')
+    if test.table.names is None:
+        yield line("header", False, "columns are named by their numbers from 1")
+
+
+def column_lines(
+    test: Description, quantity: str, key: str | None = None, comment: str = ""
+) -> list[str]:
+    """Return the keys of a column and its unit, of one that is there."""
+    guessed, key = test.columns.get(quantity), key or quantity
+    if guessed is None:
+        return []
+    lines = [line(f"{key}_column", guessed.column, comment)]
+    units = UNITS.get(quantity.removesuffix("_uncertainty"), ())
+    if guessed.unit is not None and not quantity.endswith("_uncertainty"):
+        others = ", ".join(unit for unit in units if unit != guessed.unit)
+        lines.append(line(f"{key}_unit", guessed.unit, f"or {others}" if others else ""))
+    return lines

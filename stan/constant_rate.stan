@@ -83,7 +83,7 @@ model {
     coordinate_system, shared_parameter, shared_from, own_end, own_parameter, own_position,
     quantity, own_place, replaced_parameter, pooled_parameter, pooled_position, pooled_quantity,
     centre_position, centre_reference, pooled_reference, pooled_data_precision,
-    knot_end, knot, pin_end, pin, guide, flow_stress, noise_parameter, conditions,
+    knot_end, knot, pin_end, pin, guide, noise_parameter, conditions,
     reference_end, reference, element,
     tolerance, max_num_steps);
 }

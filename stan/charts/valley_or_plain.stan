@@ -2,8 +2,8 @@
     vector[size(own) + 1] plain = append_row(coordinate[own_position[own]], 0);
     if (coordinate_system == 2 && pin_end[e + 1] > pin_end[e]) {
       plain = plain_from_valley(coordinate[own_position[own]], given, own_place[e],
-                                quantity[own], guide[own], replaced_parameter[e], flow_stress[e],
-                                conditions[e], noise_parameter[e], knot[part(knot_end, e)],
-                                pin[part(pin_end, e)], reference[part(reference_end, e)],
-                                element);
+                                append_col(quantity[own], guide[own]),
+                                {replaced_parameter[e], noise_parameter[e]}, conditions[e],
+                                knot[part(knot_end, e)], pin[part(pin_end, e)],
+                                reference[part(reference_end, e)], element);
     }

@@ -1,5 +1,6 @@
 // Valley coordinates (charts/valley/); all sizes 0 with plain coordinates. Columns of the matrices
-// of pins and knots: see charts/valley/pins.stan; of the guide: see plain_from_valley().
+// of pins and knots: see charts/valley/pins.stan; of the guide: those behind quantity,
+// see charts/valley/elastic_rise.stan.
 array[n_tests + 1] int<lower=0> knot_end;
 matrix[knot_end[n_tests + 1], 3] knot; // of the reference curve, the solution at the reference
 array[n_tests + 1] int<lower=0> pin_end;

@@ -47,7 +47,7 @@ real constant_rate_log_density(
     data real pooled_data_precision,
     // data/valley.stan and charts/valley_references.stan
     data array[] int knot_end, data matrix knot, data array[] int pin_end, data matrix pin,
-    data matrix guide, data array[] real flow_stress, data array[] int noise_parameter,
+    data matrix guide, data array[] int noise_parameter,
     data array[] vector conditions, data array[] int reference_end, data vector reference,
     data matrix element,
     // data/solver.stan

@@ -4,6 +4,15 @@
  */
 
 /**
+ * Columns of a row of `quantity` behind those of charts/plain.stan: plain coordinate at the mode, from
+ * where on the parameter is linear (see plain_from_straightened()), and the power of the noise with
+ * which its width grows.
+ */
+int i_mode() { return 5; }
+int i_linear() { return 6; }
+int i_power() { return 7; }
+
+/**
  * Plain coordinate of a parameter, straightened: linear in the parameter or in its inverse.
  *
  * Data can push a parameter against its lower bound (the Kelvin modulus of ice). There the plain
@@ -12,19 +21,18 @@
  * only together with what the Kelvin element adds (loading_compliance()).
  *
  * @param displacement from the reference point, in the straightened coordinate
- * @param reference plain coordinate of the reference point
- * @param linear_from c > 0: linear in exp(plain) above c; c < 0: linear in exp(-plain) above -c;
- *   0: plain
+ * @param quantity of the parameter; its column i_linear() has c > 0: linear in exp(plain) above c;
+ *   c < 0: linear in exp(-plain) above -c; 0: plain
  * @return plain coordinate, and ln of its derivative by the displacement
  */
-vector plain_from_straightened(real displacement, data real reference, data real linear_from) {
-  real sign = linear_from > 0 ? 1 : -1;
-  real c = sign * linear_from;
+vector plain_from_straightened(real displacement, data row_vector quantity) {
+  real sign = quantity[i_linear()] > 0 ? 1 : -1;
+  real c = sign * quantity[i_linear()];
   real x;
-  if (linear_from == 0) {
-    return [reference + displacement, 0]';
+  if (c == 0) {
+    return [quantity[i_mode()] + displacement, 0]';
   }
-  x = log(expm1(exp(sign * reference) / c)) + sign * displacement;
+  x = log(expm1(exp(sign * quantity[i_mode()]) / c)) + sign * displacement;
   return [sign * log(c * log1p_exp(x)), log_inv_logit(x) - log(log1p_exp(x))]';
 }
 

@@ -39,6 +39,21 @@
  * the posterior is exactly that of the plain coordinates. Only the speed depends on the pins.
  */
 
+/** Places in `named`, see there. */
+int i_replaced() { return 1; }
+int i_noise() { return 2; }
+
+/**
+ * Places in `conditions`: rate that S_0 belongs to (1/s), d_0 (m), temperature (K), time of the
+ * elastic rise, in which both springs give together (s), and the stress of the flow rate where the
+ * plain coordinate is of that and not of S_0 (Pa; else 0).
+ */
+int c_rate() { return 1; }
+int c_grain_size() { return 2; }
+int c_temperature() { return 3; }
+int c_loading_time() { return 4; }
+int c_flow_stress() { return 5; }
+
 /**
  * Modulus (Pa) and viscosity (Pa s) of each element of the Kelvin part, (n, 2).
  *
@@ -123,22 +138,24 @@ real largest_log_ratio() { return 1.5; }
  * @param coordinate plain coordinates there, and the others as for plain_from_valley()
  */
 vector valley_reference(data vector parameter, data vector coordinate, data array[] int place,
-                        data int replaced_parameter, data vector conditions, data int noise,
-                        data matrix knot, data matrix pin, data matrix element) {
-  matrix[rows(element), 2] kelvin = kelvin_elements(parameter, element, conditions[3],
-                                                    conditions[2]);
-  real log_stress = log_reference_stress_at(parameter, conditions[1], conditions[2],
-                                            conditions[3]);
+                        data array[] int named, data vector conditions, data matrix knot,
+                        data matrix pin, data matrix element) {
+  matrix[rows(element), 2] kelvin = kelvin_elements(parameter, element,
+                                                    conditions[c_temperature()],
+                                                    conditions[c_grain_size()]);
+  real log_stress = log_reference_stress_at(parameter, conditions[c_rate()],
+                                            conditions[c_grain_size()],
+                                            conditions[c_temperature()]);
   array[3] int solved = solved_places(place);
   real steady_state = solved[3] == place[i_steady_state_grain_size()]
-                      ? parameter[i_steady_state_grain_size()] / conditions[2]
+                      ? parameter[i_steady_state_grain_size()] / conditions[c_grain_size()]
                       : parameter[i_steady_state_fabric_factor()];
   return append_row([solved[1] > 0 ? coordinate[solved[1]] : 0, coordinate[solved[2]],
-                     1 - steady_state, log_stress, log(parameter[noise]),
-                     loading_compliance(kelvin, conditions[4]),
-                     softening_after(pin[rows(pin), 1], parameter, conditions[2])]',
-                    asked_of_pins(parameter, kelvin, replaced_parameter == 0, log_stress,
-                                  conditions[2], knot, pin));
+                     1 - steady_state, log_stress, log(parameter[named[i_noise()]]),
+                     loading_compliance(kelvin, conditions[c_loading_time()]),
+                     softening_after(pin[rows(pin), 1], parameter, conditions[c_grain_size()])]',
+                    asked_of_pins(parameter, kelvin, named[i_replaced()] == 0, log_stress,
+                                  conditions[c_grain_size()], knot, pin));
 }
 
 /**
@@ -150,28 +167,23 @@ vector valley_reference(data vector parameter, data vector coordinate, data arra
  *
  * @param given values of the parameters that are not the test's own; other entries have no effect
  * @param place of each parameter among the test's own ones, 0 where it is none of them
- * @param quantity a row for each of them (charts/plain.stan)
- * @param guide a row for each of them: plain coordinate of the reference point, linear_from (see
- *   plain_from_straightened()), power of the stress noise with which its width grows
- * @param replaced_parameter place of Q_M or beta; 0: ln S_0 is given
- * @param flow_stress where the plain coordinate is not that of S_0 but of the flow rate at a stress:
- *   this stress (Pa); else 0
- * @param conditions rate (1/s) that S_0 belongs to, d_0 (m), temperature (K), time (s) of the
- *   elastic rise, in which both springs give together
- * @param noise place of the noise that the widths follow
+ * @param quantity a row for each of them: see charts/plain.stan and i_mode()
+ * @param named numbers of parameters: Q_M or beta, which ln S_0 replaces (0: ln S_0 is given), and
+ *   the noise that the widths follow
+ * @param conditions see c_rate()
  * @param knot, pin see charts/valley/pins.stan
  * @param reference see valley_reference()
  * @param element of the Kelvin part, see relaxation_elements()
  * @return plain coordinates, then ln |d(these)/d(coordinate)|
  */
 vector plain_from_valley(vector coordinate, vector given, data array[] int place,
-                         data matrix quantity, data matrix guide, data int replaced_parameter,
-                         data real flow_stress, data vector conditions, data int noise,
+                         data matrix quantity, data array[] int named, data vector conditions,
                          data matrix knot, data matrix pin, data vector reference,
                          data matrix element) {
   array[3] int solved = solved_places(place);
-  int stress_given = replaced_parameter == 0;
-  int flow = stress_given ? 0 : place[replaced_parameter];
+  int noise = named[i_noise()];
+  int stress_given = named[i_replaced()] == 0;
+  int flow = stress_given ? 0 : place[named[i_replaced()]];
   int share = place[i_residual_correlated_share()];
   int grain_size = place[i_steady_state_grain_size()];
   int grain_size_is_stretched = grain_size > 0 && grain_size != solved[3]
@@ -194,19 +206,18 @@ vector plain_from_valley(vector coordinate, vector given, data array[] int place
   // The noise first: widths of others go with it.
   if (share > 0) {
     parameter[i_residual_correlated_share()] = bounded_from_real(
-      plain_from_straightened(coordinate[share], guide[share, 1], guide[share, 2])[1],
+      plain_from_straightened(coordinate[share], quantity[share])[1],
       quantity[share]);
     log_independent = 0.5
                       * (log1m(parameter[i_residual_correlated_share()])
-                         - log1m(bounded_from_real(guide[share, 1], quantity[share])));
+                         - log1m(bounded_from_real(quantity[share, i_mode()], quantity[share])));
     log_drift = log_drift_of(parameter[i_residual_correlated_share()])
-                - log_drift_of(bounded_from_real(guide[share, 1], quantity[share]));
+                - log_drift_of(bounded_from_real(quantity[share, i_mode()], quantity[share]));
   }
   if (place[noise] > 0) {
     int i = place[noise];
     parameter[noise]
-      = bounded_from_real(plain_from_straightened(coordinate[i] - log_independent,
-                                                  guide[i, 1], guide[i, 2])[1],
+      = bounded_from_real(plain_from_straightened(coordinate[i] - log_independent, quantity[i])[1],
                           quantity[i]);
   }
   log_noise_ratio = largest_log_ratio()
@@ -218,22 +229,24 @@ vector plain_from_valley(vector coordinate, vector given, data array[] int place
     int i = place[k];
     if (i > 0 && i != flow && i != solved[1] && i != solved[2] && i != solved[3]
         && !(i == grain_size && grain_size_is_stretched)) {
-      real log_width = guide[i, 3] * log_noise_ratio;
+      real log_width = quantity[i, i_power()] * log_noise_ratio;
       real displacement = coordinate[i] * exp(log_width);
       vector[2] straight;
       if (k == i_stress_noise() || k == i_strain_noise()) {
         displacement -= log_independent;
       }
-      if (k == i_maxwell_modulus() && guide[i, 2] < 0) {
-        // The curve fixes what both springs give together in the elastic rise.
-        parameter[k] = bounded_from_real(guide[i, 1], quantity[i]); // a peak is in proportion to it
-        kelvin = kelvin_elements(parameter, element, conditions[3], conditions[2]);
-        displacement += left_to_spring(quantity[i, i_scale()] / -guide[i, 2]
-                                       * (loading_compliance(kelvin, conditions[4])
+      if (k == i_maxwell_modulus() && quantity[i, i_linear()] < 0) {
+        // The curve fixes what both springs give together in the elastic rise. Peaks of relaxation times
+        // are in proportion to this modulus: its value at the mode stands for it.
+        parameter[k] = bounded_from_real(quantity[i, i_mode()], quantity[i]);
+        kelvin = kelvin_elements(parameter, element, conditions[c_temperature()],
+                                 conditions[c_grain_size()]);
+        displacement += left_to_spring(quantity[i, i_scale()] / -quantity[i, i_linear()]
+                                       * (loading_compliance(kelvin, conditions[c_loading_time()])
                                           - reference[i_rise_compliance()]),
-                                       exp(-guide[i, 1]) / -guide[i, 2]);
+                                       exp(-quantity[i, i_mode()]) / -quantity[i, i_linear()]);
       }
-      straight = plain_from_straightened(displacement, guide[i, 1], guide[i, 2]);
+      straight = plain_from_straightened(displacement, quantity[i]);
       plain[i] = straight[1];
       log_jacobian += straight[2] + log_width;
       parameter[k] = bounded_from_real(plain[i], quantity[i]);
@@ -241,43 +254,44 @@ vector plain_from_valley(vector coordinate, vector given, data array[] int place
   }
   if (grain_size_is_stretched) {
     // After p and n, on which the edge depends.
-    vector[2] straight = plain_from_straightened(coordinate[grain_size], guide[grain_size, 1],
-                                                 guide[grain_size, 2]);
+    vector[2] straight = plain_from_straightened(coordinate[grain_size], quantity[grain_size]);
     vector[2] stretched = grain_size_at_edge(straight[1],
       parameter[i_grain_size_exponent()] / parameter[i_stress_exponent()],
-      reference[i_whole_softening()], conditions[2], quantity[grain_size]);
+      reference[i_whole_softening()], conditions[c_grain_size()], quantity[grain_size]);
     plain[grain_size] = stretched[1];
     log_jacobian += straight[2] + stretched[2];
     parameter[i_steady_state_grain_size()] = bounded_from_real(plain[grain_size],
                                                                quantity[grain_size]);
   }
   if (stress_given) {
-    log_stress = log_reference_stress_at(parameter, conditions[1], conditions[2],
-                                         conditions[3]);
+    log_stress = log_reference_stress_at(parameter, conditions[c_rate()],
+                                         conditions[c_grain_size()], conditions[c_temperature()]);
   }
-  kelvin = kelvin_elements(parameter, element, conditions[3], conditions[2]);
-  asked = asked_of_pins(parameter, kelvin, stress_given, log_stress, conditions[2], knot,
-                        pin);
+  kelvin = kelvin_elements(parameter, element, conditions[c_temperature()],
+                           conditions[c_grain_size()]);
+  asked = asked_of_pins(parameter, kelvin, stress_given, log_stress, conditions[c_grain_size()],
+                        knot, pin);
   remainder = [stress_given ? 0 : coordinate[flow], coordinate[solved[3]]]';
   if (solved[1] > 0) {
     softening = softening_from_coordinates(
       append_row(remainder, coordinate[solved[1 : 2]]), asked, reference, pin,
       exp(-2 * log_noise_ratio), parameter[i_stress_exponent()], stress_given,
-      solved_bounds(place, quantity, conditions[2]));
+      solved_bounds(place, quantity, conditions[c_grain_size()]));
     plain[solved[1]] = softening[3];
   } else {
     softening = softening_of_one(
       append_row(remainder, coordinate[solved[2]]), asked, reference, pin,
       exp(-2 * log_noise_ratio), parameter[i_stress_exponent()], solved[3] == grain_size,
-      stress_given, solved_bounds(place, quantity, conditions[2]));
+      stress_given, solved_bounds(place, quantity, conditions[c_grain_size()]));
   }
   plain[solved[2 : 3]] = softening[{4, 2}];
   log_jacobian += softening[5];
   if (!stress_given) {
     real flow_quantity = softening[1];
-    if (flow_stress > 0) {
-      flow_quantity = log(conditions[1])
-                      + parameter[i_stress_exponent()] * (log(flow_stress) - softening[1]);
+    if (conditions[c_flow_stress()] > 0) {
+      flow_quantity = log(conditions[c_rate()])
+                      + parameter[i_stress_exponent()]
+                        * (log(conditions[c_flow_stress()]) - softening[1]);
       log_jacobian += log(parameter[i_stress_exponent()]);
     }
     plain[flow] = (flow_quantity - quantity[flow, i_shift()]) / quantity[flow, i_scale()];

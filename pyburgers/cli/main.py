@@ -6,9 +6,10 @@ import errno
 import io
 import os
 import resource
+import signal
 import sys
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from importlib import import_module
 
 from pyburgers.cli.completion import COMPLETING, add_arguments, complete, words_to_complete
@@ -113,6 +114,16 @@ def _run(arguments: Sequence[str]) -> int:
         return code
 
 
+@contextmanager
+def _interrupts_wait() -> Iterator[None]:
+    """Let Ctrl-C wait: modules that are interrupted while they are imported swallow it or break."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def _ended(sentence: str, code: int) -> int:
     """Say why a command has ended, as far as there is someone to say it to."""
     with suppress(OSError):
@@ -167,7 +178,8 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
             if COMPLETING in os.environ:
                 add_arguments(command, module_name)
                 continue
-            module = import_module(module_name)
+            with _interrupts_wait():
+                module = import_module(module_name)
             module.add_options(command)
             command.set_defaults(run=module.run)
             if hasattr(module, "with_default"):

@@ -33,6 +33,31 @@ def ended(
     return done.returncode, done.stderr
 
 
+SWALLOWING = """
+import signal
+from pyburgers.cli import main as command_line
+signal.signal(signal.SIGINT, signal.default_int_handler)
+
+def interrupted_import(name, load=command_line.import_module):
+    try:
+        os.kill(os.getpid(), signal.SIGINT)
+        module = load(name)
+    except KeyboardInterrupt:
+        raise ImportError("initialization failed") from None
+    return module
+
+command_line.import_module = interrupted_import
+sys.exit(main(['check', '/nowhere']))
+"""
+"""Ctrl-C while the command's modules are imported, one of which makes another error of it."""
+
+
+def test_ctrl_c_waits_until_modules_are_there() -> None:
+    code, error = ended(SWALLOWING)
+    assert code == 130
+    assert error == "pyburgers: interrupted; the same command continues with what is missing.\n"
+
+
 @pytest.fixture
 def full() -> int:
     """A device that is always full."""

@@ -48,12 +48,13 @@ class Command:
     done: list[str] = field(default_factory=list)
 
     def start(self) -> subprocess.Popen[bytes]:
-        """Start it in a session of its own."""
+        """Start it in a session of its own, where Ctrl-C counts even if it does not here."""
         return subprocess.Popen(
             [sys.executable, *self.arguments],
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
             start_new_session=True,
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
         )
 
     def finish(self) -> float:

@@ -23,6 +23,9 @@ Separator = Literal[",", "whitespace"]
 DATA_ROOT_VARIABLE = "PYBURGERS_DATA"
 """Environment variable that takes the place of the key `data_root`."""
 
+LARGEST = 1e100
+"""Size of a number in SI from which on squares and products of readings may not be numbers."""
+
 NAMED_CELLS = 3
 """Cells of a column that are named where they hold no numbers."""
 
@@ -119,8 +122,8 @@ def read_columns(
     ------
     InputError
         If a unit is not one of its quantity, the file is missing or has no data rows, a column is
-        missing, no row is one of those wanted, or a cell is empty, not a number or not finite; the
-        message names file, line and column.
+        missing, no row is one of those wanted, or a cell is empty, not a number, not finite or
+        larger than `LARGEST`; the message names file, line and column.
     """
     factors, found = all_of(
         lambda: all_of(*(partial(_factor, data, unit, where) for unit in columns.values())),
@@ -129,10 +132,10 @@ def read_columns(
     with np.errstate(over="ignore"):
         scaled = [values * factor for values, factor in zip(found, factors, strict=True)]
     for key, values in zip(columns, scaled, strict=True):
-        if np.isinf(values).any():
+        if (np.abs(values) > LARGEST).any():
             raise InputError(
-                f"{source}: column {getattr(data, key)!r} holds a number that is too large for its "
-                "unit, expected a finite one in SI."
+                f"{source}: column {getattr(data, key)!r} holds a number that is too large, "
+                f"expected at most {LARGEST:g} in SI."
             )
     return scaled
 

@@ -86,6 +86,7 @@ BAD_TABLES: Mapping[str, Callable[[list[str]], list[str]]] = {
     "a short row": lambda lines: [*lines[:3], lines[3].split(",")[0], *lines[4:]],
     "not a number": lambda lines: [*lines[:3], "nan," + lines[3].split(",", 1)[1], *lines[4:]],
     "infinite": lambda lines: [*lines[:3], lines[3].rsplit(",", 1)[0] + ",inf", *lines[4:]],
+    "too large": lambda lines: [*lines[:3], lines[3].rsplit(",", 1)[0] + ",-1e200", *lines[4:]],
     "backwards": lambda lines: [lines[0], *lines[:0:-1]],
 }
 

@@ -15,11 +15,20 @@ from typing import Any, ClassVar
 
 from pyburgers.common.text_tables import TextTable
 from pyburgers.common.units import UNITS
+from pyburgers.protocols.experiment import CONDITION_KEYS, Experiment
 from pyburgers.protocols.guessed_columns import GuessedColumn
 from pyburgers.protocols.protocol import NAMES
 
 COMMENTS_AT = 36
 """Column at which comments start."""
+
+UNCERTAIN_CONDITIONS: Mapping[str, tuple[float, str]] = MappingProxyType(
+    {
+        "temperature_error": (2.0, "how well the temperature is known"),
+        "stress_calibration_error": (0.02, "relative error of the load cell"),
+    }
+)
+"""Standard deviations that are proposed, and what they are of, by the condition's error."""
 
 
 @dataclass(frozen=True)
@@ -83,12 +92,15 @@ class NewFile(ABC):
 
     Attributes
     ----------
+    experiment : type
+        What the file is read as.
     needed : sequence of sequences of str
         Quantities whose columns it needs, one of each.
     questions : sequence of Question
         What may be asked for it alone.
     """
 
+    experiment: ClassVar[type[Experiment]]
     needed: ClassVar[Sequence[Sequence[str]]]
     questions: ClassVar[Sequence[Question]] = ()
 
@@ -107,13 +119,6 @@ class NewFile(ABC):
             Answers that are there already, None where there is none.
         """
         return {question.name for question in self.questions}
-
-    def conditions(self) -> Sequence[str]:
-        """Return lines about how well the conditions are known."""
-        return (
-            optional("temperature_sd_K = 2.0", "how well the temperature is known"),
-            optional("stress_calibration_sd = 0.02", "relative error of the load cell"),
-        )
 
     @abstractmethod
     def lines(self, test: Description) -> Sequence[str]:
@@ -137,7 +142,11 @@ def experiment_text(protocol: str, new_file: NewFile, test: Description) -> str:
         line("protocol", protocol, "the kind of test"),
         line("temperature_K", values["temperature_K"]),
         line("initial_grain_size_m", values["grain_size_m"], "mean, at the start"),
-        *new_file.conditions(),
+        *(
+            optional(f"{CONDITION_KEYS[name][0]} = {sd}", comment)
+            for name, (sd, comment) in UNCERTAIN_CONDITIONS.items()
+            if name in new_file.experiment.may_be_uncertain
+        ),
         "",
         *new_file.lines(test),
         "",

@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 
 from pyburgers.common.text_tables import TextTable
-from pyburgers.protocols.guessed_columns import GuessedColumn
+from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
+from pyburgers.protocols.guessed_columns import GuessedColumn, numbers_of
 from pyburgers.protocols.new_file import (
     Description,
     NewFile,
@@ -16,8 +17,9 @@ from pyburgers.protocols.new_file import (
 
 
 class AttenuationFile(NewFile):
-    """A table against period or frequency; its conditions are taken as they are stated."""
+    """A table against period or frequency."""
 
+    experiment = AttenuationExperiment
     needed = (("period", "frequency"), ("attenuation",))
     questions = (
         Question("deformation", "deformation", choices=("axial", "shear")),
@@ -28,14 +30,10 @@ class AttenuationFile(NewFile):
         """Return that attenuation is read."""
         return "there is a column of attenuation" if "attenuation" in columns else None
 
-    def conditions(self) -> tuple[str, ...]:
-        """Return nothing: tables are fitted at their stated conditions."""
-        return ()
-
     def lines(self, test: Description) -> list[str]:
         """Return the kind of deformation and the columns."""
         values, columns = test.values, test.columns
-        readings = test.table.numbers(columns["attenuation"].column)
+        readings = numbers_of(test.table, columns, "attenuation")
         lines = [
             "[attenuation]",
             line("deformation", values["deformation"], "axial or shear: of modulus and stresses"),
@@ -56,7 +54,7 @@ class AttenuationFile(NewFile):
                 stress_unit = columns[name].unit
         if "median_stress" in columns or "amplitude" in columns:
             lines.append(line("stress_unit", stress_unit))
-        logarithms = any(value < 0 for value in readings)
+        logarithms = bool((readings < 0).any())
         form = "log10_tan_delta" if logarithms else "tan_delta"
         lines += [
             line("attenuation_column", columns["attenuation"].column),

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 
 from pyburgers.common.text_tables import TextTable
+from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.protocols.guessed_columns import GuessedColumn
 from pyburgers.protocols.new_file import (
     STRAIN_RATE,
@@ -19,6 +20,7 @@ from pyburgers.protocols.new_file import (
 class ConstantRateFile(NewFile):
     """One segment, whose rate is asked for; curves against strain or time."""
 
+    experiment = ConstantRateExperiment
     needed = (("strain", "time"), ("stress",))
     questions = (STRAIN_RATE,)
 

@@ -4,6 +4,7 @@ from collections.abc import Collection, Mapping
 from typing import Any
 
 from pyburgers.common.text_tables import TextTable
+from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.protocols.guessed_columns import GuessedColumn, goes_back_and_forth, numbers_of
 from pyburgers.protocols.new_file import (
     Description,
@@ -20,6 +21,7 @@ from pyburgers.protocols.new_file import (
 class ForcedOscillationFile(NewFile):
     """Strain and stress against one time, with errors that are asked for where none are read."""
 
+    experiment = OscillationExperiment
     needed = (("time",), ("strain",), ("stress",))
     questions = (
         Question("strain_uncertainty", "standard deviation of a strain, in its unit", float),

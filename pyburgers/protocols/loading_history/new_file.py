@@ -7,6 +7,7 @@ import numpy as np
 
 from pyburgers.common.text_tables import TextTable
 from pyburgers.protocols.guessed_columns import GuessedColumn, goes_back_and_forth, numbers_of
+from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.new_file import (
     STRAIN_RATE,
     Description,
@@ -28,6 +29,7 @@ STRESS = Question("stress_MPa", "imposed stress in MPa", float)
 class LoadingHistoryFile(NewFile):
     """One stage, driven by a stress or a rate that is given, or by the readings of the stress."""
 
+    experiment = LoadingHistory
     needed = (("time",), ("strain", "stress"))
     questions = (STRAIN_RATE, STRESS)
 
@@ -56,12 +58,11 @@ class LoadingHistoryFile(NewFile):
 
     def lines(self, test: Description) -> list[str]:
         """Return the stage and the columns."""
-        time = test.columns["time"]
-        ends = test.table.numbers(time.column)
+        times = numbers_of(test.table, test.columns, "time")
         values = test.values
         stage = [
-            line("start_time", float(min(0.0, *ends))),
-            line("end_time", float(max(ends))),
+            line("start_time", min(0.0, float(times.min()))),
+            line("end_time", float(times.max())),
         ]
         if values.get("stress_MPa") is not None:
             control, own = "stress", [line("stress", values["stress_MPa"], "in stage_stress_unit")]
@@ -74,7 +75,7 @@ class LoadingHistoryFile(NewFile):
             control, "what is imposed; others: docs/loading_history.md"
         )
         return [
-            line("stage_time_unit", time.unit, "of the stages; s, min or h"),
+            line("stage_time_unit", test.columns["time"].unit, "of the stages; s, min or h"),
             line("stage_stress_unit", "MPa", "of the stages; Pa, MPa or GPa"),
             line("compression", "positive", "or negative: of stages and data"),
             line("strain_measure", "true", "or engineering; stress_measure likewise"),

@@ -71,6 +71,12 @@ def edit(tmp_path: Path) -> Edit:
     return write
 
 
+def test_the_title_says_temperatures_and_periods_in_plain_numbers(edit: Edit) -> None:
+    table = load_attenuation(edit(rows=ROWS.replace("10,", "1000,")))
+    assert "\n1373.15 to 1473.15 K, periods 1 to 1000 s, shear" in table.title
+    assert "\n1473.15 K, periods 1 to 1000 s, shear" in table.only_part("1473.15K").title
+
+
 def test_a_table_is_read_in_si(edit: Edit) -> None:
     table = load_attenuation(edit())
     np.testing.assert_allclose(table.conditions.temperature, [1473.15, 1473.15, 1373.15, 1373.15])

@@ -85,6 +85,21 @@ def test_all_softening_is_by_grains_where_the_fabric_stays_isotropic(tmp_path: P
     assert "median 1.00" in legend_texts(softening(fit))
 
 
+def test_shares_of_next_to_no_softening_do_not_stretch_the_axis(tmp_path: Path) -> None:
+    fit = make_fit(tmp_path, chains=2, draws=50)
+    predictions = fit.posterior["predictions"].to_dataset()
+    grains, fabric = predictions["grain_size_softening"], predictions["fabric_softening"]
+    predictions["grain_size_softening"] = grains * 0 + 0.9
+    # Of five draws of 50 in each chain the fabric takes back what the grains soften, nearly.
+    factors = xr.DataArray(np.where(np.arange(50) < 5, 1.1, 0.9), dims="draw")
+    predictions["fabric_softening"] = fabric * 0 + factors
+    fit.posterior["predictions"] = xr.DataTree(predictions)
+    figure = softening(fit)
+    (axes,) = (one for one in figure.axes if "share" in one.get_title("left"))
+    assert axes.get_xlim() == (0.0, 2.0)
+    assert {"median 0.50", "10 % of draws lie beyond"} <= set(legend_texts(figure))
+
+
 def test_softening_without_any_softening_draws_no_share(tmp_path: Path) -> None:
     fit = make_fit(tmp_path, chains=2, draws=50)
     predictions = fit.posterior["predictions"].to_dataset()

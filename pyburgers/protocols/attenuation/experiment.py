@@ -150,9 +150,14 @@ class AttenuationExperiment(Experiment):
         period, temperature = self.conditions.period, self.conditions.temperature
         return (
             f"{self.id}: {self.material}, {self.provenance.kind} data\n"
-            f"{temperature.min():g} to {temperature.max():g} K, periods {period.min():.3g} to "
-            f"{period.max():.3g} s, {self.elasticity.deformation} cycles"
+            f"{_span(temperature)} K, periods {_span(period)} s, "
+            f"{self.elasticity.deformation} cycles"
         )
+
+
+def _span(numbers: FloatArray) -> str:
+    """Return the least and the largest number, or the only one there is."""
+    return " to ".join(dict.fromkeys(f"{end:g}" for end in (numbers.min(), numbers.max())))
 
 
 def _temperature_name(temperature: float) -> str:

@@ -81,6 +81,9 @@ def fitted_curve(fit: FittedTest) -> FittedCurve:
     )
 
 
+SHARES = (-1.0, 2.0)
+"""Shares of grain size in the softening, the least and the largest, up to which an axis may go."""
+
 SOFTENING_CAPTION = (
     "Why the material weakens: (a) mean grain size, (b) fabric factor (1 = isotropic), (c) the "
     "factors by which smaller grains and stronger fabric lower the flow stress, and their "
@@ -172,17 +175,18 @@ def _draw_share(axes: Axes, by_grains: FloatArray, by_fabric: FloatArray) -> Non
     )
     total = log_grains + log_fabric
     share = log_grains[total != 0] / total[total != 0]
-    low, high = np.quantile(share, [0.005, 0.995]) if share.size else (0.0, 1.0)
-    ends = (min(0.0, float(low)), max(1.0, float(high)))
+    low, median, high = np.quantile(share, [0.005, 0.5, 0.995]) if share.size else (0.0, 0.5, 1.0)
+    # Where grains grow and the fabric weakens, the two nearly cancel in some draws, and the share
+    # of what is left has no limit.
+    left, right = SHARES
+    ends = (min(0.0, max(left, low), median), max(1.0, min(right, high), median))
     weights = np.full(share.size, 100.0 / max(share.size, 1))
     axes.hist(share, bins=30, range=ends, weights=weights, color=SKY_BLUE, label="posterior draws")
     if share.size:
-        axes.axvline(
-            float(np.median(share)),
-            color=BLACK,
-            linewidth=1.4,
-            label=f"median {np.median(share):.2f}",
-        )
+        axes.axvline(median, color=BLACK, linewidth=1.4, label=f"median {median:.2f}")
+        beyond = float(np.mean((share < ends[0]) | (share > ends[1])))
+        if beyond > 0.01:  # more than the tails that any axis leaves out
+            axes.plot([], [], " ", label=f"{100 * beyond:.0f} % of draws lie beyond")
     axes.set_title("(d) share of grain size", loc="left")
     axes.set_xlabel("share of ln-softening due to grain size (–)")
     axes.set_ylabel("share of draws (%)")

@@ -59,3 +59,21 @@ def test_a_refused_fit_is_told_and_leaves_the_others_alone(
     with pytest.raises(InputError, match=r"second: has files \(notes.txt\) but no manifest.json"):
         fit_side_by_side(tasks, tmp_path, workers=Workers(jobs=2), command="x")
     assert Fit.load(tmp_path / "first").manifest["status"] == "complete"
+
+
+def test_chains_that_left_too_few_independent_draws_go_on_once(
+    programs: None, in_this_process: None, tasks: dict[str, Task], tmp_path: Path
+) -> None:
+    # 100 draws in all can be judged, and can never be 400 independent ones.
+    options = replace(tasks["first"].options, chains=2, draws=50)
+    short = replace(tasks["first"], options=options, extensions=1)
+    found = fit_side_by_side({"first": short}, tmp_path, command="x")["first"]
+    assert found.manifest["more_draws"] == [50]
+    assert dict(found.posterior["posterior"].sizes)["draw"] == 100
+    again = fit_side_by_side({"first": short}, tmp_path, command="x")["first"]
+    xr.testing.assert_identical(again.posterior["posterior"], found.posterior["posterior"])
+    # The first draws are those of a fit that is left as it is.
+    once = fit_side_by_side({"once": replace(short, extensions=0)}, tmp_path, command="x")["once"]
+    assert "more_draws" not in once.manifest
+    draws = found.posterior["posterior"].to_dataset().isel(draw=slice(50))
+    xr.testing.assert_equal(draws, once.posterior["posterior"].to_dataset())

@@ -58,6 +58,10 @@ PRESETS: Mapping[str, SamplerOptions] = MappingProxyType(
 """Sampler settings: `paper` has the chains and draws of the paper's Methods. Oscillating tests
 and spectra warm up as long as their protocol needs."""
 
+EXTENSIONS = 1
+"""How often the chains of a fit go on whose draws turn out too few: those of the quick preset just
+do for most fits."""
+
 PROGRAMS = ("peaks", "peak_stress", "imposed_stress")
 """Stan programs of the study other than those of the fits, which compile them themselves, each
 while another one runs already."""
@@ -172,7 +176,7 @@ def reproduce(
     problems = {**_problems(preset), COMBINED_RUN: _combined(handed_on)}
     of_dunite, of_spectra = _measured_dunite(preset), _measured_spectra(preset)
     tasks = {**problems, **of_dunite, **of_spectra, **_measured_halite()}
-    begun = {name: tasks[name] for name in LONGEST_FIRST}
+    begun = {name: replace(tasks[name], extensions=EXTENSIONS) for name in LONGEST_FIRST}
     found = fit_side_by_side(begun, runs, workers=workers, command=command)
     joint = found[JOINT_RUN]
     alone = {name: found[name] for name in of_dunite if name != JOINT_RUN}
@@ -229,6 +233,7 @@ def fit_part(preset: str, out: Path, *, workers: Workers, command: str) -> None:
     if workers.part is None or workers.part[0] == 1:
         _, handed_on = _fit_peak_stresses(runs, command)
         mine[COMBINED_RUN] = _combined(handed_on)
+    mine = {name: replace(task, extensions=EXTENSIONS) for name, task in mine.items()}
     fit_side_by_side(mine, runs, workers=replace(workers, part=None), command=command)
 
 

@@ -244,6 +244,7 @@ def test_what_was_not_good_enough_to_sample_with_is_told(sketched: None, tmp_pat
         "shortened": [
             {"divergences": 3, "chains": "superseded/longer_steps_1", "step_sizes": {"1": 0.1}}
         ],
+        "more_draws": [50, 70],
     }
     fit = replace(fit, manifest={**fit.manifest, **told_of})
     text = write([fit], tmp_path / "page").text
@@ -251,6 +252,7 @@ def test_what_was_not_good_enough_to_sample_with_is_told(sketched: None, tmp_pat
         "At tolerance 1e-05 of the solver the log density jumped by 5.6 from point to point",
         "A first run at tolerance 1e-06 was put aside (superseded/tolerance_1e-06)",
         "Draws of which 3 had diverged were put aside (superseded/longer_steps_1)",
+        f"{fit.manifest['sampler']['draws']} + 50 + 70 draws, seed",
     ):
         assert told in text
 

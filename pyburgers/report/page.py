@@ -116,8 +116,13 @@ class Section:
     def how_made(self) -> tuple[object, ...]:
         """What the page tells of the making of the fit but for time and hash."""
         entries = (
-            *("command", "sampler", "more_draws"),
-            *("noisy", "refits", "shortened", "coordinates"),
+            "command",
+            "sampler",
+            "more_draws",
+            "noisy",
+            "refits",
+            "shortened",
+            "coordinates",
         )
         fit, told = self.fit, [self.fit.manifest.get(entry) for entry in entries]
         flow_law = fit.priors.flow_law and fit.priors.flow_law.source

@@ -150,14 +150,15 @@ class AttenuationExperiment(Experiment):
         period, temperature = self.conditions.period, self.conditions.temperature
         return (
             f"{self.id}: {self.material}, {self.provenance.kind} data\n"
-            f"{_span(temperature)} K, periods {_span(period)} s, "
+            f"{range_text(temperature)} K, periods {range_text(period)} s, "
             f"{self.elasticity.deformation} cycles"
         )
 
 
-def _span(numbers: FloatArray) -> str:
-    """Return the least and the largest number, or the only one there is."""
-    return " to ".join(dict.fromkeys(f"{end:g}" for end in (numbers.min(), numbers.max())))
+def range_text(numbers: FloatArray, digits: int = 6) -> str:
+    """Return the least and the largest number, or the only one that so many digits tell."""
+    ends = (f"{end:.{digits}g}" for end in (numbers.min(), numbers.max()))
+    return " to ".join(dict.fromkeys(ends))
 
 
 def _temperature_name(temperature: float) -> str:

@@ -15,7 +15,7 @@ from pyburgers.model.display import Quantity
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.model.prior_families import is_fixed_at
 from pyburgers.model.priors import PriorSet
-from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
+from pyburgers.protocols.attenuation.experiment import AttenuationExperiment, range_text
 from pyburgers.protocols.attenuation.figures import ATTENUATION_FIGURES, fitted_curve, rms_table
 from pyburgers.protocols.attenuation.files import load_attenuation, save_attenuation
 from pyburgers.protocols.attenuation.spectrum import SPECTRUM_FIGURE
@@ -259,8 +259,8 @@ class Attenuation(Protocol[AttenuationExperiment]):
             if value is not None
         )
         stress = (
-            f"median {_range_text(conditions.median_stress)} Pa, amplitude "
-            f"{_range_text(conditions.amplitude)} Pa"
+            f"median {range_text(conditions.median_stress, digits=4)} Pa, amplitude "
+            f"{range_text(conditions.amplitude, digits=4)} Pa"
             if experiment.amplitude_is_stated
             else "not stated: taken as so small that the dashpot is linear"
         )
@@ -269,9 +269,9 @@ class Attenuation(Protocol[AttenuationExperiment]):
             ("Stress", stress),
             (
                 "Temperatures",
-                f"{_range_text(conditions.temperature)} K, {conditions.n_spectra} spectra",
+                f"{range_text(conditions.temperature, digits=4)} K, {conditions.n_spectra} spectra",
             ),
-            ("Periods", f"{_range_text(conditions.period)} s"),
+            ("Periods", f"{range_text(conditions.period, digits=4)} s"),
             (
                 "Readings",
                 f"{readings.tan_delta.size} attenuations ({int(readings.is_limit.sum())} of them "
@@ -293,11 +293,6 @@ def _stated_errors(experiment: AttenuationExperiment) -> FloatArray:
             readings.modulus_error / readings.modulus,
         ]
     )
-
-
-def _range_text(values: FloatArray) -> str:
-    low, high = f"{values.min():.4g}", f"{values.max():.4g}"
-    return low if low == high else f"{low} to {high}"
 
 
 def _place_grid(experiment: AttenuationExperiment, per_spectrum: int) -> FloatArray:

@@ -30,6 +30,7 @@ from pyburgers.checks.residual_numbers import (
     signed_ranks,
 )
 from pyburgers.common.draws import TAIL
+from pyburgers.common.units import span_text
 from pyburgers.posterior.labelled_draws import CORRELATED, TESTS, response_in
 from pyburgers.protocols.protocol import Protocol, protocols
 
@@ -109,8 +110,7 @@ class Leftover:
         if said is not None:
             return said
         clock = self.protocol.clock
-        start, end = (f"{v:.3g}" for v in clock.display_factor * self.position[[first, last]])
-        span = start if start == end else f"{start} to {end}"
+        span = span_text(*(clock.display_factor * self.position[[first, last]]), digits=3)
         return f"{clock.name} {span} {clock.display_unit}"
 
 

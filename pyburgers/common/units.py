@@ -57,6 +57,11 @@ def number(value: float) -> str:
     return f"{value:.6g}"
 
 
+def span_text(first: float, last: float, digits: int = 6) -> str:
+    """Return two numbers as ``first to last``, or one where so many digits tell no difference."""
+    return " to ".join(dict.fromkeys(f"{end:.{digits}g}" for end in (first, last)))
+
+
 def count_points(number: SupportsIndex) -> str:
     """Return "1 point", "2 points" and so on."""
     return "1 point" if operator.index(number) == 1 else f"{number} points"

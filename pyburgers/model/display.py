@@ -17,6 +17,9 @@ STRAIN_UNIT, STRAIN_FACTOR = "%", 1.0 / UNITS["strain"]["percent"]
 LENGTH_UNIT, LENGTH_FACTOR = "µm", 1.0 / UNITS["length"]["um"]
 """Units of curves and the factors from SI."""
 
+_TIME_UNITS = (*UNITS["time"].items(), ("days", 86400.0))
+_LEAST_TIME_UNITS = 10
+
 _GREEK = {
     r"\Delta ": "Δ",
     r"\Delta": "Δ",
@@ -30,6 +33,15 @@ _GREEK = {
     r"\epsilon": "ε",
 }
 _UNIT_TEXT = {"1": "–", "um": "µm", "1e-6/s": "10⁻⁶/s", "1e-6/K": "10⁻⁶/K", "percent": "%"}
+
+
+def time_unit(longest: float) -> tuple[str, float]:
+    """Return the unit in which times up to one (s) are shown, and its seconds.
+
+    It is the largest of which the longest time has at least ten.
+    """
+    fitting = [unit for unit in _TIME_UNITS if longest >= _LEAST_TIME_UNITS * unit[1]]
+    return fitting[-1] if fitting else _TIME_UNITS[0]
 
 
 @dataclass(frozen=True)

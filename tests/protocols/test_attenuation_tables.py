@@ -77,6 +77,19 @@ def test_the_title_says_temperatures_and_periods_in_plain_numbers(edit: Edit) ->
     assert "\n1473.15 K, periods 1 to 1000 s, shear" in table.only_part("1473.15K").title
 
 
+def test_places_say_temperature_and_periods_in_plain_numbers(edit: Edit) -> None:
+    table = load_attenuation(edit(rows=ROWS.replace("10,", "1000,")))
+    protocol = protocol_of(table)
+    along = xr.Dataset(
+        {
+            name: ("point", values)
+            for name, (values, _) in protocol.observed_positions(table).items()
+        }
+    )
+    assert protocol.place_text(along, 0, 1) == "attenuation at 1373 K, period 1 to 1000 s"
+    assert protocol.place_text(along, 7, 7) == "modulus at 1473 K, period 1000 s"
+
+
 def test_a_table_is_read_in_si(edit: Edit) -> None:
     table = load_attenuation(edit())
     np.testing.assert_allclose(table.conditions.temperature, [1473.15, 1473.15, 1373.15, 1373.15])

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import xarray as xr
 from history_twins import TRUTH, history_twin
 from synthetic_fit import uniform
 
@@ -12,6 +13,7 @@ from pyburgers.model.priors import default_priors
 from pyburgers.model.variants import variant_of, with_variant
 from pyburgers.protocols.forward import simulate, simulate_data
 from pyburgers.protocols.loading_history.experiment import LoadingHistory, Stated
+from pyburgers.protocols.loading_history.protocol import LoadingHistoryProtocol
 from pyburgers.protocols.loading_history.stan_data import leg_of_times, times_of_readings
 from pyburgers.protocols.problem import problem_of
 
@@ -78,6 +80,15 @@ def test_apparatus_and_offset_are_those_of_the_file(unloaded: LoadingHistory) ->
     other = replace(unloaded, id="other")
     with pytest.raises(InputError, match="apparatus_compliance is known"):
         problem_of([stated, other], ICE)
+
+
+@pytest.mark.parametrize(
+    ("days", "told"),
+    [(1e-3, "time 43.2 to 86.4 s"), (1.0, "time 12 to 24 h"), (40.0, "time 20 to 40 days")],
+)
+def test_places_are_told_in_the_unit_of_the_figures(days: float, told: str) -> None:
+    along = xr.Dataset({"time": ("point", 86400.0 * days * np.array([0.0, 0.5, 1.0]))})
+    assert LoadingHistoryProtocol().place_text(along, 1, 2) == told
 
 
 def test_simulated_readings_scatter_about_the_solution_as_they_should() -> None:

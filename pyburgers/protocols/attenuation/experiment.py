@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pyburgers.common.errors import InputError
+from pyburgers.common.units import span_text
 from pyburgers.protocols.attenuation.table import (
     Conditions,
     Elasticity,
@@ -157,8 +158,7 @@ class AttenuationExperiment(Experiment):
 
 def range_text(numbers: FloatArray, digits: int = 6) -> str:
     """Return the least and the largest number, or the only one that so many digits tell."""
-    ends = (f"{end:.{digits}g}" for end in (numbers.min(), numbers.max()))
-    return " to ".join(dict.fromkeys(ends))
+    return span_text(numbers.min(), numbers.max(), digits)
 
 
 def _temperature_name(temperature: float) -> str:

@@ -10,6 +10,7 @@ import xarray as xr
 from markupsafe import Markup
 
 from pyburgers.common.errors import InputError
+from pyburgers.common.units import span_text
 from pyburgers.drawing.page_parts import PageTable
 from pyburgers.model.display import Quantity
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
@@ -188,8 +189,8 @@ class Attenuation(Protocol[AttenuationExperiment]):
         )
         what = "modulus" if along["quantity"][first] else "attenuation"
         return (
-            f"{what} at {' to '.join(dict.fromkeys(f'{v:.4g}' for v in temperature))} K, period "
-            f"{' to '.join(dict.fromkeys(f'{v:.3g}' for v in period))} s"
+            f"{what} at {span_text(*temperature, digits=4)} K, "
+            f"period {span_text(*period, digits=4)} s"
         )
 
     def with_noise(

@@ -25,17 +25,19 @@ from pyburgers.drawing.panels import (
     result_of,
 )
 from pyburgers.drawing.style import BLACK, BLUE, GREY, ORANGE, PURPLE, VERMILION, few_ticks, style
-from pyburgers.model.display import STRAIN_FACTOR, STRAIN_UNIT, STRESS_FACTOR, STRESS_UNIT
+from pyburgers.model.display import (
+    STRAIN_FACTOR,
+    STRAIN_UNIT,
+    STRESS_FACTOR,
+    STRESS_UNIT,
+    time_unit,
+)
 from pyburgers.protocols.experiment import of_kind
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.protocol import FittedTest
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
-
-TIME_UNITS = (("s", 1.0), ("min", 60.0), ("h", 3600.0), ("days", 86400.0))
-LEAST_TIME_UNITS = 10
-"""Times are shown in the largest unit of which a test lasts at least as many."""
 
 STAGE_COLOURS = (BLUE, VERMILION, "#009E73", PURPLE, ORANGE, "#56B4E9")
 
@@ -183,12 +185,6 @@ def stages_of_times(experiment: LoadingHistory, time: FloatArray) -> IntArray:
     return np.asarray(np.searchsorted(inner, time, side="left") + behind, dtype=np.int64)
 
 
-def time_unit(experiment: LoadingHistory) -> tuple[str, float]:
-    """Return the unit in which the times of a test are shown, and its seconds."""
-    fitting = [unit for unit in TIME_UNITS if experiment.end_time >= LEAST_TIME_UNITS * unit[1]]
-    return fitting[-1] if fitting else TIME_UNITS[0]
-
-
 def _main(experiment: LoadingHistory) -> _Shown:
     return _STRAIN if 2 * experiment.response_is_strain.sum() >= experiment.n_points else _STRESS
 
@@ -196,7 +192,7 @@ def _main(experiment: LoadingHistory) -> _Shown:
 def _curve(fit: FittedTest, shown: _Shown) -> FittedCurve:
     """Gather a quantity along time as read and as a fit has it, in display units."""
     experiment = loading_history_test(fit)
-    unit, seconds = time_unit(experiment)
+    unit, seconds = time_unit(experiment.end_time)
     predictions = fit.posterior["predictions"].to_dataset()
     predicted = fit.posterior["model_response"]["response"].median(("chain", "draw")).to_numpy()
     time = predictions["time"].to_numpy()
@@ -229,7 +225,7 @@ def _curve(fit: FittedTest, shown: _Shown) -> FittedCurve:
 
 
 def _shade_stages(axes: Axes, experiment: LoadingHistory) -> None:
-    _, seconds = time_unit(experiment)
+    _, seconds = time_unit(experiment.end_time)
     for stage in experiment.stages[1::2]:
         axes.axvspan(
             stage.start_time / seconds,

@@ -10,9 +10,15 @@ from matplotlib.figure import Figure
 from pyburgers.common.draws import all_draws, central_band
 from pyburgers.drawing.page_parts import PageFigure
 from pyburgers.drawing.style import BLUE, GREEN, ORANGE, VERMILION, style
-from pyburgers.model.display import STRAIN_FACTOR, STRAIN_UNIT, STRESS_FACTOR, STRESS_UNIT
+from pyburgers.model.display import (
+    STRAIN_FACTOR,
+    STRAIN_UNIT,
+    STRESS_FACTOR,
+    STRESS_UNIT,
+    time_unit,
+)
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
-from pyburgers.protocols.loading_history.figures import loading_history_test, time_unit
+from pyburgers.protocols.loading_history.figures import loading_history_test
 from pyburgers.protocols.protocol import FittedTest
 
 FloatArray = npt.NDArray[np.float64]
@@ -56,7 +62,7 @@ def isochronous(fits: Sequence[FittedTest]) -> Figure:
     fits = sorted(fits, key=lambda fit: loading_history_test(fit).stages[0].value)
     stress = np.array([loading_history_test(fit).stages[0].value for fit in fits])
     shortest = min(map(loading_history_test, fits), key=lambda test: test.stages[0].end_time)
-    unit, seconds = time_unit(shortest)
+    unit, seconds = time_unit(shortest.end_time)
     times = shortest.stages[0].end_time * np.array(SHARES)
     after = np.stack([_strain_after(fit, times) for fit in fits], axis=-1)
     with style():

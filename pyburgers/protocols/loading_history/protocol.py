@@ -7,11 +7,20 @@ from types import MappingProxyType
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
+import xarray as xr
 from markupsafe import Markup
 
 from pyburgers.common.errors import InputError
+from pyburgers.common.units import span_text
 from pyburgers.drawing.page_parts import PageFigure, PageTable
-from pyburgers.model.display import STRAIN_FACTOR, STRAIN_UNIT, STRESS_FACTOR, STRESS_UNIT, Quantity
+from pyburgers.model.display import (
+    STRAIN_FACTOR,
+    STRAIN_UNIT,
+    STRESS_FACTOR,
+    STRESS_UNIT,
+    Quantity,
+    time_unit,
+)
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet
@@ -134,6 +143,12 @@ class LoadingHistoryProtocol(Protocol[LoadingHistory]):
             of_kinds = np.array([0.0 if error is None else error for error in errors])
             found["reading_error"] = (of_kinds[is_strain.astype(int)], "SI")
         return found
+
+    def place_text(self, along: xr.Dataset, first: int, last: int) -> str:
+        """Return a time in the unit of the figures, such as ``time 26.7 to 29.2 days``."""
+        time = along["time"].to_numpy()
+        unit, seconds = time_unit(time.max())
+        return f"time {span_text(*(time[[first, last]] / seconds), digits=3)} {unit}"
 
     def with_noise(
         self,

@@ -1,6 +1,7 @@
 """What the paper states about olivine, judged by fits of a record with and without background."""
 
 from collections.abc import Callable, Mapping
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -105,17 +106,19 @@ def _constrained_kelvin_modulus(known: Mapping[str, Knowledge]) -> Statement:
 def _unconstrained_critical_strain(known: Mapping[str, Knowledge]) -> Statement:
     """Whether the critical strain of olivine is left to its prior, and whether chains agree."""
     name = "critical_strain_grain_size"
+    left_open = partial(between, wrong_below=NARROW, right_above=UNINFORMED)
 
     def judge(one: Knowledge) -> tuple[Belief, str]:
-        share = float(parameter_draws(one.fit, name).std(ddof=1)) / one.sd_before(name)[0]
+        by_prior, by_amplitude = one.sd_before(name)
+        share = float(parameter_draws(one.fit, name).std(ddof=1)) / by_prior
         rhat = float(convergence_table(one.fit.posterior)["rhat"][name])
         agreement = "the chains agree" if rhat <= RHAT_LIMIT else "the chains do not agree"
         if not np.isfinite(rhat):
             agreement = "it is not known whether chains agree"
         belief = Belief(
-            prior=None,
-            number=None,
-            posterior=between(share, wrong_below=NARROW, right_above=UNINFORMED),
+            prior=left_open(1.0),
+            number=left_open(by_amplitude / by_prior),
+            posterior=left_open(share),
             effective_draws=one.effective_draws,
         )
         return belief, (
@@ -130,8 +133,8 @@ def _unconstrained_critical_strain(known: Mapping[str, Knowledge]) -> Statement:
         source="Olivine, Table 2",
         text="The critical strain ε_c1 of olivine does not converge: the data do not fix it.",
         rule=f"Holds if the standard deviation is above {UNINFORMED:g} of the prior's, does not "
-        f"hold below {NARROW:g}; a statement about what data do not say has no probability before "
-        "them. Chains that agree say that a parameter was sampled well, not that the data fix it.",
+        f"hold below {NARROW:g}; without the data it holds, so that what they leave open is granted "
+        "by the prior. Chains that agree say that a parameter was sampled well, not that the data fix it.",
     )
 
 

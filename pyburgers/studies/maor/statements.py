@@ -82,7 +82,8 @@ VERDICTS_TEXT = (
     "The middle probability comes from draws of the prior, weighed by how well their solutions "
     f"meet the one number; below {LEAST_EFFECTIVE:g} effective draws it is not used, and the "
     "verdict is that we cannot tell. Statements about a whole distribution hold (yes) or not (no) "
-    "under each of the three. Of several samples or treatments the verdict is the one they share, "
+    "under each of the three; what is so without the data already, such as that a width is that of "
+    "the prior, is granted or excluded by the prior as well. Of several samples or treatments the verdict is the one they share, "
     "with the least credit any of them gives."
 )
 
@@ -116,13 +117,16 @@ class Belief:
         return self._of_draws(self.posterior)
 
     def _of_a_distribution(self, holds: bool) -> Verdict:
-        if not holds:
-            return Verdict.DISAGREES
-        if self.prior:
-            return Verdict.PRIOR_GRANTS
+        by_prior, by_number, by_data = (
+            (Verdict.PRIOR_GRANTS, Verdict.NUMBER_GRANTS, Verdict.AGREES)
+            if holds
+            else (Verdict.PRIOR_EXCLUDES, Verdict.NUMBER_EXCLUDES, Verdict.DISAGREES)
+        )
+        if self.prior is holds:
+            return by_prior
         if self.number is not None and self.effective_draws < LEAST_EFFECTIVE:
             return Verdict.CANNOT_TELL
-        return Verdict.NUMBER_GRANTS if self.number else Verdict.AGREES
+        return by_number if self.number is holds else by_data
 
     def _of_draws(self, posterior: float) -> Verdict:
         prior, number = self.prior, self.number
@@ -253,10 +257,15 @@ def statements_table(statements: Iterable[Statement]) -> pd.DataFrame:
 
 
 def common_verdict(verdicts: Iterable[Verdict]) -> Verdict:
-    """Verdict that all share, with the least credit to the data among them."""
+    """Verdict that all share, with the least credit to the data among them.
+
+    What a model cannot fail, or hold, in one sample alone is granted, or excluded, by the prior.
+    """
     found = set(verdicts)
     for side in (_FOR, _AGAINST):
         if found and found <= set(side):
+            if len(found) > 1:
+                found = {side[1] if verdict is side[0] else verdict for verdict in found}
             return next(verdict for verdict in side if verdict in found)
     return Verdict.CANNOT_TELL
 

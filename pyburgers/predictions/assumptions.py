@@ -198,22 +198,31 @@ def frozen_limit_frequency(spectrum: xr.Dataset, share: float | None = None) -> 
 
 
 def frozen_limit_texts(spectrum: xr.Dataset) -> list[str]:
-    """Say for each regime where frozen microstructure fails, for tables."""
+    """Say for each regime where frozen microstructure fails, for tables.
+
+    That is the share of draws in which the hold strains too much, and the frequency below which a
+    cycle by itself does (median of the draws).
+    """
     by_hold = probability(hold_fails(spectrum)).to_numpy()
     limits = np.quantile(frozen_limit_frequency(spectrum), 0.5, axis=0, method="higher")
+    lowest = float(spectrum["frequency"].min())
     texts = []
     for share, limit in zip(by_hold, limits, strict=True):
         if np.isnan(limit):
-            text = "cannot tell"
-        elif share >= LIKELY:
-            text = f"fails in the hold in {100 * share:.0f} % of draws"
-        elif limit == 0:
-            text = f"holds in most draws; fails in the hold in {100 * share:.0f} %"
+            texts.append("cannot tell")
+            continue
+        cycles = f"in cycles below {limit:.2g} Hz"
+        if limit == 0:
+            cycles = f"in no cycle down to {lowest:.2g} Hz"
         elif np.isinf(limit):
-            text = "fails at all frequencies"
+            cycles = "in all cycles"
+        hold = f"in the hold in {100 * share:.0f} % of draws"
+        if share >= LIKELY:
+            texts.append(f"fails {hold}, {cycles}")
         else:
-            text = f"fails below {limit:.2g} Hz; in the hold in {100 * share:.0f} %"
-        texts.append(text)
+            texts.append(
+                f"holds; fails {hold}, {cycles}" if limit == 0 else f"fails {cycles}, {hold}"
+            )
     return texts
 
 

@@ -52,7 +52,11 @@ def test_too_few_effective_draws_cannot_tell_what_the_curve_added() -> None:
         (False, None, True, Verdict.AGREES),
         (True, True, True, Verdict.PRIOR_GRANTS),
         (False, True, True, Verdict.NUMBER_GRANTS),
-        (False, False, False, Verdict.DISAGREES),
+        (True, True, False, Verdict.DISAGREES),
+        (True, None, False, Verdict.DISAGREES),
+        (None, False, False, Verdict.NUMBER_EXCLUDES),
+        # What does not hold without the data either is not theirs to deny.
+        (False, False, False, Verdict.PRIOR_EXCLUDES),
         (True, False, None, Verdict.CANNOT_TELL),
     ],
 )
@@ -73,6 +77,10 @@ def test_samples_share_a_verdict_with_the_least_credit() -> None:
     assert common_verdict([Verdict.AGREES, Verdict.AGREES]) is Verdict.AGREES
     assert common_verdict([Verdict.AGREES, Verdict.PRIOR_GRANTS]) is Verdict.PRIOR_GRANTS
     assert common_verdict([Verdict.DISAGREES, Verdict.NUMBER_EXCLUDES]) is Verdict.NUMBER_EXCLUDES
+    # Impossible in one sample, unlikely in the other: what they share is that the prior says so.
+    assert common_verdict([Verdict.CANNOT_HOLD, Verdict.DISAGREES]) is Verdict.PRIOR_EXCLUDES
+    assert common_verdict([Verdict.CANNOT_HOLD, Verdict.CANNOT_HOLD]) is Verdict.CANNOT_HOLD
+    assert common_verdict([Verdict.CANNOT_FAIL, Verdict.NUMBER_GRANTS]) is Verdict.PRIOR_GRANTS
     assert common_verdict([Verdict.AGREES, Verdict.DISAGREES]) is Verdict.CANNOT_TELL
     assert common_verdict([]) is Verdict.CANNOT_TELL
 

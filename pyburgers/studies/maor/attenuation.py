@@ -275,14 +275,14 @@ def _frozen(spectra: Mapping[str, Spectra]) -> Statement:
 
     def limits(spectrum: xr.Dataset) -> str:
         texts = zip(spectrum["regime"].to_numpy(), frozen_limit_texts(spectrum), strict=True)
-        return ", ".join(f"at {label} {text.replace(';', ' and')}" for label, text in texts)
+        return ", ".join(f"at {label} it {text.replace(';', ' but')}" for label, text in texts)
 
     return _judge(
         spectra,
         key="frozen",
         text="Attenuation may be taken as that of a frozen microstructure.",
         event=holds,
-        lead="by the median of the draws",
+        lead="in most draws",
         detail=limits,
         rule="A draw counts if neither the hold at the median stress nor one cycle strains more "
         f"than {100 * CRITICAL_SHARE:g} % of the smaller critical strain, in every regime and at "

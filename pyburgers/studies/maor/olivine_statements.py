@@ -133,8 +133,9 @@ def _unconstrained_critical_strain(known: Mapping[str, Knowledge]) -> Statement:
         source="Olivine, Table 2",
         text="The critical strain ε_c1 of olivine does not converge: the data do not fix it.",
         rule=f"Holds if the standard deviation is above {UNINFORMED:g} of the prior's, does not "
-        f"hold below {NARROW:g}; without the data it holds, so that what they leave open is granted "
-        "by the prior. Chains that agree say that a parameter was sampled well, not that the data fix it.",
+        f"hold below {NARROW:g}; without the data it holds, so that what they leave open is "
+        "granted by the prior. Chains that agree say that a parameter was sampled well, not that "
+        "the data fix it.",
     )
 
 

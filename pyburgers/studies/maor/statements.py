@@ -83,8 +83,8 @@ VERDICTS_TEXT = (
     f"meet the one number; below {LEAST_EFFECTIVE:g} effective draws it is not used, and the "
     "verdict is that we cannot tell. Statements about a whole distribution hold (yes) or not (no) "
     "under each of the three; what is so without the data already, such as that a width is that of "
-    "the prior, is granted or excluded by the prior as well. Of several samples or treatments the verdict is the one they share, "
-    "with the least credit any of them gives."
+    "the prior, is granted or excluded by the prior as well. Of several samples or treatments the "
+    "verdict is the one they share, with the least credit any of them gives."
 )
 
 

@@ -110,7 +110,7 @@ class Leftover:
         if said is not None:
             return said
         clock = self.protocol.clock
-        span = span_text(*(clock.display_factor * self.position[[first, last]]), digits=3)
+        span = span_text(clock.display_factor * self.position[[first, last]], digits=3)
         return f"{clock.name} {span} {clock.display_unit}"
 
 

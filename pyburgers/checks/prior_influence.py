@@ -73,7 +73,9 @@ class Origin(StrEnum):
 THRESHOLDS_TEXT = (
     "Sensitivity: cumulative Jensen-Shannon distance by which the posterior of a quantity moves, "
     f"per doubling of the weight of prior or data; from {SENSITIVE:g} on, that part matters. Only "
-    "the prior matters: this number is your prior. Only the data: the data decide, but where the "
+    "the prior matters: this number is your prior, but of what has no prior of its own (flow rate "
+    "and stress at the reference) both decide where its sensitivity to the data is more than "
+    "chance may give. Only the data: the data decide, but where the "
     f"posterior is at least {AS_WIDE:g} times as wide as the prior, which then holds it, both do. "
     "Both matter: "
     "prior and data disagree where they pull the mean in opposite directions by at least "
@@ -143,7 +145,9 @@ class Influence:
         ):
             return Origin.CANNOT_TELL
         if prior_matters and not data_matter:
-            return Origin.PRIOR
+            # What has no prior of its own is no prior's number where the data move it at all.
+            moved = self.width is None and self.likelihood_sensitivity > self.likelihood_chance
+            return Origin.BOTH if moved else Origin.PRIOR
         as_wide = self.width is not None and self.width >= AS_WIDE
         if data_matter and not prior_matters:
             return Origin.BOTH if as_wide else Origin.DATA

@@ -5,7 +5,7 @@ Units are converted where files are read and where figures are drawn, nowhere el
 
 import math
 import operator
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import SupportsIndex
 
@@ -57,9 +57,9 @@ def number(value: float) -> str:
     return f"{value:.6g}"
 
 
-def span_text(first: float, last: float, digits: int = 6) -> str:
+def span_text(ends: Iterable[float], digits: int) -> str:
     """Return two numbers as ``first to last``, or one where so many digits tell no difference."""
-    return " to ".join(dict.fromkeys(f"{end:.{digits}g}" for end in (first, last)))
+    return " to ".join(dict.fromkeys(f"{end:.{digits}g}" for end in ends))
 
 
 def count_points(number: SupportsIndex) -> str:

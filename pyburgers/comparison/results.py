@@ -27,9 +27,10 @@ COMPARISON_TEXT = (
     f"{NO_DIFFERENCE:g} or more that is also {CLEAR:g} or more of its standard errors; fits are "
     f"alike where even {CLEAR:g} standard errors further apart they would differ by less than "
     f"{NO_DIFFERENCE:g}; else the data cannot tell. Points with a Pareto k above {PARETO_K_LIMIT} "
-    "are not reliable; pyburgers compare leaves them out by fitting again. Nor is a fit that was "
-    "not sampled well, with all points or without one. While there is anything of that kind, or "
-    f"fewer than {LEAST_UNITS} points, it cannot be told which of two fits is better. Weights are "
+    "are not reliable; pyburgers compare leaves them out by fitting again. Until then it cannot be "
+    "told which of two fits is better where the other points by themselves do not say the same; "
+    "nor where a fit was not sampled well, with all points or without one, nor of "
+    f"fewer than {LEAST_UNITS} points. Weights are "
     "those of the best mixture of the fits, and arbitrary between fits that predict alike."
 )
 

@@ -285,9 +285,15 @@ def _bought(table: pd.DataFrame) -> tuple[str, ...]:
     listed = ", ".join(
         f"{symbol_text(shown_quantity(str(name)))} {ratio:.2f}" for name, ratio in ratios.items()
     )
+    alone = list(dict.fromkeys(shared.dropna(subset="separate_sd")["test"]))
+    others = (
+        "the mean of those in the fits of single tests"
+        if alone[1:]
+        else f"that of {alone[0]} alone"
+    )
     return (
-        "What pooling bought: standard deviation of the shared parameters over the mean of those "
-        f"of the fits of single tests: {listed}.",
+        "What pooling bought: standard deviation of the shared parameters over "
+        f"{others}: {listed}.",
     )
 
 

@@ -288,6 +288,7 @@ def render_page(
         outcomes=Outcome,
         checks_made={kind: _names_of_checks(entries, kind) for kind in CheckKind},
         standard=ModelVariant(),
+        tests_of_joint_fits=any(section.fit.is_part for section in sections),
         synthetic=[entry for entry in entries if entry.is_synthetic],
         prior_sources=tables.prior_sources([s.priors for s in sections]),
         prior_notes=list(dict.fromkeys(s.fit.priors.notes for s in sections if s.fit.priors.notes)),

@@ -208,9 +208,13 @@ class LawsTried:
                 f"checks see. With {model}, {width}."
             ]
         else:
-            best = "The one that predicts best is" if n_fits > 1 else "It is"
+            tried, best = (
+                (f"none of {tried} is shown to describe the data", "The one that predicts best is")
+                if n_fits > 1
+                else ("the one model that was fitted is not shown to describe the data", "It is")
+            )
             said = [
-                f"{name}: of {tried}, none is shown to describe the data. {best} {model}, with "
+                f"{name}: {tried}. {best} {model}, with "
                 f"{width}, an interval that leaves out what the model misses."
             ]
         if answers[CheckKind.SAMPLING].outcome is not Outcome.YES:

@@ -280,6 +280,31 @@ def test_a_flat_prior_that_the_data_leave_alone_is_your_prior() -> None:
 
 
 @pytest.mark.parametrize(
+    ("by_data", "width", "origin"),
+    [
+        (0.04, None, "prior and data both decide"),
+        (0.02, None, "this number is your prior"),
+        (0.04, 0.5, "this number is your prior"),
+    ],
+)
+def test_what_has_no_prior_of_its_own_is_no_priors_number_where_data_move_it(
+    by_data: float, width: float | None, origin: str
+) -> None:
+    found = Influence(
+        prior_sensitivity=0.08,
+        likelihood_sensitivity=by_data,
+        prior_chance=0.02,
+        likelihood_chance=0.03,
+        prior_pull=0.2,
+        likelihood_pull=0.0,
+        strongest_prior=None,
+        width=width,
+        distance=None,
+    )
+    assert found.origin == origin
+
+
+@pytest.mark.parametrize(
     ("width", "origin"), [(1.0, "prior and data both decide"), (0.5, "the data decide")]
 )
 def test_a_flat_prior_that_the_data_hardly_narrow_decides_with_them(

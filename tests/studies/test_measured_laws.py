@@ -101,7 +101,7 @@ def test_where_no_law_describes_the_page_says_so(
     answer(monkeypatch, {"A": Outcome.NO, "A_other": Outcome.CANNOT_TELL})
     laws = LawsTried.of(fits)
     told = laws.conclusion()
-    assert told.startswith("A: of 2 models, none is shown to describe the data. The one that")
+    assert told.startswith("A: none of 2 models is shown to describe the data. The one that")
     assert told.endswith("an interval that leaves out what the model misses.")
     assert laws.chosen == next(iter(laws.elpd))
 

@@ -158,7 +158,7 @@ class AttenuationExperiment(Experiment):
 
 def range_text(numbers: FloatArray, digits: int = 6) -> str:
     """Return the least and the largest number, or the only one that so many digits tell."""
-    return span_text(numbers.min(), numbers.max(), digits)
+    return span_text((numbers.min(), numbers.max()), digits)
 
 
 def _temperature_name(temperature: float) -> str:

@@ -189,8 +189,8 @@ class Attenuation(Protocol[AttenuationExperiment]):
         )
         what = "modulus" if along["quantity"][first] else "attenuation"
         return (
-            f"{what} at {span_text(*temperature, digits=4)} K, "
-            f"period {span_text(*period, digits=4)} s"
+            f"{what} at {span_text(temperature, digits=4)} K, "
+            f"period {span_text(period, digits=4)} s"
         )
 
     def with_noise(

@@ -148,7 +148,7 @@ class LoadingHistoryProtocol(Protocol[LoadingHistory]):
         """Return a time in the unit of the figures, such as ``time 26.7 to 29.2 days``."""
         time = along["time"].to_numpy()
         unit, seconds = time_unit(time.max())
-        return f"time {span_text(*(time[[first, last]] / seconds), digits=3)} {unit}"
+        return f"time {span_text(time[[first, last]] / seconds, digits=3)} {unit}"
 
     def with_noise(
         self,

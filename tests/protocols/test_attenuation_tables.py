@@ -86,8 +86,8 @@ def test_places_say_temperature_and_periods_in_plain_numbers(edit: Edit) -> None
             for name, (values, _) in protocol.observed_positions(table).items()
         }
     )
-    assert protocol.place_text(along, 0, 1) == "attenuation at 1373 K, period 1 to 1000 s"
-    assert protocol.place_text(along, 7, 7) == "modulus at 1473 K, period 1000 s"
+    assert protocol.place_text(along, 0, 1) == "attenuation at 1473 K, period 1 to 1000 s"
+    assert protocol.place_text(along, 7, 7) == "modulus at 1373 K, period 1000 s"
 
 
 def test_a_table_is_read_in_si(edit: Edit) -> None:

@@ -17,16 +17,20 @@ from pyburgers.model.display import (
     STRESS_UNIT,
     time_unit,
 )
+from pyburgers.protocols.loading_history.creep_intervals import (
+    NEARLY_CONSTANT,
+    CreepInterval,
+    creep_intervals,
+)
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.loading_history.figures import loading_history_test
 from pyburgers.protocols.protocol import FittedTest
 
 FloatArray = npt.NDArray[np.float64]
 
-MIN_TESTS = 2
-
 SHARES = (0.01, 0.05, 0.25, 1.0)
-"""Times, over the longest that all tests last under their first load."""
+"""Times, over the longest that all tests last under their first load. It stands from the start of
+its stage to the end, or behind a ramp no longer than the least of these shares of its time."""
 
 COLOURS = (BLUE, GREEN, ORANGE, VERMILION)
 """Of these times."""
@@ -35,19 +39,20 @@ NEAR = 0.1
 """Share of its time by which a reading may be earlier or later and still be drawn."""
 
 CAPTION = (
-    "The isochronous view of the creep tests: the stress of each against its strain after the same "
-    "times under its first load. Bars are medians and central 90 % of the solutions, noise not "
-    "included, joined by a line for each time; circles are readings at that time. Straight lines "
-    "through the origin would be a linear material; they bend as flow of a power law sets in."
+    "The isochronous view of the creep tests: the stress of each (its mean, where it varies a "
+    "little) against its strain after the same times under its first load. Bars are medians and "
+    "central 90 % of the solutions, noise not included, joined by a line for each time; circles "
+    "are readings at that time. Straight lines through the origin would be a linear material; they "
+    "bend as flow of a power law sets in."
 )
 
 
 def isochronous_figure(fits: Sequence[FittedTest]) -> tuple[PageFigure, ...]:
-    """Return the figure of tests that begin with creep, if there are at least two stresses."""
-    creeping = [fit for fit in fits if _creeps_from_the_start(loading_history_test(fit))]
-    if len({loading_history_test(fit).stages[0].value for fit in creeping}) < MIN_TESTS:
+    """Return the figure of tests that begin with creep, if there are at least two loads."""
+    stresses = [load.stress for _, load in _first_loads(fits)]
+    if not stresses or stresses[-1] <= (1 + NEARLY_CONSTANT) * stresses[0]:
         return ()
-    draw = partial(isochronous, creeping)
+    draw = partial(isochronous, fits)
     return (PageFigure("isochronous", "Isochronous view", CAPTION, draw),)
 
 
@@ -57,14 +62,14 @@ def isochronous(fits: Sequence[FittedTest]) -> Figure:
     Parameters
     ----------
     fits : sequence of FittedTest
-        Tests whose first stage is creep at constant stress.
+        Those that do not begin with creep are left out; at least one does.
     """
-    fits = sorted(fits, key=lambda fit: loading_history_test(fit).stages[0].value)
-    stress = np.array([loading_history_test(fit).stages[0].value for fit in fits])
-    shortest = min(map(loading_history_test, fits), key=lambda test: test.stages[0].end_time)
-    unit, seconds = time_unit(shortest.end_time)
-    times = shortest.stages[0].end_time * np.array(SHARES)
-    after = np.stack([_strain_after(fit, times) for fit in fits], axis=-1)
+    loaded = _first_loads(fits)
+    stress = np.array([load.stress for _, load in loaded])
+    shortest = min(load.duration for _, load in loaded)
+    unit, seconds = time_unit(shortest)
+    times = shortest * np.array(SHARES)
+    after = np.stack([_strain_after(fit, load.start_time + times) for fit, load in loaded], axis=-1)
     with style():
         figure = Figure(figsize=(6.4, 4.4), layout="constrained")
         axes = figure.subplots()
@@ -78,11 +83,11 @@ def isochronous(fits: Sequence[FittedTest]) -> Figure:
                 capsize=3,
                 label=f"{time / seconds:.3g} {unit}",
             )
-            for fit, imposed in zip(fits, stress, strict=True):
-                read = _reading_after(loading_history_test(fit), time)
+            for fit, load in loaded:
+                read = _reading_after(loading_history_test(fit), load, time)
                 axes.plot(
                     STRAIN_FACTOR * read,
-                    np.full(read.shape, STRESS_FACTOR * imposed),
+                    np.full(read.shape, STRESS_FACTOR * load.stress),
                     "o",
                     markerfacecolor="none",
                     color=colour,
@@ -96,9 +101,17 @@ def isochronous(fits: Sequence[FittedTest]) -> Figure:
     return figure
 
 
-def _creeps_from_the_start(experiment: LoadingHistory) -> bool:
-    first = experiment.stages[0]
-    return first.control == "stress" and first.value > 0
+def _first_loads(fits: Sequence[FittedTest]) -> list[tuple[FittedTest, CreepInterval]]:
+    """Return the tests whose first stage is creep with their loads, the smallest first."""
+    found = []
+    for fit in fits:
+        experiment = loading_history_test(fit)
+        for load in creep_intervals(experiment)[:1]:
+            # Solutions are too coarse in time to tell the strain at a corner inside a stage.
+            lasts = load.end_time == experiment.stages[0].end_time
+            if lasts and load.start_time <= SHARES[0] * load.duration:
+                found.append((fit, load))
+    return sorted(found, key=lambda one: one[1].stress)
 
 
 def _strain_after(fit: FittedTest, times: FloatArray) -> FloatArray:
@@ -111,13 +124,14 @@ def _strain_after(fit: FittedTest, times: FloatArray) -> FloatArray:
     return np.transpose(central_band(drawn))
 
 
-def _reading_after(experiment: LoadingHistory, time: float) -> FloatArray:
-    """Strain read nearest to a time under the first load; empty where none is near it."""
-    first = experiment.reading_stage == 0
-    if not first.any():
+def _reading_after(experiment: LoadingHistory, load: CreepInterval, time: float) -> FloatArray:
+    """Strain read nearest to a time (s) under a load; empty where none is near it."""
+    since = experiment.time - load.start_time
+    here = (experiment.reading_stage == load.stage) & (since >= 0)
+    if not here.any():
         return np.empty(0)
-    away = np.abs(experiment.time[first] - time)
+    away = np.abs(since[here] - time)
     nearest = int(np.argmin(away))
     is_near = bool(away[nearest] <= NEAR * time)
-    read: FloatArray = experiment.reading[first][nearest : nearest + is_near]
+    read: FloatArray = experiment.reading[here][nearest : nearest + is_near]
     return read

@@ -6,27 +6,53 @@ import pandas as pd
 from markupsafe import Markup
 
 from pyburgers.common.draws import all_draws
-from pyburgers.common.units import number, rounded
+from pyburgers.common.units import rounded, span_text
 from pyburgers.drawing.page_parts import PageTable
-from pyburgers.model.display import STRAIN_FACTOR, STRAIN_UNIT, STRESS_FACTOR, STRESS_UNIT
+from pyburgers.model.display import (
+    STRAIN_FACTOR,
+    STRAIN_UNIT,
+    STRESS_FACTOR,
+    STRESS_UNIT,
+    time_unit,
+)
+from pyburgers.protocols.loading_history.creep_intervals import (
+    LEAST_DURATION,
+    NEARLY_CONSTANT,
+    CreepInterval,
+    creep_intervals,
+)
+from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.loading_history.figures import loading_history_test, stages_of_times
 from pyburgers.protocols.protocol import FittedTest
 
 FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
 
-AT_THE_END = 0.99
-"""Share of a stage's duration behind which a minimum is that of a rate that still falls."""
+SAME_RATE = 1e-3
+"""How much faster, as a share, the end of an interval may creep than its slowest time and still be
+as slow. On a plateau rates differ by the errors of solver and storage, 1e-6; a rise of 1e-3 no
+strain reading shows, and where on so flat a curve the minimum lies says nothing."""
+
+LEAST_TIMES = 3
+"""Times of the solution in an interval: before, at and behind a minimum."""
+
+LEAST_SHARE = 0.5
+"""Of the draws. Numbers of a minority would be taken for those of the fit."""
 
 
 def minimum_rates(fit: FittedTest) -> pd.DataFrame:
-    """Return the minimum strain rate of every stage of constant stress that creeps forward.
+    """Return the minimum strain rate wherever a sample creeps forward under a constant stress.
 
     Returns
     -------
     DataFrame
-        A row for each stage; columns stage (from 1), stress_Pa, rate_per_s, rate_q5_per_s,
-        rate_q95_per_s, strain, strain_q5, strain_q95 (medians and quantiles over the draws) and
-        still_falling, the share of draws whose rate is least at the end of the stage.
+        A row for each of the `creep_intervals` in which at least half of the draws creep forward
+        throughout, all numbers those of such draws; columns stage (from 1), start_time_s,
+        end_time_s, stress_Pa, rate_per_s, rate_q5_per_s, rate_q95_per_s (median and quantiles over
+        the draws), strain, strain_q5, strain_q95 (the same, of draws with a minimum inside; NaN
+        where these are fewer than half), minimum_inside (the share of draws whose rate is slower
+        than at both ends in between) and least_at_end (the share of those whose rate is least, or
+        as good as that, at the end).
     """
     experiment = loading_history_test(fit)
     predictions = fit.posterior["predictions"].to_dataset()
@@ -34,33 +60,56 @@ def minimum_rates(fit: FittedTest) -> pd.DataFrame:
     rate, strain = (
         all_draws(predictions[name]).astype(np.float64) for name in ("strain_rate", "strain")
     )
-    stage_of = stages_of_times(experiment, time)
     rows = []
-    for number_of_stage, stage in enumerate(experiment.stages):
-        here = np.flatnonzero(stage_of == number_of_stage)
+    for interval in creep_intervals(experiment):
+        here = _times_inside(experiment, interval, time)
         forward = (rate[:, here] > 0).all(axis=1)
-        if stage.control != "stress" or stage.value <= 0 or not forward.any():
-            continue
-        least = here[rate[:, here].argmin(axis=1)]
-        draws = np.arange(rate.shape[0])
-        low, middle, high = np.quantile(
-            [rate[draws, least], strain[draws, least]], [0.05, 0.5, 0.95], axis=1
-        )
-        late = stage.start_time + AT_THE_END * (stage.end_time - stage.start_time)
-        rows.append(
-            {
-                "stage": number_of_stage + 1,
-                "stress_Pa": stage.value,
-                "rate_per_s": middle[0],
-                "rate_q5_per_s": low[0],
-                "rate_q95_per_s": high[0],
-                "strain": middle[1],
-                "strain_q5": low[1],
-                "strain_q95": high[1],
-                "still_falling": float(np.mean(time[least] >= late)),
-            }
-        )
+        if here.size >= LEAST_TIMES and forward.mean() >= LEAST_SHARE:
+            rows.append(
+                {
+                    "stage": interval.stage + 1,
+                    "start_time_s": interval.start_time,
+                    "end_time_s": interval.end_time,
+                    "stress_Pa": interval.stress,
+                    **_minimum(rate[np.ix_(forward, here)], strain[np.ix_(forward, here)]),
+                }
+            )
     return pd.DataFrame(rows)
+
+
+def _times_inside(
+    experiment: LoadingHistory, interval: CreepInterval, time: FloatArray
+) -> IntArray:
+    """Return which times of a solution lie in an interval.
+
+    Where it meets another part of its stage the rate jumps, and a solution has both sides of a jump
+    only where stages meet: such times are left out.
+    """
+    stage = experiment.stages[interval.stage]
+    begun = (time > interval.start_time) | (interval.start_time == stage.start_time)
+    goes_on = (time < interval.end_time) | (interval.end_time == stage.end_time)
+    return np.flatnonzero((stages_of_times(experiment, time) == interval.stage) & begun & goes_on)
+
+
+def _minimum(rate: FloatArray, strain: FloatArray) -> dict[str, float]:
+    """Summarise rates (1/s) and strains of an interval, shape (draws, times), over the draws."""
+    least = rate.min(axis=1)
+    at_end = rate[:, -1] <= (1 + SAME_RATE) * least
+    inside = ~at_end & (rate[:, 0] > (1 + SAME_RATE) * least)
+    there = strain[inside, rate[inside].argmin(axis=1)]
+    slow, slowest, fast = np.quantile(least, [0.05, 0.5, 0.95])
+    is_told = inside.mean() >= LEAST_SHARE
+    low, middle, high = np.quantile(there, [0.05, 0.5, 0.95]) if is_told else np.full(3, np.nan)
+    return {
+        "rate_per_s": float(slowest),
+        "rate_q5_per_s": float(slow),
+        "rate_q95_per_s": float(fast),
+        "strain": float(middle),
+        "strain_q5": float(low),
+        "strain_q95": float(high),
+        "minimum_inside": float(inside.mean()),
+        "least_at_end": float(at_end.mean()),
+    }
 
 
 def minimum_rate_table(fit: FittedTest) -> tuple[PageTable, ...]:
@@ -68,37 +117,39 @@ def minimum_rate_table(fit: FittedTest) -> tuple[PageTable, ...]:
     found = minimum_rates(fit)
     if found.empty:
         return ()
+    unit, seconds = time_unit(loading_history_test(fit).end_time)
+    strain = STRAIN_FACTOR * found[["strain", "strain_q5", "strain_q95"]].to_numpy()
     shown = pd.DataFrame(
         {
             "stage": found["stage"].astype(str),
-            f"stress ({STRESS_UNIT})": [number(v * STRESS_FACTOR) for v in found["stress_Pa"]],
+            f"time ({unit})": [
+                span_text(*(ends / seconds), digits=3)
+                for ends in found[["start_time_s", "end_time_s"]].to_numpy()
+            ],
+            f"stress ({STRESS_UNIT})": [f"{v * STRESS_FACTOR:.4g}" for v in found["stress_Pa"]],
             "minimum rate (1/s)": [f"{v:.3g}" for v in found["rate_per_s"]],
             "5 to 95 %": [
                 f"{low:.3g} to {high:.3g}"
                 for low, high in zip(found["rate_q5_per_s"], found["rate_q95_per_s"], strict=True)
             ],
             f"strain there ({STRAIN_UNIT})": [
-                rounded(STRAIN_FACTOR * v, STRAIN_FACTOR * (high - low))
-                for v, low, high in zip(
-                    found["strain"], found["strain_q5"], found["strain_q95"], strict=True
-                )
+                "" if np.isnan(middle) else rounded(middle, high - low)
+                for middle, low, high in strain
             ],
             "strain, 5 to 95 %": [
-                f"{STRAIN_FACTOR * low:.3g} to {STRAIN_FACTOR * high:.3g}"
-                for low, high in zip(found["strain_q5"], found["strain_q95"], strict=True)
+                "" if np.isnan(low) else f"{low:.3g} to {high:.3g}" for _, low, high in strain
             ],
-            "least at the end of the stage": [f"{v:.0%} of draws" for v in found["still_falling"]],
+            "minimum inside": [f"{v:.0%} of draws" for v in found["minimum_inside"]],
+            "least at the end": [f"{v:.0%} of draws" for v in found["least_at_end"]],
         }
     )
-    return (
-        PageTable(
-            "minimum_rates",
-            "Minimum creep rates",
-            shown,
-            found,
-            text=Markup(
-                "Of the solutions, for draws from the posterior; noise takes no part. Where the "
-                "rate is least at the end of a stage it had not reached its minimum yet."
-            ),
-        ),
+    text = (
+        "Of the solutions, for draws from the posterior; noise takes no part. A row is a time over "
+        f"which the stress stays within {100 * NEARLY_CONSTANT:g} % of its mean, at least "
+        f"{100 * LEAST_DURATION:g} % of its stage. The rate is least at the end where it is then "
+        f"within {100 * SAME_RATE:g} % of the least one: it is still falling, or has come to a "
+        "plateau, and no strain belongs to the minimum. The strain is that of draws whose minimum "
+        "lies inside, and is left empty where these are fewer than half; in all others the rate is "
+        "least at the start."
     )
+    return (PageTable("minimum_rates", "Minimum creep rates", shown, found, text=Markup(text)),)

@@ -1,0 +1,83 @@
+"""Parts of a loading history in which a nearly constant stress stands: where it is a creep test."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pyburgers.protocols.loading_history.experiment import LoadingHistory
+from pyburgers.protocols.loading_history.stages import Leg
+
+NEARLY_CONSTANT = 0.02
+"""How far a stress may lie from its mean, as a share of it: flow with an exponent of 4 is then
+within 8 % of that under the mean, about as well as minimum rates of two tests agree."""
+
+LEAST_DURATION = 0.05
+"""Of such a part, as a share of its stage: a ramp on which the stress rests for a while is none."""
+
+
+@dataclass(frozen=True)
+class CreepInterval:
+    """Part of a stage in which a nearly constant compressive stress stands.
+
+    Attributes
+    ----------
+    stage : int
+        To which it belongs, from 0.
+    start_time, end_time : float
+        Seconds since the start of the test.
+    stress : float
+        Mean over time (Pa).
+    """
+
+    stage: int
+    start_time: float
+    end_time: float
+    stress: float
+
+    @property
+    def duration(self) -> float:
+        """Seconds."""
+        return self.end_time - self.start_time
+
+
+def creep_intervals(experiment: LoadingHistory) -> tuple[CreepInterval, ...]:
+    """Return the creep of a test, in the order of time.
+
+    A stage of constant stress is one interval; of one in which the stress varies the longest parts
+    are taken whose stress is within `NEARLY_CONSTANT` of its mean.
+    """
+    found = []
+    for number, stage in enumerate(experiment.stages):
+        legs = [leg for leg in experiment.legs if leg.stage == number]
+        least = LEAST_DURATION * (stage.end_time - stage.start_time)
+        if stage.driven == "stress":
+            found += [one for one in _longest(_steady_parts(legs)) if one.duration >= least]
+    return tuple(found)
+
+
+def _steady_parts(legs: Sequence[Leg]) -> list[CreepInterval]:
+    """Return every sequence of legs of a stage with a nearly constant stress."""
+    found = []
+    for first in range(len(legs)):
+        corners: list[float] = []
+        impulse = 0.0
+        for leg in legs[first:]:
+            corners += [leg.start_value, leg.end_value]
+            impulse += 0.5 * sum(corners[-2:]) * (leg.end_time - leg.start_time)
+            start = legs[first].start_time
+            stress = impulse / (leg.end_time - start)
+            if min(corners) <= 0 or np.ptp(corners) > 2 * NEARLY_CONSTANT * max(corners):
+                break
+            if max(abs(corner - stress) for corner in corners) <= NEARLY_CONSTANT * stress:
+                found.append(CreepInterval(leg.stage, start, leg.end_time, stress))
+    return found
+
+
+def _longest(parts: Sequence[CreepInterval]) -> list[CreepInterval]:
+    """Return the longest parts that do not overlap, in the order of time."""
+    kept: list[CreepInterval] = []
+    for part in sorted(parts, key=lambda one: -one.duration):
+        if all(part.end_time <= o.start_time or o.end_time <= part.start_time for o in kept):
+            kept.append(part)
+    return sorted(kept, key=lambda one: one.start_time)

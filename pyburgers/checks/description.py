@@ -9,6 +9,8 @@ import pandas as pd
 
 from pyburgers.checks.discrepancies import (
     AUTOCORRELATION,
+    ENOUGH,
+    ENOUGH_FOR_SHARES,
     LARGEST,
     OUTSIDE,
     OVER_READING_ERROR,
@@ -29,6 +31,7 @@ from pyburgers.checks.fit_checks import (
 )
 from pyburgers.checks.residual_numbers import longest_run, segment_parts, straight_line
 from pyburgers.posterior.labelled_draws import CORRELATED, free_parameters, response_in
+from pyburgers.protocols.advice import LET_CORRELATE, laws_to_try
 
 NARROW = "the intervals of its parameters are then too narrow"
 DESCRIPTION = CheckKind.DESCRIPTION
@@ -55,48 +58,42 @@ class Told(NamedTuple):
     where: str
 
 
-OTHER_LAWS = {
-    "kelvin_stress_exponent": "kelvin=power_law",
-    "breakdown_stress": "maxwell=hyperbolic_sine",
-}
-"""Laws that answer rates otherwise, by the parameter that is free in them."""
-
 Row: TypeAlias = "pd.Series[Any]"
 Tell = Callable[[Leftover, Family, Row], Told]
 """Puts a discrepancy of a test into words."""
 
 
-@check("coverage", DESCRIPTION, least_draws=LEAST_DRAWS)
+@check("coverage", DESCRIPTION, least_draws=LEAST_DRAWS, least_readings=ENOUGH_FOR_SHARES)
 def check_coverage(draws: CheckedDraws) -> Finding:
     """Predictive band of 90 % holds about 90 % of the data."""
     return _finding(draws, (OUTSIDE,), _tell_coverage)
 
 
-@check("residual trend", DESCRIPTION, least_draws=LEAST_DRAWS)
+@check("residual trend", DESCRIPTION, least_draws=LEAST_DRAWS, least_readings=ENOUGH_FOR_SHARES)
 def check_residual_trend(draws: CheckedDraws) -> Finding:
     """Neighbouring residuals go together no more than replicated ones do."""
     return _finding(draws, (AUTOCORRELATION,), _tell_trend)
 
 
-@check("runs", DESCRIPTION, least_draws=LEAST_DRAWS)
+@check("runs", DESCRIPTION, least_draws=LEAST_DRAWS, least_readings=ENOUGH_FOR_SHARES)
 def check_runs(draws: CheckedDraws) -> Finding:
     """No more residuals in a row have one sign than replicated ones do."""
     return _finding(draws, (RUN,), _tell_run)
 
 
-@check("trend by segment", DESCRIPTION, least_draws=LEAST_DRAWS)
+@check("trend by segment", DESCRIPTION, least_draws=LEAST_DRAWS, least_readings=ENOUGH)
 def check_segments(draws: CheckedDraws) -> Finding:
     """No segment lies off the model, or tilts against it, as a whole."""
     return _finding(draws, (SEGMENT_TREND,), _tell_segment)
 
 
-@check("largest residual", DESCRIPTION, least_draws=LEAST_DRAWS)
+@check("largest residual", DESCRIPTION, least_draws=LEAST_DRAWS, least_readings=ENOUGH)
 def check_largest(draws: CheckedDraws) -> Finding:
     """No residual is too large beside the others."""
     return _finding(draws, (LARGEST,), _tell_largest)
 
 
-@check("size of residuals", DESCRIPTION, least_draws=LEAST_DRAWS)
+@check("size of residuals", DESCRIPTION, least_draws=LEAST_DRAWS, least_readings=ENOUGH)
 def check_size(draws: CheckedDraws) -> Finding:
     """Residuals are of one size in all segments, and not above a stated reading error."""
     family = discrepancies_of(draws)
@@ -106,6 +103,8 @@ def check_size(draws: CheckedDraws) -> Finding:
     sentence = "; ".join(
         f"{row['share_of_variance']:.2%} of the variance of {name} (root mean square "
         f"{row['root_mean_square']})"
+        if np.isfinite(row["share_of_variance"])
+        else f"a root mean square of {row['root_mean_square']} of {name}"
         for name, row in sizes.iterrows()
     )
     correlated = any(CORRELATED in one.group.children for one in family.tests.values())
@@ -156,7 +155,7 @@ def _tell_trend(leftover: Leftover, family: Family, row: Row) -> Told:
         f"{row['found']:.2f} (at most {row['at_most']:.2f} expected of a correct model)"
     )
     return Told(
-        f"No trend: {found}.",
+        f"No more of a trend than a correct model leaves: {found}.",
         f"The residuals look like a trend: {found}, and {run}: the model misses the shape of the "
         f"curve there, and {NARROW}",
         _remedy(leftover, _run_of(leftover)[0]),
@@ -168,7 +167,7 @@ def _tell_run(leftover: Leftover, family: Family, row: Row) -> Told:
     run, where = _run(leftover)
     expected = f"at most {row['at_most']:.0f} in a row expected of a correct model"
     return Told(
-        f"No long run: of {leftover.name}, {run} ({expected}).",
+        f"No longer a run than a correct model leaves: of {leftover.name}, {run} ({expected}).",
         f"Too long a run: of {leftover.name}, {run} ({expected}): the model misses the shape of "
         f"the curve there, and {NARROW}",
         _remedy(leftover, _run_of(leftover)[0]),
@@ -199,7 +198,7 @@ def _tell_largest(leftover: Leftover, family: Family, row: Row) -> Told:
     sizes = np.abs(leftover.residual)
     point = int(sizes.argmax())
     where = leftover.place(point, point)
-    others = np.sqrt(np.mean(np.delete(sizes, point) ** 2)) if sizes.size > 1 else 0.0
+    others = np.sqrt(np.mean(np.delete(sizes, point) ** 2))
     beyond = int(np.sum(sizes > row["at_most"] * others))
     far = (
         f"the reading of {leftover.name} at {where} lies "
@@ -296,14 +295,13 @@ def _beside(leftover: Leftover, residual: float, point: int) -> str:
 def _remedy(leftover: Leftover, point: int) -> str:
     """Return what to try where the shape is missed from a point on."""
     free = _free_parameters(leftover)
-    known = leftover.protocol.remedy(free)
+    along = leftover.group["constant_data"].to_dataset()
+    known = leftover.protocol.remedy(free, along)
     if known is not None:
         return known
-    laws = " or ".join(
-        f"--variant {law}" for parameter, law in OTHER_LAWS.items() if parameter not in free
-    )
+    laws = laws_to_try(free)
     steps = leftover.segment[-1] > leftover.segment[0]
-    if steps or "segment" not in leftover.group["constant_data"]:
+    if steps or "segment" not in along:
         behind = "it lies behind a step of the rate: " if leftover.segment[point] > 0 else ""
         first = f"{behind}see whether the test was paused or unloaded there, and " + (
             f"try a law that answers changes of the rate otherwise ({laws})"
@@ -316,10 +314,9 @@ def _remedy(leftover: Leftover, point: int) -> str:
             "there, and fit it together with tests at other rates"
         )
     # Where strain goes back and forth no residuals correlate along it.
-    if "segment" not in leftover.group["constant_data"] or CORRELATED in leftover.group.children:
+    if "segment" not in along or CORRELATED in leftover.group.children:
         return first
-    correlated = "let residuals correlate (--variant residuals=autocorrelated)"
-    return f"{first}; for wider, honest intervals {correlated}"
+    return f"{first}; {LET_CORRELATE}"
 
 
 def _free_parameters(leftover: Leftover) -> Sequence[str]:

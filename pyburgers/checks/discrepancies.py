@@ -31,7 +31,7 @@ from pyburgers.checks.residual_numbers import (
 )
 from pyburgers.common.draws import TAIL
 from pyburgers.common.units import span_text
-from pyburgers.posterior.labelled_draws import CORRELATED, TESTS, response_in
+from pyburgers.posterior.labelled_draws import CORRELATED, groups_of_tests, response_in
 from pyburgers.protocols.protocol import Protocol, protocols
 
 FloatArray = npt.NDArray[np.float64]
@@ -52,6 +52,25 @@ LARGEST = "largest residual"
 SEGMENT_SPREAD = "spread of a segment"
 OUTSIDE = "share outside"
 OVER_READING_ERROR = "over reading error"
+
+ENOUGH_FOR_SHARES = 10
+"""Readings of a test. Of fewer a band of 90 % misses less than one by chance, and even all of one
+sign are none too rare: 2 of 2^10 are less than `LEVEL`, 2 of 2^9 more."""
+
+ENOUGH = 5
+"""Readings of a test: a line and the size of the noise, which are taken from them, leave two."""
+
+LEAST_READINGS = {
+    OUTSIDE: ENOUGH_FOR_SHARES,
+    AUTOCORRELATION: ENOUGH_FOR_SHARES,
+    RUN: ENOUGH_FOR_SHARES,
+    SEGMENT_TREND: ENOUGH,
+    LARGEST: ENOUGH,
+    SEGMENT_SPREAD: ENOUGH,
+    OVER_READING_ERROR: 1,
+}
+"""Readings without which a discrepancy of a test tells nothing, and is left out. A stated error
+needs no other readings to be compared with."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +98,8 @@ class Leftover:
         What residuals are multiplied by for that; 1 where they do not differ.
     discrepancies : dict of str to (array, array)
         Numbers of the data, shape (draws,), and of replicated data that are fitted as the data
-        were, shape (replicates, their draws); large ones speak against the model.
+        were, shape (replicates, their draws); large ones speak against the model. Only those for
+        which there are enough readings.
     """
 
     name: str
@@ -172,8 +192,7 @@ class Family(Judged):
 @lru_cache(maxsize=1)
 def discrepancies_of(draws: CheckedDraws) -> Family:
     """Compare what a fit leaves over with what fits of replicated data do."""
-    posterior = draws.posterior
-    groups = posterior[TESTS].children if TESTS in posterior.children else {"the test": posterior}
+    groups = groups_of_tests(draws.posterior)
     tests = {name: _leftover(name, group, k) for k, (name, group) in enumerate(groups.items())}
     pairs = {
         (name, test): pair
@@ -313,7 +332,8 @@ def _leftover(name: str, group: xr.DataTree, number: int) -> Leftover:
             over_error,
             _sizes_of_errors(n_replicates, position.size, number),
         )
-    return Leftover(name, group, protocol, position, segment, quantity, observed, weight, pairs)
+    enough = {key: pair for key, pair in pairs.items() if position.size >= LEAST_READINGS[key]}
+    return Leftover(name, group, protocol, position, segment, quantity, observed, weight, enough)
 
 
 def _of_one_size(replicated: FloatArray, quantity: npt.NDArray[np.int64]) -> FloatArray:

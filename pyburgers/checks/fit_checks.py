@@ -14,7 +14,12 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.common.draws import TAIL
-from pyburgers.posterior.labelled_draws import convergence_table, pareto_k, response_in
+from pyburgers.posterior.labelled_draws import (
+    convergence_table,
+    groups_of_tests,
+    pareto_k,
+    response_in,
+)
 from pyburgers.sampling.failures import ChainFailure
 
 
@@ -85,26 +90,29 @@ class Check:
         Looks at draws.
     least_draws : int
         Draws of all chains without which it cannot tell.
+    least_readings : int
+        Readings without which it cannot tell, of the test that has most.
     """
 
     name: str
     kind: CheckKind
     find: Callable[[CheckedDraws], Finding]
     least_draws: int = 0
+    least_readings: int = 0
 
     def __call__(self, draws: CheckedDraws) -> "CheckResult":
         """Look at draws."""
         n_draws = draws.posterior["sample_stats"]["diverging"].size
-        if n_draws >= self.least_draws:
-            return CheckResult(self, *self.find(draws))
-        return CheckResult(
-            self,
-            Outcome.CANNOT_TELL,
-            pd.DataFrame({"draws": [n_draws], "least_wanted": [self.least_draws]}),
-            f"{n_draws} draws are too few to tell, at least {self.least_draws} are needed",
-            "raise --draws",
-            unusable=True,
-        )
+        if n_draws < self.least_draws:
+            found = _too_few("draws", n_draws, self.least_draws, "raise --draws", unusable=True)
+            return CheckResult(self, *found)
+        if self.least_readings > 0:
+            most = _most_readings(draws.posterior)
+            if most < self.least_readings:
+                return CheckResult(
+                    self, *_too_few("readings", most, self.least_readings, "add readings")
+                )
+        return CheckResult(self, *self.find(draws))
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,11 +143,29 @@ class CheckResult:
         return f"{self.meaning}; {self.remedy}." if self.remedy else self.meaning
 
 
+def _too_few(what: str, n: int, least: int, remedy: str, *, unusable: bool = False) -> Finding:
+    """Return that a check cannot tell."""
+    found = f"1 {what[:-1]} is" if n == 1 else f"{n} {what} are"
+    return Finding(
+        Outcome.CANNOT_TELL,
+        pd.DataFrame({what: [n], "least_wanted": [least]}),
+        f"{found} too few to tell, at least {least} are needed",
+        remedy,
+        unusable=unusable,
+    )
+
+
+def _most_readings(posterior: xr.DataTree) -> int:
+    """Return the number of readings of the test that has most."""
+    groups = groups_of_tests(posterior).values()
+    return max(group["observed_data"].sizes["point"] for group in groups)
+
+
 def check(
-    name: str, kind: CheckKind, *, least_draws: int = 0
+    name: str, kind: CheckKind, *, least_draws: int = 0, least_readings: int = 0
 ) -> Callable[[Callable[[CheckedDraws], Finding]], Check]:
     """Make a check of the function that looks at the draws."""
-    return lambda find: Check(name, kind, find, least_draws)
+    return lambda find: Check(name, kind, find, least_draws, least_readings)
 
 
 RHAT_LIMIT = 1.01

@@ -14,6 +14,8 @@ import numpy.typing as npt
 import pandas as pd
 
 from pyburgers.checks.discrepancies import (
+    ENOUGH,
+    ENOUGH_FOR_SHARES,
     LARGEST,
     OUTSIDE,
     SEGMENT_SPREAD,
@@ -142,7 +144,7 @@ def table_leftover(draws: CheckedDraws) -> TableLeftover:
     )
 
 
-@check("coverage", DESCRIPTION, least_draws=LEAST_DRAWS)
+@check("coverage", DESCRIPTION, least_draws=LEAST_DRAWS, least_readings=ENOUGH_FOR_SHARES)
 def check_table_coverage(draws: CheckedDraws) -> Finding:
     """Predictive band of 90 % holds about 90 % of the peak stresses."""
     left = table_leftover(draws)
@@ -155,7 +157,7 @@ def check_table_coverage(draws: CheckedDraws) -> Finding:
     return _finding(left, OUTSIDE, f"{share}.", f"Only {share}", remedy)
 
 
-@check("largest residual", DESCRIPTION, least_draws=LEAST_DRAWS)
+@check("largest residual", DESCRIPTION, least_draws=LEAST_DRAWS, least_readings=ENOUGH)
 def check_table_outlier(draws: CheckedDraws) -> Finding:
     """No peak stress is too far off beside the others."""
     left = table_leftover(draws)
@@ -170,7 +172,7 @@ def check_table_outlier(draws: CheckedDraws) -> Finding:
     return _finding(left, LARGEST, f"No outlier: {far}.", bad, remedy)
 
 
-@check("bend along the rate", DESCRIPTION, least_draws=LEAST_DRAWS)
+@check("bend along the rate", DESCRIPTION, least_draws=LEAST_DRAWS, least_readings=ENOUGH)
 def check_table_bend(draws: CheckedDraws) -> Finding:
     """One stress exponent holds at all rates: ln(peak stress) is straight in ln(strain rate)."""
     left = table_leftover(draws)
@@ -191,7 +193,7 @@ def check_table_bend(draws: CheckedDraws) -> Finding:
     return _finding(left, BEND, good, bad, ONE_LAW)
 
 
-@check("groups", DESCRIPTION, least_draws=LEAST_DRAWS)
+@check("groups", DESCRIPTION, least_draws=LEAST_DRAWS, least_readings=ENOUGH)
 def check_table_groups(draws: CheckedDraws) -> Finding:
     """No group of one grain size and temperature is off, or tilts, as a whole."""
     left = table_leftover(draws)
@@ -210,7 +212,7 @@ def check_table_groups(draws: CheckedDraws) -> Finding:
     return _finding(left, SEGMENT_TREND, f"No group is off as a whole: {offset}.", bad, ONE_LAW)
 
 
-@check("size of residuals", DESCRIPTION, least_draws=LEAST_DRAWS)
+@check("size of residuals", DESCRIPTION, least_draws=LEAST_DRAWS, least_readings=ENOUGH)
 def check_table_scatter(draws: CheckedDraws) -> Finding:
     """No group scatters more than the others."""
     left = table_leftover(draws)

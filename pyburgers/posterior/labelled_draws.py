@@ -197,6 +197,13 @@ def label_draws(draws: xr.Dataset, quantities: Iterable[Parameter], priors: Prio
         }
 
 
+def groups_of_tests(posterior: xr.DataTree) -> Mapping[str, xr.DataTree]:
+    """Labelled draws of each test by its name; of a fit of one test these are all that there is."""
+    if TESTS in posterior.children:
+        return posterior[TESTS].children
+    return {"the test": posterior}
+
+
 def free_parameters(posterior: xr.DataTree) -> list[str]:
     """Names of the sampled quantities: free parameters, and the reference stress."""
     dataset = posterior["posterior"].to_dataset()

@@ -337,8 +337,8 @@ class Protocol(ABC, Generic[E]):
         """Return where readings lie (two, from 0, of `observed_positions`) if no clock says it."""
         return None
 
-    def remedy(self, free: Collection[str]) -> str | None:
-        """Return what to try where a fit with these free parameters misses the shape, if known."""
+    def remedy(self, free: Collection[str], along: xr.Dataset) -> str | None:
+        """Return what to try where a fit with free parameters misses such readings, if known."""
         return None
 
     def reading_noise(self, experiment: E, values: Mapping[str, FloatArray]) -> FloatArray:

@@ -33,7 +33,7 @@ from pyburgers.checks.residual_numbers import (
     segment_parts,
     signed_ranks,
 )
-from pyburgers.checks.verdicts import verdicts_record
+from pyburgers.checks.verdicts import verdicts, verdicts_record
 from pyburgers.posterior.labelled_draws import CORRELATED
 
 FloatArray = npt.NDArray[np.float64]
@@ -313,8 +313,93 @@ def test_the_worst_test_of_a_joint_fit_is_told() -> None:
     assert failed(draws_of(a=groups(white()), b=groups(white(4)))) == {}
 
 
-def test_a_single_point_passes() -> None:
-    assert failed(draws_of(one=groups(np.ones(1)))) == {}
+@pytest.mark.parametrize("n", [1, 2, 4, 9])
+@pytest.mark.parametrize("reading_error", [None, 1.0])
+def test_few_readings_cannot_tell(n: int, reading_error: float | None) -> None:
+    """A yes to the model, or numbers of what is not there, would be told of them else."""
+    draws = draws_of(one=groups(white(n=n), reading_error=reading_error))
+    results = {one.name: one for one in run_checks(draws, DESCRIPTION)}
+    least = {"coverage": 10, "residual trend": 10, "runs": 10}
+    for name, result in results.items():
+        needed = least.get(name, 5)
+        assert (result.outcome is Outcome.CANNOT_TELL) == (n < needed), name
+        if n < needed:
+            count = "1 reading is" if n == 1 else f"{n} readings are"
+            told = f"{count} too few to tell, at least {needed} are needed; add readings."
+            assert result.sentence == told
+    verdict = verdicts(list(results.values()))[CheckKind.DESCRIPTION]
+    assert verdict.outcome is Outcome.CANNOT_TELL
+
+
+def test_ten_readings_are_enough() -> None:
+    wave = 2.0 * np.sign(np.sin(np.linspace(0.1, 6.0, 10))) + 0.1 * white(n=10)
+    draws = draws_of(one=groups(wave, 0.1 * draws_of_noise()[..., :10]))
+    assert all(one.outcome is not Outcome.CANNOT_TELL for one in run_checks(draws, DESCRIPTION))
+    assert failed(draws) != {}
+
+
+def test_a_test_of_one_reading_in_a_joint_fit_is_left_to_the_others() -> None:
+    joint = draws_of(one=groups(np.ones(1), reading_error=1.0), many=groups(white()))
+    results = {one.name: one for one in run_checks(joint, DESCRIPTION)}
+    assert all(one.passed for one in results.values())
+    for name in ("coverage", "residual trend", "runs", "trend by segment", "largest residual"):
+        assert results[name].table["test"].tolist() == ["many"]
+    assert "nan" not in results["size of residuals"].sentence
+    assert "a root mean square of 1 MPa of one;" in results["size of residuals"].sentence
+
+
+def history_groups(
+    residual: FloatArray, *, segment: FloatArray, is_strain: bool
+) -> dict[str, xr.Dataset]:
+    """As `groups`, of a loading history."""
+    own = groups(residual, clock="time", segment=segment)
+    quantity = np.full(residual.size, float(is_strain))
+    own["constant_data"] = own["constant_data"].assign(quantity=("point", quantity))
+    for name in ("model_response", "posterior_predictive", "observed_data"):
+        own[name] = own[name].rename(stress="response")
+    return own
+
+
+@pytest.mark.parametrize(
+    ("segment", "is_strain", "one_rate"),
+    [
+        (np.zeros(POINTS), True, False),
+        (np.repeat([0.0, 1.0], 25), False, False),
+        (np.zeros(POINTS), False, True),
+    ],
+)
+def test_histories_are_advised_other_laws(
+    segment: FloatArray, is_strain: bool, one_rate: bool
+) -> None:
+    """Creep under one or several loads tells laws apart, a test at one rate hardly."""
+    trend = np.sin(np.linspace(0.0, 6.0, POINTS)) + 0.1 * white(3)
+    draws = draws_of(one=history_groups(trend, segment=segment, is_strain=is_strain))
+    sentence = check_residual_trend(draws).sentence
+    assert ("at one rate other laws hardly differ" in sentence) == one_rate
+    assert ("--variant kelvin=two_elements" in sentence) != one_rate
+    assert ("what was imposed there is what the stages say" in sentence) != one_rate
+    assert "residuals=autocorrelated" in sentence
+
+
+def test_a_history_is_not_advised_what_its_fit_has() -> None:
+    trend = np.sin(np.linspace(0.0, 6.0, POINTS)) + 0.1 * white(3)
+    own = history_groups(trend, segment=np.zeros(POINTS), is_strain=True)
+    names = ("breakdown_stress", "residual_correlation_time")
+    free = {name: ((), 1.0, {"fixed": 0}) for name in names}
+    sentence = check_residual_trend(draws_of(one={**own, "posterior": xr.Dataset(free)})).sentence
+    assert "(--variant kelvin=power_law or --variant kelvin=two_elements)" in sentence
+    assert "residuals=autocorrelated" not in sentence
+
+
+def test_a_large_correlation_that_passes_is_told_to_be_no_more_than_a_model_leaves() -> None:
+    rng = np.random.default_rng(3)
+    residual = correlated(rng, 0.95, POINTS)
+    replicated = correlated(rng, 0.95, CHAINS, DRAWS, POINTS)
+    result = check_residual_trend(draws_of(one=groups(residual, replicated)))
+    assert result.passed
+    assert result.table["found"].item() > 0.5
+    assert result.sentence.startswith("No more of a trend than a correct model leaves: ")
+    assert "expected of a correct model)" in result.sentence
 
 
 def test_few_draws_cannot_fail_a_correct_model() -> None:

@@ -145,6 +145,13 @@ def test_two_rates_cannot_show_a_bend() -> None:
     assert "2 strain rates cannot show whether n changes" in found["bend along the rate"].sentence
 
 
+def test_few_rows_cannot_tell() -> None:
+    law = StraightLaw(LOG_RATE[::5], np.zeros(4, dtype=np.int64), np.zeros(4))
+    for one in run_checks(law.fit(law.data(1), 1), TABLE_CHECKS):
+        assert one.outcome is Outcome.CANNOT_TELL
+        assert "4 readings are too few to tell" in one.sentence
+
+
 def test_a_group_may_be_a_single_test() -> None:
     alone = np.where(np.arange(GROUP.size) == 23, 1, 0)
     law = StraightLaw(LOG_RATES, alone, np.zeros(GROUP.size))

@@ -293,7 +293,7 @@ def test_conditions_of_a_table_are_temperatures_and_periods() -> None:
     [("linear", ["extended"]), ("extended", ["extended_peak"]), ("extended_peak", [])],
 )
 def test_a_table_is_advised_the_next_law_and_not_its_own(law: str, advised: list[str]) -> None:
-    advice = protocol_of(load_attenuation(TWIN)).remedy(PARAMETERS_OF_LAW[law])
+    advice = protocol_of(load_attenuation(TWIN)).remedy(PARAMETERS_OF_LAW[law], xr.Dataset())
     assert advice is not None
     assert re.findall(r"kelvin=(\w+)", advice) == advised
     assert "temperatures by themselves" in advice

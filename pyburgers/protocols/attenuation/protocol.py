@@ -167,7 +167,7 @@ class Attenuation(Protocol[AttenuationExperiment]):
             ),
         }
 
-    def remedy(self, free: Collection[str]) -> str:
+    def remedy(self, free: Collection[str], along: xr.Dataset) -> str:
         """Propose a band, a peak on top of it, and then to look where temperatures disagree."""
         alone = "fit the temperatures by themselves to see which of them disagrees"
         if "relaxation_time_decades" not in free:

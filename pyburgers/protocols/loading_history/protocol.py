@@ -1,6 +1,6 @@
 """Tests under any loading history as a protocol."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 
@@ -26,6 +26,7 @@ from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.variants import variant_of
 from pyburgers.protocols.experiment import CONDITION_KEYS, Experiment
+from pyburgers.protocols.loading_history.advice import advice
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.loading_history.figures import LOADING_HISTORY_FIGURES, fitted_curve
 from pyburgers.protocols.loading_history.files import load_loading_history, save_loading_history
@@ -149,6 +150,10 @@ class LoadingHistoryProtocol(Protocol[LoadingHistory]):
         time = along["time"].to_numpy()
         unit, seconds = time_unit(time.max())
         return f"time {span_text(time[[first, last]] / seconds, digits=3)} {unit}"
+
+    def remedy(self, free: Collection[str], along: xr.Dataset) -> str | None:
+        """Propose other laws and residuals that correlate, if more than one rate was imposed."""
+        return advice(free, along)
 
     def with_noise(
         self,

@@ -1,0 +1,29 @@
+"""What to try where a fit misses the shape of a test, as several kinds of test have it."""
+
+from collections.abc import Collection, Mapping
+from types import MappingProxyType
+
+OTHER_LAWS: Mapping[str, str] = MappingProxyType(
+    {
+        "kelvin_stress_exponent": "kelvin=power_law",
+        "breakdown_stress": "maxwell=hyperbolic_sine",
+    }
+)
+"""Laws that answer stresses and rates otherwise, by the parameter that is free in them."""
+
+LET_CORRELATE = (
+    "for wider, honest intervals let residuals correlate (--variant residuals=autocorrelated)"
+)
+
+
+def laws_to_try(free: Collection[str], laws: Mapping[str, str] = OTHER_LAWS) -> str:
+    """Return as options those of some laws that a fit does not have yet; empty for none.
+
+    Parameters
+    ----------
+    free : collection of str
+        Free parameters of the fit.
+    laws : mapping of str to str
+        As `OTHER_LAWS`.
+    """
+    return " or ".join(f"--variant {law}" for name, law in laws.items() if name not in free)

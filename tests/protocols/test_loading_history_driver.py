@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 
-from pyburgers.protocols.loading_history.driver import line_through, reading_error, tolerance_of
+from pyburgers.protocols.loading_history.driver import (
+    line_through,
+    reading_error,
+    scatter,
+    tolerance_of,
+)
 from pyburgers.protocols.loading_history.thinning import kept_readings
 
 
@@ -16,6 +21,33 @@ def test_the_reading_error_of_ramps_with_noise() -> None:
     time = np.sort(rng.uniform(0, 200, 2000))
     value = ramps(time) + 0.05 * rng.standard_normal(time.size)
     assert reading_error(time, value) == pytest.approx(0.05, rel=0.1)
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("level", [0.0, 10.0])
+def test_the_reading_error_of_noise_alone(seed: int, level: float) -> None:
+    """What scatters is error where it turns as often as noise, however large beside the range."""
+    time = np.linspace(0, 100, 400)
+    value = level + 0.1 * np.random.default_rng(seed).standard_normal(time.size)
+    assert reading_error(time, value) == pytest.approx(0.1, rel=0.15)
+    assert line_through(time, value, tolerance_of(value, reading_error(time, value)))[0].size == 2
+
+
+def test_few_readings_tell_no_error() -> None:
+    time, value = np.arange(19.0), np.tile([5.0, 5.0, 2.0, 2.0], 5)[:19]
+    assert scatter(time, value) > 1
+    assert reading_error(time, value) == 0
+
+
+@pytest.mark.parametrize("per_cycle", [4, 6, 8])
+def test_cycles_are_no_noise(per_cycle: int) -> None:
+    """Most readings are corners, and lie from their neighbours by a large part of the amplitude."""
+    time = np.arange(10.0 * per_cycle)
+    value = np.sin(2 * np.pi * time / per_cycle + 0.3)
+    tolerance = tolerance_of(value, reading_error(time, value))
+    assert tolerance < 0.11
+    corners, line = line_through(time, value, tolerance)
+    assert np.abs(np.interp(time, corners, line) - value).max() < 2 * tolerance
 
 
 @pytest.mark.parametrize("seed", range(5))

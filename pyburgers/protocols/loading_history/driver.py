@@ -19,13 +19,20 @@ TOLERANCE = 5.0
 """How far a line passes from a reading, in standard deviations of the reading error. Its corners
 are readings with errors of their own, so that 5 are 3.5 of those of a difference."""
 
+FEWEST_READINGS = 20
+"""Of fewer readings the error is not told from them: corners may be too large a share."""
+
+PLAIN_SHARE, DOUBTFUL_SHARE = 0.02, 0.01
+"""Shares of the range of a series: an error up to the first is taken as it is estimated, a larger
+one only if the series turns as often as noise does; else the second takes its place."""
+
 TURNED_TOLERANCE = 1e-3
 """The least tolerance, in shares of the largest value: 0.1 % of a stress moves the rate by less
 than a percent, and a series without noise would otherwise get a corner at every reading."""
 
 
-def reading_error(time: FloatArray, value: FloatArray) -> float:
-    """Return the standard deviation of independent errors of a series, 0 for under 3 readings.
+def scatter(time: FloatArray, value: FloatArray) -> float:
+    """Return how far readings lie from their neighbours, as a standard deviation; 0 for under 3.
 
     From the median distance of a reading from the line through its neighbours, which few jumps or
     corners do not move.
@@ -41,6 +48,37 @@ def reading_error(time: FloatArray, value: FloatArray) -> float:
     distance = value[1:-1] - (1 - share) * value[:-2] - share * value[2:]
     scaled = distance / np.sqrt(1 + share**2 + (1 - share) ** 2)
     return float(np.median(np.abs(scaled)) / stats.norm.ppf(0.75))
+
+
+def reading_error(time: FloatArray, value: FloatArray) -> float:
+    """Return the standard deviation of independent errors of a series, as far as it can be told.
+
+    Their scatter, unless corners may be what scatters: it is 0 for under `FEWEST_READINGS`, and
+    limited where it is large and the series does not turn as noise does (cycles, for example).
+
+    Parameters
+    ----------
+    time, value : array, shape (n,)
+        The series, times increasing.
+    """
+    if time.size < FEWEST_READINGS:
+        return 0.0
+    error, span = scatter(time, value), float(np.ptp(value))
+    if error <= PLAIN_SHARE * span or _turns_like_noise(value):
+        return error
+    return DOUBTFUL_SHARE * span
+
+
+def _turns_like_noise(value: FloatArray) -> bool:
+    """Whether a series has as many highs and lows as independent numbers.
+
+    Two thirds of its inner readings, with the variance of Kendall's test of turning points, within
+    two standard deviations.
+    """
+    step = np.sign(np.diff(value))
+    turns = np.count_nonzero(step[1:] * step[:-1] < 0)
+    expected, variance = 2 * (value.size - 2) / 3, (16 * value.size - 29) / 90
+    return bool(abs(turns - expected) <= 2 * np.sqrt(variance))
 
 
 def tolerance_of(value: FloatArray, error: float) -> float:

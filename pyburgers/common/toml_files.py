@@ -214,7 +214,7 @@ def _describe(location: tuple[int | str, ...]) -> str:
     """Key and the table that holds it, as they stand in the file."""
     *tables, key = location
     if isinstance(key, int):
-        return f"'{'.'.join(map(str, tables))}', entry {key + 1}"
+        return f"{_describe(tuple(tables))}, entry {key + 1}"
     if not tables:
         return repr(key)
     if isinstance(tables[-1], int):

@@ -206,7 +206,7 @@ class TestTurning:
         time, strain = np.array([10.0, 20.0]), np.array([10.0, 20.0])
         rows = table(("time", time), ("stress", np.array([1.0, 2.0])), ("strain", strain))
         text = one_stage(
-            'control = "hold_strain"',
+            'control = "strain_rate"\nstrain_rate_per_s = 1e-2',
             20.0,
             'stress_measure = "engineering"',
             'strain_measure = "engineering"',
@@ -230,8 +230,9 @@ class TestTurning:
         )
         measures = ('stress_measure = "engineering"', 'strain_measure = "engineering"')
         zero = '[strain_offset]\nvalue = 2.0\nsd = 0.01\nunit = "percent"\n\n[data]'
-        held = one_stage('control = "hold_strain"', 20.0, *measures).replace("[data]", zero)
-        loaded = load_loading_history(write(held, rows))
+        rate = 'control = "strain_rate"\nstrain_rate_per_s = 1e-2'
+        pressed = one_stage(rate, 20.0, *measures).replace("[data]", zero)
+        loaded = load_loading_history(write(pressed, rows))
         np.testing.assert_allclose(loaded.response, [0.9e6, 1.6e6], rtol=1e-14)
         rows = table(("time", time), ("strain", 100 * (shortening + 0.02)))
         crept = (
@@ -426,6 +427,273 @@ class TestRefusals:
         )
         path = write(text, "time,stress,strain\n1,1,0.1\n2,1,0.2\n")
         assert "found the time 1 after a time that is not earlier" in refusal(path, load)
+
+
+STRAIN_COLUMN = 'strain_column = "strain"\nstrain_unit = "percent"\n'
+STRESS_COLUMN = 'stress_column = "stress"\nstress_unit = "MPa"\n'
+
+
+def stages(*lines: str, keys: str = "", after: str = "") -> str:
+    """A test of stages that end 10 s after one another, without a stress column in `after`."""
+    text = "".join(
+        f"[[stages]]\nstart_time = {10 * k}\nend_time = {10 * (k + 1)}\n{line}\n\n"
+        for k, line in enumerate(lines)
+    )
+    text = f'{HEAD}stage_stress_unit = "MPa"\n{keys}\n{text}{after}{TAIL}'
+    return text.replace('time_unit = "min"', 'time_unit = "s"')
+
+
+def ends_of_stages(test: LoadingHistory) -> list[tuple[float, float]]:
+    """Stress (MPa) at the start and the end of each stage."""
+    own = [[leg for leg in test.legs if leg.stage == number] for number in range(len(test.stages))]
+    return [(legs[0].start_value / 1e6, legs[-1].end_value / 1e6) for legs in own]
+
+
+SERIES = 'control = "stress_series"'
+
+
+class TestSeries:
+    @pytest.mark.parametrize(
+        "readings",
+        [
+            [(0, 5), (10, 5), (20, 5), (21, 2), (30, 2), (40, 5), (50, 5)],
+            [(0, 0), (1, 5), (10, 5), (100, 0), (1000, 0)],
+        ],
+    )
+    def test_a_line_goes_through_few_readings(
+        self, write: Write, readings: list[tuple[float, float]]
+    ) -> None:
+        time, stress = np.transpose(readings).astype(float)
+        rows = table(("time", time), ("stress", stress), ("strain", 0.01 * (time + 1)))
+        test = load_loading_history(write(one_stage(SERIES, float(time[-1])), rows))
+        line = np.interp(time, *np.transpose(test.stages[0].knots)) / 1e6
+        np.testing.assert_allclose(line, stress, atol=1e-9)
+
+    @pytest.mark.parametrize("staged", [True, False], ids=["stage column", "no stage column"])
+    def test_a_stress_that_jumps_between_stages(self, write: Write, staged: bool) -> None:
+        time = np.array([0.0, 5, 9, 10, 10, 15, 20] if staged else [0.0, 5, 9, 10, 15, 20])
+        stage = np.array([1.0, 1, 1, 1, 2, 2, 2] if staged else [1.0, 1, 1, 2, 2, 2])
+        stress = np.where(stage == 1, 10.0, 5.0)
+        column = [("stage", stage.astype(int))] if staged else []
+        rows = table(("time", time), *column, ("stress", stress), ("strain", 0.1 + 0.01 * time))
+        key = ("stress_column", 'stage_column = "stage"\nstress_column')
+        path = write(stages(SERIES, SERIES), rows, *([key] if staged else []))
+        np.testing.assert_allclose(ends_of_stages(load_loading_history(path)), [(10, 10), (5, 5)])
+
+    def test_a_ramp_goes_on_into_the_next_stage(self, write: Write) -> None:
+        time = np.arange(0.0, 21.0)
+        rows = table(("time", time), ("stress", 1 + time), ("strain", 0.1 + 0.01 * time))
+        test = load_loading_history(write(stages(SERIES, SERIES), rows))
+        np.testing.assert_allclose(ends_of_stages(test), [(1, 11), (11, 21)])
+        assert "Nothing was read in its last 10 %" in test.notices[0]
+
+    def test_an_unloading_at_the_last_reading_goes_on_no_further(self, write: Write) -> None:
+        time = np.arange(0.0, 21.0)
+        stress = np.where(time < 9, 10.0, 4.0)
+        rows = table(("time", time), ("stress", stress), ("strain", 0.1 + 0.01 * time))
+        test = load_loading_history(write(stages(SERIES, SERIES), rows))
+        np.testing.assert_allclose(ends_of_stages(test), [(10, 4), (4, 4)])
+
+    def test_a_reading_where_nothing_jumps_counts_for_both_stages(self, write: Write) -> None:
+        rows = "time,stress,strain\n0,1,0.1\n10,3,0.2\n15,2.5,0.2\n20,2,0.2\n"
+        test = load_loading_history(write(stages(SERIES, 'control = "hold_strain"'), rows))
+        assert ends_of_stages(test)[0] == pytest.approx((1, 3))
+
+    def test_the_area_under_a_force_is_that_of_its_own_stage(self, write: Write) -> None:
+        """The strain that comes back when the force goes is no strain of the stage before."""
+        time = np.arange(0.0, 21.0)
+        strain = np.where(time < 10, 10.0, 5.0)
+        rows = table(("time", time), ("strain", strain))
+        force = 'control = "stress"\nstress = '
+        text = stages(f"{force}1.0", f"{force}0.5", keys='stress_measure = "engineering"\n')
+        test = load_loading_history(write(text, rows, (STRESS_COLUMN, "")))
+        area = np.exp(-0.1), np.exp(-0.05)
+        expected = [(area[0], area[0]), (0.5 * area[1], 0.5 * area[1])]
+        np.testing.assert_allclose(ends_of_stages(test), expected)
+
+    def test_a_series_that_holds_a_part_of_its_stage_is_refused(self, write: Write) -> None:
+        rows = "time,stress,strain\n4,1,0.1\n4.5,1,0.2\n5,1,0.3\n"
+        text = refusal(write(stages(SERIES), rows), load)
+        assert "found readings of the stress from 4 s to 5 s only, expected" in text
+        assert "from 0 s to 10 s" in text
+
+    def test_ends_without_a_reading_are_told_and_readings_counted(self, write: Write) -> None:
+        rows = "time,stress,strain\n0.4,1,0.1\n4.5,1,0.2\n9.7,1,0.3\n"
+        notice = load_loading_history(write(stages(SERIES), rows)).notices[0]
+        assert "3 readings of the stress became 1 leg, which passes" in notice
+        assert "Nothing was read in its first 4 % and its last 3 %." in notice
+
+
+class TestStrainGoesOn:
+    KNOTS = 'control = "strain_series"\nknots = [[{}, {}], [{}, {}]]'
+    RATE = 'control = "strain_rate"\nstrain_rate_per_s = 1e-5'
+    LOAD = 'control = "stress"\nstress = 1.0'
+    CREPT = "time,stress,strain\n5,1,0.1\n9.9,1,0.2\n"
+
+    def test_knots_of_the_first_stage_start_at_zero(self, write: Write) -> None:
+        rows = "time,stress,strain\n5,1,\n"
+        path = write(stages(self.KNOTS.format(0, 0.5, 10, 0.6)), rows)
+        assert "found a jump of the strain, from 0 to 0.5" in refusal(path, load)
+        test = load_loading_history(write(stages(self.KNOTS.format(0, 0.0, 10, 0.1)), rows))
+        assert test.legs[0].end_value == pytest.approx(0.1)
+
+    @pytest.mark.parametrize("first", [0.0, 0.02], ids="from {}".format)
+    def test_knots_may_hold_the_zero_of_the_readings(self, write: Write, first: float) -> None:
+        zero = '[strain_offset]\nvalue = 2.0\nunit = "percent"\n'
+        text = stages(self.KNOTS.format(0, first, 10, 0.1 + first), after=zero)
+        test = load_loading_history(write(text, "time,stress,strain\n5,1,\n"))
+        assert test.legs[0].end_value == pytest.approx(0.1)
+
+    def test_knots_go_on_from_an_imposed_strain(self, write: Write) -> None:
+        rows = "time,stress,strain\n5,1,\n15,1,\n"
+        path = write(stages(self.RATE, self.KNOTS.format(10, 0.5, 20, 0.6)), rows)
+        assert "found a jump of the strain, from 0.0001 to 0.5" in refusal(path, load)
+        going_on = stages(self.RATE, self.KNOTS.format(10, 1e-4, 20, 0.1))
+        assert len(load_loading_history(write(going_on, rows)).legs) == 2
+
+    @pytest.mark.parametrize(
+        ("rows", "jump"),
+        [("10,1,5\n15,2,5.1\n20,2,5.2\n", 0.05), ("10,1,0.21\n15,2,0.3\n20,2,0.4\n", None)],
+    )
+    def test_readings_go_on_from_a_strain_that_was_read(
+        self, write: Write, rows: str, jump: float | None
+    ) -> None:
+        path = write(stages(self.LOAD, 'control = "strain_series"'), self.CREPT + rows)
+        if jump is None:
+            assert len(load_loading_history(path).legs) == 3
+        else:
+            assert f"found a jump of the strain, from 0.002 to {jump}" in refusal(path, load)
+
+    def test_knots_go_on_from_a_strain_that_was_read_and_a_hold(self, write: Write) -> None:
+        rows = f"{self.CREPT}15,0.9,\n25,1,\n"
+        hold = 'control = "hold_strain"'
+        jumping = stages(self.LOAD, hold, self.KNOTS.format(20, 0.05, 30, 0.1))
+        assert "from 0.002 to 0.05" in refusal(write(jumping, rows), load)
+        going_on = stages(self.LOAD, hold, self.KNOTS.format(20, 0.0021, 30, 0.1))
+        assert len(load_loading_history(write(going_on, rows)).legs) == 3
+
+    def test_a_copy_of_a_smoothed_series_is_read(self, write: Write, tmp_path: Path) -> None:
+        time = np.linspace(0.0, 10.0, 101)
+        noise = 0.02 * np.random.default_rng(5).standard_normal(time.size)
+        rows = table(("time", time), ("stress", 1 + time), ("strain", 1 + 0.05 * time + noise))
+        zero = '[strain_offset]\nvalue = 1.0\nunit = "percent"\n'
+        test = load_loading_history(write(stages('control = "strain_series"', after=zero), rows))
+        assert test.stages[0].knots[0][1] != 0.01
+        folder = tmp_path / "copy"
+        folder.mkdir()
+        assert_equal(load_loading_history(save_loading_history(test, folder)), test)
+
+
+class TestReadingsAtJumps:
+    LOAD = 'control = "stress"\nstress = {}'
+    ZERO = '[strain_offset]\nvalue = 2.0\nsd = {}\nunit = "percent"\n'
+
+    @pytest.mark.parametrize(
+        ("first", "after", "stated", "dropped"),
+        [
+            ("0", "", None, True),
+            ("0.02", "", None, False),
+            ("0.02", "", 0.01, True),
+            ("0.09", "", 0.04, False),
+            ("2", ZERO.format(0.0), None, True),
+            ("2.02", ZERO.format(0.0), None, False),
+            ("2.02", ZERO.format(0.01), None, True),
+        ],
+    )
+    def test_a_table_may_begin_before_the_load(
+        self, write: Write, first: str, after: str, stated: float | None, dropped: bool
+    ) -> None:
+        """Equal to the state at rest by its error, and nearer to it than to the next reading."""
+        zero = 2.0 if after else 0.0
+        rows = f"time,stress,strain\n0,,{first}\n1,,{zero + 0.1}\n5,,{zero + 0.2}\n"
+        error = [] if stated is None else [("[data]", f"[data]\nstrain_uncertainty = {stated}")]
+        test = load_loading_history(write(stages(self.LOAD.format(1.0), after=after), rows, *error))
+        assert test.n_points == (2 if dropped else 3)
+        assert any("of the state before the load" in text for text in test.notices) == dropped
+
+    def test_a_reading_before_a_later_change_of_the_load(self, write: Write) -> None:
+        text = stages(self.LOAD.format(1.0), self.LOAD.format(3.0))
+        rows = "time,stress,strain\n1,,0.1\n5,,0.2\n10,,{}\n12,,0.9\n20,,1\n"
+        before = load_loading_history(write(text, rows.format(0.28)))
+        np.testing.assert_array_equal(before.time, [1, 5, 12, 20])
+        assert "The reading at the start of stage 2, a strain of 0.0028, was" in before.notices[0]
+        behind = load_loading_history(write(text, rows.format(0.6)))
+        np.testing.assert_array_equal(behind.time, [1, 5, 10, 12, 20])
+
+    def test_a_stage_column_is_believed(self, write: Write) -> None:
+        rows = "stage,time,stress,strain\n1,1,,0.1\n1,5,,0.2\n2,10,,0.28\n2,12,,0.9\n"
+        key = ("stress_column", 'stage_column = "stage"\nstress_column')
+        test = load_loading_history(
+            write(stages(self.LOAD.format(1.0), self.LOAD.format(3.0)), rows, key)
+        )
+        assert test.n_points == 4
+
+    def test_readings_where_the_load_goes_on_stay(self, write: Write) -> None:
+        rows = "time,stress,strain\n1,,0.1\n5,,0.2\n10,,0.28\n12,,0.9\n20,,1\n"
+        test = load_loading_history(
+            write(stages(self.LOAD.format(1.0), self.LOAD.format(1.0)), rows)
+        )
+        assert test.n_points == 5
+
+    def test_a_copy_keeps_its_readings(self, write: Write, tmp_path: Path) -> None:
+        """Simulated ones too, whose noise may take them to the state before."""
+        rows = "time,stress,strain\n0,,0.05\n1,,0.1\n5,,0.2\n"
+        test = load_loading_history(write(stages(self.LOAD.format(1.0)), rows))
+        simulated = replace(test, reading=np.array([0.0, 0.001, 0.002]))
+        folder = tmp_path / "copy"
+        folder.mkdir()
+        assert_equal(load_loading_history(save_loading_history(simulated, folder)), simulated)
+
+    def test_how_large_a_dropped_reading_was(self, write: Write) -> None:
+        notices = load_loading_history(write(MIXED, ROWS.replace("0,0,0", "0,0.4,0"))).notices
+        assert (
+            "The reading at the start, 0.4 MPa, was dropped: the model starts at rest." in notices
+        )
+
+
+class TestLoadingAhead:
+    HOLD = 'control = "hold_strain"'
+    RELAXING = "time,stress\n0,10\n1,9\n5,8\n10,7\n"
+
+    @pytest.mark.parametrize("control", [HOLD, 'control = "strain_rate"\nstrain_rate_per_s = 0.0'])
+    def test_a_relaxation_without_its_loading(self, write: Write, control: str) -> None:
+        path = write(stages(control), self.RELAXING, (STRAIN_COLUMN, ""))
+        text = refusal(path, load)
+        assert "[[stages]] number 1: found a stress of 10 MPa although nothing was imposed" in text
+        assert "expected the loading as a stage ahead of it" in text
+
+    def test_a_load_that_stood_before_the_first_stage(self, write: Write) -> None:
+        rate = 'control = "strain_rate"\nstrain_rate_per_s = 1e-5'
+        rows = "time,stress\n1,9\n5,8\n15,9\n20,10\n"
+        path = write(stages(self.HOLD, rate), rows, (STRAIN_COLUMN, ""))
+        assert "found a stress of 9 MPa although" in refusal(path, load)
+
+    def test_noise_before_the_loading_is_read(self, write: Write) -> None:
+        rate = 'control = "strain_rate"\nstrain_rate_per_s = 1e-5'
+        rows = "time,stress\n1,0.1\n5,-0.1\n15,9\n20,10\n"
+        path = write(stages(self.HOLD, rate), rows, (STRAIN_COLUMN, ""))
+        assert load_loading_history(path).n_points == 4
+
+    def test_only_a_reading_at_the_start(self, write: Write) -> None:
+        rate = 'control = "strain_rate"\nstrain_rate_per_s = 1e-5'
+        for stage in (rate, TestReadingsAtJumps.LOAD.format(1.0)):
+            text = refusal(write(stages(stage), "time,stress,strain\n0,0,0\n"), load)
+            assert "table.csv: found no reading but that at the start" in text
+
+
+class TestKnots:
+    @pytest.mark.parametrize(
+        ("knots", "words"),
+        [
+            ("[[0, 1.0]]", "found 1 of them, expected at least two"),
+            ("[[0, 1.0, 2], [10, 1]]", "found [0.0, 1.0, 2.0], expected pairs"),
+            ("[[0, 1.0], [10, nan]]", "key 'knots' in [[stages]] number 1, entry 2, entry 2"),
+            ("[[0, 1.0], [10, 2.0]]\ntolerance = 0.3", "key 'tolerance': found it beside 'knots'"),
+        ],
+    )
+    def test_wrong_knots(self, write: Write, knots: str, words: str) -> None:
+        path = write(stages(f"{SERIES}\nknots = {knots}"), "time,stress,strain\n5,,0.1\n")
+        assert words in refusal(path, load)
 
 
 class TestRoundTrip:

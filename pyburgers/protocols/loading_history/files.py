@@ -1,6 +1,5 @@
 """Files of loading histories: what a file says, read and written (docs/loading_history.md)."""
 
-import logging
 from pathlib import Path
 from typing import Any, Literal
 
@@ -8,7 +7,7 @@ import numpy as np
 from pydantic import Field
 
 from pyburgers.common.columns import write_columns
-from pyburgers.common.errors import all_of
+from pyburgers.common.errors import InputError, all_of
 from pyburgers.common.toml_files import Table, factor_to_si, read_toml
 from pyburgers.protocols.experiment import (
     ExperimentFile,
@@ -16,27 +15,30 @@ from pyburgers.protocols.experiment import (
     shared_values,
     write_experiment,
 )
+from pyburgers.protocols.loading_history.conventions import Conventions
 from pyburgers.protocols.loading_history.experiment import LoadingHistory, Stated
 from pyburgers.protocols.loading_history.readings import (
     NO_READINGS,
     HistoryDataTable,
-    IntArray,
     Measure,
+    Response,
     read_readings,
     responses,
     thinned,
     true_readings,
 )
+from pyburgers.protocols.loading_history.sides import (
+    check_loaded,
+    without_start,
+    without_states_before,
+)
 from pyburgers.protocols.loading_history.stage_tables import (
-    Conventions,
     StageTable,
     Test,
     read_stages,
     stage_bounds,
 )
 from pyburgers.protocols.loading_history.stages import Stage, legs_of
-
-logger = logging.getLogger(__name__)
 
 
 class _ApparatusTable(Table):
@@ -72,8 +74,8 @@ class _LoadingHistoryFile(ExperimentFile):
 def load_loading_history(path: str | Path) -> LoadingHistory:
     """Read and check the file of a loading history and the data file that it names.
 
-    Time counts from the start of the first stage. What is turned, smoothed or thinned is said in a
-    notice.
+    Time counts from the start of the first stage. What is turned, smoothed, left out or thinned is
+    said in a notice.
 
     Parameters
     ----------
@@ -94,9 +96,7 @@ def load_loading_history(path: str | Path) -> LoadingHistory:
         "strain" if stage.driven == "stress" else "stress" for stage in stages
     ]
     found = responses(path, test.readings, response)
-    used, more = _used(found, stages, file.data)
-    for change in changes + more:
-        logger.info("%s: %s", file.id, change)
+    used, more = _used(test, found, stages, file.data)
     time, reading_stage, reading = used
     return LoadingHistory(
         **values,
@@ -169,6 +169,7 @@ def _test(path: Path, file: _LoadingHistoryFile) -> tuple[Test, Stated | None]:
         stress_error=_uncertainty(path, file.data, "stress"),
         strain_error=_uncertainty(path, file.data, "strain"),
         first_strain=(offset.value, offset.sd) if offset else (0.0, 0.0),
+        is_copy=file.data is not None and file.data.is_copy,
     )
     return test, offset
 
@@ -209,21 +210,26 @@ def _turned(file: _LoadingHistoryFile) -> list[str]:
 
 
 def _used(
-    found: tuple[FloatArray, IntArray, FloatArray],
-    stages: tuple[Stage, ...],
-    data: HistoryDataTable | None,
-) -> tuple[tuple[FloatArray, IntArray, FloatArray], list[str]]:
+    test: Test, found: Response, stages: tuple[Stage, ...], data: HistoryDataTable | None
+) -> tuple[Response, list[str]]:
     """Return the readings of the response that are used, and sentences about the others."""
-    time, stage, value = found
     if data is None:
         return found, []
+    used, notices = without_start(found, stages)
+    if not data.is_copy:
+        check_loaded(test.path, found, stages)
+        side_is_said = data.stage_column is not None
+        used, more = without_states_before(
+            used, stages, test.first_strain, test.strain_error, side_is_said=side_is_said
+        )
+        notices += more
+    time, stage, value = used
+    if time.size == 0:
+        raise InputError(
+            f"{test.readings.source}: found no reading but that at the start, before anything is "
+            "imposed, expected readings after it."
+        )
     legs = legs_of(stages)
-    notices = []
-    rests = legs[0].start_value == 0
-    kept = (time > 0) | (not rests)
-    if not kept.all():
-        notices.append("The reading at the start was dropped: the model starts at rest.")
-    time, stage, value = time[kept], stage[kept], value[kept]
 
     def changes(number: int) -> FloatArray:
         return np.array([leg.start_time for leg in legs if leg.stage == number])

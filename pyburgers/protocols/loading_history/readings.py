@@ -44,6 +44,11 @@ class HistoryDataTable(TextFilesTable):
         None, ge=0, description="the number of readings before an earlier thinning"
     )
 
+    @property
+    def is_copy(self) -> bool:
+        """Whether the test was written out after it was read: what is judged then is judged."""
+        return self.readings_in_file is not None
+
 
 @dataclass(frozen=True, eq=False)
 class Readings:
@@ -67,12 +72,19 @@ class Readings:
     stress: FloatArray
     strain: FloatArray
 
-    def of(self, quantity: Literal["stress", "strain"]) -> tuple[FloatArray, FloatArray]:
-        """Return times and values of the readings of a quantity."""
+    def of(
+        self, quantity: Literal["stress", "strain"], stage: int | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return times and values of the readings of a quantity, of all stages or of one."""
         values: FloatArray = getattr(self, quantity)
         there = np.isfinite(values)
+        if stage is not None:
+            there &= self.stage == stage
         return self.time[there], values[there]
 
+
+Response = tuple[FloatArray, IntArray, FloatArray]
+"""Times (s), stages from 0, and values (Pa, fraction) of the readings of the response."""
 
 NO_READINGS = Readings(None, np.empty(0), np.empty(0, dtype=np.int64), np.empty(0), np.empty(0))
 
@@ -184,7 +196,7 @@ def true_readings(
 
 def responses(
     path: Path, readings: Readings, response: Sequence[Literal["stress", "strain"]]
-) -> tuple[FloatArray, IntArray, FloatArray]:
+) -> Response:
     """Return the readings of the response.
 
     Parameters

@@ -10,16 +10,26 @@ import numpy as np
 from pydantic import Field
 
 from pyburgers.common.errors import InputError
-from pyburgers.common.toml_files import Table, factor_to_si
+from pyburgers.common.toml_files import Table
 from pyburgers.protocols.experiment import FloatArray
+from pyburgers.protocols.loading_history.conventions import Conventions
 from pyburgers.protocols.loading_history.driver import (
     TOLERANCE,
+    TURNED_TOLERANCE,
     line_through,
     reading_error,
+    scatter,
     tolerance_of,
 )
-from pyburgers.protocols.loading_history.readings import Measure, Readings
-from pyburgers.protocols.loading_history.stages import Control, Stage, legs_of
+from pyburgers.protocols.loading_history.readings import Readings
+from pyburgers.protocols.loading_history.series import (
+    Series,
+    own_readings,
+    too_long_a_gap,
+    with_ends,
+)
+from pyburgers.protocols.loading_history.stages import DRIVEN, Control, Stage, legs_of
+from pyburgers.protocols.loading_history.strain_at_start import strain_at_start
 
 DISPLACEMENT_STEP = 0.01
 """At constant displacement rate the true strain rate changes with the length: legs this long in
@@ -56,50 +66,11 @@ class StageTable(Table):
         None, description="the stress at which the rate starts, in the unit stage_stress_unit"
     )
     knots: list[list[float]] | None = Field(
-        None, min_length=2, description="pairs of time and strain (fraction) or stress"
+        None, description="pairs of time and strain (fraction) or stress"
     )
     tolerance: float | None = Field(
         None, gt=0, description="how far legs pass from readings of strain (fraction) or stress"
     )
-
-
-@dataclass(frozen=True)
-class Conventions:
-    """How the numbers of a file are meant.
-
-    Attributes
-    ----------
-    time, stress : float
-        Factors to SI of times and stresses in [[stages]].
-    sign : {1, -1}
-        Of a compression.
-    stress_measure, strain_measure : {"true", "engineering"}
-        Their measures.
-    """
-
-    time: float
-    stress: float
-    sign: int
-    stress_measure: Measure
-    strain_measure: Measure
-
-    @classmethod
-    def of(
-        cls,
-        path: Path,
-        *,
-        time_unit: str,
-        stress_unit: str,
-        compression: Literal["positive", "negative"],
-        measures: tuple[Measure, Measure],
-    ) -> "Conventions":
-        """Check the units of a file."""
-        return cls(
-            factor_to_si(time_unit, "time", f"{path}: key 'stage_time_unit'"),
-            factor_to_si(stress_unit, "stress", f"{path}: key 'stage_stress_unit'"),
-            1 if compression == "positive" else -1,
-            *measures,
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,6 +93,8 @@ class Test:
         Stated standard deviations of readings (Pa, fraction).
     first_strain : tuple of (float, float)
         Zero of strain and its standard deviation.
+    is_copy : bool
+        Whether the file was written after the test was read and checked.
     """
 
     path: Path
@@ -132,6 +105,7 @@ class Test:
     stress_error: float | None
     strain_error: float | None
     first_strain: tuple[float, float]
+    is_copy: bool
 
 
 def stage_bounds(path: Path, tables: Sequence[StageTable], time_factor: float) -> FloatArray:
@@ -186,7 +160,10 @@ def read_stages(test: Test, tables: Sequence[StageTable]) -> tuple[tuple[Stage, 
     for number, table in enumerate(tables):
         _check_keys(test.path, number, table)
         before = tables[number - 1] if number else None
-        stages.append(_StageReader(test, table, before, tuple(stages), notices).read())
+        after = tables[number + 1] if number + 1 < len(tables) else None
+        strain_follows = after is not None and DRIVEN[after.control] == "strain"
+        reader = _StageReader(test, table, before, tuple(stages), strain_follows, notices)
+        stages.append(reader.read())
     return tuple(stages), notices
 
 
@@ -214,6 +191,7 @@ class _StageReader:
     table: StageTable
     table_before: StageTable | None
     before: Sequence[Stage]
+    strain_follows: bool
     notices: list[str]
 
     @property
@@ -291,12 +269,13 @@ class _StageReader:
             if self.table.control == "stress":
                 return self._stage("stress", value=start)
             return self._stage("stress_rate", value=rate, start_stress=start)
-        time, strain = self._readings("strain", "the area under the force")
-        value = (start + rate * (time - self.start)) * np.exp(self.test.first_strain[0] - strain)
+        series = self._readings("strain", "the area under the force")
+        time, zero = series.time, self.test.first_strain[0]
+        value = (start + rate * (time - self.start)) * np.exp(zero - series.value)
         corners, line = line_through(time, value, tolerance_of(value, 0.0))
         self.notices.append(
             f"Stage {self.number}: the force over the first area became a true stress in "
-            f"{corners.size - 1} legs, by the measured strain."
+            f"{_legs(corners.size - 1)}, by the measured strain.{series.unread}"
         )
         return self._series("stress_series", corners, line)
 
@@ -314,29 +293,20 @@ class _StageReader:
         strain = -np.log1p(-(first + rate * (time - self.start)))
         self.notices.append(
             f"Stage {self.number}: a constant displacement rate became true strain rates in "
-            f"{time.size - 1} legs."
+            f"{_legs(time.size - 1)}."
         )
         return self._series("strain_series", time, strain)
 
-    def _imposed_strain(self) -> float | None:
-        """Return the true strain that stages before imposed; None where one imposed stress."""
-        if any(stage.driven == "stress" for stage in self.before):
-            return None
-        return sum(leg.rate * (leg.end_time - leg.start_time) for leg in legs_of(self.before))
-
     def _true_strain(self) -> float:
         """Strain at the start: imposed so far, or measured where a stage before imposed stress."""
-        imposed = self._imposed_strain()
-        if imposed is not None:
-            return imposed
-        time, strain = self.test.readings.of("strain")
-        earlier = np.flatnonzero(time <= self.start)
-        if earlier.size == 0:
+        zero = self.test.first_strain[0]
+        start = strain_at_start(self.before, self.test.readings, zero, read_there=True)
+        if start is None:
             raise InputError(
                 f"{self.where}: found an engineering strain rate after an imposed stress without a "
                 "reading of the strain, expected 'strain_column' in [data] to tell the length."
             )
-        return float(strain[earlier[-1]]) - self.test.first_strain[0]
+        return start.value
 
     def _given_series(self, knots: Sequence[Sequence[float]], stress: float) -> Stage:
         """Corners as they stand in the file."""
@@ -344,74 +314,107 @@ class _StageReader:
         strain_driven = control == "strain_series"
         quantity = "strain" if strain_driven else "stress"
         measure = conventions.strain_measure if strain_driven else conventions.stress_measure
+        key = f"{self.where}: key 'knots'"
         if measure == "engineering":
             raise InputError(
-                f"{self.where}: key 'knots': found it with key '{quantity}_measure' 'engineering', "
-                "expected knots of a true measure."
+                f"{key}: found it with key '{quantity}_measure' 'engineering', expected knots of a "
+                "true measure."
             )
-        if any(len(knot) != 2 for knot in knots):
-            raise InputError(f"{self.where}: key 'knots': expected pairs of a time and a value.")
+        wrong = next((knot for knot in knots if len(knot) != 2), None)
+        if wrong is not None:
+            raise InputError(f"{key}: found {wrong}, expected pairs of a time and a value.")
+        if len(knots) < 2:
+            raise InputError(
+                f"{key}: found {len(knots)} of them, expected at least two, one at each end of the "
+                "stage."
+            )
+        if self.table.tolerance is not None:
+            raise InputError(
+                f"{self.where}: key 'tolerance': found it beside 'knots', expected it for readings "
+                "alone, since knots are taken as they are."
+            )
         given, value = np.transpose(knots)
         if given[0] != self.table.start_time or given[-1] != self.table.end_time:
             raise InputError(
-                f"{self.where}: key 'knots': found times from {given[0]:g} to {given[-1]:g}, "
-                f"expected the ends of the stage, {self.table.start_time:g} and "
-                f"{self.table.end_time:g}."
+                f"{key}: found times from {given[0]:g} to {given[-1]:g}, expected the ends of the "
+                f"stage, {self.table.start_time:g} and {self.table.end_time:g}."
             )
         if np.any(np.diff(given) <= 0):
             repeated = given[1:][np.diff(given) <= 0][0]
             raise InputError(
-                f"{self.where}: key 'knots': found the time {repeated:g} after a time that is not "
-                "earlier, expected times that increase."
+                f"{key}: found the time {repeated:g} after a time that is not earlier, expected "
+                "times that increase."
             )
         time = given * conventions.time - self.test.bounds[0]
-        return self._series(control, time, (conventions.sign if strain_driven else stress) * value)
+        value = (conventions.sign if strain_driven else stress) * value
+        if strain_driven and not self.test.is_copy:
+            self._check_jump(float(value[0]), TURNED_TOLERANCE * float(np.ptp(value)), given=True)
+        return self._series(control, time, value)
 
     def _measured_series(self) -> Stage:
         """Legs through readings."""
         strain_driven = self.table.control == "strain_series"
         quantity: Literal["stress", "strain"] = "strain" if strain_driven else "stress"
-        time, value = self._readings(quantity, "what is imposed")
+        series = self._readings(quantity, "what is imposed")
+        time, value = series.time, series.value
         stated = self.test.strain_error if strain_driven else self.test.stress_error
-        error = reading_error(time, value) if stated is None else stated
         if strain_driven:
-            self._check_jump(float(value[0]), max(TOLERANCE * error, 1e-3 * float(np.ptp(value))))
-        tolerance = tolerance_of(value, error)
+            error = scatter(time, value) if stated is None else stated
+            allowed = max(TOLERANCE * error, TURNED_TOLERANCE * float(np.ptp(value)))
+            self._check_jump(float(value[0]), allowed)
+        tolerance = tolerance_of(value, reading_error(time, value) if stated is None else stated)
         if self.table.tolerance is not None:
             factor = 1.0 if strain_driven else self.test.conventions.stress
             tolerance = factor * self.table.tolerance
         corners, line = line_through(time, value, tolerance)
         distance = f"{tolerance:.2g}" if strain_driven else f"{tolerance / 1e6:.2g} MPa"
         self.notices.append(
-            f"Stage {self.number}: {time.size} readings of the {quantity} became "
-            f"{corners.size - 1} legs, which pass each of them within about {distance}."
+            f"Stage {self.number}: {series.n_read} readings of the {quantity} became "
+            f"{_legs(corners.size - 1)}, which {'passes' if corners.size == 2 else 'pass'} each of "
+            f"them within about {distance}.{series.unread}"
         )
         return self._series(self.table.control, corners, line)
 
-    def _check_jump(self, strain: float, tolerance: float) -> None:
-        """Check that a series starts at the strain that stages before it end at."""
-        imposed = self._imposed_strain()
+    def _check_jump(self, strain: float, tolerance: float, *, given: bool = False) -> None:
+        """Check that a series starts where the strain is at the end of the stages before it.
+
+        Of knots, `given`, only differences count: they may hold the zero of the readings or not.
+        """
         zero, sd = self.test.first_strain
-        if imposed is not None and abs(strain - zero - imposed) > tolerance + TOLERANCE * sd:
+        start = strain_at_start(self.before, self.test.readings, zero, read_there=False)
+        if start is None:
+            return
+        jumps = [strain - zero - start.value, *([strain - start.value] if given else [])]
+        if min(map(abs, jumps)) > tolerance + start.slack + TOLERANCE * sd:
             raise InputError(
-                f"{self.where}: found a jump of the strain, from {zero + imposed:g} to {strain:g}, "
-                "expected a series that starts where the strain is (a zero of strain stands in "
-                "[strain_offset])."
+                f"{self.where}: found a jump of the strain, from {zero + start.value:g} to "
+                f"{strain:g}, expected a series that starts where the strain is (a zero of strain "
+                "stands in [strain_offset])."
             )
 
-    def _readings(
-        self, quantity: Literal["stress", "strain"], purpose: str
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return readings inside the stage and, from those beside them, values at its ends."""
-        time, value = self.test.readings.of(quantity)
-        inside = (time > self.start) & (time < self.end)
-        if np.count_nonzero((time >= self.start) & (time <= self.end)) < 2:
+    def _readings(self, quantity: Literal["stress", "strain"], purpose: str) -> Series:
+        """Return what was read over the stage."""
+        span, test, number = (self.start, self.end), self.test, self.number
+        shared = (DRIVEN[self.table.control] == "strain", self.strain_follows)
+        own = own_readings(test.readings, quantity, number - 1, span, shared)
+        if own[0].size < 2:
             raise InputError(
                 f"{self.where}: found fewer than two readings of the {quantity} in it, expected "
-                f"'{quantity}_column' in [data] to hold {purpose}."
+                f"'{quantity}_column' in [data] to hold {purpose} (a reading at the time of a "
+                "change belongs to the later stage, unless a stage column says another one)."
             )
-        ends = np.interp([self.start, self.end], time, value)
-        return (
-            np.concatenate([[self.start], time[inside], [self.end]]),
-            np.concatenate([ends[:1], value[inside], ends[1:]]),
-        )
+        if too_long_a_gap(own[0], span):
+            first, last, start, end = (
+                test.conventions.time_text(time + test.bounds[0])
+                for time in (own[0][0], own[0][-1], *span)
+            )
+            raise InputError(
+                f"{self.where}: found readings of the {quantity} from {first} to {last} only, "
+                f"expected them to hold {purpose} from {start} to {end}; what lies outside may be "
+                "a stage of its own."
+            )
+        return with_ends(test.readings, quantity, own, span)
+
+
+def _legs(number: int) -> str:
+    return "1 leg" if number == 1 else f"{number} legs"

@@ -1,0 +1,55 @@
+"""How the numbers of the file of a loading history are meant: units, signs and measures."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from pyburgers.common.toml_files import factor_to_si
+from pyburgers.protocols.loading_history.readings import Measure
+
+
+@dataclass(frozen=True)
+class Conventions:
+    """How the numbers of a file are meant.
+
+    Attributes
+    ----------
+    time, stress : float
+        Factors to SI of times and stresses in [[stages]].
+    time_unit : str
+        Of times in [[stages]].
+    sign : {1, -1}
+        Of a compression.
+    stress_measure, strain_measure : {"true", "engineering"}
+        Their measures.
+    """
+
+    time: float
+    stress: float
+    time_unit: str
+    sign: int
+    stress_measure: Measure
+    strain_measure: Measure
+
+    @classmethod
+    def of(
+        cls,
+        path: Path,
+        *,
+        time_unit: str,
+        stress_unit: str,
+        compression: Literal["positive", "negative"],
+        measures: tuple[Measure, Measure],
+    ) -> "Conventions":
+        """Check the units of a file."""
+        return cls(
+            factor_to_si(time_unit, "time", f"{path}: key 'stage_time_unit'"),
+            factor_to_si(stress_unit, "stress", f"{path}: key 'stage_stress_unit'"),
+            time_unit,
+            1 if compression == "positive" else -1,
+            *measures,
+        )
+
+    def time_text(self, time: float) -> str:
+        """Return a time on the clock of the file (s) in the unit of its stages."""
+        return f"{time / self.time:g} {self.time_unit}"

@@ -1,0 +1,149 @@
+"""Readings that drive a stage: those of the stage itself, and values at its ends.
+
+At the time of a change a stress, and with it a strain, may jump into a stage that imposes stress. A
+reading there that belongs to the stage beside says nothing then of this one, and the series goes on
+from its own readings instead. Into a stage that imposes strain nothing jumps: a reading at such a
+change counts for both stages.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from pyburgers.protocols.experiment import FloatArray
+from pyburgers.protocols.loading_history.readings import Readings
+
+LONGEST_GAP = 0.05
+"""Share of a stage at either end in which nothing need be read; more where readings lie as far
+apart."""
+
+ROUNDING = 1e-9
+"""Relative error of differences of times."""
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """What was read of a quantity over a stage.
+
+    Attributes
+    ----------
+    time, value : array, shape (n,)
+        s since the start of the test, the first and the last the ends of the stage; Pa or fraction.
+    n_read : int
+        Readings among them.
+    gaps : tuple of (float, float)
+        Shares of the stage before the first reading and after the last.
+    """
+
+    time: FloatArray
+    value: FloatArray
+    n_read: int
+    gaps: tuple[float, float]
+
+    @property
+    def unread(self) -> str:
+        """Words about the ends in which nothing was read, to follow a sentence; empty for none."""
+        ends = [
+            f"its {name} {100 * gap:.2g} %"
+            for name, gap in zip(("first", "last"), self.gaps, strict=True)
+            if gap > 0
+        ]
+        return f" Nothing was read in {' and '.join(ends)}." if ends else ""
+
+
+def own_readings(
+    readings: Readings,
+    quantity: Literal["stress", "strain"],
+    stage: int,
+    span: tuple[float, float],
+    shared: tuple[bool, bool],
+) -> tuple[FloatArray, FloatArray]:
+    """Return times (s) and values of the readings that are of a stage.
+
+    Parameters
+    ----------
+    readings : Readings
+        Of the whole test.
+    quantity : {"stress", "strain"}
+        Of which.
+    stage : int
+        From 0.
+    span : tuple of (float, float)
+        Start and end of the stage (s).
+    shared : tuple of (bool, bool)
+        Whether nothing can jump there, so that a reading of the stage beside counts.
+    """
+    time, value = readings.of(quantity, stage)
+    every, values = readings.of(quantity)
+    for end, nothing_jumps in zip(span, shared, strict=True):
+        there = np.flatnonzero(every == end)
+        if nothing_jumps and there.size and end not in time:
+            place = int(np.searchsorted(time, end))
+            time = np.insert(time, place, end)
+            value = np.insert(value, place, values[there[0]])
+    return time, value
+
+
+def too_long_a_gap(time: FloatArray, span: tuple[float, float]) -> bool:
+    """Whether readings leave more of an end of a stage out than they may.
+
+    Parameters
+    ----------
+    time : array, shape (n,)
+        Of the readings (s), n at least 2.
+    span : tuple of (float, float)
+        Start and end of the stage (s).
+    """
+    start, end = span
+    allowed = LONGEST_GAP * (end - start)
+    spacing = np.diff(time)
+    return bool(
+        time[0] - start > max(allowed, spacing[0]) * (1 + ROUNDING)
+        or end - time[-1] > max(allowed, spacing[-1]) * (1 + ROUNDING)
+    )
+
+
+def with_ends(
+    readings: Readings,
+    quantity: Literal["stress", "strain"],
+    own: tuple[FloatArray, FloatArray],
+    span: tuple[float, float],
+) -> Series:
+    """Add values at the ends of a stage where none was read.
+
+    Parameters
+    ----------
+    readings : Readings
+        Of the whole test.
+    quantity : {"stress", "strain"}
+        Of which.
+    own : tuple of array
+        Times (s) and values of the readings that are of the stage, at least 2.
+    span : tuple of (float, float)
+        Start and end of the stage (s).
+    """
+    time, value = own
+    n_read, duration = time.size, span[1] - span[0]
+    gaps = float(time[0] - span[0]) / duration, float(span[1] - time[-1]) / duration
+    beside = np.interp(span, *readings.of(quantity))
+    if gaps[0] > 0:
+        first = _gone_on(time[1::-1], value[1::-1], span[0], beside[0])
+        time, value = np.insert(time, 0, span[0]), np.insert(value, 0, first)
+    if gaps[1] > 0:
+        last = _gone_on(time[-2:], value[-2:], span[1], beside[1])
+        time, value = np.append(time, span[1]), np.append(value, last)
+    return Series(time, value, n_read, gaps)
+
+
+def _gone_on(time: FloatArray, value: FloatArray, end: float, beside: float) -> float:
+    """Value at an end of a stage (s) to which the line through two readings is drawn on.
+
+    Not further than to `beside`, a value between the last reading and that of the stage beside, so
+    that a ramp goes on and a jump does not; over more than the time between the two not at all.
+    """
+    share = (end - time[1]) / (time[1] - time[0])
+    if share > 1 + ROUNDING:
+        return float(value[1])
+    drawn = value[1] + share * (value[1] - value[0])
+    return float(np.clip(drawn, min(value[1], beside), max(value[1], beside)))

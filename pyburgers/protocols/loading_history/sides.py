@@ -1,0 +1,165 @@
+"""Readings at the moment at which something changes: those that say nothing of the state behind it.
+
+The model knows a state at rest, and behind every jump of the stress one that holds the elastic
+strain of the jump. A table often begins with the reading before the load, and some have one at
+later changes: taken as read behind the jump it would say that the modulus is infinite.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from pyburgers.common.errors import InputError
+from pyburgers.protocols.experiment import FloatArray
+from pyburgers.protocols.loading_history.driver import reading_error
+from pyburgers.protocols.loading_history.readings import Response
+from pyburgers.protocols.loading_history.stages import Driven, Leg, Stage, legs_of
+
+EQUAL = 3.0
+"""How far a reading may be from a state that it is taken for, in standard deviations."""
+
+SAME_STRESS = 1e-6
+"""Relative difference of stresses that is no jump."""
+
+NOTHING_IMPOSED = 0.1
+"""Share of the largest stress up to which readings before anything is imposed may be error."""
+
+NEAR_ZERO = 0.01
+"""Share of the largest reading up to which one at rest goes without its size in notices."""
+
+
+def without_start(found: Response, stages: Sequence[Stage]) -> tuple[Response, list[str]]:
+    """Leave out a reading at the start where no stress jumps there, and say so.
+
+    The state at rest is the same whatever the parameters.
+    """
+    time, stage, value = found
+    at_start = time == 0
+    if legs_of(stages)[0].start_value != 0 or not at_start.any():
+        return found, []
+    size = float(np.abs(value[at_start]).max())
+    alike = value[stage == stage[0]]
+    how_large = ""
+    if size > NEAR_ZERO * float(np.abs(alike).max()):
+        how_large = f", {_shown(float(value[at_start][0]), stages[0].driven)},"
+    sentence = f"The reading at the start{how_large} was dropped: the model starts at rest."
+    return (time[~at_start], stage[~at_start], value[~at_start]), [sentence]
+
+
+def without_states_before(
+    found: Response,
+    stages: Sequence[Stage],
+    rest: tuple[float, float],
+    stated: float | None,
+    *,
+    side_is_said: bool,
+) -> tuple[Response, list[str]]:
+    """Leave out strains at the time of a jump of the stress that are of the state before it.
+
+    Such a reading is equal to the state before as far as its error tells, and nearer to it than to
+    the next reading. Before the first load the state is that at rest; later it lies between the
+    last reading and the line through the last two.
+
+    Parameters
+    ----------
+    found : tuple of array
+        Readings of the response.
+    stages : sequence of Stage
+        Of the test.
+    rest : tuple of (float, float)
+        Strain that is read of the sample at rest, and its standard deviation.
+    stated : float or None
+        Standard deviation of a reading of the strain where it is stated; it is told from the
+        readings of the stage where it is not.
+    side_is_said : bool
+        Whether a column of the file says on which side of later jumps a reading is.
+    """
+    time, stage, value = found
+    legs = legs_of(stages)
+    kept = np.ones(time.size, dtype=np.bool_)
+    notices = []
+    for k in np.flatnonzero(np.diff(stage, prepend=-1) > 0):
+        number = int(stage[k])
+        if time[k] != stages[number].start_time or not _jumps(legs, number):
+            continue
+        own = stage == number
+        error = reading_error(time[own], value[own]) if stated is None else stated
+        if number == 0:
+            low, high, sd = rest[0], rest[0], float(np.hypot(rest[1], error))
+        elif side_is_said or stages[number - 1].driven == "strain":
+            continue
+        else:
+            low, high = _state_at(time[k], time[stage == number - 1], value[stage == number - 1])
+            sd = np.sqrt(2) * error
+        next_one = abs(value[own][1] - value[k]) if np.count_nonzero(own) > 1 else np.inf
+        distance = max(low - value[k], value[k] - high, 0.0)
+        if distance <= EQUAL * sd and distance < next_one:
+            kept[k] = False
+            where = "start" if number == 0 else f"start of stage {number + 1}"
+            notices.append(
+                f"The reading at the {where}, {_shown(float(value[k]), 'stress')}, was dropped: it "
+                "is of the state before the load."
+            )
+    return (time[kept], stage[kept], value[kept]), notices
+
+
+def _jumps(legs: Sequence[Leg], number: int) -> bool:
+    """Whether the stress jumps at the start of a stage that imposes it."""
+    first = next(k for k, leg in enumerate(legs) if leg.stage == number)
+    if legs[first].driven == "strain":
+        return False
+    before = 0.0
+    if first > 0:
+        if legs[first - 1].driven == "strain":
+            return True
+        before = legs[first - 1].end_value
+    after = legs[first].start_value
+    return abs(after - before) > SAME_STRESS * max(abs(after), abs(before))
+
+
+def _state_at(now: float, time: FloatArray, strain: FloatArray) -> tuple[float, float]:
+    """Return between which strains it is at a time (s) after readings; none for no readings."""
+    if time.size == 0:
+        return np.inf, -np.inf
+    last = float(strain[-1])
+    if time.size == 1:
+        return last, last
+    drawn = last + (strain[-1] - strain[-2]) * (now - time[-1]) / (time[-1] - time[-2])
+    return min(last, float(drawn)), max(last, float(drawn))
+
+
+def check_loaded(path: Path, found: Response, stages: Sequence[Stage]) -> None:
+    """Check that stresses are not read before anything is imposed.
+
+    Raises
+    ------
+    InputError
+        If one differs from zero, by more than a small share of the largest stress.
+    """
+    time, stage, value = found
+    legs = legs_of(stages)
+    first = next((leg for leg in legs if leg.rate != 0 or leg.start_value != 0), None)
+    idle_until = np.inf if first is None else first.start_time
+    is_stress = np.array([one.driven == "strain" for one in stages])[stage]
+    imposed = [
+        abs(end)
+        for leg in legs
+        if leg.driven == "stress"
+        for end in (leg.start_value, leg.end_value)
+    ]
+    read = np.abs(value[is_stress])
+    largest = max([*imposed, *read.tolist()], default=0.0)
+    idle = is_stress & (time < idle_until) & (np.abs(value) > NOTHING_IMPOSED * largest)
+    if idle.any():
+        raise InputError(
+            f"{path}: [[stages]] number {stage[idle][0] + 1}: found a stress of "
+            f"{_shown(float(value[idle][0]), 'strain')} although nothing was imposed up to it, "
+            "expected the loading as a stage ahead of it, such as control 'strain_rate' with the "
+            "strain and the time that it took: time counts from where the sample is at rest."
+        )
+
+
+def _shown(value: float, driven: Driven) -> str:
+    """Return a reading of what answers to what is imposed, with its unit."""
+    return f"{value / 1e6:.4g} MPa" if driven == "strain" else f"a strain of {value:.4g}"

@@ -79,12 +79,12 @@ def run(options: argparse.Namespace) -> int:
     columns = guess_columns(table)
     for guessed in columns.values():
         print(f"guessed: {guessed.sentence}")
-    name = options.protocol
-    if name is None:
-        name, reason = _guess_protocol(table, columns)
-        print(f"guessed: protocol {name}, because {reason}")
+    guessed_name, reason = _guess_protocol(table, columns)
+    name = options.protocol or guessed_name
     new_file = new_files()[name]
     _require_columns(options.csv, name, new_file, columns)
+    if options.protocol is None:
+        print(f"guessed: protocol {name}, because {reason}")
     questions = list(_questions(new_file, table, columns, options))
     file = os.path.relpath(options.csv, out.parent)
     description = Description(file, table, columns, _answers(questions, options))
@@ -158,8 +158,10 @@ def _answers(questions: Sequence[Question], options: argparse.Namespace) -> dict
         if given[question.name] is None and question.default is None
     ]
     if missing and not asking:
+        them = "it" if len(missing) == 1 else "them"
         raise InputError(
-            f"{', '.join(missing)}: missing, expected them because there is no terminal to ask in."
+            f"{', '.join(missing)}: missing, expected {them} because there is no terminal to ask "
+            "in."
         )
     for question in questions:
         if given[question.name] is None:

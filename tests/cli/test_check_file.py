@@ -123,6 +123,67 @@ def test_hints_say_what_may_be_behind(
     assert any(word in line for line in of_kind("hint", lines)), lines
 
 
+CREEP = """\
+id = "creep"
+material = "ice"
+protocol = "loading_history"
+temperature_K = 263.0
+initial_grain_size_m = 1e-3
+stage_stress_unit = "MPa"
+
+[[stages]]
+control = "stress"
+start_time = 0
+end_time = 20
+stress = 1.0
+
+[data]
+file = "creep.csv"
+time_column = "time"
+time_unit = "s"
+strain_column = "strain"
+strain_unit = "percent"
+
+[provenance]
+kind = "measured"
+source = "somebody"
+"""
+
+
+def checked_creep(
+    folder: Path, capsys: pytest.CaptureFixture[str], strain: tuple[float, ...], stress: float = 1.0
+) -> str:
+    """What is said of creep whose strains are read every second."""
+    rows = "".join(f"{k},{one}\n" for k, one in enumerate(strain))
+    (folder / "creep.csv").write_text(f"time,strain\n{rows}", encoding="utf-8")
+    path = folder / "creep.toml"
+    path.write_text(CREEP.replace("stress = 1.0", f"stress = {stress}"), encoding="utf-8")
+    assert main(["check-file", str(path)]) == 0
+    out, error = capsys.readouterr()
+    assert error == ""
+    return out
+
+
+def test_small_strains_of_creep_are_no_fractions(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    hint = "a fraction rather than percent"
+    assert hint not in checked_creep(tmp_path, capsys, (0.02, 0.03, 0.0394747))
+    assert hint in checked_creep(tmp_path, capsys, (0.0002, 0.0003, 0.0004))
+
+
+@pytest.mark.parametrize(("stress", "warned"), [(-1.0, True), (1.0, False)])
+def test_strains_against_the_imposed_stress_are_warned_about(
+    stress: float, warned: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    said = checked_creep(tmp_path, capsys, (0.2, 0.3, 0.4), stress)
+    assert ("imposed stresses are extension while strains are compression" in said) == warned
+
+
+def test_a_notice_is_told_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert checked_creep(tmp_path, capsys, (0, 0.3, 0.4)).count("was dropped") == 1
+
+
 @pytest.mark.parametrize(
     ("replaced", "curve", "word"),
     [

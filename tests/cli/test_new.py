@@ -97,7 +97,42 @@ def test_creep_at_a_constant_stress(tmp_path: Path) -> None:
     assert isinstance(test, LoadingHistory)
     (stage,) = test.stages
     assert (stage.control, stage.value, stage.end_time) == ("stress", 0.8e6, 50 * 3600)
-    np.testing.assert_allclose(test.reading, [0.0, 0.004, 0.007, 0.013])
+    np.testing.assert_allclose(test.reading, [0.004, 0.007, 0.013])
+    assert test.notices[0].endswith("was dropped: it is of the state before the load.")
+
+
+def test_a_relaxation_has_to_have_its_loading(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "relaxation.csv"
+    path.write_text("time_s,stress (MPa)\n0,10\n1,9\n5,8\n20,7\n", encoding="utf-8")
+    command = ["new", str(path), *KNOWN, "--protocol", "loading_history"]
+    assert main(command) == 2
+    assert capsys.readouterr().err.startswith(
+        "pyburgers: --strain-rate-per-s: missing, expected it"
+    )
+    assert main([*command, "--strain-rate-per-s", "0"]) == 2
+    assert "expected the loading as a stage ahead of it" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("text", "because"),
+    [
+        ("time_s,stress\n1,2\n20,3\n", "because there are time and stress"),
+        ("strain,stress\n0.001,2\n0.02,3\n", "because there are strain and stress"),
+        ("foo,bar\n1,2\n", None),
+        ("", None),
+    ],
+)
+def test_a_reason_is_told_that_holds(
+    text: str, because: str | None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "table.csv"
+    path.write_text(text, encoding="utf-8")
+    assert main(["new", str(path), *KNOWN, *RATE]) == (2 if because is None else 0)
+    out = capsys.readouterr().out
+    assert ("guessed: protocol" in out) == (because is not None)
+    assert because is None or because in out
 
 
 def test_creep_under_a_measured_stress(tmp_path: Path) -> None:

@@ -154,7 +154,7 @@ class TestReading:
         np.testing.assert_array_equal(test.reading_stage, [0, 0, 1, 2, 3])
         wrong = rows.replace("2,20", "1,20")
         text = refusal(write(MIXED, wrong, (column[0], column[1] + "\nstress_column")), load)
-        assert "found 1 at 1200 s, expected times from 0 to 600 s" in text
+        assert "stage column 'stage', data row 3: found 1 at 20 min, expected times from 0" in text
 
     def test_compliance_and_zero_of_strain(self, write: Write) -> None:
         keys = """
@@ -375,7 +375,12 @@ class TestRefusals:
             ('strain_unit = "percent"', 'strain_unit = "MPa"', "unit 'MPa'"),
             ('strain_unit = "percent"\n', "", "both or neither"),
             ("temperature_K = 265.0", "temperature_K = -8.0", "found -8.0"),
-            ("end_time = 70", "end_time = 65", "1 point outside every stage, the first at 4200 s"),
+            (
+                "end_time = 70",
+                "end_time = 65",
+                "1 point outside every stage, the first at 70 min (data row 8), "
+                "expected times between 0 and 65 min",
+            ),
             ('"hold_strain"', '"stress_rate"\nstress_rate = 1.0', "key 'start_stress' is missing"),
             (
                 'strain_column = "strain"\nstrain_unit = "percent"\n',
@@ -396,11 +401,22 @@ class TestRefusals:
     def test_repeated_times(self, write: Write) -> None:
         rows = "time,stress,strain\n0,1,0\n1,1,0.1\n1,1,0.1\n2,1,0.2\n"
         text = refusal(write(one_stage('control = "stress_series"', 2.0), rows), load)
-        assert "the time 1 s occurs twice" in text
+        assert "table.csv: data row 3: the time 1 s occurs twice" in text
 
     def test_times_that_go_back(self, write: Write) -> None:
         text = refusal(write(MIXED, ROWS.replace("5,1.5", "25,1.5")), load)
-        assert "expected times that increase" in text
+        assert "data row 3: the time 10 min comes after 25 min, expected times that" in text
+
+    @pytest.mark.parametrize(
+        ("last", "expected"), [(1, "expected 1, the only stage"), (2, "a whole number from 1 to 2")]
+    )
+    def test_a_stage_that_is_not_there(self, write: Write, last: int, expected: str) -> None:
+        key = ("stress_column", 'stage_column = "part"\nstress_column')
+        text = stages(*['control = "stress"\nstress = 1.0'] * last)
+        path = write(text, f"part,time,stress,strain\n1,1,,0.1\n{last + 1},5,,0.2\n", key)
+        found = refusal(path, load)
+        assert f"stage column 'part', data row 2: found {last + 1}, expected" in found
+        assert expected in found
 
     def test_a_jump_of_the_strain(self, write: Write) -> None:
         rows = table(

@@ -26,7 +26,7 @@ class ConstantRateFile(NewFile):
 
     def suits(self, table: TextTable, columns: Mapping[str, GuessedColumn]) -> str | None:
         """Return that there is a curve; one that oscillates or creeps is asked about before."""
-        return "there are strain and stress"
+        return f"there are {'strain' if 'strain' in columns else 'time'} and stress"
 
     def lines(self, test: Description) -> list[str]:
         """Return the segment and the columns of the curve."""

@@ -50,9 +50,14 @@ class LoadingHistoryFile(NewFile):
         return None
 
     def asked(self, columns: Collection[str], given: Mapping[str, Any]) -> Collection[str]:
-        """Return the stress, unless a rate is given or there are readings to drive the test."""
+        """Return the stress, unless a rate is given or there are readings to drive the test.
+
+        Without a column of the strain a rate drives it: the stress is what was read.
+        """
         if given[STRAIN_RATE.name] is not None:
             return ()
+        if "strain" not in columns:
+            return (STRAIN_RATE.name,)
         read = {"stress", "strain"} <= set(columns)
         return () if read and given[STRESS.name] is None else (STRESS.name,)
 

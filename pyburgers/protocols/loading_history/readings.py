@@ -11,6 +11,7 @@ from pydantic import Field
 
 from pyburgers.common.columns import Column, TextFilesTable, read_columns
 from pyburgers.common.errors import InputError
+from pyburgers.common.toml_files import factor_to_si
 from pyburgers.common.units import count_points
 from pyburgers.protocols.experiment import FloatArray
 from pyburgers.protocols.loading_history.thinning import kept_readings
@@ -138,8 +139,10 @@ def read_readings(path: Path, data: HistoryDataTable, bounds: FloatArray, sign: 
     table = dict(zip(columns, found, strict=True))
     time = table["time_column"]
     nothing = np.full_like(time, np.nan)
-    stage = _stages(source, time, bounds, table.get("stage_column"))
-    _check_order(source, time, stage)
+    second = factor_to_si(data.time_unit, "time", f"{path}: key 'time_unit' in [data]")
+    rows = _Rows(f"{source}{data.selection}", data.time_unit, second)
+    stage = _stages(rows, time, bounds, data.stage_column, table.get("stage_column"))
+    _check_order(rows, time, stage)
     return Readings(
         source=source,
         time=time - bounds[0],
@@ -280,42 +283,77 @@ def _check_pair(path: Path, data: HistoryDataTable, quantity: str) -> None:
         )
 
 
+@dataclass(frozen=True)
+class _Rows:
+    """How messages name the rows of a table.
+
+    Attributes
+    ----------
+    source : str
+        The file, and which of its rows are taken.
+    unit : str
+        Of its times.
+    second : float
+        The unit in s.
+    """
+
+    source: str
+    unit: str
+    second: float
+
+    def number(self, time: float) -> str:
+        """Return a time (s) as it stands in the file."""
+        return f"{time / self.second:g}"
+
+    def time(self, time: float) -> str:
+        """Return a time (s) as it stands in the file, with its unit."""
+        return f"{self.number(time)} {self.unit}"
+
+
 def _stages(
-    source: Path, time: FloatArray, bounds: FloatArray, numbers: FloatArray | None
+    rows: _Rows,
+    time: FloatArray,
+    bounds: FloatArray,
+    column: Column | None,
+    numbers: FloatArray | None,
 ) -> IntArray:
     """Stage of every row; a row at the time of a change belongs to the later stage."""
-    outside = (time < bounds[0]) | (time > bounds[-1])
-    if outside.any():
+    outside = np.flatnonzero((time < bounds[0]) | (time > bounds[-1]))
+    if outside.size:
         raise InputError(
-            f"{source}: {count_points(np.count_nonzero(outside))} outside every stage, the first "
-            f"at {time[outside][0]:g} s, expected times between {bounds[0]:g} and {bounds[-1]:g} s."
+            f"{rows.source}: {count_points(outside.size)} outside every stage, the first at "
+            f"{rows.time(time[outside[0]])} (data row {outside[0] + 1}), expected times between "
+            f"{rows.number(bounds[0])} and {rows.time(bounds[-1])}."
         )
     if numbers is None:
         return np.clip(np.searchsorted(bounds, time, side="right") - 1, 0, bounds.size - 2)
-    known = np.isin(numbers, np.arange(1, bounds.size))
-    if not known.all():
+    n_stages = bounds.size - 1
+    unknown = np.flatnonzero(~np.isin(numbers, np.arange(1, bounds.size)))
+    if unknown.size:
+        expected = f"a whole number from 1 to {n_stages}" if n_stages > 1 else "1, the only stage"
         raise InputError(
-            f"{source}: stage column: found {numbers[~known][0]:g}, expected a whole number from 1 "
-            f"to {bounds.size - 1}."
+            f"{rows.source}: stage column {column!r}, data row {unknown[0] + 1}: found "
+            f"{numbers[unknown[0]]:g}, expected {expected}."
         )
     stage = numbers.astype(np.int64) - 1
-    wrong = (time < bounds[stage]) | (time > bounds[stage + 1])
-    if wrong.any():
-        k = stage[wrong][0]
+    wrong = np.flatnonzero((time < bounds[stage]) | (time > bounds[stage + 1]))
+    if wrong.size:
+        k = stage[wrong[0]]
         raise InputError(
-            f"{source}: stage column: found {k + 1} at {time[wrong][0]:g} s, expected times from "
-            f"{bounds[k]:g} to {bounds[k + 1]:g} s in that stage."
+            f"{rows.source}: stage column {column!r}, data row {wrong[0] + 1}: found {k + 1} at "
+            f"{rows.time(time[wrong[0]])}, expected times from {rows.number(bounds[k])} to "
+            f"{rows.time(bounds[k + 1])} in that stage."
         )
     return stage
 
 
-def _check_order(source: Path, time: FloatArray, stage: IntArray) -> None:
+def _check_order(rows: _Rows, time: FloatArray, stage: IntArray) -> None:
     step, same = np.diff(time), np.diff(stage) == 0
     wrong = (np.diff(stage) < 0) | (step < 0) | (same & (step == 0))
     if wrong.any():
         k = int(np.flatnonzero(wrong)[0])
-        found = "occurs twice" if step[k] == 0 else f"comes after {time[k]:g} s"
+        found = "occurs twice" if step[k] == 0 else f"comes after {rows.time(time[k])}"
         raise InputError(
-            f"{source}: the time {time[k + 1]:g} s {found}, expected times that increase within "
-            "a stage."
+            f"{rows.source}: data row {k + 2}: the time {rows.time(time[k + 1])} {found}, expected "
+            "times that increase within a stage."
         )

@@ -123,7 +123,7 @@ def minimum_rate_table(fit: FittedTest) -> tuple[PageTable, ...]:
         {
             "stage": found["stage"].astype(str),
             f"time ({unit})": [
-                span_text(*(ends / seconds), digits=3)
+                span_text(ends / seconds, digits=3)
                 for ends in found[["start_time_s", "end_time_s"]].to_numpy()
             ],
             f"stress ({STRESS_UNIT})": [f"{v * STRESS_FACTOR:.4g}" for v in found["stress_Pa"]],

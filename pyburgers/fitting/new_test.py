@@ -22,7 +22,7 @@ from pyburgers.model.priors import PriorSet
 from pyburgers.model.variants import variant_of, with_variant
 from pyburgers.posterior.labelled_draws import own_name
 from pyburgers.protocols.coordinates import CENTRE, SPREAD
-from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.experiment import Experiment, UncertainCondition
 from pyburgers.protocols.problem import Problem
 from pyburgers.protocols.protocol import FittedTest, protocol_of
 
@@ -129,6 +129,33 @@ def of_the_file(
     }
 
 
+def of_any_test(
+    values: Mapping[str, float], fitted: Experiment, experiment: Experiment
+) -> dict[str, float]:
+    """Return parameters of a fitted test (SI) that another one has too, as predictions take them.
+
+    What belongs to the apparatus of the fitted test is left out, where the other one is not known
+    to have the same.
+    """
+    alike = {
+        one.parameter for one in experiment.uncertain if _same_apparatus(fitted, experiment, one)
+    }
+    others = {*OF_A_TEST, *CONDITIONS} - alike
+    return {name: value for name, value in values.items() if name not in others}
+
+
+def _same_apparatus(
+    fitted: Experiment, experiment: Experiment, condition: UncertainCondition
+) -> bool:
+    """Whether a fitted test has the error of a condition that another test has."""
+    return any(
+        one.parameter == condition.parameter
+        and one.apparatus == condition.apparatus
+        and (one.apparatus is not None or fitted.id == experiment.id)
+        for one in fitted.uncertain
+    )
+
+
 def under_conditions(
     source: Source,
     experiment: Experiment,
@@ -148,10 +175,7 @@ def under_conditions(
         same = [
             test.id
             for test in source.problem.experiments
-            for one in test.uncertain
-            if one.parameter == name
-            and one.apparatus == condition.apparatus
-            and (one.apparatus is not None or test.id == experiment.id)
+            if _same_apparatus(test, experiment, condition)
         ]
         if same:
             fitted = source.tests[same[0]].posterior["posterior"].to_dataset()[name]
@@ -202,7 +226,7 @@ def with_noises(
 
 
 def holding(values: Mapping[str, FloatArray], fitted: PriorSet) -> PriorSet:
-    """Return bounds around draws, so that every draw has coordinates; what never varies is fixed.
+    """Return bounds around draws, so that every draw has coordinates; what was fixed stays so.
 
     Parameters between two bounds keep coordinates of their own, none is that of a point of the
     flow law.
@@ -210,20 +234,26 @@ def holding(values: Mapping[str, FloatArray], fitted: PriorSet) -> PriorSet:
     return PriorSet(
         material=fitted.material,
         title=f"draws of a fit with {fitted.title}",
-        priors={name: _box(name, own) for name, own in values.items()},
+        priors={name: _box(fitted[name], own) for name, own in values.items()},
         name="draws",
     )
 
 
-def _box(name: str, values: FloatArray) -> Prior:
+def _box(fitted: Prior, values: FloatArray) -> Prior:
+    parameter = PARAMETER_BY_NAME[fitted.parameter]
     low, high = float(values.min()), float(values.max())
-    if low == high:
-        return fixed_prior(PARAMETER_BY_NAME[name], low, "fixed in the fit")
-    margin = BOX_MARGIN * (high - low)
-    lower, upper = low - margin, high + margin
-    middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
-    unit = PARAMETER_BY_NAME[name].si_unit
-    return Prior(name, "uniform", middle, half, lower, upper, unit, "draws of a fit")
+    # One draw alone does not vary either, but needs coordinates.
+    width = high - low if high > low else abs(low)
+    if low == high and (fitted.is_fixed or width == 0):
+        return fixed_prior(parameter, low, "fixed in the fit")
+    lower, upper = low - BOX_MARGIN * width, high + BOX_MARGIN * width
+    return Prior.of_family(
+        parameter.name,
+        "uniform",
+        {"lower": lower, "upper": upper},
+        unit=parameter.si_unit,
+        source="draws of a fit",
+    )
 
 
 def with_laws(

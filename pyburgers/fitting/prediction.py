@@ -23,7 +23,7 @@ from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.priors import PriorSet
 from pyburgers.posterior.groups import drawn_at_points, grid_group, groups_at_points
 from pyburgers.posterior.labelled_draws import label_draws
-from pyburgers.protocols.conditions import conditions, outside
+from pyburgers.protocols.conditions import Ranges, conditions, outside
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.problem import one_test
 from pyburgers.protocols.program_data import program_data
@@ -202,11 +202,14 @@ def _fitted_itself(source: Source, experiment: Experiment) -> list[str]:
 
 def _beyond(source: Source, experiment: Experiment, posterior: xr.DataTree) -> list[str]:
     """Say where a test leaves the conditions that were fitted."""
-    fitted = [
-        conditions(test.experiment, test.posterior["predictions"].to_dataset())
-        for test in source.tests.values()
-    ]
-    beyond = outside(conditions(experiment, posterior["predictions"].to_dataset()), fitted)
+
+    def passed(test: Experiment, draws: xr.DataTree) -> Ranges:
+        return conditions(
+            test, *(draws[name].to_dataset() for name in ("predictions", "posterior"))
+        )
+
+    fitted = [passed(test.experiment, test.posterior) for test in source.tests.values()]
+    beyond = outside(passed(experiment, posterior), fitted)
     return [f"Beyond what was fitted: {'; '.join(beyond)}."] if beyond else []
 
 

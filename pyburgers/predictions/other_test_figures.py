@@ -7,12 +7,12 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pyburgers.common.draws import all_draws
 from pyburgers.drawing.panels import draw_data
 from pyburgers.drawing.style import BLUE, ORANGE, VERMILION, style
 from pyburgers.fitting.prediction import Prediction
 from pyburgers.model.display import Quantity
-from pyburgers.predictions.other_tests import answers, read_quantities
+from pyburgers.predictions.other_tests import answers, draws_of, read_quantities
+from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.protocol import protocol_of
 
 FloatArray = npt.NDArray[np.float64]
@@ -47,20 +47,20 @@ def prediction_figure(prediction: Prediction) -> Figure:
         ]
         figure.suptitle("\n".join(said), fontsize=9, x=0.01, ha="left")
         panels[0].legend(loc="best")
-        panels[-1].set_xlabel(protocol_of(prediction.experiment).clock.label)
+        panels[-1].set_xlabel(_clock(prediction.experiment).label)
     return figure
+
+
+def _clock(experiment: Experiment) -> Quantity:
+    return protocol_of(experiment).shown_clock(experiment)
 
 
 def _draw(axes: Axes, prediction: Prediction, quantity: Quantity) -> None:
     """Draw bands of a quantity, and data where there are some."""
     experiment = prediction.experiment
-    clock, factor = protocol_of(experiment).clock, quantity.display_factor
-    predictions = prediction.posterior["predictions"].to_dataset()
-    position = predictions[clock.name].to_numpy() * clock.display_factor
-    solved, new = (
-        all_draws(predictions[name]) * factor
-        for name in (quantity.name, f"{quantity.name}_replicated")
-    )
+    clock, factor = _clock(experiment), quantity.display_factor
+    position = prediction.posterior["predictions"][clock.name].to_numpy() * clock.display_factor
+    solved, new = (factor * draws for draws in draws_of(prediction, quantity))
     _fill(axes, position, new, 90, ORANGE, 0.35, "90 % of new readings")
     _fill(axes, position, solved, 90, BLUE, 0.25, "90 % of solutions")
     _fill(axes, position, solved, 50, BLUE, 0.45, "50 % of solutions")

@@ -38,14 +38,39 @@ DENSITY = "log predictive density a reading"
 
 
 def answers(prediction: Prediction) -> tuple[Quantity, ...]:
-    """Return what the test answers with: of what can be read, that which is not imposed."""
+    """Return what the test answers with: of what can be read, that which is read somewhere."""
+    protocol = protocol_of(prediction.experiment)
+    read = _is_read(prediction)
+    return tuple(one for one, places in zip(protocol.read, read, strict=True) if places.any())
+
+
+def draws_of(prediction: Prediction, answer: Quantity) -> tuple[FloatArray, FloatArray]:
+    """Return draws along the clock (SI) of the solution and of new readings, (n_draws, n).
+
+    Where a quantity is imposed nobody reads it: new readings are NaN there.
+
+    Parameters
+    ----------
+    prediction : Prediction
+        The test.
+    answer : Quantity
+        One of `answers`.
+    """
     protocol = protocol_of(prediction.experiment)
     predictions = prediction.posterior["predictions"].to_dataset()
-    varies = {
-        quantity.name: float(np.ptp(all_draws(predictions[quantity.name]), axis=0).max()) > 0
-        for quantity in protocol.read
-    }
-    return tuple(one for one in protocol.read if varies[one.name]) or protocol.read
+    solved, new = (
+        all_draws(predictions[name]).astype(np.float64)
+        for name in (answer.name, f"{answer.name}_replicated")
+    )
+    read = _is_read(prediction)[protocol.read.index(answer)]
+    return solved, np.where(read, new, np.nan)
+
+
+def _is_read(prediction: Prediction) -> npt.NDArray[np.bool_]:
+    """Which quantity is read along the clock of the predictions, shape (n_read, n)."""
+    protocol = protocol_of(prediction.experiment)
+    at = prediction.posterior["predictions"][protocol.clock.name].to_numpy()
+    return protocol.is_read(prediction.experiment, at)
 
 
 def band_table(prediction: Prediction) -> pd.DataFrame:
@@ -55,27 +80,31 @@ def band_table(prediction: Prediction) -> pd.DataFrame:
     -------
     DataFrame
         A column of the clock, then for each of `answers` RESPONSE_q5 to RESPONSE_q95 of the
-        solution and new_RESPONSE_q5 to new_RESPONSE_q95 of readings, such as stress_Pa_q5.
+        solution and new_RESPONSE_q5 to new_RESPONSE_q95 of readings, such as stress_Pa_q5; the
+        latter NaN where the quantity is imposed.
     """
     clock = protocol_of(prediction.experiment).clock
-    predictions = prediction.posterior["predictions"].to_dataset()
-    columns = {clock.column: predictions[clock.name].to_numpy()}
+    columns = {clock.column: prediction.posterior["predictions"][clock.name].to_numpy()}
     for one in answers(prediction):
-        solved, new = (all_draws(predictions[n]) for n in (one.name, f"{one.name}_replicated"))
+        solved, new = draws_of(prediction, one)
         columns |= {**_quantiles(solved, one.column), **_quantiles(new, f"new_{one.column}")}
     return pd.DataFrame(columns)
 
 
 def overview_table(prediction: Prediction) -> pd.DataFrame:
     """Return bands at a few positions for people, as text in display units."""
-    clock = protocol_of(prediction.experiment).clock
+    experiment = prediction.experiment
+    clock = protocol_of(experiment).shown_clock(experiment)
     table = band_table(prediction)
     shown = table.iloc[np.linspace(0, len(table) - 1, OVERVIEW).round().astype(int)]
 
     def bands(column: str, factor: float) -> list[str]:
         low, median, high = (shown[f"{column}_q{q}"] * factor for q in (5, 50, 95))
         rows = zip(low, median, high, strict=True)
-        return [f"{middle:.4g} [{least:.4g}, {most:.4g}]" for least, middle, most in rows]
+        return [
+            "imposed" if np.isnan(middle) else f"{middle:.4g} [{least:.4g}, {most:.4g}]"
+            for least, middle, most in rows
+        ]
 
     columns = {
         clock.label: [f"{value:.4g}" for value in shown[clock.column] * clock.display_factor]

@@ -7,6 +7,7 @@ import numpy.typing as npt
 import xarray as xr
 
 from pyburgers.common.units import UNITS, number
+from pyburgers.model.parameters import STANDARD_VALUES
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.protocol import protocol_of
 
@@ -26,11 +27,12 @@ ROUNDING = 0.01
 """Share by which a condition may lie outside a range and still count as inside."""
 
 
-def conditions(experiment: Experiment, predictions: xr.Dataset) -> Ranges:
+def conditions(experiment: Experiment, predictions: xr.Dataset, parameters: xr.Dataset) -> Ranges:
     """Return the smallest and the largest value (SI) of every condition of a test.
 
     Strain and stress count from zero, and like the strain rate by their size; they are those of
-    the median solution. Tables of attenuation have periods in their place.
+    the median solution. The strain is that of the material: how its zero was read, and how the
+    apparatus gave way, is no extrapolation. Tables of attenuation have periods in their place.
 
     Parameters
     ----------
@@ -38,11 +40,16 @@ def conditions(experiment: Experiment, predictions: xr.Dataset) -> Ranges:
         The test.
     predictions : Dataset
         Its labelled solutions along the clock, of a fit or of a prediction.
+    parameters : Dataset
+        Its labelled parameters (SI) in the same draws; what is missing has no effect.
     """
     protocol = protocol_of(experiment)
     median: dict[str, npt.NDArray[np.float64]] = {}
     for column, (name, _) in protocol.grid_quantities.items():
-        values = predictions[name].median(("chain", "draw")).to_numpy().astype(np.float64)
+        solved = predictions[name].astype(np.float64)
+        if name == "strain":
+            solved = solved - _not_of_the_material(predictions, parameters)
+        values = solved.median(("chain", "draw")).to_numpy()
         # An oscillating response without its trend stands for the whole one, too.
         median |= {column: values, f"grid_{name}": values}
     clock = protocol.clock.name
@@ -58,13 +65,28 @@ def conditions(experiment: Experiment, predictions: xr.Dataset) -> Ranges:
     if "time_s" not in solution:  # cycles in closed form
         return found
     passed = np.diff(solution["time_s"])
-    rate = np.abs(np.diff(solution["strain"])[passed > 0] / passed[passed > 0])
+    # The path strain is the material's alone, and has all digits beside any offset.
+    strain = median.get("grid_path_strain", solution["strain"])
+    rate = np.abs(np.diff(strain)[passed > 0] / passed[passed > 0])
     return {
         **found,
         "strain rate": (float(rate.min()), float(rate.max())),
         "strain": (0.0, float(np.abs(solution["strain"]).max())),
         "stress": (0.0, float(np.abs(solution["stress_Pa"]).max())),
     }
+
+
+def _not_of_the_material(predictions: xr.Dataset, parameters: xr.Dataset) -> xr.DataArray:
+    """Part of a strain that is read off which is due to its zero and to the apparatus."""
+    offset, compliance = (
+        parameters.get(name, xr.DataArray(STANDARD_VALUES[name]))
+        for name in ("strain_offset", "apparatus_compliance")
+    )
+    # By values: the labels of draws differ between groups.
+    return (
+        offset.drop_vars(offset.coords)
+        + compliance.drop_vars(compliance.coords) * predictions["stress"]
+    )
 
 
 def outside(target: Ranges, fitted: Sequence[Ranges]) -> tuple[str, ...]:

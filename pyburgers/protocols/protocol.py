@@ -241,6 +241,14 @@ class Protocol(ABC, Generic[E]):
     def output_grid(self, experiment: E) -> FloatArray:
         """Positions of a smooth curve, the observed ones among them (SI), shape (n,)."""
 
+    def shown_clock(self, experiment: E) -> Quantity:
+        """Return the clock in the unit in which figures and tables of a test show it."""
+        return self.clock
+
+    def is_read(self, experiment: E, at: FloatArray) -> npt.NDArray[np.bool_]:
+        """Return whether each of `read` is read or imposed at positions (SI), (n_read, n)."""
+        return np.ones((len(self.read), at.size), dtype=np.bool_)
+
     def solved_positions(self, data: StanData, at: FloatArray) -> FloatArray:
         """Return where the program gives its solution (SI) when it is asked for positions."""
         return np.asarray(at)
@@ -267,14 +275,9 @@ class Protocol(ABC, Generic[E]):
         return np.unique(experiment.position)
 
     def response_in(self, experiment: E, solution: pd.DataFrame) -> FloatArray:
-        """Return the response (SI) of every point, shape (n_points,), from a solution.
+        """Return the response (SI) of every point, (n_points,), from what `simulate` gives.
 
-        Parameters
-        ----------
-        experiment : Experiment
-            Where the points lie.
-        solution : DataFrame
-            At `simulated_positions`, see `pyburgers.protocols.forward.simulate`.
+        It was asked for the solution at `simulated_positions`.
         """
         found: FloatArray = np.interp(
             experiment.position, solution[self.clock.column], solution[self.response.column]
@@ -350,14 +353,9 @@ class Protocol(ABC, Generic[E]):
         return None
 
     def driving_error(self, experiment: E, true: E) -> FloatArray:
-        """Return the standardised errors of what drives a test, shape (n_driving_errors,).
+        """Return the standardised errors of what drives a simulated test, (n_driving_errors,).
 
-        Parameters
-        ----------
-        experiment : Experiment
-            A simulated test.
-        true : Experiment
-            The same test driven by what drove the simulation.
+        The true one is the same test driven by what drove the simulation.
         """
         return np.zeros(experiment.n_driving_errors)
 

@@ -15,22 +15,24 @@ from scipy.special import logsumexp
 
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
-from pyburgers.fitting.new_test import Source, with_noises
+from pyburgers.fitting.new_test import Source, of_any_test, with_noises
 from pyburgers.fitting.prediction import Prediction, predict_test
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import PriorSet
 from pyburgers.predictions.other_test_figures import prediction_figure
 from pyburgers.predictions.other_tests import (
     DENSITY,
+    QUANTILES,
     answers,
     band_table,
+    overview_table,
     reading_table,
     save_prediction,
     score_table,
 )
 from pyburgers.protocols.attenuation.files import load_attenuation
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, RateSegment
-from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.experiment import Experiment, UncertainCondition
 from pyburgers.protocols.forced_oscillation.experiment import (
     load_forced_oscillation,
     with_known_strain,
@@ -358,3 +360,85 @@ def test_the_zero_of_the_strain_is_that_of_the_file(small_fit: Fit, small_proble
     drawn = small_fit.predict(target).posterior["posterior"]["strain_offset"].to_numpy()
     assert drawn.mean() == pytest.approx(5e-3, abs=3e-4)
     assert drawn.std() == pytest.approx(1e-3, rel=0.2)
+
+
+def test_one_draw_is_enough(small_fit: Fit, small_problem: Problem) -> None:
+    for target in (another_test(small_problem.experiment), creep(small_problem.experiment)):
+        prediction = small_fit.predict(target, draws=1)
+        every = small_fit.predict(target).posterior["predictions"].to_dataset()
+        (number,) = prediction.posterior["posterior"]["fit_draw"].to_numpy()
+        for quantity in answers(prediction):
+            np.testing.assert_allclose(
+                prediction.posterior["predictions"][quantity.name].to_numpy()[0, 0],
+                every[quantity.name].to_numpy()[0, number],
+                rtol=1e-5,
+            )
+
+
+@pytest.fixture(scope="module")
+def strained_and_loaded(small_fit: Fit, small_problem: Problem) -> Prediction:
+    """A test that reads stress in its first stages and strain in the last."""
+    stages = (
+        Stage("strain_rate", 0.0, 100.0, 255.0, 1e-5),
+        Stage("hold_strain", 100.0, 600.0, 255.0),
+        Stage("stress", 600.0, 1200.0, 255.0, 1e6),
+    )
+    return small_fit.predict(creep(small_problem.experiment, stages=stages), draws=20)
+
+
+def test_what_is_imposed_has_no_new_readings(strained_and_loaded: Prediction) -> None:
+    table = band_table(strained_and_loaded)
+    assert [one.name for one in answers(strained_and_loaded)] == ["stress", "strain"]
+    # The start of the last stage is the second row at its time.
+    loaded = np.arange(len(table)) >= np.flatnonzero(table["time_s"] == 600.0)[1]
+    for column, read in (("stress_Pa", ~loaded), ("strain", loaded)):
+        assert np.isfinite(table[f"{column}_q50"]).all()
+        new = table[[f"new_{column}_q{q}" for q in QUANTILES]].to_numpy()
+        assert np.isfinite(new[read]).all()
+        assert np.isnan(new[~read]).all()
+    shown = overview_table(strained_and_loaded)
+    assert shown["new readings of stress"].iloc[-1] == "imposed"
+    assert shown["new readings of strain"].iloc[0] == "imposed"
+    assert "imposed" not in shown["new readings of strain"].iloc[-1]
+
+
+def test_times_are_shown_in_the_unit_of_the_page(strained_and_loaded: Prediction) -> None:
+    shown = overview_table(strained_and_loaded)
+    assert shown["time (min)"].iloc[-1] == "20"
+    assert band_table(strained_and_loaded)["time_s"].iloc[-1] == 1200.0
+    axes = prediction_figure(strained_and_loaded).axes[-1]
+    assert axes.get_xlabel() == "time (min)"
+    assert axes.get_xlim()[1] == pytest.approx(20.0, rel=0.02)
+
+
+def test_strain_of_zero_and_apparatus_is_no_extrapolation(
+    small_fit: Fit, small_problem: Problem
+) -> None:
+    def beyond(**own: Stated) -> list[str]:
+        prediction = small_fit.predict(creep(small_problem.experiment, **own), draws=5)
+        return [text for text in prediction.cautions if text.startswith("Beyond")]
+
+    plain = beyond()
+    stated = beyond(apparatus_compliance=Stated(1e-8, 0.0), strain_offset=Stated(0.5, 0.0))
+    assert "temperature 255 K" in plain[0]
+    assert stated == plain
+
+
+def test_a_solution_leaves_out_what_belongs_to_another_apparatus(small_problem: Problem) -> None:
+    values = {
+        "maxwell_modulus": 4e9,
+        "apparatus_compliance": 1e-10,
+        "strain_offset": 1e-3,
+        "temperature_error": 1.5,
+        "stress_calibration_error": 0.02,
+    }
+    furnace = UncertainCondition("temperature_error", 2.0, "furnace A")
+    cell = UncertainCondition("stress_calibration_error", 0.01, None)
+    fitted = replace(small_problem.experiment, uncertain=(furnace, cell))
+    other = creep(small_problem.experiment, uncertain=(furnace, cell))
+    kept = {name: values[name] for name in ("maxwell_modulus", "temperature_error")}
+    assert of_any_test(values, fitted, other) == kept
+    # An apparatus without a name is that of one test alone.
+    kept["stress_calibration_error"] = 0.02
+    assert of_any_test(values, fitted, replace(other, id=fitted.id)) == kept
+    assert of_any_test(values, fitted, replace(other, uncertain=())) == {"maxwell_modulus": 4e9}

@@ -280,7 +280,7 @@ def test_conditions_of_a_table_are_temperatures_and_periods() -> None:
         },
         {"place": place},
     )
-    found = conditions(table, solutions)
+    found = conditions(table, solutions, xr.Dataset())
     assert found["temperature"] == (1173.15, 1473.15)
     np.testing.assert_allclose(found["period"], (1.28, 1000), rtol=0.5)
     warmer = {**found, "temperature": (1173.15, 1573.15), "strain": (0.0, 0.01)}

@@ -35,6 +35,7 @@ from pyburgers.protocols.loading_history.minimum_rates import minimum_rate_table
 from pyburgers.protocols.loading_history.priors import priors_of, stated_priors
 from pyburgers.protocols.loading_history.stan_data import (
     grid_block,
+    leg_of_times,
     reference_origin,
     tests_block,
     times_of_readings,
@@ -107,6 +108,16 @@ class LoadingHistoryProtocol(Protocol[LoadingHistory]):
         shape = np.union1d(np.geomspace(1e-5, 1, 80), np.linspace(0, 1, 81))
         grid = _time_grid(experiment, shape)
         return np.sort(np.concatenate([grid, np.setdiff1d(experiment.time, grid)]))
+
+    def shown_clock(self, experiment: LoadingHistory) -> Quantity:
+        """Return time in a unit of which the test has at least ten."""
+        unit, seconds = time_unit(experiment.end_time)
+        return replace(self.clock, display_unit=unit, display_factor=1.0 / seconds)
+
+    def is_read(self, experiment: LoadingHistory, at: FloatArray) -> npt.NDArray[np.bool_]:
+        """Return where strain is imposed, so that stress is read, and where stress is."""
+        driven = np.array([leg.driven for leg in experiment.legs])[leg_of_times(experiment, at)]
+        return np.stack([driven == "strain", driven == "stress"])
 
     def solution(
         self, experiment: LoadingHistory, draw: Mapping[str, FloatArray]

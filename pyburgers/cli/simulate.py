@@ -8,6 +8,8 @@ from pyburgers.cli.shared import writing
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
+from pyburgers.fitting.new_test import of_any_test
+from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forward import load_parameters, simulate
 from pyburgers.protocols.protocol import load_experiment
 
@@ -29,9 +31,8 @@ def add_options(command: argparse.ArgumentParser) -> None:
     which.add_argument("--from", dest="run_of", type=Path, metavar="RUN", help="those of a fit")
     command.add_argument(
         "--draw",
-        default=MEAN,
         metavar="N",
-        help="with --from, a draw from 1, counted through all chains, or their mean",
+        help="with --from, a draw from 1, counted through all chains, or their mean (default)",
     )
     command.add_argument("--test", metavar="ID", help="with --from, test of a joint fit")
     command.add_argument("--out", type=Path, required=True, metavar="FILE.csv")
@@ -41,9 +42,10 @@ def run(options: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
     experiment = load_experiment(options.experiment)
     if options.run_of is None:
+        _check_without_run(options)
         parameters = load_parameters(options.parameters)
     else:
-        parameters = _of_fit(options.run_of, options.test, options.draw)
+        parameters = _of_fit(options.run_of, options.test, options.draw or MEAN, experiment)
     if parameters["beta"] > 0:
         logger.info(
             "warning: beta is positive; in SI units (Pa, m, s) laboratory flow laws have a "
@@ -58,17 +60,30 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _of_fit(path: Path, test: str | None, draw: str) -> dict[str, float]:
-    """Return the parameters (SI) of a draw of a fit, or their mean over the draws."""
+def _check_without_run(options: argparse.Namespace) -> None:
+    """Refuse what chooses among the draws of a fit where there is none."""
+    for option, value in (("--draw", options.draw), ("--test", options.test)):
+        if value is not None:
+            raise InputError(
+                f"{option} {value}: found it beside --parameters, expected it with --from, the "
+                "run that it chooses from."
+            )
+
+
+def _of_fit(path: Path, test: str | None, draw: str, experiment: Experiment) -> dict[str, float]:
+    """Return the parameters (SI) of a draw of a fit, or their mean, as far as a test has them."""
     fit = Fit.load(path)
     one = fit if test is None else fit[test]
     draws = one.posterior["posterior"].to_dataset()[list(one.priors.priors)]
     flat = draws.stack(sample=("chain", "draw"))
     if draw == MEAN:
-        return {str(name): float(values.mean()) for name, values in flat.data_vars.items()}
-    number = int(draw) if draw.isdecimal() else 0
-    if not 1 <= number <= flat.sizes["sample"]:
-        raise InputError(
-            f"--draw {draw}: expected {MEAN}, or a number from 1 to {flat.sizes['sample']}."
-        )
-    return {str(name): float(values[number - 1]) for name, values in flat.data_vars.items()}
+        chosen = flat.mean("sample")
+    else:
+        number = int(draw) if draw.isdecimal() else 0
+        if not 1 <= number <= flat.sizes["sample"]:
+            raise InputError(
+                f"--draw {draw}: expected {MEAN}, or a number from 1 to {flat.sizes['sample']}."
+            )
+        chosen = flat.isel(sample=number - 1)
+    values = {str(name): float(value) for name, value in chosen.data_vars.items()}
+    return of_any_test(values, one.experiment, experiment)

@@ -146,6 +146,11 @@ class Experiment(ABC):
 
     @property
     @abstractmethod
+    def span(self) -> tuple[float, float]:
+        """First and last position on the clock (SI) at which the test has a solution."""
+
+    @property
+    @abstractmethod
     def response(self) -> FloatArray:
         """What the model is compared with (SI unit of the protocol's response), (n_points,)."""
 

@@ -17,7 +17,7 @@ from pyburgers.model.parameters import (
     PARAMETERS,
     STANDARD_VALUES,
 )
-from pyburgers.model.prior_families import MAY_BE_ZERO
+from pyburgers.model.prior_families import BELOW_ONE, MAY_BE_ZERO, UNSIGNED
 from pyburgers.model.variants import check_piezometer
 from pyburgers.protocols.experiment import Experiment, Provenance
 from pyburgers.protocols.microstructure import with_drawn_microstructure
@@ -31,6 +31,15 @@ E = TypeVar("E", bound=Experiment)
 
 LARGEST = float(np.finfo(np.float64).max)
 """Largest finite number."""
+
+OF_EITHER_SIGN = UNSIGNED - {"activation_enthalpy"}
+"""Parameters that a solution takes below zero too."""
+
+NOT_NEGATIVE = (MAY_BE_ZERO | {"stress_noise"}) - OF_EITHER_SIGN
+"""Parameters that may be zero, but not less."""
+
+ROUNDING = 1e-9
+"""Share of the range of a clock by which a position may lie outside it: units were converted."""
 
 
 def load_parameters(path: str | Path) -> dict[str, float]:
@@ -79,11 +88,27 @@ def check_parameters(values: Mapping[str, object], where: str = "parameters") ->
         ):
             raise InputError(f"{where}: {name} is {value!r}, expected a finite number.")
         checked[name] = float(value)
-        unit = PARAMETER_BY_NAME[name].si_unit
-        if name not in {"beta", "stress_noise", *MAY_BE_ZERO} and value <= 0:
-            raise InputError(f"{where}: {name} is {value!r} {unit}, expected a positive number.")
+        wanted = _wanted_instead(name, checked[name])
+        if wanted is not None:
+            unit = PARAMETER_BY_NAME[name].si_unit
+            raise InputError(f"{where}: {name} is {value!r} {unit}, expected {wanted}.")
     check_given_together(checked, where)
     return checked
+
+
+def _wanted_instead(name: str, value: float) -> str | None:
+    """Return what a value (SI) has to be where it is not what the parameter can be."""
+    if name not in OF_EITHER_SIGN | NOT_NEGATIVE and value <= 0:
+        return "a positive number"
+    if name in NOT_NEGATIVE and value < 0:
+        return "zero or a positive number"
+    if name in BELOW_ONE and value >= 1:
+        return "less than 1"
+    if name == "residual_correlated_share" and value > 1:
+        return "a share of at most 1"
+    if name == "stress_calibration_error" and abs(value) >= 1:
+        return "a relative error between -1 and 1"
+    return None
 
 
 def check_given_together(values: Mapping[str, float], where: str) -> None:
@@ -116,11 +141,75 @@ def check_given_together(values: Mapping[str, float], where: str) -> None:
                 )
 
 
+def with_stated(experiment: Experiment, values: Mapping[str, float]) -> dict[str, float]:
+    """Return parameters (SI) with what a test's file states of it where they do not say that.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        Whose compliance of the apparatus and zero of the strain may be stated.
+    values : mapping
+        SI values by name.
+    """
+    stated = {
+        prior.parameter: prior.location
+        for prior in protocol_of(experiment).stated_priors(experiment)
+    }
+    return {**values, **{name: one for name, one in stated.items() if name not in values}}
+
+
+def checked_positions(experiment: Experiment, at: npt.ArrayLike) -> FloatArray:
+    """Return positions on the clock of a test (SI) as an array.
+
+    Raises
+    ------
+    InputError
+        If they are no list of finite numbers, there is none, one decreases or lies outside the
+        test.
+    """
+    protocol = protocol_of(experiment)
+    low, high = experiment.span
+    unit = "" if protocol.clock.si_unit == "1" else f" {protocol.clock.si_unit}"
+    expected = (
+        f"expected a list of positions along its {protocol.clock.name} that do not decrease, from "
+        f"{low:.6g} to {high:.6g}{unit}"
+    )
+    try:
+        positions = np.asarray(at, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{experiment.id}: at: found {at!r}, {expected}.") from error
+    if positions.ndim != 1 or positions.size == 0:
+        raise InputError(
+            f"{experiment.id}: at: found an array of shape {positions.shape}, {expected}."
+        )
+    margin = ROUNDING * (high - low)
+    outside = positions[~((positions >= low - margin) & (positions <= high + margin))]
+    if outside.size > 0:
+        raise InputError(f"{experiment.id}: at: found {outside[0]:.6g}{unit}, {expected}.")
+    falling = np.flatnonzero(np.diff(positions) < 0)
+    if falling.size > 0:
+        first, second = positions[falling[0] : falling[0] + 2]
+        raise InputError(
+            f"{experiment.id}: at: found {second:.6g} behind {first:.6g}{unit}, {expected}."
+        )
+    return np.clip(positions, low, high)
+
+
+def _check_temperature(experiment: Experiment, values: Mapping[str, float]) -> None:
+    """Refuse an error of the temperature as large as the temperature."""
+    error, coldest = values.get("temperature_error", 0.0), float(experiment.temperatures.min())
+    if abs(error) >= coldest:
+        raise InputError(
+            f"{experiment.id}: temperature_error is {error:g} K, expected less than the "
+            f"temperature of the test, {coldest:g} K."
+        )
+
+
 def simulate(
     experiment: Experiment,
     parameters: Mapping[str, float],
     *,
-    at: FloatArray | None = None,
+    at: npt.ArrayLike | None = None,
     solver: SolverOptions = REFERENCE_SOLVER,
 ) -> pd.DataFrame:
     """Solve the model for the experiment's protocol at given parameters.
@@ -130,10 +219,12 @@ def simulate(
     experiment : Experiment
         What is driven, temperature and initial grain size; points are not needed.
     parameters : mapping
-        SI values by name (see `check_parameters`).
+        SI values by name (see `check_parameters`). Compliance of the apparatus and zero of the
+        strain, where they are missing, are those that the test states, else none.
     at : array, shape (n,), optional
-        Positions on the clock of the protocol: strains (fraction, positive; those of rate steps are
-        added), or times (s, increasing, not before the start of the record) of an oscillating test.
+        Positions on the clock of the protocol, within the test, not decreasing: strains (fraction,
+        positive; those of rate steps are added), times (s) of an oscillating test or a loading
+        history (the second of two at a jump is behind it), places in a table of attenuation.
         Default `pyburgers.protocols.protocol.Protocol.output_grid`.
     solver : SolverOptions
         Tolerance and step limit.
@@ -148,13 +239,18 @@ def simulate(
     Raises
     ------
     InputError
-        If a parameter is wrong, or a piezometer is missing that the grain size follows.
+        If a parameter or a position is wrong, or a piezometer is missing that the grain size
+        follows.
     SamplingError
         If the solver finds no solution.
     """
-    values, protocol = check_parameters(parameters), protocol_of(experiment)
+    values, protocol = (
+        with_stated(experiment, check_parameters(parameters)),
+        protocol_of(experiment),
+    )
+    _check_temperature(experiment, values)
     check_piezometer(given_parameters(experiment.material, values), experiment)
-    grid = protocol.output_grid(experiment) if at is None else np.asarray(at, dtype=np.float64)
+    grid = protocol.output_grid(experiment) if at is None else checked_positions(experiment, at)
     draw = solve(experiment, values, grid, solver=solver)
     solution = pd.DataFrame(protocol.solution(experiment, draw))
     solution.attrs[protocol.reference.name] = float(np.exp(draw["log_reference"][0]))
@@ -171,7 +267,7 @@ def simulate_data(
     experiment : Experiment
         What is driven, and positions and relative uncertainties of the points.
     values : mapping
-        SI values by name.
+        SI values by name; what is missing of the apparatus is as for `simulate`.
     rng : Generator
         Gives the noise.
     source : str
@@ -180,15 +276,15 @@ def simulate_data(
     Returns
     -------
     Experiment
-        Synthetic, of the same protocol; its true parameters are `values`. A record is prepared as a
-        measured one is.
+        Synthetic, of the same protocol; its true parameters are `values`, with what the test states
+        beside them. A record is prepared as a measured one is.
 
     Raises
     ------
     SamplingError
         If the solver finds no solution.
     """
-    protocol = protocol_of(experiment)
+    protocol, values = protocol_of(experiment), with_stated(experiment, values)
     solution = simulate(experiment, values, at=protocol.simulated_positions(experiment))
     response = protocol.response_in(experiment, solution)
     simulated: E = replace(

@@ -115,16 +115,61 @@ def test_a_draw_that_is_not_there_is_refused(
     assert_refused(main(arguments), capsys, "--draw", "200")
 
 
+@pytest.mark.parametrize("option", ["--draw=3", "--draw=mean", "--test=x"])
+def test_what_chooses_from_a_run_is_refused_beside_parameters(
+    option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["simulate", str(ICE / "PIL40.toml"), "--parameters", "parameters.json", option]
+    code = main([*arguments, "--out", str(tmp_path / "curve.csv")])
+    assert_refused(code, capsys, option.replace("=", " "), "expected it with --from")
+
+
+IMAGINED = """\
+id = "creep"
+material = "ice"
+protocol = "loading_history"
+temperature_K = 260.0
+initial_grain_size_m = 1e-3
+stage_time_unit = "h"
+stage_stress_unit = "MPa"
+
+[[stages]]
+control = "stress"
+start_time = 0.0
+end_time = 10.0
+stress = 1.0
+
+[provenance]
+kind = "synthetic"
+source = "imagined"
+"""
+
+
 def test_an_imagined_test_needs_no_data(small_fit: Fit, tmp_path: Path) -> None:
     path = tmp_path / "imagined.toml"
-    path.write_text(
-        'id = "creep"\nmaterial = "ice"\nprotocol = "loading_history"\ntemperature_K = 260.0\n'
-        'initial_grain_size_m = 1e-3\nstage_time_unit = "h"\nstage_stress_unit = "MPa"\n'
-        '[[stages]]\ncontrol = "stress"\nstart_time = 0.0\nend_time = 10.0\nstress = 1.0\n'
-        '[provenance]\nkind = "synthetic"\nsource = "imagined"\n',
-        encoding="utf-8",
-    )
+    path.write_text(IMAGINED, encoding="utf-8")
     out = tmp_path / "creep.csv"
     run = str(small_fit.directory.path)
     assert main(["simulate", str(path), "--from", run, "--out", str(out)]) == 0
     assert pd.read_csv(out)["strain"].iloc[-1] > 0
+
+
+def test_a_solution_from_a_run_has_what_the_file_states_as_a_prediction_has(
+    small_fit: Fit, tmp_path: Path
+) -> None:
+    stated = (
+        '[apparatus]\ncompliance_per_Pa = 1e-9\n[strain_offset]\nvalue = 1.0\nunit = "percent"\n'
+    )
+    run = str(small_fit.directory.path)
+    ends = {}
+    for name, text in (("plain", IMAGINED), ("stated", IMAGINED + stated)):
+        path, out = (tmp_path / f"{name}{suffix}" for suffix in (".toml", ".csv"))
+        path.write_text(text, encoding="utf-8")
+        assert main(["simulate", str(path), "--from", run, "--draw", "1", "--out", str(out)]) == 0
+        solved = pd.read_csv(out)["strain"]
+        # One draw alone is the first.
+        assert main(["predict", run, str(path), "--draws", "1", "--out", str(out)]) == 0
+        predicted = pd.read_csv(out)["strain_q50"]
+        assert solved.iloc[-1] == pytest.approx(predicted.iloc[-1], rel=1e-5)
+        ends[name] = solved.iloc[-1]
+    assert ends["stated"] - ends["plain"] == pytest.approx(1e-2 + 1e-9 * 1e6, rel=1e-6)

@@ -1,5 +1,6 @@
 """What is particular to loading histories: sides of jumps, priors of readings, minimum rates."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -110,3 +111,54 @@ def test_simulated_readings_scatter_about_the_solution_as_they_should() -> None:
     assert np.std(scatter[~strain]) == pytest.approx(TRUTH["stress_noise"], rel=0.3)
     # The twin comes from another solver.
     assert np.abs(twin.reading - exact.reading)[strain].max() < 5 * TRUTH["strain_noise"]
+
+
+@pytest.fixture
+def stated(unloaded: LoadingHistory) -> LoadingHistory:
+    """The same with a compliant apparatus and an offset in its file."""
+    return replace(
+        unloaded, apparatus_compliance=Stated(1e-9, 1e-10), strain_offset=Stated(1e-2, 0.0)
+    )
+
+
+def test_a_solution_has_the_apparatus_and_the_zero_that_the_test_states(
+    unloaded: LoadingHistory, stated: LoadingHistory
+) -> None:
+    plain = simulate(unloaded, dict(TRUTH))
+    found = simulate(stated, dict(TRUTH))
+    expected = plain["strain"] + 1e-9 * plain["stress_Pa"] + 1e-2
+    np.testing.assert_allclose(found["strain"], expected, rtol=1e-7)
+    # What is given wins, part by part.
+    given = simulate(stated, {**TRUTH, "apparatus_compliance": 0.0})
+    np.testing.assert_allclose(given["strain"], plain["strain"] + 1e-2, rtol=1e-7)
+
+
+def test_an_imposed_strain_holds_the_share_of_a_stated_apparatus() -> None:
+    relaxation = replace(history_twin("relaxation", 12), apparatus_compliance=Stated(1e-10, 0.0))
+    stated = simulate(relaxation, dict(TRUTH))
+    given = simulate(relaxation, {**TRUTH, "apparatus_compliance": 1e-10})
+    rigid = simulate(relaxation, {**TRUTH, "apparatus_compliance": 0.0})
+    np.testing.assert_array_equal(stated["stress_Pa"], given["stress_Pa"])
+    assert stated["stress_Pa"].iloc[10] < 0.8 * rigid["stress_Pa"].iloc[10]
+
+
+def test_the_truth_of_simulated_readings_holds_what_they_were_made_with(
+    stated: LoadingHistory,
+) -> None:
+    def made(values: Mapping[str, float]) -> LoadingHistory:
+        return simulate_data(stated, values, np.random.default_rng(3), source="test")
+
+    one = made(TRUTH)
+    assert one.true_parameters == {**TRUTH, "apparatus_compliance": 1e-9, "strain_offset": 1e-2}
+    np.testing.assert_array_equal(made(one.true_parameters).reading, one.reading)
+    # Values that say all, such as draws from the prior, stay as they are, in their order.
+    drawn = {"strain_offset": 2e-2, "apparatus_compliance": 3e-10, **TRUTH}
+    other = made(drawn).true_parameters
+    assert other is not None
+    assert list(other.items()) == list(drawn.items())
+
+
+def test_stress_is_read_where_strain_is_imposed_and_the_other_way_round() -> None:
+    mixed = history_twin("mixed", 12)
+    read = LoadingHistoryProtocol().is_read(mixed, np.array([0.0, 500.0, 1000.0, 1000.0, 3500.0]))
+    assert read.tolist() == [[True, True, True, False, False], [False, False, False, True, True]]

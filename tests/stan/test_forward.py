@@ -21,7 +21,7 @@ from pyburgers.protocols.constant_rate.experiment import (
     RateSegment,
     load_constant_rate,
 )
-from pyburgers.protocols.forward import simulate
+from pyburgers.protocols.forward import check_parameters, simulate
 from pyburgers.protocols.stan_data import REFERENCE_SOLVER
 
 FloatArray = npt.NDArray[np.float64]
@@ -280,11 +280,32 @@ def test_a_solution_that_cannot_be_found_is_an_error(tmp_path: Path) -> None:
         ({"steady_state_fabric_factor": 0.0}, "steady_state_fabric_factor"),
         ({"viscosity": 1.0}, "unknown parameter 'viscosity'"),
         ({"kelvin_modulus": "1e9"}, "kelvin_modulus"),
+        ({"apparatus_compliance": -1e-9}, "apparatus_compliance .* 1/Pa, expected zero or a pos"),
+        ({"residual_correlation_time": -5.0}, "residual_correlation_time .* expected zero or a"),
+        ({"stress_noise": -1.0}, "stress_noise .* expected zero or a positive number"),
+        ({"grain_size_exponent": -0.1}, "grain_size_exponent .* expected zero or a positive"),
+        ({"residual_correlated_share": 1.5}, "residual_correlated_share .* at most 1"),
+        ({"andrade_exponent": 1.0}, "andrade_exponent .* less than 1"),
+        ({"stress_calibration_error": -1.0}, "stress_calibration_error .* between -1 and 1"),
+        ({"temperature_error": 1000.0}, "temperature_error is 1000 K, expected less than .* 260 K"),
+        ({"temperature_error": -260.0}, "temperature_error"),
     ],
 )
 def test_wrong_parameters_are_refused(change: dict[str, float], message: str) -> None:
     with pytest.raises(InputError, match=message):
         simulate(protocol(ONE_RATE, 0.1), truth("PIL40") | change)
+
+
+def test_what_may_be_zero_or_of_either_sign_is_taken() -> None:
+    values = truth("PIL40") | {
+        "apparatus_compliance": 0.0,
+        "stress_noise": 0.0,
+        "strain_offset": -1e-3,
+        "temperature_error": -2.0,
+        "stress_calibration_error": -0.01,
+        "modulus_temperature_coefficient": -1e-4,
+    }
+    assert check_parameters(values) == values
 
 
 FLOW = {

@@ -120,6 +120,11 @@ class AttenuationExperiment(Experiment):
         )
 
     @property
+    def span(self) -> tuple[float, float]:
+        """Start of the first spectrum of attenuation, and the end of the last one of moduli."""
+        return 0.0, float(np.nextafter(2 * self.conditions.n_spectra, 0))
+
+    @property
     def response(self) -> FloatArray:
         """ln(tan delta), or ln of its limit, then ln(modulus / Pa)."""
         recorded = np.maximum(self.readings.tan_delta, self.readings.limit)

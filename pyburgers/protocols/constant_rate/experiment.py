@@ -33,6 +33,9 @@ from pyburgers.protocols.microstructure import (
     microstructure_tables,
 )
 
+LEAST_STRAIN = 1e-12
+"""Strain from which on there is a solution: the solver cannot stop at rest."""
+
 
 @dataclass(frozen=True)
 class RateSegment:
@@ -79,6 +82,11 @@ class ConstantRateExperiment(Experiment):
     def position(self) -> FloatArray:
         """Strains of the stresses."""
         return self.strain
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """A strain next to rest, and the final one."""
+        return LEAST_STRAIN, self.final_strain
 
     @property
     def response(self) -> FloatArray:

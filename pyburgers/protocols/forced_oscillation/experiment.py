@@ -80,6 +80,11 @@ class OscillationExperiment(Experiment):
         return self.prepared.time
 
     @property
+    def span(self) -> tuple[float, float]:
+        """Start and end (s) of the record, or of imposed cycles."""
+        return self.prepared.start, self.end
+
+    @property
     def stress(self) -> FloatArray:
         """Stress (Pa) of `prepared`, that the model is compared with, shape (n_points,)."""
         return self.prepared.stress

@@ -92,6 +92,11 @@ class LoadingHistory(Experiment):
         return self.time
 
     @property
+    def span(self) -> tuple[float, float]:
+        """Start and end of the test (s)."""
+        return self.stages[0].start_time, self.end_time
+
+    @property
     def response(self) -> FloatArray:
         """Readings: stress or strain, by stage."""
         return self.reading

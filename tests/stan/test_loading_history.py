@@ -213,6 +213,103 @@ def test_strains_add_up() -> None:
             before += at.size
 
 
+PANELS = np.concatenate([[0.0], np.geomspace(1e-6, 1.0, 40)])
+"""Ends of the panels of a leg, as shares of its duration: dense at its start."""
+
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
+
+
+def in_panels(one: Leg) -> tuple[FloatArray, FloatArray]:
+    """Times (s) in a leg between its ends, and their weights (s) in an integral over it."""
+    half = 0.5 * np.diff(PANELS)[:, np.newaxis]
+    middle = PANELS[:-1, np.newaxis] + half
+    duration = one.end_time - one.start_time
+    time = one.start_time + duration * (middle + half * NODES).ravel()
+    return time, duration * (half * WEIGHTS).ravel()
+
+
+def microstructure(
+    values: Mapping[str, float], path: FloatArray, relative_size: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Grain size (m) and fabric factor after a path strain; a piezometer has sizes of its own."""
+
+    def settled(start: float, name: str, critical: str) -> FloatArray:
+        kept: FloatArray = np.exp(-path / values[critical])
+        return values[name] + (start - values[name]) * kept
+
+    size = settled(GRAIN_SIZE, "steady_state_grain_size", "critical_strain_grain_size")
+    if values["piezometer_reference_grain_size"] > 0:
+        size = GRAIN_SIZE * relative_size
+    return size, settled(1.0, "steady_state_fabric_factor", "critical_strain_fabric")
+
+
+def stored(values: Mapping[str, float], stress: float, kelvin: float) -> FloatArray:
+    """Energy (J/m3) in the Maxwell spring, the apparatus and the Kelvin spring."""
+    compliances = 1 / values["maxwell_modulus"], values["apparatus_compliance"]
+    parts = [0.5 * compliance * stress**2 for compliance in compliances]
+    return np.array([*parts, 0.5 * values["kelvin_modulus"] * kelvin**2])
+
+
+WORKED: Sequence[Leg] = (
+    leg("strain", 0.0, 400.0, 0.0, 5e-5),
+    leg("strain", 400.0, 2000.0, 0.0, 0.0),
+    leg("stress", 2000.0, 5000.0, 4e6),
+    leg("stress", 5000.0, 5600.0, 4e6, 2e3),
+    leg("stress", 5600.0, 8000.0, 1e6),
+    leg("strain", 8000.0, 8500.0, 0.0, 4e-5),
+)
+"""Constant rate, relaxation, creep, a ramp of the stress, partial unloading, constant rate."""
+
+
+@pytest.mark.parametrize("material", MATERIALS)
+def test_the_work_of_the_load_is_stored_or_dissipated(material: str) -> None:
+    """The integral of stress over strain at the end of every leg, to 1e-8 of the work.
+
+    The work knows what is imposed and what comes out, its parts the constitutive equations.
+    """
+    values = {**ICE, **MATERIALS[material]}
+    nodes = [in_panels(one) for one in WORKED]
+    times = [
+        np.concatenate([[one.start_time], time, [one.end_time]])
+        for one, (time, _) in zip(WORKED, nodes, strict=True)
+    ]
+    found = np.split(
+        solve(values, WORKED, times, tolerance=1e-13), np.cumsum(list(map(len, times)))[:-1], axis=1
+    )
+    work, moved = 0.0, 0.0
+    dissipated = np.zeros(2)  # in the Kelvin dashpot, and in that of the flow law
+    last = np.zeros(2)  # stress and strain
+    for one, (_, weight), columns in zip(WORKED, nodes, found, strict=True):
+        stress, strain, kelvin, path, _, relative_size = columns
+        within = slice(1, -1)
+        # Springs alone answer a jump, in proportion.
+        before = work
+        work += 0.5 * (last[0] + stress[0]) * (strain[0] - last[1])
+        if one.driven == "strain":
+            work += one.rate * float(weight @ stress[within])
+        else:
+            at_ends = stress[-1] * strain[-1] - stress[0] * strain[0]
+            work += at_ends - one.rate * float(weight @ strain[within])
+        moved += abs(work - before)
+        size, fabric = microstructure(values, path, relative_size)
+        rates = np.array(
+            [
+                oracle.kelvin_rate(values, TEMPERATURE, *at)
+                for at in zip(stress[within], kelvin[within], strict=True)
+            ]
+        )
+        flow = oracle.dashpot_rate(values, TEMPERATURE, stress, size, fabric)[within]
+        driving = stress[within] - values["kelvin_modulus"] * kelvin[within]
+        dissipated += [weight @ (driving * rates), weight @ (stress[within] * flow)]
+        energy = stored(values, stress[-1], kelvin[-1])
+        assert energy.sum() + dissipated.sum() == pytest.approx(work, abs=1e-8 * moved), one
+        last = np.array([stress[-1], strain[-1]])
+    # No part is so small that it could be missing.
+    used = energy[energy > 0]
+    assert used.size == 2 + (values["apparatus_compliance"] > 0)
+    assert np.concatenate([used, dissipated]).min() > 1e-4 * work
+
+
 def test_the_strain_of_a_stress_gives_that_stress_back() -> None:
     """Strain readings so dense that straight lines between them are good to 1e-8 of strain."""
     load = [leg("stress", 0.0, 10.0, 0.0, 3e5), leg("stress", 10.0, 3010.0, 3e6)]

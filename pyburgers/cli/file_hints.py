@@ -10,17 +10,13 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.text_tables import DECIMAL_COMMA, ODD_MINUS, TextTable, look_at
 from pyburgers.model.priors import shipped_prior_files
 from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.loading_history.experiment import LoadingHistory
+from pyburgers.protocols.new_file import new_files
 
 COARSE_GRAINS = 0.05
 """Grain size (m) beyond which a unit may be wrong."""
 
 LARGE_STRESS, SMALL_STRESS = 2e10, 1e3
 """Largest stresses (Pa) of a test beyond which a unit may be wrong."""
-
-SMALL_PERCENT, SMALL_CREEP_PERCENT = 0.5, 0.005
-"""Largest strain below which percent may be fractions: of curves, and of loading histories, where
-the elastic strain of a small load may be all."""
 
 SEPARATORS = {";": "semicolons", "\t": "tabs", " ": "white space", ",": "commas"}
 FILE_KEYS = ("file", "strain_file", "stress_file")
@@ -38,32 +34,13 @@ def doubts(experiment: Experiment) -> list[str]:
             found.append(f"{name}: a stress of {stress / 1e9:g} GPa is unlikely; check its unit.")
         elif 0 < stress < SMALL_STRESS:
             found.append(f"{name}: a largest stress of {stress:g} Pa is unlikely; check its unit.")
-    if isinstance(experiment, LoadingHistory) and _strains_against_its_stress(experiment):
-        found.append(
-            f"{name}: imposed stresses are extension while strains are compression; check their "
-            'signs (compression is positive unless compression = "negative").'
-        )
+    found += [f"{name}: {sentence}" for sentence in experiment.doubts]
     if experiment.material not in shipped_prior_files():
         found.append(
             f"{name}: there are no default priors of {experiment.material!r}, so that a fit needs "
             "--priors."
         )
     return found
-
-
-def _strains_against_its_stress(test: LoadingHistory) -> bool:
-    """Whether all stress that is imposed is extension, and most strain that is read compression."""
-    imposed = [
-        value
-        for leg in test.legs
-        if leg.driven == "stress"
-        for value in (leg.start_value, leg.end_value)
-    ]
-    zero = 0.0 if test.strain_offset is None else test.strain_offset.value
-    strain = test.reading[test.response_is_strain] - zero
-    if not imposed or not strain.size:
-        return False
-    return max(imposed) <= 0 > min(imposed) and float(np.median(strain)) > 0
 
 
 def text_files(content: Mapping[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
@@ -89,19 +66,19 @@ def hints(path: Path, content: Mapping[str, Any]) -> list[str]:
     data = content.get("data")
     if not isinstance(data, dict):
         return []
-    is_history = content.get("protocol") == LoadingHistory.protocol
-    smallest_percent = SMALL_CREEP_PERCENT if is_history else SMALL_PERCENT
+    kind = new_files().get(str(content.get("protocol")))
+    small_strain = (Experiment if kind is None else kind.experiment).small_strain
     found: list[str] = []
     for table, key in text_files(content):
         try:
             look = look_at(path.parent / str(data.get("data_root", "")) / table[key])
         except InputError:
             continue  # the error itself is told
-        found += [f"{look.path}: {hint}" for hint in _hints_of(look, data, smallest_percent)]
+        found += [f"{look.path}: {hint}" for hint in _hints_of(look, data, small_strain)]
     return list(dict.fromkeys(found))
 
 
-def _hints_of(look: TextTable, data: Mapping[str, Any], smallest_percent: float) -> Iterator[str]:
+def _hints_of(look: TextTable, data: Mapping[str, Any], small_strain: float) -> Iterator[str]:
     header = data.get("header", True)
     if look.hidden_names is not None and header:
         names = ", ".join(look.hidden_names)
@@ -134,11 +111,11 @@ def _hints_of(look: TextTable, data: Mapping[str, Any], smallest_percent: float)
             line, cell = cells[0]
             more = f" (and {len(cells) - 1} more)" if len(cells) > 1 else ""
             yield f"line {line}: {cell!r}{more} {what}: {remedy}."
-    yield from _hints_of_strain(look, data, smallest_percent)
+    yield from _hints_of_strain(look, data, small_strain)
 
 
 def _hints_of_strain(
-    look: TextTable, data: Mapping[str, Any], smallest_percent: float
+    look: TextTable, data: Mapping[str, Any], small_strain: float
 ) -> Iterator[str]:
     column, unit = data.get("strain_column"), data.get("strain_unit")
     if column not in look.columns:
@@ -154,5 +131,5 @@ def _hints_of_strain(
     largest = float(np.max(np.abs(strain)))
     if unit == "fraction" and largest > 1:
         yield f"{column!r} reaches {largest:g}: is it in percent rather than a fraction?"
-    if unit == "percent" and 0 < largest < smallest_percent:
+    if unit == "percent" and 0 < largest < 100 * small_strain:
         yield f"{column!r} reaches {largest:g} only: is it a fraction rather than percent?"

@@ -128,6 +128,7 @@ class Experiment(ABC):
     residual_correlation: ClassVar[str] = "residual_correlation_strain"
     may_be_uncertain: ClassVar[frozenset[str]] = CONDITIONS
     without_effect: ClassVar[frozenset[str]] = frozenset()
+    small_strain: ClassVar[float] = 5e-3
     id: str
     material: str
     temperature: float
@@ -163,6 +164,11 @@ class Experiment(ABC):
     @abstractmethod
     def largest_stress(self) -> float:
         """Largest |σ| (Pa) in the test; only of an experiment with data."""
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Sentences about numbers that are unlikely in a test of its kind."""
+        return ()
 
     @property
     def largest_strain_read(self) -> float | None:

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pyburgers.protocols.experiment import Experiment, FloatArray
-from pyburgers.protocols.loading_history.stages import Leg, Stage, legs_of
+from pyburgers.protocols.loading_history.stages import Leg, Stage, imposed_stresses, legs_of
 
 IntArray = npt.NDArray[np.int64]
 
@@ -61,6 +61,7 @@ class LoadingHistory(Experiment):
     without_effect: ClassVar[frozenset[str]] = frozenset(
         {"modulus_temperature_coefficient", "attenuation_scatter", "modulus_scatter"}
     )
+    small_strain: ClassVar[float] = 5e-5
     stages: tuple[Stage, ...]
     time: FloatArray
     reading_stage: IntArray
@@ -109,15 +110,29 @@ class LoadingHistory(Experiment):
         return is_strain
 
     @property
+    def imposed_stresses(self) -> FloatArray:
+        """Stresses (Pa) at the ends of all legs that impose one; empty for none."""
+        return imposed_stresses(self.legs)
+
+    @property
     def largest_stress(self) -> float:
         """Largest |σ| (Pa), imposed or measured; only of an experiment with data."""
-        imposed = [
-            abs(value)
-            for leg in self.legs
-            if leg.driven == "stress"
-            for value in (leg.start_value, leg.end_value)
-        ]
-        return float(max([*imposed, *np.abs(self.reading[~self.response_is_strain])]))
+        stresses = [*self.imposed_stresses, *self.reading[~self.response_is_strain]]
+        return float(np.abs(stresses).max())
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Say where imposed stress is extension alone and most strain that is read compression."""
+        imposed, strain = self.imposed_stresses, self.reading[self.response_is_strain]
+        zero = 0.0 if self.strain_offset is None else self.strain_offset.value
+        if not imposed.size or not strain.size or imposed.max() > 0 or not imposed.any():
+            return ()
+        if np.median(strain) <= zero:
+            return ()
+        return (
+            "imposed stresses are extension while strains are compression; check their signs "
+            '(compression is positive unless compression = "negative").',
+        )
 
     @property
     def largest_strain_read(self) -> float | None:

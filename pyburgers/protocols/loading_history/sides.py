@@ -14,7 +14,13 @@ from pyburgers.common.errors import InputError
 from pyburgers.protocols.experiment import FloatArray
 from pyburgers.protocols.loading_history.driver import reading_error
 from pyburgers.protocols.loading_history.readings import Response
-from pyburgers.protocols.loading_history.stages import Driven, Leg, Stage, legs_of
+from pyburgers.protocols.loading_history.stages import (
+    Driven,
+    Leg,
+    Stage,
+    imposed_stresses,
+    legs_of,
+)
 
 EQUAL = 3.0
 """How far a reading may be from a state that it is taken for, in standard deviations."""
@@ -142,14 +148,8 @@ def check_loaded(path: Path, found: Response, stages: Sequence[Stage]) -> None:
     first = next((leg for leg in legs if leg.rate != 0 or leg.start_value != 0), None)
     idle_until = np.inf if first is None else first.start_time
     is_stress = np.array([one.driven == "strain" for one in stages])[stage]
-    imposed = [
-        abs(end)
-        for leg in legs
-        if leg.driven == "stress"
-        for end in (leg.start_value, leg.end_value)
-    ]
-    read = np.abs(value[is_stress])
-    largest = max([*imposed, *read.tolist()], default=0.0)
+    stresses = np.concatenate([imposed_stresses(legs), value[is_stress]])
+    largest = float(np.abs(stresses).max(initial=0.0))
     idle = is_stress & (time < idle_until) & (np.abs(value) > NOTHING_IMPOSED * largest)
     if idle.any():
         raise InputError(

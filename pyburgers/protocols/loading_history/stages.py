@@ -6,6 +6,8 @@ from typing import Literal
 
 import numpy as np
 
+from pyburgers.protocols.experiment import FloatArray
+
 Control = Literal[
     "strain_rate", "stress", "stress_rate", "strain_series", "stress_series", "hold_strain"
 ]
@@ -99,6 +101,12 @@ class Leg:
 def legs_of(stages: Sequence[Stage]) -> tuple[Leg, ...]:
     """Return the legs of stages, in the order of time."""
     return tuple(leg for number, stage in enumerate(stages) for leg in _legs(stage, number))
+
+
+def imposed_stresses(legs: Sequence[Leg]) -> FloatArray:
+    """Return the stresses (Pa) at both ends of the legs that impose one; empty for none."""
+    loads = [leg for leg in legs if leg.driven == "stress"]
+    return np.array([value for leg in loads for value in (leg.start_value, leg.end_value)])
 
 
 def _legs(stage: Stage, number: int) -> list[Leg]:

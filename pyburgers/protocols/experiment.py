@@ -100,6 +100,8 @@ class Experiment(ABC):
         tests knows. A constant as well.
     without_effect : frozenset of str
         Parameters that such tests say nothing of. A constant as well.
+    small_strain : float
+        Largest strain (fraction) of a table below which its unit is doubted. A constant as well.
     id, material : str
         Sample and material; the material names the default priors.
     temperature : float

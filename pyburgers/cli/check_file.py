@@ -56,8 +56,12 @@ def run(options: argparse.Namespace) -> int:
 
 def check(path: Path) -> int:
     """Print all that is wrong with a file, or what it holds; return the exit code."""
-    content = read_tables(path)
-    errors, loaded = all_errors(path, content)
+    try:
+        content = read_tables(path)
+    except InputError as error:  # those after it are still to be looked at
+        content, errors, loaded = {}, list(error.sentences), None
+    else:
+        errors, loaded = all_errors(path, content)
     lines = [f"error: {sentence}" for sentence in errors]
     lines += [f"hint: {sentence}" for sentence in hints(path, content)]
     if isinstance(loaded, Experiment):

@@ -202,6 +202,25 @@ def test_unlikely_numbers_are_warned_about(
     assert any(word in line for line in of_kind("warning", lines)), lines
 
 
+def test_files_that_cannot_be_read_keep_none_after_them_from_being_checked(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    late, broken, missing = (tmp_path / f"{name}.toml" for name in ("late", "broken", "missing"))
+    (tmp_path / "curve.csv").write_text(CURVE, encoding="utf-8")
+    late.write_text(EXPERIMENT, encoding="utf-8")
+    broken.write_text("id = \n", encoding="utf-8")
+    assert main(["check-file", str(missing), str(broken), str(late)]) == 2
+    out, error = capsys.readouterr()
+    assert error == ""
+    of_missing, n_missing, of_broken, n_broken, *of_late = out.splitlines()
+    assert of_missing == f"error: file {missing} does not exist."
+    assert of_broken.startswith(f"error: {broken}: not a valid TOML file")
+    assert [n_missing, n_broken] == [
+        f"{file}: 1 error; it cannot be used yet" for file in (missing, broken)
+    ]
+    assert of_late[-1].startswith(f"{late}: no errors")
+
+
 def test_a_prior_file_is_checked_as_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "priors.toml"
     path.write_text(PRIORS.replace("scale = 1e-6", "scale = -1e-6"), encoding="utf-8")

@@ -1,11 +1,15 @@
-"""`pyburgers check`: the checks of a run again."""
+"""`pyburgers check`: the checks of a run again, also in the files that hold them."""
 
 import argparse
+import logging
 from pathlib import Path
 
 from pyburgers.cli.terminal import print_checks
 from pyburgers.fitting.fit import Fit
+from pyburgers.fitting.sampled_fit import renew_tables
 from pyburgers.flow_law_tables.fit import PeakStressFit, is_peak_stress_run
+
+logger = logging.getLogger(__name__)
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -17,4 +21,9 @@ def run(options: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
     kind = PeakStressFit if is_peak_stress_run(options.directory) else Fit
     fit = kind.load(options.directory)
+    if renewed := renew_tables(fit):
+        logger.info(
+            f"{fit.directory.path}: {' and '.join(renewed)} did not hold what follows from the "
+            "draws and was written again."
+        )
     return print_checks(fit.checks(), fit.prior_conflicts())

@@ -83,9 +83,14 @@ def write_bytes(path: Path, content: bytes) -> None:
     write_atomically(path, write)
 
 
+def json_text(content: Any) -> str:
+    """Return the text of a JSON file; floats keep every digit, infinities are allowed."""
+    return json.dumps(content, indent=1) + "\n"
+
+
 def write_json(path: Path, content: Any) -> None:
-    """Write a JSON file atomically; floats keep every digit, infinities are allowed."""
-    write_text(path, json.dumps(content, indent=1) + "\n")
+    """Write a JSON file atomically (`json_text`)."""
+    write_text(path, json_text(content))
 
 
 @contextmanager

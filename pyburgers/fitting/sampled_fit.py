@@ -5,6 +5,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any, Literal
 
 import pandas as pd
@@ -21,7 +22,7 @@ from pyburgers.checks.fit_checks import (
 )
 from pyburgers.checks.registry import CHECKS
 from pyburgers.checks.verdicts import Verdict, verdicts, verdicts_record
-from pyburgers.common.atomic_files import write_json, write_text
+from pyburgers.common.atomic_files import json_text, write_text
 from pyburgers.posterior.labelled_draws import in_display_units
 from pyburgers.protocols.experiment import Provenance
 from pyburgers.sampling.failures import ChainFailure, missing_chains
@@ -182,7 +183,41 @@ def put_aside_where_few_diverged(result: SampledFit) -> bool:
 def write_tables(result: SampledFit) -> None:
     """Save the table and the verdicts, and note in the manifest that the run is complete."""
     run = result.directory
-    write_text(run.summary_file, result.summary("SI").to_csv())
-    write_json(run.checks_file, result.checks_record())
+    for file, text in _tables(result).items():
+        write_text(file, text)
     if not result.missing_chains():
         run.update_manifest({"status": COMPLETE})
+
+
+def renew_tables(result: SampledFit) -> list[str]:
+    """Write the table and the verdicts of a run again where the files hold others.
+
+    No hash is noted of them: they follow from the draws, and nothing reads them but people.
+
+    Parameters
+    ----------
+    result : SampledFit
+        The run, loaded. What a run that is not complete has not written yet is left to it.
+
+    Returns
+    -------
+    list of str
+        Names of the files that were written.
+    """
+    complete = result.manifest["status"] == COMPLETE
+    renewed = []
+    for file, text in _tables(result).items():
+        there = file.is_file()
+        if (there and file.read_bytes() != text.encode()) or (complete and not there):
+            write_text(file, text)
+            renewed.append(file.name)
+    return renewed
+
+
+def _tables(result: SampledFit) -> dict[Path, str]:
+    """Return what is saved of a run for its readers, by file."""
+    run = result.directory
+    return {
+        run.summary_file: result.summary("SI").to_csv(),
+        run.checks_file: json_text(result.checks_record()),
+    }

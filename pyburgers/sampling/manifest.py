@@ -1,5 +1,7 @@
 """What the manifest of a run holds, checked on reading: users may have touched it."""
 
+from typing import Literal
+
 from pydantic import ConfigDict, Field
 
 from pyburgers.common.toml_files import Table
@@ -89,10 +91,15 @@ class RunManifest(RecordedHashes):
     """Of a run of chains, as far as it is read back."""
 
     fingerprint: str = Field(description="hash of what decides the draws")
-    status: str = Field(description="how far the run has come")
+    status: Literal[
+        "claimed", "sampling", "interrupted", "sampled", "chains missing", "complete"
+    ] = Field(description="how far the run has come")
     experiment: str = Field(description="what was fitted")
-    data_kind: str = Field(description="measured, digitised or synthetic")
+    data_kind: Literal["measured", "digitised", "synthetic"] = Field(
+        description="where the data come from"
+    )
     command: str = Field(description="what regenerates the run")
+    started: str = Field(description="when the run was begun")
     versions: dict[str, str | None] = Field(description="versions of the software")
     hashes: dict[str, str] = Field(description="hash of each input file, by its path")
     sampler: SamplerRecord = Field(description="settings of the sampler")
@@ -107,6 +114,7 @@ class FitManifest(RunManifest):
     """Of a fit of one or several tests."""
 
     experiments: list[str] = Field(min_length=1, description="names of the tests")
+    priors_from: str | None = Field(None, description="another source of the flow law's priors")
     pooling: PoolingRecord = Field(description="what tests share")
     variant: dict[str, str] = Field({}, description="law of each part of the model")
     solver: _Solver = Field(description="settings of the solver")

@@ -23,7 +23,8 @@ from pyburgers.common.atomic_files import (
     write_json,
 )
 from pyburgers.common.errors import InputError
-from pyburgers.common.toml_files import TableT, checked, read_json, read_json_table
+from pyburgers.common.toml_files import TableT, checked, read_json
+from pyburgers.sampling.intact import NotedDraws, chain_record, require_as_noted
 from pyburgers.sampling.manifest import ChainRecord, RecordedHashes
 
 PATIENCE = 120.0
@@ -167,10 +168,7 @@ class RunDirectory:
         """
         extension = self.n_extensions()
         files = {chain: self.timing_file(chain, extension) for chain in self.finished_chains()}
-        return {
-            str(chain): read_json_table(file, ChainRecord).model_dump()
-            for chain, file in files.items()
-        }
+        return {str(chain): chain_record(file).model_dump() for chain, file in files.items()}
 
     def read_manifest(self, structure: type[TableT] | None = None) -> dict[str, Any]:
         """Read the manifest.
@@ -213,32 +211,25 @@ class RunDirectory:
             If one has changed or, save draws that can be made again, is missing.
         """
         recorded = checked(self.manifest_file, self.read_manifest(), RecordedHashes)
-        expected = [(self.path / name, found) for name, found in recorded.hashes.items()]
-        for chain, file in zip(self.finished_chains(), self.draws_files(), strict=True):
-            for extension in range(self.n_extensions() + 1):
-                own = read_json_table(self.timing_file(chain, extension), ChainRecord)
-                expected.append((self.draws_file(chain, extension), own.sha256))
-            # Of a run that was killed after it had extended its chains the manifest has the old.
-            record = recorded.chains.get(str(chain))
-            if record is not None and record.extension == self.n_extensions():
-                expected.append((file, record.sha256))
+        noted = {self.path / name: found for name, found in recorded.hashes.items()}
         if self.posterior_file.is_file() and recorded.posterior_sha256 is not None:
-            expected.append((self.posterior_file, recorded.posterior_sha256))
-        wrong = []
-        for file, digest in expected:
-            name = file.relative_to(self.path).as_posix()
-            if not file.is_file():
-                wrong.append(f"{name} is missing")
-            elif sha256_of_file(file) != digest:
-                wrong.append(f"{name} has changed")
-        if wrong:
-            found = ", ".join(dict.fromkeys(wrong))
-            raise InputError(
-                f"{self.path}: {found} since the run, whose hashes say so; put back what the run "
-                "wrote, or remove the directory and run the command in its manifest again (without "
-                "posterior.nc it is gathered again, without a folder in chains/ that chain is run "
-                "again)."
-            )
+            noted[self.posterior_file] = recorded.posterior_sha256
+        made = [self.posterior_file, self.summary_file, self.checks_file]
+        require_as_noted(self.path, noted, list(self._noted_draws(recorded.chains)), made)
+
+    def _noted_draws(self, recorded: Mapping[str, ChainRecord]) -> Iterator[NotedDraws]:
+        """Return the draws of finished chains with their hashes, those in the manifest as well."""
+        for chain in self.finished_chains():
+            record = recorded.get(str(chain))
+            for extension in range(self.n_extensions() + 1):
+                # A run that was killed after it had extended its chains has noted the old.
+                known = record is not None and record.extension == extension
+                yield NotedDraws(
+                    file=self.draws_file(chain, extension),
+                    timing_file=(timing := self.timing_file(chain, extension)),
+                    own=chain_record(timing).sha256,
+                    in_manifest=record.sha256 if record is not None and known else None,
+                )
 
     def update_manifest(self, changes: Mapping[str, Any]) -> None:
         """Merge `changes` into the manifest's top level."""

@@ -71,6 +71,20 @@ def other_draws(file: Path) -> None:
     write_netcdf(file, tree)
 
 
+def other_hash(file: Path) -> None:
+    """Change a digit of the hash that a file notes of the draws of the second chain."""
+    content = json.loads(file.read_text(encoding="utf-8"))
+    noted = content.get("chains", {"2": content})["2"]
+    noted["sha256"] = ("1" if noted["sha256"][0] == "0" else "0") + noted["sha256"][1:]
+    file.write_text(json.dumps(content), encoding="utf-8")
+
+
+def a_folder(file: Path) -> None:
+    """Put a folder where a file was."""
+    file.unlink()
+    file.mkdir()
+
+
 DRAWS, TIMING = "chains/chain_2/draws.csv", "chains/chain_2/timing.json"
 DATA, TEST = "inputs/tests/PIL40/experiment.csv", "inputs/tests/PIL40/experiment.toml"
 DAMAGES: dict[str, tuple[str, Damage, str]] = {
@@ -78,7 +92,13 @@ DAMAGES: dict[str, tuple[str, Damage, str]] = {
     "timing cut": (TIMING, cut, "timing.json: is not valid JSON"),
     "timing of another kind": (TIMING, text("[1, 2]"), "timing.json: found list, expected"),
     "timing without hash": (TIMING, without("sha256"), "key 'sha256' is missing"),
-    "no timing": (TIMING, Path.unlink, "timing.json does not exist"),
+    "no timing": (TIMING, Path.unlink, "timing.json does not exist; put back what the run wrote"),
+    "hash in timing": (TIMING, other_hash, f"run: {TIMING} has changed since"),
+    "hash in manifest": (
+        "manifest.json",
+        other_hash,
+        f"run: the hash of {DRAWS} in manifest.json has changed since",
+    ),
     "draws cut": (DRAWS, cut, f"{DRAWS} has changed"),
     "draws with text": (DRAWS, replaced("0.", "zero."), f"{DRAWS} has changed"),
     "draws renamed": (DRAWS, replaced("log_jacobian", "jacobian"), f"{DRAWS} has changed"),
@@ -87,6 +107,10 @@ DAMAGES: dict[str, tuple[str, Damage, str]] = {
     "Stan data changed": ("stan_data.json", entry("tolerance", 1e-3), "stan_data.json has changed"),
     "metric changed": ("metric.json", text("{}"), "metric.json has changed"),
     "posterior changed": ("posterior.nc", other_draws, "posterior.nc has changed"),
+    **{
+        f"{name} a folder": (name, a_folder, f"run: {name} has become a folder since")
+        for name in ("posterior.nc", "summary.csv", "checks.json")
+    },
     "posterior cut": ("posterior.nc", cut, "posterior.nc has changed"),
     "data changed": (DATA, replaced("1", "2"), f"{DATA} has changed"),
     "test changed": (TEST, replaced("id", "id "), f"{TEST} has changed"),
@@ -103,8 +127,17 @@ DAMAGES: dict[str, tuple[str, Damage, str]] = {
         f"no {name}": ("manifest.json", without(name), f"key '{name}' is missing, expected")
         for name in (
             *("fingerprint", "status", "command", "versions", "sampler", "use_likelihood"),
-            *("failures", "refits", "solver", "coordinates", "pooling", "data_kind"),
+            *("failures", "refits", "solver", "coordinates", "pooling", "data_kind", "started"),
         )
+    },
+    **{
+        f"{name} wrong": ("manifest.json", entry(name, value), f"key '{name}': found {value!r}")
+        for name, value in {
+            "data_kind": "guessed",
+            "status": "finished",
+            "started": 7,
+            "priors_from": 7,
+        }.items()
     },
     "sampler of text": ("manifest.json", entry("sampler", "fast"), "key 'sampler': found 'fast'"),
     "sampler empty": (
@@ -142,6 +175,40 @@ def test_a_damaged_run_is_one_sentence(
     assert contents(copy.parent) == before
 
 
+def note(log: str) -> str:
+    """What a check says of the tables that it wrote again, after the name of the run."""
+    (line,) = log.splitlines()
+    return line.split("run: ", 1)[1]
+
+
+@pytest.mark.parametrize("damage", [text(""), cut, text("old numbers"), Path.unlink])
+def test_a_check_writes_tables_again_that_are_not_those_of_the_draws(
+    damage: Damage, copy: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = contents(copy)
+    code = main(["check", str(copy)])
+    assert contents(copy) == before
+    out, log = capsys.readouterr()
+    assert log == ""
+    for names in (["summary.csv"], ["checks.json"], ["summary.csv", "checks.json"]):
+        for name in names:
+            damage(copy / name)
+        assert main(["check", str(copy)]) == code
+        assert contents(copy) == before
+        again, log = capsys.readouterr()
+        assert again == out
+        assert note(log).startswith(f"{' and '.join(names)} did not hold what follows from the")
+
+
+def test_a_check_leaves_tables_to_a_run_that_has_not_written_them(copy: Path) -> None:
+    entry("status", "sampling")(copy / "manifest.json")
+    for name in ("summary.csv", "checks.json"):
+        (copy / name).unlink()
+    before = contents(copy)
+    main(["check", str(copy)])
+    assert contents(copy) == before
+
+
 @pytest.mark.parametrize("name", [DRAWS, DATA, "stan_data.json", "posterior.nc"])
 def test_a_changed_run_is_not_continued(name: str, copy: Path, small_problem: Problem) -> None:
     with (copy / name).open("ab") as file:
@@ -150,6 +217,14 @@ def test_a_changed_run_is_not_continued(name: str, copy: Path, small_problem: Pr
     with pytest.raises(InputError, match=f"run: {name} has changed since the run"):
         fit(small_problem.experiment, small_problem.priors, out=copy, options=SMALL_RUN)
     assert {file: content for file, content in contents(copy).items() if file in before} == before
+
+
+def test_of_draws_whose_hash_the_manifest_lacks_either_file_may_be_to_blame(copy: Path) -> None:
+    """As of a run that was killed before it noted its chains."""
+    entry("chains", {})(copy / "manifest.json")
+    cut(copy / DRAWS)
+    with pytest.raises(InputError, match=f"run: {DRAWS} or {TIMING} has changed"):
+        Fit.load(copy)
 
 
 def test_all_that_has_changed_is_said(copy: Path) -> None:

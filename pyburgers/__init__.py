@@ -42,6 +42,8 @@ if TYPE_CHECKING:
     from pyburgers.protocols.stan_data import SolverOptions
     from pyburgers.sampling.options import SamplerOptions
 
+    __version__: str
+
 _NAMES = {
     "checks.fit_checks": ("Outcome",),
     "common.errors": (
@@ -129,7 +131,9 @@ __all__ = [
 
 
 def __getattr__(name: str) -> object:
-    """Import a public name."""
+    """Import a public name, or look up the version."""
+    if name == "__version__":
+        return import_module("importlib.metadata").version(__name__)
     if name not in _MODULE_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     globals()[name] = getattr(import_module(f"{__name__}.{_MODULE_OF[name]}"), name)
@@ -138,4 +142,4 @@ def __getattr__(name: str) -> object:
 
 def __dir__() -> list[str]:
     """Return the public names, imported or not, and those of modules."""
-    return sorted({*globals(), *__all__})
+    return sorted({*globals(), *__all__, "__version__"})

@@ -186,6 +186,8 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
                 arguments = [name, *module.with_default(arguments[1:])]
     if COMPLETING in os.environ:
         complete(parser)
-    if arguments and not arguments[0].startswith("-") and arguments[0] not in COMMANDS:
+    if arguments and arguments[0].startswith("-"):
+        parser.require_own(arguments[0])
+    elif arguments and arguments[0] not in COMMANDS:
         raise InputError(f"unknown command {arguments[0]!r}, {nearest(arguments[0], COMMANDS)}")
     return parser.parse_all(arguments)

@@ -60,6 +60,22 @@ class OneLineParser(argparse.ArgumentParser):
                     found += parser.options()
         return found
 
+    def require_own(self, option: str) -> None:
+        """Check that an option ahead of the command is one of the program itself.
+
+        Raises
+        ------
+        InputError
+            If it is not; the message names the option that was meant.
+        """
+        name = option.split("=")[0]
+        own = [text for action in self._actions for text in action.option_strings]
+        if any(text.startswith(name) for text in own):  # they may be shortened
+            return
+        meant = get_close_matches(name, own, n=1)
+        end = f"did you mean {meant[0]}?" if meant else f"expected a command first; {self._see()}"
+        raise InputError(f"unknown option {name}, {end}")
+
     def parse_all(self, arguments: Sequence[str]) -> argparse.Namespace:
         """Parse arguments, all of which have to be known.
 
@@ -73,7 +89,7 @@ class OneLineParser(argparse.ArgumentParser):
             return parsed
         name = unknown[0].split("=")[0]
         meant = get_close_matches(name, self.options(), n=1) if name.startswith("-") else []
-        end = f"see `{self._told(arguments)} --help`."
+        end = self._see(*arguments[:1])
         if meant == [name]:
             end = f"which is another command's; {end}"
         elif meant:
@@ -81,5 +97,5 @@ class OneLineParser(argparse.ArgumentParser):
         kind = "option" if name.startswith("-") else "argument"
         raise InputError(f"unknown {kind} {name}, {end}")
 
-    def _told(self, arguments: Sequence[str]) -> str:
-        return " ".join([self.prog, *arguments[:1]])
+    def _see(self, *command: str) -> str:
+        return f"see `{' '.join([self.prog, *command])} --help`."

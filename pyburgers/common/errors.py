@@ -83,8 +83,10 @@ def all_of(*steps: Callable[[], Any]) -> list[Any]:
     return found
 
 
-def nearest(name: str, valid: Iterable[str]) -> str:
+def nearest(name: object, valid: Iterable[str]) -> str:
     """Return the end of a sentence: the valid spelling nearest to `name`, or all of them."""
     names = list(valid)
-    close = get_close_matches(name, names, n=1)
-    return f"did you mean {close[0]!r}?" if close else f"expected one of {', '.join(names)}."
+    close = get_close_matches(str(name), names, n=1)
+    if close:
+        return f"did you mean {close[0]!r}?"
+    return f"expected {'one of ' * (len(names) > 1)}{', '.join(names)}."

@@ -62,7 +62,9 @@ def compare(fits: Mapping[str, Fit], *, refits: Path | None = None) -> Compariso
         If a fit without a point fails.
     """
     if len(fits) < 2:
-        raise InputError(f"compare: found {len(fits)} fits, expected at least two.")
+        raise InputError(
+            f"compare: found {len(fits)} fit{'s' * (len(fits) != 1)}, expected at least two."
+        )
     check_same_data(fits)
     found = {}
     for name, one in fits.items():

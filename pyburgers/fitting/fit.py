@@ -39,7 +39,7 @@ MAX_REFITS = 2
 """Times that a run is repeated at a tighter tolerance of the solver."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Fit(SampledFit):
     """A finished fit of one test, or of several together; `fit["ID"]` is what it says of one.
 
@@ -113,7 +113,8 @@ class Fit(SampledFit):
         """
         tests = self.tests()
         if test not in tests:
-            raise InputError(f"{self.problem.name}: has no test {test!r}, {nearest(test, tests)}")
+            where = self.directory.path
+            raise InputError(f"{where}: has no test {test!r}, {nearest(test, tests)}")
         return tests[test]
 
     def tests(self) -> "dict[str, Fit]":

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import pandas as pd
 import xarray as xr
@@ -23,6 +23,7 @@ from pyburgers.checks.fit_checks import (
 from pyburgers.checks.registry import CHECKS
 from pyburgers.checks.verdicts import Verdict, verdicts, verdicts_record
 from pyburgers.common.atomic_files import json_text, write_text
+from pyburgers.common.errors import InputError
 from pyburgers.posterior.labelled_draws import in_display_units
 from pyburgers.protocols.experiment import Provenance
 from pyburgers.sampling.failures import ChainFailure, missing_chains
@@ -40,7 +41,10 @@ FEW = 0.01
 the coordinates or the priors that do not suit the posterior."""
 
 
-@dataclass(frozen=True, eq=False)
+_Units = Literal["display", "SI"]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class SampledFit(ABC):
     """A finished run of chains: a fit of one test, of several, or of a table of peak stresses.
 
@@ -76,7 +80,7 @@ class SampledFit(ABC):
     def si_summary(self) -> pd.DataFrame:
         """Table of the sampled quantities in SI units."""
 
-    def summary(self, units: Literal["display", "SI"] = "display") -> pd.DataFrame:
+    def summary(self, units: _Units = "display") -> pd.DataFrame:
         """Table of the sampled quantities.
 
         Parameters
@@ -88,9 +92,29 @@ class SampledFit(ABC):
         -------
         DataFrame
             As of `si_summary`.
+
+        Raises
+        ------
+        InputError
+            If other units are asked for.
         """
+        if units not in get_args(_Units):
+            raise InputError(f"units is {units!r}, expected 'display' or 'SI'.")
         table = self.si_summary()
         return table if units == "SI" else in_display_units(table)
+
+    def __repr__(self) -> str:
+        """Return a line: of what the fit is, how many draws it has, and where; nothing is checked.
+
+        A part of a joint fit says whose it is.
+        """
+        sizes = self.posterior["posterior"].sizes
+        fitted = self.manifest["experiment"]
+        name = fitted if self.part_name is None else f"{self.part_name} in {fitted}"
+        return (
+            f"<{type(self).__name__} of {name}: {sizes['chain']} chains x {sizes['draw']} draws, "
+            f"{self.directory.path}>"
+        )
 
     def _repr_html_(self) -> str:
         """Return both verdicts and the table, for notebooks."""

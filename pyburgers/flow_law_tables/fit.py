@@ -139,7 +139,7 @@ WARMUP, TARGET_ACCEPTANCE = 1000, 0.99
 """Defaults where the options leave them open; a gradient costs microseconds."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class PeakStressFit(SampledFit):
     """A finished fit of a table of peak stresses.
 

@@ -291,10 +291,18 @@ def default_priors(material: str, protocol: str | None = None) -> PriorSet:
     Raises
     ------
     InputError
-        If there are none; the message names the materials that have some.
+        If there are none, or no such kind of test; the message names those that there are.
     """
     own = {} if protocol is None else shipped_prior_files(protocol)
+    if protocol is not None and not own and protocol not in (kinds := _kinds_of_test()):
+        raise InputError(f"protocol {protocol!r} does not exist, {nearest(protocol, kinds)}")
     return load_priors(own.get(material) or shipped_prior_file(material))
+
+
+def _kinds_of_test() -> list[str]:
+    """Names of the kinds of test, by their folders: the room that knows them is above this one."""
+    folder = Path(str(importlib.resources.files("pyburgers"))) / "protocols"
+    return sorted(file.parent.name for file in folder.glob("*/protocol.py"))
 
 
 def shipped_prior_file(material: str, folder: str = ".", *, of: str = "") -> Path:

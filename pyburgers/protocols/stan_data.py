@@ -46,7 +46,8 @@ class SolverOptions:
         """
         if not 1e-13 <= self.tolerance <= 1e-2:
             raise InputError(
-                f"tolerance is {self.tolerance:g}, expected a number from 1e-13 to 1e-2."
+                f"tolerance is {self.tolerance:g}, expected a number from 1e-13 to 1e-2 (option "
+                "--tolerance)."
             )
         if self.max_num_steps < 1:
             raise InputError(f"max_num_steps is {self.max_num_steps}, expected at least 1.")

@@ -19,6 +19,11 @@ Draws in several threads are others than in one, by rounding, but those programs
 """
 
 
+def _option(name: str) -> str:
+    """Say which option of the command line gives a field, at the end of a sentence."""
+    return f" (option --{name.replace('_', '-')})"
+
+
 @dataclass(frozen=True)
 class SamplerOptions:
     """How NUTS runs.
@@ -78,15 +83,23 @@ class SamplerOptions:
             limits["warmup"] = (self.warmup, 20, 10**6)
         for name, (value, least, most) in limits.items():
             if not least <= value <= most:
-                raise InputError(f"{name} is {value}, expected a number from {least} to {most}.")
+                raise InputError(
+                    f"{name} is {value}, expected a number from {least} to {most}{_option(name)}."
+                )
         if self.adapt_delta is not None and not 0 < self.adapt_delta < 1:
-            raise InputError(f"adapt_delta is {self.adapt_delta}, expected between 0 and 1.")
+            raise InputError(
+                f"adapt_delta is {self.adapt_delta}, expected between 0 and 1"
+                f"{_option('adapt_delta')}."
+            )
         if self.coordinates not in COORDINATES:
             raise InputError(
                 f"coordinates is {self.coordinates!r}, expected one of {', '.join(COORDINATES)}."
             )
         if self.chain_timeout is not None and self.chain_timeout <= 0:
-            raise InputError(f"chain_timeout is {self.chain_timeout} s, expected more than 0.")
+            raise InputError(
+                f"chain_timeout is {self.chain_timeout} s, expected more than 0"
+                f"{_option('chain_timeout')}."
+            )
 
     @property
     def warmup_iterations(self) -> int:

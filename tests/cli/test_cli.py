@@ -16,6 +16,7 @@ from conftest import ICE, Problem
 from refusals import assert_refused
 from small_inputs import CURVE, EXPERIMENT, PRIORS
 
+import pyburgers
 from pyburgers.checks.registry import CHECKS
 from pyburgers.cli.main import COMMANDS, main
 from pyburgers.cli.shared import command_line
@@ -382,6 +383,8 @@ def test_simulate_refuses_an_unwritable_file(
     ("arguments", "words"),
     [
         ([], ("COMMAND", "`pyburgers --help`")),
+        (["--versoin"], ("unknown option --versoin, did you mean --version?",)),
+        (["--out", "x", "fit"], ("unknown option --out, expected a command first; see",)),
         (["fit"], ("EXPERIMENT.toml", "`pyburgers fit --help`")),
         (["fitt"], ("unknown command 'fitt'", "did you mean 'fit'?")),
         (["fit", "a.toml", "--draws", "x"], ("--draws", "'x'")),
@@ -401,11 +404,23 @@ def test_a_wrong_command_line_costs_one_line(
     assert_refused(main(arguments), capsys, *words)
 
 
+@pytest.mark.parametrize(
+    "option", ["--chains", "--seed", "--adapt-delta", "--tolerance", "--chain-timeout"]
+)
+def test_numbers_out_of_range_name_their_option(
+    option: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code = main(["fit", str(ICE / "PIL40.toml"), f"{option}=-3"])
+    field = option.removeprefix("--").replace("-", "_")
+    assert_refused(code, capsys, f"{field} is -3", f"(option {option}).")
+
+
 def test_the_version_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as stopped:
         main(["--version"])
     assert stopped.value.code == 0
     assert capsys.readouterr().out == f"pyburgers {version('pyburgers')}\n"
+    assert pyburgers.__version__ == version("pyburgers")
 
 
 def test_a_manifest_names_the_program_however_it_was_run(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -60,7 +60,7 @@ def test_one_run_and_the_same_run_twice_are_refused(
     small_fit: Fit, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     run, out = str(small_fit.directory.path), ("--out", str(tmp_path / "out"))
-    assert_refused(main(["compare", run, *out]), capsys, "found 1 fits, expected at least two")
+    assert_refused(main(["compare", run, *out]), capsys, "found 1 fit, expected at least two")
     assert_refused(main(["compare", run, run, *out]), capsys, "same run twice")
     assert not (tmp_path / "out").exists()
 
@@ -130,7 +130,7 @@ def test_runs_that_cannot_be_compared_are_refused(
 ) -> None:
     run, out = joints["shared"], ("--out", str(tmp_path / "out"))
     single, by_test = str(small_fit.directory.path), ("--leave-out", "tests")
-    assert_refused(main(["compare", run, *out]), capsys, "found 1 fits, expected at least two")
+    assert_refused(main(["compare", run, *out]), capsys, "found 1 fit, expected at least two")
     assert_refused(main(["compare", run, single, *out]), capsys, "other data", "PIL40+other")
     assert_refused(main(["compare", run, single, *by_test, *out]), capsys, "is not a joint fit")
     assert_refused(main(["compare", run, *by_test, "--no-refit", *out]), capsys, "--no-refit")

@@ -76,7 +76,7 @@ def test_a_test_with_data_is_scored(
     [
         (("--draws", "0"), "expected at least 1"),
         (("--separate-from", "nobody"), "expected one of PIL40"),
-        (("--test", "nobody"), "has no test 'nobody'"),
+        (("--test", "nobody"), "has no test 'nobody', expected PIL40."),
         (("--out", "somewhere.txt"), "ends in .csv"),
     ],
 )

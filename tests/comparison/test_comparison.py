@@ -304,7 +304,7 @@ def test_last_digits_make_no_other_data(tmp_path: Path) -> None:
 
 def test_one_fit_and_a_sampled_prior_are_refused(tmp_path: Path) -> None:
     one = make_fit(tmp_path / "one")
-    with pytest.raises(InputError, match=r"found 1 fits, expected at least two\.$"):
+    with pytest.raises(InputError, match=r"found 1 fit, expected at least two\.$"):
         compare({"one": one})
     prior = replace(one, manifest={**one.manifest, "use_likelihood": False})
     with pytest.raises(InputError, match=r"^prior: was sampled without likelihood"):

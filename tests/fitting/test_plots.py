@@ -1,6 +1,8 @@
 """What a fit shows in a notebook: tables in units that people use, figures in given axes."""
 
 from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -28,6 +30,27 @@ def test_a_summary_is_in_display_units_unless_si_is_asked_for(small_fit: Fit) ->
     np.testing.assert_array_equal(shown["rhat"], si["rhat"])
 
 
+@pytest.mark.parametrize("units", ["si", "x", "", 5])
+def test_other_units_of_a_summary_are_refused(units: Any, small_fit: Fit) -> None:
+    with pytest.raises(InputError, match=f"units is {units!r}, expected 'display' or 'SI'"):
+        small_fit.summary(units)
+
+
+def test_a_fit_is_shown_in_a_line(small_fit: Fit, joint: Fit) -> None:
+    where = small_fit.directory.path
+    assert repr(small_fit) == f"<Fit of PIL40: 2 chains x 100 draws, {where}>"
+    assert repr(joint).startswith("<Fit of PIL40+other: 2 chains x ")
+    assert repr(joint["other"]).startswith("<Fit of other in PIL40+other: 2 chains x ")
+
+
+def test_to_show_a_fit_checks_nothing(small_fit: Fit, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> None:
+        raise AssertionError("checked")
+
+    monkeypatch.setattr("pyburgers.fitting.sampled_fit.run_checks", fail)
+    assert "PIL40" in repr(replace(small_fit))
+
+
 def test_a_notebook_shows_verdicts_and_table(small_fit: Fit) -> None:
     text = small_fit._repr_html_()
     assert "<b>PIL40</b>" in text
@@ -47,3 +70,5 @@ def test_figures_go_into_given_axes(small_fit: Fit) -> None:
     assert low < float(small_fit.summary()["mean"]["maxwell_modulus"]) < high
     with pytest.raises(InputError, match="did you mean 'maxwell_modulus'"):
         small_fit.plot.posterior("maxwel_modulus")
+    with pytest.raises(InputError, match="5 was not sampled, expected one of maxwell_modulus"):
+        small_fit.plot.posterior(5)  # type: ignore[arg-type]

@@ -24,7 +24,7 @@ from pyburgers.model.priors import (
     shipped_prior_files,
 )
 from pyburgers.model.variants import with_variant
-from pyburgers.protocols.protocol import load_experiment
+from pyburgers.protocols.protocol import NAMES, load_experiment
 
 CHECKOUT = Path(__file__).parents[2]
 GAS_CONSTANT = 8.314462618
@@ -150,6 +150,22 @@ class TestShipped:
     def test_unknown_material_lists_what_there_is(self) -> None:
         with pytest.raises(InputError, match=rf"'granite'.*{', '.join(MATERIALS)}"):
             default_priors("granite")
+
+    def test_every_kind_of_test_has_priors(self) -> None:
+        usual = default_priors("ice")
+        others = {kind: default_priors("ice", kind) != usual for kind in NAMES}
+        assert others == {kind: kind == "attenuation" for kind in NAMES}
+
+    @pytest.mark.parametrize(
+        ("protocol", "end"),
+        [
+            ("constant_rates", "did you mean 'constant_rate'"),
+            ("x", f"one of {', '.join(sorted(NAMES))}"),
+        ],
+    )
+    def test_a_kind_of_test_that_is_none_is_refused(self, protocol: str, end: str) -> None:
+        with pytest.raises(InputError, match=rf"protocol '{protocol}' does not exist, .*{end}"):
+            default_priors("ice", protocol)
 
 
 class TestDistributions:

@@ -21,7 +21,7 @@ EXIT_NOT_DONE = 1
 
 def add_options(command: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    command.add_argument("plan", type=Path, metavar="PLAN.toml")
+    command.add_argument("plan", type=Path, metavar="PLAN.toml", help="what is to be fitted")
     command.add_argument("--out", type=Path, metavar="DIR", help="default: campaigns/ID")
     command.add_argument(
         "--status", action="store_true", help="fit nothing: show how far each fit is"

@@ -14,7 +14,9 @@ logger = logging.getLogger(__name__)
 
 def add_options(command: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    command.add_argument("directory", type=Path, metavar="RUN")
+    command.add_argument(
+        "directory", type=Path, metavar="RUN", help="run directory of fit or fit-peak-stress"
+    )
 
 
 def run(options: argparse.Namespace) -> int:

@@ -36,7 +36,13 @@ from pyburgers.sampling.run_directory import names_of_runs
 
 def add_options(command: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    command.add_argument("directories", type=Path, nargs="+", metavar="RUN")
+    command.add_argument(
+        "directories",
+        type=Path,
+        nargs="+",
+        metavar="RUN",
+        help="run directory of fit; at least two of the same data",
+    )
     command.add_argument(
         "--out", type=Path, default=Path("comparison"), metavar="DIR", help="folder"
     )

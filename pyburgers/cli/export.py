@@ -13,7 +13,9 @@ from pyburgers.predictions.exported import FORMATS, Exported, exported, exported
 
 def add_options(command: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    command.add_argument("directory", type=Path, metavar="RUN")
+    command.add_argument(
+        "directory", type=Path, metavar="RUN", help="run directory of fit or fit-peak-stress"
+    )
     command.add_argument("--format", choices=sorted(FORMATS), default="json", help="of the output")
     command.add_argument("--test", metavar="ID", help="test of a joint fit")
     command.add_argument("--out", type=Path, metavar="FILE", help="default standard output")

@@ -35,7 +35,13 @@ logger = logging.getLogger(__name__)
 
 def add_options(command: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    command.add_argument("experiments", type=Path, nargs="+", metavar="EXPERIMENT.toml")
+    command.add_argument(
+        "experiments",
+        type=Path,
+        nargs="+",
+        metavar="EXPERIMENT.toml",
+        help="file of a test; several are fitted together",
+    )
     add_model_options(command)
     command.add_argument("--priors", type=Path, help="prior file (default the material's)")
     command.add_argument(

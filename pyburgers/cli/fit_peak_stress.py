@@ -32,7 +32,7 @@ PEAK_STRESS_OPTIONS = ("chains", "warmup", "draws", "seed")
 
 def add_options(command: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    command.add_argument("data", type=Path, metavar="DATA.toml")
+    command.add_argument("data", type=Path, metavar="DATA.toml", help="table of peak stresses")
     command.add_argument(
         "--priors", type=Path, help="prior file (default: the material's weak ones)"
     )

@@ -11,6 +11,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from importlib import import_module
+from pathlib import Path
 
 from pyburgers.cli.completion import COMPLETING, add_arguments, complete, words_to_complete
 from pyburgers.cli.parser import OneLineParser, ShowVersion
@@ -108,6 +109,9 @@ def _run(arguments: Sequence[str]) -> int:
             f"memory is limited to {limit / 1e6:.0f} MB, expected at least "
             f"{LEAST_MEMORY / 1e6:.0f} MB; raise the limit (ulimit -v)."
         )
+    home = os.environ.get("HOME", "")
+    if Path(home).exists() and not Path(home).is_dir():  # libraries would tell of their own folders
+        raise InputError(f"HOME is {home}, which is a file; expected a folder.")
     options = _parse(arguments)
     with messages_to(sys.stderr):
         code: int = options.run(options)

@@ -49,7 +49,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
     command = predictions.add_parser(
         ATTENUATION, help="tan(delta) of stress cycles about a median stress"
     )
-    command.add_argument("directory", type=Path, metavar="RUN")
+    command.add_argument("directory", type=Path, metavar="RUN", help="run directory of fit")
     command.add_argument(
         "--test",
         metavar="ID",

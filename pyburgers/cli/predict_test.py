@@ -25,8 +25,10 @@ from pyburgers.protocols.protocol import load_experiment
 
 def add_options(command: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    command.add_argument("directory", type=Path, metavar="RUN")
-    command.add_argument("experiment", type=Path, metavar="EXPERIMENT.toml")
+    command.add_argument("directory", type=Path, metavar="RUN", help="run directory of fit")
+    command.add_argument(
+        "experiment", type=Path, metavar="EXPERIMENT.toml", help="file of the other test"
+    )
     command.add_argument(
         "--out",
         type=Path,

@@ -16,9 +16,21 @@ from pyburgers.sampling.run_directory import names_of_runs
 
 def add_options(command: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    command.add_argument("directories", type=Path, nargs="+", metavar="RUN")
-    command.add_argument("--out", type=Path, required=True, metavar="DIR")
-    command.add_argument("--title", default="Nonlinear Burgers fits")
+    command.add_argument(
+        "directories",
+        type=Path,
+        nargs="+",
+        metavar="RUN",
+        help="run directory of fit or fit-peak-stress",
+    )
+    command.add_argument(
+        "--out",
+        type=Path,
+        required=True,
+        metavar="DIR",
+        help="folder of the page, new or that of an earlier page",
+    )
+    command.add_argument("--title", default="Nonlinear Burgers fits", help="of the page")
 
 
 def run(options: argparse.Namespace) -> int:

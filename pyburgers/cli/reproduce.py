@@ -11,8 +11,12 @@ from pyburgers.studies.maor.reproduce import PRESETS, fit_part, reproduce
 
 def add_options(command: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    command.add_argument("--preset", choices=sorted(PRESETS), default="quick")
-    command.add_argument("--out", type=Path, default=Path("report"), metavar="DIR")
+    command.add_argument(
+        "--preset", choices=sorted(PRESETS), default="quick", help="how long chains are"
+    )
+    command.add_argument(
+        "--out", type=Path, default=Path("report"), metavar="DIR", help="folder of page and runs"
+    )
     command.add_argument(
         "--measured",
         type=Path,

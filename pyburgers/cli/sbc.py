@@ -42,7 +42,13 @@ CALIBRATION_OPTIONS = ("chains", "warmup", "draws", "seed", "adapt_delta", "coor
 
 def add_options(command: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    command.add_argument("experiments", type=Path, nargs="*", metavar="TEMPLATE.toml")
+    command.add_argument(
+        "experiments",
+        type=Path,
+        nargs="*",
+        metavar="TEMPLATE.toml",
+        help="file of a test whose conditions the simulated ones have",
+    )
     add_model_options(command)
     command.add_argument(
         "--priors",

@@ -35,7 +35,9 @@ def add_options(command: argparse.ArgumentParser) -> None:
         help="with --from, a draw from 1, counted through all chains, or their mean (default)",
     )
     command.add_argument("--test", metavar="ID", help="with --from, test of a joint fit")
-    command.add_argument("--out", type=Path, required=True, metavar="FILE.csv")
+    command.add_argument(
+        "--out", type=Path, required=True, metavar="FILE.csv", help="table of the solution"
+    )
 
 
 def run(options: argparse.Namespace) -> int:

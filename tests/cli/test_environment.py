@@ -127,11 +127,10 @@ def test_a_deleted_working_directory_is_told(tmp_path: Path) -> None:
 def test_a_home_that_is_a_file_is_told(tmp_path: Path) -> None:
     home = tmp_path / "home"
     home.touch()
-    environment = {"HOME": str(home), "MPLCONFIGDIR": str(tmp_path)}
-    code, error = ended("sys.exit(main(['check', '/nowhere']))", environment=environment)
-    assert code in (1, 2)
-    assert error.startswith("pyburgers: ")
-    assert error.count("\n") == 1
+    for command in (["check", "/nowhere"], ["export", "/nowhere"], ["doctor"]):
+        code, error = ended(f"sys.exit(main({command}))", environment={"HOME": str(home)})
+        assert code == 2
+        assert error == f"pyburgers: HOME is {home}, which is a file; expected a folder.\n"
 
 
 def test_a_full_disk_is_told_and_what_was_there_stays(tmp_path: Path) -> None:

@@ -57,9 +57,8 @@ def add_options(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--more-draws",
         type=int,
-        default=0,
         metavar="N",
-        help="add N draws to every chain of a run that is complete",
+        help="add N draws to every chain of the run in --out, after what it still lacks",
     )
     command.add_argument(
         "--overwrite", action="store_true", help="replace a run of other inputs in --out"

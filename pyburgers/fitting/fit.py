@@ -27,6 +27,7 @@ from pyburgers.protocols.problem import Problem, one_test, problem_of
 from pyburgers.protocols.protocol import load_experiment
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.protocols.together import pooling_for
+from pyburgers.sampling.extensions import require_extendable
 from pyburgers.sampling.manifest import FitManifest
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.repetitions import tighten_solver
@@ -245,7 +246,7 @@ def fit(
     solver: SolverOptions | None = None,
     use_likelihood: bool = True,
     command: str = "pyburgers.fit(...)",
-    more_draws: int = 0,
+    more_draws: int | None = None,
     overwrite: bool = False,
 ) -> Fit:
     """Fit the nonlinear Burgers model to a test, or to several of one material.
@@ -274,8 +275,8 @@ def fit(
         False samples the prior predictive distribution with the same program.
     command : str
         What regenerates the run, for the manifest.
-    more_draws : int
-        Draws that are added to every chain of a run that has all that was asked for before.
+    more_draws : int, optional
+        Draws that are added to every chain of the run in `out`, after what it still lacks.
     overwrite : bool
         Whether a run of other inputs in `out` is removed; without it that is an error.
 
@@ -289,7 +290,7 @@ def fit(
     InputError
         If an input is wrong or `out` holds something else.
     SamplingError
-        If no chain finished.
+        If no chain finished, or one could not be extended.
     """
     tests = [experiments] if isinstance(experiments, Experiment) else list(experiments)
     for test in tests[:1]:
@@ -346,7 +347,7 @@ def fit_problem(
     solver: SolverOptions | None = None,
     use_likelihood: bool = True,
     command: str,
-    more_draws: int = 0,
+    more_draws: int | None = None,
     overwrite: bool = False,
 ) -> Fit:
     """Fit what a problem holds.
@@ -359,6 +360,8 @@ def fit_problem(
         As for `fit`, which says what is returned and raised.
     """
     run = RunDirectory(Path(out))
+    if more_draws is not None:
+        require_extendable(run, more_draws, overwrite=overwrite)
 
     def sample() -> Fit:
         nonlocal more_draws
@@ -372,7 +375,7 @@ def fit_problem(
             more_draws=more_draws,
             overwrite=overwrite,
         )
-        more_draws = 0  # chains that are run again get the same number
+        more_draws = None  # chains that are run again get the same number
         return Fit.load(run.path)
 
     result = _sample_until_good(sample, run)

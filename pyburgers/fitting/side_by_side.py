@@ -164,7 +164,7 @@ def _do(name: str, task: Task, out: Path, command: str, keep_going: bool) -> Pyb
 
 def _fit(task: Task, out: Path, command: str) -> None:
     """Do a fit, and let its chains go on where more draws are what it lacks."""
-    more_draws = 0
+    more_draws = None
     while True:
         result = fit_problem(
             task.problem,

@@ -12,6 +12,9 @@ COORDINATES = (
 )
 """What may be asked for; which go with a test, its protocol says."""
 
+MOST_DRAWS = 10**6
+"""Of a chain, at once."""
+
 INDECISIVE = frozenset({"chains", "chain_timeout", "parallel_chains", "threads_per_chain"})
 """Options that change no draw of a chain.
 
@@ -72,7 +75,7 @@ class SamplerOptions:
         """
         limits = {
             "chains": (self.chains, 1, 1000),
-            "draws": (self.draws, 4, 10**6),
+            "draws": (self.draws, 4, MOST_DRAWS),
             "seed": (self.seed, 0, 2**31 - 1),
             "max_treedepth": (self.max_treedepth, 1, 20),
             "threads_per_chain": (self.threads_per_chain, 1, 1000),

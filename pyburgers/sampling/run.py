@@ -2,7 +2,7 @@
 
 import logging
 import platform
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -19,7 +19,13 @@ from pyburgers.common.atomic_files import (
     write_atomically,
     write_json,
 )
-from pyburgers.common.errors import InputError, SamplingError, SystemFailureError, ToolchainError
+from pyburgers.common.errors import (
+    InputError,
+    PyburgersError,
+    SamplingError,
+    SystemFailureError,
+    ToolchainError,
+)
 from pyburgers.common.toml_files import read_json
 from pyburgers.model.priors import save_priors
 from pyburgers.model.variants import variant_of
@@ -27,9 +33,10 @@ from pyburgers.protocols.problem import Problem
 from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.protocol import save_experiment
 from pyburgers.protocols.stan_data import SolverOptions, StanData, decisive
-from pyburgers.sampling.chains import Extension, run_side_by_side
+from pyburgers.sampling.chains import run_side_by_side
 from pyburgers.sampling.changes import Wanted, refusal
 from pyburgers.sampling.charts import ChosenChart, check_coordinates, choose_chart
+from pyburgers.sampling.extensions import extend_chains
 from pyburgers.sampling.failures import ChainFailure
 from pyburgers.sampling.options import INDECISIVE, SamplerOptions
 from pyburgers.sampling.repetitions import TIGHTENING, shortened, tolerance_in
@@ -71,7 +78,7 @@ def run_chains(
     solver: SolverOptions,
     use_likelihood: bool,
     command: str,
-    more_draws: int = 0,
+    more_draws: int | None = None,
     overwrite: bool = False,
 ) -> tuple[ChainFailure, ...]:
     """Run the chains that a run directory lacks and record everything in it.
@@ -88,7 +95,7 @@ def run_chains(
         False samples the prior.
     command : str
         What regenerates the run, for the manifest.
-    more_draws : int
+    more_draws : int, optional
         Draws by which every chain is extended, see `complete_chains`.
     overwrite : bool
         Whether a run of other inputs in the directory is removed.
@@ -103,7 +110,7 @@ def run_chains(
     InputError
         If the directory holds a different run or cannot be written.
     SamplingError
-        If no chain finished.
+        If no chain finished, or one could not be extended.
     KeyboardInterrupt
         Passed on after the chains were stopped; the same call continues the run.
     """
@@ -184,7 +191,7 @@ def complete_chains(
     options: SamplerOptions,
     draw_start: Callable[[int], dict[str, list[float]]],
     *,
-    more_draws: int = 0,
+    more_draws: int | None = None,
 ) -> tuple[ChainFailure, ...]:
     """Run the chains that a claimed run directory lacks and note in its manifest how they ended.
 
@@ -198,9 +205,9 @@ def complete_chains(
         Settled settings.
     draw_start : callable
         Start of a chain, by its identifier; called where the directory has none.
-    more_draws : int
-        Draws by which every chain is extended, unless an earlier extension is not complete: then
-        that is completed. An extension goes on where the chains ended, with their step size and
+    more_draws : int, optional
+        Draws by which every chain is extended, after an earlier extension by another number that
+        was interrupted. An extension goes on where the chains ended, with their step size and
         metric; the draws that are there stay as they are.
 
     Returns
@@ -211,9 +218,9 @@ def complete_chains(
     Raises
     ------
     SamplingError
-        If no chain finished, now or before.
+        If no chain finished, now or before, or one could not be extended.
     SystemFailureError
-        If the system ended them all.
+        If it was the system that ended them.
     """
     wanted = range(1, options.chains + 1)
     missing = [chain for chain in wanted if chain not in run.finished_chains()]
@@ -225,43 +232,25 @@ def complete_chains(
         if not run.initial_values_file(chain).is_file():
             write_json(run.initial_values_file(chain), draw_start(chain))
     failures = run_side_by_side(model, run, missing, options) if missing else ()
-    failures += _extend_chains(model, run, options, more_draws)
+    not_extended = extend_chains(model, run, options, more_draws)
+    status = "chains missing" if failures else "sampled"
     run.update_manifest(
         {
-            "status": "chains missing" if failures else "sampled",
-            "failures": [asdict(failure) for failure in failures],
+            "status": "extension failed" if not_extended else status,
+            "failures": [asdict(failure) for failure in (*failures, *not_extended)],
             "chains": run.chain_records(),
         }
     )
     if not run.finished_chains():
-        kind = SystemFailureError if all(one.by_system for one in failures) else SamplingError
-        raise kind(f"No chain finished: {failures[0].reason}")
+        raise _error_of(failures, "No chain finished")
+    if not_extended:
+        raise _error_of(not_extended, f"{run.path}: not all chains could be extended")
     return failures
 
 
-def _extend_chains(
-    model: Program, run: RunDirectory, options: SamplerOptions, more_draws: int
-) -> tuple[ChainFailure, ...]:
-    """Extend the finished chains as often as was asked for, now or before."""
-    asked = list(run.read_manifest().get("more_draws", []))
-    if more_draws and run.n_extensions() == len(asked):
-        asked.append(more_draws)
-        run.update_manifest({"more_draws": asked})
-    for number, draws in enumerate(asked, start=1):
-        chains = [
-            chain
-            for chain in run.finished_chains()
-            if not run.extended_folder(chain, number).is_dir()
-        ]
-        if not chains:
-            continue
-        logger.info(f"Extending {len(chains)} chains by {draws} draws.")
-        failures = run_side_by_side(model, run, chains, options, Extension(number, draws))
-        for failure in failures:
-            logger.warning(failure.reason)
-        if failures:
-            return failures
-    return ()
+def _error_of(failures: Sequence[ChainFailure], what: str) -> PyburgersError:
+    kind = SystemFailureError if all(one.by_system for one in failures) else SamplingError
+    return kind(f"{what}: {failures[0].reason}")
 
 
 def _write_chart(run: RunDirectory, chart: ChosenChart) -> None:

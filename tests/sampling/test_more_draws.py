@@ -1,23 +1,36 @@
 """Finished chains go on: the draws that are there stay, what is added is reproducible."""
 
+import logging
 import shutil
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from conftest import SMALL_RUN, Problem
 
 from pyburgers.cmdstan.draw_files import adaptation_of, join_draws, read_draws
+from pyburgers.cmdstan.program import Program
+from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.fitting.fit import Fit, fit
+from pyburgers.sampling import extensions
+from pyburgers.sampling.chains import run_side_by_side
+from pyburgers.sampling.failures import ChainFailure
 from pyburgers.sampling.run_directory import RunDirectory
 
 MORE = 60
 
 
-def again(problem: Problem, out: Path, more_draws: int = 0) -> Fit:
+def again(problem: Problem, out: Path, more_draws: int | None = None) -> Fit:
     return fit(
         problem.experiment, problem.priors, out=out, options=SMALL_RUN, more_draws=more_draws
     )
+
+
+def files_in(folder: Path) -> dict[Path, bytes]:
+    return {file: file.read_bytes() for file in folder.rglob("*") if file.is_file()}
 
 
 def contents(run: RunDirectory) -> dict[str, bytes]:
@@ -89,6 +102,97 @@ def test_it_goes_on_from_any_extension_and_not_without_being_asked(
     assert longer.manifest["more_draws"] == [MORE, 20]
     assert {name: contents(longer.directory)[name] for name in kept} == kept
     assert longer.checked_draws is not None
+
+
+def test_another_number_is_added_after_what_was_interrupted(
+    extended: Fit, small_problem: Problem, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    run = RunDirectory(tmp_path / "run")
+    shutil.copytree(extended.directory.path, run.path)
+    shutil.rmtree(run.extended_folder(2, 1))
+    caplog.set_level(logging.INFO, "pyburgers.sampling.extensions")
+    longer = again(small_problem, run.path, 20)
+    assert longer.manifest["more_draws"] == [MORE, 20]
+    assert longer.posterior["posterior"].sizes["draw"] == SMALL_RUN.draws + MORE + 20
+    assert caplog.messages == [
+        "Adding 60 draws was asked for before and is completed first.",
+        "Extending 1 chain by 60 draws.",
+        "Extending 2 chains by 20 draws.",
+    ]
+
+
+def test_the_same_number_again_completes_what_was_interrupted(
+    extended: Fit, small_problem: Problem, tmp_path: Path
+) -> None:
+    run = RunDirectory(tmp_path / "run")
+    shutil.copytree(extended.directory.path, run.path)
+    shutil.rmtree(run.extended_folder(2, 1))
+    assert again(small_problem, run.path, MORE).manifest["more_draws"] == [MORE]
+    assert contents(run) == contents(extended.directory)
+
+
+@pytest.mark.parametrize("more", [-5, 0, 10**6 + 1, 10**20])
+def test_a_number_that_cannot_be_drawn_changes_nothing(
+    more: int, small_fit: Fit, small_problem: Problem, tmp_path: Path
+) -> None:
+    path = tmp_path / "run"
+    small_fit.save(path)
+    before = files_in(path)
+    with pytest.raises(InputError, match=f"^--more-draws {more}: expected a number from 1 to"):
+        again(small_problem, path, more)
+    assert files_in(path) == before
+
+
+def test_draws_are_added_to_a_run_that_is_there_and_stays(
+    small_fit: Fit, small_problem: Problem, tmp_path: Path
+) -> None:
+    path = tmp_path / "run"
+    with pytest.raises(InputError, match=r"--more-draws 10: found no run in .*run, expected one"):
+        again(small_problem, path, 10)
+    assert not path.exists()
+    small_fit.save(path)
+    before = files_in(path)
+    with pytest.raises(InputError, match="--more-draws 10: found it beside --overwrite"):
+        fit(
+            small_problem.experiment,
+            small_problem.priors,
+            out=path,
+            options=replace(SMALL_RUN, seed=12),
+            more_draws=10,
+            overwrite=True,
+        )
+    assert files_in(path) == before
+
+
+@pytest.mark.parametrize("failing", [(1, 2), (2,)])
+def test_an_extension_that_fails_leaves_the_draws_that_were_there(
+    failing: tuple[int, ...],
+    small_fit: Fit,
+    small_problem: Problem,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    path = tmp_path / "run"
+    small_fit.save(path)
+    run = RunDirectory(path)
+
+    def sample(model: Program, run: RunDirectory, chains: Sequence[int], *more: Any) -> Any:
+        kept = [chain for chain in chains if chain not in failing]
+        assert run_side_by_side(model, run, kept, *more) == ()
+        return tuple(ChainFailure(chain, f"Chain {chain} stopped.") for chain in failing)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(extensions, "run_side_by_side", sample)
+        with pytest.raises(SamplingError, match=rf"run: .*extended: Chain {failing[0]} stopped\."):
+            again(small_problem, path, MORE)
+    assert run.read_manifest()["status"] == "extension failed"
+    assert Fit.load(path).posterior["posterior"].sizes["draw"] == SMALL_RUN.draws
+    # What no chain has is forgotten, so that the run can go on; what one has is completed.
+    completed = again(small_problem, path)
+    wanted = [] if len(failing) == 2 else [MORE]
+    assert completed.manifest["more_draws"] == wanted
+    assert completed.posterior["posterior"].sizes["draw"] == SMALL_RUN.draws + sum(wanted)
+    assert completed.manifest["status"] == "complete"
 
 
 def test_changed_draws_of_an_extension_are_noticed(extended: Fit, tmp_path: Path) -> None:

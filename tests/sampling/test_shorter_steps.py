@@ -24,7 +24,7 @@ LONG_STEPS = replace(SMALL_RUN, adapt_delta=0.05)
 """A target with which half of the trajectories diverge, and a few still with steps half as long."""
 
 
-def again(problem: Problem, out: Path, more_draws: int = 0) -> Fit:
+def again(problem: Problem, out: Path, more_draws: int | None = None) -> Fit:
     return fit(
         problem.experiment, problem.priors, out=out, options=LONG_STEPS, more_draws=more_draws
     )

@@ -1,0 +1,105 @@
+"""Draws that are added to finished chains: how many may be asked for, and sampling them."""
+
+import logging
+
+from pyburgers.cmdstan.program import Program
+from pyburgers.common.errors import InputError
+from pyburgers.sampling.chains import Extension, run_side_by_side
+from pyburgers.sampling.failures import ChainFailure
+from pyburgers.sampling.options import MOST_DRAWS, SamplerOptions
+from pyburgers.sampling.run_directory import RunDirectory
+
+logger = logging.getLogger(__name__)
+
+
+def require_extendable(run: RunDirectory, more_draws: int, *, overwrite: bool) -> None:
+    """Check, before anything is done, that draws can be added to a run.
+
+    Parameters
+    ----------
+    run : RunDirectory
+        Where the run has to be.
+    more_draws : int
+        Draws for every chain.
+    overwrite : bool
+        Whether a run of other inputs there would be removed.
+
+    Raises
+    ------
+    InputError
+        If the number is out of range, there is no run, or it may be removed.
+    """
+    option = f"--more-draws {more_draws}"
+    if not 1 <= more_draws <= MOST_DRAWS:
+        raise InputError(f"{option}: expected a number from 1 to {MOST_DRAWS}.")
+    if overwrite:
+        raise InputError(
+            f"{option}: found it beside --overwrite, expected one of them: draws are added to a "
+            "run that stays."
+        )
+    if not run.manifest_file.is_file():
+        raise InputError(
+            f"{option}: found no run in {run.path}, expected one to add draws to; run the same "
+            "command without it first."
+        )
+
+
+def extend_chains(
+    model: Program, run: RunDirectory, options: SamplerOptions, more_draws: int | None
+) -> tuple[ChainFailure, ...]:
+    """Extend the finished chains as often as was asked for, now or before.
+
+    An extension that fails in all chains leaves the run as it was: it would fail again whenever
+    the run is continued. What some chains have of it stays, and is completed first.
+
+    Parameters
+    ----------
+    model : Program
+        The program.
+    run : RunDirectory
+        Claimed, with a manifest.
+    options : SamplerOptions
+        Settled settings.
+    more_draws : int or None
+        Draws that are asked for now.
+
+    Returns
+    -------
+    tuple of ChainFailure
+        Chains that could not be extended.
+    """
+    asked = _asked(run, more_draws)
+    for number, draws in enumerate(asked, start=1):
+        finished = run.finished_chains()
+        chains = [one for one in finished if not run.extended_folder(one, number).is_dir()]
+        if not chains:
+            continue
+        logger.info(f"Extending {_counted(len(chains), 'chain')} by {_counted(draws, 'draw')}.")
+        failures = run_side_by_side(model, run, chains, options, Extension(number, draws))
+        if len(failures) == len(finished):
+            run.update_manifest({"more_draws": asked[: number - 1]})
+        if failures:
+            return failures
+    return ()
+
+
+def _asked(run: RunDirectory, more_draws: int | None) -> list[int]:
+    """Return the draws of all extensions, of which the manifest then knows."""
+    asked: list[int] = list(run.read_manifest().get("more_draws", []))
+    if more_draws is None:
+        return asked
+    lacking = asked[run.n_extensions() :]
+    for draws in lacking:
+        logger.info(
+            f"Adding {_counted(draws, 'draw')} was asked for before and is completed first."
+        )
+    # The same command again means what it was interrupted in.
+    if more_draws in lacking:
+        return asked
+    asked.append(more_draws)
+    run.update_manifest({"more_draws": asked})
+    return asked
+
+
+def _counted(number: int, what: str) -> str:
+    return f"{number} {what}{'s' * (number != 1)}"

@@ -4,6 +4,7 @@ import argparse
 from collections.abc import Sequence
 from difflib import get_close_matches
 from importlib.metadata import version
+from pathlib import Path
 from typing import Any, NoReturn
 
 from pyburgers.common.errors import InputError
@@ -34,11 +35,20 @@ class HelpWithDefaults(argparse.HelpFormatter):
         return f"{text}; {ending}" if text else ending
 
 
+def _given_path(text: str) -> Path:
+    """Return a path; an empty text, such as of an unset shell variable, is none."""
+    if not text:
+        raise argparse.ArgumentTypeError("found an empty text, expected a path")
+    return Path(text)
+
+
 class OneLineParser(argparse.ArgumentParser):
     """Says in one line what is wrong with the arguments of a command."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **{"formatter_class": HelpWithDefaults, **kwargs})
+        # Every path of every command: `Path("")` is the working directory.
+        self.register("type", Path, _given_path)
 
     def error(self, message: str) -> NoReturn:
         """Refuse the arguments.

@@ -241,7 +241,7 @@ def test_what_cannot_be_described_is_refused(
     assert not path.with_suffix(".toml").exists()
 
 
-@pytest.mark.parametrize("path", ["", ".", ".."])
+@pytest.mark.parametrize("path", [".", ".."])
 def test_a_folder_is_no_table(path: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert_refused(main(["new", path, *KNOWN, *RATE]), capsys, "is a folder; expected a file")
 

@@ -3,12 +3,19 @@
 import argparse
 from pathlib import Path
 
+from pyburgers.cli.outputs import check_output
 from pyburgers.cli.shared import writing
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
 from pyburgers.flow_law_tables.fit import PeakStressFit, is_peak_stress_run
-from pyburgers.predictions.exported import FORMATS, Exported, exported, exported_table
+from pyburgers.predictions.exported import (
+    FORMATS,
+    Exported,
+    exported,
+    exported_table,
+    is_exported,
+)
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -23,6 +30,9 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
+    if options.out is not None:
+        check_output(options.out, options.directory)
+        _require_own(options.out)
     text = FORMATS[options.format](_exported(options.directory, options.test))
     if options.out is None:
         print(text, end="")
@@ -31,6 +41,15 @@ def run(options: argparse.Namespace) -> int:
         write_text(options.out, text)
     print(options.out)
     return 0
+
+
+def _require_own(out: Path) -> None:
+    """Refuse to write over what somebody else has written: no input tells which files those are."""
+    if out.is_file() and out.stat().st_size and not is_exported(out):
+        raise InputError(
+            f"--out {out}: holds something else than an export, expected a new file or an earlier "
+            "export."
+        )
 
 
 def _exported(directory: Path, test: str | None) -> Exported:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pyburgers.cli import predict_test
+from pyburgers.cli.outputs import check_output
 from pyburgers.cli.shared import writing
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.errors import InputError
@@ -150,6 +151,8 @@ def _fits(options: argparse.Namespace) -> list[Fit]:
 
 def _predict(fit: Fit, options: argparse.Namespace, out: Path) -> None:
     """Predict from a test; write the files and print what they say."""
+    beside = (".nc", ".png", ".svg", "_evolving.csv", "_evolving.nc")
+    check_output(out, options.directory, options.measured, beside=beside)
     grain_size = options.grain_size_um
     modulus, deviation = _elastic_modulus(options)
     hold_time = HOLD_TIME
@@ -189,10 +192,10 @@ def _predict(fit: Fit, options: argparse.Namespace, out: Path) -> None:
         save_spectrum(spectrum, out.with_suffix(".nc"))
         write_images(figure, out)
         if comparison is not None:
-            beside = out.with_name(f"{out.stem}_evolving.csv")
-            write_text(beside, evolving_table(comparison).to_csv(index=False))
-            save_spectrum(comparison, beside.with_suffix(".nc"))
-            files += [beside, beside.with_suffix(".nc")]
+            evolved = out.with_name(f"{out.stem}_evolving.csv")
+            write_text(evolved, evolving_table(comparison).to_csv(index=False))
+            save_spectrum(comparison, evolved.with_suffix(".nc"))
+            files += [evolved, evolved.with_suffix(".nc")]
     print(f"{spectrum.attrs['title']}: tan(delta), median and 90 % of the draws")
     print(overview_table(spectrum).to_string(index=False))
     print(frozen_sentence(spectrum))

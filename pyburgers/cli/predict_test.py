@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from pyburgers.cli.outputs import check_output
 from pyburgers.cli.shared import writing
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.errors import InputError
@@ -61,6 +62,8 @@ def run(options: argparse.Namespace) -> int:
     out: Path = options.out
     if out.suffix != ".csv":
         raise InputError(f"--out {out}: expected a file name that ends in .csv.")
+    beside = (".nc", ".png", ".svg", "_readings.csv", "_scores.csv")
+    check_output(out, options.directory, options.experiment, beside=beside)
     fit = Fit.load(options.directory)
     prediction = (fit if options.test is None else fit[options.test]).predict(
         load_experiment(options.experiment),

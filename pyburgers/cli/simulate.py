@@ -4,6 +4,7 @@ import argparse
 import logging
 from pathlib import Path
 
+from pyburgers.cli.outputs import check_output
 from pyburgers.cli.shared import writing
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.errors import InputError
@@ -43,6 +44,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
     experiment = load_experiment(options.experiment)
+    check_output(options.out, options.experiment, options.parameters, options.run_of)
     if options.run_of is None:
         _check_without_run(options)
         parameters = load_parameters(options.parameters)
@@ -53,8 +55,6 @@ def run(options: argparse.Namespace) -> int:
             "warning: beta is positive; in SI units (Pa, m, s) laboratory flow laws have a "
             "negative one, and the +7.29e-4 mol/J printed in the paper's Table 1 is a misprint."
         )
-    if options.out.is_dir():
-        raise InputError(f"--out {options.out}: is a folder, expected a file name.")
     solution = simulate(experiment, parameters)
     with writing(options.out):
         write_text(options.out, solution.to_csv(index=False))

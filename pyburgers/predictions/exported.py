@@ -2,8 +2,10 @@
 
 import io
 import json
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -195,3 +197,12 @@ FORMATS: Mapping[str, Callable[[Exported], str]] = MappingProxyType(
     {"json": as_json, "csv": as_csv, "latex": as_latex}
 )
 """What writes each format."""
+
+_BEGINNING = re.compile(r'\{\n "test": |name,unit,mean,sd,cov_|% .*\n% sampled well: ')
+"""Of what each of them writes."""
+
+
+def is_exported(path: Path) -> bool:
+    """Whether a file looks like one of the formats, of any fit."""
+    with path.open(encoding="utf-8", errors="replace") as file:
+        return _BEGINNING.match(file.read(10000)) is not None

@@ -92,7 +92,13 @@ class RunManifest(RecordedHashes):
 
     fingerprint: str = Field(description="hash of what decides the draws")
     status: Literal[
-        "claimed", "sampling", "interrupted", "sampled", "chains missing", "complete"
+        "claimed",
+        "sampling",
+        "interrupted",
+        "sampled",
+        "chains missing",
+        "extension failed",
+        "complete",
     ] = Field(description="how far the run has come")
     experiment: str = Field(description="what was fitted")
     data_kind: Literal["measured", "digitised", "synthetic"] = Field(

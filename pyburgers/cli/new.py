@@ -3,17 +3,19 @@
 import argparse
 import os
 import re
+import shlex
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from pyburgers.cli.check_file import check
+from pyburgers.cli.check_file import all_errors, check
 from pyburgers.cli.shared import writing
-from pyburgers.common.atomic_files import write_text
+from pyburgers.common.atomic_files import write_atomically
 from pyburgers.common.errors import InputError
 from pyburgers.common.text_tables import TextTable, look_at
+from pyburgers.common.toml_files import read_tables
 from pyburgers.model.priors import shipped_prior_files
 from pyburgers.protocols.guessed_columns import GuessedColumn, guess_columns
 from pyburgers.protocols.new_file import (
@@ -85,16 +87,35 @@ def run(options: argparse.Namespace) -> int:
     _require_columns(options.csv, name, new_file, columns)
     if options.protocol is None:
         print(f"guessed: protocol {name}, because {reason}")
+    _refuse_what_is_not_taken(name, new_file, columns, options)
     questions = list(_questions(new_file, table, columns, options))
     file = os.path.relpath(options.csv, out.parent)
     description = Description(file, table, columns, _answers(questions, options))
+    text = experiment_text(name, new_file, description)
     with writing(out):
-        write_text(out, experiment_text(name, new_file, description))
+        write_atomically(out, lambda draft: _write_checked(draft, out, text))
     print(f"written: {out}")
     code = check(out)
-    if code == 0:
-        print(f"next: pyburgers fit {out}")
+    print(f"next: {shlex.join(['pyburgers', 'fit', str(out)])}")
     return code
+
+
+def _write_checked(draft: Path, out: Path, text: str) -> None:
+    """Write an experiment file that can be read; `draft` lies beside `out`, whose name it gets.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read.
+    """
+    draft.write_text(text, encoding="utf-8")
+    try:
+        errors, _ = all_errors(draft, read_tables(draft))
+    except InputError as error:  # such as of a control character
+        errors = list(error.sentences)
+    if errors:
+        said = "; ".join(error.replace(f"{draft}: ", "").rstrip(".") for error in errors)
+        raise InputError(f"{out}: not written, because it would be wrong: {said}.")
 
 
 def _guess_protocol(table: TextTable, columns: Mapping[str, GuessedColumn]) -> tuple[str, str]:
@@ -118,6 +139,27 @@ def _require_columns(
                 f"{path}: found no column that looks like {' or '.join(quantities)}, expected one "
                 f"for the protocol {protocol}; name it so in the first row, or give --protocol."
             )
+
+
+def _refuse_what_is_not_taken(
+    protocol: str,
+    new_file: NewFile,
+    columns: Mapping[str, GuessedColumn],
+    options: argparse.Namespace,
+) -> None:
+    """Refuse options that the file would not hold."""
+    given = vars(options)
+    taken = {question.name for question in (*FIRST, *LAST)}
+    taken |= set(new_file.taken(columns.keys(), given))
+    for question in _every_question():
+        value = given[question.name]
+        if value is not None and question.name not in taken:
+            why = (
+                f"{question.name} is read from column {columns[question.name].column!r}"
+                if question.name in columns
+                else f"such a test of the protocol {protocol} takes none"
+            )
+            raise InputError(f"{question.option} {value}: expected no such option, because {why}.")
 
 
 def _questions(

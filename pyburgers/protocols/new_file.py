@@ -62,7 +62,8 @@ class Question:
 
 
 STRAIN_RATE = Question("strain_rate_per_s", "imposed strain rate in 1/s", float)
-"""Several kinds of test can have one."""
+STRESS_ERROR = Question("stress_uncertainty", "standard deviation of a stress, in its unit", float)
+"""Several kinds of test can have one, or the other."""
 
 
 @dataclass(frozen=True)
@@ -117,6 +118,16 @@ class NewFile(ABC):
             Quantities that have one.
         given : mapping
             Answers that are there already, None where there is none.
+        """
+        return self.taken(columns, given)
+
+    def taken(self, columns: Collection[str], given: Mapping[str, Any]) -> Collection[str]:
+        """Return the names of those of its questions whose answers the file can hold.
+
+        Parameters
+        ----------
+        columns, given
+            As for `asked`.
         """
         return {question.name for question in self.questions}
 

@@ -185,7 +185,7 @@ def test_a_table_of_attenuation(tmp_path: Path) -> None:
 def test_what_was_guessed_and_taken_is_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = tmp_path / "curve.csv"
+    path = tmp_path / "my curve.csv"
     path.write_text("strain,stress\n0.001,2\n0.02,3\n", encoding="utf-8")
     made(path, *RATE)
     out = capsys.readouterr().out
@@ -194,7 +194,7 @@ def test_what_was_guessed_and_taken_is_told(
         "guessed: stress: column 'stress' in MPa (by its numbers)",
         "guessed: protocol constant_rate, because there are strain and stress",
         "taken: --kind measured",
-        f"next: pyburgers fit {path.with_suffix('.toml')}",
+        f"next: pyburgers fit '{path.with_suffix('.toml')}'",
     ):
         assert line in out.splitlines()
 
@@ -214,6 +214,82 @@ def test_in_a_terminal_it_asks_again_until_it_understands(
     assert (test.id, test.material, test.temperature) == ("curve", "ice", 263.0)
     assert test.provenance.source == "me, 2026"
     assert "found 'cold', expected a number" in capsys.readouterr().out
+
+
+CURVE = "strain,stress_MPa\n0.001,2\n0.02,3\n"
+CYCLES = "time_s,strain,stress_MPa,stress_sd\n" + "".join(
+    f"{k},{1e-4 * math.sin(k / 6):.7f},{math.sin(k / 6):.4f},0.1\n" for k in range(200)
+)
+TABLE = (DATA / "ice" / "attenuation_twin.csv").read_text(encoding="utf-8")
+
+
+def test_the_error_of_a_curve_is_written_where_it_is_given(tmp_path: Path) -> None:
+    path = tmp_path / "curve.csv"
+    path.write_text(CURVE, encoding="utf-8")
+    test = made(path, *RATE, "--stress-uncertainty", "0.07")
+    assert isinstance(test, ConstantRateExperiment)
+    assert test.stress_uncertainty == pytest.approx(0.07e6)
+
+
+NOT_TAKEN = {
+    "strain error": (CURVE, RATE, ("--strain-uncertainty", "0.01"), "constant_rate takes none"),
+    "stress": (CURVE, RATE, ("--stress-MPa", "77.0"), "constant_rate takes none"),
+    "Poisson": (CURVE, RATE, ("--poisson-ratio", "0.3"), "constant_rate takes none"),
+    "read": (
+        CYCLES,
+        ("--strain-uncertainty", "1e-6"),
+        ("--stress-uncertainty", "0.5"),
+        "read from column 'stress_sd'",
+    ),
+    "axial": (TABLE, ("--deformation", "axial"), ("--poisson-ratio", "0.3"), "takes none"),
+}
+
+
+@pytest.mark.parametrize(("text", "options", "more", "words"), NOT_TAKEN.values(), ids=NOT_TAKEN)
+def test_an_option_that_the_file_would_not_hold_is_refused(
+    text: str,
+    options: tuple[str, ...],
+    more: tuple[str, ...],
+    words: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    path = tmp_path / "curve.csv"
+    path.write_text(text, encoding="utf-8")
+    assert main(["new", str(path), *KNOWN, *options, *more]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith(f"pyburgers: {' '.join(more)}: ")
+    assert words in error
+    assert [file.name for file in tmp_path.iterdir()] == ["curve.csv"]
+    made(path, *options)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--id", "../../x"), ("key 'id': found '../../x'",)),
+        (("--temperature-K", "nan"), ("key 'temperature_K'",)),
+        (("--source", "me\x7f"), ("not a valid TOML file",)),
+        (("--id", "a b", "--grain-size-m", "7"), ("key 'id'", "key 'initial_grain_size_m'")),
+    ],
+)
+def test_a_file_that_could_not_be_read_is_not_written(
+    options: tuple[str, ...],
+    words: tuple[str, ...],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    path = tmp_path / "curve.csv"
+    path.write_text(CURVE, encoding="utf-8")
+    assert main(["new", str(path), *KNOWN, *RATE, *options]) == 2
+    out, error = capsys.readouterr()
+    assert error.startswith(f"pyburgers: {path.with_suffix('.toml')}: not written")
+    assert error.count("\n") == 1
+    assert "unfinished" not in error
+    assert all(word in error for word in words)
+    assert "written" not in out
+    assert [file.name for file in tmp_path.iterdir()] == ["curve.csv"]
+    made(path, *RATE)
 
 
 REFUSED = {

@@ -1,6 +1,7 @@
 """What `pyburgers new` writes for a table of attenuation."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
+from typing import Any
 
 from pyburgers.common.text_tables import TextTable
 from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
@@ -15,20 +16,25 @@ from pyburgers.protocols.new_file import (
     optional,
 )
 
+DEFORMATION = Question("deformation", "deformation", choices=("axial", "shear"))
+POISSON_RATIO = Question("poisson_ratio", "Poisson's ratio", float, default=0.25)
+
 
 class AttenuationFile(NewFile):
     """A table against period or frequency."""
 
     experiment = AttenuationExperiment
     needed = (("period", "frequency"), ("attenuation",))
-    questions = (
-        Question("deformation", "deformation", choices=("axial", "shear")),
-        Question("poisson_ratio", "Poisson's ratio", float, default=0.25),
-    )
+    questions = (DEFORMATION, POISSON_RATIO)
 
     def suits(self, table: TextTable, columns: Mapping[str, GuessedColumn]) -> str | None:
         """Return that attenuation is read."""
         return "there is a column of attenuation" if "attenuation" in columns else None
+
+    def taken(self, columns: Collection[str], given: Mapping[str, Any]) -> Collection[str]:
+        """Return Poisson's ratio only where the deformation may be shear."""
+        axial = given[DEFORMATION.name] == "axial"
+        return {DEFORMATION.name} if axial else {DEFORMATION.name, POISSON_RATIO.name}
 
     def lines(self, test: Description) -> list[str]:
         """Return the kind of deformation and the columns."""

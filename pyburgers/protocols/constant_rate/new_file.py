@@ -1,12 +1,14 @@
 """What `pyburgers new` writes for a test at constant strain rate."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
+from typing import Any
 
 from pyburgers.common.text_tables import TextTable
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.protocols.guessed_columns import GuessedColumn
 from pyburgers.protocols.new_file import (
     STRAIN_RATE,
+    STRESS_ERROR,
     Description,
     NewFile,
     column_lines,
@@ -22,16 +24,21 @@ class ConstantRateFile(NewFile):
 
     experiment = ConstantRateExperiment
     needed = (("strain", "time"), ("stress",))
-    questions = (STRAIN_RATE,)
+    questions = (STRAIN_RATE, STRESS_ERROR)
 
     def suits(self, table: TextTable, columns: Mapping[str, GuessedColumn]) -> str | None:
         """Return that there is a curve; one that oscillates or creeps is asked about before."""
         return f"there are {'strain' if 'strain' in columns else 'time'} and stress"
 
+    def asked(self, columns: Collection[str], given: Mapping[str, Any]) -> Collection[str]:
+        """Return the rate: a fit infers the error of a stress where none is stated."""
+        return {STRAIN_RATE.name}
+
     def lines(self, test: Description) -> list[str]:
         """Return the segment and the columns of the curve."""
         position = "strain" if "strain" in test.columns else "time"
         late_strain = 20.0 if test.columns[position].unit == "percent" else 0.2
+        error, of_what = test.values[STRESS_ERROR.name], "of a reading, in the unit of the stress"
         return [
             with_comment("[[segments]]", "one for each imposed strain rate"),
             line("start_strain", 0.0, "a fraction, where this rate starts"),
@@ -42,7 +49,9 @@ class ConstantRateFile(NewFile):
             *layout_lines(test),
             *column_lines(test, position),
             *column_lines(test, "stress", comment="differential stress, compression positive"),
-            optional("stress_uncertainty = 0.05", "of a reading, in the unit of the stress"),
+            optional("stress_uncertainty = 0.05", of_what)
+            if error is None
+            else line("stress_uncertainty", error, of_what),
             optional("[[microstructure]]", "measured in the sample, at one strain or more"),
             optional(f"strain = {late_strain}", "in strain_unit of [data], else a fraction"),
             "# grain_size_m = 165e-6",

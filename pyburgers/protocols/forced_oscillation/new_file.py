@@ -7,6 +7,7 @@ from pyburgers.common.text_tables import TextTable
 from pyburgers.protocols.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.protocols.guessed_columns import GuessedColumn, goes_back_and_forth, numbers_of
 from pyburgers.protocols.new_file import (
+    STRESS_ERROR,
     Description,
     NewFile,
     Question,
@@ -25,7 +26,7 @@ class ForcedOscillationFile(NewFile):
     needed = (("time",), ("strain",), ("stress",))
     questions = (
         Question("strain_uncertainty", "standard deviation of a strain, in its unit", float),
-        Question("stress_uncertainty", "standard deviation of a stress, in its unit", float),
+        STRESS_ERROR,
     )
 
     def suits(self, table: TextTable, columns: Mapping[str, GuessedColumn]) -> str | None:
@@ -36,7 +37,7 @@ class ForcedOscillationFile(NewFile):
             return "the strain goes back and forth"
         return None
 
-    def asked(self, columns: Collection[str], given: Mapping[str, Any]) -> Collection[str]:
+    def taken(self, columns: Collection[str], given: Mapping[str, Any]) -> Collection[str]:
         """Return the errors that are not read."""
         return {question.name for question in self.questions} - set(columns)
 

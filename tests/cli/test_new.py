@@ -112,7 +112,8 @@ def test_a_relaxation_has_to_have_its_loading(
         "pyburgers: --strain-rate-per-s: missing, expected it"
     )
     assert main([*command, "--strain-rate-per-s", "0"]) == 2
-    assert "expected the loading as a stage ahead of it" in capsys.readouterr().out
+    assert "expected the loading as a stage ahead of it" in capsys.readouterr().err
+    assert not path.with_suffix(".toml").exists()
 
 
 @pytest.mark.parametrize(

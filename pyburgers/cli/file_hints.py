@@ -18,6 +18,9 @@ COARSE_GRAINS = 0.05
 LARGE_STRESS, SMALL_STRESS = 2e10, 1e3
 """Largest stresses (Pa) of a test beyond which a unit may be wrong."""
 
+MELTING_POINTS = {"ice": 273.16}
+"""Temperature (K) above which a material is not solid at any pressure of such tests."""
+
 SEPARATORS = {";": "semicolons", "\t": "tabs", " ": "white space", ",": "commas"}
 FILE_KEYS = ("file", "strain_file", "stress_file")
 
@@ -28,6 +31,12 @@ def doubts(experiment: Experiment) -> list[str]:
     size, name = experiment.initial_grain_size, experiment.id
     if size > COARSE_GRAINS:
         found.append(f"{name}: grains of {size:g} m are unlikely; 230 um is 230e-6.")
+    hottest, melting = float(experiment.temperatures.max()), MELTING_POINTS.get(experiment.material)
+    if melting is not None and hottest > melting:
+        found.append(
+            f"{name}: {experiment.material} at {hottest:g} K is molten (from {melting:g} K); check "
+            "the temperature."
+        )
     if experiment.n_points:
         stress = experiment.largest_stress
         if stress > LARGE_STRESS:

@@ -192,6 +192,9 @@ def test_a_notice_is_told_once(tmp_path: Path, capsys: pytest.CaptureFixture[str
         ((("MPa", "Pa"),), CURVE, "5 Pa"),
         ((("230e-6", "0.23"),), CURVE, "0.23 m"),
         ((('"ice"', '"quartz"'),), CURVE, "--priors"),
+        ((("263.0", "300.0"),), CURVE, "molten"),
+        ((("1e-4", "16900.0"),), CURVE, "16900 1/s"),
+        ((('"constant_rate"', '"constant_rate"\nfinal_strain = 2.0'),), CURVE, "small part"),
     ],
 )
 def test_unlikely_numbers_are_warned_about(

@@ -36,6 +36,12 @@ from pyburgers.protocols.microstructure import (
 LEAST_STRAIN = 1e-12
 """Strain from which on there is a solution: the solver cannot stop at rest."""
 
+FASTEST_PRESS = 1.0
+"""Strain rate (1/s) beyond which a unit may be wrong: split bars are faster, presses are not."""
+
+SMALL_PART = 0.05
+"""Share of the final strain before whose end readings of a whole test seldom stop."""
+
 
 @dataclass(frozen=True)
 class RateSegment:
@@ -106,6 +112,20 @@ class ConstantRateExperiment(Experiment):
             f"{self.id}: {self.material}, {self.temperature:g} K, "
             f"{'first ' if len(self.segments) > 1 else ''}{rate}, {self.provenance.kind} data"
         )
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Say where a rate is that of no press, and where readings end far before the test."""
+        found = []
+        fastest = max(segment.strain_rate for segment in self.segments)
+        if fastest > FASTEST_PRESS:
+            found.append(f"a strain rate of {fastest:g} 1/s is unlikely; check its unit.")
+        if self.n_points and self.strain[-1] < SMALL_PART * self.final_strain:
+            found.append(
+                f"readings end at a strain of {self.strain[-1]:g}, a small part of the final "
+                f"{self.final_strain:g}; check the unit of the strains."
+            )
+        return tuple(found)
 
     def time_at(self, strain: FloatArray) -> FloatArray:
         """Return the times (s since the start) at which strains are reached.

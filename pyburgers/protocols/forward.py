@@ -32,8 +32,8 @@ E = TypeVar("E", bound=Experiment)
 LARGEST = float(np.finfo(np.float64).max)
 """Largest finite number."""
 
-OF_EITHER_SIGN = UNSIGNED - {"activation_enthalpy"}
-"""Parameters that a solution takes below zero too."""
+OF_EITHER_SIGN = UNSIGNED - {"activation_enthalpy"} | {"peak_time_decades"}
+"""Parameters that a solution takes below zero too: the second of two elements may be the slower."""
 
 NOT_NEGATIVE = (MAY_BE_ZERO | {"stress_noise"}) - OF_EITHER_SIGN
 """Parameters that may be zero, but not less."""

@@ -36,11 +36,9 @@ from pyburgers.protocols.microstructure import (
 LEAST_STRAIN = 1e-12
 """Strain from which on there is a solution: the solver cannot stop at rest."""
 
-FASTEST_PRESS = 1.0
-"""Strain rate (1/s) beyond which a unit may be wrong: split bars are faster, presses are not."""
-
-SMALL_PART = 0.05
-"""Share of the final strain before whose end readings of a whole test seldom stop."""
+FASTEST_PRESS, SMALL_PART = 1.0, 0.05
+"""A unit may be wrong beyond this strain rate (1/s), and where readings end before this share of
+the final strain."""
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from typing import Any
 from pyburgers.cli.file_hints import doubts, hints, text_files
 from pyburgers.common.errors import InputError, StructureError
 from pyburgers.common.toml_files import read_tables, write_toml
-from pyburgers.common.units import count_points
+from pyburgers.common.units import count_points, counted
 from pyburgers.flow_law_tables.inputs import (
     load_peak_stress,
     load_peak_stress_priors,
@@ -69,7 +69,7 @@ def check(path: Path) -> int:
     for line in lines:
         print(line)
     if errors:
-        print(f"{path}: {len(errors)} error{'s' * (len(errors) > 1)}; it cannot be used yet")
+        print(f"{path}: {counted(len(errors), 'error')}; it cannot be used yet")
         return InputError.exit_code
     what = ""
     if isinstance(loaded, Experiment):

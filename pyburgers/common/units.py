@@ -62,6 +62,11 @@ def span_text(ends: Iterable[float], digits: int) -> str:
     return " to ".join(dict.fromkeys(f"{end:.{digits}g}" for end in ends))
 
 
+def counted(number: SupportsIndex, what: str) -> str:
+    """Return such as "1 leg", "2 legs" and so on."""
+    return f"{number} {what}{'s' * (operator.index(number) != 1)}"
+
+
 def count_points(number: SupportsIndex) -> str:
     """Return "1 point", "2 points" and so on."""
-    return "1 point" if operator.index(number) == 1 else f"{number} points"
+    return counted(number, "point")

@@ -20,6 +20,7 @@ from scipy.special import logsumexp
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError, SamplingError
+from pyburgers.common.units import counted
 from pyburgers.comparison.doubts import sampling_doubts
 from pyburgers.comparison.results import Comparison, LeaveOneOut
 from pyburgers.comparison.same_data import check_same_data, stacking_weights, tests_of
@@ -62,9 +63,7 @@ def compare(fits: Mapping[str, Fit], *, refits: Path | None = None) -> Compariso
         If a fit without a point fails.
     """
     if len(fits) < 2:
-        raise InputError(
-            f"compare: found {len(fits)} fit{'s' * (len(fits) != 1)}, expected at least two."
-        )
+        raise InputError(f"compare: found {counted(len(fits), 'fit')}, expected at least two.")
     check_same_data(fits)
     found = {}
     for name, one in fits.items():

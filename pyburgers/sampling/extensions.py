@@ -4,6 +4,7 @@ import logging
 
 from pyburgers.cmdstan.program import Program
 from pyburgers.common.errors import InputError
+from pyburgers.common.units import counted
 from pyburgers.sampling.chains import Extension, run_side_by_side
 from pyburgers.sampling.failures import ChainFailure
 from pyburgers.sampling.options import MOST_DRAWS, SamplerOptions
@@ -74,7 +75,7 @@ def extend_chains(
         chains = [one for one in finished if not run.extended_folder(one, number).is_dir()]
         if not chains:
             continue
-        logger.info(f"Extending {_counted(len(chains), 'chain')} by {_counted(draws, 'draw')}.")
+        logger.info(f"Extending {counted(len(chains), 'chain')} by {counted(draws, 'draw')}.")
         failures = run_side_by_side(model, run, chains, options, Extension(number, draws))
         if len(failures) == len(finished):
             run.update_manifest({"more_draws": asked[: number - 1]})
@@ -90,16 +91,10 @@ def _asked(run: RunDirectory, more_draws: int | None) -> list[int]:
         return asked
     lacking = asked[run.n_extensions() :]
     for draws in lacking:
-        logger.info(
-            f"Adding {_counted(draws, 'draw')} was asked for before and is completed first."
-        )
+        logger.info(f"Adding {counted(draws, 'draw')} was asked for before and is completed first.")
     # The same command again means what it was interrupted in.
     if more_draws in lacking:
         return asked
     asked.append(more_draws)
     run.update_manifest({"more_draws": asked})
     return asked
-
-
-def _counted(number: int, what: str) -> str:
-    return f"{number} {what}{'s' * (number != 1)}"

@@ -60,16 +60,16 @@ def _steady_parts(legs: Sequence[Leg]) -> list[CreepInterval]:
     """Return every sequence of legs of a stage with a nearly constant stress."""
     found = []
     for first in range(len(legs)):
-        corners: list[float] = []
-        impulse = 0.0
+        least, largest, impulse = np.inf, -np.inf, 0.0
         for leg in legs[first:]:
-            corners += [leg.start_value, leg.end_value]
-            impulse += 0.5 * sum(corners[-2:]) * (leg.end_time - leg.start_time)
+            ends = leg.start_value, leg.end_value
+            least, largest = min(least, *ends), max(largest, *ends)
+            impulse += 0.5 * sum(ends) * (leg.end_time - leg.start_time)
             start = legs[first].start_time
             stress = impulse / (leg.end_time - start)
-            if min(corners) <= 0 or np.ptp(corners) > 2 * NEARLY_CONSTANT * max(corners):
+            if least <= 0 or largest - least > 2 * NEARLY_CONSTANT * largest:
                 break
-            if max(abs(corner - stress) for corner in corners) <= NEARLY_CONSTANT * stress:
+            if max(largest - stress, stress - least) <= NEARLY_CONSTANT * stress:
                 found.append(CreepInterval(leg.stage, start, leg.end_time, stress))
     return found
 

@@ -11,6 +11,7 @@ from pydantic import Field
 
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table
+from pyburgers.common.units import counted
 from pyburgers.protocols.experiment import FloatArray
 from pyburgers.protocols.loading_history.conventions import Conventions
 from pyburgers.protocols.loading_history.driver import (
@@ -275,7 +276,7 @@ class _StageReader:
         corners, line = line_through(time, value, tolerance_of(value, 0.0))
         self.notices.append(
             f"Stage {self.number}: the force over the first area became a true stress in "
-            f"{_legs(corners.size - 1)}, by the measured strain.{series.unread}"
+            f"{counted(corners.size - 1, 'leg')}, by the measured strain.{series.unread}"
         )
         return self._series("stress_series", corners, line)
 
@@ -293,7 +294,7 @@ class _StageReader:
         strain = -np.log1p(-(first + rate * (time - self.start)))
         self.notices.append(
             f"Stage {self.number}: a constant displacement rate became true strain rates in "
-            f"{_legs(time.size - 1)}."
+            f"{counted(time.size - 1, 'leg')}."
         )
         return self._series("strain_series", time, strain)
 
@@ -370,8 +371,9 @@ class _StageReader:
         distance = f"{tolerance:.2g}" if strain_driven else f"{tolerance / 1e6:.2g} MPa"
         self.notices.append(
             f"Stage {self.number}: {series.n_read} readings of the {quantity} became "
-            f"{_legs(corners.size - 1)}, which {'passes' if corners.size == 2 else 'pass'} each of "
-            f"them within about {distance}.{series.unread}"
+            f"{counted(corners.size - 1, 'leg')}, which "
+            f"{'passes' if corners.size == 2 else 'pass'} each of them within about {distance}."
+            f"{series.unread}"
         )
         return self._series(self.table.control, corners, line)
 
@@ -414,7 +416,3 @@ class _StageReader:
                 "a stage of its own."
             )
         return with_ends(test.readings, quantity, own, span)
-
-
-def _legs(number: int) -> str:
-    return "1 leg" if number == 1 else f"{number} legs"

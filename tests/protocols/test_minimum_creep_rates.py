@@ -200,3 +200,54 @@ def test_measured_salt_creeps_under_five_loads() -> None:
     assert all(3.9 < one.duration / 86400 < 4.1 for one in loads)
     rows = minimum_rates(solved(salt, lambda t: np.full_like(t, 1e-9)))
     assert {one.stress for one in loads} <= set(rows["stress_Pa"])
+
+
+def times_in_loads(experiment: LoadingHistory) -> list[int]:
+    """How many times of the solution lie inside each load, its ends left out."""
+    time = PROTOCOL.prediction_grid(experiment)
+    return [
+        int(np.sum((time > one.start_time) & (time < one.end_time)))
+        for one in creep_intervals(experiment)
+    ]
+
+
+def loads_of_series(number: int) -> LoadingHistory:
+    """Loads of nine hours that grow by 1 MPa in the hour between them, all in one series."""
+    knots = [(10.0 * k + hours, k + 1.0) for k in range(number) for hours in (0.0, 9.0)]
+    return series(*knots, (10.0 * number, number + 1.0))
+
+
+def test_loads_of_a_series_have_as_many_times_as_a_stage() -> None:
+    salt = load_loading_history(DUNITE.parent / "halite" / "halite_z3.toml")
+    for test in (salt, loads_of_series(3)):
+        assert min(times_in_loads(test)) >= 40
+        first = creep_intervals(test)[0]
+        time = PROTOCOL.prediction_grid(test)
+        since = (time[time > first.start_time] - first.start_time) / first.duration
+        assert since[0] < 1.01e-4
+        assert np.sum(since < 0.1) > np.sum((since > 0.4) & (since < 0.5))
+
+
+def test_times_in_loads_have_a_limit_and_other_tests_none() -> None:
+    stages = replace(CREEP, stages=(*CREEP.stages, Stage("stress", HOUR, 2 * HOUR, 260.0, 6e6)))
+    for plain in (CREEP, stages, series((0, 5), (1, 5))):
+        assert PROTOCOL.prediction_grid(plain).size < 50 * len(plain.stages)
+    many = loads_of_series(16)
+    assert len(creep_intervals(many)) == 16
+    assert 480 < PROTOCOL.prediction_grid(many).size < 480 + 50
+
+
+def test_a_minimum_in_one_load_of_a_series_is_told_closely() -> None:
+    """Eight loads of which each is a short part of the series."""
+    test = loads_of_series(8)
+    load = creep_intervals(test)[4]
+    minimum = 0.31 * HOUR
+    curve = softening_from(minimum)
+
+    def rates(t: FloatArray) -> FloatArray:
+        inside = (t > load.start_time) & (t < load.end_time)
+        return np.where(inside, curve(np.maximum(t - load.start_time, 0.0)), 1e-8)
+
+    row = minimum_rates(solved(test, rates)).to_dict("records")[4]
+    assert row["minimum_inside"] == 1.0
+    assert row["rate_per_s"] == pytest.approx(float(curve(np.array(minimum))), rel=0.01)

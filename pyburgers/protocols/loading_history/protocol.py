@@ -33,6 +33,7 @@ from pyburgers.protocols.loading_history.files import load_loading_history, save
 from pyburgers.protocols.loading_history.isochronous import isochronous_figure
 from pyburgers.protocols.loading_history.minimum_rates import minimum_rate_table
 from pyburgers.protocols.loading_history.priors import priors_of, stated_priors
+from pyburgers.protocols.loading_history.solution_times import load_times, stage_times
 from pyburgers.protocols.loading_history.stan_data import (
     grid_block,
     leg_of_times,
@@ -100,13 +101,15 @@ class LoadingHistoryProtocol(Protocol[LoadingHistory]):
         return experiment
 
     def prediction_grid(self, experiment: LoadingHistory) -> FloatArray:
-        """Return times, denser at the start of every stage."""
-        return _time_grid(experiment, np.union1d(np.geomspace(1e-4, 1, 24), np.linspace(0, 1, 25)))
+        """Return times, denser at the start of every stage and of every load of a series."""
+        shape = np.union1d(np.geomspace(1e-4, 1, 24), np.linspace(0, 1, 25))
+        grid = stage_times(experiment, shape)
+        return np.sort(np.concatenate([grid, np.setdiff1d(load_times(experiment), grid)]))
 
     def output_grid(self, experiment: LoadingHistory) -> FloatArray:
         """Return times, dense at the start of every stage, those of the readings among them."""
         shape = np.union1d(np.geomspace(1e-5, 1, 80), np.linspace(0, 1, 81))
-        grid = _time_grid(experiment, shape)
+        grid = stage_times(experiment, shape)
         return np.sort(np.concatenate([grid, np.setdiff1d(experiment.time, grid)]))
 
     def shown_clock(self, experiment: LoadingHistory) -> Quantity:
@@ -261,19 +264,6 @@ class LoadingHistoryProtocol(Protocol[LoadingHistory]):
     def tables(self, fit: FittedTest) -> tuple[PageTable, ...]:
         """Return the minimum creep rates."""
         return minimum_rate_table(fit)
-
-
-def _time_grid(experiment: LoadingHistory, shape: FloatArray) -> FloatArray:
-    """Spread times in the same way over every stage, from its start to its end: both count.
-
-    The start of a later stage is so the second of two equal times, behind a jump of the stress.
-    """
-    parts = []
-    for stage in experiment.stages:
-        time = stage.start_time + shape * (stage.end_time - stage.start_time)
-        time[-1] = stage.end_time
-        parts.append(time)
-    return np.concatenate(parts)
 
 
 def _draw_residuals(

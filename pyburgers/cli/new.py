@@ -88,9 +88,9 @@ def run(options: argparse.Namespace) -> int:
     if options.protocol is None:
         print(f"guessed: protocol {name}, because {reason}")
     _refuse_what_is_not_taken(name, new_file, columns, options)
-    questions = list(_questions(new_file, table, columns, options))
     file = os.path.relpath(options.csv, out.parent)
-    description = Description(file, table, columns, _answers(questions, options))
+    answers = _answers(new_file, table, columns, options)
+    description = Description(file, table, columns, answers)
     text = experiment_text(name, new_file, description)
     with writing(out):
         write_atomically(out, lambda draft: _write_checked(draft, out, text))
@@ -151,13 +151,16 @@ def _refuse_what_is_not_taken(
     given = vars(options)
     taken = {question.name for question in (*FIRST, *LAST)}
     taken |= set(new_file.taken(columns.keys(), given))
+    own = [question for question in new_file.questions if given[question.name] is not None]
+    others = ", ".join(question.option for question in own if question.name in taken)
     for question in _every_question():
         value = given[question.name]
         if value is not None and question.name not in taken:
+            beside = f" beside {others}" if question in own and others else ""
             why = (
                 f"{question.name} is read from column {columns[question.name].column!r}"
                 if question.name in columns
-                else f"such a test of the protocol {protocol} takes none"
+                else f"such a test of the protocol {protocol} takes none{beside}"
             )
             raise InputError(f"{question.option} {value}: expected no such option, because {why}.")
 
@@ -166,18 +169,26 @@ def _questions(
     new_file: NewFile,
     table: TextTable,
     columns: Mapping[str, GuessedColumn],
-    options: argparse.Namespace,
+    given: Mapping[str, Any],
 ) -> Iterator[Question]:
-    """Return what has to be asked about a kind of test, with what the file suggests."""
+    """Return what is still to be asked about a kind of test, with what the file suggests.
+
+    Parameters
+    ----------
+    new_file, table, columns
+        The kind of test, and the text file.
+    given : mapping
+        Answers that are there already, None where there is none.
+    """
     name = re.sub(r"[^A-Za-z0-9._-]", "_", table.path.stem)[:100]
     known = {
         "id": name if re.match(r"[A-Za-z0-9_]", name) else f"_{name}",
         "temperature_K": _temperature(table, columns),
     }
-    own = new_file.asked(columns.keys(), vars(options))
-    asked = {question.name for question in (*FIRST, *LAST)} | set(own)
+    asked = {question.name for question in (*FIRST, *LAST)}
+    asked |= set(new_file.asked(columns.keys(), given))
     for question in _every_question():
-        if question.name in asked:
+        if question.name in asked and given[question.name] is None:
             yield replace(question, default=known.get(question.name, question.default))
 
 
@@ -190,27 +201,34 @@ def _temperature(table: TextTable, columns: Mapping[str, GuessedColumn]) -> floa
     return round(highest + (273.15 if column.unit == "C" else 0.0), 6)
 
 
-def _answers(questions: Sequence[Question], options: argparse.Namespace) -> dict[str, Any]:
+def _answers(
+    new_file: NewFile,
+    table: TextTable,
+    columns: Mapping[str, GuessedColumn],
+    options: argparse.Namespace,
+) -> dict[str, Any]:
     """Return the answers: options, what is typed in a terminal, or defaults."""
     given = {question.name: vars(options)[question.name] for question in _every_question()}
     asking = sys.stdin.isatty()
-    missing = [
-        question.option
-        for question in questions
-        if given[question.name] is None and question.default is None
-    ]
-    if missing and not asking:
+    # What is asked next may depend on the answer before.
+    while questions := list(_questions(new_file, table, columns, given)):
+        question = questions[0]
+        if not asking:
+            _require_defaults(questions)
+            print(f"taken: {question.option} {question.default}")
+        given[question.name] = _ask(question) if asking else question.default
+    return given
+
+
+def _require_defaults(questions: Sequence[Question]) -> None:
+    """Refuse questions that have to be answered where there is no terminal to ask in."""
+    missing = [question.option for question in questions if question.default is None]
+    if missing:
         them = "it" if len(missing) == 1 else "them"
         raise InputError(
             f"{', '.join(missing)}: missing, expected {them} because there is no terminal to ask "
             "in."
         )
-    for question in questions:
-        if given[question.name] is None:
-            given[question.name] = _ask(question) if asking else question.default
-            if not asking:
-                print(f"taken: {question.option} {given[question.name]}")
-    return given
 
 
 def _ask(question: Question) -> Any:

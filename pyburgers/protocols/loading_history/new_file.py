@@ -1,5 +1,6 @@
 """What `pyburgers new` writes for a loading history: creep, or a test driven by its readings."""
 
+import math
 from collections.abc import Collection, Mapping
 from typing import Any
 
@@ -24,14 +25,32 @@ STEADY_STRESS = 0.05
 """Relative range of a stress that counts as constant."""
 
 STRESS = Question("stress_MPa", "imposed stress in MPa", float)
+HOLD_START = Question(
+    "hold_start_time",
+    "time from which the strain is held, in the unit of times (inf: it never is)",
+    float,
+    default=math.inf,
+)
+LOADING_TIME = Question(
+    "loading_time", "how long the strain was imposed until then, in the unit of times", float
+)
+"""Of a relaxation: the loading ahead of it may have been read or not."""
+
+CONTROL_COMMENTS = {
+    "stress_series": "the readings of the stress drive the test",
+    "hold_strain": "relaxation: the strain stays",
+}
 
 
 class LoadingHistoryFile(NewFile):
-    """One stage, driven by a stress or a rate that is given, or by the readings of the stress."""
+    """One stage, driven by a stress or a rate that is given, or by the readings of the stress.
+
+    Behind a rate the strain may be held, which is a second stage.
+    """
 
     experiment = LoadingHistory
     needed = (("time",), ("strain", "stress"))
-    questions = (STRAIN_RATE, STRESS)
+    questions = (STRAIN_RATE, STRESS, HOLD_START, LOADING_TIME)
 
     def suits(self, table: TextTable, columns: Mapping[str, GuessedColumn]) -> str | None:
         """Return that strain grows in time under a constant stress, or one that is not read."""
@@ -49,47 +68,41 @@ class LoadingHistoryFile(NewFile):
             return "the stress stays the same while strain grows"
         return None
 
+    def taken(self, columns: Collection[str], given: Mapping[str, Any]) -> Collection[str]:
+        """Return what belongs to the stress or the rate that drives it, of which there is one.
+
+        A stress needs readings of the strain, a rate those of the stress.
+        """
+        by_stress = {STRESS.name} if "strain" in columns else set()
+        by_rate = {STRAIN_RATE.name, HOLD_START.name} if "stress" in columns else set()
+        if by_rate and _is_held(given):
+            by_rate.add(LOADING_TIME.name)
+        for names in (by_stress, by_rate):
+            if any(given[name] is not None for name in names):
+                return names
+        return by_stress | by_rate
+
     def asked(self, columns: Collection[str], given: Mapping[str, Any]) -> Collection[str]:
         """Return the stress, unless a rate is given or there are readings to drive the test.
 
         Without a column of the strain a rate drives it: the stress is what was read.
         """
-        if given[STRAIN_RATE.name] is not None:
-            return ()
+        if _is_held(given):
+            return (STRAIN_RATE.name, LOADING_TIME.name)
         if "strain" not in columns:
-            return (STRAIN_RATE.name,)
-        read = {"stress", "strain"} <= set(columns)
-        return () if read and given[STRESS.name] is None else (STRESS.name,)
+            return (STRAIN_RATE.name, HOLD_START.name)
+        driven = given[STRAIN_RATE.name] is not None or "stress" in columns
+        return () if driven else (STRESS.name,)
 
     def lines(self, test: Description) -> list[str]:
-        """Return the stage and the columns."""
-        times = numbers_of(test.table, test.columns, "time")
-        values = test.values
-        stage = [
-            line("start_time", min(0.0, float(times.min()))),
-            line("end_time", float(times.max())),
-        ]
-        if values.get("stress_MPa") is not None:
-            control, own = "stress", [line("stress", values["stress_MPa"], "in stage_stress_unit")]
-        elif values.get("strain_rate_per_s") is not None:
-            own = [line("strain_rate_per_s", values["strain_rate_per_s"])]
-            control = "strain_rate"
-        else:
-            control, own = "stress_series", []
-        comment = {"stress_series": "the readings of the stress drive the test"}.get(
-            control, "what is imposed; others: docs/loading_history.md"
-        )
+        """Return the stages and the columns."""
         return [
             line("stage_time_unit", test.columns["time"].unit, "of the stages; s, min or h"),
             line("stage_stress_unit", "MPa", "of the stages; Pa, MPa or GPa"),
             line("compression", "positive", "or negative: of stages and data"),
             line("strain_measure", "true", "or engineering; stress_measure likewise"),
             "",
-            with_comment("[[stages]]", "one after the other, without gaps"),
-            line("control", control, comment),
-            *stage,
-            *own,
-            "",
+            *_stage_lines(test),
             "[data]",
             line("file", test.file),
             *layout_lines(test),
@@ -98,6 +111,43 @@ class LoadingHistoryFile(NewFile):
             *column_lines(test, "stress"),
             optional("strain_uncertainty = 0.002", "of a reading, in its unit"),
         ]
+
+
+def _is_held(given: Mapping[str, Any]) -> bool:
+    """Whether answers say that the strain is held from some time on."""
+    return given[HOLD_START.name] not in (None, math.inf)
+
+
+def _stage_lines(test: Description) -> list[str]:
+    """Return the stage of a stress, of a rate with a hold behind it, or of readings."""
+    values = test.values
+    times = numbers_of(test.table, test.columns, "time")
+    start, end = min(0.0, float(times.min())), float(times.max())
+    stress, rate = values[STRESS.name], values[STRAIN_RATE.name]
+    if stress is not None:
+        return _stage("stress", start, end, line("stress", stress, "in stage_stress_unit"))
+    if rate is None:
+        return _stage("stress_series", start, end)
+    loading = line(STRAIN_RATE.name, rate)
+    if not _is_held(values):
+        return _stage("strain_rate", start, end, loading)
+    hold_start = values[HOLD_START.name]
+    return [
+        *_stage("strain_rate", hold_start - values[LOADING_TIME.name], hold_start, loading),
+        *_stage("hold_strain", hold_start, end),
+    ]
+
+
+def _stage(control: str, start: float, end: float, *imposed: str) -> list[str]:
+    comment = CONTROL_COMMENTS.get(control, "what is imposed; others: docs/loading_history.md")
+    return [
+        with_comment("[[stages]]", "one after the other, without gaps"),
+        line("control", control, comment),
+        line("start_time", start),
+        line("end_time", end),
+        *imposed,
+        "",
+    ]
 
 
 NEW_FILE = LoadingHistoryFile()

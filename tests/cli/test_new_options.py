@@ -1,0 +1,135 @@
+"""Options of `pyburgers new`: held by the file or refused, never dropped; relaxations."""
+
+import json
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+import pytest
+from history_twins import TRUTH
+
+from pyburgers.cli.main import main
+from pyburgers.protocols.loading_history.experiment import LoadingHistory
+from pyburgers.protocols.new_file import new_files
+from pyburgers.protocols.protocol import NAMES, load_experiment
+
+KNOWN = ("--material", "ice", "--temperature-K", "263", "--grain-size-m", "1e-3")
+LOADING = ("--protocol", "loading_history", "--strain-rate-per-s", "1e-5")
+VALUES = {
+    "strain_rate_per_s": "1.37e-05",
+    "stress_uncertainty": "0.0723",
+    "strain_uncertainty": "0.00234",
+    "stress_MPa": "4.321",
+    "hold_start_time": "111.5",
+    "loading_time": "113.25",
+    "deformation": "shear",
+    "poisson_ratio": "0.3125",
+}
+"""An answer to each question that some kinds of test have, found in no other line of a file."""
+RELAXATION = {"strain_rate_per_s", "hold_start_time", "loading_time"}
+
+CYCLES = [(10 * k, 1e-4 * np.sin(k / 6), 20 * np.sin(k / 6 + 0.3)) for k in range(60)]
+TABLES = {
+    "all": ("time_s,strain,stress_MPa", CYCLES),
+    "no strain": ("time_s,stress_MPa", [(10.0 * k, 9.0 - 0.1 * k) for k in range(40)]),
+    "no stress": ("time_s,strain", [(10.0 * k, 1e-3 * k) for k in range(40)]),
+    "attenuation": ("period_s,temperature_K,tan_delta", [(10.0 * k, 260, 0.1) for k in (1, 2)]),
+}
+
+
+def written(path: Path, table: str) -> Path:
+    """Write one of the tables."""
+    names, rows = TABLES[table]
+    text = "".join(",".join(f"{value:.6g}" for value in row) + "\n" for row in rows)
+    path.write_text(f"{names}\n{text}", encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("table", TABLES)
+@pytest.mark.parametrize("protocol", NAMES)
+def test_every_option_is_in_the_file_or_refused(
+    protocol: str, table: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    questions = {q.name: q for new_file in new_files().values() for q in new_file.questions}
+    assert questions.keys() == VALUES.keys()
+    path = written(tmp_path / "test.csv", table)
+    file = path.with_suffix(".toml")
+    some = [{*one} for number in (1, 2) for one in combinations(VALUES, number)]
+    for names in [*some, RELAXATION, *(RELAXATION | {name} for name in VALUES)]:
+        options = [text for name in names for text in (questions[name].option, VALUES[name])]
+        code = main(["new", str(path), *KNOWN, "--protocol", protocol, *options])
+        assert file.exists() == (code == 0)
+        if code == 0:
+            text = file.read_text(encoding="utf-8")
+            for name in names:
+                value = VALUES[name]
+                if name == "loading_time":  # the time at which it began is written
+                    value = str(float(VALUES["hold_start_time"]) - float(value))
+                assert value in text, f"{name} of {names}"
+            file.unlink()
+        capsys.readouterr()
+
+
+def test_a_second_way_to_drive_a_test_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = written(tmp_path / "test.csv", "all")
+    assert main(["new", str(path), *KNOWN, *LOADING, "--stress-MPa", "4"]) == 2
+    assert capsys.readouterr().err == (
+        "pyburgers: --strain-rate-per-s 1e-05: expected no such option, because such a test of the "
+        "protocol loading_history takes none beside --stress-MPa.\n"
+    )
+    assert main(["new", str(path), *KNOWN, *LOADING]) == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "hold", "loading"),
+    [
+        ("time (min),stress (MPa)\n0,10\n1,9\n5,8\n20,7\n", 0.0, 30.0),
+        ("time_s,stress (MPa)\n0,0\n10,2\n30,10\n31,9\n35,8\n50,7\n", 30.0, 30.0),
+    ],
+    ids=["loading not read", "loading read"],
+)
+def test_a_relaxation_is_written_with_its_loading(
+    text: str, hold: float, loading: float, programs: None, tmp_path: Path
+) -> None:
+    path, file = tmp_path / "relaxation.csv", tmp_path / "relaxation.toml"
+    path.write_text(text, encoding="utf-8")
+    held = ("--hold-start-time", str(hold), "--loading-time", str(loading))
+    assert main(["new", str(path), *KNOWN, *LOADING, *held]) == 0
+    test = load_experiment(file)
+    assert isinstance(test, LoadingHistory)
+    first, second = test.stages
+    unit = 60.0 if "min" in text else 1.0
+    assert (first.control, first.value, second.control) == ("strain_rate", 1e-5, "hold_strain")
+    assert first.end_time - first.start_time == pytest.approx(unit * loading)
+    assert test.time[-1] == pytest.approx(test.end_time)
+    assert (test.reading_stage[-3:] == 1).all()
+    assert main(["check-file", str(file)]) == 0
+    parameters, out = tmp_path / "parameters.json", tmp_path / "solution.csv"
+    parameters.write_text(json.dumps(dict(TRUTH)), encoding="utf-8")
+    assert main(["simulate", str(file), "--parameters", str(parameters), "--out", str(out)]) == 0
+    stress = np.genfromtxt(out, delimiter=",", names=True)["stress_Pa"]
+    assert 0 < stress[-1] < stress.max()
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--hold-start-time", "5"), "--loading-time: missing, expected it"),
+        (("--hold-start-time", "nan", "--loading-time", "5"), "not written"),
+        (("--hold-start-time", "20", "--loading-time", "25"), "not written"),
+        (("--hold-start-time", "0", "--loading-time", "-5"), "not written"),
+        (("--loading-time", "5"), "takes none beside --strain-rate-per-s"),
+    ],
+)
+def test_a_loading_that_cannot_be_is_not_written(
+    options: tuple[str, ...], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "relaxation.csv"
+    path.write_text("time_s,stress (MPa)\n0,10\n1,9\n5,8\n20,7\n", encoding="utf-8")
+    assert main(["new", str(path), *KNOWN, *LOADING, *options]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert words in error
+    assert not path.with_suffix(".toml").exists()

@@ -174,6 +174,20 @@ def test_a_constant_force_is_creep_while_the_area_has_hardly_grown() -> None:
     assert load.stress == pytest.approx((4 * 4.96e6 + 5 * 4.885e6) / 9)
 
 
+def test_the_first_of_an_unloading_is_no_creep() -> None:
+    """A corner of a measured series may lie on the ramp, where the stress has fallen by 1.5 %."""
+    (load,) = creep_intervals(series((0, 3.95), (0.05, 4), (10, 4), (10.1, 3.94), (11, 0)))
+    assert (load.start_time, load.end_time) == (0.05 * HOUR, 10 * HOUR)
+    salt = load_loading_history(DUNITE.parent / "halite" / "halite_z3.toml")
+    for one in creep_intervals(salt):
+        inside = [
+            leg.rate
+            for leg in salt.legs
+            if one.start_time <= leg.start_time and leg.end_time <= one.end_time
+        ]
+        assert max(map(abs, inside)) < 1e5 / 86400
+
+
 @pytest.mark.parametrize(
     ("knots", "reason"),
     [

@@ -15,6 +15,11 @@ within 8 % of that under the mean, about as well as minimum rates of two tests a
 LEAST_DURATION = 0.05
 """Of such a part, as a share of its stage: a ramp on which the stress rests for a while is none."""
 
+STEEPEST = 10.0
+"""How many times faster than `NEARLY_CONSTANT` allows over a whole part its stress may change in
+the first and the last leg. Faster ones begin the loading or unloading beside it, whose elastic
+strain is no creep."""
+
 
 @dataclass(frozen=True)
 class CreepInterval:
@@ -66,10 +71,13 @@ def _steady_parts(legs: Sequence[Leg]) -> list[CreepInterval]:
             least, largest = min(least, *ends), max(largest, *ends)
             impulse += 0.5 * sum(ends) * (leg.end_time - leg.start_time)
             start = legs[first].start_time
-            stress = impulse / (leg.end_time - start)
+            duration = leg.end_time - start
+            stress = impulse / duration
+            steepest = max(abs(legs[first].rate), abs(leg.rate))
+            is_ramp = steepest * duration > STEEPEST * 2 * NEARLY_CONSTANT * stress
             if least <= 0 or largest - least > 2 * NEARLY_CONSTANT * largest:
                 break
-            if max(largest - stress, stress - least) <= NEARLY_CONSTANT * stress:
+            if not is_ramp and max(largest - stress, stress - least) <= NEARLY_CONSTANT * stress:
                 found.append(CreepInterval(leg.stage, start, leg.end_time, stress))
     return found
 

@@ -190,7 +190,9 @@ def check_chains(draws: CheckedDraws) -> Finding:
         + [{"chain": failure.chain, "outcome": failure.reason} for failure in failures]
     )
     if not failures:
-        return Finding(Outcome.YES, table, f"All {len(finished)} chains finished.")
+        n_chains = len(finished)
+        all_of_them = "The only chain" if n_chains == 1 else f"All {n_chains} chains"
+        return Finding(Outcome.YES, table, f"{all_of_them} finished.")
     missing = f"{len(failures)} of {len(table)} chains did not finish. {failures[0].reason}"
     return Finding(Outcome.NO, table, missing)
 

@@ -88,7 +88,7 @@ def run(options: argparse.Namespace) -> int:
     if options.protocol is None:
         print(f"guessed: protocol {name}, because {reason}")
     _refuse_what_is_not_taken(name, new_file, columns, options)
-    file = os.path.relpath(options.csv, out.parent)
+    file = _named_in_text(os.path.relpath(options.csv, out.parent))
     answers = _answers(new_file, table, columns, options)
     description = Description(file, table, columns, answers)
     text = experiment_text(name, new_file, description)
@@ -98,6 +98,18 @@ def run(options: argparse.Namespace) -> int:
     code = check(out)
     print(f"next: {shlex.join(['pyburgers', 'fit', str(out)])}")
     return code
+
+
+def _named_in_text(file: str) -> str:
+    """Return the name of a text file, if another file can hold it."""
+    try:
+        file.encode("utf-8")
+    except UnicodeEncodeError:
+        raise InputError(
+            f"{file!r}: found bytes that are no text in its name, expected a name that the "
+            "experiment file can hold; rename it."
+        ) from None
+    return file
 
 
 def _write_checked(draft: Path, out: Path, text: str) -> None:

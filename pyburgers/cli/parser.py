@@ -9,6 +9,9 @@ from typing import Any, NoReturn
 
 from pyburgers.common.errors import InputError
 
+_REQUIRED = "the following arguments are required: "
+"""How argparse begins what it says of arguments that are missing."""
+
 
 class ShowVersion(argparse.Action):
     """Print the version, which is looked up only when it is asked for."""
@@ -58,7 +61,33 @@ class OneLineParser(argparse.ArgumentParser):
         InputError
             Always; it names the help of the command.
         """
+        if message.startswith(_REQUIRED):
+            message = f"missing: {self._with_help(message.removeprefix(_REQUIRED))}"
         raise InputError(f"{message.rstrip('.')}; see `{self.prog} --help`.")
+
+    def _with_help(self, names: str) -> str:
+        """Return names of arguments, those of places on the line with what they are."""
+        placed = {action.metavar: action for action in self._actions if not action.option_strings}
+        return ", ".join(
+            f"{name} ({placed[name].help})" if name in placed and placed[name].help else name
+            for name in names.split(", ")
+        )
+
+    def _get_value(self, action: argparse.Action, arg_string: str) -> Any:
+        """Return the value of an argument; a text that is kept has to be text in files, too.
+
+        Names of files may be any bytes.
+        """
+        value = super()._get_value(action, arg_string)
+        # The words of a command are read again, each as what it is.
+        if isinstance(value, str) and not isinstance(action, argparse._SubParsersAction):
+            try:
+                value.encode("utf-8")
+            except UnicodeEncodeError:
+                raise argparse.ArgumentError(
+                    action, f"found {value!r} with bytes that are no text, expected text"
+                ) from None
+        return value
 
     def options(self) -> list[str]:
         """Return the long options of the parser and of those below it."""

@@ -119,9 +119,23 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 
 def with_default(arguments: Sequence[str]) -> list[str]:
-    """Return the arguments of the command with what is predicted, a test where nothing is said."""
+    """Return the arguments of the command with what is predicted, a test where nothing is said.
+
+    Raises
+    ------
+    InputError
+        If they begin with what is neither a run nor a prediction.
+    """
     named = arguments[:1] and arguments[0] in (TEST, ATTENUATION, "-h", "--help")
-    return list(arguments) if named or not arguments else [TEST, *arguments]
+    if named or not arguments:
+        return list(arguments)
+    first = arguments[0]
+    if not first.startswith("-") and not Path(first).exists():
+        raise InputError(
+            f"{first}: found neither a run directory nor a prediction of that name, expected "
+            f"RUN EXPERIMENT.toml --out FILE.csv, or {ATTENUATION} RUN."
+        )
+    return [TEST, *arguments]
 
 
 def run(options: argparse.Namespace) -> int:

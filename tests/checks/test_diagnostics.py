@@ -110,6 +110,13 @@ def test_a_missing_chain_fails_with_its_reason() -> None:
     assert check.table["chain"].tolist() == [1, 2, 3, 4, 5]
 
 
+def test_one_chain_is_not_called_all_chains() -> None:
+    tree = good()
+    alone = tree.sel(chain=[1])
+    assert check_chains(CheckedDraws(tree)).sentence == "All 4 chains finished."
+    assert check_chains(CheckedDraws(alone)).sentence == "The only chain finished."
+
+
 def test_a_chain_elsewhere_fails_rhat() -> None:
     tree = good()
     values(tree, "posterior", "stress_exponent")[2] += 0.2

@@ -29,7 +29,7 @@ VALUES = {
 RELAXATION = {"strain_rate_per_s", "hold_start_time", "loading_time"}
 
 CYCLES = [(10 * k, 1e-4 * np.sin(k / 6), 20 * np.sin(k / 6 + 0.3)) for k in range(60)]
-TABLES = {
+TABLES: dict[str, tuple[str, list[tuple[float, ...]]]] = {
     "all": ("time_s,strain,stress_MPa", CYCLES),
     "no strain": ("time_s,stress_MPa", [(10.0 * k, 9.0 - 0.1 * k) for k in range(40)]),
     "no stress": ("time_s,strain", [(10.0 * k, 1e-3 * k) for k in range(40)]),

@@ -116,17 +116,78 @@ def _of_a_new_test(
     return np.array([plain.value(k, position) for position in real])
 
 
-def of_the_file(
-    experiment: Experiment, n_draws: int, rng: np.random.Generator
-) -> dict[str, FloatArray]:
-    """Return what belongs to a test and its apparatus (SI): as its file states it, or none."""
-    stated = {prior.parameter: prior for prior in protocol_of(experiment).stated_priors(experiment)}
-    return {
-        name: np.array([stated[name].sample(rng) for _ in range(n_draws)])
-        if name in stated
-        else np.full(n_draws, STANDARD_VALUES[name])
+def of_the_apparatus(
+    source: Source,
+    experiment: Experiment,
+    kept: npt.NDArray[np.int64],
+    rng: np.random.Generator,
+) -> tuple[dict[str, FloatArray], list[str]]:
+    """Return what belongs to a test and its apparatus (SI), and where it is from.
+
+    That of a test which was fitted itself is what the fit inferred for it. That of any other one is
+    as its file states it, or none.
+
+    Parameters
+    ----------
+    source, experiment
+        The draws, and the test.
+    kept : array of int
+        Numbers of the draws.
+    rng : Generator
+        Of what the file states with an error.
+    """
+    fitted = _that_was_fitted(source, experiment)
+    drawn = xr.Dataset() if fitted is None else fitted.posterior["posterior"].to_dataset()
+    same = [] if fitted is None else _same_of_a_test(fitted.experiment, experiment)
+    stated = _stated(experiment)
+    values = {}
+    for name in OF_A_TEST:
+        if name in same and name in drawn:
+            values[name] = all_draws(drawn[name])[kept].astype(np.float64)
+        elif name in stated:
+            values[name] = np.array([stated[name].sample(rng) for _ in kept])
+        else:
+            values[name] = np.full(kept.size, STANDARD_VALUES[name])
+    inferred = [name for name in same if name in drawn and np.ptp(drawn[name].to_numpy()) > 0]
+    if fitted is None or not inferred:
+        return values, []
+    return values, [f"As the fit inferred it for {fitted.experiment.id}: {_listed(inferred)}."]
+
+
+def _that_was_fitted(source: Source, experiment: Experiment) -> FittedTest | None:
+    """Return what a fit says of a test that was fitted: the one of its name, or of its readings."""
+    tests = [one for one in source.tests.values() if _is_same_test(one.experiment, experiment)]
+    named = [one for one in tests if one.experiment.id == experiment.id]
+    return next(iter([*named, *tests]), None)
+
+
+def _is_same_test(fitted: Experiment, experiment: Experiment) -> bool:
+    """Whether two tests are of a kind and have the same name, or the same readings."""
+    same_readings = experiment.n_points > 0 and np.array_equal(fitted.response, experiment.response)
+    return fitted.protocol == experiment.protocol and (fitted.id == experiment.id or same_readings)
+
+
+def _stated(experiment: Experiment) -> dict[str, Prior]:
+    """Return priors of what the file of a test states, by the parameter."""
+    return {prior.parameter: prior for prior in protocol_of(experiment).stated_priors(experiment)}
+
+
+def _same_of_a_test(fitted: Experiment, experiment: Experiment) -> list[str]:
+    """Return which of `OF_A_TEST` the file of the same test states as when it was fitted."""
+    if not _is_same_test(fitted, experiment):
+        return []
+    before, now = (
+        {name: (one.location, one.scale) for name, one in _stated(test).items()}
+        for test in (fitted, experiment)
+    )
+    none = (np.nan, np.nan)
+    return [
+        name
         for name in OF_A_TEST
-    }
+        if np.allclose(
+            before.get(name, none), now.get(name, none), rtol=1e-9, atol=0.0, equal_nan=True
+        )
+    ]
 
 
 def of_any_test(
@@ -140,7 +201,7 @@ def of_any_test(
     alike = {
         one.parameter for one in experiment.uncertain if _same_apparatus(fitted, experiment, one)
     }
-    others = {*OF_A_TEST, *CONDITIONS} - alike
+    others = {*OF_A_TEST, *CONDITIONS} - alike - {*_same_of_a_test(fitted, experiment)}
     return {name: value for name, value in values.items() if name not in others}
 
 

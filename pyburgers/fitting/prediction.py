@@ -13,7 +13,7 @@ from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.fitting.new_test import (
     Source,
     holding,
-    of_the_file,
+    of_the_apparatus,
     under_conditions,
     values_for,
     with_laws,
@@ -112,7 +112,8 @@ def predict_test(
     rng = np.random.default_rng(seed)
     protocol = protocol_of(experiment)
     kept, values, notes = values_for(source, draws, separate_from, rng)
-    values = {**values, **of_the_file(experiment, kept.size, rng)}
+    of_the_test, apparatus_notes = of_the_apparatus(source, experiment, kept, rng)
+    values = {**values, **of_the_test}
     values, condition_notes = under_conditions(source, experiment, kept, values, rng)
     values, noise_notes = with_noises(values, source.problem, experiment)
     priors, law_notes = with_laws(
@@ -148,7 +149,7 @@ def predict_test(
             *_beyond(source, experiment, posterior),
             *_unsolved(int(np.sum(~solved)), kept.size),
         ),
-        notes=(*notes, *condition_notes, *law_notes, *noise_notes),
+        notes=(*notes, *apparatus_notes, *condition_notes, *law_notes, *noise_notes),
     )
     posterior.attrs = {
         "title": prediction.title,

@@ -1,0 +1,101 @@
+"""Predictions of a test that was fitted itself: compliance and zero of the strain are inferred."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+import xarray as xr
+from history_twins import history_twin
+
+from pyburgers.fitting.new_test import OF_A_TEST, Source, of_any_test, of_the_apparatus
+from pyburgers.fitting.prediction import predict_test
+from pyburgers.model.priors import PriorSet, default_priors
+from pyburgers.protocols.loading_history.experiment import LoadingHistory, Stated
+from pyburgers.protocols.problem import problem_of
+from pyburgers.studies.maor.before_data import prior_draws
+
+N_DRAWS = 5
+STATED = {
+    "apparatus_compliance": Stated(1e-10, 1e-11),
+    "strain_offset": Stated(2e-4, 1e-4),
+}
+FITTED: LoadingHistory = replace(history_twin("creep", 12), **STATED)  # type: ignore[arg-type]
+OTHER = replace(history_twin("creep", 16, seed=1), id="other", **STATED)  # type: ignore[arg-type]
+INFERRED = "As the fit inferred it for"
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """Draws that no sampler made."""
+
+    experiment: LoadingHistory
+    priors: PriorSet
+    posterior: xr.DataTree
+
+
+def source_of(*experiments: LoadingHistory) -> Source:
+    """A fit of tests, of each the draws of its prior, solved."""
+    problem = problem_of(list(experiments), default_priors("ice"))
+    tests = {
+        own.name: prior_draws(
+            Drawn(one, own.priors[0], xr.DataTree()), n_draws=N_DRAWS, seed=number
+        )
+        for number, (one, own) in enumerate(zip(experiments, problem.alone(), strict=True))
+    }
+    return Source(problem, tests, next(iter(tests.values())).posterior, ())
+
+
+@pytest.fixture(scope="module")
+def source(programs: None) -> Source:
+    return source_of(FITTED)
+
+
+def drawn(source: Source, test: str, name: str) -> np.ndarray:  # type: ignore[type-arg]
+    group = source.tests[test].posterior["posterior"].to_dataset()
+    values: np.ndarray = group[name].to_numpy().ravel()  # type: ignore[type-arg]
+    return values
+
+
+def test_a_fitted_test_has_the_apparatus_of_its_draws(source: Source) -> None:
+    for test in (FITTED, replace(FITTED, id="renamed")):
+        prediction = predict_test(source, test)
+        own = prediction.posterior["posterior"].to_dataset()
+        for name in OF_A_TEST:
+            expected = drawn(source, FITTED.id, name)
+            assert np.ptp(expected) > 0
+            np.testing.assert_array_equal(own[name].to_numpy().ravel(), expected)
+        assert f"{INFERRED} {FITTED.id}: " in " ".join(prediction.notes)
+
+
+def test_another_test_has_that_of_its_file(source: Source) -> None:
+    kept = np.arange(2000) % N_DRAWS
+    values, notes = of_the_apparatus(source, OTHER, kept, np.random.default_rng(1))
+    assert notes == []
+    assert values["strain_offset"].mean() == pytest.approx(2e-4, rel=0.05)
+    assert np.unique(values["strain_offset"]).size == kept.size
+
+
+def test_what_its_file_now_states_otherwise_is_that_of_the_file(source: Source) -> None:
+    changed = replace(FITTED, strain_offset=Stated(5e-3, 0.0))
+    kept = np.arange(N_DRAWS)
+    values, notes = of_the_apparatus(source, changed, kept, np.random.default_rng(1))
+    np.testing.assert_array_equal(values["strain_offset"], 5e-3)
+    own = drawn(source, FITTED.id, "apparatus_compliance")
+    np.testing.assert_array_equal(values["apparatus_compliance"], own)
+    assert notes == [f"{INFERRED} {FITTED.id}: compliance of the apparatus."]
+    parameters = {"apparatus_compliance": 1.1e-10, "strain_offset": 1e-4, "maxwell_modulus": 4e9}
+    kept_ones = dict(parameters)
+    assert of_any_test(parameters, FITTED, FITTED) == parameters
+    del kept_ones["strain_offset"]
+    assert of_any_test(parameters, FITTED, changed) == kept_ones
+    assert of_any_test(parameters, FITTED, OTHER) == {"maxwell_modulus": 4e9}
+
+
+def test_of_several_fitted_tests_the_name_counts(programs: None) -> None:
+    """Two tests with the same readings: the one of the name, not the first."""
+    copy = replace(FITTED, id="copy")
+    joint = source_of(FITTED, copy)
+    kept = np.arange(N_DRAWS)
+    values, notes = of_the_apparatus(joint, copy, kept, np.random.default_rng(1))
+    np.testing.assert_array_equal(values["strain_offset"], drawn(joint, "copy", "strain_offset"))
+    assert "inferred it for copy" in notes[0]

@@ -4,7 +4,7 @@
 #   make test                   the fast test suite
 #   make lint                   format, style and types
 #   make docs                   the documentation site, build/site/index.html
-#   make bench                  sampling benchmark against the paper's form, about 35 minutes
+#   make bench                  sampling benchmark against the paper's form, about 40 minutes
 #   make clean                  remove what make wrote (never runs/, never CmdStan)
 #
 # PYTHON=/path/to/python picks the interpreter for the virtual environment.
@@ -42,6 +42,8 @@ docs: cmdstan $(VENV)/.docs-installed
 bench: cmdstan
 	@echo "==> Measuring the sampler against the paper's form"
 	@$(BIN)/python benchmarks/sampling.py
+	@echo "==> Measuring gradients of loading histories"
+	@$(BIN)/python benchmarks/histories.py
 
 clean:
 	@echo "==> Removing the virtual environment, caches and report/"

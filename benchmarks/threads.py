@@ -9,9 +9,7 @@ are there to shorten them, and of the processors.
 """
 
 import argparse
-import os
 import tempfile
-import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -19,11 +17,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
+from gradients import leapfrogs, ms_per_gradient
 from sampling import ICE, markdown
 
 from pyburgers.cmdstan.draw_files import read_draws
-from pyburgers.cmdstan.program import Program, load_program
-from pyburgers.common.atomic_files import write_json
+from pyburgers.cmdstan.program import load_program
 from pyburgers.fitting.fit import fit_jointly
 from pyburgers.model.priors import default_priors
 from pyburgers.protocols.constant_rate.experiment import (
@@ -49,9 +47,6 @@ SHORT_FIT = SamplerOptions(chains=1, warmup=20, draws=8, max_treedepth=5, seed=1
 POINTS, TIMED, ROUNDS = 4, 60, 5
 """Draws at which gradients are timed, how many at each, and how often in turn."""
 
-STEP = 1e-14
-"""Of leapfrogs that stay where they are."""
-
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Fit, measure, and print a table."""
@@ -73,9 +68,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         density: dict[str, FloatArray] = {}
         for _ in range(ROUNDS):
             for name, program in programs.items():
-                once, density[name] = _leapfrogs(program, run.stan_data_file, points, 1)
-                often, _ = _leapfrogs(program, run.stan_data_file, points, 1 + TIMED)
-                taken[name].append(1e3 * (often - once) / (TIMED * len(points)))
+                _, density[name] = leapfrogs(program, run.stan_data_file, points, 1)
+                taken[name].append(ms_per_gradient(program, run.stan_data_file, points, TIMED))
     rows = {name: np.median(times, axis=0) for name, times in taken.items()}
     first = next(iter(rows))
     away = {name: np.abs(found / density[first] - 1).max() for name, found in density.items()}
@@ -104,35 +98,6 @@ def _tests() -> list[ConstantRateExperiment]:
         test = simulate_data(twin, {**truth, **common}, rng, source="one material")
         made.append(replace(test, id=f"test_{k + 1}"))
     return made
-
-
-def _leapfrogs(
-    program: Program, data: Path, points: FloatArray, number: int
-) -> tuple[FloatArray, FloatArray]:
-    """Return seconds of the clock and of the processors for leapfrogs at points, and densities."""
-    density = []
-    clock, before = time.monotonic(), os.times()
-    with tempfile.TemporaryDirectory() as folder:
-        init, output = Path(folder) / "init.json", Path(folder) / "output.csv"
-        for point in points:
-            write_json(init, {"coordinate": point.tolist()})
-            running = program.start(
-                [
-                    *("method=sample", "num_samples=1", "num_warmup=0", "adapt", "engaged=0"),
-                    *("algorithm=hmc", "engine=static", f"int_time={number * STEP}"),
-                    f"stepsize={STEP}",
-                ],
-                data=data,
-                init=init,
-                output=output,
-                seed=1,
-                digits=17,
-            )
-            running.wait()
-            density.append(read_draws([output])["lp__"][0, 0])
-    after = os.times()
-    used = after.children_user - before.children_user
-    return np.array([time.monotonic() - clock, used]), np.array(density)
 
 
 if __name__ == "__main__":

@@ -164,9 +164,9 @@ def _table(taken: pd.DataFrame, ratio: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(
         {
             "test": list(taken),
-            "stages": [1 if name == BESIDE else len(LOADS[name]) for name in taken],
-            "a gradient (ms)": [spread(taken[name]) for name in taken],
-            f"over that of {BESIDE}": [spread(ratio[name]) for name in taken],
+            "stages": [len(LOADS[name]) if name in LOADS else 1 for name in map(str, taken)],
+            "a gradient (ms)": [spread(taken[name]) for name in map(str, taken)],
+            f"over that of {BESIDE}": [spread(ratio[name]) for name in map(str, taken)],
         }
     )
 

@@ -124,13 +124,13 @@ def with_default(arguments: Sequence[str]) -> list[str]:
     Raises
     ------
     InputError
-        If they begin with what is neither a run nor a prediction.
+        If there is one alone, which is neither a run nor a prediction.
     """
     named = arguments[:1] and arguments[0] in (TEST, ATTENUATION, "-h", "--help")
     if named or not arguments:
         return list(arguments)
-    first = arguments[0]
-    if not first.startswith("-") and not Path(first).exists():
+    first, *others = arguments
+    if not others and not first.startswith("-") and not Path(first).exists():
         raise InputError(
             f"{first}: found neither a run directory nor a prediction of that name, expected "
             f"RUN EXPERIMENT.toml --out FILE.csv, or {ATTENUATION} RUN."

@@ -54,7 +54,8 @@ def test_a_name_of_a_file_that_is_no_text_is_refused_where_it_would_be_written(
     error = capsys.readouterr().err
     assert error.count("\n") == 1
     assert "found bytes that are no text in its name" in error
-    command = [sys.executable, "-m", "pyburgers", "new", path, *KNOWN, *RATE, "--id", b"\xff"]
+    options = map(os.fsencode, (*KNOWN, *RATE, "--id", "\udcff"))
+    command = [os.fsencode(sys.executable), b"-m", b"pyburgers", b"new", path, *options]
     ended = subprocess.run(command, capture_output=True, check=False)
     assert (ended.returncode, ended.stderr.count(b"\n")) == (2, 1)
 
@@ -63,7 +64,7 @@ def test_a_name_of_a_file_that_is_no_text_is_refused_where_it_would_be_written(
     ("arguments", "words"),
     [
         (("predict", "nowhere"), ("nowhere: found neither a run directory nor a prediction",)),
-        (("predict", "nowhere", PIL40, "--out", "x.csv"), ("nowhere: found neither",)),
+        (("predict", "nowhere", PIL40, "--out", "x.csv"), ("nowhere: not a run directory",)),
         (("predict", str(DATA)), ("missing: EXPERIMENT.toml (file of the other test), --out;",)),
         (("predict", str(DATA), "--out", "x.csv"), ("missing: EXPERIMENT.toml (file of",)),
         (("predict", "test"), ("missing: RUN (run directory of fit), EXPERIMENT.toml",)),

@@ -1,6 +1,8 @@
 """Options of `pyburgers new`: held by the file or refused, never dropped; relaxations."""
 
 import json
+import math
+from collections.abc import Sequence
 from itertools import combinations
 from pathlib import Path
 
@@ -28,12 +30,12 @@ VALUES = {
 """An answer to each question that some kinds of test have, found in no other line of a file."""
 RELAXATION = {"strain_rate_per_s", "hold_start_time", "loading_time"}
 
-CYCLES = [(10 * k, 1e-4 * np.sin(k / 6), 20 * np.sin(k / 6 + 0.3)) for k in range(60)]
-TABLES: dict[str, tuple[str, list[tuple[float, ...]]]] = {
+CYCLES = [(10.0 * k, 1e-4 * math.sin(k / 6), 20 * math.sin(k / 6 + 0.3)) for k in range(60)]
+TABLES: dict[str, tuple[str, Sequence[tuple[float, ...]]]] = {
     "all": ("time_s,strain,stress_MPa", CYCLES),
     "no strain": ("time_s,stress_MPa", [(10.0 * k, 9.0 - 0.1 * k) for k in range(40)]),
     "no stress": ("time_s,strain", [(10.0 * k, 1e-3 * k) for k in range(40)]),
-    "attenuation": ("period_s,temperature_K,tan_delta", [(10.0 * k, 260, 0.1) for k in (1, 2)]),
+    "attenuation": ("period_s,temperature_K,tan_delta", [(10.0 * k, 260.0, 0.1) for k in (1, 2)]),
 }
 
 

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 import xarray as xr
 from history_twins import history_twin
@@ -13,6 +14,8 @@ from pyburgers.model.priors import PriorSet, default_priors
 from pyburgers.protocols.loading_history.experiment import LoadingHistory, Stated
 from pyburgers.protocols.problem import problem_of
 from pyburgers.studies.maor.before_data import prior_draws
+
+FloatArray = npt.NDArray[np.float64]
 
 N_DRAWS = 5
 STATED = {
@@ -50,9 +53,9 @@ def source(programs: None) -> Source:
     return source_of(FITTED)
 
 
-def drawn(source: Source, test: str, name: str) -> np.ndarray:  # type: ignore[type-arg]
+def drawn(source: Source, test: str, name: str) -> FloatArray:
     group = source.tests[test].posterior["posterior"].to_dataset()
-    values: np.ndarray = group[name].to_numpy().ravel()  # type: ignore[type-arg]
+    values: FloatArray = group[name].to_numpy().ravel()
     return values
 
 

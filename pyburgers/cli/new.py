@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from pyburgers.cli.check_file import all_errors, check
+from pyburgers.cli.parser import is_text
 from pyburgers.cli.shared import writing
 from pyburgers.common.atomic_files import write_atomically
 from pyburgers.common.errors import InputError
@@ -102,13 +103,11 @@ def run(options: argparse.Namespace) -> int:
 
 def _named_in_text(file: str) -> str:
     """Return the name of a text file, if another file can hold it."""
-    try:
-        file.encode("utf-8")
-    except UnicodeEncodeError:
+    if not is_text(file):
         raise InputError(
             f"{file!r}: found bytes that are no text in its name, expected a name that the "
             "experiment file can hold; rename it."
-        ) from None
+        )
     return file
 
 
@@ -255,6 +254,11 @@ def _ask(question: Question) -> Any:
             typed = input(f"{question.text}{among}{proposed}: ").strip()
         except EOFError:
             raise InputError(f"{question.option}: found no answer, expected one.") from None
+        except UnicodeDecodeError:
+            typed = None
+        if typed is None or not is_text(typed):
+            print("found bytes that are no text, expected text")
+            continue
         if not typed and question.default is not None:
             return question.default
         try:

@@ -38,6 +38,15 @@ class HelpWithDefaults(argparse.HelpFormatter):
         return f"{text}; {ending}" if text else ending
 
 
+def is_text(text: str) -> bool:
+    """Whether files can hold what was typed: bytes that are no text cannot be encoded again."""
+    try:
+        text.encode("utf-8")
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
 def _given_path(text: str) -> Path:
     """Return a path; an empty text, such as of an unset shell variable, is none."""
     if not text:
@@ -80,13 +89,11 @@ class OneLineParser(argparse.ArgumentParser):
         """
         value = super()._get_value(action, arg_string)
         # The words of a command are read again, each as what it is.
-        if isinstance(value, str) and not isinstance(action, argparse._SubParsersAction):
-            try:
-                value.encode("utf-8")
-            except UnicodeEncodeError:
-                raise argparse.ArgumentError(
-                    action, f"found {value!r} with bytes that are no text, expected text"
-                ) from None
+        is_kept = isinstance(value, str) and not isinstance(action, argparse._SubParsersAction)
+        if is_kept and not is_text(value):
+            raise argparse.ArgumentError(
+                action, f"found {value!r} with bytes that are no text, expected text"
+            )
         return value
 
     def options(self) -> list[str]:

@@ -1,8 +1,10 @@
 """Options of `pyburgers new`: held by the file or refused, never dropped; relaxations."""
 
+import io
 import json
 import math
-from collections.abc import Sequence
+import sys
+from collections.abc import Iterator, Sequence
 from itertools import combinations
 from pathlib import Path
 
@@ -113,6 +115,69 @@ def test_a_relaxation_is_written_with_its_loading(
     assert main(["simulate", str(file), "--parameters", str(parameters), "--out", str(out)]) == 0
     stress = np.genfromtxt(out, delimiter=",", names=True)["stress_Pa"]
     assert 0 < stress[-1] < stress.max()
+
+
+ASKED = {
+    "axial": ("attenuation", "attenuation", {"deformation": "axial"}, "Poisson"),
+    "shear": ("attenuation", "attenuation", {"deformation": "shear", "Poisson": "0.3"}, None),
+    "never held": (
+        "loading_history",
+        "no strain",
+        {"strain rate": "1e-5", "is held": ""},
+        "until then",
+    ),
+    "held": (
+        "loading_history",
+        "no strain",
+        {"strain rate": "1e-5", "is held": "0", "until then": "100"},
+        None,
+    ),
+}
+"""Protocol, table, answers by words of their questions, and words of what is not asked."""
+
+
+@pytest.mark.parametrize(("protocol", "table", "answers", "needless"), ASKED.values(), ids=ASKED)
+def test_what_is_asked_next_depends_on_the_answers(
+    protocol: str,
+    table: str,
+    answers: dict[str, str],
+    needless: str | None,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    path, asked = written(tmp_path / "test.csv", table), list[str]()
+
+    def answer(question: str) -> str:
+        asked.append(question)
+        return next((text for words, text in answers.items() if words in question), "")
+
+    terminal = io.StringIO()
+    monkeypatch.setattr(terminal, "isatty", lambda: True)
+    monkeypatch.setattr(sys, "stdin", terminal)
+    monkeypatch.setattr("builtins.input", answer)
+    assert main(["new", str(path), *KNOWN, "--protocol", protocol]) == 0
+    assert all(sum(words in question for question in asked) == 1 for words in answers)
+    assert needless is None or not any(needless in question for question in asked)
+
+
+def test_what_is_typed_has_to_be_text(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "test.csv"
+    path.write_text("strain,stress\n0.001,2\n0.02,3\n", encoding="utf-8")
+    typed: Iterator[str | bytes] = iter([b"a\xff", "a\udcff", "mine"])
+
+    def answer(question: str) -> str:
+        given = next(typed) if "name of the test" in question else ""
+        return given if isinstance(given, str) else given.decode("utf-8")
+
+    terminal = io.StringIO()
+    monkeypatch.setattr(terminal, "isatty", lambda: True)
+    monkeypatch.setattr(sys, "stdin", terminal)
+    monkeypatch.setattr("builtins.input", answer)
+    assert main(["new", str(path), *KNOWN, "--strain-rate-per-s", "1e-5"]) == 0
+    assert capsys.readouterr().out.count("found bytes that are no text, expected text") == 2
+    assert load_experiment(path.with_suffix(".toml")).id == "mine"
 
 
 @pytest.mark.parametrize(

@@ -179,7 +179,8 @@ generated quantities {
       grid_kelvin_strain[i] = state[2];
       grid_grain_size[i] = state[3];
       grid_dashpot_rate[i] = dashpot_strain_rate(
-                               power_law_stress(stress, parameter[e][i_breakdown_stress()], 1),
+                               power_law_stress(stress, parameter[e][i_breakdown_stress()], 1,
+                                                parameter[e][i_stress_exponent()]),
                                state[3], 1,
                                parameter[e][i_stress_exponent()],
                                parameter[e][i_grain_size_exponent()],

@@ -57,6 +57,10 @@ SHORT = SamplerOptions(chains=2, warmup=100, draws=800, adapt_delta=0.98, seed=1
 default of histories would take several times the gradients; so would a warm-up of 150, whose first
 phase leaves the metric fewer draws than that of 100 does."""
 
+LONG = SamplerOptions(chains=2, warmup=200, draws=2000, adapt_delta=0.9, seed=1)
+"""For the sine that hardens. Every second of its draws or more is an independent one, but those of E_K:
+of 400 only 18, since any stiff element serves."""
+
 KEPT_OF_GRAIN_SIZE_EXPONENT = 0.1
 """Of the width of p's prior. A record of one grain size says nothing of it, and where the prior
 reaches down to 0, a sixth of its draws were independent ones."""
@@ -95,7 +99,12 @@ def halite_tasks(folder: Path) -> dict[str, Task]:
     """
     test = load_loading_history(folder / f"{RECORD}.toml")
     return {
-        name: task_of([replace(test, id=name)], halite_priors(test, name), SHORT) for name in LAWS
+        name: task_of(
+            [replace(test, id=name)],
+            halite_priors(test, name),
+            LONG if name == SINE_HARDENING else SHORT,
+        )
+        for name in LAWS
     }
 
 

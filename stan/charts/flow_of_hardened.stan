@@ -30,7 +30,8 @@ real log_reference_flow_shift(vector parameter, data real stress, data real path
                               parameter[i_steady_state_grain_size()] / initial_grain_size,
                               parameter[i_critical_strain_grain_size()]));
     return parameter[i_stress_exponent()]
-           * (log(power_law_stress(stress, sigma_l, exp(log_fabric)) / stress) - log_fabric)
+           * (log(power_law_stress(stress, sigma_l, exp(log_fabric),
+                                   parameter[i_stress_exponent()]) / stress) - log_fabric)
            - parameter[i_grain_size_exponent()] * log_grain_size;
   }
 }

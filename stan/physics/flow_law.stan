@@ -38,10 +38,10 @@ real signed_power(real x, real log_unit, real exponent, real log_factor) {
 }
 
 /**
- * Stress over F sigma_L above which the rate of the hyperbolic sine grows no more: rates are finite up
- * to n = 8 there.
+ * Stress over F sigma_L above which the rate of the hyperbolic sine grows no more: its n-th power is
+ * e^650 there, which leaves room for the rate factor.
  */
-real largest_sine_argument() { return 85; }
+real largest_sine_argument(real stress_exponent) { return 650 / fmax(stress_exponent, 1); }
 
 /**
  * Stress at which a power law creeps as fast as the hyperbolic sine does at a stress:
@@ -53,14 +53,18 @@ real largest_sine_argument() { return 85; }
  *
  * @param breakdown_stress sigma_L; 0: power-law creep has no end, and the stress is returned
  * @param fabric_factor F
+ * @param stress_exponent n
  */
-real power_law_stress(real stress, real breakdown_stress, real fabric_factor) {
+real power_law_stress(real stress, real breakdown_stress, real fabric_factor,
+                      real stress_exponent) {
   if (breakdown_stress == 0) {
     return stress;
   }
-  return fabric_factor * breakdown_stress
-         * sinh(fmax(fmin(stress / (fabric_factor * breakdown_stress), largest_sine_argument()),
-                     -largest_sine_argument()));
+  {
+    real largest = largest_sine_argument(stress_exponent);
+    return fabric_factor * breakdown_stress
+           * sinh(fmax(fmin(stress / (fabric_factor * breakdown_stress), largest), -largest));
+  }
 }
 
 /**

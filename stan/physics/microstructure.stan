@@ -48,10 +48,14 @@ real microstructure_at(real path_strain, real initial, real steady_state, real c
  *
  * log1p and expm1 keep it accurate, and cheap to differentiate, near the undeformed state.
  *
+ * @param path_strain gamma; below 0, where only a trial step of a solver can come, nothing has changed
  * @param deficit 1 - steady state/initial value
  * @param inverse_critical_strain 1/critical strain
  */
 real log_relative_microstructure(real path_strain, real deficit, real inverse_critical_strain) {
+  if (path_strain < 0) {
+    return 0;
+  }
   return log1p(deficit * expm1(-path_strain * inverse_critical_strain));
 }
 

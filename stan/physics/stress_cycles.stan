@@ -28,12 +28,13 @@ real log_fluidity_about_zero(real stress_exponent, data real amplitude) {
  */
 real log_fluidity_about(data real median_stress, data real amplitude, real stress_exponent,
                         real breakdown_stress, data vector sine, data vector weight) {
-  real log_peak = log(power_law_stress(median_stress + amplitude, breakdown_stress, 1));
+  real log_peak = log(power_law_stress(median_stress + amplitude, breakdown_stress, 1,
+                                       stress_exponent));
   real total = 0;
   for (j in 1 : num_elements(sine)) {
     total += weight[j] * sine[j]
              * signed_power(power_law_stress(median_stress + amplitude * sine[j],
-                                             breakdown_stress, 1),
+                                             breakdown_stress, 1, stress_exponent),
                             log_peak, stress_exponent, 0);
   }
   return stress_exponent * log_peak + log(total) - log(amplitude);

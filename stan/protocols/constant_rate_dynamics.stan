@@ -19,7 +19,7 @@
  *
  *   w = d/d_0,  dw/d(strain) = (d_piezometer(stress)/d_0 - w)/epsilon_c1.
  *
- * A hyperbolic-sine dashpot has power_law_stress(y, sigma_L/S_0, F) in place of y in v_d; its grain
+ * A hyperbolic-sine dashpot has power_law_stress(y, sigma_L/S_0, F, n) in place of y in v_d; its grain
  * size always is a third state, with d_ss in place of the piezometer's where there is none.
  */
 
@@ -163,7 +163,7 @@ vector constant_rate_hyperbolic_sine_rhs(real run, vector state, real stiffness,
   real log_fabric = log_relative_microstructure(start_strain + run, fabric_deficit,
                                                 inverse_critical_strain_fabric);
   real flow_stress = power_law_stress(state[1], breakdown_stress / reference_stress,
-                                      exp(log_fabric));
+                                      exp(log_fabric), stress_exponent);
   real dashpot_rate = relative_dashpot_rate(flow_stress, stress_exponent, grain_size_exponent,
                                             log(state[3]), log_fabric, log_rate_ratio);
   real preferred = relative_piezometer > 0

@@ -35,7 +35,7 @@
                                           -log(prior_location[e][i_kelvin_reference_stress()]))
                     / kelvin_viscosity;
       grid_dashpot_share[i] = dashpot_strain_rate(power_law_stress(stress, breakdown_stress,
-                                                                   grid_fabric_factor[i]),
+                                                                   grid_fabric_factor[i], n),
                                                   grid_grain_size[i],
                                                   grid_fabric_factor[i], n, p, log_factor)
                               / grid_rate[i];

@@ -13,7 +13,7 @@
  * for y - z in the rates; the solver gets that form only then, because every argument costs it
  * sensitivities.
  *
- * A hyperbolic-sine dashpot has power_law_stress(y, sigma_L/S, 1) in place of y in v_d.
+ * A hyperbolic-sine dashpot has power_law_stress(y, sigma_L/S, 1, n) in place of y in v_d.
  *
  * S and e are an observed stress and strain (data) and v_d0 the rate of the dashpot at stress S
  * and grain size d_0. v_K and v_d are the rates of the Kelvin element and of the dashpot, in the
@@ -197,8 +197,8 @@ vector forced_oscillation_hyperbolic_sine_rhs(real tau, vector state, real stiff
   real kelvin_excess = linear_driving_stress(state[1] - state[2], kelvin_stress_exponent,
                                              log_kelvin_unit);
   return forced_oscillation_rates(rate, tau >= first_tau, state, kelvin_excess,
-                                  power_law_stress(state[1], breakdown, 1), stiffness,
-                                  kelvin_fluidity, kelvin_decay, stress_exponent,
+                                  power_law_stress(state[1], breakdown, 1, stress_exponent),
+                                  stiffness, kelvin_fluidity, kelvin_decay, stress_exponent,
                                   grain_size_exponent, log_dashpot_rate,
                                   inverse_critical_strain, stress_scale, strain_scale,
                                   unit, piezometer);

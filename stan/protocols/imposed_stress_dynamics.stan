@@ -30,7 +30,7 @@ real cyclic_stress(real time, real median_stress, real amplitude, real angular_f
 real dashpot_rate_at(real stress, real grain_size, real fabric_factor, data vector parameter,
                      data real temperature) {
   return dashpot_strain_rate(power_law_stress(stress, parameter[i_breakdown_stress()],
-                                              fabric_factor),
+                                              fabric_factor, parameter[i_stress_exponent()]),
                              grain_size, fabric_factor, parameter[i_stress_exponent()],
                              parameter[i_grain_size_exponent()],
                              log_rate_factor(parameter[i_activation_enthalpy()],

@@ -163,7 +163,8 @@ real history_strain_rate(row_vector state, data row_vector leg, vector parameter
          * (1 / (factor * parameter[i_maxwell_modulus()]) + parameter[i_apparatus_compliance()])
          + state[7]
          + dashpot_strain_rate(power_law_stress(state[1] / factor, parameter[i_breakdown_stress()],
-                                                fabric_factor),
+                                                fabric_factor,
+                                                parameter[i_stress_exponent()]),
                                grain_size, fabric_factor, parameter[i_stress_exponent()],
                                parameter[i_grain_size_exponent()],
                                log_rate_factor(parameter[i_activation_enthalpy()],

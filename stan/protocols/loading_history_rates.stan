@@ -15,7 +15,7 @@
  *
  * v_0 the rate of the undeformed dashpot at stress S. With a power-law Kelvin element its linear
  * driving stress stands for q (physics/kelvin_element.stan), with a hyperbolic-sine dashpot
- * power_law_stress(y, sigma_L/S, F) for y in v_d. A Kelvin part with many relaxation times
+ * power_law_stress(y, sigma_L/S, F, n) for y in v_d. A Kelvin part with many relaxation times
  * (physics/relaxation_elements.stan) is a sum of elements, each with a z_k of its own:
  *
  *   dz_k/dt = c_k (D E_K/eta_K) (y - z_k),  z = sum of w_k z_k.
@@ -283,7 +283,8 @@ real history_dashpot_rate(real y, real g, real u, vector varying, data array[] i
   }
   if (in_use(h_breakdown_stress(), place, fixed, 0)) {
     flow_stress = power_law_stress(y, history_rate(h_breakdown_stress(), varying, place, fixed),
-                                   exp(log_fabric));
+                                   exp(log_fabric),
+                                   history_rate(h_stress_exponent(), varying, place, fixed));
   }
   return signed_power(flow_stress, log_fabric,
                       history_rate(h_stress_exponent(), varying, place, fixed),

@@ -383,3 +383,11 @@ def test_closed_form_of_the_microstructure_solves_its_equation(
     np.testing.assert_allclose(
         values["grain_size_strength"], (grain_size / 230e-6) ** (0.55 / 3.779), rtol=1e-12
     )
+
+
+def test_a_trial_step_behind_the_start_has_a_microstructure(
+    function_values: FunctionValues,
+) -> None:
+    """Solvers come to path strains of any size and sign before they take a shorter step."""
+    values = function_values("physics_values", function_data([], [-1e-9, -0.1, -1e3]))
+    np.testing.assert_array_equal(values["log_relative_grain_size"], 0.0)

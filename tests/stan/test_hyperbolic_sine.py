@@ -92,6 +92,23 @@ def test_steady_stress_of_the_second_equation_of_the_paper() -> None:
     np.testing.assert_allclose(found, expected, rtol=1e-6)
 
 
+def test_a_steady_stress_may_be_any_number_of_breakdown_stresses() -> None:
+    """Salt that hardens comes to 80, and its posterior goes beyond."""
+    breakdown, times, enthalpy = 0.1e6, 160.0, 60e3
+    test = replace(ice_test(((0.0, 1e-5),)), final_strain=3.0)
+    log_factor = np.log(1e-5 / breakdown) - np.log(np.sinh(times))
+    parameters = truth(
+        stress_exponent=1.0,
+        grain_size_exponent=0.0,
+        steady_state_fabric_factor=1.0,
+        breakdown_stress=breakdown,
+        activation_enthalpy=enthalpy,
+        beta=log_factor / enthalpy + 1 / (oracle.GAS_CONSTANT * test.temperature),
+    )
+    found = simulate(test, parameters, at=np.array([3.0]))["stress_Pa"].item()
+    assert found == pytest.approx(times * breakdown, rel=1e-6)
+
+
 @pytest.mark.parametrize(
     "others",
     [

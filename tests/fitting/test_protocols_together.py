@@ -6,12 +6,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import xarray as xr
 from conftest import ICE, with_fixed
 from history_twins import GRAIN_SIZE, TEMPERATURE, TRUTH, history_twin
 from protocol_examples import TWIN_FILE
 
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_tests import leave_one_test_out
+from pyburgers.comparison.same_data import data_hash
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.model.parameters import PIEZOMETER
 from pyburgers.model.pooling import pooling_of
@@ -216,12 +218,20 @@ def test_measured_microstructure_of_both_kinds_counts(measured: Fit) -> None:
     for quantity, index in (("grain_size", 0), ("fabric_factor", 1)):
         model = creep["model"].sel(quantity=quantity).isel(section=index)
         replicated = creep["replicated"].sel(quantity=quantity).isel(section=index)
-        assert float(np.ptp(replicated)) > float(np.ptp(model))
+        assert np.ptp(replicated.to_numpy()) > np.ptp(model.to_numpy())
     again = Fit.load(measured.directory.path)
     assert (
         again.problem.experiments[1].microstructure == measured["creep"].experiment.microstructure
     )
     assert abs(float(measured.posterior["sample_stats"]["solver_log_ratio"].max())) < 0.1
+
+
+def test_where_it_was_measured_is_part_of_the_data(measured: Fit) -> None:
+    creep = measured["creep"]
+    group = creep.posterior["microstructure"].to_dataset()
+    moved = creep.posterior.copy()
+    moved["microstructure"] = xr.DataTree(group.assign_coords(time=group["time"] - 1.0))
+    assert data_hash(replace(creep, posterior=moved)) != data_hash(creep)
 
 
 def test_it_is_drawn_along_time_with_what_was_measured(measured: Fit) -> None:
@@ -260,7 +270,7 @@ def test_what_was_measured_is_on_the_page(measured: Fit, tmp_path: Path) -> None
     )
     text = page.read_text(encoding="utf-8")
     assert "fabric factor 0.740 ± 0.030 at 66.7 min" in text
-    assert "160 ± 8 µm at a path strain of 5 %" in text
+    assert "160.0 ± 8.0 µm at a path strain of 5 %" in text
     assert (tmp_path / "page" / "figures" / "creep_softening.svg").is_file()
 
 

@@ -72,7 +72,8 @@ class _LoadingHistoryFile(ExperimentFile):
         None, description="the table that names the data file; an empty cell is no reading"
     )
     microstructure: list[SectionTable] = Field(
-        default_factory=list, description="one table for each time or path strain"
+        default_factory=list,
+        description="one table for each section; path strains in the unit of [data]",
     )
 
 

@@ -40,10 +40,13 @@ class FigureRecipe(FigureText, Generic[Fitted]):
         Draws it for a fit.
     result : callable
         Says in a sentence what it shows of a fit, for those who cannot see it.
+    suits : callable
+        Whether a fit has anything to show; by default every one has.
     """
 
     draw: Callable[[Fitted], Figure]
     result: Callable[[Fitted], str]
+    suits: Callable[[Fitted], bool] = lambda _: True
 
 
 @dataclass(frozen=True)

@@ -393,7 +393,7 @@ def _write_section(name: str, fit: Fit, out: Path) -> Section:
                 _picture_file(out, key, recipe),
                 f"{recipe.title}, {name}: {recipe.result(fit)}",
             )
-            for recipe in figures_for(fit.experiment)
+            for recipe in figures_for(fit)
         ),
     )
 

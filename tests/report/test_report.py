@@ -110,14 +110,14 @@ def test_every_figure_is_on_the_page_with_a_text_alternative(page: Page, fits: l
     expected = [
         f"{recipe.title}, {name}: {recipe.result(fit)}"
         for name, fit in (("B", fits[1]), ("A", fits[0]))  # measured first
-        for recipe in figures_for(fit.experiment)
+        for recipe in figures_for(fit)
     ]
     assert page.alternatives == expected
     assert len(set(expected)) == len(expected)
 
 
 def test_a_caption_stands_once_and_later_figures_lead_to_it(page: Page, fits: list[Fit]) -> None:
-    for recipe in figures_for(fits[0].experiment):
+    for recipe in figures_for(fits[0]):
         assert page.text_without_marks.count(recipe.caption) == 1
         assert f"figure-A_{recipe.name}" in page.ids
         assert ("a", f"#figure-B_{recipe.name}") in page.references
@@ -334,7 +334,7 @@ def test_tables_hold_the_summary_at_full_precision(folder: Path, fits: list[Fit]
 
 
 def test_figures_are_written_as_pictures_and_vectors(folder: Path, fits: list[Fit]) -> None:
-    for recipe in figures_for(fits[0].experiment):
+    for recipe in figures_for(fits[0]):
         base = folder / "page" / "figures" / f"A_{recipe.name}"
         assert base.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
         assert "<svg" in base.with_suffix(".svg").read_text(encoding="utf-8")
@@ -406,7 +406,7 @@ def test_processes_write_the_same_pictures(folder: Path, fits: list[Fit], page: 
     out = folder / "by_processes"
     write_report([fits[1]], out, title="x", command="x", jobs=2)
     pictures = sorted((out / "figures").glob("*.png"))
-    assert len(pictures) == len(figures_for(fits[1].experiment))
+    assert len(pictures) == len(figures_for(fits[1]))
     for picture in pictures:
         assert picture.read_bytes() == (folder / "page" / "figures" / picture.name).read_bytes()
         assert picture.with_suffix(".svg").is_file()

@@ -255,6 +255,22 @@ def frozen_sentence(spectrum: xr.Dataset) -> str:
     )
 
 
+def pale_sentence(spectrum: xr.Dataset) -> str:
+    """Say at which stresses frozen microstructure fails in most draws, where curves are pale."""
+    fails = likely_fails(spectrum)
+    regimes = [
+        f"{label}{'' if of_regime.all() else ' (slow cycles)'}"
+        for label, of_regime in zip(spectrum["regime"].to_numpy(), fails, strict=True)
+        if of_regime.any()
+    ]
+    if not regimes:
+        return "The microstructure is frozen, which fails at none of these stresses in most draws."
+    return (
+        "The microstructure is frozen, which fails in most draws, where curves are pale, at "
+        f"{', '.join(regimes)}."
+    )
+
+
 def elastic_modulus_sentence(spectrum: xr.Dataset) -> str:
     """Say where the elastic modulus of a predicted spectrum comes from."""
     given = spectrum.attrs["elastic_modulus"]

@@ -177,7 +177,6 @@ def entry_of(
         RESIDUAL_COLUMN: _mean_sd(fit, noise.name, noise.display_factor) + unit,
         "in 90 % band": f"{100.0 * coverage(fit.posterior):.0f} %",
         CONFLICT_COLUMN: _conflicts_text(influences),
-        **_times(fit),
     }
     is_synthetic = fit.experiment.provenance.kind == "synthetic"
     return Entry(key, name, is_synthetic, answered, tuple(checks), disagreement(influences), row)
@@ -209,7 +208,6 @@ def told_entry(key: str, name: str, fit: SampledFit) -> Entry:
         "stress exponent n": with_error(mean, sd) if sd > 0 else f"{number(mean)} (fixed)",
         RESIDUAL_COLUMN: f"{100 * float(draws[STRESS_SCATTER.name].mean()):.2g} % of the peak",
         "in 90 % band": f"{100.0 * coverage(fit.posterior):.0f} %",
-        **_times(fit),
     }
     return Entry(key, name, kind == "synthetic", answered, tuple(checks), None, row)
 
@@ -234,7 +232,6 @@ def joint_entry(key: str, name: str, joint: Fit) -> Entry:
         "data": ", ".join(dict.fromkeys(kinds)),
         "model": joint.variant.short_text,
         **_answers_text(answered, checks),
-        **_times(joint),
     }
     if "stress_exponent" in joint.problem.shared:
         row["stress exponent n"] = _mean_sd(joint, "stress_exponent", 1.0)
@@ -285,20 +282,3 @@ def _mean_sd(fit: Fit, name: str, factor: float) -> str:
     draws = fit.posterior["posterior"].to_dataset()[name]
     mean, sd = (float(value) * factor for value in (draws.mean(), draws.std(ddof=1)))
     return with_error(mean, sd)
-
-
-def _times(fit: SampledFit) -> dict[str, str]:
-    """Wall time of all chains."""
-    seconds = [record["wall_seconds"] for record in fit.manifest["chains"].values()]
-    return {
-        "all chains": duration_text(sum(seconds)),
-    }
-
-
-def duration_text(seconds: float) -> str:
-    """Return a time such as ``45 s``, ``12 min`` or ``3.4 h``."""
-    if seconds < 120:
-        return f"{seconds:.0f} s"
-    if seconds < 7200:
-        return f"{seconds / 60:.0f} min"
-    return f"{seconds / 3600:.1f} h"

@@ -24,7 +24,7 @@ from pyburgers.model.display import symbol_text
 from pyburgers.model.parameters import PARAMETER_BY_NAME, REFERENCE_QUANTITIES
 from pyburgers.model.variants import ModelVariant
 from pyburgers.report import tables
-from pyburgers.report.fit_section import Section, write_section
+from pyburgers.report.fit_sections import SameData, Section, by_data, write_section
 from pyburgers.report.glossary import with_definitions
 from pyburgers.report.illustrations import Illustration, Pictures, picture_file, write_figures
 from pyburgers.report.names import file_key, joint_key, page_keys
@@ -40,7 +40,6 @@ from pyburgers.report.overview import (
     told_entry,
 )
 from pyburgers.report.run_records import REPORT_KIND, report_manifest, runs_table
-from pyburgers.report.same_data import SameData, by_data
 
 logger = logging.getLogger(__name__)
 

@@ -12,9 +12,8 @@ from synthetic_fit import make_fit
 
 from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.fitting.fit import Fit
-from pyburgers.report.fit_section import Section, write_section
+from pyburgers.report.fit_sections import SameData, Section, by_data, write_section
 from pyburgers.report.page import write_report
-from pyburgers.report.same_data import SameData, by_data
 from pyburgers.report.tables import DECISION
 
 WORDS_OF_A_FIT = 160

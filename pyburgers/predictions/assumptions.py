@@ -257,17 +257,18 @@ def frozen_sentence(spectrum: xr.Dataset) -> str:
 
 def pale_sentence(spectrum: xr.Dataset) -> str:
     """Say at which stresses frozen microstructure fails in most draws, where curves are pale."""
-    fails = likely_fails(spectrum)
-    regimes = [
-        f"{label}{'' if of_regime.all() else ' (slow cycles)'}"
-        for label, of_regime in zip(spectrum["regime"].to_numpy(), fails, strict=True)
-        if of_regime.any()
+    if np.isnan(spectrum["critical_strain"].to_numpy()).all():
+        return "The microstructure is taken as frozen; whether it is cannot be told."
+    pale = [
+        f"{label}{'' if fails.all() else ' (slow cycles)'}"
+        for label, fails in zip(spectrum["regime"].to_numpy(), likely_fails(spectrum), strict=True)
+        if fails.any()
     ]
-    if not regimes:
-        return "The microstructure is frozen, which fails at none of these stresses in most draws."
+    if not pale:
+        return "The microstructure is taken as frozen, which holds in most draws at these stresses."
     return (
-        "The microstructure is frozen, which fails in most draws, where curves are pale, at "
-        f"{', '.join(regimes)}."
+        "The microstructure is taken as frozen, which fails in most draws at "
+        f"{', '.join(pale)}: those curves are pale."
     )
 
 

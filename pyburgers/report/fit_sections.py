@@ -308,14 +308,16 @@ class SameData:
 def by_data(named: Iterable[tuple[str, Fit]]) -> list[list[tuple[str, Fit]]]:
     """Put fits of the same data together, in the order of the first of each.
 
+    Equal readings of which some were measured and some computed are different data.
+
     Parameters
     ----------
     named : iterable of tuple of str and Fit
         Fits with their names.
     """
-    found: dict[str, list[tuple[str, Fit]]] = {}
+    found: dict[tuple[str, str], list[tuple[str, Fit]]] = {}
     for name, fit in named:
-        found.setdefault(data_hash(fit), []).append((name, fit))
+        found.setdefault((fit.provenance.kind, data_hash(fit)), []).append((name, fit))
     return list(found.values())
 
 

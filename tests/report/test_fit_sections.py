@@ -55,9 +55,12 @@ def decided(section: Section, by: Mapping[str, str]) -> Section:
     return replace(section, parameters=parameters)
 
 
-def test_fits_of_the_same_data_are_put_together(fits: Mapping[str, Fit]) -> None:
+def test_fits_of_the_same_data_are_put_together(fits: Mapping[str, Fit], tmp_path: Path) -> None:
     found = [[name for name, _ in group] for group in by_data(fits.items())]
     assert found == [["good", "failed"], ["other"]]
+    measured = make_fit(tmp_path, name="A", kind="measured", chains=2, draws=300)
+    groups = by_data({**fits, "measured": measured}.items())
+    assert [name for name, _ in groups[-1]] == ["measured"]
 
 
 def test_alike_answers_are_told_once_and_others_by_name(sections: list[Section]) -> None:

@@ -120,7 +120,7 @@ def test_one_section_holds_fits_of_the_same_data(page: Page) -> None:
     assert not page.open
     assert page.ids.index("good") < page.ids.index("failed") < page.ids.index("other")
     assert page.tags.count("section") == 5  # overview, two sets of data, how to read, again
-    assert "failed : figures, intervals, priors" in page.text
+    assert "failed: figures, intervals, priors" in page.text
     # Contents, answers and overview lead to the fit that stands folded in the section of another.
     assert page.references.count(("a", "#failed")) >= 3
 

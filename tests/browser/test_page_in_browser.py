@@ -194,7 +194,7 @@ def test_a_fit_takes_little_room_until_it_is_unfolded(browser: Any, page_file: P
     )
     visit.tab.close()
     assert heights
-    assert max(heights) < 1050  # all numbers by data; with its figure above them 1500
+    assert max(heights) < 1050  # every number of this fit is by data
     assert max(words) < 250
 
 

@@ -89,6 +89,8 @@ class PageTable:
         What it means, below it.
     in_files : bool
         Whether it is for those who look closer: a file, and not on the page.
+    folded : bool
+        Whether figures or sentences of its part say already what a reader needs of it.
     """
 
     name: str
@@ -100,6 +102,7 @@ class PageTable:
     bad: Mapping[str, Sequence[bool]] = field(default_factory=dict)
     text: Markup = field(default_factory=Markup)
     in_files: bool = False
+    folded: bool = False
 
 
 @dataclass(frozen=True, eq=False)

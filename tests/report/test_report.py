@@ -120,7 +120,8 @@ def test_a_caption_stands_once_and_later_figures_lead_to_it(page: Page, fits: li
     for recipe in figures_for(fits[0]):
         assert page.text_without_marks.count(recipe.caption) == 1
         assert f"figure-A_{recipe.name}" in page.ids
-        assert ("a", f"#figure-B_{recipe.name}") in page.references
+        assert f"figure-B_{recipe.name}-legend" in page.ids
+        assert ("a", f"#figure-B_{recipe.name}-legend") in page.references
 
 
 def test_strings_from_files_are_escaped(folder: Path, page: Page) -> None:
@@ -260,7 +261,8 @@ def test_what_was_not_good_enough_to_sample_with_is_told(sketched: None, tmp_pat
 def test_the_page_says_what_prior_and_data_decide(
     folder: Path, page: Page, fits: list[Fit], sketched: None, tmp_path: Path
 ) -> None:
-    assert page.text.count("decided by") == len(fits)
+    # Of each fit a table of what the data say, and a folded one of everything.
+    assert page.text.count("decided by") == 2 * len(fits)
     assert page.text.count(THRESHOLDS_TEXT) == 1
     for fit in fits:
         file = folder / "page" / "tables" / f"{fit.experiment.id}_influence.csv"

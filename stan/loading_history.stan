@@ -25,6 +25,7 @@ functions {
 #include statistics/priors.stan
 #include statistics/priors_of_test.stan
 #include statistics/residuals.stan
+#include statistics/measured_microstructure.stan
 #include charts/plain.stan
 #include charts/flow_of_hardened.stan
 #include charts/pooling.stan
@@ -55,6 +56,7 @@ data {
 transformed data {
   int n_points = point_end[n_tests + 1];
   int n_grid = grid_end[n_tests + 1];
+  int n_measured = measured_end[n_tests + 1];
   int n_reading_grid = reading_grid_end[n_tests + 1];
   // What some free parameter changes; the rest is constant to the solver.
   array[n_parameters()] int is_free = free_in_any_test(own_parameter, pooled_parameter);
@@ -130,13 +132,15 @@ model {
                                             law));
       } else {
         array[point_end[e + 1] - point_end[e]] int points = part(point_end, e);
+        array[measured_end[e + 1] - measured_end[e]] int sections = part(measured_end, e);
+        matrix[output_end[e + 1] - output_end[e], 5 + n_summed(element)] states
+          = history_states(parameter[e], prior_location[e], varying, leg[part(leg_end, e)],
+                           fixed[part(leg_end, e)], test[e], element,
+                           output_time_in_leg[part(output_end, e)],
+                           n_outputs_in_leg[part(leg_end, e)], initial_grain_size[e], tolerance,
+                           max_num_steps);
         matrix[size(points), 2] stress_and_strain
-          = history_response(history_states(parameter[e], prior_location[e], varying,
-                                            leg[part(leg_end, e)], fixed[part(leg_end, e)],
-                                            test[e], element, point_time_in_leg[points],
-                                            n_points_in_leg[part(leg_end, e)],
-                                            initial_grain_size[e], tolerance, max_num_steps),
-                             parameter[e], test[e]);
+          = history_response(states[output_of_point[points]], parameter[e], test[e]);
         vector[size(points)] response
           = history_readings(stress_and_strain, is_strain[points], parameter[e]);
         vector[size(points)] noise = reading_noise(is_strain[points], parameter[e]);
@@ -148,6 +152,13 @@ model {
                                      parameter[e][i_residual_correlation_time()],
                                      parameter[e][i_residual_correlated_share()])
                   - sum(log(noise));
+        if (size(sections) > 0) {
+          target += sum(microstructure_log_densities(
+            measured[sections],
+            section_microstructure(states, output_of_measured[sections],
+                                   measured_path_strain[sections], parameter[e], test[e],
+                                   initial_grain_size[e])));
+        }
       }
     }
   }
@@ -158,6 +169,10 @@ generated quantities {
   vector[n_points] log_lik; // of each point given those before it
   // Of each point given all others; where residuals are independent, log_lik is that already.
   vector[correlated_residuals ? n_points : 0] log_lik_given_others;
+  // Where the microstructure was measured: grain size (m) and fabric factor.
+  matrix[n_measured, 2] microstructure_model;
+  matrix[n_measured, 2] microstructure_replicated;
+  matrix[n_measured, 2] microstructure_log_lik;
   // Of the coordinates, as the model block has it; here for runs of this block by itself.
   real log_density = lprior + log_jacobian + log_pooling;
   vector[n_grid] grid_stress; // Pa
@@ -169,12 +184,16 @@ generated quantities {
   vector[n_grid] grid_path_strain;
   vector[n_grid] grid_grain_size; // m
   vector[n_grid] grid_fabric_factor;
+  // Softening of the flow strength, split between its two causes.
+  vector[n_grid] grid_grain_size_softening;
+  vector[n_grid] grid_fabric_softening;
   vector[n_reading_grid] grid_log_reading; // ln(tan delta) or ln(modulus / Pa)
   vector[n_reading_grid] grid_log_reading_replicated;
   vector[n_reading_grid] grid_log_relaxation_time; // the longest of the Kelvin part, ln s
   vector[n_reading_grid] grid_log_maxwell_time; // 1/(E_M B), ln s
   for (e in 1 : n_tests) {
     array[point_end[e + 1] - point_end[e]] int points = part(point_end, e);
+    array[measured_end[e + 1] - measured_end[e]] int sections = part(measured_end, e);
     if (row_end[e + 1] > row_end[e]) {
 #include protocols/attenuation_readings.stan
       response_model[points] = read;
@@ -187,13 +206,14 @@ generated quantities {
       vector[size(points)] noise = reading_noise(is_strain[points], parameter[e]);
       real correlation_time = parameter[e][i_residual_correlation_time()];
       real share = parameter[e][i_residual_correlated_share()];
+      matrix[output_end[e + 1] - output_end[e], 5 + n_summed(element)] states
+        = history_states(parameter[e], prior_location[e], varying, leg[part(leg_end, e)],
+                         fixed[part(leg_end, e)], test[e], element,
+                         output_time_in_leg[part(output_end, e)],
+                         n_outputs_in_leg[part(leg_end, e)], initial_grain_size[e], tolerance,
+                         max_num_steps);
       matrix[size(points), 2] stress_and_strain
-        = history_response(history_states(parameter[e], prior_location[e], varying,
-                                          leg[part(leg_end, e)], fixed[part(leg_end, e)], test[e],
-                                          element, point_time_in_leg[points],
-                                          n_points_in_leg[part(leg_end, e)],
-                                          initial_grain_size[e], tolerance, max_num_steps),
-                           parameter[e], test[e]);
+        = history_response(states[output_of_point[points]], parameter[e], test[e]);
       response_model[points]
         = history_readings(stress_and_strain, is_strain[points], parameter[e]);
       response_replicated[points]
@@ -217,9 +237,19 @@ generated quantities {
           }
         }
       }
+      if (size(sections) > 0) {
+        microstructure_model[sections]
+          = section_microstructure(states, output_of_measured[sections],
+                                   measured_path_strain[sections], parameter[e], test[e],
+                                   initial_grain_size[e]);
+        microstructure_replicated[sections]
+          = microstructure_rng(measured[sections], microstructure_model[sections]);
+        microstructure_log_lik[sections]
+          = microstructure_log_densities(measured[sections], microstructure_model[sections]);
+      }
     }
     if (use_likelihood) {
-      log_density += sum(log_lik[points]);
+      log_density += sum(log_lik[points]) + sum(microstructure_log_lik[sections]);
     }
   }
 #include protocols/loading_history_grid.stan

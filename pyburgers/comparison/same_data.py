@@ -33,9 +33,8 @@ def data_hash(one: Fit) -> str:
         for group in ("observed_data", "constant_data")
     }
     if MICROSTRUCTURE in one.posterior.children:
-        columns[MICROSTRUCTURE] = (
-            one.posterior[MICROSTRUCTURE].to_dataset()[["measured", "error"]].data_vars
-        )
+        measured = one.posterior[MICROSTRUCTURE].to_dataset()[["measured", "error"]]
+        columns[MICROSTRUCTURE] = measured.reset_coords().data_vars  # strains and times with them
     values = {
         group: {str(name): values.to_numpy().tolist() for name, values in variables.items()}
         for group, variables in columns.items()

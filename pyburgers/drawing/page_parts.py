@@ -40,10 +40,13 @@ class FigureRecipe(FigureText, Generic[Fitted]):
         Draws it for a fit.
     result : callable
         Says in a sentence what it shows of a fit, for those who cannot see it.
+    suits : callable
+        Whether a fit has anything to show; by default every one has.
     """
 
     draw: Callable[[Fitted], Figure]
     result: Callable[[Fitted], str]
+    suits: Callable[[Fitted], bool] = lambda _: True
 
 
 @dataclass(frozen=True)
@@ -86,6 +89,8 @@ class PageTable:
         What it means, below it.
     in_files : bool
         Whether it is for those who look closer: a file, and not on the page.
+    folded : bool
+        Whether figures or sentences of its part say already what a reader needs of it.
     """
 
     name: str
@@ -97,6 +102,7 @@ class PageTable:
     bad: Mapping[str, Sequence[bool]] = field(default_factory=dict)
     text: Markup = field(default_factory=Markup)
     in_files: bool = False
+    folded: bool = False
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,6 +7,7 @@ import xarray as xr
 
 from pyburgers.cmdstan.draw_files import Draws
 from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.microstructure import strains_of, times_of
 
 COLUMNS = ("grain_size", "fabric_factor")
 """What a row of `stan/statistics/measured_microstructure.stan` is about."""
@@ -34,8 +35,8 @@ def microstructure_group(
     Dataset, dimensions chain, draw, section, quantity
         model, replicated and log_likelihood (0 where nothing was measured); and without draws
         measured (NaN there) and error, the standard deviation of the fabric factor, and of the
-        logarithm of the grain size; quantities are `COLUMNS`, the grain size in m. The strain of
-        each section is a coordinate.
+        logarithm of the grain size; quantities are `COLUMNS`, the grain size in m. Path strain
+        and time (s) of each section are coordinates, NaN where the other one stands.
     """
     drawn = {
         "model": "microstructure_model",
@@ -56,7 +57,8 @@ def microstructure_group(
         {
             **chains,
             "section": np.arange(len(sections)),
-            "strain": ("section", [one.strain for one in sections]),
+            "strain": ("section", strains_of(sections)),
+            "time": ("section", times_of(sections)),
             "quantity": list(COLUMNS),
         },
     )

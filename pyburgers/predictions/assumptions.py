@@ -255,6 +255,23 @@ def frozen_sentence(spectrum: xr.Dataset) -> str:
     )
 
 
+def pale_sentence(spectrum: xr.Dataset) -> str:
+    """Say at which stresses frozen microstructure fails in most draws, where curves are pale."""
+    if np.isnan(spectrum["critical_strain"].to_numpy()).all():
+        return "The microstructure is taken as frozen; whether it is cannot be told."
+    pale = [
+        f"{label}{'' if fails.all() else ' (slow cycles)'}"
+        for label, fails in zip(spectrum["regime"].to_numpy(), likely_fails(spectrum), strict=True)
+        if fails.any()
+    ]
+    if not pale:
+        return "The microstructure is taken as frozen, which holds in most draws at these stresses."
+    return (
+        "The microstructure is taken as frozen, which fails in most draws at "
+        f"{', '.join(pale)}: those curves are pale."
+    )
+
+
 def elastic_modulus_sentence(spectrum: xr.Dataset) -> str:
     """Say where the elastic modulus of a predicted spectrum comes from."""
     given = spectrum.attrs["elastic_modulus"]

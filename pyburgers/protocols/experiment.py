@@ -111,7 +111,7 @@ class Experiment(ABC):
     uncertain : tuple of UncertainCondition
         Conditions that are not taken as known.
     microstructure : tuple of MeasuredMicrostructure
-        What was measured beside the response, by increasing strain.
+        What was measured beside the response, by increasing strain or time.
     provenance : Provenance
         Where the data come from.
     metadata : mapping

@@ -1,6 +1,6 @@
 """Forward solutions at given parameters, through the Stan program."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
@@ -20,7 +20,7 @@ from pyburgers.model.parameters import (
 from pyburgers.model.prior_families import BELOW_ONE, MAY_BE_ZERO, UNSIGNED
 from pyburgers.model.variants import check_piezometer
 from pyburgers.protocols.experiment import Experiment, Provenance
-from pyburgers.protocols.microstructure import with_drawn_microstructure
+from pyburgers.protocols.microstructure import MeasuredMicrostructure
 from pyburgers.protocols.program_data import given_parameters, solve
 from pyburgers.protocols.protocol import protocol_of
 from pyburgers.protocols.stan_data import REFERENCE_SOLVER, SolverOptions
@@ -244,6 +244,17 @@ def simulate(
     SamplingError
         If the solver finds no solution.
     """
+    return _solved(experiment, parameters, at, solver)[0]
+
+
+def _solved(
+    experiment: Experiment,
+    parameters: Mapping[str, float],
+    at: npt.ArrayLike | None,
+    solver: SolverOptions,
+    sections: Sequence[MeasuredMicrostructure] = (),
+) -> tuple[pd.DataFrame, FloatArray]:
+    """Return what `simulate` does, and grain sizes (m) and fabric factors, (n_sections, 2)."""
     values, protocol = (
         with_stated(experiment, check_parameters(parameters)),
         protocol_of(experiment),
@@ -251,10 +262,11 @@ def simulate(
     _check_temperature(experiment, values)
     check_piezometer(given_parameters(experiment.material, values), experiment)
     grid = protocol.output_grid(experiment) if at is None else checked_positions(experiment, at)
-    draw = solve(experiment, values, grid, solver=solver)
+    draw = solve(experiment, values, grid, solver=solver, sections=sections)
     solution = pd.DataFrame(protocol.solution(experiment, draw))
     solution.attrs[protocol.reference.name] = float(np.exp(draw["log_reference"][0]))
-    return solution
+    # Programs have no such variable where nothing was measured.
+    return solution, draw.get("microstructure_model", np.empty((0, 2)))
 
 
 def simulate_data(
@@ -285,11 +297,20 @@ def simulate_data(
         If the solver finds no solution.
     """
     protocol, values = protocol_of(experiment), with_stated(experiment, values)
-    solution = simulate(experiment, values, at=protocol.simulated_positions(experiment))
+    solution, model = _solved(
+        experiment,
+        values,
+        protocol.simulated_positions(experiment),
+        REFERENCE_SOLVER,
+        experiment.microstructure,
+    )
     response = protocol.response_in(experiment, solution)
     simulated: E = replace(
         protocol.with_noise(experiment, response, values, rng),
-        microstructure=with_drawn_microstructure(experiment.microstructure, solution, rng),
+        microstructure=tuple(
+            one.drawn(size, factor, rng)
+            for one, (size, factor) in zip(experiment.microstructure, model, strict=True)
+        ),
         provenance=Provenance("synthetic", f"pyburgers, {source}"),
         true_parameters=values,
     )

@@ -10,11 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
+import numpy.typing as npt
 from pydantic import Field
 
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, factor_to_si
+
+FloatArray = npt.NDArray[np.float64]
 
 NOT_MEASURED = 0.0
 """What the program is given in the place of a fabric factor that was not measured."""
@@ -22,24 +24,27 @@ NOT_MEASURED = 0.0
 
 @dataclass(frozen=True)
 class MeasuredMicrostructure:
-    """Microstructure of a sample at one strain, as measured.
+    """Microstructure of a sample at one strain or time, as measured.
 
     Attributes
     ----------
-    strain : float
-        Fraction, above 0.
+    strain : float or None
+        Path strain (fraction, above 0), where that is what is known.
     grain_size, grain_size_sd : float
         Mean grain size and its standard deviation (m). The error is lognormal, with the standard
         deviation over the size as that of the logarithm.
     fabric_factor, fabric_factor_sd : float or None
         Fabric factor (1 = isotropic) and its standard deviation, where it was measured.
+    time : float or None
+        Seconds since the start of a loading history, in the place of the strain.
     """
 
-    strain: float
+    strain: float | None
     grain_size: float
     grain_size_sd: float
     fabric_factor: float | None = None
     fabric_factor_sd: float | None = None
+    time: float | None = None
 
     @property
     def numbers(self) -> list[float]:
@@ -65,10 +70,9 @@ class MeasuredMicrostructure:
         )
 
 
-class MicrostructureTable(Table):
-    """One of the tables [[microstructure]]."""
+class MeasuredTable(Table):
+    """What was measured, of the tables [[microstructure]]."""
 
-    strain: float = Field(gt=0, description="the strain at which the sample was looked at")
     grain_size_m: float = Field(gt=0, lt=1, description="the mean grain size in metres")
     grain_size_sd_m: float = Field(
         gt=0, description="the standard deviation of the grain size in metres"
@@ -79,13 +83,23 @@ class MicrostructureTable(Table):
     )
 
 
+class StrainTable(Table):
+    """Where it was measured in a test along strain."""
+
+    strain: float = Field(gt=0, description="the strain at which the sample was looked at")
+
+
+class MicrostructureTable(MeasuredTable, StrainTable):
+    """One of the tables [[microstructure]] of a test along strain."""
+
+
 def measured_microstructure(
     path: Path,
     tables: Sequence[MicrostructureTable],
     strain_unit: str | None,
     final_strain: float | None,
 ) -> tuple[MeasuredMicrostructure, ...]:
-    """Check the tables [[microstructure]] of a file.
+    """Check the tables [[microstructure]] of a test along strain.
 
     Parameters
     ----------
@@ -104,47 +118,97 @@ def measured_microstructure(
         If strains do not increase or lie beyond the end, an error is as large as the grain size, or
         a fabric factor lacks its own.
     """
-    key = f"{path}: key 'strain_unit' in [data]"
-    factor = factor_to_si(strain_unit or "fraction", "strain", key)
-    for number, (before, after) in enumerate(pairwise(tables), start=2):
-        if after.strain <= before.strain:
-            raise InputError(
-                f"{path}: key 'strain' in [[microstructure]] number {number}: found "
-                f"{after.strain:g}, expected more than {before.strain:g}, that of the one before."
-            )
-    found = []
+    factor = strain_factor(path, strain_unit)
+    check_increasing(path, "strain", [table.strain for table in tables])
     for number, table in enumerate(tables, start=1):
-        where = f"{path}: [[microstructure]] number {number}"
-        if (table.fabric_factor is None) != (table.fabric_factor_sd is None):
-            raise InputError(
-                f"{where} needs both or neither of the keys 'fabric_factor' and 'fabric_factor_sd'."
-            )
         if final_strain is not None and table.strain * factor > final_strain:
             raise InputError(
-                f"{where}: key 'strain': found {table.strain:g}, expected at most 'final_strain', "
-                f"{final_strain:g} as a fraction."
+                f"{row_text(path, number)}: key 'strain': found {table.strain:g}, expected at most "
+                f"'final_strain', {final_strain:g} as a fraction."
             )
-        if table.grain_size_sd_m >= table.grain_size_m:
+    return tuple(
+        measured_row(path, number, table, strain=table.strain * factor)
+        for number, table in enumerate(tables, start=1)
+    )
+
+
+def row_text(path: Path, number: int) -> str:
+    """Return file and table, for messages."""
+    return f"{path}: [[microstructure]] number {number}"
+
+
+def strain_factor(path: Path, strain_unit: str | None) -> float:
+    """Return the factor to a fraction, of strains in the unit of [data] if there is one."""
+    return factor_to_si(strain_unit or "fraction", "strain", f"{path}: key 'strain_unit' in [data]")
+
+
+def check_increasing(path: Path, key: str, values: Sequence[float | None]) -> None:
+    """Check that values of a key of the tables increase, of those that have it.
+
+    Raises
+    ------
+    InputError
+        If they do not.
+    """
+    given = [(number, one) for number, one in enumerate(values, start=1) if one is not None]
+    for (_, before), (number, after) in pairwise(given):
+        if after <= before:
             raise InputError(
-                f"{where}: key 'grain_size_sd_m': found {table.grain_size_sd_m:g}, expected less "
-                f"than the grain size, {table.grain_size_m:g} m."
+                f"{path}: key {key!r} in [[microstructure]] number {number}: found {after:g}, "
+                f"expected more than {before:g}, that of the one before."
             )
-        found.append(
-            MeasuredMicrostructure(
-                table.strain * factor,
-                table.grain_size_m,
-                table.grain_size_sd_m,
-                table.fabric_factor,
-                table.fabric_factor_sd,
-            )
+
+
+def measured_row(
+    path: Path,
+    number: int,
+    table: MeasuredTable,
+    *,
+    strain: float | None = None,
+    time: float | None = None,
+) -> MeasuredMicrostructure:
+    """Check what was measured at a strain (fraction) or time (s).
+
+    Parameters
+    ----------
+    path : Path
+        The TOML file, for messages.
+    number : int
+        Of the table, from 1, for messages.
+    table : MeasuredTable
+        What was measured.
+    strain, time : float, optional
+        One of them.
+
+    Raises
+    ------
+    InputError
+        If an error is as large as the grain size, or a fabric factor lacks its own.
+    """
+    where = row_text(path, number)
+    if (table.fabric_factor is None) != (table.fabric_factor_sd is None):
+        raise InputError(
+            f"{where} needs both or neither of the keys 'fabric_factor' and 'fabric_factor_sd'."
         )
-    return tuple(found)
+    if table.grain_size_sd_m >= table.grain_size_m:
+        raise InputError(
+            f"{where}: key 'grain_size_sd_m': found {table.grain_size_sd_m:g}, expected less "
+            f"than the grain size, {table.grain_size_m:g} m."
+        )
+    return MeasuredMicrostructure(
+        strain,
+        table.grain_size_m,
+        table.grain_size_sd_m,
+        table.fabric_factor,
+        table.fabric_factor_sd,
+        time,
+    )
 
 
 def microstructure_tables(
     measured: Sequence[MeasuredMicrostructure],
 ) -> list[dict[str, Any]]:
-    """Return tables that `measured_microstructure` reads back, with strains as fractions."""
+    """Return tables that files read back, with strains as fractions and times in s."""
     keys = {"grain_size": "grain_size_m", "grain_size_sd": "grain_size_sd_m"}
     return [
         {keys.get(name, name): value for name, value in asdict(one).items() if value is not None}
@@ -152,25 +216,18 @@ def microstructure_tables(
     ]
 
 
-def with_drawn_microstructure(
-    measured: Sequence[MeasuredMicrostructure], solution: pd.DataFrame, rng: np.random.Generator
-) -> tuple[MeasuredMicrostructure, ...]:
-    """Measure the microstructure of a solution in the place of what was measured.
+def strains_of(measured: Sequence[MeasuredMicrostructure]) -> FloatArray:
+    """Return the strains (fraction) that were measured at, NaN where a time stands for one."""
+    return np.array([one.strain for one in measured], dtype=np.float64)
 
-    Parameters
-    ----------
-    measured : sequence of MeasuredMicrostructure
-        Strains and uncertainties.
-    solution : DataFrame
-        Columns strain, increasing, those of `measured` among them; grain_size_m, fabric_factor.
-    rng : Generator
-        Gives the errors.
-    """
-    drawn = []
-    for one in measured:
-        size, fabric = (
-            float(np.interp(one.strain, solution["strain"], solution[name]))
-            for name in ("grain_size_m", "fabric_factor")
-        )
-        drawn.append(one.drawn(size, fabric, rng))
-    return tuple(drawn)
+
+def times_of(measured: Sequence[MeasuredMicrostructure]) -> FloatArray:
+    """Return the times (s) that were measured at, NaN where a strain stands for one."""
+    return np.array([one.time for one in measured], dtype=np.float64)
+
+
+def measured_block(of_tests: Sequence[Sequence[MeasuredMicrostructure]]) -> list[list[float]]:
+    """Return the rows of `stan/statistics/measured_microstructure.stan`, of tests in turn."""
+    rows = [one.numbers for measured in of_tests for one in measured]
+    found: list[list[float]] = np.array(rows).reshape(-1, 4).tolist()
+    return found

@@ -314,12 +314,6 @@ def of_one_program(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
     """
     if len({experiment.protocol for experiment in experiments}) == 1:
         return tuple(experiments)
-    for experiment in experiments:
-        if experiment.microstructure:
-            raise InputError(
-                f"{experiment.id}: has measured microstructure, which loading histories do not "
-                "take, expected tests of one protocol."
-            )
     taken = [protocol_of(experiment).as_history(experiment) for experiment in experiments]
     return tuple(sorted(taken, key=lambda one: one.protocol == TABLES))
 

@@ -5,6 +5,7 @@ tables of parameters and coordinates (`stan/data/coordinates.stan`) are made her
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import chain
 
 import numpy as np
@@ -25,6 +26,7 @@ from pyburgers.model.priors import FLOW_LAW, PriorSet
 from pyburgers.model.variants import variant_of
 from pyburgers.protocols.coordinates import Layout
 from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.microstructure import MeasuredMicrostructure
 from pyburgers.protocols.problem import Problem, one_test
 from pyburgers.protocols.protocol import protocol_of
 from pyburgers.protocols.stan_data import (
@@ -283,6 +285,7 @@ def solve(
     *,
     solver: SolverOptions,
     program: Program | None = None,
+    sections: Sequence[MeasuredMicrostructure] = (),
 ) -> dict[str, FloatArray]:
     """Solve the model once and return every generated quantity of the Stan program.
 
@@ -292,6 +295,8 @@ def solve(
         As for `simulate`; `values` are taken as they are.
     program : Program, optional
         That of the protocol, from who solves many times: to load it takes as long as a solution.
+    sections : sequence of MeasuredMicrostructure, optional
+        Where ``microstructure_model`` is wanted too, shape (n_sections, 2).
 
     Returns
     -------
@@ -307,7 +312,7 @@ def solve(
     """
     priors = given_parameters(experiment.material, values)
     protocol = protocol_of(experiment)
-    bare = protocol.without_data(experiment)
+    bare = replace(protocol.without_data(experiment), microstructure=tuple(sections))
     data = program_data(one_test(bare, priors), solver=solver, grids=[at])
     draw = (program or load_program(protocol.program)).evaluate(data)
     for quantity in protocol.read:

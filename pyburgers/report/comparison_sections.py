@@ -107,8 +107,8 @@ def by_points_section(fits: Mapping[str, Fit]) -> tuple[PageSection, ...]:
     section = PageSection(
         key=f"comparison_{file_key(first)}",
         title=f"Which fit of {first} predicts best",
-        paragraphs=(*sentences(comparison), *_points_to_fit_again(comparison, fits)),
-        details=(COMPARISON_TEXT,),
+        paragraphs=sentences(comparison),
+        details=(COMPARISON_TEXT, *_points_to_fit_again(comparison, fits)),
         tables=(
             PageTable(
                 "table",

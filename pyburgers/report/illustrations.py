@@ -10,6 +10,7 @@ from pyburgers.common.processes import completed, number_of_processes
 from pyburgers.drawing.inline_svg import InlineSvg, glyph_library, inline_svg
 from pyburgers.drawing.page_parts import FigureText
 from pyburgers.drawing.style import write_page_images
+from pyburgers.report.names import file_key
 
 CSS_PIXELS_PER_POINT = 100 / 72
 
@@ -39,6 +40,11 @@ class Illustration:
     def anchor(self) -> str:
         """Its anchor on the page."""
         return f"figure-{self.file.stem}"
+
+
+def picture_file(out: Path, key: str, text: FigureText) -> Path:
+    """File of a figure in the folder of a page, by the key of the part that shows it."""
+    return out / "figures" / f"{key}_{file_key(text.name)}.png"
 
 
 @dataclass(frozen=True, eq=False)

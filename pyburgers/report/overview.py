@@ -17,14 +17,12 @@ from pyburgers.checks.verdicts import ANSWERS, Verdict, verdicts
 from pyburgers.common.units import number, with_error
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import SampledFit
-from pyburgers.model.display import shown_quantity, symbol_text, unit_text
-from pyburgers.model.parameters import PARAMETER_BY_NAME, STRESS_SCATTER
+from pyburgers.model.display import shown_quantity, symbol_text
 
 ANSWER_COLUMNS = {
     CheckKind.SAMPLING: "sampled well?",
     CheckKind.DESCRIPTION: "describes the data?",
 }
-RESIDUAL_COLUMN = "residual s"
 CONFLICT_COLUMN = "prior against data"
 SHOWN_CONFLICTS = 2
 """Quantities whose symbols a row has at most; the section names all."""
@@ -165,19 +163,15 @@ def entry_of(
     influences : mapping of str to Influence
         What each quantity owes to prior and data; empty without likelihood.
     """
-    noise = PARAMETER_BY_NAME[fit.problem.protocol.noise]
-    unit = "" if noise.display_unit == "1" else f" {unit_text(noise)}"
     answered = verdicts(checks)
     row = {
         "run": name,
         "data": fit.experiment.provenance.kind,
         "model": fit.variant.short_text,
         **_answers_text(answered, checks),
-        "stress exponent n": _mean_sd(fit, "stress_exponent", 1.0),
-        RESIDUAL_COLUMN: _mean_sd(fit, noise.name, noise.display_factor) + unit,
+        "stress exponent n": _stress_exponent(fit),
         "in 90 % band": f"{100.0 * coverage(fit.posterior):.0f} %",
         CONFLICT_COLUMN: _conflicts_text(influences),
-        **_times(fit),
     }
     is_synthetic = fit.experiment.provenance.kind == "synthetic"
     return Entry(key, name, is_synthetic, answered, tuple(checks), disagreement(influences), row)
@@ -207,9 +201,7 @@ def told_entry(key: str, name: str, fit: SampledFit) -> Entry:
         "model": "flow law",
         **_answers_text(answered, checks),
         "stress exponent n": with_error(mean, sd) if sd > 0 else f"{number(mean)} (fixed)",
-        RESIDUAL_COLUMN: f"{100 * float(draws[STRESS_SCATTER.name].mean()):.2g} % of the peak",
         "in 90 % band": f"{100.0 * coverage(fit.posterior):.0f} %",
-        **_times(fit),
     }
     return Entry(key, name, kind == "synthetic", answered, tuple(checks), None, row)
 
@@ -234,10 +226,9 @@ def joint_entry(key: str, name: str, joint: Fit) -> Entry:
         "data": ", ".join(dict.fromkeys(kinds)),
         "model": joint.variant.short_text,
         **_answers_text(answered, checks),
-        **_times(joint),
     }
     if "stress_exponent" in joint.problem.shared:
-        row["stress exponent n"] = _mean_sd(joint, "stress_exponent", 1.0)
+        row["stress exponent n"] = _stress_exponent(joint)
     return Entry(key, name, "synthetic" in kinds, answered, tuple(checks), None, row)
 
 
@@ -279,26 +270,10 @@ def _conflicts_text(influences: Mapping[str, Influence]) -> str:
     return ", ".join(shown) + (f" and {more} more" if more else "")
 
 
-def _mean_sd(fit: Fit, name: str, factor: float) -> str:
+def _stress_exponent(fit: Fit) -> str:
+    """Mean and standard deviation, or the value that was not inferred."""
+    name = "stress_exponent"
     if name not in fit.problem.free:
-        return f"{number(fit.problem.priors[0][name].location * factor)} (fixed)"
+        return f"{number(fit.problem.priors[0][name].location)} (fixed)"
     draws = fit.posterior["posterior"].to_dataset()[name]
-    mean, sd = (float(value) * factor for value in (draws.mean(), draws.std(ddof=1)))
-    return with_error(mean, sd)
-
-
-def _times(fit: SampledFit) -> dict[str, str]:
-    """Wall time of all chains."""
-    seconds = [record["wall_seconds"] for record in fit.manifest["chains"].values()]
-    return {
-        "all chains": duration_text(sum(seconds)),
-    }
-
-
-def duration_text(seconds: float) -> str:
-    """Return a time such as ``45 s``, ``12 min`` or ``3.4 h``."""
-    if seconds < 120:
-        return f"{seconds:.0f} s"
-    if seconds < 7200:
-        return f"{seconds / 60:.0f} min"
-    return f"{seconds / 3600:.1f} h"
+    return with_error(float(draws.mean()), float(draws.std(ddof=1)))

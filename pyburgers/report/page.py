@@ -3,38 +3,30 @@
 import importlib.metadata
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
 
 import jinja2
 import pandas as pd
 from markupsafe import Markup
 
-from pyburgers.checks.fit_checks import CheckKind, CheckResult, Outcome
-from pyburgers.checks.prior_influence import (
-    CONFLICT_MEANING,
-    THRESHOLDS_TEXT,
-    Influence,
-    Origin,
-    influence_numbers,
-)
+from pyburgers.checks.fit_checks import CheckKind, Outcome
+from pyburgers.checks.prior_influence import CONFLICT_MEANING, THRESHOLDS_TEXT
 from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import read_json
-from pyburgers.drawing.page_parts import FigureText, PageSection, PageTable
+from pyburgers.drawing.page_parts import PageSection
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import SampledFit
 from pyburgers.model.display import symbol_text
 from pyburgers.model.parameters import PARAMETER_BY_NAME, REFERENCE_QUANTITIES
 from pyburgers.model.variants import ModelVariant
-from pyburgers.protocols.experiment import Experiment
-from pyburgers.protocols.protocol import Protocol, protocol_of
 from pyburgers.report import tables
+from pyburgers.report.fit_sections import SameData, Section, by_data, write_section
 from pyburgers.report.glossary import with_definitions
-from pyburgers.report.illustrations import Illustration, Pictures, write_figures
+from pyburgers.report.illustrations import Illustration, Pictures, picture_file, write_figures
 from pyburgers.report.names import file_key, joint_key, page_keys
 from pyburgers.report.overview import (
     ANSWER_COLUMNS,
@@ -42,104 +34,14 @@ from pyburgers.report.overview import (
     Entry,
     answers,
     bad_answers,
-    entry_of,
     joint_entry,
     overview_table,
     remedies,
     told_entry,
 )
-from pyburgers.report.posterior_figures import figures_for
 from pyburgers.report.run_records import REPORT_KIND, report_manifest, runs_table
 
 logger = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True, eq=False)
-class Section:
-    """What the page says about one fit.
-
-    Attributes
-    ----------
-    key : str
-        Name of its files and its anchor, unique on the page.
-    name : str
-        How the page calls it.
-    fit : Fit
-        The fit.
-    entry : Entry
-        What the top of the page says about it.
-    parameters, priors, sampler : DataFrame
-        Tables as text.
-    fixed : tuple of dict
-        What is not inferred: texts by symbol, quantity, mean, unit.
-    truth : DataFrame or None
-        Comparison with the truth (`pyburgers.report.tables.truth_table`), for synthetic data.
-    more_tables : tuple of PageTable
-        Tables of the protocol.
-    illustrations : tuple of Illustration
-        Figures.
-    same_data_as : Section or None
-        One before it on the page that tells what its data are.
-    """
-
-    key: str
-    name: str
-    fit: Fit
-    entry: Entry
-    parameters: pd.DataFrame
-    priors: pd.DataFrame
-    sampler: pd.DataFrame
-    fixed: tuple[dict[str, str], ...]
-    truth: pd.DataFrame | None
-    more_tables: tuple[PageTable, ...]
-    illustrations: tuple[Illustration, ...]
-    same_data_as: "Section | None" = None
-
-    @property
-    def experiment(self) -> Experiment:
-        """The experiment of the fit."""
-        return self.fit.experiment
-
-    @property
-    def protocol(self) -> Protocol[Any]:
-        """What kind of test it is."""
-        return protocol_of(self.experiment)
-
-    @property
-    def about_data(self) -> tuple[object, ...]:
-        """What the page tells about the data."""
-        one = self.experiment
-        known = (one.material, one.temperature, one.initial_grain_size)
-        return *known, one.provenance, dict(one.metadata), list(self.protocol.facts(one))
-
-    @property
-    def how_made(self) -> tuple[object, ...]:
-        """What the page tells of the making of the fit but for time and hash."""
-        entries = (
-            "command",
-            "sampler",
-            "more_draws",
-            "noisy",
-            "refits",
-            "shortened",
-            "coordinates",
-        )
-        fit, told = self.fit, [self.fit.manifest.get(entry) for entry in entries]
-        flow_law = fit.priors.flow_law and fit.priors.flow_law.source
-        return fit.variant, fit.priors.title, flow_law, len(self.sampler), repr(told)
-
-    @property
-    def not_by_data(self) -> dict[str, list[bool]]:
-        """Rows of the parameters that are the prior's, or about which prior and data disagree."""
-        if tables.DECISION not in self.parameters:
-            return {}
-        doubtful = (tables.DECIDED_BY[one] for one in (Origin.PRIOR, Origin.DISAGREEMENT))
-        return {tables.DECISION: self.parameters[tables.DECISION].isin(tuple(doubtful)).tolist()}
-
-    @property
-    def passed(self) -> list[CheckResult]:
-        """Checks that passed."""
-        return [one for one in self.entry.checks if one.passed]
 
 
 def write_report(
@@ -197,12 +99,8 @@ def write_report(
     own = list(zip(names, fits, strict=False))
     named = [*own, *zip(names[len(fits) :], (fit for _, fit in others), strict=True)]
     write_json(out / "manifest.json", report_manifest(named, title, command))
-    sections: list[Section] = []
-    for name, fit in sorted(own, key=_is_synthetic):
-        logger.info(f"Writing the section of {name}.")
-        section = _write_section(name, fit, out)
-        same = next((one for one in sections if one.about_data == section.about_data), None)
-        sections.append(replace(section, same_data_as=same))
+    groups = _write_groups(by_data(sorted(own, key=_is_synthetic)), out)
+    sections = [section for group in groups for section in group.sections]
     illustrated = []
     for extra in extras:
         logger.info(f"Writing the part {extra.title!r}.")
@@ -228,7 +126,7 @@ def write_report(
     entries.sort(key=lambda entry: entry.is_synthetic)
     page = out / "index.html"
     text = render_page(
-        sections,
+        groups,
         illustrated,
         pictures,
         entries=entries,
@@ -241,13 +139,29 @@ def write_report(
     return page
 
 
+def _write_groups(groups: Sequence[Sequence[tuple[str, Fit]]], out: Path) -> list[SameData]:
+    """Write the tables of all fits, draw their figures, and gather what the page shows of them."""
+    told: list[Section] = []
+    found = []
+    for group in groups:
+        sections = []
+        for name, fit in group:
+            logger.info(f"Writing the section of {name}.")
+            section = write_section(name, fit, out)
+            same = next((one for one in told if one.about_data == section.about_data), None)
+            sections.append(replace(section, same_data_as=same))
+            told.append(sections[-1])
+        found.append(SameData(tuple(sections)))
+    return found
+
+
 def _is_synthetic(named: tuple[str, SampledFit]) -> bool:
     """Whether nobody measured the data of a fit with its name."""
     return named[1].provenance.kind == "synthetic"
 
 
 def render_page(
-    sections: Sequence[Section],
+    groups: Sequence[SameData],
     extras: Sequence[tuple[PageSection, tuple[Illustration, ...]]],
     pictures: Pictures,
     *,
@@ -266,12 +180,13 @@ def render_page(
         lstrip_blocks=True,
     )
     environment.filters["terms"] = with_definitions
+    sections = [section for group in groups for section in group.sections]
     first = {section.key: section.illustrations[0] for section in sections}
     first |= {extra.key: figures[0] for extra, figures in extras if figures}
     return environment.get_template("report.html").render(
         title=title,
         command=command,
-        sections=sections,
+        groups=groups,
         extras=extras,
         pictures=pictures,
         glyphs=Markup(pictures.glyphs),
@@ -350,54 +265,6 @@ def _claim(out: Path) -> None:
         raise InputError(f"{out}: cannot be written ({error.strerror}).") from error
 
 
-def _write_section(name: str, fit: Fit, out: Path) -> Section:
-    """Write the tables of one fit, draw its figures, and gather what the page shows of it."""
-    key = file_key(name)
-    summary, checks = fit.summary("SI"), fit.checks()
-    truth = tables.truth_table(fit)
-    sampler = tables.sampler_table(fit)
-    files = {
-        "summary": summary.reset_index(),
-        "checks": tables.checks_table(checks),
-        "priors": tables.prior_table(fit.priors),
-        "sampler": sampler,
-    }
-    if truth is not None:
-        files["truth"] = truth.reset_index()
-    influences: Mapping[str, Influence] = fit.influences().get(fit.problem.name, {})
-    if influences:
-        files["influence"] = influence_numbers(influences).reset_index()
-    more_tables = protocol_of(fit.experiment).tables(fit)
-    files |= {table.name: table.saved for table in more_tables}
-    for table_name, table in files.items():
-        write_text(out / "tables" / f"{key}_{table_name}.csv", table.to_csv(index=False))
-    return Section(
-        key=key,
-        name=name,
-        fit=fit,
-        entry=entry_of(key, name, fit, checks, influences),
-        parameters=tables.result_table(summary, fit.priors, influences, truth),
-        priors=files["priors"],
-        sampler=sampler,
-        fixed=tuple(
-            tables.fixed_row(PARAMETER_BY_NAME[name], prior)
-            for name, prior in fit.priors.priors.items()
-            if prior.is_fixed
-        ),
-        truth=truth,
-        more_tables=more_tables,
-        illustrations=tuple(
-            Illustration(
-                recipe,
-                recipe.draw(fit),
-                _picture_file(out, key, recipe),
-                f"{recipe.title}, {name}: {recipe.result(fit)}",
-            )
-            for recipe in figures_for(fit.experiment)
-        ),
-    )
-
-
 def _write_extra(extra: PageSection, out: Path) -> tuple[Illustration, ...]:
     """Write the tables of an extra section and draw its figures."""
     for table in extra.tables:
@@ -407,12 +274,8 @@ def _write_extra(extra: PageSection, out: Path) -> tuple[Illustration, ...]:
         Illustration(
             figure,
             figure.draw(),
-            _picture_file(out, extra.key, figure),
+            picture_file(out, extra.key, figure),
             f"{figure.title}: {figure.result}" if figure.result else figure.title,
         )
         for figure in extra.figures
     )
-
-
-def _picture_file(out: Path, key: str, text: FigureText) -> Path:
-    return out / "figures" / f"{key}_{file_key(text.name)}.png"

@@ -389,13 +389,13 @@ PAIRS = FigureRecipe(
 RANK = FigureRecipe("rank", "Agreement of the chains", RANK_CAPTION, rank, agreement)
 
 
-def figures_for(experiment: Experiment) -> tuple[FigureRecipe[FittedTest], ...]:
+def figures_for(fit: FittedTest) -> tuple[FigureRecipe[FittedTest], ...]:
     """Return the figures of a fit, in their order on the page.
 
     Parameters
     ----------
-    experiment : Experiment
-        What was fitted.
+    fit : FittedTest
+        Whose figures are wanted.
     """
-    first, *others = protocol_of(experiment).figures
+    first, *others = (one for one in protocol_of(fit.experiment).figures if one.suits(fit))
     return (first, PRIOR_POSTERIOR, *others, PAIRS, RANK)

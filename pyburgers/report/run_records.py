@@ -20,13 +20,29 @@ _OF_A_RUN = {"state": "status", "begun": "started", "fingerprint": "fingerprint"
 
 
 def runs_table(named: Sequence[tuple[str, SampledFit]]) -> pd.DataFrame:
-    """Say of each fit what no other has: its state, when it was begun and its hash, as text."""
+    """Say of each fit what no other has: state, beginning, hash, time of all chains, as text."""
     return pd.DataFrame(
         [
-            {"fit": name} | {title: fit.manifest[key] for title, key in _OF_A_RUN.items()}
+            {"fit": name}
+            | {title: fit.manifest[key] for title, key in _OF_A_RUN.items()}
+            | {"all chains": duration_text(_seconds(fit))}
             for name, fit in named
         ]
     )
+
+
+def _seconds(fit: SampledFit) -> float:
+    """Wall time of all chains."""
+    return sum(float(record["wall_seconds"]) for record in fit.manifest["chains"].values())
+
+
+def duration_text(seconds: float) -> str:
+    """Return a time such as ``45 s``, ``12 min`` or ``3.4 h``."""
+    if seconds < 120:
+        return f"{seconds:.0f} s"
+    if seconds < 7200:
+        return f"{seconds / 60:.0f} min"
+    return f"{seconds / 3600:.1f} h"
 
 
 def report_manifest(

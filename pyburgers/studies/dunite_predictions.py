@@ -83,6 +83,7 @@ def predictions_section(joint: Fit, experiments: Sequence[Experiment]) -> PageSe
                 _shown(table),
                 table.reset_index(),
                 words=("test", "score", "in 90 % of such tests"),
+                folded=True,
             ),
         ),
         figures=tuple(

@@ -27,7 +27,7 @@ from pyburgers.fitting.prediction import Prediction
 from pyburgers.fitting.side_by_side import Task, task_of
 from pyburgers.model.priors import default_priors
 from pyburgers.model.variants import with_variant
-from pyburgers.predictions.other_tests import score_sentence, score_table
+from pyburgers.predictions.other_tests import score_sentence, score_table, surprise_sentence
 from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
 from pyburgers.protocols.attenuation.figures import (
     ARRHENIUS_CAPTION,
@@ -153,6 +153,11 @@ class LawTried:
         said = (answers[kind].sentence for kind in (CheckKind.SAMPLING, CheckKind.DESCRIPTION))
         return f"{self.name.capitalize()}: {' '.join(said)}"
 
+    def surprise(self) -> str:
+        """Say whether its prediction of the hottest temperature is as good as it expects."""
+        said = surprise_sentence(self.prediction, score_table(self.prediction))
+        return f"{self.name.capitalize()}: {said}"
+
     def predicted(self) -> str:
         """Say how well it predicts the hottest temperature from the others."""
         scored = score_sentence(self.prediction, score_table(self.prediction))
@@ -179,10 +184,11 @@ def spectra_section(fits: Mapping[str, Fit]) -> PageSection:
             f"{len(table.parts)} temperatures, one activation enthalpy for all relaxation times. "
             f"{table.provenance.notes}",
             *(one.verdicts() for one in tried),
+            *(one.predicted() for one in tried),
         ),
         paragraphs=(
             "The hottest temperature, predicted from a fit to the colder ones. "
-            + " ".join(one.predicted() for one in tried),
+            + " ".join(one.surprise() for one in tried),
             remaining_sentence(last.fit),
         ),
         tables=(

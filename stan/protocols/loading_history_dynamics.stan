@@ -147,6 +147,51 @@ matrix history_solution(matrix states, vector parameter, data vector constant,
 }
 
 /**
+ * Grain size (m) and fabric factor, as columns.
+ *
+ * @param path_strain of the specimen
+ * @param relative_grain_size d/d_0 where it follows a piezometer; elsewhere it has no effect
+ */
+matrix history_microstructure(vector path_strain, vector relative_grain_size, vector parameter,
+                              data vector test, data real initial_grain_size) {
+  matrix[size(path_strain), 2] microstructure;
+  for (i in 1 : size(path_strain)) {
+    microstructure[i, 1]
+      = initial_grain_size
+        * (test[c_piezometer()] > 0
+           ? relative_grain_size[i]
+           : microstructure_at(path_strain[i], 1,
+                               parameter[i_steady_state_grain_size()] / initial_grain_size,
+                               parameter[i_critical_strain_grain_size()]));
+    microstructure[i, 2] = microstructure_at(path_strain[i], 1,
+                                             parameter[i_steady_state_fabric_factor()],
+                                             parameter[i_critical_strain_fabric()]);
+  }
+  return microstructure;
+}
+
+/**
+ * Grain size (m) and fabric factor of sections, as columns.
+ *
+ * @param states of history_states()
+ * @param output of each section, its row of states; 0: its path strain is given
+ * @param path_strain of sections without a row; of the others it has no effect
+ */
+matrix section_microstructure(matrix states, data array[] int output, data vector path_strain,
+                              vector parameter, data vector test,
+                              data real initial_grain_size) {
+  vector[size(output)] path = path_strain;
+  vector[size(output)] relative_grain_size = rep_vector(1, size(output));
+  for (i in 1 : size(output)) {
+    if (output[i] > 0) {
+      path[i] = test[c_strain_scale()] * states[output[i], 4];
+      relative_grain_size[i] = states[output[i], 5];
+    }
+  }
+  return history_microstructure(path, relative_grain_size, parameter, test, initial_grain_size);
+}
+
+/**
  * Strain rate (1/s), that of the apparatus included.
  *
  * @param state a row of history_solution()

@@ -10,6 +10,9 @@
                          parameter[e], prior_location[e], varying, leg[part(leg_end, e)],
                          fixed[part(leg_end, e)], test[e], element,
                          n_grid_in_leg[part(leg_end, e)], initial_grain_size[e]);
+    matrix[size(here), 2] microstructure
+      = history_microstructure(solution[ : , 4], solution[ : , 6], parameter[e], test[e],
+                               initial_grain_size[e]);
     int j = 0;
     for (k in part(leg_end, e)) {
       for (i in 1 : n_grid_in_leg[k]) {
@@ -19,17 +22,12 @@
         grid_strain[at] = state[2] + parameter[e][i_strain_offset()];
         grid_kelvin_strain[at] = state[3];
         grid_path_strain[at] = state[4];
-        grid_grain_size[at]
-          = initial_grain_size[e]
-            * (test[e][c_piezometer()] > 0
-               ? state[6]
-               : microstructure_at(state[4], 1,
-                                   parameter[e][i_steady_state_grain_size()]
-                                   / initial_grain_size[e],
-                                   parameter[e][i_critical_strain_grain_size()]));
-        grid_fabric_factor[at] = microstructure_at(state[4], 1,
-                                                   parameter[e][i_steady_state_fabric_factor()],
-                                                   parameter[e][i_critical_strain_fabric()]);
+        grid_grain_size[at] = microstructure[j + i, 1];
+        grid_fabric_factor[at] = microstructure[j + i, 2];
+        grid_grain_size_softening[at]
+          = pow(grid_grain_size[at] / initial_grain_size[e],
+                parameter[e][i_grain_size_exponent()] / parameter[e][i_stress_exponent()]);
+        grid_fabric_softening[at] = grid_fabric_factor[at]; // stress goes with F
         grid_strain_rate[at] = history_strain_rate(state, row(leg, k), parameter[e],
                                                    grid_grain_size[at], grid_fabric_factor[at]);
       }

@@ -139,14 +139,72 @@ def test_a_figure_is_enlarged_and_put_back(browser: Any, page_file: Path) -> Non
     assert visit.complaints == []
 
 
-def test_letters_of_figures_can_be_read_on_a_phone(browser: Any, page_file: Path) -> None:
-    visit = Visit(browser, page_file, width=400)
+@pytest.mark.parametrize("width", WIDTHS)
+def test_letters_of_first_figures_can_be_read(browser: Any, page_file: Path, width: int) -> None:
+    visit = Visit(browser, page_file, width=width)
     shown = visit.tab.eval_on_selector_all(
-        "main section.experiment > figure svg",
+        "main section.experiment > .beside > figure svg",
         "all => all.map((one) => one.getBoundingClientRect().width / one.viewBox.baseVal.width)",
     )
     visit.tab.close()
     assert min(shown) * 10 >= 9.0  # CSS pixels that letters of 10 points have
+
+
+@pytest.mark.parametrize(("width", "is_beside"), [(400, False), (1280, True)])
+def test_what_is_said_of_a_figure_stands_beside_it_where_there_is_room(
+    browser: Any, page_file: Path, width: int, is_beside: bool
+) -> None:
+    visit = Visit(browser, page_file, width=width)
+    first = visit.tab.locator("section.experiment").first
+    figure = first.locator(".beside > figure").bounding_box()
+    said = first.locator(".beside > figure + div").bounding_box()
+    visit.tab.close()
+    assert (said["x"] >= figure["x"] + figure["width"]) is is_beside
+    assert (said["y"] >= figure["y"] + figure["height"]) is not is_beside
+
+
+def test_a_folded_fit_opens_from_a_link(browser: Any, page_file: Path) -> None:
+    visit = Visit(browser, page_file)
+    folded = visit.tab.locator("details.variant")
+    assert folded.count() == 1
+    assert folded.get_attribute("open") is None
+    key = folded.get_attribute("id")
+    figure = folded.locator("figure").first
+    assert not figure.is_visible()
+    visit.tab.locator(f"#contents a[href='#{key}']").click()
+    figure.wait_for(state="visible", timeout=3000)
+    legend = figure.locator("figcaption a")
+    explained = str(legend.get_attribute("href"))[1:]
+    assert visit.tab.locator(f"[id='{explained}']").get_attribute("open") is None
+    legend.click()
+    visit.tab.wait_for_function("(id) => document.getElementById(id).open", arg=explained)
+    visit.tab.close()
+    assert visit.complaints == []
+
+
+def test_a_fit_takes_little_room_until_it_is_unfolded(browser: Any, page_file: Path) -> None:
+    visit = Visit(browser, page_file)
+    heights = visit.tab.eval_on_selector_all(
+        "section.experiment:not(:has(details.variant))",
+        "all => all.map((one) => one.getBoundingClientRect().height)",
+    )
+    words = visit.tab.eval_on_selector_all(
+        "section.experiment:not(:has(details.variant))",
+        "all => all.map((one) => one.innerText.split(/\\s+/).length)",
+    )
+    visit.tab.close()
+    assert heights
+    assert max(heights) < 1050  # every number of this fit is by data
+    assert max(words) < 250
+
+
+def test_nothing_is_folded_on_paper(browser: Any, page_file: Path) -> None:
+    visit = Visit(browser, page_file)
+    visit.tab.evaluate("dispatchEvent(new Event('beforeprint'))")
+    assert visit.tab.locator("main details:not([open])").count() == 0
+    visit.tab.evaluate("dispatchEvent(new Event('afterprint'))")
+    assert visit.tab.locator("main details[open]").count() == 0
+    visit.tab.close()
 
 
 def test_results_can_be_copied(browser: Any, page_file: Path) -> None:

@@ -2,20 +2,24 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import xarray as xr
 from conftest import ICE, with_fixed
 from history_twins import GRAIN_SIZE, TEMPERATURE, TRUTH, history_twin
 from protocol_examples import TWIN_FILE
 
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_tests import leave_one_test_out
+from pyburgers.comparison.same_data import data_hash
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.model.parameters import PIEZOMETER
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import PriorSet, default_priors, load_priors, save_priors
 from pyburgers.model.variants import variant_of, with_variant
+from pyburgers.posterior.labelled_draws import response_in, total_log_likelihood
 from pyburgers.protocols.constant_rate.experiment import (
     ConstantRateExperiment,
     RateSegment,
@@ -25,10 +29,12 @@ from pyburgers.protocols.experiment import Experiment, UncertainCondition
 from pyburgers.protocols.forced_oscillation.experiment import load_forced_oscillation
 from pyburgers.protocols.forward import simulate_data
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
+from pyburgers.protocols.loading_history.figures import softening
 from pyburgers.protocols.microstructure import MeasuredMicrostructure
 from pyburgers.protocols.problem import of_one_program, problem_of
 from pyburgers.report.joint_section import joint_sections
 from pyburgers.report.page import write_report
+from pyburgers.report.posterior_figures import figures_for
 from pyburgers.sampling.options import SamplerOptions
 
 FREE = ("maxwell_modulus", "activation_enthalpy", "stress_noise")
@@ -144,9 +150,6 @@ def test_an_oscillation_stays_with_its_own_kind() -> None:
 
 def test_what_a_history_does_not_take_is_refused() -> None:
     curve, creep = constant_rate_test(), history_twin("creep", 12)
-    measured = replace(curve, microstructure=(MeasuredMicrostructure(0.02, 1e-4, 1e-5),))
-    with pytest.raises(InputError, match="which loading histories do not take"):
-        problem_of([measured, creep], known_priors(), pooling_of())
     furnace = replace(curve, uncertain=(UncertainCondition("temperature_error", 2.0, None),))
     with pytest.raises(InputError, match="creep: key 'temperature_sd_K' is missing"):
         problem_of([furnace, creep], known_priors(), pooling_of())
@@ -174,6 +177,109 @@ def test_it_is_read_back_and_predicts_a_test_of_either_kind(mixed: Fit) -> None:
     np.testing.assert_allclose(
         np.median(strain, axis=0)[-1], unload.experiment.response[-1], rtol=0.1
     )
+
+
+SIZE_AND_FABRIC = ("steady_state_grain_size", "steady_state_fabric_factor")
+
+
+def after_creep() -> tuple[MeasuredMicrostructure, ...]:
+    return (
+        MeasuredMicrostructure(0.05, 160e-6, 8e-6),
+        MeasuredMicrostructure(None, 105e-6, 5e-6, 0.74, 0.03, time=4000.0),
+    )
+
+
+@pytest.fixture(scope="module")
+def measured(programs: None, tmp_path_factory: pytest.TempPathFactory) -> Fit:
+    """A curve and creep of one material, both with measured microstructure."""
+    at_end = MeasuredMicrostructure(0.02, 180e-6, 9e-6)
+    known = {n: v for n, v in TRUTH.items() if n in default_priors("ice").free}
+    free = (*SIZE_AND_FABRIC, *FREE)
+    priors = with_fixed(
+        default_priors("ice"), {name: value for name, value in known.items() if name not in free}
+    )
+    tests = [
+        replace(constant_rate_test(), microstructure=(at_end,)),
+        replace(history_twin("creep", 12), microstructure=after_creep()),
+    ]
+    out = tmp_path_factory.mktemp("measured") / "run"
+    pool = dict.fromkeys(SIZE_AND_FABRIC, "shared")
+    return fit(tests, priors, out=out, pool=pool, options=OPTIONS)
+
+
+def test_measured_microstructure_of_both_kinds_counts(measured: Fit) -> None:
+    posterior = measured.posterior
+    group = posterior["microstructure"].to_dataset()
+    np.testing.assert_array_equal(group["strain"], [0.02, 0.05, np.nan])
+    np.testing.assert_array_equal(group["time"], [np.nan, np.nan, 4000.0])
+    np.testing.assert_allclose(group["measured"][:, 1], [np.nan, np.nan, 0.74])
+    counted = group["log_likelihood"].sum(("section", "quantity"))
+    by_points = response_in(posterior, "log_likelihood").sum("point")
+    np.testing.assert_allclose(total_log_likelihood(posterior), by_points + counted, rtol=1e-12)
+    creep = measured["creep"].posterior["microstructure"].to_dataset()
+    assert creep["section"].size == 2
+    for quantity, index in (("grain_size", 0), ("fabric_factor", 1)):
+        model = creep["model"].sel(quantity=quantity).isel(section=index)
+        replicated = creep["replicated"].sel(quantity=quantity).isel(section=index)
+        assert np.ptp(replicated.to_numpy()) > np.ptp(model.to_numpy())
+    again = Fit.load(measured.directory.path)
+    assert (
+        again.problem.experiments[1].microstructure == measured["creep"].experiment.microstructure
+    )
+    # Densities of grain sizes in metres, if they were counted once alone, would be several.
+    assert abs(float(measured.posterior["sample_stats"]["solver_log_ratio"].max())) < 0.5
+    unloaded = replace(history_twin("load and unload", 8), microstructure=after_creep()[1:])
+    predicted = measured.predict(unloaded, draws=20, separate_from="creep")
+    assert predicted.experiment.microstructure == after_creep()[1:]
+
+
+def test_where_it_was_measured_is_part_of_the_data(measured: Fit) -> None:
+    creep = measured["creep"]
+    group = creep.posterior["microstructure"].to_dataset()
+    moved = creep.posterior.copy()
+    moved["microstructure"] = xr.DataTree(group.assign_coords(time=group["time"] - 1.0))
+    assert data_hash(replace(creep, posterior=moved)) != data_hash(creep)
+
+
+def test_it_is_drawn_along_time_with_what_was_measured(measured: Fit) -> None:
+    creep = measured["creep"]
+    assert "softening" in [recipe.name for recipe in figures_for(creep)]
+    grains, fabric, *_ = softening(creep).axes
+    (bars,) = grains.containers
+    path_strain = creep.posterior["predictions"]["path_strain"].median(("chain", "draw"))
+    time = creep.posterior["predictions"]["time"]
+    reached = np.interp(0.05, path_strain, time)
+    at = np.asarray(bars.lines[0].get_xdata())
+    np.testing.assert_allclose(at / at[1], [reached / 4000.0, 1.0], rtol=1e-6)
+    assert grains.get_xlabel().startswith("time (")
+    np.testing.assert_allclose(bars.lines[0].get_ydata(), [160.0, 105.0])
+    (factors,) = fabric.containers
+    np.testing.assert_allclose(factors.lines[0].get_ydata(), [0.74])
+    assert grains.get_xlim()[1] == pytest.approx(at[1])
+
+
+def test_no_softening_is_drawn_where_nothing_evolves(mixed: Fit) -> None:
+    creep = mixed["creep"]
+    still = with_variant(
+        creep.priors, creep.experiment, {"grain_size": "constant", "fabric": "constant"}
+    )
+    still_fit = SimpleNamespace(
+        experiment=creep.experiment, priors=still, posterior=creep.posterior
+    )
+    names = [recipe.name for recipe in figures_for(still_fit)]
+    assert names == ["history", "prior_posterior", "response", "pairs", "rank"]
+
+
+@pytest.mark.usefixtures("sketched")
+def test_what_was_measured_is_on_the_page(measured: Fit, tmp_path: Path) -> None:
+    page = write_report(
+        list(measured.tests().values()), tmp_path / "page", title="measured", command="test"
+    )
+    text = page.read_text(encoding="utf-8")
+    assert "fabric factor 0.740 ± 0.030 at 66.7 min" in text
+    assert "160.0 ± 8.0 µm at a path strain of 5 %" in text
+    assert "What softens the material" in text
+    assert "at the end grains have" in text
 
 
 @pytest.mark.usefixtures("sketched")

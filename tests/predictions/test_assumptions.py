@@ -22,6 +22,7 @@ from pyburgers.predictions.assumptions import (
     frozen_sentence,
     hold_fails,
     likely_fails,
+    pale_sentence,
     probability,
 )
 from pyburgers.predictions.attenuation import attenuation_spectrum, predict_attenuation
@@ -199,6 +200,7 @@ def test_without_evolution_it_cannot_be_told() -> None:
     assert np.isnan(frozen_limit_frequency(found)).all()
     assert frozen_limit_texts(found) == ["cannot tell"] * 4
     assert "cannot be told" in frozen_sentence(found)
+    assert "cannot be told" in pale_sentence(found)
     assert not likely_fails(found).any()
 
 
@@ -244,10 +246,23 @@ def test_a_fit_says_where_its_prediction_fails(fit: Fit) -> None:
     assert "10 % of the smaller critical strain" in sentence
 
 
+def test_stresses_where_curves_are_pale_are_named() -> None:
+    found = spectrum_of()
+    fails = likely_fails(found)
+    assert fails.any()
+    assert not fails.all()
+    told = pale_sentence(found)
+    for regime, of_regime in zip(PAPER_REGIMES, fails, strict=True):
+        is_partly = bool(of_regime.any() and not of_regime.all())
+        assert (regime.label in told) == of_regime.any()
+        assert (f"{regime.label} (slow cycles)" in told) == is_partly
+
+
 def test_the_steady_state_does_not_fail(fit: Fit) -> None:
     spectrum = predict_attenuation(fit, microstructure="steady_state")
     assert (spectrum["frozen_fails"] == 0).all()
     assert "nothing evolves" in frozen_sentence(spectrum)
+    assert "holds in most draws" in pale_sentence(spectrum)
     assert overview_table(spectrum)["frozen microstructure"].iloc[3].startswith("holds")
 
 

@@ -244,7 +244,7 @@ def test_a_fit_is_kept_and_shown(
         write_report([kept], tmp_path / "page", title="T", command="x").read_text(encoding="utf-8")
     )
     assert not page.open
-    recipes = figures_for(experiment)
+    recipes = figures_for(kept)
     assert page.alternatives == [
         f"{recipe.title}, run: {recipe.result(kept)}" for recipe in recipes
     ]

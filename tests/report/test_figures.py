@@ -76,7 +76,7 @@ def figures(fits: dict[str, Fit]) -> dict[tuple[str, str], Figure]:
     return {
         (test, recipe.name): recipe.draw(fit)
         for test, fit in fits.items()
-        for recipe in figures_for(fit.experiment)
+        for recipe in figures_for(fit)
     }
 
 
@@ -100,7 +100,7 @@ def axis_labels(figure: Figure, axes: Axes) -> dict[str, str]:
 
 @pytest.mark.parametrize("test", NAMES)
 def test_the_protocol_decides_which_figures_there_are(test: str, fits: dict[str, Fit]) -> None:
-    recipes = figures_for(fits[test].experiment)
+    recipes = figures_for(fits[test])
     assert tuple(recipe.name for recipe in recipes) == NAMES[test]
     for recipe in recipes:
         assert len(recipe.caption.split()) > 30
@@ -162,7 +162,7 @@ def test_headings_and_legends_are_not_cut_off(
 def test_the_same_fit_gives_the_same_bytes(
     test: str, name: str, rendered: dict[tuple[str, str], bytes], fits: dict[str, Fit]
 ) -> None:
-    (recipe,) = (r for r in figures_for(fits[test].experiment) if r.name == name)
+    (recipe,) = (r for r in figures_for(fits[test]) if r.name == name)
     again = image(recipe.draw(fits[test]), "svg")
     assert again == rendered[test, name]
     assert b"<svg" in again

@@ -12,7 +12,6 @@ from pyburgers.report.overview import (
     CONFLICT_COLUMN,
     answers,
     bad_answers,
-    duration_text,
     entry_of,
     overview_table,
     remedies,
@@ -87,18 +86,6 @@ def test_doubts_are_told_without_what_to_do_and_that_once(fit: Fit, tmp_path: Pa
     assert entries[2].doubts(SAMPLING) == ["The posterior was sampled well."]
 
 
-def test_wall_times_are_added_up(fit: Fit) -> None:
-    row = entry_of("A", "A", fit, fit.checks(), {}).row
-    assert row["all chains"] == "2 min"
-
-
 def test_a_fixed_exponent_is_called_fixed(tmp_path: Path) -> None:
     fit = make_fit(tmp_path, chains=2, draws=50, fixed=("stress_exponent",))
     assert entry_of("A", "A", fit, fit.checks(), {}).row["stress exponent n"] == "3.779 (fixed)"
-
-
-@pytest.mark.parametrize(
-    ("seconds", "expected"), [(5.2, "5 s"), (600.0, "10 min"), (9000.0, "2.5 h")]
-)
-def test_durations(seconds: float, expected: str) -> None:
-    assert duration_text(seconds) == expected

@@ -110,17 +110,18 @@ def test_every_figure_is_on_the_page_with_a_text_alternative(page: Page, fits: l
     expected = [
         f"{recipe.title}, {name}: {recipe.result(fit)}"
         for name, fit in (("B", fits[1]), ("A", fits[0]))  # measured first
-        for recipe in figures_for(fit.experiment)
+        for recipe in figures_for(fit)
     ]
     assert page.alternatives == expected
     assert len(set(expected)) == len(expected)
 
 
 def test_a_caption_stands_once_and_later_figures_lead_to_it(page: Page, fits: list[Fit]) -> None:
-    for recipe in figures_for(fits[0].experiment):
+    for recipe in figures_for(fits[0]):
         assert page.text_without_marks.count(recipe.caption) == 1
         assert f"figure-A_{recipe.name}" in page.ids
-        assert ("a", f"#figure-B_{recipe.name}") in page.references
+        assert f"figure-B_{recipe.name}-legend" in page.ids
+        assert ("a", f"#figure-B_{recipe.name}-legend") in page.references
 
 
 def test_strings_from_files_are_escaped(folder: Path, page: Page) -> None:
@@ -260,7 +261,8 @@ def test_what_was_not_good_enough_to_sample_with_is_told(sketched: None, tmp_pat
 def test_the_page_says_what_prior_and_data_decide(
     folder: Path, page: Page, fits: list[Fit], sketched: None, tmp_path: Path
 ) -> None:
-    assert page.text.count("decided by") == len(fits)
+    # Of each fit a table of what the data say, and a folded one of everything.
+    assert page.text.count("decided by") == 2 * len(fits)
     assert page.text.count(THRESHOLDS_TEXT) == 1
     for fit in fits:
         file = folder / "page" / "tables" / f"{fit.experiment.id}_influence.csv"
@@ -334,7 +336,7 @@ def test_tables_hold_the_summary_at_full_precision(folder: Path, fits: list[Fit]
 
 
 def test_figures_are_written_as_pictures_and_vectors(folder: Path, fits: list[Fit]) -> None:
-    for recipe in figures_for(fits[0].experiment):
+    for recipe in figures_for(fits[0]):
         base = folder / "page" / "figures" / f"A_{recipe.name}"
         assert base.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
         assert "<svg" in base.with_suffix(".svg").read_text(encoding="utf-8")
@@ -406,7 +408,7 @@ def test_processes_write_the_same_pictures(folder: Path, fits: list[Fit], page: 
     out = folder / "by_processes"
     write_report([fits[1]], out, title="x", command="x", jobs=2)
     pictures = sorted((out / "figures").glob("*.png"))
-    assert len(pictures) == len(figures_for(fits[1].experiment))
+    assert len(pictures) == len(figures_for(fits[1]))
     for picture in pictures:
         assert picture.read_bytes() == (folder / "page" / "figures" / picture.name).read_bytes()
         assert picture.with_suffix(".svg").is_file()

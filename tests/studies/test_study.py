@@ -50,8 +50,8 @@ from pyburgers.studies.maor.sections import (
     SYNTHETIC_SENTENCE,
     attenuation_section,
     study_sections,
-    time_domain_table,
 )
+from pyburgers.studies.maor.time_domain import time_domain_table
 from pyburgers.studies.olivine_spectra import LAWS, run_name
 
 

@@ -17,10 +17,12 @@ class Page(HTMLParser):
         self.alternatives: list[str] = []
         self.labels: list[str] = []
         self.words: list[str] = []
+        self.shown: list[str] = []
         self.feed(text)
         self.close()
         self.text = " ".join(" ".join(self.words).split())
         self.text_without_marks = " ".join("".join(self.words).split())
+        self.unfolded = " ".join("".join(self.shown).split())
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         self.tags.append(tag)
@@ -42,3 +44,12 @@ class Page(HTMLParser):
     def handle_data(self, data: str) -> None:
         if not self.open or self.open[-1] not in {"style", "script"}:
             self.words.append(data)
+            if not self.is_folded:
+                self.shown.append(data)
+
+    @property
+    def is_folded(self) -> bool:
+        """Whether what comes now is unseen until a reader unfolds it."""
+        parts = [tag for tag in self.open if tag in {"details", "summary"}]
+        summary = bool(parts) and parts[-1] == "summary"
+        return "nav" not in self.open and "details" in (parts[:-2] if summary else parts)

@@ -31,6 +31,7 @@ from pyburgers.protocols.microstructure import (
     MicrostructureTable,
     measured_microstructure,
     microstructure_tables,
+    strains_of,
 )
 
 LEAST_STRAIN = 1e-12
@@ -433,7 +434,7 @@ def _final_strain(
     last_start = segments[-1].start_strain
     last_segment = f"'start_strain' in [[segments]] number {len(segments)}"
     if file.final_strain is None:
-        last_seen = [one.strain for one in microstructure[-1:]]
+        last_seen = strains_of(microstructure[-1:])
         final = float(max(*last_seen, *(np.max(curve.strain) for curve in curves), 0.0))
         if final <= last_start:
             raise InputError(

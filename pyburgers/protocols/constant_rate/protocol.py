@@ -8,10 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from markupsafe import Markup
 
-from pyburgers.common.units import with_error
 from pyburgers.model.display import (
-    LENGTH_FACTOR,
-    LENGTH_UNIT,
     STRAIN_FACTOR,
     STRAIN_UNIT,
     STRESS_FACTOR,
@@ -37,6 +34,7 @@ from pyburgers.protocols.constant_rate.valley import ConstantRateValley
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.loading_history.conversion import as_history
 from pyburgers.protocols.protocol import Protocol
+from pyburgers.protocols.softening import microstructure_facts
 from pyburgers.protocols.stan_data import StanData
 
 FloatArray = npt.NDArray[np.float64]
@@ -108,10 +106,6 @@ class ConstantRate(Protocol[ConstantRateExperiment]):
             "fabric_factor": draw["grid_fabric_factor"],
         }
 
-    def simulated_positions(self, experiment: ConstantRateExperiment) -> FloatArray:
-        """Return the strains of stresses and of measured microstructure."""
-        return np.union1d(experiment.strain, [one.strain for one in experiment.microstructure])
-
     def observed_positions(
         self, experiment: ConstantRateExperiment
     ) -> dict[str, tuple[FloatArray, str]]:
@@ -177,25 +171,11 @@ class ConstantRate(Protocol[ConstantRateExperiment]):
         return (
             ("Strain rate", Markup("; ").join(rates)),
             ("Points", f"{experiment.n_points}, test ends at {end:.3g} % strain"),
-            *_microstructure_facts(experiment),
+            *microstructure_facts(
+                experiment.microstructure,
+                lambda one: f"{(one.strain or 0.0) * STRAIN_FACTOR:.3g} % strain",
+            ),
         )
-
-
-def _microstructure_facts(experiment: ConstantRateExperiment) -> list[tuple[str, str]]:
-    """Say what was measured of the microstructure, if anything."""
-    if not experiment.microstructure:
-        return []
-    said = []
-    for one in experiment.microstructure:
-        size, error = (LENGTH_FACTOR * value for value in (one.grain_size, one.grain_size_sd))
-        fabric = ""
-        if one.fabric_factor is not None and one.fabric_factor_sd is not None:
-            fabric = f", fabric factor {with_error(one.fabric_factor, one.fabric_factor_sd)}"
-        said.append(
-            f"grain size {with_error(size, error)} {LENGTH_UNIT}{fabric} at "
-            f"{one.strain * STRAIN_FACTOR:.3g} % strain"
-        )
-    return [("Measured microstructure", "; ".join(said))]
 
 
 def _mantissa_and_exponent(number: float) -> tuple[str, str]:

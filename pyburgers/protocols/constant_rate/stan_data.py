@@ -9,6 +9,7 @@ import numpy.typing as npt
 from pyburgers.model.prior_families import is_fixed_at
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.protocols.microstructure import measured_block, strains_of
 from pyburgers.protocols.stan_data import StanData, ends
 
 FloatArray = npt.NDArray[np.float64]
@@ -79,8 +80,7 @@ def tests_block(
 ) -> StanData:
     """Return the block `stan/data/constant_rate.stan`."""
     outputs = [
-        solver_strains(e, np.append(e.strain, [one.strain for one in e.microstructure]))
-        for e in experiments
+        solver_strains(e, np.append(e.strain, strains_of(e.microstructure))) for e in experiments
     ]
     at_points, at_measured = (
         [places[part] for (_, _, places), part in zip(outputs, parts, strict=True)]
@@ -89,7 +89,6 @@ def tests_block(
             [slice(e.n_points, None) for e in experiments],
         )
     )
-    measured = [one.numbers for e in experiments for one in e.microstructure]
     segments = [segment for e in experiments for segment in e.segments]
     return {
         "segment_end": ends(len(e.segments) for e in experiments),
@@ -104,7 +103,7 @@ def tests_block(
         ).tolist(),
         "measured_end": ends(len(e.microstructure) for e in experiments),
         "strain_of_measured": np.concatenate([places + 1 for places in at_measured]).tolist(),
-        "measured": np.array(measured).reshape(-1, 4).tolist(),
+        "measured": measured_block([e.microstructure for e in experiments]),
         "point_segment": np.concatenate([segment_of_points(e) for e in experiments]).tolist(),
         "stress_observed": np.concatenate([e.stress for e in experiments]).tolist(),
         "correlated_residuals": int(

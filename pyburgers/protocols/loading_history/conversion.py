@@ -11,7 +11,7 @@ from pyburgers.protocols.loading_history.stages import Stage
 def as_history(experiment: ConstantRateExperiment) -> LoadingHistory:
     """Return a test at piecewise constant strain rate as a history of such stages.
 
-    The model, the readings and their density are the same.
+    The model, the readings and their density are the same; a path strain is the strain.
     """
     starts = np.array([segment.start_strain for segment in experiment.segments])
     times = experiment.time_at(np.append(starts, experiment.final_strain))
@@ -43,4 +43,5 @@ def as_history(experiment: ConstantRateExperiment) -> LoadingHistory:
         reading=experiment.stress,
         stress_uncertainty=experiment.stress_uncertainty,
         n_readings_in_file=experiment.n_points,
+        microstructure=experiment.microstructure,
     )

@@ -122,6 +122,10 @@ class LoadingHistory(Experiment):
 
     @property
     def doubts(self) -> tuple[str, ...]:
+        """Say where signs do not go together, and where a path strain is beyond what is read."""
+        return (*self._doubts_about_signs(), *self._doubts_about_path_strains())
+
+    def _doubts_about_signs(self) -> tuple[str, ...]:
         """Say where imposed stress is extension alone and most strain that is read compression."""
         imposed, strain = self.imposed_stresses, self.reading[self.response_is_strain]
         zero = 0.0 if self.strain_offset is None else self.strain_offset.value
@@ -132,6 +136,22 @@ class LoadingHistory(Experiment):
         return (
             "imposed stresses are extension while strains are compression; check their signs "
             '(compression is positive unless compression = "negative").',
+        )
+
+    def _doubts_about_path_strains(self) -> tuple[str, ...]:
+        """Say where microstructure was measured beyond all strain that is imposed and read."""
+        is_strain = self.response_is_strain
+        driven = {n for n, stage in enumerate(self.stages) if stage.driven == "stress"}
+        if not driven <= set(self.reading_stage[is_strain].tolist()):
+            return ()
+        # Noise of the readings only adds to it.
+        read = float(np.abs(np.diff(self.reading[is_strain], prepend=0.0)).sum())
+        imposed = sum(abs(leg.end_value) for leg in self.legs if leg.driven == "strain")
+        beyond = [one.strain for one in self.microstructure if (one.strain or 0) > read + imposed]
+        return tuple(
+            f"the microstructure was measured at a path strain of {strain:g}, but imposed strains "
+            f"and readings add up to {read + imposed:.3g}; check its unit."
+            for strain in beyond[:1]
         )
 
     @property

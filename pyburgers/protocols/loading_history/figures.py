@@ -32,9 +32,12 @@ from pyburgers.model.display import (
     STRESS_UNIT,
     time_unit,
 )
+from pyburgers.model.variants import variant_of
 from pyburgers.protocols.experiment import of_kind
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
+from pyburgers.protocols.microstructure import strains_of, times_of
 from pyburgers.protocols.protocol import FittedTest
+from pyburgers.protocols.softening import Along, softened_text, softening_along, softening_caption
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -316,6 +319,43 @@ def response_result(fit: FittedTest) -> str:
     return f"the history ends at {' and '.join(ends)}."
 
 
+SOFTENING_CAPTION = (
+    f"{softening_caption('end')} What was measured at a path strain stands where the median "
+    "solution reaches it."
+)
+
+
+def softening(fit: FittedTest) -> Figure:
+    """Draw how grain size and fabric soften the material along time."""
+    experiment = loading_history_test(fit)
+    unit, seconds = time_unit(experiment.end_time)
+    predictions = fit.posterior["predictions"].to_dataset()
+    time = predictions["time"].to_numpy()
+    path_strain = np.nanmedian(all_draws(predictions["path_strain"]), axis=0)
+    sections = experiment.microstructure
+    measured = np.where(
+        [one.time is None for one in sections],
+        np.interp(strains_of(sections), path_strain, time),
+        times_of(sections),
+    )
+    return softening_along(
+        fit,
+        Along(
+            position=time / seconds,
+            measured=measured / seconds,
+            label=f"time ({unit})",
+            end=experiment.end_time / seconds,
+        ),
+    )
+
+
+def evolves(fit: FittedTest) -> bool:
+    """Whether grain size or fabric change in a fit, or were measured."""
+    variant = variant_of(fit.priors, fit.experiment)
+    constant = variant.grain_size == variant.fabric == "constant"
+    return not constant or bool(fit.experiment.microstructure)
+
+
 LOADING_HISTORY_FIGURES = (
     FigureRecipe(
         "history",
@@ -326,6 +366,14 @@ LOADING_HISTORY_FIGURES = (
     ),
     FigureRecipe(
         "response", "How the material answers", RESPONSE_CAPTION, response, response_result
+    ),
+    FigureRecipe(
+        "softening",
+        "What softens the material",
+        SOFTENING_CAPTION,
+        softening,
+        lambda fit: f"at the end {softened_text(fit)}",
+        evolves,
     ),
 )
 """What the report of such a fit shows beside the figures of its posterior."""

@@ -27,6 +27,7 @@ from pyburgers.protocols.loading_history.readings import (
     thinned,
     true_readings,
 )
+from pyburgers.protocols.loading_history.sections import SectionTable, read_sections
 from pyburgers.protocols.loading_history.sides import (
     check_loaded,
     without_start,
@@ -39,6 +40,7 @@ from pyburgers.protocols.loading_history.stage_tables import (
     stage_bounds,
 )
 from pyburgers.protocols.loading_history.stages import Stage, legs_of
+from pyburgers.protocols.microstructure import microstructure_tables
 
 
 class _ApparatusTable(Table):
@@ -69,6 +71,10 @@ class _LoadingHistoryFile(ExperimentFile):
     data: HistoryDataTable | None = Field(
         None, description="the table that names the data file; an empty cell is no reading"
     )
+    microstructure: list[SectionTable] = Field(
+        default_factory=list,
+        description="one table for each section; path strains in the unit of [data]",
+    )
 
 
 def load_loading_history(path: str | Path) -> LoadingHistory:
@@ -98,6 +104,15 @@ def load_loading_history(path: str | Path) -> LoadingHistory:
     found = responses(path, test.readings, response)
     used, more = _used(test, found, stages, file.data)
     time, reading_stage, reading = used
+    apparatus = _apparatus(file)
+    microstructure = read_sections(
+        test,
+        file.microstructure,
+        file.stages,
+        legs_of(stages),
+        strain_unit=None if file.data is None else file.data.strain_unit,
+        is_rigid=apparatus is None,
+    )
     return LoadingHistory(
         **values,
         stages=stages,
@@ -106,9 +121,10 @@ def load_loading_history(path: str | Path) -> LoadingHistory:
         reading=reading,
         stress_uncertainty=test.stress_error,
         strain_uncertainty=test.strain_error,
-        apparatus_compliance=_apparatus(file),
+        apparatus_compliance=apparatus,
         strain_offset=offset,
         n_readings_in_file=_n_in_file(file.data, found[0].size),
+        microstructure=microstructure,
         notices=tuple(dict.fromkeys([*file.notices, *changes, *more])),
     )
 
@@ -141,6 +157,8 @@ def save_loading_history(experiment: LoadingHistory, directory: Path) -> Path:
         own["strain_offset"] = {"value": offset.value, "sd": offset.sd, "unit": "fraction"}
     if experiment.n_points > 0:
         own["data"] = _write_readings(experiment, directory)
+    if experiment.microstructure:
+        own["microstructure"] = microstructure_tables(experiment.microstructure)
     return write_experiment(experiment, directory, own)
 
 

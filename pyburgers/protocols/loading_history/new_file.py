@@ -110,6 +110,10 @@ class LoadingHistoryFile(NewFile):
             *column_lines(test, "strain"),
             *column_lines(test, "stress"),
             optional("strain_uncertainty = 0.002", "of a reading, in its unit"),
+            optional("[[microstructure]]", "measured in the sample, at one time or more"),
+            optional('time = "end"', "of the test; else in stage_time_unit"),
+            "# grain_size_m = 165e-6",
+            "# grain_size_sd_m = 8e-6",
         ]
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from types import MappingProxyType
 
 import numpy as np
@@ -33,6 +34,7 @@ from pyburgers.protocols.loading_history.files import load_loading_history, save
 from pyburgers.protocols.loading_history.isochronous import isochronous_figure
 from pyburgers.protocols.loading_history.minimum_rates import minimum_rate_table
 from pyburgers.protocols.loading_history.priors import priors_of, stated_priors
+from pyburgers.protocols.loading_history.sections import section_times
 from pyburgers.protocols.loading_history.solution_times import load_times, stage_times
 from pyburgers.protocols.loading_history.stan_data import (
     grid_block,
@@ -42,7 +44,9 @@ from pyburgers.protocols.loading_history.stan_data import (
     times_of_readings,
 )
 from pyburgers.protocols.loading_history.valley import LoadingHistoryValley
+from pyburgers.protocols.microstructure import MeasuredMicrostructure
 from pyburgers.protocols.protocol import FittedTest, Protocol
+from pyburgers.protocols.softening import microstructure_facts
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -69,6 +73,8 @@ class LoadingHistoryProtocol(Protocol[LoadingHistory]):
             "grid_path_strain": ("path_strain", "1"),
             "grid_grain_size": ("grain_size", "m"),
             "grid_fabric_factor": ("fabric_factor", "1"),
+            "grid_grain_size_softening": ("grain_size_softening", "1"),
+            "grid_fabric_softening": ("fabric_softening", "1"),
         }
     )
     warmup = 300
@@ -97,8 +103,8 @@ class LoadingHistoryProtocol(Protocol[LoadingHistory]):
         return STRESS, STRAIN
 
     def without_data(self, experiment: LoadingHistory) -> LoadingHistory:
-        """Return the test as it is: its readings set the scales of the solution."""
-        return experiment
+        """Return the test with its readings, which set the scales of the solution."""
+        return replace(experiment, microstructure=())
 
     def prediction_grid(self, experiment: LoadingHistory) -> FloatArray:
         """Return times, denser at the start of every stage and of every load of a series."""
@@ -186,11 +192,14 @@ class LoadingHistoryProtocol(Protocol[LoadingHistory]):
     def check_priors(self, experiment: LoadingHistory, priors: PriorSet) -> None:
         """Ask for laws without a stress of their own where the load cell is uncertain.
 
+        Where grains follow the stress, ask for times of measured microstructure.
+
         Raises
         ------
         InputError
-            If there is one.
+            If one is missing, or there is such a law.
         """
+        section_times(experiment, priors)
         variant = variant_of(priors, experiment)
         with_stress = (
             ("kelvin", "power_law"),
@@ -255,6 +264,7 @@ class LoadingHistoryProtocol(Protocol[LoadingHistory]):
                 "Readings",
                 f"{' and '.join(read)}, of {experiment.n_readings_in_file} in the file",
             ),
+            *microstructure_facts(experiment.microstructure, partial(_place, experiment)),
         )
 
     def joint_figures(self, fits: Sequence[FittedTest]) -> tuple[PageFigure, ...]:
@@ -264,6 +274,14 @@ class LoadingHistoryProtocol(Protocol[LoadingHistory]):
     def tables(self, fit: FittedTest) -> tuple[PageTable, ...]:
         """Return the minimum creep rates."""
         return minimum_rate_table(fit)
+
+
+def _place(experiment: LoadingHistory, section: MeasuredMicrostructure) -> str:
+    """Say where a microstructure was measured."""
+    if section.time is None:
+        return f"a path strain of {(section.strain or 0.0) * STRAIN_FACTOR:.3g} %"
+    unit, seconds = time_unit(experiment.end_time)
+    return f"{section.time / seconds:.3g} {unit}"
 
 
 def _draw_residuals(

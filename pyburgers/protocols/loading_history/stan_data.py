@@ -1,6 +1,7 @@
 """Data of `stan/loading_history.stan` about its tests."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,8 @@ from pyburgers.protocols.attenuation import stan_data as attenuation
 from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.loading_history.kelvin_rows import elements_block
+from pyburgers.protocols.loading_history.sections import section_times
+from pyburgers.protocols.microstructure import measured_block, strains_of
 from pyburgers.protocols.stan_data import StanData, ends
 
 FloatArray = npt.NDArray[np.float64]
@@ -67,8 +70,16 @@ def tests_block(
         for experiment in histories
         for leg in experiment.legs
     ]
-    places = [leg_of_readings(experiment) for experiment in histories]
-    times, counts = _times_in_legs(histories, [e.time for e in histories], places)
+    outputs = [
+        solver_outputs(e, section_times(e, own))
+        for e, own in zip(experiments, priors, strict=True)
+        if isinstance(e, LoadingHistory)
+    ]
+    times, counts = _times_in_legs(
+        histories, [one.time for one in outputs], [one.leg for one in outputs]
+    )
+    by_history = {id(e): one for e, one in zip(histories, outputs, strict=True)}
+    measured = [e.microstructure for e in experiments]
 
     def by_point(of_history: Callable[[LoadingHistory], npt.NDArray[Any]]) -> npt.NDArray[Any]:
         """Join numbers of every point, 0 of readings of a table."""
@@ -79,7 +90,6 @@ def tests_block(
             ]
         )
 
-    times_by_history = dict(zip(map(id, histories), times, strict=True))
     return {
         "leg_end": ends(len(e.legs) if isinstance(e, LoadingHistory) else 0 for e in experiments),
         "leg": np.reshape(legs, (-1, 5)).tolist(),
@@ -93,10 +103,24 @@ def tests_block(
         ],
         "response_observed": np.concatenate([e.response for e in experiments]).tolist(),
         "is_strain": by_point(lambda e: e.response_is_strain).astype(int).tolist(),
-        "point_time_in_leg": by_point(lambda e: times_by_history[id(e)]).tolist(),
-        "n_points_in_leg": counts,
+        "output_end": ends(
+            by_history[id(e)].time.size if isinstance(e, LoadingHistory) else 0 for e in experiments
+        ),
+        "output_time_in_leg": np.concatenate([np.empty(0), *times]).tolist(),
+        "n_outputs_in_leg": counts,
+        "output_of_point": by_point(lambda e: by_history[id(e)].of_readings).astype(int).tolist(),
         "point_time": by_point(lambda e: e.time).tolist(),
         "point_stage": by_point(lambda e: e.reading_stage).astype(int).tolist(),
+        "measured_end": ends(len(sections) for sections in measured),
+        "output_of_measured": [
+            int(place)
+            for one in outputs
+            for place in one.of_sections  # tables have none
+        ],
+        "measured_path_strain": np.concatenate(
+            [np.nan_to_num(strains_of(sections)) for sections in measured]
+        ).tolist(),
+        "measured": measured_block(measured),
         "correlated_residuals": int(
             not all(is_fixed_at(own["residual_correlation_time"], 0.0) for own in priors)
         ),
@@ -146,6 +170,48 @@ def _tables(
     experiments: Sequence[LoadingHistory | AttenuationExperiment],
 ) -> list[AttenuationExperiment | None]:
     return [None if isinstance(one, LoadingHistory) else one for one in experiments]
+
+
+@dataclass(frozen=True, eq=False)
+class Outputs:
+    """Where the solver reports along a test: at readings and sections, in the order of time.
+
+    Attributes
+    ----------
+    time, leg : array, shape (n_outputs,)
+        Seconds since the start; leg from 0.
+    of_readings, of_sections : array of int
+        Place of each among them, from 1; 0 of a section that needs no solution.
+    """
+
+    time: FloatArray
+    leg: IntArray
+    of_readings: IntArray
+    of_sections: IntArray
+
+
+def solver_outputs(experiment: LoadingHistory, sections: Sequence[float | None]) -> Outputs:
+    """Return where the solver reports.
+
+    Parameters
+    ----------
+    experiment : LoadingHistory
+        With its readings.
+    sections : sequence of float or None
+        Times (s) of sections, None for those that need no solution. A section at the time of a
+        jump of the stress is ahead of it: the sample was taken out at the end of what was before.
+    """
+    wanted = np.array([one is not None for one in sections], dtype=np.bool_)
+    own = np.array([one for one in sections if one is not None], dtype=np.float64)
+    own_leg = np.array([leg_of_times(experiment, own[[k]])[0] for k in range(own.size)], np.int64)
+    time = np.concatenate([experiment.time, own])
+    leg = np.concatenate([leg_of_readings(experiment), own_leg])
+    order = np.lexsort((time, leg))
+    place = np.empty_like(order)
+    place[order] = np.arange(1, order.size + 1)
+    of_sections = np.zeros(wanted.size, dtype=np.int64)
+    of_sections[wanted] = place[experiment.n_points :]
+    return Outputs(time[order], leg[order], place[: experiment.n_points], of_sections)
 
 
 def leg_of_times(experiment: LoadingHistory, time: FloatArray) -> IntArray:

@@ -18,8 +18,12 @@ from pyburgers.common.processes import cores
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.model.display import STRESS_FACTOR, STRESS_UNIT
 from pyburgers.predictions import attenuation_figures
-from pyburgers.predictions.assumptions import elastic_modulus_sentence, frozen_sentence
-from pyburgers.predictions.attenuation import attenuation_spectrum, predict_attenuation
+from pyburgers.predictions.assumptions import (
+    elastic_modulus_sentence,
+    frozen_sentence,
+    pale_sentence,
+)
+from pyburgers.predictions.attenuation import predict_attenuation
 from pyburgers.predictions.attenuation_tables import overview_table, quantile_table
 from pyburgers.predictions.evolving import (
     evolving_attenuation,
@@ -27,10 +31,9 @@ from pyburgers.predictions.evolving import (
     evolving_sentence,
     evolving_table,
 )
-from pyburgers.predictions.imposed_stress import simulated_phase_lag
 from pyburgers.predictions.material import fitted_material
 from pyburgers.predictions.measured_attenuation import MeasuredAttenuation
-from pyburgers.predictions.stress_cycles import PAPER_REGIMES, PARAMETER_NAMES
+from pyburgers.predictions.stress_cycles import PAPER_REGIMES
 from pyburgers.protocols.protocol import FittedTest
 from pyburgers.studies.maor import drawings
 from pyburgers.studies.maor.attenuation import (
@@ -65,11 +68,9 @@ from pyburgers.studies.maor.statements import (
     statements_table,
 )
 from pyburgers.studies.maor.stress_floor import stress_floor_section
+from pyburgers.studies.maor.time_domain import shown_time_domain, time_domain_table
 
 logger = logging.getLogger(__name__)
-
-CHECKED_FREQUENCIES = (1e-4, 1e-3, 1e-2)
-"""Where the closed form is compared with simulations in time, Hz."""
 
 PRIOR_DRAWS = {"ice": 12_000, "olivine": 4_000}
 """Draws of the prior of each test, by material; a solution of an oscillation takes longer."""
@@ -238,6 +239,7 @@ def model_section(fit: FittedTest) -> PageSection:
                 f"Rate of the undeformed material by three flow laws, {name}",
                 _shown_laws(table),
                 table,
+                folded=True,
             ),
         ),
         figures=(
@@ -302,8 +304,8 @@ def attenuation_section(
         key=ATTENUATION_KEY,
         title="Attenuation",
         paragraphs=(
+            f"{first}: {pale_sentence(spectra[first])}",
             elastic_modulus_sentence(spectra[first]),
-            f"{first}, frozen and evolving side by side. {evolving_sentence(evolving)}",
         ),
         details=(
             "What the fitted material would do under another load: stress cycles about a constant "
@@ -311,6 +313,7 @@ def attenuation_section(
             "every draw of the posterior gives a spectrum in closed form. Tables give the median "
             "and 5 and 95 % of the draws; the CSV files hold all frequencies.",
             f"{first}: {frozen_sentence(spectra[first])}",
+            f"{first}, frozen and evolving side by side. {evolving_sentence(evolving)}",
             ELASTIC_MODULUS_SENTENCE,
         ),
         tables=(
@@ -323,6 +326,7 @@ def attenuation_section(
                     words=("regime",),
                     sentences=("frozen microstructure",),
                     in_files=name != first,
+                    folded=True,
                 )
                 for name, spectrum in spectra.items()
             ),
@@ -343,7 +347,7 @@ def attenuation_section(
             PageTable(
                 "time_domain",
                 f"Closed form against simulation in time, {first} at the median of its parameters",
-                _shown_check(check),
+                shown_time_domain(check),
                 check,
                 words=("regime",),
             ),
@@ -387,60 +391,4 @@ def attenuation_section(
             ),
         ),
         after_fits=True,
-    )
-
-
-def time_domain_table(fit: FittedTest) -> pd.DataFrame:
-    """Compare the closed form of attenuation with phase lags of simulated records.
-
-    Parameters
-    ----------
-    fit : FittedTest
-        The median of each parameter is taken, with the initial microstructure.
-
-    Returns
-    -------
-    DataFrame
-        Columns regime, frequency_Hz, closed_form, simulated, relative_difference; a row for each
-        of the paper's regimes and each of `CHECKED_FREQUENCIES`.
-
-    Raises
-    ------
-    SamplingError
-        If the solver finds no solution.
-    """
-    draws = fit.posterior["posterior"].to_dataset()
-    median = {name: float(draws[name].median()) for name in PARAMETER_NAMES}
-    temperature, grain_size = fit.experiment.temperature, fit.experiment.initial_grain_size
-    closed = attenuation_spectrum(
-        median, CHECKED_FREQUENCIES, PAPER_REGIMES, temperature=temperature, grain_size=grain_size
-    )
-    rows = []
-    for regime, by_frequency in zip(PAPER_REGIMES, closed["tan_delta"].to_numpy(), strict=True):
-        for frequency, expected in zip(CHECKED_FREQUENCIES, by_frequency, strict=True):
-            lag = simulated_phase_lag(
-                median, regime, frequency, temperature=temperature, grain_size=grain_size
-            )
-            rows.append(
-                {
-                    "regime": regime.label,
-                    "frequency_Hz": frequency,
-                    "closed_form": float(expected),
-                    "simulated": lag.tan_delta,
-                    "relative_difference": lag.tan_delta / float(expected) - 1,
-                }
-            )
-    return pd.DataFrame(rows)
-
-
-def _shown_check(check: pd.DataFrame) -> pd.DataFrame:
-    """Return a `time_domain_table` as text."""
-    return pd.DataFrame(
-        {
-            "regime": check["regime"],
-            "frequency (Hz)": check["frequency_Hz"].map("{:.0e}".format),
-            "tan δ, closed form": check["closed_form"].map("{:#.5g}".format),
-            "tan δ, simulated": check["simulated"].map("{:#.5g}".format),
-            "relative difference": check["relative_difference"].map("{:+.0e}".format),
-        }
     )

@@ -134,6 +134,7 @@ def stress_floor_section(fits: Mapping[str, FittedTest]) -> PageSection:
         _shown(effects),
         _saved(effects),
         words=("background",),
+        folded=True,
     )
     return PageSection(
         key=STRESS_FLOOR_KEY,

@@ -1,0 +1,215 @@
+"""What a page shows of the microstructure of a test: measured, and how it softens the material."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from pyburgers.common.draws import all_draws
+from pyburgers.common.units import with_error
+from pyburgers.drawing.panels import LINES_AND_AREAS, band_text, draw_band_panel
+from pyburgers.drawing.style import BLACK, BLUE, GREEN, SKY_BLUE, VERMILION, style
+from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT
+from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.microstructure import MeasuredMicrostructure
+from pyburgers.protocols.protocol import FittedTest
+
+FloatArray = npt.NDArray[np.float64]
+
+SHARES = (-1.0, 2.0)
+"""Shares of grain size in the softening, the least and the largest, up to which an axis may go."""
+
+
+@dataclass(frozen=True, eq=False)
+class Along:
+    """The horizontal axis of the figure, in the unit that is shown.
+
+    Attributes
+    ----------
+    position : array, shape (n_grid,)
+        Of the predictions.
+    measured : array, shape (n_sections,)
+        Where the microstructure was measured.
+    label : str
+        Of the axis.
+    end : float
+        Of the test.
+    """
+
+    position: FloatArray
+    measured: FloatArray
+    label: str
+    end: float
+
+
+def microstructure_facts(
+    measured: Sequence[MeasuredMicrostructure],
+    place: Callable[[MeasuredMicrostructure], str],
+) -> list[tuple[str, str]]:
+    """Say on a page what was measured of the microstructure, if anything.
+
+    Parameters
+    ----------
+    measured : sequence of MeasuredMicrostructure
+        Of a test.
+    place : callable
+        Says where each was measured, such as ``15 % strain``.
+    """
+    if not measured:
+        return []
+    said = []
+    for one in measured:
+        size, error = (LENGTH_FACTOR * value for value in (one.grain_size, one.grain_size_sd))
+        fabric = ""
+        if one.fabric_factor is not None and one.fabric_factor_sd is not None:
+            fabric = f", fabric factor {with_error(one.fabric_factor, one.fabric_factor_sd)}"
+        said.append(f"grain size {with_error(size, error)} {LENGTH_UNIT}{fabric} at {place(one)}")
+    return [("Measured microstructure", "; ".join(said))]
+
+
+def softening_caption(end: str) -> str:
+    """Return the caption of the figure; the end is that of the test, such as ``final strain``."""
+    return (
+        "Why the material weakens: (a) mean grain size, (b) fabric factor (1 = isotropic), (c) the "
+        "factors by which smaller grains and stronger fabric lower the flow stress, and their "
+        "product; lines are posterior medians, areas hold 90 % of draws. (d) Share of grain size "
+        f"in the total softening (logarithms) at the {end}; below 0 or above 1 one of the two "
+        "hardens, and the outermost 1 % of draws may be cut off. Where this histogram is broad, "
+        "the data do not tell which mechanism did it. Circles with bars: measured, with standard "
+        "deviation."
+    )
+
+
+def softening_along(fit: FittedTest, along: Along) -> Figure:
+    """Draw how grain size and fabric soften the material along a test."""
+    experiment = fit.experiment
+    predictions = fit.posterior["predictions"].to_dataset()
+    by_grains, by_fabric = (
+        all_draws(predictions[name]) for name in ("grain_size_softening", "fabric_softening")
+    )
+    with style():
+        figure = Figure(figsize=(8.6, 6.8), layout="constrained")
+        grains, fabric, strength, share = figure.subplots(2, 2).flat
+        draw_band_panel(
+            grains,
+            along.position,
+            [(all_draws(predictions["grain_size"]) * LENGTH_FACTOR, BLUE, "mean grain size")],
+            heading="(a) grain size",
+            label=f"grain size ({LENGTH_UNIT})",
+            level=(experiment.initial_grain_size * LENGTH_FACTOR, "initial grain size"),
+        )
+        draw_band_panel(
+            fabric,
+            along.position,
+            [(all_draws(predictions["fabric_factor"]), GREEN, "fabric factor")],
+            heading="(b) fabric",
+            label="fabric factor $F$ (–)",
+        )
+        draw_band_panel(
+            strength,
+            along.position,
+            [
+                (by_grains, BLUE, "grain size alone"),
+                (by_fabric, GREEN, "fabric alone"),
+                (by_grains * by_fabric, VERMILION, "both together"),
+            ],
+            heading="(c) strength factors",
+            label="flow stress / undeformed (–)",
+        )
+        _draw_measured(grains, fabric, experiment, along.measured)
+        for axes, top in ((grains, None), (fabric, 1.05), (strength, None)):
+            axes.set_ylim(0.0, top)
+            axes.set_xlabel(along.label)
+            axes.set_xlim(0.0, along.end)
+        _draw_share(share, softening_shares(predictions))
+        figure.suptitle(f"{experiment.title}\n{LINES_AND_AREAS}", fontsize=10)
+    return figure
+
+
+def softening_shares(predictions: xr.Dataset) -> FloatArray:
+    """Return the share that grain size has in the softening (its logarithm) at the end of a test.
+
+    Parameters
+    ----------
+    predictions : Dataset
+        Of a fit, in labelled draws.
+
+    Returns
+    -------
+    array, shape (n,)
+        Of the draws with any softening.
+    """
+    log_grains, log_fabric = (
+        np.log(all_draws(predictions[name])[:, -1].astype(np.float64))
+        for name in ("grain_size_softening", "fabric_softening")
+    )
+    total = log_grains + log_fabric
+    share: FloatArray = log_grains[total != 0] / total[total != 0]
+    return share
+
+
+def softened_text(fit: FittedTest) -> str:
+    """Say how far the material has softened at the end of a test, and by what."""
+    predictions = fit.posterior["predictions"].to_dataset()
+    size, fabric, by_grains, by_fabric = (
+        all_draws(predictions[name])[:, -1]
+        for name in ("grain_size", "fabric_factor", "grain_size_softening", "fabric_softening")
+    )
+    return (
+        f"grains have {band_text(size * LENGTH_FACTOR, LENGTH_UNIT)}, the "
+        f"fabric factor is {band_text(fabric, '')}, and the flow stress "
+        f"{band_text(by_grains * by_fabric, '')} of the undeformed material's."
+    )
+
+
+def _draw_measured(
+    grains: Axes, fabric: Axes, experiment: Experiment, position: FloatArray
+) -> None:
+    """Draw measured grain sizes and fabric factors with their standard deviations."""
+    if not experiment.microstructure:
+        return
+    size, log_error, factor, error = np.transpose(
+        [one.numbers for one in experiment.microstructure]
+    )
+    some = error > 0
+    for axes, at, value, spread in (
+        (grains, position, size * LENGTH_FACTOR, size * log_error * LENGTH_FACTOR),
+        (fabric, position[some], factor[some], error[some]),
+    ):
+        if at.size:
+            axes.errorbar(
+                at,
+                value,
+                spread,
+                fmt="o",
+                color=BLACK,
+                mfc="white",
+                clip_on=False,  # the last one is at the end of the axis
+                label="measured",
+            )
+            axes.legend(loc="best")
+
+
+def _draw_share(axes: Axes, share: FloatArray) -> None:
+    """Draw a histogram of the shares of grain size."""
+    low, median, high = np.quantile(share, [0.005, 0.5, 0.995]) if share.size else (0.0, 0.5, 1.0)
+    # Where grains grow and the fabric weakens, the two nearly cancel in some draws, and the share
+    # of what is left has no limit.
+    left, right = SHARES
+    ends = (min(0.0, max(left, low), median), max(1.0, min(right, high), median))
+    weights = np.full(share.size, 100.0 / max(share.size, 1))
+    axes.hist(share, bins=30, range=ends, weights=weights, color=SKY_BLUE, label="posterior draws")
+    if share.size:
+        axes.axvline(median, color=BLACK, linewidth=1.4, label=f"median {median:.2f}")
+        beyond = float(np.mean((share < ends[0]) | (share > ends[1])))
+        if beyond > 0.01:  # more than the tails that any axis leaves out
+            axes.plot([], [], " ", label=f"{100 * beyond:.0f} % of draws lie beyond")
+    axes.set_title("(d) share of grain size", loc="left")
+    axes.set_xlabel("share of ln-softening due to grain size (–)")
+    axes.set_ylabel("share of draws (%)")
+    axes.set_xlim(*ends)
+    axes.legend(loc="best")

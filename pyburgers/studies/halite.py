@@ -58,8 +58,8 @@ default of histories would take several times the gradients; so would a warm-up 
 phase leaves the metric fewer draws than that of 100 does."""
 
 LONG = SamplerOptions(chains=2, warmup=200, draws=2000, adapt_delta=0.9, seed=1)
-"""For the sine that hardens. Half of its draws or more are independent ones, but those of E_K: of 400
-only 18, since any stiff element serves."""
+"""For the sine that hardens. Half of its draws or more are independent ones, but those of E_K: of
+400 only 18, since any stiff element serves."""
 
 KEPT_OF_GRAIN_SIZE_EXPONENT = 0.1
 """Of the width of p's prior. A record of one grain size says nothing of it, and where the prior

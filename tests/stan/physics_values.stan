@@ -20,7 +20,7 @@ data {
   real<lower=0> steady_state;
   real<lower=0> critical_strain;
   int<lower=0> n_path_strains;
-  vector<lower=0>[n_path_strains] path_strain;
+  vector[n_path_strains] path_strain;
   int<lower=1> n;
   vector[n] strain;
   array[n] int segment;

@@ -18,12 +18,18 @@ from pyburgers.studies.maor.before_data import prior_draws
 FloatArray = npt.NDArray[np.float64]
 
 N_DRAWS = 5
-STATED = {
-    "apparatus_compliance": Stated(1e-10, 1e-11),
-    "strain_offset": Stated(2e-4, 1e-4),
-}
-FITTED: LoadingHistory = replace(history_twin("creep", 12), **STATED)  # type: ignore[arg-type]
-OTHER = replace(history_twin("creep", 16, seed=1), id="other", **STATED)  # type: ignore[arg-type]
+
+
+def with_apparatus(test: LoadingHistory) -> LoadingHistory:
+    return replace(
+        test,
+        apparatus_compliance=Stated(1e-10, 1e-11),
+        strain_offset=Stated(2e-4, 1e-4),
+    )
+
+
+FITTED = with_apparatus(history_twin("creep", 12))
+OTHER = replace(with_apparatus(history_twin("creep", 16, seed=1)), id="other")
 INFERRED = "As the fit inferred it for"
 
 

@@ -9,6 +9,7 @@ import pytest
 import xarray as xr
 from conftest import ICE, with_fixed
 from history_twins import GRAIN_SIZE, TEMPERATURE, TRUTH, history_twin
+from matplotlib.container import ErrorbarContainer
 from protocol_examples import TWIN_FILE
 
 from pyburgers.common.errors import InputError
@@ -245,16 +246,17 @@ def test_it_is_drawn_along_time_with_what_was_measured(measured: Fit) -> None:
     creep = measured["creep"]
     assert "softening" in [recipe.name for recipe in figures_for(creep)]
     grains, fabric, *_ = softening(creep).axes
-    (bars,) = grains.containers
+    (bars,), (factors,) = grains.containers, fabric.containers
+    assert isinstance(bars, ErrorbarContainer)
+    assert isinstance(factors, ErrorbarContainer)
     path_strain = creep.posterior["predictions"]["path_strain"].median(("chain", "draw"))
     time = creep.posterior["predictions"]["time"]
     reached = np.interp(0.05, path_strain, time)
     at = np.asarray(bars.lines[0].get_xdata())
     np.testing.assert_allclose(at / at[1], [reached / 4000.0, 1.0], rtol=1e-6)
     assert grains.get_xlabel().startswith("time (")
-    np.testing.assert_allclose(bars.lines[0].get_ydata(), [160.0, 105.0])
-    (factors,) = fabric.containers
-    np.testing.assert_allclose(factors.lines[0].get_ydata(), [0.74])
+    np.testing.assert_allclose(np.asarray(bars.lines[0].get_ydata()), [160.0, 105.0])
+    np.testing.assert_allclose(np.asarray(factors.lines[0].get_ydata()), [0.74])
     assert grains.get_xlim()[1] == pytest.approx(at[1])
 
 

@@ -18,7 +18,7 @@ from pyburgers.fitting.fit import Fit, fit, fit_jointly
 from pyburgers.posterior.labelled_draws import response_in, total_log_likelihood
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, load_constant_rate
 from pyburgers.protocols.forward import simulate
-from pyburgers.protocols.microstructure import MeasuredMicrostructure
+from pyburgers.protocols.microstructure import MeasuredMicrostructure, strains_of
 from pyburgers.protocols.program_data import given_parameters
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.options import SamplerOptions
@@ -43,11 +43,11 @@ def expected_log_density(
     experiment: ConstantRateExperiment, values: dict[str, float]
 ) -> FloatArray:
     """Of each grain size and fabric factor, from another run of the program."""
-    strains = [one.strain for one in experiment.microstructure]
-    solution = simulate(experiment, values, at=np.array(strains)).set_index("strain")
-    found = np.zeros((len(strains), 2))
-    for row, one in zip(found, experiment.microstructure, strict=True):
-        size, factor = (solution[name][one.strain] for name in ("grain_size_m", "fabric_factor"))
+    strains = strains_of(experiment.microstructure)
+    solution = simulate(experiment, values, at=strains).set_index("strain")
+    found = np.zeros((strains.size, 2))
+    for row, strain, one in zip(found, strains.tolist(), experiment.microstructure, strict=True):
+        size, factor = (solution[name][strain] for name in ("grain_size_m", "fabric_factor"))
         error = one.grain_size_sd / one.grain_size
         row[0] = stats.lognorm.logpdf(one.grain_size, error, scale=size)
         if one.fabric_factor is not None and one.fabric_factor_sd is not None:

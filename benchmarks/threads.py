@@ -64,11 +64,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
         run = RunDirectory(out)
         draws = read_draws([run.draws_file(1)])["coordinate"][0]
         points = draws[:: max(1, len(draws) // POINTS)][:POINTS]
+        density = {
+            name: leapfrogs(program, run.stan_data_file, points, 1)[1]
+            for name, program in programs.items()
+        }
         taken: dict[str, list[FloatArray]] = {name: [] for name in programs}
-        density: dict[str, FloatArray] = {}
         for _ in range(ROUNDS):
             for name, program in programs.items():
-                _, density[name] = leapfrogs(program, run.stan_data_file, points, 1)
                 taken[name].append(ms_per_gradient(program, run.stan_data_file, points, TIMED))
     rows = {name: np.median(times, axis=0) for name, times in taken.items()}
     first = next(iter(rows))

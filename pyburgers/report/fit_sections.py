@@ -107,8 +107,8 @@ class Section:
         """Rows of the parameters that are the prior's, or about which prior and data disagree."""
         if tables.DECISION not in self.parameters:
             return {}
-        doubtful = (tables.DECIDED_BY[one] for one in (Origin.PRIOR, Origin.DISAGREEMENT))
-        return {tables.DECISION: self.parameters[tables.DECISION].isin(tuple(doubtful)).tolist()}
+        doubtful = self.parameters[tables.DECISION].isin((OF_THE_PRIOR, DISAGREE))
+        return {tables.DECISION: doubtful.tolist()}
 
     @property
     def passed(self) -> list[CheckResult]:

@@ -27,7 +27,7 @@ test of three stages it did from two of the eight draws with the best densities,
 six no climb came near the data. Elsewhere the first draws will do."""
 
 FLOW_REACH = float(np.log(10.0))
-"""How far from its origin ln(flow rate) may be where a climb with a hyperbolic sine starts.
+"""How far from its origin ln(flow rate) may be where one of `N_CANDIDATES` has a hyperbolic sine.
 
 The prior of a rate that is exponential in stress spans tens of orders of magnitude: of 24 climbs
 from its draws two came within 4e-4 of the creep of rock salt that hardens, a strain of 1.6e-2."""
@@ -234,20 +234,20 @@ def _best_prior_draws(
     n_drawn = N_CANDIDATES if len(problem.protocol.read) > 1 else N_STARTS
     programs = programs_of_tests(problem)
     drawn = [
-        _flowing(problem, draw_initial_values(problem, programs, seed=seed, chain=start))
+        draw_initial_values(problem, programs, seed=seed, chain=start)
         for start in range(1, n_drawn + 1)
     ]
     if n_drawn == N_STARTS:
         return drawn
-    points = np.array([start["coordinate"] for start in drawn])
+    points = np.array([_flowing(problem, start["coordinate"]) for start in drawn])
     best_first = np.argsort(-log_density_at(model, data, points), kind="stable")
-    return [drawn[k] for k in best_first[:N_STARTS]]
+    return [{"coordinate": points[k].tolist()} for k in best_first[:N_STARTS]]
 
 
-def _flowing(problem: Problem, start: dict[str, list[float]]) -> dict[str, list[float]]:
+def _flowing(problem: Problem, coordinate: Sequence[float]) -> FloatArray:
     """Keep the flow rate of a hyperbolic sine within `FLOW_REACH` of its origin."""
     reference = problem.protocol.reference.name
-    position = np.array(start["coordinate"])
+    position = np.array(coordinate)
     for coordinates, priors, places in zip(
         problem.coordinates, problem.priors, problem.layout.position, strict=True
     ):
@@ -255,7 +255,7 @@ def _flowing(problem: Problem, start: dict[str, list[float]]) -> dict[str, list[
             i = coordinates.quantities.index(reference)
             reach = FLOW_REACH / coordinates.scale[i]
             position[places[i]] = np.clip(position[places[i]], -reach, reach)
-    return {"coordinate": position.tolist()}
+    return position
 
 
 def _plain_of_tests(

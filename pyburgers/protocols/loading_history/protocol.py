@@ -35,7 +35,11 @@ from pyburgers.protocols.loading_history.isochronous import isochronous_figure
 from pyburgers.protocols.loading_history.minimum_rates import minimum_rate_table
 from pyburgers.protocols.loading_history.priors import priors_of, stated_priors
 from pyburgers.protocols.loading_history.sections import section_times
-from pyburgers.protocols.loading_history.solution_times import load_times, stage_times
+from pyburgers.protocols.loading_history.solution_times import (
+    load_times,
+    stage_times,
+    with_more,
+)
 from pyburgers.protocols.loading_history.stan_data import (
     grid_block,
     leg_of_times,
@@ -109,14 +113,12 @@ class LoadingHistoryProtocol(Protocol[LoadingHistory]):
     def prediction_grid(self, experiment: LoadingHistory) -> FloatArray:
         """Return times, denser at the start of every stage and of every load of a series."""
         shape = np.union1d(np.geomspace(1e-4, 1, 24), np.linspace(0, 1, 25))
-        grid = stage_times(experiment, shape)
-        return np.sort(np.concatenate([grid, np.setdiff1d(load_times(experiment), grid)]))
+        return with_more(stage_times(experiment, shape), load_times(experiment))
 
     def output_grid(self, experiment: LoadingHistory) -> FloatArray:
         """Return times, dense at the start of every stage, those of the readings among them."""
         shape = np.union1d(np.geomspace(1e-5, 1, 80), np.linspace(0, 1, 81))
-        grid = stage_times(experiment, shape)
-        return np.sort(np.concatenate([grid, np.setdiff1d(experiment.time, grid)]))
+        return with_more(stage_times(experiment, shape), experiment.time)
 
     def shown_clock(self, experiment: LoadingHistory) -> Quantity:
         """Return time in a unit of which the test has at least ten."""

@@ -38,7 +38,7 @@ transformed data {
   }
 }
 parameters {
-  vector[n_coordinates] coordinate;
+  vector<multiplier=unit>[n_coordinates] coordinate;
 }
 transformed parameters {
 #include charts/parameters_of_tests.stan

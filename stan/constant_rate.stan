@@ -55,7 +55,7 @@ transformed data {
 #include charts/valley_references.stan
 }
 parameters {
-  vector[n_coordinates] coordinate;
+  vector<multiplier=unit>[n_coordinates] coordinate;
 }
 model {
 #include charts/parameters_of_tests.stan

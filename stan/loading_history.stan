@@ -75,7 +75,7 @@ transformed data {
 #include charts/valley_references.stan
 }
 parameters {
-  vector[n_coordinates] coordinate;
+  vector<multiplier=unit>[n_coordinates] coordinate;
 }
 transformed parameters {
 #include charts/parameters_of_tests.stan

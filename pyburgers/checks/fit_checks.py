@@ -20,6 +20,7 @@ from pyburgers.posterior.labelled_draws import (
     pareto_k,
     response_in,
 )
+from pyburgers.protocols.coordinates import OtherMode
 from pyburgers.sampling.failures import ChainFailure
 
 
@@ -52,12 +53,15 @@ class CheckedDraws:
         The sampler's limit.
     diverged_before : tuple of int
         How many trajectories had diverged each time that chains went on with shorter steps.
+    other_modes : tuple of OtherMode
+        Modes that the climbs to the posterior mode met beside it.
     """
 
     posterior: xr.DataTree
     failures: tuple[ChainFailure, ...] = ()
     max_treedepth: int = 10
     diverged_before: tuple[int, ...] = ()
+    other_modes: tuple[OtherMode, ...] = ()
 
 
 class Finding(NamedTuple):

@@ -19,7 +19,8 @@ from pyburgers.model.pooling import parse_pooling
 from pyburgers.model.priors import load_priors
 from pyburgers.model.variants import parse_choices, with_variant
 from pyburgers.protocols.protocol import load_experiment
-from pyburgers.sbc.data_sets import LONGER, Range, calibration_priors
+from pyburgers.sbc.convergence import LONGER
+from pyburgers.sbc.data_sets import Range, calibration_priors
 from pyburgers.sbc.results import (
     count_sentences,
     rank_differences,

@@ -3,7 +3,7 @@
 import json
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -193,10 +193,10 @@ class Program:
             draws = read_draws([folder / OUTPUT])
             return float(draws["lp__"][0, 0]), draws.at(0)
 
-    def climb(
+    def ends(
         self, data: Mapping[str, object], starts: Iterable[Mapping[str, object]], *, seed: int
-    ) -> dict[str, FloatArray]:
-        """Climb from every start and return the variables at the best end.
+    ) -> list[tuple[float, dict[str, FloatArray]]]:
+        """Climb from every start and return the ends as `optimise` does, the best first.
 
         Parameters
         ----------
@@ -210,19 +210,16 @@ class Program:
         ModeNotFound
             If the optimiser fails from all starts.
         """
-        best = None
+        found: list[tuple[float, dict[str, FloatArray]]] = []
         n_starts = 0
         for initial in starts:
             n_starts += 1
-            try:
-                density, variables = self.optimise(data, initial, seed=seed)
-            except SamplingError:
-                continue  # the optimiser left the region where the solver finds a solution
-            if best is None or density > best[0]:
-                best = (density, variables)
-        if best is None:
+            # The optimiser may leave the region where the solver finds a solution.
+            with suppress(SamplingError):
+                found.append(self.optimise(data, initial, seed=seed))
+        if not found:
             raise ModeNotFound(f"the optimiser failed from all {n_starts} starts")
-        return best[1]
+        return sorted(found, key=lambda end: end[0], reverse=True)
 
     def gradients(
         self, data: Mapping[str, object], name: str, points: Sequence[FloatArray] | FloatArray

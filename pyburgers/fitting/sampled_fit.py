@@ -28,6 +28,7 @@ from pyburgers.posterior.labelled_draws import in_display_units
 from pyburgers.protocols.experiment import Provenance
 from pyburgers.sampling.failures import ChainFailure, missing_chains
 from pyburgers.sampling.manifest import COMPLETE
+from pyburgers.sampling.other_modes import recorded_modes
 from pyburgers.sampling.repetitions import SHORTENING, shorten_steps, shortened
 from pyburgers.sampling.run_directory import RunDirectory
 
@@ -165,7 +166,8 @@ class SampledFit(ABC):
         """What the checks look at."""
         limit = self.manifest["sampler"]["max_treedepth"]
         before = tuple(one["divergences"] for one in shortened(self.manifest))
-        return CheckedDraws(self.posterior, self.missing_chains(), limit, before)
+        modes = recorded_modes(self.manifest, self.part_name)
+        return CheckedDraws(self.posterior, self.missing_chains(), limit, before, modes)
 
     def missing_chains(self) -> tuple[ChainFailure, ...]:
         """Return the chains that were asked for and are not there, and why."""

@@ -120,6 +120,23 @@ class Mode:
     driving_error: FloatArray
 
 
+@dataclass(frozen=True)
+class OtherMode:
+    """Another mode of a problem, lower than the one that chains start from.
+
+    Attributes
+    ----------
+    log_weight : float
+        ln of the probability around it over that around the highest one, by the density and the
+        curvature at both.
+    values : mapping of str to mapping of str to float
+        Free parameters in SI, by tests.
+    """
+
+    log_weight: float
+    values: Mapping[str, Mapping[str, float]]
+
+
 @dataclass(frozen=True, eq=False)
 class ProblemMode:
     """The highest density found of a problem.
@@ -130,10 +147,13 @@ class ProblemMode:
         Values of each test, and its plain coordinates by itself.
     coordinate : array, shape (n_coordinates,)
         Plain coordinates of all tests together.
+    others : tuple of OtherMode
+        Other modes that were met on the way.
     """
 
     tests: tuple[Mode, ...]
     coordinate: FloatArray
+    others: tuple[OtherMode, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -228,6 +228,7 @@ def _coordinate_block(problem: Problem, layout: Layout) -> StanData:
     families = prior_block(problem.priors[0], PROGRAM_PARAMETERS)["prior_family"]
     return {
         "n_coordinates": layout.size,
+        "unit": [1.0] * layout.size,
         "n_shared": len(layout.shared),
         "shared_parameter": [PLACE[name] for name in layout.shared],
         "shared_from": [

@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from pyburgers.cmdstan.program import ALL_DIGITS, ModeNotFound, Program, load_program
 from pyburgers.common.errors import InputError
-from pyburgers.protocols.coordinates import Mode, ProblemMode
+from pyburgers.protocols.coordinates import Mode, OtherMode, ProblemMode
 from pyburgers.protocols.problem import Problem
 from pyburgers.protocols.program_data import chart_block, program_data, solve
 from pyburgers.protocols.protocol import AtMode, Chart, ChartUnsuited
@@ -44,12 +44,14 @@ class ChosenChart:
     reason : str
         Why they were taken.
     block : dict
-        Stan data of the coordinates; empty for plain ones.
+        Stan data of the coordinates.
     centre : array, shape (n_coordinates,), or None
         The posterior mode, or a point near it; None where chains start from the prior with the
         unit metric.
     covariance : array, shape (n_coordinates, n_coordinates), or None
-        Laplace approximation there, the sampler's first metric.
+        Laplace approximation there.
+    other_modes : tuple of OtherMode
+        Those that were met beside the posterior mode.
     """
 
     name: str
@@ -57,6 +59,15 @@ class ChosenChart:
     block: StanData
     centre: FloatArray | None = None
     covariance: FloatArray | None = None
+    other_modes: tuple[OtherMode, ...] = ()
+
+    @property
+    def first_metric(self) -> FloatArray | None:
+        """The covariance in the units that the sampler moves in (`stan/data/coordinates.stan`)."""
+        if self.covariance is None:
+            return None
+        unit = np.array(self.block.get("unit", np.ones(len(self.covariance))))
+        return np.asarray(self.covariance / np.outer(unit, unit))
 
 
 def check_coordinates(problem: Problem, wanted: str) -> None:
@@ -115,7 +126,8 @@ def choose_chart(
     try:
         mode = find_mode()
         if chart is not None and wanted != "plain":
-            return _chart_at(chart, problem, model, data, mode, seed=seed, solver=solver)
+            chosen = _chart_at(chart, problem, model, data, mode, seed=seed, solver=solver)
+            return replace(chosen, other_modes=mode.others)
         reason = "the protocol has no others"
     except (ModeNotFound, ChartUnsuited) as error:
         if wanted not in ("auto", "plain"):
@@ -128,7 +140,11 @@ def choose_chart(
     if mode is None:
         return ChosenChart("plain", reason, {})
     covariance = laplace_metric(model, data, mode.coordinate)
-    return ChosenChart("plain", reason, {}, mode.coordinate, covariance)
+    # Precise data fix some plain coordinates to a thousandth, and Stan's adaptation of the metric
+    # pulls variances to 1e-3.
+    unit = np.sqrt(np.diag(covariance))
+    block: StanData = {"unit": unit.tolist()}
+    return ChosenChart("plain", reason, block, mode.coordinate, covariance, mode.others)
 
 
 def at_mode(problem: Problem, mode: Mode, solver: SolverOptions) -> AtMode[Any]:
@@ -264,7 +280,7 @@ def laplace_at_mode(
     ModeNotFound
         If the optimiser fails.
     """
-    found = model.climb(data, [{"coordinate": start.tolist()}], seed=seed)
+    (_, found), *_ = model.ends(data, [{"coordinate": start.tolist()}], seed=seed)
     centre = np.asarray(found["coordinate"], dtype=np.float64)
     return centre, laplace_metric(model, data, centre)
 

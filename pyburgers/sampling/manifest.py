@@ -80,6 +80,11 @@ class _Noisy(Entries):
     noise: float = Field(description="of the log density at that tolerance")
 
 
+class _OtherMode(Entries):
+    log_weight: float = Field(description="ln of its weight over that of the highest mode")
+    values: dict[str, dict[str, float]] = Field(description="free parameters, by tests")
+
+
 class PoolingRecord(Entries):
     """A `pyburgers.model.pooling.Pooling`."""
 
@@ -128,3 +133,4 @@ class FitManifest(RunManifest):
     noisy: list[_Noisy] = Field([], description="tolerances that were too loose to sample with")
     refits: list[_Refit] = Field(description="runs that were put aside")
     coordinates: _Coordinates = Field(description="coordinates of the sampler")
+    other_modes: list[_OtherMode] = Field([], description="modes that chains do not start from")

@@ -39,6 +39,7 @@ from pyburgers.sampling.charts import ChosenChart, check_coordinates, choose_cha
 from pyburgers.sampling.extensions import extend_chains
 from pyburgers.sampling.failures import ChainFailure
 from pyburgers.sampling.options import INDECISIVE, SamplerOptions
+from pyburgers.sampling.other_modes import modes_record
 from pyburgers.sampling.repetitions import TIGHTENING, shortened, tolerance_in
 from pyburgers.sampling.run_directory import RunDirectory
 from pyburgers.sampling.solver_noise import Noisy, noisy_tolerances
@@ -260,11 +261,21 @@ def _write_chart(run: RunDirectory, chart: ChosenChart) -> None:
         if chart.reason == "asked for"
         else f"Coordinates: {chart.name}, because {chart.reason}."
     )
-    run.update_manifest({"coordinates": {"system": chart.name, "reason": chart.reason}})
-    if chart.centre is not None and chart.covariance is not None:
+    run.update_manifest(
+        {
+            "coordinates": {"system": chart.name, "reason": chart.reason},
+            "other_modes": modes_record(chart.other_modes),
+        }
+    )
+    metric = chart.first_metric
+    if chart.centre is not None and chart.covariance is not None and metric is not None:
         write_json(
             run.metric_file,
-            {"inv_metric": chart.covariance.tolist(), "centre": chart.centre.tolist()},
+            {
+                "inv_metric": metric.tolist(),
+                "centre": chart.centre.tolist(),
+                "covariance": chart.covariance.tolist(),
+            },
         )
 
 
@@ -295,7 +306,7 @@ def _draw_start(
         return draw_initial_values(problem, programs_of_tests(problem), seed=seed, chain=chain)
     data = run.read_stan_data()
     laplace = read_json(run.metric_file)
-    centre, covariance = (np.array(laplace[key]) for key in ("centre", "inv_metric"))
+    centre, covariance = (np.array(laplace[key]) for key in ("centre", "covariance"))
     return draw_start_around(model, data, centre, covariance, seed=seed, chain=chain)
 
 

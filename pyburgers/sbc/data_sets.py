@@ -10,19 +10,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeAlias
 
-import arviz as az
 import numpy as np
 import numpy.typing as npt
-import xarray as xr
 
-from pyburgers.checks.fit_checks import (
-    check_chains,
-    check_divergences,
-    check_energy,
-    check_solver,
-    check_treedepth,
-    run_checks,
-)
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError, SamplingError, SystemFailureError
@@ -34,7 +24,6 @@ from pyburgers.posterior.labelled_draws import (
     free_parameters,
     own_name,
     response_in,
-    sampled_draws,
 )
 from pyburgers.protocols.coordinates import CENTRE, SPREAD
 from pyburgers.protocols.experiment import Experiment
@@ -45,6 +34,7 @@ from pyburgers.protocols.protocol import protocol_of
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.repetitions import shortened
+from pyburgers.sbc.convergence import largest_rhat, lengthened, not_converged
 from pyburgers.sbc.replication import Replication
 
 FloatArray = npt.NDArray[np.float64]
@@ -57,15 +47,6 @@ LOG_LIKELIHOOD = "log_likelihood"
 PRIOR_ATTEMPTS = 1000
 """Draws from the prior, one after the other, of which none is of use, at which it gives up."""
 
-LONGER = 4
-"""Factor on the iterations of a fit that is repeated, and on how closely it keeps its target."""
-
-RHAT_LIMIT = 1.05
-"""Largest R-hat of a fit of a calibration: 1.01 is passed by chance in its short chains."""
-
-CHECKS = (check_chains, check_divergences, check_treedepth, check_energy, check_solver)
-"""Checks of a fit that short chains can pass."""
-
 
 @dataclass(frozen=True)
 class DataSetPlan:
@@ -76,7 +57,8 @@ class DataSetPlan:
     n_ranked : int
         Draws of the fit among which the truth is ranked: evenly spaced, nearly independent.
     refits : int
-        How often a fit that has not converged is repeated, each time `LONGER` as long.
+        How often a fit that has not converged is repeated, each time
+        `pyburgers.sbc.convergence.LONGER` times as long.
     stress_range, strain_range : tuple of two floats, or None
         Least and largest stress (Pa), and strain where strains are read: data sets whose largest
         |stress| or |strain| lies outside are replaced. That looks at the data alone, so that the
@@ -324,64 +306,6 @@ def _with_fit(done: Replication, result: Fit) -> Replication:
         least_ess=float(convergence_table(result.posterior)["ess_bulk"].min()),
         coordinates=result.manifest["coordinates"]["system"],
     )
-
-
-def lengthened(options: SamplerOptions, n_refits: int, failed: Sequence[str]) -> SamplerOptions:
-    """Return settings of a repetition: longer, after divergences with steps that diverge less.
-
-    Parameters
-    ----------
-    options : SamplerOptions
-        Of the first fit, with numbers for warm-up and target.
-    n_refits : int
-        Which repetition; 0 is the first fit.
-    failed : sequence of str
-        Names of the checks of convergence that the fit before it failed.
-    """
-    assert options.warmup is not None
-    assert options.adapt_delta is not None
-    # A stricter target mends nothing else: steps would only be too short.
-    stricter = LONGER**n_refits if check_divergences.name in failed else 1
-    return replace(
-        options,
-        warmup=options.warmup * LONGER**n_refits,
-        draws=options.draws * LONGER**n_refits,
-        adapt_delta=1 - (1 - options.adapt_delta) / stricter,
-    )
-
-
-def not_converged(result: Fit, n_ranked: int) -> tuple[str, ...]:
-    """Return the names of the checks of convergence that a fit failed."""
-    n_effective = convergence_table(result.posterior)["ess_bulk"]
-    return (
-        *(one.name for one in run_checks(result.checked_draws, CHECKS) if not one.passed),
-        *([] if largest_rhat(result.posterior) <= RHAT_LIMIT else ["R-hat"]),
-        *([] if n_effective.min() >= n_ranked else ["independent draws"]),
-    )
-
-
-def largest_rhat(posterior: xr.DataTree) -> float:
-    """Largest R-hat over the sampled quantities, between the halves of a chain where it is alone.
-
-    Parameters
-    ----------
-    posterior : DataTree
-        Labelled draws.
-
-    Returns
-    -------
-    float
-        NaN where draws of a quantity never moved.
-    """
-    draws = sampled_draws(posterior)
-    if draws.sizes["chain"] == 1:
-        half = draws.sizes["draw"] // 2
-        parts = (draws.isel(draw=slice(k * half, (k + 1) * half)) for k in range(2))
-        halves = [part.assign_coords(chain=[k], draw=range(half)) for k, part in enumerate(parts)]
-        draws = xr.concat(halves, "chain")
-    with np.errstate(invalid="ignore", divide="ignore"):  # draws that never moved
-        rhat = az.rhat(draws)
-    return float(np.max([value.item() for value in rhat.data_vars.values()]))
 
 
 def rank_truth(

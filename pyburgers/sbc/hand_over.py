@@ -29,11 +29,11 @@ from pyburgers.protocols.experiment import Experiment, Provenance
 from pyburgers.protocols.forward import simulate_data
 from pyburgers.protocols.problem import one_test
 from pyburgers.sampling.options import SamplerOptions
+from pyburgers.sbc.convergence import lengthened
 from pyburgers.sbc.data_sets import (
     DataSetPlan,
     Simulated,
     fit_and_rank,
-    lengthened,
 )
 from pyburgers.sbc.replication import Replication
 

@@ -19,7 +19,8 @@ from pyburgers.model.display import (
     STRESS_UNIT,
     shown_quantity,
 )
-from pyburgers.sbc.data_sets import LOG_LIKELIHOOD, LONGER, RHAT_LIMIT
+from pyburgers.sbc.convergence import LONGER, RHAT_LIMIT
+from pyburgers.sbc.data_sets import LOG_LIKELIHOOD
 from pyburgers.sbc.rank_uniformity import VERDICTS_TEXT, RankBands, RankVerdict, counts_at_most
 from pyburgers.sbc.replication import RANKS, replication_table
 from pyburgers.sbc.run import Calibration

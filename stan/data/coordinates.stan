@@ -1,5 +1,6 @@
 // Coordinates: those of the first test, the own ones of the others, centres, spreads.
 int<lower=0> n_coordinates;
+vector<lower=0>[n_coordinates] unit; // in which the sampler moves in each of them
 int<lower=1, upper=2> coordinate_system; // 1 plain, 2 those of the program's chart
 // Parameters that tests share, and whose they are in each test: the first's that shares them.
 int<lower=0, upper=n_parameters()> n_shared;

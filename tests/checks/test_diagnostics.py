@@ -11,6 +11,7 @@ from pyburgers.checks.fit_checks import (
     CheckedDraws,
     CheckKind,
     CheckResult,
+    Outcome,
     check_chains,
     check_divergences,
     check_effective_sample_size,
@@ -21,8 +22,11 @@ from pyburgers.checks.fit_checks import (
     coverage,
     run_checks,
 )
+from pyburgers.checks.modes import check_other_modes
 from pyburgers.checks.registry import CHECKS
+from pyburgers.checks.verdicts import verdicts
 from pyburgers.posterior.labelled_draws import DRIVING_ERRORS, convergence_table, free_parameters
+from pyburgers.protocols.coordinates import OtherMode
 from pyburgers.sampling.failures import ChainFailure
 
 FloatArray = npt.NDArray[np.float64]
@@ -91,7 +95,7 @@ def assert_fails(check: CheckResult, *remedies: str) -> None:
 def test_good_draws_pass_every_check() -> None:
     checks = run_checks(CheckedDraws(good()), CHECKS)
     assert [check.name for check in checks if not check.passed] == []
-    assert len({check.name for check in checks}) == 13
+    assert len({check.name for check in checks}) == 14
     assert [check.name for check in checks if check.check.kind is CheckKind.DESCRIPTION] == [
         "coverage",
         "residual trend",
@@ -240,3 +244,38 @@ def test_errors_of_the_driving_strain_are_checked_like_parameters() -> None:
     assert convergence_table(tree).index[-2:].tolist() == list(names)
     # They are no parameters of the rock.
     assert free_parameters(tree) == ["stress_exponent", "stress_noise"]
+
+
+def other_mode(weight: float, exponent: float, noise: float = 1e5) -> CheckedDraws:
+    """Good draws, and a mode beside the one where their chains began."""
+    values = {"stress_exponent": exponent, "stress_noise": noise}
+    return CheckedDraws(good(), other_modes=(OtherMode(np.log(weight), {"twin": values}),))
+
+
+@pytest.mark.parametrize(
+    ("weight", "exponent", "noise"),
+    [
+        pytest.param(0.2, 3.6, 1e5, id="draws are there"),
+        pytest.param(1e-3, 5.0, 1e5, id="too light to count"),
+        pytest.param(0.2, 3.9, 1e5, id="at the edge of the draws"),
+    ],
+)
+def test_modes_that_do_no_harm(weight: float, exponent: float, noise: float) -> None:
+    found = check_other_modes(other_mode(weight, exponent, noise))
+    assert found.passed
+    assert "that counts and that no draw comes near" in found.sentence
+    assert found.table.loc[2, "weight"] == pytest.approx(weight)
+
+
+def test_a_mode_that_no_draw_comes_near_fails() -> None:
+    found = check_other_modes(other_mode(0.2, 3.5, noise=2e3))
+    assert_fails(found, "0.2 times", "stress_noise is 0.002 MPa", "prior of stress_noise")
+    assert not found.unusable
+
+
+def test_draws_of_the_lesser_mode_say_nothing_of_the_data() -> None:
+    checks = run_checks(other_mode(3e3, 5.0), CHECKS)
+    both = verdicts(checks)
+    assert both[CheckKind.SAMPLING].outcome is Outcome.NO
+    assert "3e+03 times" in both[CheckKind.SAMPLING].sentence
+    assert both[CheckKind.DESCRIPTION].outcome is Outcome.CANNOT_TELL

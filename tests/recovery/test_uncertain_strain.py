@@ -55,7 +55,7 @@ def deviations(experiment: OscillationExperiment) -> list[float]:
     (coordinates,) = problem.coordinates
     at_truth = coordinates.at(truth)
     start = np.append(at_truth, np.zeros(experiment.n_driving_errors))
-    found = model.climb(data, [{"coordinate": start.tolist()}], seed=1)
+    (_, found), *_ = model.ends(data, [{"coordinate": start.tolist()}], seed=1)
     mode = np.asarray(found["coordinate"], dtype=np.float64)
     covariance = laplace_metric(model, data, mode)
     places = [coordinates.quantities.index(name) for name in FREE]

@@ -49,7 +49,7 @@ def test_chains_start_at_a_tolerance_that_is_not_too_loose(
     data = run.read_stan_data()
     assert data["tolerance"] == used
     laplace = read_json(run.metric_file)
-    centre, covariance = (np.array(laplace[key]) for key in ("centre", "inv_metric"))
+    centre, covariance = (np.array(laplace[key]) for key in ("centre", "covariance"))
     model = load_program(
         problem_of([small_problem.experiment], small_problem.priors).protocol.program
     )

@@ -32,14 +32,13 @@ from pyburgers.protocols.protocol import load_experiment, protocol_of
 from pyburgers.protocols.stan_data import REFERENCE_SOLVER
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run_directory import RunDirectory
+from pyburgers.sbc.convergence import RHAT_LIMIT, largest_rhat
 from pyburgers.sbc.data_sets import (
     LOG_LIKELIHOOD,
-    RHAT_LIMIT,
     DataSetPlan,
     Simulated,
     calibration_priors,
     check_template,
-    largest_rhat,
     rank_truth,
     replicate,
     simulate_from_prior,

@@ -82,16 +82,22 @@ def test_the_closest_law_beats_a_least_squares_fit_of_a_power_law_that_hardens(
 ) -> None:
     """It leaves 2.8e-4; laws without hardening leave 4.4e-4."""
     task = halite_tasks(HALITE)[SINE_HARDENING]
-    few = replace(task, options=replace(task.options, draws=100))
+    few = replace(task, options=replace(task.options, draws=200))
     (law,) = fit_side_by_side({SINE_HARDENING: few}, tmp_path, command="a test").values()
+    draws = law.posterior["posterior"].to_dataset()
     assert not law.posterior["sample_stats"]["diverging"].any()
-    # What tells the law apart mixes in as few draws, although E_K does not.
-    for name in ("steady_state_fabric_factor", "critical_strain_fabric", "breakdown_stress"):
-        assert float(az.rhat(law.posterior["posterior"][name].to_numpy())) < 1.1
+    for name in law.problem.free:
+        assert float(az.rhat(draws[name].to_numpy())) < 1.1, name
+    # Climbs end at a stiff Kelvin element, too, with a 3600th of the probability.
+    assert float(draws["kelvin_modulus"].max()) < 20e9
+    (stiff,) = law.manifest["other_modes"]
+    (values,) = stiff["values"].values()
+    assert values["kelvin_modulus"] > 100e9
+    assert stiff["log_weight"] == pytest.approx(-8.2, abs=1)
     model = law.posterior["model_response"]["response"].median(("chain", "draw")).to_numpy()
     rms = left_over(record, record.response - model)["rms"]
-    assert rms["all"] < 1.8e-4
-    assert rms["unloading"] < 2.0e-4
+    assert rms["all"] < 1.6e-4
+    assert rms["unloading"] < 1.5e-4
 
 
 def test_parts_of_the_history(record: LoadingHistory) -> None:

@@ -1,0 +1,106 @@
+"""Modes of a posterior beside the highest one, among the ends of climbs."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from pyburgers.cmdstan.program import Program
+from pyburgers.common.errors import SamplingError
+from pyburgers.protocols.coordinates import OtherMode
+from pyburgers.protocols.problem import Problem
+from pyburgers.protocols.program_data import values_of_test
+from pyburgers.protocols.stan_data import StanData
+from pyburgers.sampling.charts import laplace_metric
+
+FloatArray = npt.NDArray[np.float64]
+
+DEEPEST = 12.0
+"""Of the log density below the highest mode: from further below, no volume makes up for it."""
+
+NEAR = 3.0
+"""Distance of two ends, in standard deviations at the one, from which on they are two modes."""
+
+
+def other_modes(
+    model: Program,
+    data: StanData,
+    ends: Sequence[tuple[float, dict[str, FloatArray]]],
+    problem: Problem,
+) -> tuple[OtherMode, ...]:
+    """Return the modes among ends of climbs other than the first, which is the highest.
+
+    Parameters
+    ----------
+    model : Program
+        Program whose parameter is the vector ``coordinate``.
+    data : dict
+        Its data.
+    ends : sequence
+        Log density and variables of each, the best first (`Program.ends`).
+    problem : Problem
+        What they are modes of.
+    """
+    (highest, _), *others = ends
+    candidates = [end for end in others if end[0] > highest - DEEPEST]
+    if not candidates:
+        return ()
+    covariance = laplace_metric(model, data, _place(ends[0][1]))
+    known = [(_place(ends[0][1]), covariance)]
+    at_highest = highest + _log_volume(covariance)
+    found: list[OtherMode] = []
+    for density, variables in candidates:
+        place = _place(variables)
+        if any(_distance(place, *mode) < NEAR for mode in known):
+            continue
+        # An end beside which the solver has no solution is no mode.
+        with suppress(SamplingError):
+            covariance = laplace_metric(model, data, place)
+            known.append((place, covariance))
+            weight = density + _log_volume(covariance) - at_highest
+            found.append(OtherMode(weight, _free_values(problem, variables["parameter"])))
+    return tuple(found)
+
+
+def _free_values(problem: Problem, parameter: FloatArray) -> dict[str, dict[str, float]]:
+    """Return free parameters by tests."""
+    found = {}
+    for e, experiment in enumerate(problem.experiments):
+        values = values_of_test(parameter, e)
+        found[experiment.id] = {name: values[name] for name in problem.free}
+    return found
+
+
+def _place(variables: Mapping[str, FloatArray]) -> FloatArray:
+    """Return the coordinates of an end."""
+    return np.atleast_1d(variables["coordinate"])
+
+
+def _log_volume(covariance: FloatArray) -> float:
+    """Return ln of the volume around a mode, but for a constant."""
+    return float(np.linalg.slogdet(covariance)[1]) / 2
+
+
+def _distance(coordinate: FloatArray, mode: FloatArray, covariance: FloatArray) -> float:
+    """Distance of an end from a mode in standard deviations there."""
+    apart = coordinate - mode
+    return float(np.sqrt(apart @ np.linalg.solve(covariance, apart)))
+
+
+def modes_record(found: Iterable[OtherMode]) -> list[dict[str, Any]]:
+    """Return other modes as the manifest of a run has them."""
+    return [asdict(one) for one in found]
+
+
+def recorded_modes(manifest: dict[str, Any], part: str | None) -> tuple[OtherMode, ...]:
+    """Return the other modes that the manifest of a run notes, of one of its tests or all."""
+    return tuple(
+        OtherMode(
+            one["log_weight"],
+            one["values"] if part is None else {part: one["values"][part]},
+        )
+        for one in manifest.get("other_modes", [])
+    )

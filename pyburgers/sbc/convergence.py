@@ -1,0 +1,91 @@
+"""Whether a fit of a calibration has converged, and how it is repeated where it has not."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import arviz as az
+import numpy as np
+import xarray as xr
+
+from pyburgers.checks import registry
+from pyburgers.checks.fit_checks import (
+    CheckKind,
+    check_divergences,
+    check_effective_sample_size,
+    check_rhat,
+    run_checks,
+)
+from pyburgers.fitting.fit import Fit
+from pyburgers.posterior.labelled_draws import convergence_table, sampled_draws
+from pyburgers.sampling.options import SamplerOptions
+
+LONGER = 4
+"""Factor on the iterations of a fit that is repeated, and on how closely it keeps its target."""
+
+RHAT_LIMIT = 1.05
+"""Largest R-hat of a fit of a calibration: 1.01 is passed by chance in its short chains."""
+
+CHECKS = tuple(
+    one
+    for one in registry.CHECKS
+    if one.kind is CheckKind.SAMPLING and one not in (check_rhat, check_effective_sample_size)
+)
+"""Checks of a fit that short chains can pass."""
+
+
+def lengthened(options: SamplerOptions, n_refits: int, failed: Sequence[str]) -> SamplerOptions:
+    """Return settings of a repetition: longer, after divergences with steps that diverge less.
+
+    Parameters
+    ----------
+    options : SamplerOptions
+        Of the first fit, with numbers for warm-up and target.
+    n_refits : int
+        Which repetition; 0 is the first fit.
+    failed : sequence of str
+        Names of the checks of convergence that the fit before it failed.
+    """
+    assert options.warmup is not None
+    assert options.adapt_delta is not None
+    # A stricter target mends nothing else: steps would only be too short.
+    stricter = LONGER**n_refits if check_divergences.name in failed else 1
+    return replace(
+        options,
+        warmup=options.warmup * LONGER**n_refits,
+        draws=options.draws * LONGER**n_refits,
+        adapt_delta=1 - (1 - options.adapt_delta) / stricter,
+    )
+
+
+def not_converged(result: Fit, n_ranked: int) -> tuple[str, ...]:
+    """Return the names of the checks of convergence that a fit failed."""
+    n_effective = convergence_table(result.posterior)["ess_bulk"]
+    return (
+        *(one.name for one in run_checks(result.checked_draws, CHECKS) if not one.passed),
+        *([] if largest_rhat(result.posterior) <= RHAT_LIMIT else ["R-hat"]),
+        *([] if n_effective.min() >= n_ranked else ["independent draws"]),
+    )
+
+
+def largest_rhat(posterior: xr.DataTree) -> float:
+    """Largest R-hat over the sampled quantities, between the halves of a chain where it is alone.
+
+    Parameters
+    ----------
+    posterior : DataTree
+        Labelled draws.
+
+    Returns
+    -------
+    float
+        NaN where draws of a quantity never moved.
+    """
+    draws = sampled_draws(posterior)
+    if draws.sizes["chain"] == 1:
+        half = draws.sizes["draw"] // 2
+        parts = (draws.isel(draw=slice(k * half, (k + 1) * half)) for k in range(2))
+        halves = [part.assign_coords(chain=[k], draw=range(half)) for k, part in enumerate(parts)]
+        draws = xr.concat(halves, "chain")
+    with np.errstate(invalid="ignore", divide="ignore"):  # draws that never moved
+        rhat = az.rhat(draws)
+    return float(np.max([value.item() for value in rhat.data_vars.values()]))

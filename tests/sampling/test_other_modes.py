@@ -1,0 +1,116 @@
+"""Modes beside the highest one, of densities whose modes are known."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from conftest import ICE
+
+from pyburgers.cmdstan.program import Program
+from pyburgers.common.errors import SamplingError
+from pyburgers.model.parameters import PLACE, PROGRAM_PARAMETERS
+from pyburgers.model.priors import default_priors
+from pyburgers.protocols.constant_rate.experiment import load_constant_rate
+from pyburgers.protocols.problem import Problem, problem_of
+from pyburgers.sampling.other_modes import modes_record, other_modes, recorded_modes
+
+FloatArray = npt.NDArray[np.float64]
+End = tuple[float, dict[str, FloatArray]]
+
+PLACES = np.array([[0.0, 0.0], [6.0, -2.0]])
+SPREADS = np.array([[0.2, 1.0], [0.5, 0.7]])
+
+
+class Mixture(Program):
+    """Two normal distributions far from each other, with the weights 0.7 and 0.3."""
+
+    weights = np.array([0.7, 0.3])
+
+    def __init__(self) -> None:
+        pass
+
+    def log_density(self, point: FloatArray) -> float:
+        """Logarithm of the density."""
+        return float(np.logaddexp.reduce(self._parts(point)))
+
+    def _parts(self, point: FloatArray) -> FloatArray:
+        exponent = -0.5 * np.sum(((point - PLACES) / SPREADS) ** 2, axis=1)
+        parts: FloatArray = np.log(self.weights) + exponent - np.sum(np.log(SPREADS), axis=1)
+        return parts
+
+    def gradients(
+        self, data: Any, name: str, points: Sequence[FloatArray] | FloatArray
+    ) -> FloatArray:
+        """Return gradients of it."""
+        found = []
+        for point in points:
+            parts = self._parts(point)
+            share = np.exp(parts - np.logaddexp.reduce(parts))
+            found.append(share @ ((PLACES - point) / SPREADS**2))
+        return np.array(found)
+
+
+class Unsolved(Mixture):
+    """The same, without a solution around the second."""
+
+    def gradients(
+        self, data: Any, name: str, points: Sequence[FloatArray] | FloatArray
+    ) -> FloatArray:
+        if np.asarray(points)[:, 0].max() > 3:
+            raise SamplingError("There is no gradient here")
+        return super().gradients(data, name, points)
+
+
+def end(mixture: Mixture, place: Sequence[float], exponent: float) -> End:
+    """An end of a climb, with the stress exponent that the solution has there."""
+    point = np.array(place)
+    parameter = np.ones((1, len(PROGRAM_PARAMETERS)))
+    parameter[0, PLACE["stress_exponent"] - 1] = exponent
+    return mixture.log_density(point), {"coordinate": point, "parameter": parameter}
+
+
+@pytest.fixture
+def problem() -> Problem:
+    """Whose parameters the ends have."""
+    return problem_of([load_constant_rate(ICE / "PIL40.toml")], default_priors("ice"))
+
+
+@pytest.fixture
+def ends() -> list[End]:
+    """The highest first: both modes, and two that are not quite at theirs."""
+    mixture = Mixture()
+    found = [
+        end(mixture, [0.0, 0.0], 3.0),
+        end(mixture, [0.01, 0.1], 3.1),
+        end(mixture, [6.0, -2.0], 4.0),
+        end(mixture, [6.1, -2.1], 4.1),
+    ]
+    return sorted(found, key=lambda one: one[0], reverse=True)
+
+
+def test_the_weight_is_that_of_the_probability_around_a_mode(
+    ends: list[End], problem: Problem
+) -> None:
+    """The second has a quarter of the density of the first and 0.43 of its probability."""
+    (found,) = other_modes(Mixture(), {}, ends, problem)
+    assert np.exp(found.log_weight) == pytest.approx(0.3 / 0.7, rel=0.01)
+    ((name, values),) = found.values.items()
+    assert name == problem.experiments[0].id
+    assert values["stress_exponent"] == 4.0
+    assert set(values) == set(problem.free)
+    assert recorded_modes({"other_modes": modes_record([found])}, None) == (found,)
+
+
+def test_what_lies_far_below_the_highest_is_not_looked_at(
+    ends: list[End], problem: Problem
+) -> None:
+    lower = [(density - 13 * (at["coordinate"][0] > 3), at) for density, at in ends]
+    assert other_modes(Mixture(), {}, lower, problem) == ()
+
+
+def test_an_end_beside_which_nothing_is_solved_is_no_mode(
+    ends: list[End], problem: Problem
+) -> None:
+    assert other_modes(Unsolved(), {}, ends, problem) == ()

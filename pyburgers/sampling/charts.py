@@ -15,6 +15,7 @@ from pyburgers.protocols.problem import Problem
 from pyburgers.protocols.program_data import chart_block, program_data, solve
 from pyburgers.protocols.protocol import AtMode, Chart, ChartUnsuited
 from pyburgers.protocols.stan_data import SolverOptions, StanData, solver_block
+from pyburgers.sampling.laplace import curvature_at, laplace_metric
 
 logger = logging.getLogger(__name__)
 
@@ -285,51 +286,6 @@ def laplace_at_mode(
     return centre, laplace_metric(model, data, centre)
 
 
-DIFFERENCE = 0.05
-"""Step of the central differences; coordinates are O(1)."""
-
-LARGEST_STEP = 4.0
-"""In posterior standard deviations, beyond which differences are taken again with smaller steps."""
-
-SMALL_STEP = 0.25
-"""Of those, in standard deviations as the differences before have them."""
-
-N_REFINEMENTS = 4
-"""Each is worth a factor of ten or more in the width of the narrowest direction."""
-
-LEAST_CURVATURE = 0.15
-"""Floor of the eigenvalues: flat directions are about as wide as a logistic prior, sd 1.8-2.6."""
-
-
-def laplace_metric(model: Program, data: StanData, centre: FloatArray) -> FloatArray:
-    """Covariance of the Laplace approximation around the posterior mode.
-
-    Parameters
-    ----------
-    model : Program
-        Program whose parameter is the vector ``coordinate``.
-    data : dict
-        Its data.
-    centre : array, shape (n_coordinates,)
-        The mode in the coordinates that the data choose.
-
-    Returns
-    -------
-    array, shape (n_coordinates, n_coordinates)
-        Inverse of the Hessian of minus the log density by central differences of Stan's
-        gradients, with its eigenvalues kept above `LEAST_CURVATURE`.
-    """
-    steps: FloatArray = DIFFERENCE * np.eye(centre.size)
-    for _ in range(1 + N_REFINEMENTS):
-        curvature, axes = np.linalg.eigh(curvature_at(model, data, centre, steps))
-        covariance: FloatArray = (axes / np.maximum(curvature, LEAST_CURVATURE)) @ axes.T
-        widths = np.linalg.cholesky(covariance)
-        if np.linalg.norm(np.linalg.solve(widths, steps), axis=0).max() <= LARGEST_STEP:
-            break
-        steps = np.asarray(SMALL_STEP * widths, dtype=np.float64)
-    return covariance
-
-
 def expected_rise(
     model: Program, data: StanData, centre: FloatArray, covariance: FloatArray
 ) -> float:
@@ -344,33 +300,3 @@ def expected_rise(
     """
     (gradient,) = model.gradients(data, "coordinate", [centre])
     return float(gradient @ covariance @ gradient) / 2
-
-
-def curvature_at(
-    model: Program,
-    data: StanData,
-    centre: FloatArray,
-    steps: FloatArray | None = None,
-) -> FloatArray:
-    """Hessian of minus the log density.
-
-    Parameters
-    ----------
-    model, data, centre
-        As for `laplace_metric`.
-    steps : array, shape (n_coordinates, n_coordinates), optional
-        Steps of the differences as columns; default: `DIFFERENCE` along each coordinate.
-
-    Returns
-    -------
-    array, shape (n_coordinates, n_coordinates)
-        By central differences of Stan's gradients, symmetric.
-    """
-    if steps is None:
-        steps = DIFFERENCE * np.eye(centre.size)
-    after, before = (
-        model.gradients(data, "coordinate", centre + shift) for shift in (steps.T, -steps.T)
-    )
-    hessian = -np.linalg.solve(2 * steps.T, after - before)
-    symmetric: FloatArray = (hessian + hessian.T) / 2
-    return symmetric

@@ -11,10 +11,8 @@ import numpy.typing as npt
 from pyburgers.cmdstan.program import Program
 from pyburgers.common.errors import SamplingError
 from pyburgers.protocols.coordinates import OtherMode
-from pyburgers.protocols.problem import Problem
-from pyburgers.protocols.program_data import values_of_test
 from pyburgers.protocols.stan_data import StanData
-from pyburgers.sampling.charts import laplace_metric
+from pyburgers.sampling.laplace import laplace_metric
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -25,12 +23,9 @@ NEAR = 3.0
 """Distance of two ends, in standard deviations at the one, from which on they are two modes."""
 
 
-def other_modes(
-    model: Program,
-    data: StanData,
-    ends: Sequence[tuple[float, dict[str, FloatArray]]],
-    problem: Problem,
-) -> tuple[OtherMode, ...]:
+def modes_beside_the_highest(
+    model: Program, data: StanData, ends: Sequence[tuple[float, dict[str, FloatArray]]]
+) -> list[tuple[float, dict[str, FloatArray]]]:
     """Return the modes among ends of climbs other than the first, which is the highest.
 
     Parameters
@@ -41,17 +36,20 @@ def other_modes(
         Its data.
     ends : sequence
         Log density and variables of each, the best first (`Program.ends`).
-    problem : Problem
-        What they are modes of.
+
+    Returns
+    -------
+    list
+        Of each mode ln of its weight over that of the highest, and the variables there.
     """
-    (highest, _), *others = ends
+    (highest, at_highest), *others = ends
     candidates = [end for end in others if end[0] > highest - DEEPEST]
     if not candidates:
-        return ()
-    covariance = laplace_metric(model, data, _place(ends[0][1]))
-    known = [(_place(ends[0][1]), covariance)]
-    at_highest = highest + _log_volume(covariance)
-    found: list[OtherMode] = []
+        return []
+    covariance = laplace_metric(model, data, _place(at_highest))
+    known = [(_place(at_highest), covariance)]
+    log_weight = highest + _log_volume(covariance)
+    found: list[tuple[float, dict[str, FloatArray]]] = []
     for density, variables in candidates:
         place = _place(variables)
         if any(_distance(place, *mode) < NEAR for mode in known):
@@ -60,17 +58,7 @@ def other_modes(
         with suppress(SamplingError):
             covariance = laplace_metric(model, data, place)
             known.append((place, covariance))
-            weight = density + _log_volume(covariance) - at_highest
-            found.append(OtherMode(weight, _free_values(problem, variables["parameter"])))
-    return tuple(found)
-
-
-def _free_values(problem: Problem, parameter: FloatArray) -> dict[str, dict[str, float]]:
-    """Return free parameters by tests."""
-    found = {}
-    for e, experiment in enumerate(problem.experiments):
-        values = values_of_test(parameter, e)
-        found[experiment.id] = {name: values[name] for name in problem.free}
+            found.append((density + _log_volume(covariance) - log_weight, variables))
     return found
 
 

@@ -19,7 +19,7 @@ from pyburgers.protocols.forward import simulate_data
 from pyburgers.protocols.problem import problem_of
 from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.stan_data import SolverOptions
-from pyburgers.sampling.charts import laplace_metric
+from pyburgers.sampling.laplace import laplace_metric
 
 pytestmark = [pytest.mark.usefixtures("programs"), pytest.mark.slow]
 

@@ -13,7 +13,8 @@ from pyburgers.protocols.forward import simulate_data
 from pyburgers.protocols.problem import Problem, problem_of
 from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.stan_data import SolverOptions
-from pyburgers.sampling.charts import curvature_at, expected_rise
+from pyburgers.sampling.charts import expected_rise
+from pyburgers.sampling.laplace import curvature_at
 
 pytestmark = pytest.mark.usefixtures("programs")
 

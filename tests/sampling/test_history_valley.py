@@ -21,7 +21,8 @@ from pyburgers.protocols.problem import plain_coordinates, problem_of
 from pyburgers.protocols.program_data import program_data
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.protocols.valley import ValleyReference
-from pyburgers.sampling.charts import expected_rise, laplace_metric
+from pyburgers.sampling.charts import expected_rise
+from pyburgers.sampling.laplace import laplace_metric
 from pyburgers.sampling.starts import find_mode
 
 pytestmark = pytest.mark.usefixtures("programs")

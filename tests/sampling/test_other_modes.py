@@ -6,15 +6,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from conftest import ICE
 
 from pyburgers.cmdstan.program import Program
 from pyburgers.common.errors import SamplingError
-from pyburgers.model.parameters import PLACE, PROGRAM_PARAMETERS
-from pyburgers.model.priors import default_priors
-from pyburgers.protocols.constant_rate.experiment import load_constant_rate
-from pyburgers.protocols.problem import Problem, problem_of
-from pyburgers.sampling.other_modes import modes_record, other_modes, recorded_modes
+from pyburgers.protocols.coordinates import OtherMode
+from pyburgers.sampling.other_modes import (
+    modes_beside_the_highest,
+    modes_record,
+    recorded_modes,
+)
 
 FloatArray = npt.NDArray[np.float64]
 End = tuple[float, dict[str, FloatArray]]
@@ -63,18 +63,10 @@ class Unsolved(Mixture):
         return super().gradients(data, name, points)
 
 
-def end(mixture: Mixture, place: Sequence[float], exponent: float) -> End:
-    """An end of a climb, with the stress exponent that the solution has there."""
+def end(mixture: Mixture, place: Sequence[float]) -> End:
+    """An end of a climb."""
     point = np.array(place)
-    parameter = np.ones((1, len(PROGRAM_PARAMETERS)))
-    parameter[0, PLACE["stress_exponent"] - 1] = exponent
-    return mixture.log_density(point), {"coordinate": point, "parameter": parameter}
-
-
-@pytest.fixture
-def problem() -> Problem:
-    """Whose parameters the ends have."""
-    return problem_of([load_constant_rate(ICE / "PIL40.toml")], default_priors("ice"))
+    return mixture.log_density(point), {"coordinate": point}
 
 
 @pytest.fixture
@@ -82,35 +74,33 @@ def ends() -> list[End]:
     """The highest first: both modes, and two that are not quite at theirs."""
     mixture = Mixture()
     found = [
-        end(mixture, [0.0, 0.0], 3.0),
-        end(mixture, [0.01, 0.1], 3.1),
-        end(mixture, [6.0, -2.0], 4.0),
-        end(mixture, [6.1, -2.1], 4.1),
+        end(mixture, [0.0, 0.0]),
+        end(mixture, [0.01, 0.1]),
+        end(mixture, [6.0, -2.0]),
+        end(mixture, [6.1, -2.1]),
     ]
     return sorted(found, key=lambda one: one[0], reverse=True)
 
 
-def test_the_weight_is_that_of_the_probability_around_a_mode(
-    ends: list[End], problem: Problem
-) -> None:
+def test_the_weight_is_that_of_the_probability_around_a_mode(ends: list[End]) -> None:
     """The second has a quarter of the density of the first and 0.43 of its probability."""
-    (found,) = other_modes(Mixture(), {}, ends, problem)
-    assert np.exp(found.log_weight) == pytest.approx(0.3 / 0.7, rel=0.01)
-    ((name, values),) = found.values.items()
-    assert name == problem.experiments[0].id
-    assert values["stress_exponent"] == 4.0
-    assert set(values) == set(problem.free)
-    assert recorded_modes({"other_modes": modes_record([found])}, None) == (found,)
+    ((log_weight, variables),) = modes_beside_the_highest(Mixture(), {}, ends)
+    assert np.exp(log_weight) == pytest.approx(0.3 / 0.7, rel=0.01)
+    np.testing.assert_array_equal(variables["coordinate"], PLACES[1])
 
 
-def test_what_lies_far_below_the_highest_is_not_looked_at(
-    ends: list[End], problem: Problem
-) -> None:
+def test_what_lies_far_below_the_highest_is_not_looked_at(ends: list[End]) -> None:
     lower = [(density - 13 * (at["coordinate"][0] > 3), at) for density, at in ends]
-    assert other_modes(Mixture(), {}, lower, problem) == ()
+    assert modes_beside_the_highest(Mixture(), {}, lower) == []
 
 
-def test_an_end_beside_which_nothing_is_solved_is_no_mode(
-    ends: list[End], problem: Problem
-) -> None:
-    assert other_modes(Unsolved(), {}, ends, problem) == ()
+def test_an_end_beside_which_nothing_is_solved_is_no_mode(ends: list[End]) -> None:
+    assert modes_beside_the_highest(Unsolved(), {}, ends) == []
+
+
+def test_a_part_of_a_joint_fit_has_its_own_values() -> None:
+    values = {"one": {"stress_exponent": 3.0}, "two": {"stress_exponent": 4.0}}
+    manifest = {"other_modes": modes_record([OtherMode(-1.5, values)])}
+    assert recorded_modes(manifest, None) == (OtherMode(-1.5, values),)
+    assert recorded_modes(manifest, "two") == (OtherMode(-1.5, {"two": values["two"]}),)
+    assert recorded_modes({}, None) == ()

@@ -43,7 +43,8 @@ from pyburgers.protocols.problem import one_test, plain_coordinates, problem_of
 from pyburgers.protocols.program_data import chart_block
 from pyburgers.protocols.protocol import protocol_of
 from pyburgers.protocols.stan_data import PLAIN, SolverOptions, StanData, solver_block
-from pyburgers.sampling.charts import ChosenChart, at_mode, choose_chart, curvature_at
+from pyburgers.sampling.charts import ChosenChart, at_mode, choose_chart
+from pyburgers.sampling.laplace import curvature_at
 from pyburgers.sbc.data_sets import calibration_priors, simulate_from_prior
 
 FloatArray = npt.NDArray[np.float64]

@@ -21,7 +21,7 @@ from pyburgers.protocols.problem import problem_of
 from pyburgers.protocols.program_data import chart_block, program_data
 from pyburgers.protocols.protocol import AtMode, ChartUnsuited, protocols
 from pyburgers.protocols.stan_data import SolverOptions
-from pyburgers.sampling.charts import laplace_metric
+from pyburgers.sampling.laplace import laplace_metric
 from pyburgers.sbc.data_sets import simulate_from_prior
 
 FloatArray = npt.NDArray[np.float64]

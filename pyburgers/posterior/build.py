@@ -93,7 +93,9 @@ def build_posterior(run: RunDirectory, problem: Problem) -> xr.DataTree:
         sizes,
         seed=manifest["sampler"]["seed"],
     ).assign_coords(chains)
-    stats = stats_with_solver(fit, checked, chains, use_likelihood=manifest["use_likelihood"])
+    stats = stats_with_solver(
+        fit, checked, chains, unit=data["unit"], use_likelihood=manifest["use_likelihood"]
+    )
     at_points = drawn_at_points(fit, chains, protocol.response)
     at_points[PRIOR_DENSITY] = fit.dataset([PRIOR_DENSITY])[PRIOR_DENSITY].assign_coords(chains)
     draws = _draws_of_tests(fit, problem, chains)
@@ -246,9 +248,12 @@ def stats_with_solver(
     checked: xr.Dataset,
     chains: Mapping[str, list[int]],
     *,
+    unit: Sequence[float],
     use_likelihood: bool,
 ) -> xr.Dataset:
     """Sampler's columns, and the log ratio of reference to sampled likelihood of every draw.
+
+    The log density is that of the coordinates; CmdStan's is that of their numbers in units.
 
     Parameters
     ----------
@@ -258,13 +263,16 @@ def stats_with_solver(
         From `reference_solution`.
     chains : mapping
         Coordinate of the dimension chain.
+    unit : sequence of float
+        Of each coordinate, as in the Stan data.
     use_likelihood : bool
         Whether the data took part.
     """
     reference = checked["log_lik"].sum("log_lik_dim_0", skipna=False).assign_coords(chains)
     stats = sample_stats(fit).assign_coords(chains)
+    stats["lp"] = stats["lp"] - np.sum(np.log(unit))
     stats["solver_log_ratio"] = (
-        reference - _sampled_log_likelihood(fit).assign_coords(chains)
+        reference - _sampled_log_likelihood(fit, stats["lp"])
         if use_likelihood
         else xr.zeros_like(reference)  # the solver has no part in the prior
     )
@@ -361,14 +369,13 @@ def _one_by_one(
     )
 
 
-def _sampled_log_likelihood(fit: Draws) -> xr.DataArray:
+def _sampled_log_likelihood(fit: Draws, log_density: xr.DataArray) -> xr.DataArray:
     """Log likelihood that the chains have sampled, as their log density holds it.
 
     Not the sum of ``log_lik``: while sampling the solver also keeps its sensitivities to the
     tolerance, generated quantities have none, so the two solutions take different steps. Measured
     microstructure is left out: what the solver leaves off there is nothing beside its errors.
     """
-    log_density = sample_stats(fit)["lp"]
     terms = fit.dataset(["lprior", "log_jacobian", "log_pooling"])
     other = terms.to_array().sum("variable", skipna=False)
     # By values: the labels of draws and chains differ between the two.

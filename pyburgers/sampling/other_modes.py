@@ -46,7 +46,10 @@ def modes_beside_the_highest(
     candidates = [end for end in others if end[0] > highest - DEEPEST]
     if not candidates:
         return []
-    covariance = laplace_metric(model, data, _place(at_highest))
+    try:
+        covariance = laplace_metric(model, data, _place(at_highest))
+    except SamplingError:
+        return []  # at the edge of where the solver has solutions nothing can be weighed against it
     known = [(_place(at_highest), covariance)]
     log_weight = highest + _log_volume(covariance)
     found: list[tuple[float, dict[str, FloatArray]]] = []

@@ -98,6 +98,13 @@ def test_an_end_beside_which_nothing_is_solved_is_no_mode(ends: list[End]) -> No
     assert modes_beside_the_highest(Unsolved(), {}, ends) == []
 
 
+def test_nothing_is_weighed_against_a_mode_at_the_edge(ends: list[End]) -> None:
+    """As where the lesser mode is the one beside which there are solutions."""
+    turned = sorted(ends, key=lambda one: one[0])
+    assert turned[0][1]["coordinate"][0] > 3
+    assert modes_beside_the_highest(Unsolved(), {}, turned) == []
+
+
 def test_a_part_of_a_joint_fit_has_its_own_values() -> None:
     values = {"one": {"stress_exponent": 3.0}, "two": {"stress_exponent": 4.0}}
     manifest = {"other_modes": modes_record([OtherMode(-1.5, values)])}

@@ -52,7 +52,7 @@ LAWS: Mapping[str, str] = MappingProxyType(
 QUICK = (POWER_LAW, SINE, SINE_HARDENING)
 """Laws that are sampled in some minutes of one core; the power law that hardens takes longer."""
 
-SHORT = SamplerOptions(chains=2, warmup=100, draws=500, adapt_delta=0.95, seed=1)
+SHORT = SamplerOptions(chains=2, warmup=100, draws=700, adapt_delta=0.95, seed=1)
 """Draws as far as they are needed for 400 independent ones: half of them are. Nothing diverges here
 at 0.95, and the default of histories would take several times the gradients; so would a warm-up of
 150, whose first phase leaves the metric fewer draws than that of 100 does."""

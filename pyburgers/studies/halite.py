@@ -53,9 +53,9 @@ QUICK = (POWER_LAW, SINE, SINE_HARDENING)
 """Laws that are sampled in some minutes of one core; the power law that hardens takes longer."""
 
 SHORT = SamplerOptions(chains=2, warmup=100, draws=700, adapt_delta=0.95, seed=1)
-"""Draws as far as they are needed for 400 independent ones: half of them are. Nothing diverges here
-at 0.95, and the default of histories would take several times the gradients; so would a warm-up of
-150, whose first phase leaves the metric fewer draws than that of 100 does."""
+"""Draws as far as they are needed for 400 independent ones: 0.4 of them or more are. Nothing
+diverges here at 0.95, and the default of histories would take several times the gradients; so would
+a warm-up of 150, whose first phase leaves the metric fewer draws than that of 100 does."""
 
 LONG = SamplerOptions(chains=2, warmup=200, draws=600, adapt_delta=0.95, seed=1)
 """For laws that harden. A warm-up of 100 leaves the metric of the sine so few draws that chains of

@@ -271,6 +271,7 @@ def test_errors_of_the_strain_change_what_drives_the_model(twin: OscillationExpe
         "error_end": [0, 0],
         "strain_error": [],
         "n_coordinates": 0,
+        "unit": [],
     }
     expected = load_program(protocol_of(test).program).evaluate(by_hand)
     size = np.abs(expected["stress_model"]).max()

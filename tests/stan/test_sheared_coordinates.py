@@ -475,7 +475,7 @@ def test_the_twin_is_sampled_in_sheared_coordinates() -> None:
     assert found.covariance is not None
     assert np.linalg.eigvalsh(found.covariance).min() > 0
     plain = chart_at_truth(experiment, resolved_priors(experiment), "plain")
-    assert (plain.name, plain.block) == ("plain", {})
+    assert (plain.name, list(plain.block)) == ("plain", ["unit"])
 
 
 def test_without_likelihood_coordinates_stay_plain() -> None:

@@ -29,9 +29,12 @@ def check_other_modes(draws: CheckedDraws) -> Finding:
     )
     missed = table[(table["weight"] >= LEAST_WEIGHT) & (table["beyond"] > REACH)]
     if missed.empty:
-        none = "The climbs to the posterior mode met no other one"
-        rest = " that counts and that no draw comes near" if draws.other_modes else ""
-        return Finding(Outcome.YES, table, f"{none}{rest}.")
+        met = (
+            "Draws come near every mode of some weight that the climbs to the highest one met."
+            if draws.other_modes
+            else "The climbs to the posterior mode met no other one."
+        )
+        return Finding(Outcome.YES, table, met)
     worst = missed.sort_values("weight", kind="stable").iloc[-1]
     name, quantity = worst["parameter"], shown_quantity(worst["parameter"])
     value, low, high = (

@@ -243,6 +243,7 @@ def halite_section(fits: Mapping[str, Fit]) -> PageSection:
             "was imposed and is taken as it was measured; axial strain is the response. What is "
             "left over is measured strain minus the median of the model's, all of it: nothing is "
             "taken off for residuals that correlate in time.",
+            *_predicting(fits),
             *_not_tried(fits),
             *(
                 f"{LAWS[name]}: {verdict.sentence}"
@@ -281,6 +282,18 @@ def halite_section(fits: Mapping[str, Fit]) -> PageSection:
                 f"the root mean square is {whole:.2g} of strain, worst in the part '{worst}'.",
             ),
         ),
+    )
+
+
+def _predicting(fits: Mapping[str, Fit]) -> tuple[str, ...]:
+    """Say what densities of a reading given those before it compare, where residuals differ."""
+    correlated = [LAWS[n] for n, fit in fits.items() if fit.variant.residuals == "autocorrelated"]
+    if not 0 < len(correlated) < len(fits):
+        return ()
+    return (
+        "The expected log predictive density (elpd) is that of each reading given those before it: "
+        f"where residuals correlate ({', '.join(correlated)}), what the last reading missed is "
+        "taken over into the next. So it is no measure of how close a law comes by itself.",
     )
 
 

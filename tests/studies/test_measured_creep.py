@@ -180,6 +180,7 @@ def test_the_page_says_how_much_is_left_over_and_where(
     assert parts.saved["part"].tolist() == [*PARTS, "all"]
     assert parts.shown.set_index("part").loc["unloading", "rms (1e-4)"] == "4.0"
     assert "Not fitted here" not in told
+    assert "no measure of how close a law comes" in told
     (figure,) = section.figures
     assert image(figure.draw(), "png")
     quick = halite_section({name: fits[name] for name in QUICK})

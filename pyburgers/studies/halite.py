@@ -418,5 +418,5 @@ def _draw(test: LoadingHistory, residual: FloatArray) -> Figure:
         upper.set_ylabel("stress (MPa)")
         lower.set_ylabel("strain left over (1e-4)")
         lower.set_xlabel("time (days)")
-        lower.legend(ncols=3)
+        figure.legend(ncols=len(PARTS), loc="outside lower center")
     return figure

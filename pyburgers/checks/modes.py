@@ -5,7 +5,7 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.checks.fit_checks import CheckedDraws, CheckKind, Finding, Outcome, check
-from pyburgers.model.display import shown_quantity, unit_text
+from pyburgers.model.display import shown_quantity, unit_after_number
 from pyburgers.posterior.labelled_draws import groups_of_tests
 from pyburgers.protocols.coordinates import OtherMode
 
@@ -41,7 +41,7 @@ def check_other_modes(draws: CheckedDraws) -> Finding:
         f"{worst[column] * quantity.display_factor:.3g}"
         for column in ("value", "least_draw", "largest_draw")
     )
-    unit = "" if quantity.display_unit in {"1", "fraction"} else f" {unit_text(quantity)}"
+    unit = unit_after_number(quantity)
     return Finding(
         Outcome.NO,
         table,

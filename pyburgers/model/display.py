@@ -95,6 +95,11 @@ def unit_text(quantity: Parameter) -> str:
     return _UNIT_TEXT.get(quantity.display_unit, quantity.display_unit)
 
 
+def unit_after_number(quantity: Parameter) -> str:
+    """Display unit behind a space; nothing where there is none, or a fraction."""
+    return "" if quantity.display_unit in {"1", "fraction"} else f" {unit_text(quantity)}"
+
+
 def axis_label(quantity: Parameter) -> str:
     """Symbol and unit for an axis, as matplotlib text."""
     return f"${quantity.symbol}$ ({unit_text(quantity)})"
@@ -119,8 +124,7 @@ def prior_text(prior: Prior, quantity: Parameter | None = None, *, with_unit: bo
     factor = quantity.display_factor
     location = number(prior.location * factor)
     lower, upper = number(prior.lower * factor), number(prior.upper * factor)
-    has_unit = with_unit and quantity.display_unit not in {"1", "fraction"}
-    unit = f" {unit_text(quantity)}" if has_unit else ""
+    unit = unit_after_number(quantity) if with_unit else ""
     match prior.family:
         case "fixed":
             return f"fixed: {location}{unit}"

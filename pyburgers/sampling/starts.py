@@ -1,6 +1,6 @@
 """Where chains start: draws of the prior, the posterior mode and draws around it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 
@@ -205,10 +205,23 @@ def find_mode(problem: Problem, *, seed: int, solver: SolverOptions) -> ProblemM
     ModeNotFound
         If the optimiser fails from all starts, or for a single test.
     """
-    model, data = load_program(problem.protocol.program), program_data(problem, solver=solver)
+    model = load_program(problem.protocol.program)
+    data, ends = _ends(problem, model, seed=seed, solver=solver)
+    others = (
+        OtherMode(log_weight, _free_values(problem, beside["parameter"]))
+        for log_weight, beside in modes_beside_the_highest(model, data, ends)
+    )
+    return replace(_mode_at(problem, ends[0][1]), others=tuple(others))
+
+
+def _ends(
+    problem: Problem, model: Program, *, seed: int, solver: SolverOptions
+) -> tuple[StanData, list[tuple[float, dict[str, FloatArray]]]]:
+    """Return the ends of all climbs, the best first, and the data that they are of."""
+    data = program_data(problem, solver=solver)
     starts = _best_prior_draws(problem, model, data, seed=seed)
     if not problem.is_single:
-        single = [find_mode(one, seed=seed, solver=solver).tests[0] for one in problem.alone()]
+        single = [_only_mode(one, seed=seed, solver=solver) for one in problem.alone()]
         together = position_of(
             problem,
             [own.coordinate for own in single],
@@ -223,7 +236,17 @@ def find_mode(problem: Problem, *, seed: int, solver: SolverOptions) -> ProblemM
     with suppress(ModeNotFound):
         accurate = {**data, **solver_block(closer)}
         ends, data = model.ends(accurate, there, seed=seed), accurate
-    _, variables = ends[0]
+    return data, ends
+
+
+def _only_mode(problem: Problem, *, seed: int, solver: SolverOptions) -> Mode:
+    """Return the mode of a single test, whose other modes nobody asks for."""
+    _, ends = _ends(problem, load_program(problem.protocol.program), seed=seed, solver=solver)
+    return _mode_at(problem, ends[0][1]).tests[0]
+
+
+def _mode_at(problem: Problem, variables: Mapping[str, FloatArray]) -> ProblemMode:
+    """Return the mode where a climb has ended."""
     coordinate = np.atleast_1d(variables["coordinate"])
     plain = _plain_of_tests(problem, coordinate, variables["log_reference"])
     values = variables["parameter"]
@@ -231,11 +254,7 @@ def find_mode(problem: Problem, *, seed: int, solver: SolverOptions) -> ProblemM
         Mode(values_of_test(values, e), own, coordinate[places])
         for e, (own, places) in enumerate(zip(plain, problem.layout.errors, strict=True))
     )
-    others = (
-        OtherMode(log_weight, _free_values(problem, beside["parameter"]))
-        for log_weight, beside in modes_beside_the_highest(model, data, ends)
-    )
-    return ProblemMode(tuple(modes), coordinate, tuple(others))
+    return ProblemMode(tuple(modes), coordinate)
 
 
 def _free_values(problem: Problem, parameter: FloatArray) -> dict[str, dict[str, float]]:

@@ -30,11 +30,7 @@ from pyburgers.protocols.forward import simulate_data
 from pyburgers.protocols.problem import one_test
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sbc.convergence import lengthened
-from pyburgers.sbc.data_sets import (
-    DataSetPlan,
-    Simulated,
-    fit_and_rank,
-)
+from pyburgers.sbc.data_sets import DataSetPlan, Simulated, fit_and_rank
 from pyburgers.sbc.replication import Replication
 
 FloatArray = npt.NDArray[np.float64]

@@ -19,6 +19,7 @@ from scipy.special import logsumexp
 
 from pyburgers.cmdstan.draw_files import Draws
 from pyburgers.common.atomic_files import sha256_of_file
+from pyburgers.common.draws import TAIL
 from pyburgers.common.netcdf_files import read_netcdf, write_netcdf
 from pyburgers.model.display import shown_quantity, unit_text
 from pyburgers.model.parameters import REFERENCE_QUANTITIES, Parameter
@@ -225,7 +226,7 @@ def convergence_table(posterior: xr.DataTree) -> pd.DataFrame:
     -------
     DataFrame
         Index parameter; columns rhat (NaN of a single chain), ess_bulk, ess_tail (Vehtari et al.
-        2021, rank-normalised).
+        2021, rank-normalised; the tail is the worse one of the 5 and 95 % quantiles).
     """
     draws = sampled_draws(posterior)
     alone = draws.sizes["chain"] == 1
@@ -233,7 +234,8 @@ def convergence_table(posterior: xr.DataTree) -> pd.DataFrame:
         columns = {
             "rhat": dict.fromkeys(draws, np.nan) if alone else az.rhat(draws),
             "ess_bulk": az.ess(draws, method="bulk"),
-            "ess_tail": az.ess(draws, method="tail", prob=0.9),
+            # A single probability would be taken for the quantile itself, not for a central range.
+            "ess_tail": az.ess(draws, method="tail", prob=(TAIL, 1.0 - TAIL)),
         }
     return pd.DataFrame(
         {name: {key: float(value[key]) for key in draws} for name, value in columns.items()}

@@ -158,6 +158,19 @@ def test_slowly_mixing_draws_fail_the_effective_sample_size() -> None:
     assert_fails(check_effective_sample_size(CheckedDraws(tree)), "stress_noise", "--draws")
 
 
+def test_ends_of_intervals_that_chains_reach_but_once_fail_the_effective_sample_size() -> None:
+    """Draws beyond 95 % lie in one half of each chain, those beyond 90 % anywhere."""
+    tree = good(chains=2)
+    noise = values(tree, "posterior", "stress_noise")
+    for chain in noise:
+        places = np.flatnonzero(chain > np.quantile(chain, 0.9))
+        chain[places] = np.sort(chain[places])[::-1]
+    table = convergence_table(tree).loc["stress_noise"]
+    assert table["rhat"] < 1.01
+    assert table["ess_bulk"] > 800
+    assert_fails(check_effective_sample_size(CheckedDraws(tree)), "stress_noise", "--draws")
+
+
 def test_a_divergence_fails() -> None:
     tree = good()
     values(tree, "sample_stats", "diverging")[3, 17] = True

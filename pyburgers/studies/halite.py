@@ -286,14 +286,15 @@ def halite_section(fits: Mapping[str, Fit]) -> PageSection:
 
 
 def _predicting(fits: Mapping[str, Fit]) -> tuple[str, ...]:
-    """Say what densities of a reading given those before it compare, where residuals differ."""
+    """Say what densities of a reading given all others compare, where residuals differ."""
     correlated = [LAWS[n] for n, fit in fits.items() if fit.variant.residuals == "autocorrelated"]
     if not 0 < len(correlated) < len(fits):
         return ()
     return (
-        "The expected log predictive density (elpd) is that of each reading given those before it: "
-        f"where residuals correlate ({', '.join(correlated)}), what the last reading missed is "
-        "taken over into the next. So it is no measure of how close a law comes by itself.",
+        "The expected log predictive density (elpd) is that of each reading given all others, "
+        f"later ones as well: where residuals correlate ({', '.join(correlated)}), what its two "
+        "neighbours missed is taken over into it, and a gap is filled whatever the law. So it is "
+        "no measure of how close a law comes by itself.",
     )
 
 

@@ -3,13 +3,14 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
-from conftest import Problem
+from conftest import TESTS, Problem
 
 from pyburgers.fitting.fit import Fit
 from pyburgers.protocols.constant_rate.experiment import RateSegment
 from pyburgers.protocols.forward import simulate_data
-from pyburgers.studies.dunite_predictions import predictions_section
+from pyburgers.studies.dunite_predictions import PREDICTED, predictions_section
 
 
 @pytest.mark.usefixtures("sketched")
@@ -35,6 +36,21 @@ def test_tests_that_were_not_fitted_are_scored_and_drawn(
     assert text.count("strain rate 2e-05") == 1 or "Beyond what was fitted" in text
     for figure in section.figures:
         assert figure.draw().axes
+
+
+@pytest.mark.parametrize("test", PREDICTED)
+def test_the_document_has_the_scores_of_the_committed_page(test: str) -> None:
+    """It went on to say that all is within what the draws expect after the page said otherwise."""
+    saved = pd.read_csv(TESTS.parent / "reports/study/tables/predicted_tests_scores.csv")
+    half, most, density = saved[saved["test"] == test].to_dict("records")
+    row = (
+        f"{100 * half['found']:.0f} % | {100 * most['found']:.0f} % "
+        f"({100 * most['expected_q5']:.0f} to {100 * most['expected_q95']:.0f} %) | "
+        f"{density['found']:.1f} ({density['expected_q5']:.1f} to {density['expected_q95']:.1f}) |"
+    )
+    text = (TESTS.parent / "docs/predict.md").read_text(encoding="utf-8")
+    (told,) = [line for line in text.splitlines() if line.startswith(f"| `{test}`")]
+    assert told.endswith(row)
 
 
 def _draws(joint: Fit) -> dict[str, np.ndarray]:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import arviz as az
 import numpy as np
+import pandas as pd
 import pytest
 import xarray as xr
 from conftest import DUNITE
@@ -130,6 +131,18 @@ def test_what_is_left_over_is_told_by_part(record: LoadingHistory) -> None:
     assert table.drop(index="all")["readings"].sum() == record.n_points
 
 
+def test_the_document_has_what_the_committed_page_says_is_left_over() -> None:
+    saved = pd.read_csv(DUNITE.parents[1] / "reports/study/tables/measured_creep_left_over.csv")
+    rms = dict(zip(saved["part"], saved["rms"].to_numpy(np.float64), strict=True))
+    loading, first_day, unloading, all_of_it = (
+        f"{1e4 * rms[part]:.1f}e-4"
+        for part in ("loading", "first day under load", "unloading", "all")
+    )
+    told = f"leave {all_of_it} at the median (loading {loading}, first day of a load {first_day}, "
+    text = (DUNITE.parents[1] / "docs/loading_history.md").read_text(encoding="utf-8")
+    assert f"{told}unloading {unloading})" in " ".join(text.split())
+
+
 def test_a_part_without_readings_has_no_row(record: LoadingHistory) -> None:
     early = record.time < 3600
     few = replace(
@@ -181,6 +194,8 @@ def test_the_page_says_how_much_is_left_over_and_where(
     assert parts.shown.set_index("part").loc["unloading", "rms (1e-4)"] == "4.0"
     assert "Not fitted here" not in told
     assert "no measure of how close a law comes" in told
+    # As `compare` has it (`pointwise_log_density`), where residuals correlate.
+    assert "of each reading given all others" in told
     (figure,) = section.figures
     assert image(figure.draw(), "png")
     quick = halite_section({name: fits[name] for name in QUICK})

@@ -70,8 +70,8 @@ def peak_stress_section(fit: PeakStressFit, key: str = PEAK_STRESS_KEY) -> PageS
             "Least squares of ln(peak stress) on ln(strain rate) and ln(grain size) knows neither "
             "softening nor temperature: its exponents are those across peaks. Where softening "
             "grows with the rate, that of the flow law is smaller. Of Q_M and beta a table at "
-            "about one temperature says little: their widths are those of their priors, tied to "
-            "each other by the measured rates.",
+            "about one temperature says one number, the rate: it ties them to each other, and how "
+            "wide each is comes from the priors of both.",
         ),
         tables=(
             _table("posterior", "Posterior", flow_law_table(fit), fit.summary("SI").reset_index()),

@@ -93,7 +93,8 @@ THRESHOLDS_TEXT = (
     f"furthest, by at least {SENSITIVE:g}. Of a quantity with a lognormal prior all numbers are "
     "about its logarithm. The distance is how far the posterior median is from "
     "that of a normal or lognormal prior, in its standard deviations (of the logarithm for the "
-    f"latter); from {FAR_OUT:g} on, prior and data count as disagreeing whatever they pull."
+    "latter), counted by the probability beyond, so that what its bounds cut off has none; from "
+    f"{FAR_OUT:g} on, prior and data count as disagreeing whatever they pull."
 )
 
 

@@ -18,6 +18,7 @@ from pyburgers.checks.prior_influence import (
     FAR_OUT,
     POWER_STEP,
     SENSITIVE,
+    THRESHOLDS_TEXT,
     Influence,
     conflict_sentence,
     conflicts,
@@ -216,6 +217,18 @@ def test_a_lognormal_prior_counts_in_its_logarithm_and_a_uniform_one_not() -> No
     found = prior_influence(posterior, priors(law, flat))
     assert found["kelvin_modulus"].distance == pytest.approx(3.0, abs=0.01)
     assert found["beta"].distance is None
+
+
+def test_the_distance_from_a_prior_that_is_cut_counts_by_probability() -> None:
+    """E_M of the ice twins: 1.73 standard deviations below the middle of N(4, 2) cut at 0."""
+    draws = 0.54 + 1e-3 * np.random.default_rng(1).normal(size=100)
+    law = Prior("maxwell_modulus", "normal", 4.0, 2.0, 0.0, np.inf, "Pa", "test")
+    posterior = tree({"maxwell_modulus": draws}, -draws, draws)
+    (found,) = prior_influence(posterior, priors(law)).values()
+    below, cut = stats.norm.cdf([(0.54 - 4.0) / 2.0, -4.0 / 2.0])
+    assert found.distance == pytest.approx(stats.norm.ppf((below - cut) / (1 - cut)), abs=0.01)
+    assert found.distance == pytest.approx(-2.06, abs=0.01)
+    assert "counted by the probability beyond" in THRESHOLDS_TEXT
 
 
 def test_two_pulls_in_one_direction_are_no_disagreement() -> None:

@@ -387,15 +387,16 @@ def origin_record(run: RunDirectory, command: str, inputs: Iterable[Path]) -> di
     Parameters
     ----------
     run : RunDirectory
-        The folder.
+        The folder; where it holds a part of the same already, it was begun when that says.
     command : str
         What regenerates it.
     inputs : iterable of Path
         Files in it.
     """
+    known = run.read_manifest() if run.manifest_file.is_file() else {}
     return {
         "command": command,
-        "started": datetime.now(UTC).isoformat(timespec="seconds"),
+        "started": known.get("started", datetime.now(UTC).isoformat(timespec="seconds")),
         "status": "sampling",
         "versions": software_versions(),
         "hashes": {file.relative_to(run.path).as_posix(): sha256_of_file(file) for file in inputs},

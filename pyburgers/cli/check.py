@@ -25,7 +25,7 @@ def run(options: argparse.Namespace) -> int:
     fit = kind.load(options.directory)
     if renewed := renew_tables(fit):
         logger.info(
-            f"{fit.directory.path}: {' and '.join(renewed)} did not hold what follows from the "
-            "draws and was written again."
+            f"{fit.directory.path}: {' and '.join(renewed)}, which did not hold what follows from "
+            f"the draws, {'was' if len(renewed) == 1 else 'were'} written again."
         )
     return print_checks(fit.checks(), fit.prior_conflicts())

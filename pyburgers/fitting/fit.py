@@ -139,7 +139,12 @@ class Fit(SampledFit):
         }
 
     def prior_conflicts(self) -> tuple[str, ...]:
-        """Return a sentence for each test in which prior and data disagree."""
+        """Return a sentence for each test in which prior and data disagree.
+
+        There is none where the draws are of no use, as of fewer than 100.
+        """
+        if any(one.unusable for one in self.checks()):
+            return ()
         said = {name: conflict_sentence(found) for name, found in self.influences().items()}
         return tuple(f"{name}: {text}" for name, text in said.items() if text is not None)
 

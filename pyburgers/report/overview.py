@@ -164,6 +164,7 @@ def entry_of(
         What each quantity owes to prior and data; empty without likelihood.
     """
     answered = verdicts(checks)
+    told = {} if any(one.unusable for one in checks) else influences
     row = {
         "run": name,
         "data": fit.experiment.provenance.kind,
@@ -171,10 +172,10 @@ def entry_of(
         **_answers_text(answered, checks),
         "stress exponent n": _stress_exponent(fit),
         "in 90 % band": f"{100.0 * coverage(fit.posterior):.0f} %",
-        CONFLICT_COLUMN: _conflicts_text(influences),
+        CONFLICT_COLUMN: _conflicts_text(told),
     }
     is_synthetic = fit.experiment.provenance.kind == "synthetic"
-    return Entry(key, name, is_synthetic, answered, tuple(checks), disagreement(influences), row)
+    return Entry(key, name, is_synthetic, answered, tuple(checks), disagreement(told), row)
 
 
 def told_entry(key: str, name: str, fit: SampledFit) -> Entry:

@@ -225,7 +225,7 @@ def test_the_distance_from_a_prior_that_is_cut_counts_by_probability() -> None:
     law = Prior("maxwell_modulus", "normal", 4.0, 2.0, 0.0, np.inf, "Pa", "test")
     posterior = tree({"maxwell_modulus": draws}, -draws, draws)
     (found,) = prior_influence(posterior, priors(law)).values()
-    below, cut = stats.norm.cdf([(0.54 - 4.0) / 2.0, -4.0 / 2.0])
+    below, cut = (float(stats.norm.cdf((x - 4.0) / 2.0)) for x in (0.54, 0.0))
     assert found.distance == pytest.approx(stats.norm.ppf((below - cut) / (1 - cut)), abs=0.01)
     assert found.distance == pytest.approx(-2.06, abs=0.01)
     assert "counted by the probability beyond" in THRESHOLDS_TEXT

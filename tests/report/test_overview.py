@@ -1,9 +1,11 @@
 """The top of a page: rows, both answers, conflicts."""
 
+from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 
 import pytest
-from synthetic_fit import make_fit
+from synthetic_fit import make_fit, make_prior, with_problem
 
 from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.checks.prior_influence import Influence
@@ -56,15 +58,31 @@ def test_the_answer_for_all_fits_is_no_where_it_is_for_one(fit: Fit, tmp_path: P
     assert overview_table(entries)["run"].tolist() == ["A", "B"]
 
 
-def test_a_row_names_what_is_furthest_out(fit: Fit) -> None:
+def test_a_row_names_what_is_furthest_out(fit: Fit, tmp_path: Path) -> None:
     names = ("stress_exponent", "beta", "maxwell_modulus", "kelvin_modulus")
     influences = {name: influence(k + 2.0) for k, name in enumerate(names)}
-    entry = entry_of("A", "A", fit, fit.checks(), influences)
+    useless = entry_of("A", "A", fit, fit.checks(), influences)
+    assert useless.row[CONFLICT_COLUMN] == ""
+    assert useless.conflict is None
+    good = make_fit(tmp_path, chains=2, draws=600)
+    entry = entry_of("A", "A", good, good.checks(), influences)
     told = entry.row[CONFLICT_COLUMN]
     assert told.startswith("E_K (+5.0 prior sd), E_M (+4.0 prior sd)")
     assert told.endswith("and 2 more")
     assert entry.conflict is not None
     assert "stress exponent (+2.0 prior sd)" in entry.conflict
+
+
+def test_draws_of_no_use_say_nothing_of_prior_and_data(tmp_path: Path) -> None:
+    """Of five draws prior and data were said to disagree."""
+    far = make_prior("stress_exponent", "normal", 40.0, 1.0)
+    for draws, told in ((5, False), (600, True)):
+        fit = make_fit(tmp_path / str(draws), chains=2, draws=draws)
+        priors = {**fit.priors.priors, "stress_exponent": far}
+        moved = with_problem(
+            fit, fit.experiment, replace(fit.priors, priors=MappingProxyType(priors))
+        )
+        assert bool(moved.prior_conflicts()) == told
 
 
 def test_doubts_are_told_without_what_to_do_and_that_once(fit: Fit, tmp_path: Path) -> None:

@@ -201,18 +201,22 @@ def frozen_limit_texts(spectrum: xr.Dataset) -> list[str]:
     """Say for each regime where frozen microstructure fails, for tables.
 
     That is the share of draws in which the hold strains too much, and the frequency below which a
-    cycle by itself does (median of the draws).
+    cycle by itself does (median of the draws); where that is below all frequencies, the share of
+    draws in which the slowest cycle does.
     """
     by_hold = probability(hold_fails(spectrum)).to_numpy()
     limits = np.quantile(frozen_limit_frequency(spectrum), 0.5, axis=0, method="higher")
     lowest = float(spectrum["frequency"].min())
+    by_slowest = probability(cycle_fails(spectrum)).sel(frequency=lowest).to_numpy()
     texts = []
-    for share, limit in zip(by_hold, limits, strict=True):
+    for share, limit, slowest in zip(by_hold, limits, by_slowest, strict=True):
         if np.isnan(limit):
             texts.append("cannot tell")
             continue
         cycles = f"in cycles below {limit:.2g} Hz"
-        if limit == 0:
+        if limit == 0 and slowest > 0:
+            cycles = f"in cycles of {lowest:.2g} Hz in {100 * slowest:.0f} %"
+        elif limit == 0:
             cycles = f"in no cycle down to {lowest:.2g} Hz"
         elif np.isinf(limit):
             cycles = "in all cycles"

@@ -168,6 +168,12 @@ def test_tables_say_what_fails_and_from_which_frequency_on() -> None:
     assert frozen_limit_texts(fast)[0] == (
         "holds; fails in the hold in 0 % of draws, in no cycle down to 1e+03 Hz"
     )
+    # One of three draws is not none.
+    soft = fast.assign(cycle_strain=fast["cycle_strain"] + fast["critical_strain"])
+    of_draws = xr.concat([fast, soft, fast], "draw", data_vars="all")
+    assert frozen_limit_texts(of_draws)[0] == (
+        "holds; fails in the hold in 0 % of draws, in cycles of 1e+03 Hz in 33 %"
+    )
 
 
 def test_what_is_at_its_steady_state_does_not_evolve() -> None:

@@ -94,6 +94,7 @@ def compare(fits: Mapping[str, Fit], *, refits: Path | None = None) -> Compariso
         position=_positions(first),
         clock=protocol_of(first[0].experiment).clock,
         variants={name: one.variant.short_text for name, one in fits.items()},
+        correlated=tuple(name for name, one in fits.items() if one.variant.residuals_correlate),
     )
 
 

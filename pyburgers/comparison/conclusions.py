@@ -91,7 +91,37 @@ def sentences(comparison: Comparison) -> tuple[str, ...]:
             )
     said = [pair.sentence() for pair in pairs(comparison)]
     elpd = {name: one.elpd for name, one in comparison.results.items()}
-    return (*said, *_about_weights(elpd, comparison.weights, "points"), *doubts)
+    return (
+        *said,
+        *about_gaps(comparison.correlated, len(elpd)),
+        *_about_weights(elpd, comparison.weights, "points"),
+        *doubts,
+    )
+
+
+def about_gaps(correlated: Sequence[str], n_fits: int) -> tuple[str, ...]:
+    """Say what elpd compares where residuals correlate in some fits and in others not.
+
+    Parameters
+    ----------
+    correlated : sequence of str
+        What the fits with correlated residuals are called.
+    n_fits : int
+        Of all fits.
+
+    Returns
+    -------
+    tuple of str
+        A sentence; none where all fits are alike in that.
+    """
+    if not 0 < len(correlated) < n_fits:
+        return ()
+    return (
+        "The expected log predictive density (elpd) is that of each reading given all others, "
+        f"later ones as well: where residuals correlate ({', '.join(correlated)}), what its two "
+        "neighbours missed is taken over into it, and a gap is filled whatever the law. So it is "
+        "no measure of how close a law comes by itself, nor of how well it predicts another test.",
+    )
 
 
 def sentences_by_test(comparison: ComparisonByTest) -> tuple[str, ...]:

@@ -134,6 +134,8 @@ class Comparison:
     variants : mapping of str to str
         Variant of the model by name of the fit, as
         `pyburgers.model.variants.ModelVariant.short_text`.
+    correlated : tuple of str
+        Names of the fits whose residuals correlate.
     """
 
     results: Mapping[str, LeaveOneOut]
@@ -141,6 +143,7 @@ class Comparison:
     position: xr.DataArray
     clock: Quantity
     variants: Mapping[str, str]
+    correlated: tuple[str, ...]
 
     @property
     def reliable(self) -> bool:

@@ -118,6 +118,11 @@ class ModelVariant:
         ]
         return " ".join(different) or "standard"
 
+    @property
+    def residuals_correlate(self) -> bool:
+        """Whether a reading depends on what its neighbours missed."""
+        return self.residuals == "autocorrelated"
+
 
 CHOICES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {

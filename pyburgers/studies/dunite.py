@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.common.units import with_error
 from pyburgers.comparison.by_points import compare
-from pyburgers.comparison.conclusions import pair_of
+from pyburgers.comparison.conclusions import about_gaps, pair_of
 from pyburgers.comparison.pairs import PairOutcome
 from pyburgers.comparison.results import LeaveOneOut
 from pyburgers.comparison.same_data import data_hash
@@ -108,6 +108,7 @@ def rate_steps_section(fits: Mapping[str, Fit]) -> PageSection:
             f"Measured: {'; '.join(g.standard.experiment.provenance.source for g in groups)}. The "
             "imposed rate changes twice in each test, so that the curve shows how stress goes over "
             "from one rate to the next, which a test at one rate does not.",
+            *dict.fromkeys(sentence for group in groups for sentence in group.about_gaps()),
         ),
         tables=(
             PageTable(
@@ -187,6 +188,12 @@ class LawsTried:
         able = self.describing or list(self.fits)
         return next((name for name in self.elpd if name in able), able[0])
 
+    def about_gaps(self) -> tuple[str, ...]:
+        """Say what elpd compares where residuals correlate under some laws alone."""
+        variants = [fit.variant for fit in self.fits.values()]
+        correlated = [one.short_text for one in variants if one.residuals_correlate]
+        return about_gaps(correlated, len(variants))
+
     def conclusion(self) -> str:
         """Say which laws describe the data and how wide n is, against the standard one."""
         fit, able, n_fits = self.fits[self.chosen], self.describing, len(self.fits)
@@ -219,7 +226,7 @@ class LawsTried:
             ]
         if answers[CheckKind.SAMPLING].outcome is not Outcome.YES:
             said.append(answers[CheckKind.SAMPLING].sentence)
-        if fit.variant.residuals == "autocorrelated":
+        if fit.variant.residuals_correlate:
             said.append(
                 "Correlated residuals say how far a smooth misfit may have moved n, not which "
                 "physics is missing."

@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 
 from pyburgers.checks.fit_checks import Outcome
 from pyburgers.comparison.by_points import compare
+from pyburgers.comparison.conclusions import about_gaps
 from pyburgers.comparison.results import elpd_difference
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.drawing.style import BLUE, GREEN, GREY, ORANGE, SKY_BLUE, VERMILION, style
@@ -243,7 +244,10 @@ def halite_section(fits: Mapping[str, Fit]) -> PageSection:
             "was imposed and is taken as it was measured; axial strain is the response. What is "
             "left over is measured strain minus the median of the model's, all of it: nothing is "
             "taken off for residuals that correlate in time.",
-            *_predicting(fits),
+            *about_gaps(
+                [LAWS[name] for name, fit in fits.items() if fit.variant.residuals_correlate],
+                len(fits),
+            ),
             *_not_tried(fits),
             *(
                 f"{LAWS[name]}: {verdict.sentence}"
@@ -282,19 +286,6 @@ def halite_section(fits: Mapping[str, Fit]) -> PageSection:
                 f"the root mean square is {whole:.2g} of strain, worst in the part '{worst}'.",
             ),
         ),
-    )
-
-
-def _predicting(fits: Mapping[str, Fit]) -> tuple[str, ...]:
-    """Say what densities of a reading given all others compare, where residuals differ."""
-    correlated = [LAWS[n] for n, fit in fits.items() if fit.variant.residuals == "autocorrelated"]
-    if not 0 < len(correlated) < len(fits):
-        return ()
-    return (
-        "The expected log predictive density (elpd) is that of each reading given all others, "
-        f"later ones as well: where residuals correlate ({', '.join(correlated)}), what its two "
-        "neighbours missed is taken over into it, and a gap is filled whatever the law. So it is "
-        "no measure of how close a law comes by itself.",
     )
 
 

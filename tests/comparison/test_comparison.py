@@ -117,6 +117,7 @@ def comparison_of(*results: tuple[str, LeaveOneOut]) -> Comparison:
         xr.DataArray(np.linspace(0.01, 0.2, size), dims="point", name="strain"),
         CONSTANT_RATE.clock,
         dict.fromkeys(ordered, "standard"),
+        correlated=(),
     )
 
 
@@ -222,6 +223,16 @@ def test_fits_that_were_not_sampled_well_are_named(small_fit: Fit, long_fit: Fit
     }
     assert not replace(comparison, results=settled).reliable
     assert replace(comparison, results={"long": settled["long"]}).reliable
+
+
+@pytest.mark.parametrize(("correlated", "told"), [((), 0), (("one",), 1), (("one", "two"), 0)])
+def test_what_elpd_compares_is_said_where_residuals_of_some_fits_correlate(
+    correlated: tuple[str, ...], told: int
+) -> None:
+    rng = np.random.default_rng(5)
+    comparison = comparison_of(*((name, result(rng.normal(size=9))) for name in ("one", "two")))
+    said = sentences(replace(comparison, correlated=correlated))
+    assert sum("a gap is filled whatever the law" in one for one in said) == told
 
 
 def test_the_figure_draws_every_fit_but_the_best() -> None:

@@ -67,6 +67,9 @@ BAND_DRAWS = 1000
 
 GPA = 1e-9
 
+MOSTLY_SHARED = 0.5
+"""Share of the squares left over from which on whole temperatures are what is missed."""
+
 
 def run_name(law: str, *, without_hottest: bool = False) -> str:
     """Return the name of the run of a fit, of all temperatures or all but the hottest."""
@@ -189,7 +192,9 @@ def spectra_section(fits: Mapping[str, Fit]) -> PageSection:
         paragraphs=(
             "The hottest temperature, predicted from a fit to the colder ones. "
             + " ".join(one.surprise() for one in tried),
-            remaining_sentence(last.fit),
+            remaining_sentence(
+                left_over(last.fit)[MODULUS], attenuation_test(last.fit).conditions.temperature
+            ),
         ),
         tables=(
             PageTable(
@@ -238,21 +243,31 @@ def spectra_section(fits: Mapping[str, Fit]) -> PageSection:
     )
 
 
-def remaining_sentence(fit: Fit) -> str:
-    """Say how much of what a fit of a table leaves over belongs to whole temperatures."""
-    table = attenuation_test(fit)
-    temperature = table.conditions.temperature
-    residual = left_over(fit)[MODULUS]
+def remaining_sentence(residual: FloatArray, temperature: FloatArray) -> str:
+    """Say how much of what a fit of a table leaves over belongs to whole temperatures.
+
+    Parameters
+    ----------
+    residual : array, shape (n_points,)
+        What is left over of the logarithm of the modulus.
+    temperature : array, shape (n_points,)
+        Of each reading (K).
+    """
     means = {own: float(residual[temperature == own].mean()) for own in np.unique(temperature)}
     common = np.array([means[own] for own in temperature])
     share = float(np.sum(common**2) / np.sum(residual**2))
     worst = max(means, key=lambda own: abs(means[own]))
+    told = (
+        f"Of what remains of the modulus {100 * share:.0f} % of the squares are means over all "
+        f"periods of a temperature ({100 * len(means) / residual.size:.0f} % if readings err each "
+        f"for itself), up to {100 * means[worst]:+.1f} % (at {worst:.0f} K)."
+    )
+    if share < MOSTLY_SHARED:
+        return told
     return (
-        f"What remains of the modulus belongs to whole temperatures: {100 * share:.0f} % of its "
-        f"squares are means over all periods of a temperature, up to {100 * means[worst]:+.1f} % "
-        f"(at {worst:.0f} K). That is an error that readings of a temperature share, or an elastic "
-        "modulus that is not linear in temperature; neither is in the model, so that intervals are "
-        "too narrow by it."
+        f"{told} That is an error that readings of a temperature share, or an elastic modulus that "
+        "is not linear in temperature; neither is in the model, so that intervals are too narrow "
+        "by it."
     )
 
 

@@ -90,7 +90,20 @@ def test_what_is_left_of_whole_temperatures_is_told(fits: Mapping[str, Fit]) -> 
         for own in np.unique(table.conditions.temperature)
     ]
     largest = max(means, key=abs)
-    assert f"up to {100 * largest:+.1f} %" in remaining_sentence(one)
+    told = remaining_sentence(residual, table.conditions.temperature)
+    assert f"up to {100 * largest:+.1f} %" in told
+
+
+@pytest.mark.parametrize(("shared", "explained"), [(0.0, False), (3.0, True)])
+def test_a_cause_of_what_is_left_is_named_where_whole_temperatures_have_most_of_it(
+    shared: float, explained: bool
+) -> None:
+    rng = np.random.default_rng(2)
+    temperature = np.repeat(np.linspace(1000.0, 1500.0, 8), 10)
+    residual = 0.01 * (rng.normal(size=80) + shared * np.repeat(rng.normal(size=8), 10))
+    told = remaining_sentence(residual, temperature)
+    assert "(10 % if readings err each for itself)" in told
+    assert ("an error that readings of a temperature share" in told) is explained
 
 
 def test_the_hottest_spectrum_is_a_table_of_its_own(fits: Mapping[str, Fit]) -> None:

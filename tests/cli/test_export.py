@@ -86,6 +86,7 @@ def test_latex_is_a_table_with_a_row_for_each(
     assert len(body) == len(one.names)
     columns = 3 + int(np.count_nonzero(one.sd))
     assert all(row.endswith(r" \\") and row.count("&") == columns - 1 for row in body)
+    assert "-0.00" not in text
     out = tmp_path / "table.tex"
     arguments = ["export", str(small_fit.directory.path), "--format", "latex", "--out", str(out)]
     assert main(arguments) == 0

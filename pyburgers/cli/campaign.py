@@ -5,7 +5,7 @@ from pathlib import Path
 
 from pyburgers.cli.shared import command_line, exit_code, writing
 from pyburgers.cli.terminal import print_table
-from pyburgers.cli.workers import add_worker_options, workers_of
+from pyburgers.cli.workers import add_worker_options, require_no_worker_options, workers_of
 from pyburgers.sampling.manifest import COMPLETE
 from pyburgers.studies.campaign import (
     load_campaign,
@@ -31,6 +31,8 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
+    if options.status:
+        require_no_worker_options(options, "--status, which fits nothing")
     campaign = load_campaign(options.plan)
     out = options.out or Path("campaigns") / campaign.id
     command = command_line()

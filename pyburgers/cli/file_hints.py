@@ -104,11 +104,14 @@ def _hints_of(look: TextTable, data: Mapping[str, Any], small_strain: float) -> 
     elif look.names is not None and not header:
         yield f"the first row holds names ({', '.join(look.names)}): remove header = false."
     said = data.get("separator", ",")
-    fits = {",": ",", " ": "whitespace", "\t": "whitespace"}
-    if len(look.columns) > 1 and fits.get(look.separator) != said:
+    fits = {",": [","], " ": ["whitespace"], "\t": ["tab"]}.get(look.separator, [])
+    if look.separator == "\t" and look.is_alike_by_blanks:
+        fits.append("whitespace")
+    if len(look.columns) > 1 and said not in fits:
         remedy = {
             ",": "remove the key separator from [data]",
             ";": "write commas in their place, and points in numbers",
+            "\t": 'write separator = "tab" in [data]',
         }.get(look.separator, 'write separator = "whitespace" in [data]')
         yield f"columns look as if {SEPARATORS[look.separator]} stood between them: {remedy}."
     for looks, what, remedy in (

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from pyburgers.cli.check_file import all_errors, check
+from pyburgers.cli.file_hints import hints
 from pyburgers.cli.parser import is_text
 from pyburgers.cli.shared import writing
 from pyburgers.common.atomic_files import write_atomically
@@ -114,17 +115,23 @@ def _named_in_text(file: str) -> str:
 def _write_checked(draft: Path, out: Path, text: str) -> None:
     """Write an experiment file that can be read; `draft` lies beside `out`, whose name it gets.
 
+    Where it cannot, hints say what may be behind.
+
     Raises
     ------
     InputError
         If it cannot be read.
     """
     draft.write_text(text, encoding="utf-8")
+    content: Mapping[str, Any] = {}
     try:
-        errors, _ = all_errors(draft, read_tables(draft))
+        content = read_tables(draft)
+        errors, _ = all_errors(draft, content)
     except InputError as error:  # such as of a control character
         errors = list(error.sentences)
     if errors:
+        for hint in hints(draft, content):
+            print(f"hint: {hint}")
         said = "; ".join(error.replace(f"{draft}: ", "").rstrip(".") for error in errors)
         raise InputError(f"{out}: not written, because it would be wrong: {said}.")
 

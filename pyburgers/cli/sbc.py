@@ -11,7 +11,7 @@ from pyburgers.cli.shared import (
     exit_code,
     sampler_options,
 )
-from pyburgers.cli.workers import add_worker_options, workers_of
+from pyburgers.cli.workers import add_worker_options, require_no_worker_options, workers_of
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import UNITS
 from pyburgers.drawing.style import write_images
@@ -39,6 +39,9 @@ from pyburgers.sbc.run import (
 
 CALIBRATION_OPTIONS = ("chains", "warmup", "draws", "seed", "adapt_delta", "coordinates")
 """Settings of the sampler that a calibration takes."""
+
+RESULTS_OF = "--results-of"
+"""Option that shows a calibration, and makes no fits."""
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -87,7 +90,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
         "(percent)",
     )
     command.add_argument(
-        "--results-of",
+        RESULTS_OF,
         type=Path,
         metavar="FOLDER",
         help="fit nothing: write the results of a calibration as far as it has come",
@@ -99,6 +102,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
     if options.results_of is not None:
+        _require_nothing_to_fit(options)
         calibration = load_calibration(options.results_of)
         return _write(calibration, options.out or options.results_of)
     if not options.experiments:
@@ -134,6 +138,21 @@ def run(options: argparse.Namespace) -> int:
         print(f"data sets done: {len(calibration.replications)} of {plan.simulations}")
         return 0
     return _write(calibration, out)
+
+
+def _require_nothing_to_fit(options: argparse.Namespace) -> None:
+    """Refuse what would say which fits to make where none is made."""
+    require_no_worker_options(options, f"{RESULTS_OF}, which fits nothing")
+    given = {
+        "TEMPLATE.toml": options.experiments,
+        **{
+            f"--{name.replace('_', '-')}": getattr(options, name)
+            for name in ("pool", "variant", "priors", "stress_range", "strain_range")
+        },
+    }
+    for name, value in given.items():
+        if value:
+            raise InputError(f"{name}: expected none beside {RESULTS_OF}, which fits nothing.")
 
 
 def _in_si(given: Sequence[float] | None, unit: float) -> Range | None:

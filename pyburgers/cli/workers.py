@@ -43,6 +43,21 @@ def add_worker_options(command: argparse.ArgumentParser, when: str = "") -> None
     )
 
 
+def require_no_worker_options(options: argparse.Namespace, beside: str) -> None:
+    """Refuse options that say who does tasks where no task is done.
+
+    Parameters
+    ----------
+    options : Namespace
+        Of the command.
+    beside : str
+        Why there is none, such as the name of another option.
+    """
+    for name in ("jobs", "scheduler", "part"):
+        if getattr(options, name) is not None:
+            raise InputError(f"--{name}: expected no such option beside {beside}.")
+
+
 def _part(text: str) -> tuple[int, int]:
     """Parse one part of several."""
     found = re.fullmatch(r"([1-9]\d{0,5})/([1-9]\d{0,5})", text)

@@ -3,6 +3,7 @@
 import csv
 import math
 import os
+import re
 from collections.abc import Container, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -18,7 +19,7 @@ from pyburgers.common.errors import InputError, all_of
 from pyburgers.common.toml_files import Table, factor_to_si, read_text
 
 FloatArray = npt.NDArray[np.float64]
-Separator = Literal[",", "whitespace"]
+Separator = Literal[",", "tab", "whitespace"]
 
 DATA_ROOT_VARIABLE = "PYBURGERS_DATA"
 """Environment variable that takes the place of the key `data_root`."""
@@ -153,6 +154,8 @@ def _numbers(
     names = rows.pop(0)[1] if data.header and rows else None
     if not rows:
         raise InputError(f"{source}: no data rows; expected at least one row of numbers.")
+    if names is not None and data.separator == "whitespace":
+        names = names_between_blanks(" ".join(names), len(rows[0][1]))
     for name, value in data.rows.items():
         rows = _selected(rows, names, name, value, f"{where}: key 'rows'", source)
 
@@ -201,7 +204,29 @@ def _rows(path: Path, text: str, separator: Separator) -> list[tuple[int, list[s
 def _cells(line: str, separator: Separator) -> list[str]:
     if separator == "whitespace":
         return line.split()
-    return [cell.strip() for cell in next(csv.reader([line], skipinitialspace=True))]
+    delimiter = "\t" if separator == "tab" else separator
+    row = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))
+    return [cell.strip() for cell in row]
+
+
+def names_between_blanks(line: str, n_columns: int) -> list[str]:
+    """Return the names in a line with white space between them.
+
+    A unit in brackets belongs to the name before it where there are as many columns only then:
+    ``Strain (%)  Stress (MPa)`` are two names.
+
+    Parameters
+    ----------
+    line : str
+        The line.
+    n_columns : int
+        How many columns the rows below have.
+    """
+    words = line.split()
+    if len(words) == n_columns:
+        return words
+    names = re.findall(r"\S+(?: [(\[][^)\]]*[)\]])?", " ".join(words))
+    return names if len(names) == n_columns else words
 
 
 def _selected(

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from pyburgers.common.columns import COMMENT
+from pyburgers.common.columns import COMMENT, names_between_blanks
 from pyburgers.common.toml_files import read_text
 
 MINUS_SIGNS = "\u2212\u2013\u2012\ufe63\uff0d"
@@ -50,6 +50,16 @@ class TextTable:
         n_cells = max((len(cells) for _, cells in self.rows), default=0)
         return self.names or tuple(range(1, n_cells + 1))
 
+    @property
+    def is_alike_by_blanks(self) -> bool:
+        """Whether white space in place of the separator gives the same columns."""
+        cells = [cell for _, row in self.rows for cell in row]
+        names = () if self.names is None else self.names
+        return (
+            all(len(cell.split()) == 1 for cell in cells)
+            and tuple(names_between_blanks(" ".join(names), len(names))) == names
+        )
+
     def numbers(self, column: str | int) -> list[float]:
         """Return the numbers in a column, as a person reads them; without cells that hold none."""
         index = self.columns.index(column)
@@ -82,13 +92,14 @@ def look_at(path: Path) -> TextTable:
     separator = _separator([line for _, line in content])
     rows = [(number, _cells(line, separator)) for number, line in content]
     names = None
+    n_columns = len(rows[1 if len(rows) > 1 else 0][1]) if rows else 0
     if rows and not any(as_number(cell) is not None for cell in rows[0][1]):
-        names = _header(content[0][1], separator)
+        names = _header(content[0][1], separator, n_columns)
         rows.pop(0)
     hidden = None
     if names is None and rows:
         before = [line for number, line in lines if number < rows[0][0] and _is_comment(line)]
-        found = _header(before[-1].lstrip().lstrip(COMMENT), separator) if before else ()
+        found = _header(before[-1].lstrip().lstrip(COMMENT), separator, n_columns) if before else ()
         if len(found) == len(rows[0][1]) and not any(as_number(cell) is not None for cell in found):
             hidden = found
     return TextTable(path, separator, names, hidden, tuple(rows))
@@ -109,10 +120,10 @@ def as_number(cell: str) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _header(line: str, separator: str) -> tuple[str, ...]:
-    """Return the names in a line; of names between white space a unit in brackets is a part."""
+def _header(line: str, separator: str, n_columns: int) -> tuple[str, ...]:
+    """Return the names in a line, as a reader of the file finds them."""
     if separator == " ":
-        return tuple(re.findall(r"\S+(?:\s+[(\[][^)\]]*[)\]])?", line))
+        return tuple(names_between_blanks(line, n_columns))
     return _cells(line, separator)
 
 
@@ -123,7 +134,7 @@ def _is_comment(line: str) -> bool:
 def _separator(lines: Sequence[str]) -> str:
     """Return what stands between cells: the first that every line has equally often."""
     for separator in (";", "\t", ","):
-        counts = {line.count(separator) for line in lines[:50]}
+        counts = {len(_cells(line, separator)) - 1 for line in lines[:50]}
         if len(counts) == 1 and counts != {0} and not _all_decimal_commas(lines, separator):
             return separator
     return " "

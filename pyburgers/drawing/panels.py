@@ -130,7 +130,7 @@ def curve_result(curve: FittedCurve) -> str:
 def band_text(draws: FloatArray, unit: str) -> str:
     """Return median and central 90 % of draws in display units."""
     low, median, high = (f"{float(value):.3g}" for value in central_band(draws))
-    return f"{median} {unit} ({low} to {high})"
+    return f"{median} {unit}".rstrip() + f" ({low} to {high})"
 
 
 def draw_curve(axes: Axes, curve: FittedCurve) -> None:

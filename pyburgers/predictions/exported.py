@@ -175,7 +175,7 @@ def as_latex(one: Exported) -> str:
         mean, sd = one.mean[k] * factor, one.sd[k] * factor
         spread = rf"${rounded(mean, sd)} \pm {rounded(sd, sd)}$" if sd else f"${mean:.4g}$ (fixed)"
         row = correlation[free.index(k)] if k in free else np.full(len(free), np.nan)
-        cells = ["" if np.isnan(value) else f"${value:.2f}$" for value in row]
+        cells = ["" if np.isnan(value) else f"${value:z.2f}$" for value in row]
         lines.append(" & ".join([f"${_symbol(name)}$", unit, spread, *cells]) + r" \\")
     return "\n".join([*lines, r"\bottomrule", r"\end{tabular}"]) + "\n"
 

@@ -196,7 +196,8 @@ def _toml(value: object) -> str:
 def layout_lines(test: Description) -> Iterator[str]:
     """Return how the text file is laid out, where it is not as by default."""
     if test.table.separator != ",":
-        yield line("separator", "whitespace", 'or ","')
+        separator = {"\t": "tab"}.get(test.table.separator, "whitespace")
+        yield line("separator", separator, 'or ",", or "tab"' if separator != "tab" else 'or ","')
     if test.table.names is None:
         yield line("header", False, "columns are named by their numbers from 1")
 

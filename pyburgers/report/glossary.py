@@ -19,6 +19,10 @@ DEFINITIONS = {
     "better.",
     "log density": "Logarithm of the probability density that a fit gives to data.",
     "weight": "Share of a fit in the mixture of fits that predicts best.",
+    "log predictive density": "Logarithm of the probability that a fit or prediction gives to "
+    "readings; higher is better.",
+    "predictive median": "Reading that half of the predicted ones lie below.",
+    "replicated data": "Readings that draws of the posterior would have given.",
     "predictive band": "Where new readings are expected, noise included.",
     "retrodictions": "Solutions of the model for single draws, without noise.",
     "residual": "What is left when the model's response is taken from a reading.",
@@ -44,6 +48,13 @@ DEFINITIONS = {
     "reference stress": "Stress at which undeformed material flows at the imposed rate.",
     "reference flow rate": "Rate at which undeformed material flows under a reference stress.",
     "tan δ": "Attenuation: tangent of the angle by which strain lags stress.",
+    "Maxwell time": "Time in which flow makes as much strain as the elastic one.",
+    "relaxation times": "Times after which strain that comes late has come.",
+    "hyperbolic sine": "Flow law that is proportional to small stresses and exponential in large "
+    "ones.",
+    "breakdown stress": "Stress at which a hyperbolic sine turns exponential.",
+    "compliance": "Strain over stress.",
+    "Debye peak": "Attenuation of a single relaxation time against the period.",
     "partially pooled": "A value in each test, scattered about a common centre.",
 }
 """Definitions by term, which is looked for as it stands here or with a capital."""

@@ -35,7 +35,7 @@ class RecordedHashes(Entries):
 class SamplerRecord(Table):
     """Settled `pyburgers.sampling.options.SamplerOptions`."""
 
-    chains: int = Field(ge=1, description="how many chains were asked for")
+    chains: int = Field(ge=1, le=1000, description="how many chains were asked for")
     warmup: int = Field(ge=1, description="iterations before the draws")
     draws: int = Field(ge=1, description="draws of a chain")
     seed: int = Field(ge=0, description="the seed")

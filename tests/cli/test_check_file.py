@@ -102,7 +102,12 @@ HINTS = {
         "remove header = false",
     ),
     "semicolons": ((), "strain;stress\n0.01;2\n0.02;3\n", "semicolons"),
-    "tabs": ((), "strain\tstress\n0.01\t2\n0.02\t3\n", 'separator = "whitespace"'),
+    "tabs": ((), "strain\tstress\n0.01\t2\n0.02\t3\n", 'separator = "tab"'),
+    "empty cells between tabs": (
+        (("[data]\n", '[data]\nseparator = "whitespace"\n'),),
+        "strain\tnote\tstress\n0.01\t\t2\n0.02\t\t3\n",
+        'separator = "tab"',
+    ),
     "decimal commas": ((), "strain;stress\n0,01;2\n0,02;3\n", "'0,01' (and 1 more)"),
     "minus signs": ((), "strain,stress\n0.01,\u22122\n0.02,3\n", "no minus sign"),
     "negative strain": ((), "strain,stress\n-0.01,2\n-0.02,3\n", "turn the signs"),
@@ -121,6 +126,21 @@ def test_hints_say_what_may_be_behind(
 ) -> None:
     _, lines = checked(*replaced, curve=curve)
     assert any(word in line for line in of_kind("hint", lines)), lines
+
+
+@pytest.mark.parametrize("separator", ["tab", "whitespace"])
+def test_tabs_are_white_space_too(separator: str, checked: Checked) -> None:
+    code, lines = checked(
+        ("[data]\n", f'[data]\nseparator = "{separator}"\n'),
+        curve="strain\tstress\n0.001\t2\n0.02\t3\n",
+    )
+    assert code == 0
+    assert not of_kind("hint", lines)
+
+
+def test_commas_in_quoted_names_separate_nothing(checked: Checked) -> None:
+    _, lines = checked(curve='"strain, true","stress, mean"\n0.001,2\n0.02,3\n')
+    assert not any("separator" in line for line in of_kind("hint", lines))
 
 
 CREEP = """\

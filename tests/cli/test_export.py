@@ -16,7 +16,7 @@ from pyburgers.cli.main import main
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.pooling import DEFAULT_KINDS
-from pyburgers.predictions.exported import LEFT_OUT, LOG_FACTOR, exported
+from pyburgers.predictions.exported import LEFT_OUT, LOG_FACTOR, as_latex, exported
 from pyburgers.protocols.forward import simulate
 from pyburgers.protocols.protocol import load_experiment
 
@@ -90,6 +90,14 @@ def test_latex_is_a_table_with_a_row_for_each(
     arguments = ["export", str(small_fit.directory.path), "--format", "latex", "--out", str(out)]
     assert main(arguments) == 0
     assert out.read_text(encoding="utf-8") == text
+
+
+def test_what_does_not_correlate_has_no_sign(small_fit: Fit) -> None:
+    one = exported(small_fit)
+    weak = np.outer(one.sd, one.sd) * np.where(np.eye(one.sd.size), 1.0, -1e-3)
+    text = as_latex(replace(one, covariance=weak))
+    assert "$0.00$" in text
+    assert "-0.00" not in text
 
 
 def test_the_solution_of_a_draw_and_of_the_mean(small_fit: Fit, tmp_path: Path) -> None:

@@ -38,6 +38,9 @@ def made(path: Path, *options: str) -> Experiment:
         ("stress_GPa;strain (%)\n".replace(";", ",") + "0.2,0.1\n0.3,20\n", [0.001, 0.2], None),
         ("# eps [-]  sigma [MPa]\n0.001 2\n0.02 3\n", [0.001, 0.02], [2e6, 3e6]),
         ("0.001\t2e6\n0.02\t3e6\n", [0.001, 0.02], [2e6, 3e6]),
+        ("Axial strain (%)\tnote\tStress (MPa)\n0.1\t\t2\n2\tb\t3\n", None, [2e6, 3e6]),
+        ("Strain  (%)   Stress (MPa)\n0.1 2\n2 3\n", None, [2e6, 3e6]),
+        ('"Strain, true (%)","Stress, mean"\n0.1,2\n2,3\n', None, [2e6, 3e6]),
         ("note,shortening percent,differential stress (Pa)\na,0.1,2e6\nb,2,3e6\n", None, None),
     ],
 )
@@ -291,6 +294,24 @@ def test_a_file_that_could_not_be_read_is_not_written(
     assert "written" not in out
     assert [file.name for file in tmp_path.iterdir()] == ["curve.csv"]
     made(path, *RATE)
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "hint"),
+    [
+        ("0.001,2\n\u22120.02,3\n", "found '\u22120.02'", "write '-'"),
+        ("-0.001,2\n-0.02,3\n", "the data end at strain -0.001", "turn the signs"),
+    ],
+)
+def test_what_may_be_behind_is_told_of_a_file_that_is_not_written(
+    text: str, error: str, hint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "curve.csv"
+    path.write_text(f"strain,stress\n{text}", encoding="utf-8")
+    assert main(["new", str(path), *KNOWN, *RATE]) == 2
+    out, told = capsys.readouterr()
+    assert error in told
+    assert any(hint in line for line in out.splitlines() if line.startswith("hint: "))
 
 
 REFUSED = {

@@ -53,6 +53,17 @@ def entry(name: str, value: object) -> Damage:
     return damage
 
 
+def sampler(name: str, value: object) -> Damage:
+    """Change a setting of the sampler that a manifest notes."""
+
+    def damage(file: Path) -> None:
+        content = json.loads(file.read_text(encoding="utf-8"))
+        content["sampler"][name] = value
+        file.write_text(json.dumps(content), encoding="utf-8")
+
+    return damage
+
+
 def without(name: str) -> Damage:
     """Take an entry out of a JSON file."""
 
@@ -140,6 +151,11 @@ DAMAGES: dict[str, tuple[str, Damage, str]] = {
         }.items()
     },
     "sampler of text": ("manifest.json", entry("sampler", "fast"), "key 'sampler': found 'fast'"),
+    "chains without end": (
+        "manifest.json",
+        sampler("chains", 10**30),
+        f"'chains' in [sampler]: found {10**30}",
+    ),
     "sampler empty": (
         "manifest.json",
         entry("sampler", {}),

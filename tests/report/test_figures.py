@@ -14,6 +14,7 @@ from PIL import Image
 from synthetic_fit import make_fit
 from synthetic_olivine_fit import make_olivine_fit
 
+from pyburgers.drawing.panels import band_text
 from pyburgers.drawing.style import image
 from pyburgers.fitting.fit import Fit
 from pyburgers.report.posterior_figures import CHAIN_COLOURS, figures_for, rank
@@ -195,3 +196,8 @@ def test_vector_files_hold_few_decimals_but_whole_numbers_in_their_text() -> Non
     vector = image(figure, "svg").decode()
     assert ">0.123456<" in vector
     assert not re.search(r'[xy]="-?\d+\.\d{3}', vector)
+
+
+def test_what_has_no_unit_has_no_gap_for_one() -> None:
+    assert band_text(np.array([2.0, 2.0]), "") == "2 (2 to 2)"
+    assert band_text(np.array([2.0, 2.0]), "µm") == "2 µm (2 to 2)"

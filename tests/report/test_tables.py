@@ -10,6 +10,7 @@ from pyburgers.model.display import prior_text, shown_quantity, symbol_text, uni
 from pyburgers.model.parameters import PARAMETER_BY_NAME, PARAMETERS, PROGRAM_PARAMETERS
 from pyburgers.model.prior_families import Prior
 from pyburgers.report import tables
+from pyburgers.report.glossary import with_definitions
 
 
 @pytest.fixture(scope="module")
@@ -130,3 +131,18 @@ def test_measured_data_have_no_truth(tmp_path: Path) -> None:
 
 def test_unit_conversion_leaves_no_noise_in_numbers() -> None:
     assert number(0.1 * 3) == "0.3"
+
+
+@pytest.mark.parametrize(
+    "term",
+    [
+        "log predictive density",
+        "predictive median",
+        "replicated data",
+        "Maxwell time",
+        "Debye peak",
+    ],
+)
+def test_a_technical_word_has_its_meaning_behind_it(term: str) -> None:
+    marked = with_definitions(f"The {term}, and the {term} again.")
+    assert marked.count(f">{term}</abbr>") == 1

@@ -434,8 +434,8 @@ def _final_strain(
     last_start = segments[-1].start_strain
     last_segment = f"'start_strain' in [[segments]] number {len(segments)}"
     if file.final_strain is None:
-        last_seen = strains_of(microstructure[-1:])
-        final = float(max(*last_seen, *(np.max(curve.strain) for curve in curves), 0.0))
+        seen = [*strains_of(microstructure[-1:]), *(np.max(curve.strain) for curve in curves)]
+        final = float(max(seen, default=0.0))
         if final <= last_start:
             raise InputError(
                 f"{path}: key {last_segment} is {last_start:g}, but the data end at strain "

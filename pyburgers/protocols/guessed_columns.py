@@ -18,7 +18,7 @@ pressures and strains beside the axis, loss moduli, which are no tan(delta)."""
 
 QUANTITIES: Mapping[str, str] = MappingProxyType(
     {
-        "attenuation": r"tan|1/q|q-?1|inverse_?q|q_?inv|attenuation|loss",
+        "attenuation": r"tan|1/q|q\^?[({]?-?1|q⁻¹|inverse_?q|q_?inv|attenuation|loss",
         "modulus": r"modulus|^[ge](?![a-z])",
         "period": r"period",
         "frequency": r"freq|^f(?![a-z])|omega",

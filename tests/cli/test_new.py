@@ -429,3 +429,20 @@ def test_a_curve_that_is_steep_at_first_is_no_creep(
     path.write_text("\n".join(["time_s,strain,stress (MPa)", *rows]) + "\n", "utf-8")
     made(path, *RATE)
     assert "protocol constant_rate" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", ["Q^-1", "Q-1", "Q⁻¹", "Q^{-1}", "1/Q", "log10(Q^-1)"])
+def test_attenuation_has_many_names(name: str, tmp_path: Path) -> None:
+    path = tmp_path / "table.csv"
+    path.write_text(f"period_s,{name}\n1,0.1\n10,0.2\n", encoding="utf-8")
+    assert guess_columns(look_at(path))["attenuation"].column == name
+
+
+def test_a_test_in_which_nothing_is_imposed_is_not_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "creep.csv"
+    path.write_text("time_h,strain (%)\n1,0.1\n10,0.4\n20,0.7\n", encoding="utf-8")
+    assert main(["new", str(path), *KNOWN, "--stress-MPa", "0"]) == 2
+    assert "found zero wherever a stress or a strain is imposed" in capsys.readouterr().err
+    assert not path.with_suffix(".toml").exists()

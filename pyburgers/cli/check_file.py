@@ -5,6 +5,7 @@ import tempfile
 from collections.abc import Callable, Mapping
 from copy import deepcopy
 from difflib import get_close_matches
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +46,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
         type=Path,
         nargs="+",
         metavar="FILE.toml",
-        help="experiment, table of peak stresses, or priors of either",
+        help="experiment, table of peak stresses, priors of either, or plan of a campaign",
     )
 
 
@@ -100,7 +101,8 @@ def all_errors(path: Path, content: Mapping[str, Any]) -> tuple[list[str], objec
     try:
         return [], load(path)
     except StructureError as error:
-        mended = _mended(content, error)
+        # A copy of a plan would not find the files that it names.
+        mended = None if _is_plan(content) else _mended(content, error)
         further = [] if mended is None else _errors_of(mended, path, load)
         return [*error.sentences, *further], None
     except InputError as error:
@@ -115,7 +117,18 @@ def _reader(content: Mapping[str, Any]) -> Callable[[Path], object]:
         if isinstance(parameters, dict) and STRESS_SCATTER.name in parameters:
             return load_peak_stress_priors
         return load_priors
+    if _is_plan(content):
+        # What makes its page takes long to load, which no other file needs.
+        read_plan: Callable[[Path], object] = import_module(
+            "pyburgers.studies.campaign"
+        ).load_campaign
+        return read_plan
     return load_peak_stress if content.get("protocol") == "peak_stress" else load_experiment
+
+
+def _is_plan(content: Mapping[str, Any]) -> bool:
+    """Whether a file is the plan of a campaign; no other kind names tests."""
+    return "tests" in content and "protocol" not in content
 
 
 def _mended(content: Mapping[str, Any], error: StructureError) -> dict[str, Any] | None:

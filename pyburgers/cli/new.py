@@ -19,7 +19,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.common.text_tables import TextTable, look_at
 from pyburgers.common.toml_files import read_tables
 from pyburgers.model.priors import shipped_prior_files
-from pyburgers.protocols.guessed_columns import GuessedColumn, guess_columns
+from pyburgers.protocols.guessed_columns import UNITS, GuessedColumn, guess_columns
 from pyburgers.protocols.new_file import (
     Description,
     NewFile,
@@ -89,6 +89,11 @@ def run(options: argparse.Namespace) -> int:
     _require_columns(options.csv, name, new_file, columns)
     if options.protocol is None:
         print(f"guessed: protocol {name}, because {reason}")
+    read = new_file.read(columns)
+    for quantity in columns:
+        if quantity not in read:
+            print(f"left out: column {columns[quantity].column!r}, which such a file does not name")
+    _require_units(options.csv, read)
     _refuse_what_is_not_taken(name, new_file, columns, options)
     file = _named_in_text(os.path.relpath(options.csv, out.parent))
     answers = _answers(new_file, table, columns, options)
@@ -156,6 +161,25 @@ def _require_columns(
             raise InputError(
                 f"{path}: found no column that looks like {' or '.join(quantities)}, expected one "
                 f"for the protocol {protocol}; name it so in the first row, or give --protocol."
+            )
+
+
+def _require_units(path: Path, columns: Mapping[str, GuessedColumn]) -> None:
+    """Refuse columns whose names have units that the file could not hold."""
+    for guessed in columns.values():
+        where = f"{path}: column {guessed.column!r}"
+        if guessed.is_foreign:
+            units = " or ".join(unit for unit, _ in UNITS.get(guessed.kind, ()))
+            raise InputError(
+                f"{where}: found a name of other units or of logarithms, expected "
+                f"{f'{guessed.kind} in {units}' if units else 'tan(delta), 1/Q or log10 of them'}; "
+                "turn its numbers and name it so."
+            )
+        of = columns.get(guessed.shares_unit_with or "")
+        if of is not None and of.unit != guessed.unit:
+            raise InputError(
+                f"{where}: found {guessed.unit}, expected {of.unit}, the unit of column "
+                f"{of.column!r}; turn its numbers and name it so."
             )
 
 

@@ -232,7 +232,7 @@ class Fit(SampledFit):
             name = self.problem.experiments[0].id
             raise InputError(
                 f"{self.directory.path}: is a joint fit of {self.problem.name}, expected a fit of "
-                f"one test, or one of its tests such as fit[{name!r}]."
+                f"one test, or one of its tests: --test {name}, or fit[{name!r}] in Python."
             )
         return 0
 

@@ -16,7 +16,7 @@ from pydantic import Field
 
 from pyburgers.common.columns import Column, TextFilesTable, read_columns, write_columns
 from pyburgers.common.errors import InputError
-from pyburgers.common.toml_files import NAME, Table, read_toml, write_toml
+from pyburgers.common.toml_files import NAME, Table, checked, read_tables, read_toml, write_toml
 from pyburgers.model.flow_law_prior import Conditions, PeakTest
 from pyburgers.model.parameters import PARAMETER_BY_NAME, STRESS_SCATTER, Parameter
 from pyburgers.model.prior_families import PriorTable, check_beta, load_prior
@@ -25,6 +25,9 @@ from pyburgers.protocols.experiment import Experiment, Provenance, ProvenanceTab
 from pyburgers.protocols.protocol import protocol_of
 
 FloatArray = npt.NDArray[np.float64]
+
+PROTOCOL = "peak_stress"
+"""Key `protocol` of such tables."""
 
 LEAST_POINTS = 3
 """Points below which not even the flow rate, the stress exponent and the scatter can be told."""
@@ -190,7 +193,14 @@ def load_peak_stress(path: str | Path) -> PeakStressData:
         `LEAST_POINTS` points.
     """
     path = Path(path)
-    file = read_toml(path, _PeakStressFile)
+    content = read_tables(path)
+    # Of a file of another kind none of the keys that it lacks is worth a word.
+    if content.get("protocol", PROTOCOL) != PROTOCOL:
+        raise InputError(
+            f"{path}: key 'protocol': found {content['protocol']!r}, expected {PROTOCOL!r} (the "
+            "kind of table)."
+        )
+    file = checked(path, content, _PeakStressFile)
     data = file.data
     wanted = dict(QUANTITIES)
     if data.relative_stress_uncertainty_column is not None:
@@ -237,7 +247,7 @@ def save_peak_stress(data: PeakStressData, directory: Path) -> Path:
     table = {
         "id": data.id,
         "material": data.material,
-        "protocol": "peak_stress",
+        "protocol": PROTOCOL,
         "data": {
             "file": "peak_stress.csv",
             **{f"{name}_column": name for name in COLUMNS},

@@ -122,6 +122,7 @@ def attenuation_spectrum(
     """
     draws, size, fabric = checked_inputs(parameters, temperature, grain_size, fabric_factor)
     frequency = checked_frequencies(frequencies)
+    hold_time = checked_hold_time(hold_time)
     omega = 2 * np.pi * frequency
     kelvin = kelvin_part(parameters, temperature, size)
     draws["maxwell_modulus"] = modulus_at(parameters, draws["maxwell_modulus"], temperature)
@@ -172,7 +173,7 @@ def attenuation_spectrum(
             "median_stress": ("regime", [r.median_stress for r in regimes], {"units": "Pa"}),
             "amplitude": ("regime", [r.amplitude for r in regimes], {"units": "Pa"}),
             "temperature": ((), float(temperature), {"units": "K"}),
-            "hold_time": ((), checked_hold_time(hold_time), {"units": "s"}),
+            "hold_time": ((), hold_time, {"units": "s"}),
             "critical_share": ((), checked_share(critical_share), number_of_one),
         },
     )

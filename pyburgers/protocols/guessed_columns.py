@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -10,9 +10,15 @@ import numpy.typing as npt
 
 from pyburgers.common.text_tables import TextTable
 
+OTHER_QUANTITIES = re.compile(
+    r"rate(?![a-z])|confin|pore|radial|lateral|volum|loss.?modul|strain.?ampl"
+)
+"""What the name of a column has that is none of these, though it may look like one: strain rates,
+pressures and strains beside the axis, loss moduli, which are no tan(delta)."""
+
 QUANTITIES: Mapping[str, str] = MappingProxyType(
     {
-        "attenuation": r"tan|1/q|q-?1|inverse_?q|q_?inv|attenuation|loss",
+        "attenuation": r"tan|1/q|q\^?[({]?-?1|q⁻¹|inverse_?q|q_?inv|attenuation|loss",
         "modulus": r"modulus|^[ge](?![a-z])",
         "period": r"period",
         "frequency": r"freq|^f(?![a-z])|omega",
@@ -43,10 +49,28 @@ UNITS: Mapping[str, tuple[tuple[str, str], ...]] = MappingProxyType(
             ("C", r"celsius|°c|(?<![a-z])deg_?c|(?<![a-z])c(?![a-z])"),
             ("K", r"kelvin|(?<![a-z])k(?![a-z])"),
         ),
-        "frequency": (("Hz", "hz"),),
+        "frequency": (("Hz", r"(?<![a-z])hz"),),
     }
 )
 """Units as the names of columns have them, in lower case."""
+
+FOREIGN_UNITS: Mapping[str, str] = MappingProxyType(
+    {
+        "strain": r"[mµμ](?:icro|illi)?_?(?:strain|[εϵ])|ppm|‰|10\^?-\d|1e-\d"
+        r"|[mµμu]m/m(?!m)|(?<![a-z/])(?:mm|cm|µm|μm|um)(?![a-z/])",
+        "stress": r"[khm]bar|(?<![a-z])(?:[kh]pa|psi|ksi|bar|atm|kn|kgf?|lbf?)(?![a-z])"
+        r"|[(\[]n[)\]]|load_?n$",
+        "time": r"day|week|month|year|(?<![a-z])(?:d|yrs?|[mµμun]s(?:ec)?)(?![a-z])",
+        "temperature": r"fahrenheit|°f|(?<![a-z])f(?![a-z])",
+        "frequency": r"(?<![a-z])[kmµμun]hz|rad|omega|ω",
+        "attenuation": r"(?<![a-z])ln(?![a-z])|%|percent|10\^?-[2-9]|1e-\d",
+    }
+)
+"""Units as the names of columns have them, in lower case, that experiment files do not know; an
+angular frequency is one."""
+
+LOGARITHM = re.compile(r"(?<![a-z])(?:log|ln)(?![a-z])|(?<![a-z])log_?10")
+"""What the name of a column of logarithms looks like, which are read of attenuation alone."""
 
 SAME_UNIT = {
     "modulus": "stress",
@@ -77,18 +101,37 @@ class GuessedColumn:
     unit : str or None
         Its unit; None where it has none.
     told_by : str
-        What says so: its name, its numbers, or nothing.
+        What says so: its name, its numbers, the column that it shares its unit with, or nothing.
+    is_foreign : bool
+        Whether its name has a unit that experiment files do not know, or says that its numbers are
+        logarithms; it has no unit then.
     """
 
     quantity: str
     column: str | int
     unit: str | None
     told_by: str
+    is_foreign: bool = False
+
+    @property
+    def kind(self) -> str:
+        """What its unit is one of, a key of `UNITS` where it has one."""
+        quantity = self.quantity.removesuffix("_uncertainty")
+        return SAME_UNIT.get(quantity, quantity)
+
+    @property
+    def shares_unit_with(self) -> str | None:
+        """Return the other quantity whose unit a file states for both, if there is one."""
+        if self.quantity.endswith("_uncertainty"):
+            return self.quantity.removesuffix("_uncertainty")
+        return "median_stress" if self.quantity == "amplitude" else None
 
     @property
     def sentence(self) -> str:
         """What was guessed."""
         unit = "" if self.unit is None else f" in {self.unit} (by {self.told_by})"
+        if self.is_foreign:
+            unit = " in a unit that experiment files do not know (by its name)"
         return f"{self.quantity.replace('_', ' ')}: column {self.column!r}{unit}"
 
 
@@ -101,7 +144,7 @@ def guess_columns(table: TextTable) -> dict[str, GuessedColumn]:
     for column, quantity in _named(table).items():
         if quantity not in found:
             found[quantity] = _with_unit(table, column, quantity)
-    return found
+    return {quantity: _with_shared_unit(guessed, found) for quantity, guessed in found.items()}
 
 
 def _named(table: TextTable) -> dict[str | int, str]:
@@ -114,6 +157,8 @@ def _named(table: TextTable) -> dict[str | int, str]:
     found: dict[str | int, str] = {}
     for column, name in zip(columns, names, strict=True):
         plain = name.lower()
+        if OTHER_QUANTITIES.search(plain):
+            continue
         quantity = next((q for q, looks in QUANTITIES.items() if re.search(looks, plain)), None)
         if quantity is not None and table.numbers(column):
             found[column] = quantity + "_uncertainty" * bool(ERRORS.search(plain))
@@ -124,13 +169,23 @@ def _with_unit(table: TextTable, column: str | int, quantity: str) -> GuessedCol
     """Add the unit of a column, as its name or its numbers have it."""
     names = table.names or table.hidden_names
     name = str(column) if names is None else names[table.columns.index(column)]
-    kind = quantity.removesuffix("_uncertainty")
-    kind = SAME_UNIT.get(kind, kind)
+    plain, kind = name.lower(), GuessedColumn(quantity, column, None, "").kind
+    is_logarithm = kind != "attenuation" and LOGARITHM.search(plain) is not None
     for named, looks in UNITS.get(kind, ()):
-        if re.search(looks, name.lower()):
+        if re.search(looks, plain) and not is_logarithm:
             return GuessedColumn(quantity, column, named, "its name")
+    if is_logarithm or (kind in FOREIGN_UNITS and re.search(FOREIGN_UNITS[kind], plain)):
+        return GuessedColumn(quantity, column, None, "its name", is_foreign=True)
     unit, told_by = _unit_of_numbers(kind, table.numbers(column))
     return GuessedColumn(quantity, column, unit, told_by)
+
+
+def _with_shared_unit(guessed: GuessedColumn, found: Mapping[str, GuessedColumn]) -> GuessedColumn:
+    """Return a column with the unit that it shares with another, where its name says none."""
+    other = found.get(guessed.shares_unit_with or "")
+    if other is None or guessed.told_by == "its name":
+        return guessed
+    return replace(guessed, unit=other.unit, told_by=f"that of {other.column!r}")
 
 
 def _unit_of_numbers(kind: str, numbers: Sequence[float]) -> tuple[str | None, str]:

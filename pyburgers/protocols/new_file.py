@@ -97,17 +97,24 @@ class NewFile(ABC):
         What the file is read as.
     needed : sequence of sequences of str
         Quantities whose columns it needs, one of each.
+    quantities : collection of str
+        Those whose columns its files name.
     questions : sequence of Question
         What may be asked for it alone.
     """
 
     experiment: ClassVar[type[Experiment]]
     needed: ClassVar[Sequence[Sequence[str]]]
+    quantities: ClassVar[Collection[str]]
     questions: ClassVar[Sequence[Question]] = ()
 
     @abstractmethod
     def suits(self, table: TextTable, columns: Mapping[str, GuessedColumn]) -> str | None:
         """Return why a text file looks like such a test, as the end of a sentence, if it does."""
+
+    def read(self, columns: Mapping[str, GuessedColumn]) -> Mapping[str, GuessedColumn]:
+        """Return those of the columns of a text file that its files name."""
+        return {name: one for name, one in columns.items() if name in self.quantities}
 
     def asked(self, columns: Collection[str], given: Mapping[str, Any]) -> Collection[str]:
         """Return the names of those of its questions that are asked.

@@ -287,3 +287,20 @@ def test_a_good_file_is_read_as_a_fit_reads_it(checked: Checked, tmp_path: Path)
     assert lines[-1] == (
         f"{tmp_path / 'test.toml'}: no errors, sample-1: constant_rate of ice, {points} points"
     )
+
+
+def test_a_plan_of_a_campaign_is_checked_as_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plan = tmp_path / "plan.toml"
+    test = DATA / "ice" / "PIL40.toml"
+    plan.write_text(f'id = "plan"\n[tests]\none = ["{test}"]\n', encoding="utf-8")
+    assert main(["check-file", str(plan)]) == 0
+    assert capsys.readouterr().out == f"{plan}: no errors\n"
+    plan.write_text(f'id = "plan"\nvariant = 1\n[tests]\none = ["{test}", 2]\n', "utf-8")
+    assert main(["campaign", str(plan)]) == 2
+    assert capsys.readouterr().err.endswith("`pyburgers check-file` tells 1 more.\n")
+    assert main(["check-file", str(plan)]) == 2
+    out = capsys.readouterr().out
+    assert "unknown key 'variant', did you mean 'variants'?" in out
+    assert f"{plan}: 2 errors; it cannot be used yet" in out

@@ -352,3 +352,118 @@ def test_a_file_that_is_there_is_left_alone(
     path.with_suffix(".toml").write_text("mine", encoding="utf-8")
     assert_refused(main(["new", str(path), *KNOWN, *RATE]), capsys, "exists already")
     assert path.with_suffix(".toml").read_text(encoding="utf-8") == "mine"
+
+
+@pytest.mark.parametrize(
+    ("names", "protocol", "words"),
+    [
+        ("strain,stress (kPa)", "constant_rate", ("'stress (kPa)'", "GPa or MPa or Pa")),
+        ("microstrain,stress", "constant_rate", ("'microstrain'", "percent or fraction")),
+        ("shortening (mm),stress", "constant_rate", ("'shortening (mm)'",)),
+        ("strain,load_kN", "constant_rate", ("'load_kN'",)),
+        ("time (days),strain,stress", "loading_history", ("'time (days)'", "s; turn")),
+        ("log10 time (s),strain,stress", "loading_history", ("'log10 time (s)'",)),
+        ("frequency (mHz),tan_delta", "attenuation", ("'frequency (mHz)'", "in Hz")),
+        ("omega (rad/s),tan_delta", "attenuation", ("'omega (rad/s)'",)),
+        ("period_s,ln(1/Q)", "attenuation", ("'ln(1/Q)'", "log10 of them")),
+        ("period_s,tan_delta,median_MPa,ampl_Pa", "attenuation", ("found Pa, expected MPa",)),
+        ("period_s,tan_delta,G_GPa,G_err_MPa", "attenuation", ("found MPa, expected GPa",)),
+    ],
+)
+def test_a_unit_that_the_file_could_not_hold_is_refused(
+    names: str,
+    protocol: str,
+    words: tuple[str, ...],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    path = tmp_path / "table.csv"
+    rows = ["0.1,0.2,0.3,0.4", "0.2,0.3,0.4,0.5", "0.3,0.4,0.5,0.6"]
+    n_columns = names.count(",") + 1
+    table = [names, *(",".join(row.split(",")[:n_columns]) for row in rows)]
+    path.write_text("\n".join(table) + "\n", encoding="utf-8")
+    assert main(["new", str(path), *KNOWN, "--protocol", protocol]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith(f"pyburgers: {path}: column ")
+    assert error.count("\n") == 1
+    assert all(word in error for word in words)
+    assert not path.with_suffix(".toml").exists()
+
+
+@pytest.mark.parametrize("name", ["strain (mm/mm)", "eps (-)", "axial strain [m/m]"])
+def test_a_strain_of_lengths_is_a_fraction(name: str, tmp_path: Path) -> None:
+    path = tmp_path / "curve.csv"
+    path.write_text(f"{name},stress (kPa) in MPa\n0.001,2\n0.02,3\n", encoding="utf-8")
+    test = made(path, *RATE)
+    assert isinstance(test, ConstantRateExperiment)
+    np.testing.assert_allclose(test.strain, [0.001, 0.02])
+
+
+def test_what_looks_like_a_quantity_and_is_another_is_left_alone(tmp_path: Path) -> None:
+    path = tmp_path / "curve.csv"
+    path.write_text(
+        "confining_pressure_MPa,strain_rate,radial strain,strain,stress_MPa\n"
+        "50,1e-5,0.1,0.001,2\n50,1e-5,0.2,0.02,3\n",
+        encoding="utf-8",
+    )
+    columns = guess_columns(look_at(path))
+    assert {name: one.column for name, one in columns.items()} == {
+        "strain": "strain",
+        "stress": "stress_MPa",
+    }
+    path.write_text("period_s,loss modulus (GPa),strain_amplitude,1/Q\n1,2,1e-5,0.1\n", "utf-8")
+    columns = guess_columns(look_at(path))
+    assert {name: one.column for name, one in columns.items()} == {
+        "period": "period_s",
+        "attenuation": "1/Q",
+    }
+
+
+def test_an_error_has_the_unit_of_its_quantity_and_what_is_left_out_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "curve.csv"
+    path.write_text("strain,stress_Pa,stress_sd\n0.001,2e6,5e3\n0.02,3e6,5e3\n", "utf-8")
+    made(path, *RATE)
+    out = capsys.readouterr().out.splitlines()
+    assert "guessed: stress uncertainty: column 'stress_sd' in Pa (by that of 'stress_Pa')" in out
+    assert "left out: column 'stress_sd', which such a file does not name" in out
+
+
+def test_creep_under_several_loads(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "creep.csv"
+    loads = [1.0] * 10 + [2.0] * 10 + [0.0] * 6
+    rows = [f"{k},{0.01 * k**0.5},{load}" for k, load in enumerate(loads, start=1)]
+    path.write_text("\n".join(["time_h,strain (%),stress (MPa)", *rows]) + "\n", "utf-8")
+    test = made(path)
+    assert isinstance(test, LoadingHistory)
+    assert test.stages[0].control == "stress_series"
+    assert "because the stress goes in steps and stays" in capsys.readouterr().out
+
+
+def test_a_curve_that_is_steep_at_first_is_no_creep(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "curve.csv"
+    stress = [1.0, 2.0, 3.0, 4.0, 4.5] + [4.8, 4.81, 4.82] * 5
+    rows = [f"{k},{1e-3 * k},{one}" for k, one in enumerate(stress, start=1)]
+    path.write_text("\n".join(["time_s,strain,stress (MPa)", *rows]) + "\n", "utf-8")
+    made(path, *RATE)
+    assert "protocol constant_rate" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", ["Q^-1", "Q-1", "Q⁻¹", "Q^{-1}", "1/Q", "log10(Q^-1)"])
+def test_attenuation_has_many_names(name: str, tmp_path: Path) -> None:
+    path = tmp_path / "table.csv"
+    path.write_text(f"period_s,{name}\n1,0.1\n10,0.2\n", encoding="utf-8")
+    assert guess_columns(look_at(path))["attenuation"].column == name
+
+
+def test_a_test_in_which_nothing_is_imposed_is_not_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "creep.csv"
+    path.write_text("time_h,strain (%)\n1,0.1\n10,0.4\n20,0.7\n", encoding="utf-8")
+    assert main(["new", str(path), *KNOWN, "--stress-MPa", "0"]) == 2
+    assert "found zero wherever a stress or a strain is imposed" in capsys.readouterr().err
+    assert not path.with_suffix(".toml").exists()

@@ -208,6 +208,7 @@ BAD_OPTIONS: dict[str, tuple[Arguments, str]] = {
     "fabric": (("--fabric-factor", "-1"), "fabric_factor: found -1"),
     "microstructure": (("--microstructure", "frozen"), "'frozen'"),
     "hold": (("--hold-time-h", "0"), "hold_time: found 0"),
+    "negative hold": (("--hold-time-h", "-1000000"), "hold_time: found -3.6e+09"),
     "share": (("--critical-share", "-1"), "critical_share: found -1"),
     "modulus": (("--elastic-modulus-Pa", "0"), "elastic_modulus: found 0"),
     "three moduli": (("--elastic-modulus-Pa", "1", "2", "3"), "found 3 numbers"),

@@ -232,3 +232,13 @@ def test_wrong_priors_are_refused_in_one_sentence(
 def test_a_material_without_default_priors_is_named() -> None:
     with pytest.raises(InputError, match="material 'basalt' has no default priors"):
         default_peak_stress_priors("basalt")
+
+
+def test_a_file_of_another_kind_is_told_by_its_protocol() -> None:
+    path = ICE / "PIL40.toml"
+    with pytest.raises(InputError) as caught:
+        load_peak_stress(path)
+    assert caught.value.sentences == (
+        f"{path}: key 'protocol': found 'constant_rate', expected 'peak_stress' "
+        "(the kind of table).",
+    )

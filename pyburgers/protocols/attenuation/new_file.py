@@ -25,11 +25,22 @@ class AttenuationFile(NewFile):
 
     experiment = AttenuationExperiment
     needed = (("period", "frequency"), ("attenuation",))
+    quantities = frozenset(
+        {"period", "frequency", "temperature", "median_stress", "amplitude", "attenuation"}
+        | {"attenuation_uncertainty", "limit", "modulus", "modulus_uncertainty"}
+    )
     questions = (DEFORMATION, POISSON_RATIO)
 
     def suits(self, table: TextTable, columns: Mapping[str, GuessedColumn]) -> str | None:
         """Return that attenuation is read."""
         return "there is a column of attenuation" if "attenuation" in columns else None
+
+    def read(self, columns: Mapping[str, GuessedColumn]) -> Mapping[str, GuessedColumn]:
+        """Return what there is of a table, with the period rather than the frequency."""
+        found = super().read(columns)
+        needless = {"frequency"} if "period" in found else set()
+        needless |= set() if "modulus" in found else {"modulus_uncertainty"}
+        return {name: one for name, one in found.items() if name not in needless}
 
     def taken(self, columns: Collection[str], given: Mapping[str, Any]) -> Collection[str]:
         """Return Poisson's ratio only where the deformation may be shear."""

@@ -24,11 +24,17 @@ class ConstantRateFile(NewFile):
 
     experiment = ConstantRateExperiment
     needed = (("strain", "time"), ("stress",))
+    quantities = frozenset({"strain", "time", "stress"})
     questions = (STRAIN_RATE, STRESS_ERROR)
 
     def suits(self, table: TextTable, columns: Mapping[str, GuessedColumn]) -> str | None:
         """Return that there is a curve; one that oscillates or creeps is asked about before."""
         return f"there are {'strain' if 'strain' in columns else 'time'} and stress"
+
+    def read(self, columns: Mapping[str, GuessedColumn]) -> Mapping[str, GuessedColumn]:
+        """Return strain and stress, or time and stress."""
+        found = super().read(columns)
+        return {name: one for name, one in found.items() if name != "time" or "strain" not in found}
 
     def asked(self, columns: Collection[str], given: Mapping[str, Any]) -> Collection[str]:
         """Return the rate: a fit infers the error of a stress where none is stated."""

@@ -24,6 +24,7 @@ class ForcedOscillationFile(NewFile):
 
     experiment = OscillationExperiment
     needed = (("time",), ("strain",), ("stress",))
+    quantities = frozenset({"time", "strain", "strain_uncertainty", "stress", "stress_uncertainty"})
     questions = (
         Question("strain_uncertainty", "standard deviation of a strain, in its unit", float),
         STRESS_ERROR,

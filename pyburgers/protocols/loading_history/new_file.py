@@ -5,6 +5,7 @@ from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from pyburgers.common.text_tables import TextTable
 from pyburgers.protocols.guessed_columns import GuessedColumn, goes_back_and_forth, numbers_of
@@ -23,6 +24,9 @@ from pyburgers.protocols.new_file import (
 
 STEADY_STRESS = 0.05
 """Relative range of a stress that counts as constant."""
+
+LEAST_READINGS = 5
+"""Of a load among several, for most of them."""
 
 STRESS = Question("stress_MPa", "imposed stress in MPa", float)
 HOLD_START = Question(
@@ -50,6 +54,7 @@ class LoadingHistoryFile(NewFile):
 
     experiment = LoadingHistory
     needed = (("time",), ("strain", "stress"))
+    quantities = frozenset({"time", "strain", "stress"})
     questions = (STRAIN_RATE, STRESS, HOLD_START, LOADING_TIME)
 
     def suits(self, table: TextTable, columns: Mapping[str, GuessedColumn]) -> str | None:
@@ -58,15 +63,13 @@ class LoadingHistoryFile(NewFile):
             return None
         if "stress" not in columns:
             return "there are time and strain but no stress"
+        if goes_back_and_forth(numbers_of(table, columns, "strain")):
+            return None
         stress = numbers_of(table, columns, "stress")
         level = np.median(stress)
-        if (
-            level
-            and np.ptp(stress[stress.size // 10 :]) < STEADY_STRESS * abs(level)
-            and not goes_back_and_forth(numbers_of(table, columns, "strain"))
-        ):
+        if level and np.ptp(stress[stress.size // 10 :]) < STEADY_STRESS * abs(level):
             return "the stress stays the same while strain grows"
-        return None
+        return "the stress goes in steps and stays the same between" if _in_steps(stress) else None
 
     def taken(self, columns: Collection[str], given: Mapping[str, Any]) -> Collection[str]:
         """Return what belongs to the stress or the rate that drives it, of which there is one.
@@ -115,6 +118,20 @@ class LoadingHistoryFile(NewFile):
             "# grain_size_m = 165e-6",
             "# grain_size_sd_m = 8e-6",
         ]
+
+
+def _in_steps(stress: npt.NDArray[np.float64]) -> bool:
+    """Whether a stress is several loads, each read a few times or more.
+
+    A curve that is steep at first has many steps too, but of a reading each.
+    """
+    steady = STEADY_STRESS * np.max(np.abs(stress))
+    loads = np.split(stress, np.flatnonzero(np.abs(np.diff(stress)) > steady) + 1)
+    return (
+        len(loads) > 1
+        and np.median([load.size for load in loads]) >= LEAST_READINGS
+        and all(np.ptp(load) < steady for load in loads)
+    )
 
 
 def _is_held(given: Mapping[str, Any]) -> bool:

@@ -136,12 +136,13 @@ def _state_at(now: float, time: FloatArray, strain: FloatArray) -> tuple[float, 
 
 
 def check_loaded(path: Path, found: Response, stages: Sequence[Stage]) -> None:
-    """Check that stresses are not read before anything is imposed.
+    """Check that something is imposed, and that stresses are not read before.
 
     Raises
     ------
     InputError
-        If one differs from zero, by more than a small share of the largest stress.
+        If one differs from zero, by more than a small share of the largest stress, or the model is
+        at rest throughout.
     """
     time, stage, value = found
     legs = legs_of(stages)
@@ -157,6 +158,11 @@ def check_loaded(path: Path, found: Response, stages: Sequence[Stage]) -> None:
             f"{_shown(float(value[idle][0]), 'strain')} although nothing was imposed up to it, "
             "expected the loading as a stage ahead of it, such as control 'strain_rate' with the "
             "strain and the time that it took: time counts from where the sample is at rest."
+        )
+    if first is None:
+        raise InputError(
+            f"{path}: [[stages]]: found zero wherever a stress or a strain is imposed, expected "
+            "another value somewhere because readings of a model at rest tell nothing."
         )
 
 

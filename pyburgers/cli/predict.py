@@ -34,6 +34,7 @@ from pyburgers.predictions.evolving import (
 from pyburgers.predictions.material import fitted_material
 from pyburgers.predictions.measured_attenuation import load_measured_attenuation
 from pyburgers.predictions.stress_cycles import HOLD_TIME, PAPER_REGIMES, Regime, regimes_named
+from pyburgers.protocols.conditions import outside
 
 TEST, ATTENUATION = "test", "attenuation"
 """What can be predicted."""
@@ -192,6 +193,8 @@ def _predict(fit: Fit, options: argparse.Namespace, out: Path) -> None:
             CRITICAL_SHARE if options.critical_share is None else options.critical_share
         ),
     )
+    cautions = (*fit.cautions, *_beyond(fit, material.temperature))
+    spectrum = spectrum.assign_attrs(cautions="\n".join(cautions))
     comparison = None
     if options.evolving is not None:
         comparison = evolving_attenuation(
@@ -211,6 +214,8 @@ def _predict(fit: Fit, options: argparse.Namespace, out: Path) -> None:
             save_spectrum(comparison, evolved.with_suffix(".nc"))
             files += [evolved, evolved.with_suffix(".nc")]
     print(f"{spectrum.attrs['title']}: tan(delta), median and 90 % of the draws")
+    for sentence in cautions:
+        print(sentence)
     print(overview_table(spectrum).to_string(index=False))
     print(frozen_sentence(spectrum))
     print(elastic_modulus_sentence(spectrum))
@@ -219,6 +224,16 @@ def _predict(fit: Fit, options: argparse.Namespace, out: Path) -> None:
         print(evolving_sentence(comparison))
     for file in files:
         print(file)
+
+
+def _beyond(fit: Fit, temperature: float) -> list[str]:
+    """Say whether a temperature (K) lies outside those that were fitted."""
+    fitted = fit.experiment.temperatures
+    beyond = outside(
+        {"temperature": (temperature, temperature)},
+        [{"temperature": (float(fitted.min()), float(fitted.max()))}],
+    )
+    return [f"Beyond what was fitted: {'; '.join(beyond)}."] if beyond else []
 
 
 def _elastic_modulus(options: argparse.Namespace) -> tuple[float | None, float]:

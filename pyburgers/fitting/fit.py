@@ -167,9 +167,7 @@ class Fit(SampledFit):
         experiment, draws, separate_from, seed
             As for `pyburgers.fitting.prediction.predict_test`, which says what is raised.
         """
-        found = self.verdicts().values()
-        cautions = tuple(one.sentence for one in found if one.outcome is not Outcome.YES)
-        source = Source(self.problem, self.tests(), self.posterior, cautions)
+        source = Source(self.problem, self.tests(), self.posterior, self.cautions)
         return predict_test(source, experiment, draws=draws, separate_from=separate_from, seed=seed)
 
     @property

@@ -162,6 +162,12 @@ class SampledFit(ABC):
         return self.verdicts()[CheckKind.DESCRIPTION].outcome
 
     @property
+    def cautions(self) -> tuple[str, ...]:
+        """A sentence for each of the two questions that is not answered with yes."""
+        found = self.verdicts().values()
+        return tuple(one.sentence for one in found if one.outcome is not Outcome.YES)
+
+    @property
     def checked_draws(self) -> CheckedDraws:
         """What the checks look at."""
         limit = self.manifest["sampler"]["max_treedepth"]

@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 import xarray as xr
 
+from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.cli.main import main
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
@@ -55,6 +56,28 @@ def test_a_prediction_is_a_table_all_draws_and_a_figure(
     assert out.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
     assert "<svg" in out.with_suffix(".svg").read_text(encoding="utf-8")
     assert len(list(tmp_path.iterdir())) == 4
+
+
+@pytest.mark.parametrize(("temperature", "beyond"), [(260.0, False), (271.0, True)])
+def test_what_speaks_against_a_prediction_is_said_before_it(
+    small_fit: Fit,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    temperature: float,
+    beyond: bool,
+) -> None:
+    out, run = tmp_path / "tan_delta.csv", small_fit.directory.path
+    options = ("--temperature-K", str(temperature), "--frequencies-Hz", "1e-3")
+    assert predict(run, out, *options) == 0
+    printed = capsys.readouterr().out
+    with xr.open_dataset(out.with_suffix(".nc"), engine="h5netcdf") as draws:
+        cautions = draws.attrs["cautions"].splitlines()
+    assert small_fit.sampled_well is Outcome.NO  # 200 draws
+    assert cautions[0] == small_fit.verdicts()[CheckKind.SAMPLING].sentence
+    told = "Beyond what was fitted: temperature 271 K (fitted: 260)."
+    assert (told in cautions) is beyond
+    table = printed.index("4 ± 1.5 MPa")
+    assert all(0 <= printed.index(one) < table for one in cautions)
 
 
 def test_measured_points_are_drawn_over_the_prediction(

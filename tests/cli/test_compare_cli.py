@@ -187,7 +187,7 @@ def test_bad_tables_priors_and_folders_are_refused(
         return main(["fit-peak-stress", table, "--out", str(tmp_path / "run"), *options])
 
     assert_refused(run(str(tmp_path / "none.toml")), capsys, "does not exist")
-    assert_refused(run(str(ICE / "PIL40.toml")), capsys, "unknown key", "PIL40.toml")
+    assert_refused(run(str(ICE / "PIL40.toml")), capsys, "key 'protocol'", "PIL40.toml")
     ice = str(ICE.parent / "priors" / "ice.toml")
     assert_refused(run(TABLE, "--priors", ice), capsys, "unknown key")
     assert_refused(run(TABLE, "--chains", "0"), capsys, "chains is 0")

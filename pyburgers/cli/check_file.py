@@ -13,6 +13,7 @@ from pyburgers.cli.file_hints import doubts, hints, text_files
 from pyburgers.common.errors import InputError, StructureError
 from pyburgers.common.toml_files import read_tables, write_toml
 from pyburgers.common.units import count_points, counted
+from pyburgers.flow_law_tables.inputs import PROTOCOL as PEAK_STRESS
 from pyburgers.flow_law_tables.inputs import (
     load_peak_stress,
     load_peak_stress_priors,
@@ -123,7 +124,7 @@ def _reader(content: Mapping[str, Any]) -> Callable[[Path], object]:
             "pyburgers.studies.campaign"
         ).load_campaign
         return read_plan
-    return load_peak_stress if content.get("protocol") == "peak_stress" else load_experiment
+    return load_peak_stress if content.get("protocol") == PEAK_STRESS else load_experiment
 
 
 def _is_plan(content: Mapping[str, Any]) -> bool:

@@ -34,7 +34,7 @@ from pyburgers.predictions.evolving import (
 from pyburgers.predictions.material import fitted_material
 from pyburgers.predictions.measured_attenuation import load_measured_attenuation
 from pyburgers.predictions.stress_cycles import HOLD_TIME, PAPER_REGIMES, Regime, regimes_named
-from pyburgers.protocols.conditions import outside
+from pyburgers.protocols.conditions import beyond_sentences, temperature_range
 
 TEST, ATTENUATION = "test", "attenuation"
 """What can be predicted."""
@@ -193,7 +193,9 @@ def _predict(fit: Fit, options: argparse.Namespace, out: Path) -> None:
             CRITICAL_SHARE if options.critical_share is None else options.critical_share
         ),
     )
-    cautions = (*fit.cautions, *_beyond(fit, material.temperature))
+    asked, fitted = (material.temperature,) * 2, temperature_range(fit.experiment)
+    beyond = beyond_sentences({"temperature": asked}, [{"temperature": fitted}])
+    cautions = (*fit.cautions, *beyond)
     spectrum = spectrum.assign_attrs(cautions="\n".join(cautions))
     comparison = None
     if options.evolving is not None:
@@ -224,16 +226,6 @@ def _predict(fit: Fit, options: argparse.Namespace, out: Path) -> None:
         print(evolving_sentence(comparison))
     for file in files:
         print(file)
-
-
-def _beyond(fit: Fit, temperature: float) -> list[str]:
-    """Say whether a temperature (K) lies outside those that were fitted."""
-    fitted = fit.experiment.temperatures
-    beyond = outside(
-        {"temperature": (temperature, temperature)},
-        [{"temperature": (float(fitted.min()), float(fitted.max()))}],
-    )
-    return [f"Beyond what was fitted: {'; '.join(beyond)}."] if beyond else []
 
 
 def _elastic_modulus(options: argparse.Namespace) -> tuple[float | None, float]:

@@ -23,7 +23,7 @@ from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.priors import PriorSet
 from pyburgers.posterior.groups import drawn_at_points, grid_group, groups_at_points
 from pyburgers.posterior.labelled_draws import label_draws
-from pyburgers.protocols.conditions import Ranges, conditions, outside
+from pyburgers.protocols.conditions import Ranges, beyond_sentences, conditions
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.problem import one_test
 from pyburgers.protocols.program_data import program_data
@@ -201,7 +201,7 @@ def _fitted_itself(source: Source, experiment: Experiment) -> list[str]:
     return [f"{experiment.id} is part of the fit, so that its data are no test of the prediction."]
 
 
-def _beyond(source: Source, experiment: Experiment, posterior: xr.DataTree) -> list[str]:
+def _beyond(source: Source, experiment: Experiment, posterior: xr.DataTree) -> tuple[str, ...]:
     """Say where a test leaves the conditions that were fitted."""
 
     def passed(test: Experiment, draws: xr.DataTree) -> Ranges:
@@ -210,8 +210,7 @@ def _beyond(source: Source, experiment: Experiment, posterior: xr.DataTree) -> l
         )
 
     fitted = [passed(test.experiment, test.posterior) for test in source.tests.values()]
-    beyond = outside(passed(experiment, posterior), fitted)
-    return [f"Beyond what was fitted: {'; '.join(beyond)}."] if beyond else []
+    return beyond_sentences(passed(experiment, posterior), fitted)
 
 
 def _unsolved(number: int, total: int) -> list[str]:

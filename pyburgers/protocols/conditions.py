@@ -55,9 +55,8 @@ def conditions(experiment: Experiment, predictions: xr.Dataset, parameters: xr.D
     clock = protocol.clock.name
     median[f"grid_{clock}"] = predictions[clock].to_numpy()
     solution = protocol.solution(experiment, median)
-    temperatures = experiment.temperatures
     found = {
-        "temperature": (float(temperatures.min()), float(temperatures.max())),
+        "temperature": temperature_range(experiment),
         "initial grain size": (experiment.initial_grain_size, experiment.initial_grain_size),
     }
     if "period_s" in solution:
@@ -107,6 +106,24 @@ def outside(target: Ranges, fitted: Sequence[Ranges]) -> tuple[str, ...]:
             there, here = (_range(*ends, factor) for ends in ((low, high), (least, most)))
             phrases.append(f"{name} {there} {unit} (fitted: {here})")
     return tuple(phrases)
+
+
+def beyond_sentences(target: Ranges, fitted: Sequence[Ranges]) -> tuple[str, ...]:
+    """Say in one sentence what `outside` finds; none where that is nothing.
+
+    Parameters
+    ----------
+    target, fitted
+        As for `outside`.
+    """
+    beyond = outside(target, fitted)
+    return (f"Beyond what was fitted: {'; '.join(beyond)}.",) if beyond else ()
+
+
+def temperature_range(experiment: Experiment) -> tuple[float, float]:
+    """Return the lowest and the highest temperature (K) of a test."""
+    temperatures = experiment.temperatures
+    return float(temperatures.min()), float(temperatures.max())
 
 
 def _range(low: float, high: float, factor: float) -> str:

@@ -116,8 +116,7 @@ class GuessedColumn:
     @property
     def kind(self) -> str:
         """What its unit is one of, a key of `UNITS` where it has one."""
-        quantity = self.quantity.removesuffix("_uncertainty")
-        return SAME_UNIT.get(quantity, quantity)
+        return _kind_of(self.quantity)
 
     @property
     def shares_unit_with(self) -> str | None:
@@ -165,11 +164,17 @@ def _named(table: TextTable) -> dict[str | int, str]:
     return found
 
 
+def _kind_of(quantity: str) -> str:
+    """Return what the unit of a quantity, or of its error, is one of."""
+    plain = quantity.removesuffix("_uncertainty")
+    return SAME_UNIT.get(plain, plain)
+
+
 def _with_unit(table: TextTable, column: str | int, quantity: str) -> GuessedColumn:
     """Add the unit of a column, as its name or its numbers have it."""
     names = table.names or table.hidden_names
     name = str(column) if names is None else names[table.columns.index(column)]
-    plain, kind = name.lower(), GuessedColumn(quantity, column, None, "").kind
+    plain, kind = name.lower(), _kind_of(quantity)
     is_logarithm = kind != "attenuation" and LOGARITHM.search(plain) is not None
     for named, looks in UNITS.get(kind, ()):
         if re.search(looks, plain) and not is_logarithm:

@@ -89,7 +89,7 @@ def test_the_closest_law_beats_a_least_squares_fit_of_a_power_law_that_hardens(
     assert not law.posterior["sample_stats"]["diverging"].any()
     for name in law.problem.free:
         assert float(az.rhat(draws[name].to_numpy())) < 1.05, name
-    # Climbs end at a stiff Kelvin element, too, with a 3600th of the probability.
+    # Climbs end at a stiff Kelvin element, too, with a 4500th of the probability.
     assert float(draws["kelvin_modulus"].max()) < 20e9
     (stiff,) = law.manifest["other_modes"]
     (values,) = stiff["values"].values()

@@ -34,7 +34,7 @@ from pyburgers.predictions.evolving import (
 from pyburgers.predictions.material import fitted_material
 from pyburgers.predictions.measured_attenuation import load_measured_attenuation
 from pyburgers.predictions.stress_cycles import HOLD_TIME, PAPER_REGIMES, Regime, regimes_named
-from pyburgers.protocols.conditions import beyond_sentences, temperature_range
+from pyburgers.protocols.conditions import Ranges, beyond_sentences, temperature_range
 
 TEST, ATTENUATION = "test", "attenuation"
 """What can be predicted."""
@@ -149,23 +149,19 @@ def _attenuation(options: argparse.Namespace) -> int:
     """Predict attenuation from all tests that were asked for; return the exit code."""
     if options.out.suffix != ".csv":
         raise InputError(f"--out {options.out}: expected a file name that ends in .csv.")
-    fits = _fits(options)
+    whole = Fit.load(options.directory)
+    fits = [whole[options.test]] if options.test is not None else [*whole.tests().values()]
+    fitted = [{"temperature": temperature_range(test)} for test in whole.problem.experiments]
     for fit in fits:
         out = options.out
         if len(fits) > 1:
             out = out.with_name(f"{out.stem}_{fit.experiment.id}.csv")
-        _predict(fit, options, out)
+        _predict(fit, fitted, options, out)
     return 0
 
 
-def _fits(options: argparse.Namespace) -> list[Fit]:
-    """Return the fit of one test, or the tests of a joint fit that were asked for."""
-    fit = Fit.load(options.directory)
-    return [fit[options.test]] if options.test is not None else [*fit.tests().values()]
-
-
-def _predict(fit: Fit, options: argparse.Namespace, out: Path) -> None:
-    """Predict from a test; write the files and print what they say."""
+def _predict(fit: Fit, fitted: Sequence[Ranges], options: argparse.Namespace, out: Path) -> None:
+    """Predict from a test, of several that were fitted; write the files and print them."""
     beside = (".nc", ".png", ".svg", "_evolving.csv", "_evolving.nc")
     check_output(out, options.directory, options.measured, beside=beside)
     grain_size = options.grain_size_um
@@ -193,8 +189,7 @@ def _predict(fit: Fit, options: argparse.Namespace, out: Path) -> None:
             CRITICAL_SHARE if options.critical_share is None else options.critical_share
         ),
     )
-    asked, fitted = (material.temperature,) * 2, temperature_range(fit.experiment)
-    beyond = beyond_sentences({"temperature": asked}, [{"temperature": fitted}])
+    beyond = beyond_sentences({"temperature": (material.temperature,) * 2}, fitted)
     cautions = (*fit.cautions, *beyond)
     spectrum = spectrum.assign_attrs(cautions="\n".join(cautions))
     comparison = None

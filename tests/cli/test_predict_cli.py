@@ -1,6 +1,7 @@
 """`pyburgers predict attenuation`: files that it promises, exit codes, one sentence each."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -186,6 +187,24 @@ def test_a_joint_fit_predicts_for_each_of_its_tests(joint: Fit, tmp_path: Path) 
         one = tmp_path / "one.csv"
         assert predict(run, one, "--test", name, *options) == 0
         pd.testing.assert_frame_equal(pd.read_csv(one), table)
+
+
+def test_temperatures_of_all_tests_of_a_joint_fit_were_fitted(
+    joint: Fit,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    first, second = joint.problem.experiments
+    warmer = replace(second, temperature=second.temperature + 5.0)
+    problem = replace(joint.problem, experiments=(first, warmer))
+    monkeypatch.setattr(Fit, "load", lambda _: replace(joint, problem=problem))
+    run, out = joint.directory.path, tmp_path / "a.csv"
+    options = ("--test", first.id, "--frequencies-Hz", "1e-3", "--temperature-K")
+    assert predict(run, out, *options, "263") == 0
+    assert "Beyond what was fitted" not in capsys.readouterr().out
+    assert predict(run, out, *options, "270") == 0
+    assert "temperature 270 K (fitted: 260 to 265)" in capsys.readouterr().out
 
 
 def test_a_test_that_is_not_there_is_refused(

@@ -26,6 +26,9 @@ SHOWN: Mapping[str, tuple[str, float]] = {
 ROUNDING = 0.01
 """Share by which a condition may lie outside a range and still count as inside."""
 
+TEMPERATURE_ROUNDING = 0.001
+"""The same of a temperature: a percent of it, 2.6 K, can change rates of ice twofold."""
+
 
 def conditions(experiment: Experiment, predictions: xr.Dataset, parameters: xr.Dataset) -> Ranges:
     """Return the smallest and the largest value (SI) of every condition of a test.
@@ -101,7 +104,8 @@ def outside(target: Ranges, fitted: Sequence[Ranges]) -> tuple[str, ...]:
         low, high = target[name]
         least = min(one[name][0] for one in fitted)
         most = max(one[name][1] for one in fitted)
-        if low < least * (1 - ROUNDING) or high > most * (1 + ROUNDING):
+        share = TEMPERATURE_ROUNDING if name == "temperature" else ROUNDING
+        if low < least * (1 - share) or high > most * (1 + share):
             unit, factor = SHOWN[name]
             there, here = (_range(*ends, factor) for ends in ((low, high), (least, most)))
             phrases.append(f"{name} {there} {unit} (fitted: {here})")

@@ -17,6 +17,7 @@ from pydantic import Field
 from pyburgers.common.atomic_files import write_json
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, read_json
+from pyburgers.model.arrhenius import GAS_CONSTANT
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -25,8 +26,6 @@ PRIOR_QUANTITIES = ("stress_exponent", "grain_size_exponent", "log_reference_flo
 
 FLOW_LAW_PRIOR_FILE = "flow_law_prior.json"
 """Name of a saved flow law in a run directory."""
-
-GAS_CONSTANT = 8.314462618  # J/(mol K), as in stan/physics/flow_law.stan
 
 SAME_RATE, SAME_STRESS, SAME_GRAIN_SIZE, SAME_TEMPERATURE = 0.01, 0.05, 0.05, 5.0
 """Differences up to which two records may be of one test: of logarithms, and in kelvin. A peak

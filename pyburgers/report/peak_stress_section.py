@@ -20,6 +20,7 @@ from pyburgers.flow_law_tables.fit import (
 )
 from pyburgers.flow_law_tables.groups import GROUP_TEMPERATURES, groups
 from pyburgers.flow_law_tables.inputs import FLOW_LAW_PARAMETERS, least_squares
+from pyburgers.model.arrhenius import log_slowdown
 from pyburgers.model.display import (
     LENGTH_FACTOR,
     LENGTH_UNIT,
@@ -27,7 +28,6 @@ from pyburgers.model.display import (
     STRESS_UNIT,
     shown_quantity,
 )
-from pyburgers.model.flow_law_prior import GAS_CONSTANT
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.protocols.coordinates import REFERENCE_FLOW_RATE
 from pyburgers.report.tables import checks_page_table, fixed_row, posterior_row
@@ -117,7 +117,7 @@ def _temperature_text(fit: PeakStressFit) -> str:
     enthalpy = all_draws(fit.posterior["posterior"].to_dataset()["activation_enthalpy"])
     mean, temperature = fit.data.mean_conditions.temperature, fit.data.temperature
     coldest, warmest = (
-        _mean_and_sd(enthalpy / GAS_CONSTANT * (1 / at - 1 / mean))
+        _mean_and_sd(log_slowdown(enthalpy, at, mean))
         for at in (temperature.min(), temperature.max())
     )
     return (

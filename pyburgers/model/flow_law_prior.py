@@ -236,6 +236,15 @@ class FlowLawPrior:
         """Q_M (J/mol) from the quantities: `activation_enthalpy_from_flow` of the Stan functions.
 
         Outside Stan because priors are drawn from without a compiled program.
+
+        Parameters
+        ----------
+        stress_exponent, grain_size_exponent : float or array
+            n and p.
+        log_rate : float or array
+            ln(flow rate s) at `conditions`.
+        beta : float or array
+            mol/J; all four are broadcast against each other.
         """
         at = self.conditions
         log_factor = (
@@ -307,7 +316,13 @@ class FlowLawTable(Table):
     )
 
     def flow_law_prior(self, material: str, where: str) -> FlowLawPrior:
-        """Return the flow law of a material, checked; `where` is the file in messages."""
+        """Return the flow law of a material, checked; `where` is the file in messages.
+
+        Raises
+        ------
+        InputError
+            If its numbers are no flow law.
+        """
         if len({len(row) for row in self.covariance}) > 1:
             raise InputError(
                 f"{where}: found a covariance whose rows differ in length, expected a square one."

@@ -12,7 +12,7 @@ from pyburgers.common.draws import all_draws
 from pyburgers.common.units import number, with_error
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.drawing.panels import draw_band
-from pyburgers.drawing.style import BLUE, GREEN, ORANGE, PURPLE, VERMILION, style
+from pyburgers.drawing.style import BLUE, GREEN, MARKERS, ORANGE, PURPLE, VERMILION, style
 from pyburgers.flow_law_tables.fit import (
     FLOW_RATE_OF_TEST,
     PEAK_SOFTENING,
@@ -212,7 +212,6 @@ def _table(name: str, title: str, shown: pd.DataFrame, saved: pd.DataFrame) -> P
 
 
 GROUP_COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE)
-GROUP_MARKERS = ("o", "s", "^", "D", "v")
 
 FLOW_LAW_CAPTION = (
     "Strain rate against peak stress, both on logarithmic axes, one point for each test. Lines are "
@@ -257,7 +256,7 @@ def flow_law(fit: PeakStressFit) -> Figure:
                 data.strain_rate[group.points],
                 xerr=stress * spread if np.any(spread > 0) else None,
                 linestyle="none",
-                marker=GROUP_MARKERS[k % len(GROUP_MARKERS)],
+                marker=MARKERS[k % len(MARKERS)],
                 markersize=5,
                 markeredgecolor="white",
                 markeredgewidth=0.6,

@@ -11,10 +11,10 @@ import logging
 from dataclasses import replace
 from pathlib import Path
 
+from pyburgers.common.shipped_files import shipped_folder
 from pyburgers.fitting.side_by_side import fit_side_by_side
 from pyburgers.report.page import write_report
 from pyburgers.studies.halite import halite_section, halite_tasks
-from pyburgers.studies.maor.reproduce import shipped_data_directory
 
 
 def main() -> None:
@@ -31,7 +31,7 @@ def main() -> None:
     changes = {name: value for name, value in numbers.items() if value is not None}
     tasks = {
         name: replace(task, options=replace(task.options, **changes))
-        for name, task in halite_tasks(shipped_data_directory() / "halite").items()
+        for name, task in halite_tasks(shipped_folder("data") / "halite").items()
     }
     command = "python fit_measured_creep.py"
     fits = fit_side_by_side(tasks, given.out / "runs", command=command)

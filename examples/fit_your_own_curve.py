@@ -12,10 +12,10 @@ import logging
 from pathlib import Path
 
 import pyburgers
+from pyburgers.common.shipped_files import shipped_folder
 from pyburgers.drawing.style import image
 from pyburgers.protocols.constant_rate.figures import stress_strain
 from pyburgers.report.posterior_figures import prior_posterior
-from pyburgers.studies.maor.reproduce import shipped_data_directory
 
 
 def main() -> None:
@@ -25,7 +25,7 @@ def main() -> None:
         "experiment",
         type=Path,
         nargs="?",
-        default=shipped_data_directory() / "ice" / "PIL40.toml",
+        default=shipped_folder("data") / "ice" / "PIL40.toml",
     )
     parser.add_argument("--priors", type=Path, help="prior file (default: the material's)")
     parser.add_argument("--out", type=Path, help="run directory (default: runs/ID)")

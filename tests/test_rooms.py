@@ -135,6 +135,18 @@ def test_only_protocols_know_what_kind_of_test_there_is() -> None:
     assert not [place for name in FILES if room(name) != "protocols" for place in decisions(name)]
 
 
+def test_only_the_posterior_knows_arviz() -> None:
+    knowing = set()
+    for name, file in FILES.items():
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            modules = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            if isinstance(node, ast.ImportFrom):
+                modules = [node.module or ""]
+            if any(module.split(".")[0] == "arviz" for module in modules):
+                knowing.add(room(name))
+    assert knowing == {"posterior"}
+
+
 def test_files_are_short() -> None:
     files = [*FILES.values(), *(PACKAGE.parent / "stan").rglob("*.stan")]
     lengths = {file: len(file.read_text(encoding="utf-8").splitlines()) for file in files}

@@ -23,7 +23,7 @@ import xarray as xr
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.messages import messages_to
-from pyburgers.model.flow_law_prior import GAS_CONSTANT
+from pyburgers.model.arrhenius import GAS_CONSTANT
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.priors import default_priors
 from pyburgers.predictions.attenuation import (

@@ -48,9 +48,14 @@ def add_options(command: argparse.ArgumentParser) -> None:
     )
     predict_test.add_options(of_test)
     of_test.set_defaults(predict=predict_test.run)
-    command = predictions.add_parser(
+    of_attenuation = predictions.add_parser(
         ATTENUATION, help="tan(delta) of stress cycles about a median stress"
     )
+    _add_attenuation_options(of_attenuation)
+    of_attenuation.set_defaults(predict=_attenuation)
+
+
+def _add_attenuation_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("directory", type=Path, metavar="RUN", help="run directory of fit")
     command.add_argument(
         "--test",
@@ -116,7 +121,6 @@ def add_options(command: argparse.ArgumentParser) -> None:
         "like, tan_delta_sd and series",
     )
     command.add_argument("--seed", type=int, default=1, help="seed of draws of the elastic modulus")
-    command.set_defaults(predict=_attenuation)
 
 
 def with_default(arguments: Sequence[str]) -> list[str]:

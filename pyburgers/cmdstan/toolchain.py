@@ -1,6 +1,5 @@
 """The tools that turn a Stan program into an executable: CmdStan, a C++ compiler and make."""
 
-import importlib.resources
 import os
 import platform
 import re
@@ -12,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pyburgers.common.errors import ToolchainError
+from pyburgers.common.shipped_files import shipped_folder
 
 COMPILE_FLAGS: tuple[str, ...] = ()
 """Variables (``"NAME=value"``) given to CmdStan's make for every program.
@@ -85,14 +85,13 @@ def stan_directory() -> Path:
     ToolchainError
         If neither is there.
     """
-    package = Path(str(importlib.resources.files("pyburgers")))
-    for folder in (package / "stan", package.parent / "stan"):
-        if folder.is_dir():
-            return folder
-    raise ToolchainError(
-        f"The Stan programs are missing: there is neither {package / 'stan'} nor "
-        f"{package.parent / 'stan'}; install pyburgers again."
-    )
+    folder = shipped_folder("stan")
+    if not folder.is_dir():
+        raise ToolchainError(
+            f"The Stan programs are missing: {folder} does not exist, nor is there such a folder "
+            "inside the package; install pyburgers again."
+        )
+    return folder
 
 
 def cmdstan_home() -> Path:

@@ -16,6 +16,7 @@ from pyburgers.drawing.style import (
     BLACK,
     BLUE,
     GREEN,
+    MARKERS,
     ORANGE,
     PURPLE,
     VERMILION,
@@ -24,7 +25,6 @@ from pyburgers.drawing.style import (
 )
 
 FIT_COLOURS = (VERMILION, BLUE, GREEN, PURPLE, ORANGE)
-FIT_MARKERS = ("o", "s", "^", "D", "v")
 TEST_SHIFT = 0.12
 """Distance of the fits of a test from each other; tests are 1 apart."""
 
@@ -107,7 +107,7 @@ def _draw_differences(
         along[here],
         difference[here],
         linestyle="none",
-        marker=FIT_MARKERS[number % len(FIT_MARKERS)],
+        marker=MARKERS[number % len(MARKERS)],
         markersize=4,
         markeredgewidth=0,
         alpha=0.8,
@@ -140,7 +140,7 @@ def left_out_tests(comparison: ComparisonByTest) -> Figure:
                 lines + TEST_SHIFT * (k - (len(shown) - 1) / 2),
                 xerr=error,
                 linestyle="none",
-                marker=FIT_MARKERS[k % len(FIT_MARKERS)],
+                marker=MARKERS[k % len(MARKERS)],
                 markersize=5,
                 color=FIT_COLOURS[k % len(FIT_COLOURS)],
                 label=label,

@@ -18,6 +18,10 @@ from pyburgers.common.atomic_files import write_bytes
 BLACK, GREY = "#000000", "#b8b8b8"
 ORANGE, SKY_BLUE, GREEN = "#E69F00", "#56B4E9", "#009E73"
 BLUE, VERMILION, PURPLE = "#0072B2", "#D55E00", "#CC79A7"
+
+MARKERS = ("o", "s", "^", "D", "v")
+"""Of what stands beside each other in a figure, for readers without its colours."""
+
 PNG_DOTS_PER_INCH = 100
 
 SVG_DOTS_PER_INCH = 50

@@ -326,7 +326,14 @@ def fit_jointly(
     Parameters
     ----------
     experiments, priors, out, pool, options, solver, use_likelihood, command
-        As for `fit`, which says what is returned and raised.
+        As for `fit`, which says what is returned.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than two tests, or as for `fit`.
+    SamplingError
+        As for `fit`.
     """
     if len(experiments) < 2:
         raise InputError(f"joint fit: found {len(experiments)} test, expected at least two.")

@@ -67,6 +67,31 @@ def values_for(
 
     A shared parameter has the value of all tests, a partially pooled one is drawn from centre and
     spread, a separate one is that of a test of the fit, all separate ones of a draw of the same.
+
+    Parameters
+    ----------
+    source : Source
+        The draws.
+    draws : int or None
+        How many are kept, evenly spaced; None keeps all.
+    separate_from : str or None
+        Test that separate parameters are taken from; None takes each in turn.
+    rng : Generator
+        Of partially pooled parameters.
+
+    Returns
+    -------
+    array of int, shape (n_kept,)
+        Numbers of the draws that are kept, from 0, through all chains.
+    dict of str to array, shape (n_kept,)
+        Parameters by name (SI).
+    list of str
+        Where values of a joint fit are from: sentences.
+
+    Raises
+    ------
+    InputError
+        If `separate_from` is no test of the fit.
     """
     problem, tests = source.problem, source.tests
     if separate_from is not None and separate_from not in tests:
@@ -135,6 +160,13 @@ def of_the_apparatus(
         Numbers of the draws.
     rng : Generator
         Of what the file states with an error.
+
+    Returns
+    -------
+    dict of str to array, shape of `kept`
+        `OF_A_TEST` by name (SI).
+    list of str
+        Where they are from, if a fit has inferred some: sentences.
     """
     fitted = _that_was_fitted(source, experiment)
     drawn = xr.Dataset() if fitted is None else fitted.posterior["posterior"].to_dataset()
@@ -227,6 +259,17 @@ def under_conditions(
     """Return values with the errors of the conditions of a new test, and where they are from.
 
     The errors of a fitted test are another's, save where both were made with the same apparatus.
+
+    Parameters
+    ----------
+    source, experiment
+        The draws, and the new test.
+    kept : array of int, shape (n_kept,)
+        Numbers of the draws.
+    values : mapping of str to array, shape (n_kept,)
+        Parameters by name (SI).
+    rng : Generator
+        Of errors that are drawn anew.
     """
     others = {name: own for name, own in values.items() if name not in CONDITIONS}
     notes = []
@@ -252,6 +295,15 @@ def with_noises(
     values: Mapping[str, FloatArray], fitted: Problem, experiment: Experiment
 ) -> tuple[dict[str, FloatArray], list[str]]:
     """Return values with the noise of new readings: that of the fit, a stated one, or none.
+
+    Parameters
+    ----------
+    values : mapping of str to array, shape (n_kept,)
+        Parameters by name (SI).
+    fitted : Problem
+        What was fitted.
+    experiment : Experiment
+        What is read anew.
 
     Raises
     ------

@@ -17,6 +17,7 @@ from pydantic import Field
 from pyburgers.common.atomic_files import write_json
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, read_json
+from pyburgers.model.arrhenius import GAS_CONSTANT
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -25,8 +26,6 @@ PRIOR_QUANTITIES = ("stress_exponent", "grain_size_exponent", "log_reference_flo
 
 FLOW_LAW_PRIOR_FILE = "flow_law_prior.json"
 """Name of a saved flow law in a run directory."""
-
-GAS_CONSTANT = 8.314462618  # J/(mol K), as in stan/physics/flow_law.stan
 
 SAME_RATE, SAME_STRESS, SAME_GRAIN_SIZE, SAME_TEMPERATURE = 0.01, 0.05, 0.05, 5.0
 """Differences up to which two records may be of one test: of logarithms, and in kelvin. A peak
@@ -237,6 +236,15 @@ class FlowLawPrior:
         """Q_M (J/mol) from the quantities: `activation_enthalpy_from_flow` of the Stan functions.
 
         Outside Stan because priors are drawn from without a compiled program.
+
+        Parameters
+        ----------
+        stress_exponent, grain_size_exponent : float or array
+            n and p.
+        log_rate : float or array
+            ln(flow rate s) at `conditions`.
+        beta : float or array
+            mol/J; all four are broadcast against each other.
         """
         at = self.conditions
         log_factor = (
@@ -308,7 +316,13 @@ class FlowLawTable(Table):
     )
 
     def flow_law_prior(self, material: str, where: str) -> FlowLawPrior:
-        """Return the flow law of a material, checked; `where` is the file in messages."""
+        """Return the flow law of a material, checked; `where` is the file in messages.
+
+        Raises
+        ------
+        InputError
+            If its numbers are no flow law.
+        """
         if len({len(row) for row in self.covariance}) > 1:
             raise InputError(
                 f"{where}: found a covariance whose rows differ in length, expected a square one."

@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from pyburgers.common.errors import InputError, all_of, nearest
+from pyburgers.common.shipped_files import shipped_folder
 from pyburgers.common.toml_files import Table, read_toml, write_toml
 from pyburgers.model.flow_law_prior import FlowLawPrior, FlowLawTable
 from pyburgers.model.parameters import (
@@ -333,10 +334,8 @@ def shipped_prior_file(material: str, folder: str = ".", *, of: str = "") -> Pat
 
 def shipped_prior_files(folder: str = ".") -> dict[str, Path]:
     """Return the prior files that come with the package, in a folder of theirs, by material."""
-    package = Path(str(importlib.resources.files("pyburgers")))
-    # In a wheel the data lie inside the package, in a checkout beside it.
-    folders = [root / "data" / "priors" / folder for root in (package, package.parent)]
-    return {path.stem: path for place in folders for path in sorted(place.glob("*.toml"))}
+    files = (shipped_folder("data") / "priors" / folder).glob("*.toml")
+    return {path.stem: path for path in sorted(files)}
 
 
 class _FreedParametersFile(Table):

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from scipy.special import gamma
 
 from pyburgers.common.errors import InputError
-from pyburgers.model.flow_law_prior import GAS_CONSTANT
+from pyburgers.model.arrhenius import log_slowdown
 from pyburgers.model.kelvin_elements import band_elements, peak_elements
 from pyburgers.model.kelvin_laws import PARAMETERS_OF_LAW
 from pyburgers.model.parameters import KELVIN_REFERENCES, STANDARD_VALUES
@@ -187,8 +187,9 @@ def kelvin_part(
             "because the spectrum in closed form needs it; "
             "pyburgers.predictions.imposed_stress simulates the cycles of any other."
         )
-    slower = values["kelvin_activation_enthalpy"] / GAS_CONSTANT
-    slower = slower * (1 / temperature - 1 / values["kelvin_reference_temperature"])
+    slower = log_slowdown(
+        values["kelvin_activation_enthalpy"], temperature, values["kelvin_reference_temperature"]
+    )
     coarser = grain_size / values["kelvin_reference_grain_size"]
     time = values["kelvin_viscosity"] / values["kelvin_modulus"] * np.exp(slower)
     return KelvinPart(time * coarser ** values["kelvin_grain_size_exponent"], values)

@@ -242,6 +242,30 @@ def convergence_table(posterior: xr.DataTree) -> pd.DataFrame:
     ).rename_axis("parameter")
 
 
+def largest_rhat(posterior: xr.DataTree) -> float:
+    """Largest R-hat over the sampled quantities, between the halves of a chain where it is alone.
+
+    Parameters
+    ----------
+    posterior : DataTree
+        Labelled draws.
+
+    Returns
+    -------
+    float
+        NaN where draws of a quantity never moved.
+    """
+    draws = sampled_draws(posterior)
+    if draws.sizes["chain"] == 1:
+        half = draws.sizes["draw"] // 2
+        parts = (draws.isel(draw=slice(k * half, (k + 1) * half)) for k in range(2))
+        halves = [part.assign_coords(chain=[k], draw=range(half)) for k, part in enumerate(parts)]
+        draws = xr.concat(halves, "chain")
+    with np.errstate(invalid="ignore", divide="ignore"):  # draws that never moved
+        rhat = az.rhat(draws)
+    return float(np.max([value.item() for value in rhat.data_vars.values()]))
+
+
 def draws_table(posterior: xr.DataTree) -> pd.DataFrame:
     """Table of the sampled quantities in SI units.
 

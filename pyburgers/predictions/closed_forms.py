@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pyburgers.common.units import UNITS
-from pyburgers.model.flow_law_prior import GAS_CONSTANT
+from pyburgers.model.arrhenius import GAS_CONSTANT
 from pyburgers.predictions.stress_cycles import BREAKDOWN, Regime
 
 FloatArray = npt.NDArray[np.float64]

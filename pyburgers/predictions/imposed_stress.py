@@ -217,14 +217,11 @@ def simulate_imposed_stress(
             f"parameters: found draws of shape {size.shape}, expected a number for each parameter."
         )
     times = _with_start_of_cycles(time, hold_time)
+    given = {name: parameters[name] for name in OTHER_PARAMETERS if name in parameters}
     solution = solve_imposed_stress(
         {
-            **{name: np.atleast_1d(value) for name, value in values.items()},
-            **{
-                name: np.atleast_1d(np.asarray(parameters[name], dtype=np.float64))
-                for name in OTHER_PARAMETERS
-                if name in parameters
-            },
+            name: np.atleast_1d(np.asarray(value, dtype=np.float64))
+            for name, value in {**values, **given}.items()
         },
         regime,
         frequency,
@@ -236,27 +233,16 @@ def simulate_imposed_stress(
         evolving=evolving,
         solver=solver,
     )
-    columns = {
-        "strain": "strain",
-        "kelvin_strain": "kelvin_strain",
-        "dashpot_strain": "dashpot_strain",
-        **(
-            {
-                "path_strain": "path_strain",
-                "grain_size_m": "grain_size",
-                "fabric_factor": "fabric_factor",
-            }
-            if evolving
-            else {}
-        ),
-    }
-    return pd.DataFrame(
-        {
-            "time_s": times,
-            "stress_Pa": solution["stress"],
-            **{column: solution[name][0] for column, name in columns.items()},
+    strains = ("strain", "kelvin_strain", "dashpot_strain")
+    columns = {"time_s": times, "stress_Pa": solution["stress"]}
+    columns |= {name: solution[name][0] for name in strains}
+    if evolving:
+        columns |= {
+            "path_strain": solution["path_strain"][0],
+            "grain_size_m": solution["grain_size"][0],
+            "fabric_factor": solution["fabric_factor"][0],
         }
-    )
+    return pd.DataFrame(columns)
 
 
 def solve_imposed_stress(

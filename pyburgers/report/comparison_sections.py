@@ -35,6 +35,7 @@ from pyburgers.comparison.same_data import data_hash
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.drawing.style import BLUE, GREEN, VERMILION, few_ticks, style
 from pyburgers.fitting.fit import Fit
+from pyburgers.model.arrhenius import log_slowdown
 from pyburgers.model.display import (
     LENGTH_FACTOR,
     LENGTH_UNIT,
@@ -44,7 +45,7 @@ from pyburgers.model.display import (
     shown_quantity,
     unit_text,
 )
-from pyburgers.model.flow_law_prior import GAS_CONSTANT, FlowLawPrior
+from pyburgers.model.flow_law_prior import FlowLawPrior
 from pyburgers.model.priors import FLOW_LAW
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.protocol import protocol_of
@@ -332,10 +333,8 @@ def _temperature_correction(
     law: FlowLawPrior, experiment: Experiment, draws: Mapping[str, FloatArray]
 ) -> str:
     """State by how much the rate of another source changes up to the temperature of a test."""
-    change = (
-        draws["activation_enthalpy"]
-        / GAS_CONSTANT
-        * (1 / law.conditions.temperature - 1 / experiment.temperature)
+    change = log_slowdown(
+        draws["activation_enthalpy"], law.conditions.temperature, experiment.temperature
     )
     return (
         f"The other source's flow rate holds at {law.conditions.temperature:.1f} K, "

@@ -12,7 +12,7 @@ from pyburgers.common.draws import all_draws
 from pyburgers.common.units import number, with_error
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.drawing.panels import draw_band
-from pyburgers.drawing.style import BLUE, GREEN, ORANGE, PURPLE, VERMILION, style
+from pyburgers.drawing.style import BLUE, GREEN, MARKERS, ORANGE, PURPLE, VERMILION, style
 from pyburgers.flow_law_tables.fit import (
     FLOW_RATE_OF_TEST,
     PEAK_SOFTENING,
@@ -20,6 +20,7 @@ from pyburgers.flow_law_tables.fit import (
 )
 from pyburgers.flow_law_tables.groups import GROUP_TEMPERATURES, groups
 from pyburgers.flow_law_tables.inputs import FLOW_LAW_PARAMETERS, least_squares
+from pyburgers.model.arrhenius import log_slowdown
 from pyburgers.model.display import (
     LENGTH_FACTOR,
     LENGTH_UNIT,
@@ -27,7 +28,6 @@ from pyburgers.model.display import (
     STRESS_UNIT,
     shown_quantity,
 )
-from pyburgers.model.flow_law_prior import GAS_CONSTANT
 from pyburgers.model.parameters import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.protocols.coordinates import REFERENCE_FLOW_RATE
 from pyburgers.report.tables import checks_page_table, fixed_row, posterior_row
@@ -117,7 +117,7 @@ def _temperature_text(fit: PeakStressFit) -> str:
     enthalpy = all_draws(fit.posterior["posterior"].to_dataset()["activation_enthalpy"])
     mean, temperature = fit.data.mean_conditions.temperature, fit.data.temperature
     coldest, warmest = (
-        _mean_and_sd(enthalpy / GAS_CONSTANT * (1 / at - 1 / mean))
+        _mean_and_sd(log_slowdown(enthalpy, at, mean))
         for at in (temperature.min(), temperature.max())
     )
     return (
@@ -212,7 +212,6 @@ def _table(name: str, title: str, shown: pd.DataFrame, saved: pd.DataFrame) -> P
 
 
 GROUP_COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE)
-GROUP_MARKERS = ("o", "s", "^", "D", "v")
 
 FLOW_LAW_CAPTION = (
     "Strain rate against peak stress, both on logarithmic axes, one point for each test. Lines are "
@@ -257,7 +256,7 @@ def flow_law(fit: PeakStressFit) -> Figure:
                 data.strain_rate[group.points],
                 xerr=stress * spread if np.any(spread > 0) else None,
                 linestyle="none",
-                marker=GROUP_MARKERS[k % len(GROUP_MARKERS)],
+                marker=MARKERS[k % len(MARKERS)],
                 markersize=5,
                 markeredgecolor="white",
                 markeredgewidth=0.6,

@@ -111,7 +111,21 @@ def position_of(
 ) -> FloatArray:
     """Return coordinates from plain ones of each test and spreads over their scales.
 
-    Errors of what drives the tests are 0 where none are given.
+    Parameters
+    ----------
+    problem : Problem
+        Tests, priors, pooling.
+    plain : sequence of array, shape (n_parameters,)
+        Plain coordinates of each test by itself.
+    spreads : array, shape (n_partial,)
+        Of partially pooled parameters, over the scales of their priors.
+    errors : sequence of array
+        Of what drives each test; 0 where none are given.
+
+    Returns
+    -------
+    array, shape (n_coordinates,)
+        Of the problem, with centres at the mean over the tests.
     """
     layout = problem.layout
     position = np.zeros(layout.size)

@@ -3,10 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-import arviz as az
-import numpy as np
-import xarray as xr
-
 from pyburgers.checks import registry
 from pyburgers.checks.fit_checks import (
     CheckKind,
@@ -16,7 +12,7 @@ from pyburgers.checks.fit_checks import (
     run_checks,
 )
 from pyburgers.fitting.fit import Fit
-from pyburgers.posterior.labelled_draws import convergence_table, sampled_draws
+from pyburgers.posterior.labelled_draws import convergence_table, largest_rhat
 from pyburgers.sampling.options import SamplerOptions
 
 LONGER = 4
@@ -65,27 +61,3 @@ def not_converged(result: Fit, n_ranked: int) -> tuple[str, ...]:
         *([] if largest_rhat(result.posterior) <= RHAT_LIMIT else ["R-hat"]),
         *([] if n_effective.min() >= n_ranked else ["independent draws"]),
     )
-
-
-def largest_rhat(posterior: xr.DataTree) -> float:
-    """Largest R-hat over the sampled quantities, between the halves of a chain where it is alone.
-
-    Parameters
-    ----------
-    posterior : DataTree
-        Labelled draws.
-
-    Returns
-    -------
-    float
-        NaN where draws of a quantity never moved.
-    """
-    draws = sampled_draws(posterior)
-    if draws.sizes["chain"] == 1:
-        half = draws.sizes["draw"] // 2
-        parts = (draws.isel(draw=slice(k * half, (k + 1) * half)) for k in range(2))
-        halves = [part.assign_coords(chain=[k], draw=range(half)) for k, part in enumerate(parts)]
-        draws = xr.concat(halves, "chain")
-    with np.errstate(invalid="ignore", divide="ignore"):  # draws that never moved
-        rhat = az.rhat(draws)
-    return float(np.max([value.item() for value in rhat.data_vars.values()]))

@@ -22,6 +22,7 @@ from pyburgers.model.priors import PriorSet, default_priors, load_priors, shippe
 from pyburgers.posterior.labelled_draws import (
     convergence_table,
     free_parameters,
+    largest_rhat,
     own_name,
     response_in,
 )
@@ -34,7 +35,7 @@ from pyburgers.protocols.protocol import protocol_of
 from pyburgers.protocols.stan_data import SolverOptions
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.repetitions import shortened
-from pyburgers.sbc.convergence import largest_rhat, lengthened, not_converged
+from pyburgers.sbc.convergence import lengthened, not_converged
 from pyburgers.sbc.replication import Replication
 
 FloatArray = npt.NDArray[np.float64]

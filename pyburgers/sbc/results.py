@@ -156,14 +156,6 @@ def save_calibration(calibration: Calibration, folder: Path) -> None:
 
 COLUMNS = 4
 
-RANKS_CAPTION = (
-    "Share of data sets in which the true value ranks at most this high among the draws, less the "
-    "share expected of a right posterior. Dark band: holds the whole line in 95 % of calibrations "
-    "of a right program; light band: holds the lines of all quantities together in 95 %. A line "
-    "like an arch above zero means that the posterior is too high, below zero too low; one that "
-    "is above zero at first and below it at the end, that it is too narrow, the reverse too wide."
-)
-
 
 def rank_differences(calibration: Calibration) -> Figure:
     """Draw the empirical distribution of the ranks less the uniform one, with its bands."""

@@ -211,7 +211,7 @@ def calibrate(
     plan: CalibrationPlan,
     pool: Mapping[str, str] | None = None,
     workers: Workers = ALL_HERE,
-    command: str = "pyburgers.calibrate(...)",
+    command: str = "pyburgers.sbc.run.calibrate(...)",
 ) -> Calibration:
     """Simulate data sets from the prior, fit each, and rank the truths; continue where one stopped.
 

@@ -43,7 +43,7 @@ from pyburgers.protocols.attenuation.figures import (
     rms_result,
 )
 from pyburgers.protocols.attenuation.files import load_attenuation
-from pyburgers.protocols.attenuation.spectrum import (
+from pyburgers.protocols.attenuation.relaxation_spectrum import (
     SPECTRUM_CAPTION,
     relaxation_spectrum,
     spectrum_result,

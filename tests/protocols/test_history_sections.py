@@ -19,8 +19,8 @@ from pyburgers.protocols.forward import simulate, simulate_data
 from pyburgers.protocols.loading_history.conversion import as_history
 from pyburgers.protocols.loading_history.experiment import LoadingHistory, Stated
 from pyburgers.protocols.loading_history.files import load_loading_history, save_loading_history
+from pyburgers.protocols.loading_history.measured_sections import section_times
 from pyburgers.protocols.loading_history.protocol import PROTOCOL
-from pyburgers.protocols.loading_history.sections import section_times
 from pyburgers.protocols.loading_history.stan_data import solver_outputs
 from pyburgers.protocols.loading_history.stan_data import tests_block as block_of
 from pyburgers.protocols.microstructure import MeasuredMicrostructure

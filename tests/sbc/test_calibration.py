@@ -18,7 +18,7 @@ from pyburgers.common.errors import InputError, SamplingError, SystemFailureErro
 from pyburgers.fitting.fit import Fit, fit_problem
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import default_priors, load_priors
-from pyburgers.posterior.labelled_draws import convergence_table
+from pyburgers.posterior.labelled_draws import convergence_table, largest_rhat
 from pyburgers.protocols.constant_rate.experiment import load_constant_rate
 from pyburgers.protocols.forced_oscillation.experiment import (
     load_forced_oscillation,
@@ -32,7 +32,7 @@ from pyburgers.protocols.protocol import load_experiment, protocol_of
 from pyburgers.protocols.stan_data import REFERENCE_SOLVER
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run_directory import RunDirectory
-from pyburgers.sbc.convergence import RHAT_LIMIT, largest_rhat
+from pyburgers.sbc.convergence import RHAT_LIMIT
 from pyburgers.sbc.data_sets import (
     LOG_LIKELIHOOD,
     DataSetPlan,

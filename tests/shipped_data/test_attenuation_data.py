@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from conftest import ICE
 
-from pyburgers.model.flow_law_prior import GAS_CONSTANT
+from pyburgers.model.arrhenius import GAS_CONSTANT
 from pyburgers.model.kelvin_laws import kelvin_law
 from pyburgers.model.priors import default_priors, load_priors, shipped_prior_file
 from pyburgers.model.variants import with_variant

@@ -18,7 +18,7 @@ from truth_as_mode import at_truth
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
-from pyburgers.model.flow_law_prior import GAS_CONSTANT
+from pyburgers.model.arrhenius import GAS_CONSTANT
 from pyburgers.model.kelvin_laws import PARAMETERS_OF_LAW
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.prior_families import fixed_prior

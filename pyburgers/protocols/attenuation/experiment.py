@@ -85,7 +85,13 @@ class AttenuationExperiment(Experiment):
         )
 
     def without_part(self, name: str) -> Self:
-        """Return the table without a temperature."""
+        """Return the table without a temperature.
+
+        Raises
+        ------
+        InputError
+            If it has no such temperature, or no other.
+        """
         if name not in self.parts:
             return super().without_part(name)
         if len(self.parts) == 1:

@@ -11,7 +11,11 @@ from pyburgers.common.columns import Column, TextFilesTable, read_columns, write
 from pyburgers.common.errors import InputError, all_of
 from pyburgers.common.toml_files import Table, factor_to_si, read_toml
 from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
-from pyburgers.protocols.attenuation.spectra import SpectrumTable, conditions_of, spectra_of
+from pyburgers.protocols.attenuation.imagined_spectra import (
+    SpectrumTable,
+    conditions_of,
+    spectra_of,
+)
 from pyburgers.protocols.attenuation.table import (
     NO_READINGS,
     Conditions,

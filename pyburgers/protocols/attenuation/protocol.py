@@ -19,7 +19,7 @@ from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.attenuation.experiment import AttenuationExperiment, range_text
 from pyburgers.protocols.attenuation.figures import ATTENUATION_FIGURES, fitted_curve, rms_table
 from pyburgers.protocols.attenuation.files import load_attenuation, save_attenuation
-from pyburgers.protocols.attenuation.spectrum import SPECTRUM_FIGURE
+from pyburgers.protocols.attenuation.relaxation_spectrum import SPECTRUM_FIGURE
 from pyburgers.protocols.attenuation.stan_data import (
     grid_block,
     reference_origin,

@@ -17,6 +17,7 @@ from pyburgers.protocols.experiment import (
 )
 from pyburgers.protocols.loading_history.conventions import Conventions
 from pyburgers.protocols.loading_history.experiment import LoadingHistory, Stated
+from pyburgers.protocols.loading_history.measured_sections import SectionTable, read_sections
 from pyburgers.protocols.loading_history.readings import (
     NO_READINGS,
     HistoryDataTable,
@@ -27,8 +28,7 @@ from pyburgers.protocols.loading_history.readings import (
     thinned,
     true_readings,
 )
-from pyburgers.protocols.loading_history.sections import SectionTable, read_sections
-from pyburgers.protocols.loading_history.sides import (
+from pyburgers.protocols.loading_history.readings_at_changes import (
     check_loaded,
     without_start,
     without_states_before,

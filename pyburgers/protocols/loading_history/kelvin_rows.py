@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from pyburgers.model.flow_law_prior import GAS_CONSTANT
+from pyburgers.model.arrhenius import log_slowdown
 from pyburgers.model.kelvin_elements import andrade_elements, band_elements, peak_elements
 from pyburgers.model.prior_families import Prior, is_fixed_at
 from pyburgers.model.priors import PriorSet
@@ -69,11 +69,11 @@ def _log_times(test: LoadingHistory, priors: PriorSet) -> tuple[float, float]:
         since = test.time[test.reading_stage == place] - stage.start_time
         imagined = START_OF_IMAGINED * (stage.end_time - stage.start_time)
         shortest += since[since > 0].tolist()[:1] or [imagined]
-    coldness = 1 / test.temperatures - 1 / priors["kelvin_reference_temperature"].location
+    reference = priors["kelvin_reference_temperature"].location
     coarseness = np.log(test.initial_grain_size / priors["kelvin_reference_grain_size"].location)
     slower = [
-        enthalpy / GAS_CONSTANT * cold + exponent * coarseness
-        for cold in coldness
+        float(log_slowdown(enthalpy, temperature, reference)) + exponent * coarseness
+        for temperature in test.temperatures
         for enthalpy in _ends(priors["kelvin_activation_enthalpy"])
         for exponent in _ends(priors["kelvin_grain_size_exponent"])
     ]

@@ -32,9 +32,9 @@ from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.loading_history.figures import LOADING_HISTORY_FIGURES, fitted_curve
 from pyburgers.protocols.loading_history.files import load_loading_history, save_loading_history
 from pyburgers.protocols.loading_history.isochronous import isochronous_figure
+from pyburgers.protocols.loading_history.measured_sections import section_times
 from pyburgers.protocols.loading_history.minimum_rates import minimum_rate_table
 from pyburgers.protocols.loading_history.priors import priors_of, stated_priors
-from pyburgers.protocols.loading_history.sections import section_times
 from pyburgers.protocols.loading_history.solution_times import (
     load_times,
     stage_times,

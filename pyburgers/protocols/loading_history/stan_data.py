@@ -13,7 +13,7 @@ from pyburgers.protocols.attenuation import stan_data as attenuation
 from pyburgers.protocols.attenuation.experiment import AttenuationExperiment
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.loading_history.kelvin_rows import elements_block
-from pyburgers.protocols.loading_history.sections import section_times
+from pyburgers.protocols.loading_history.measured_sections import section_times
 from pyburgers.protocols.microstructure import measured_block, strains_of
 from pyburgers.protocols.stan_data import StanData, ends
 

@@ -3,12 +3,12 @@
 import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from importlib.resources import files
 from pathlib import Path
 from types import MappingProxyType
 
 from pyburgers.cmdstan.program import compile_programs
 from pyburgers.cmdstan.toolchain import stan_directory
+from pyburgers.common.shipped_files import shipped_folder
 from pyburgers.common.tasks import ALL_HERE, Workers
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.side_by_side import Task, fit_side_by_side, task_of
@@ -121,16 +121,9 @@ class Outcome:
     peak_stress: PeakStressFit
 
 
-def shipped_data_directory() -> Path:
-    """Folder of the experiments that come with the package."""
-    package = Path(str(files("pyburgers")))
-    inside = package / "data"
-    return inside if inside.is_dir() else package.parent / "data"
-
-
 def study_experiments() -> dict[str, Experiment]:
     """Read the shipped experiments of the study, by the names of their runs."""
-    data = shipped_data_directory()
+    data = shipped_folder("data")
     ice = {name: load_experiment(data / "ice" / f"{name}.toml") for name in ICE_TWINS}
     record = load_forced_oscillation(data / "olivine" / "olivine_twin.toml")
     olivine = {
@@ -152,7 +145,7 @@ def reproduce(
 
     The page has the fits, those of measured dunite first and with them which law describes steps
     of the strain rate and what two tests predict of others, measured attenuation of olivine and
-    what two laws make of it, measured creep of rock salt and where two laws miss it, attenuation
+    what two laws make of it, measured creep of rock salt and where each law misses it, attenuation
     as the ice fits predict it, what the treatment of the olivine record changes, the paper's
     statements, the flow law of measured peak stresses, and what that adds to one of the curves.
 
@@ -195,7 +188,7 @@ def reproduce(
         joints=[joint],
         extras=(
             rate_steps_section({name: found[name] for name in STEPPED}),
-            predictions_section(joint, predicted_tests(shipped_data_directory() / "dunite")),
+            predictions_section(joint, predicted_tests(shipped_folder("data") / "dunite")),
             spectra,
             halite,
             *joint_sections([joint], list(alone.values())),
@@ -256,7 +249,7 @@ def _peak_stress_problems() -> dict[str, tuple[PeakStressData, PriorSet]]:
 
     It has the priors of the curve that gets it, and not the row that may be this curve itself.
     """
-    folder = shipped_data_directory() / "ice"
+    folder = shipped_folder("data") / "ice"
     table = load_peak_stress(folder / f"{PEAK_STRESS_TABLE}.toml")
     others = without_test(table, load_experiment(folder / f"{COMBINED_TWIN}.toml"))
     weak = default_peak_stress_priors("ice")
@@ -283,17 +276,17 @@ def _problems(preset: str) -> dict[str, Task]:
 
 def _measured_dunite(preset: str) -> dict[str, Task]:
     """Fits of measured dunite, by the names of their runs."""
-    return dunite_tasks(shipped_data_directory() / "dunite", PRESETS[preset])
+    return dunite_tasks(shipped_folder("data") / "dunite", PRESETS[preset])
 
 
 def _measured_spectra(preset: str) -> dict[str, Task]:
     """Fits of measured attenuation of olivine, by the names of their runs."""
-    return spectra_tasks(shipped_data_directory() / "olivine", PRESETS[preset])
+    return spectra_tasks(shipped_folder("data") / "olivine", PRESETS[preset])
 
 
 def _measured_halite() -> dict[str, Task]:
     """Fits of measured creep of rock salt, by the names of their runs."""
-    tasks = halite_tasks(shipped_data_directory() / "halite")
+    tasks = halite_tasks(shipped_folder("data") / "halite")
     return {name: tasks[name] for name in HALITE_RUNS}
 
 

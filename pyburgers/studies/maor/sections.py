@@ -296,10 +296,7 @@ def attenuation_section(
         Points to draw over them.
     """
     first, fit = next(iter(fits.items()))
-    by_amplitude = predict_attenuation(fit, regimes=AMPLITUDE_REGIMES)
-    check = time_domain_table(fit)
     evolving = evolving_attenuation(fitted_material(fit))
-    modulus = elastic_modulus_table(fits)
     return PageSection(
         key=ATTENUATION_KEY,
         title="Attenuation",
@@ -316,79 +313,97 @@ def attenuation_section(
             f"{first}, frozen and evolving side by side. {evolving_sentence(evolving)}",
             ELASTIC_MODULUS_SENTENCE,
         ),
-        tables=(
-            *(
-                PageTable(
-                    f"{name}_quantiles",
-                    f"tan δ of {name}",
-                    overview_table(spectrum),
-                    quantile_table(spectrum),
-                    words=("regime",),
-                    sentences=("frozen microstructure",),
-                    in_files=name != first,
-                    folded=True,
-                )
-                for name, spectrum in spectra.items()
-            ),
-            PageTable(
-                "evolving",
-                f"Frozen and evolving microstructure, {first}",
-                evolving_overview(evolving),
-                evolving_table(evolving),
-                words=("regime",),
-            ),
-            PageTable(
-                "elastic_modulus",
-                f"Elastic modulus and attenuation at {PAPER_REGIMES[0].label}",
-                shown_elastic_modulus(modulus),
-                modulus,
-                words=("sample",),
-            ),
-            PageTable(
-                "time_domain",
-                f"Closed form against simulation in time, {first} at the median of its parameters",
-                shown_time_domain(check),
-                check,
-                words=("regime",),
-            ),
-        ),
-        figures=(
-            *(
-                PageFigure(
-                    f"{name}_spectrum",
-                    f"Attenuation of {name}",
-                    attenuation_figures.ATTENUATION_CAPTION,
-                    partial(
-                        attenuation_figures.attenuation,
-                        spectrum,
-                        spectrum.attrs["title"],
-                        evolving if name == first else None,
-                        measured,
-                    ),
-                    frozen_sentence(spectrum),
-                )
-                for name, spectrum in spectra.items()
-            ),
-            PageFigure(
-                f"{first}_draws",
-                f"Attenuation of {first}, draw by draw",
-                attenuation_figures.DRAWS_CAPTION,
-                partial(
-                    attenuation_figures.attenuation_draws,
-                    spectra[first],
-                    spectra[first].attrs["title"],
-                ),
-            ),
-            PageFigure(
-                f"{first}_amplitude",
-                f"Attenuation of {first} and the amplitude of the cycles",
-                attenuation_figures.AMPLITUDE_CAPTION,
-                partial(
-                    attenuation_figures.amplitude_dependence,
-                    by_amplitude,
-                    by_amplitude.attrs["title"],
-                ),
-            ),
-        ),
+        tables=_attenuation_tables(fits, spectra, evolving),
+        figures=_attenuation_figures(fits, spectra, evolving, measured),
         after_fits=True,
+    )
+
+
+def _attenuation_tables(
+    fits: Mapping[str, FittedTest], spectra: Mapping[str, xr.Dataset], evolving: xr.Dataset
+) -> tuple[PageTable, ...]:
+    """Return quantiles of every fit, and of the first one what its spectra take for granted."""
+    first, fit = next(iter(fits.items()))
+    modulus, check = elastic_modulus_table(fits), time_domain_table(fit)
+    return (
+        *(
+            PageTable(
+                f"{name}_quantiles",
+                f"tan δ of {name}",
+                overview_table(spectrum),
+                quantile_table(spectrum),
+                words=("regime",),
+                sentences=("frozen microstructure",),
+                in_files=name != first,
+                folded=True,
+            )
+            for name, spectrum in spectra.items()
+        ),
+        PageTable(
+            "evolving",
+            f"Frozen and evolving microstructure, {first}",
+            evolving_overview(evolving),
+            evolving_table(evolving),
+            words=("regime",),
+        ),
+        PageTable(
+            "elastic_modulus",
+            f"Elastic modulus and attenuation at {PAPER_REGIMES[0].label}",
+            shown_elastic_modulus(modulus),
+            modulus,
+            words=("sample",),
+        ),
+        PageTable(
+            "time_domain",
+            f"Closed form against simulation in time, {first} at the median of its parameters",
+            shown_time_domain(check),
+            check,
+            words=("regime",),
+        ),
+    )
+
+
+def _attenuation_figures(
+    fits: Mapping[str, FittedTest],
+    spectra: Mapping[str, xr.Dataset],
+    evolving: xr.Dataset,
+    measured: MeasuredAttenuation | None,
+) -> tuple[PageFigure, ...]:
+    """Return spectra of every fit, and of the first one draws and amplitudes."""
+    first, fit = next(iter(fits.items()))
+    of_first = spectra[first]
+    by_amplitude = predict_attenuation(fit, regimes=AMPLITUDE_REGIMES)
+    return (
+        *(
+            PageFigure(
+                f"{name}_spectrum",
+                f"Attenuation of {name}",
+                attenuation_figures.ATTENUATION_CAPTION,
+                partial(
+                    attenuation_figures.attenuation,
+                    spectrum,
+                    spectrum.attrs["title"],
+                    evolving if name == first else None,
+                    measured,
+                ),
+                frozen_sentence(spectrum),
+            )
+            for name, spectrum in spectra.items()
+        ),
+        PageFigure(
+            f"{first}_draws",
+            f"Attenuation of {first}, draw by draw",
+            attenuation_figures.DRAWS_CAPTION,
+            partial(attenuation_figures.attenuation_draws, of_first, of_first.attrs["title"]),
+        ),
+        PageFigure(
+            f"{first}_amplitude",
+            f"Attenuation of {first} and the amplitude of the cycles",
+            attenuation_figures.AMPLITUDE_CAPTION,
+            partial(
+                attenuation_figures.amplitude_dependence,
+                by_amplitude,
+                by_amplitude.attrs["title"],
+            ),
+        ),
     )

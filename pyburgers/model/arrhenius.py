@@ -1,0 +1,25 @@
+"""How a rate or a time changes with temperature, where no Stan program is asked."""
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+
+GAS_CONSTANT = 8.314462618  # J/(mol K), as in stan/physics/flow_law.stan
+
+
+def log_slowdown(
+    enthalpy: npt.ArrayLike, temperature: npt.ArrayLike, reference: npt.ArrayLike
+) -> FloatArray:
+    """Return (Q/R)(1/T - 1/T_0): by what ln(time) grows, and ln(rate) falls, from T_0 to T.
+
+    Parameters
+    ----------
+    enthalpy : float or array
+        Q, J/mol.
+    temperature, reference : float or array
+        T and T_0, K; all three are broadcast against each other.
+    """
+    colder = 1 / np.asarray(temperature) - 1 / np.asarray(reference)
+    slower: FloatArray = np.asarray(enthalpy) / GAS_CONSTANT * colder
+    return slower

@@ -186,6 +186,11 @@ unit = "percent"
         assert test.n_points == 0
         assert test.largest_stress == 2e6
 
+    def test_a_test_without_data_in_which_nothing_is_imposed(self, write: Write) -> None:
+        held = '[[stages]]\ncontrol = "hold_strain"\nstart_time = 0\nend_time = 10\n'
+        source = "\n[provenance]\nkind = 'measured'\nsource = 'nobody'\n"
+        assert "a model at rest tells nothing" in refusal(write(HEAD + held + source, ROWS), load)
+
 
 class TestTurning:
     def test_compression_negative(self, write: Write) -> None:

@@ -232,6 +232,7 @@ def _used(
 ) -> tuple[Response, list[str]]:
     """Return the readings of the response that are used, and sentences about the others."""
     if data is None:
+        check_loaded(test.path, found, stages)
         return found, []
     used, notices = without_start(found, stages)
     if not data.is_copy:

@@ -156,6 +156,20 @@ class TestReading:
         text = refusal(write(MIXED, wrong, (column[0], column[1] + "\nstress_column")), load)
         assert "stage column 'stage', data row 3: found 1 at 20 min, expected times from 0" in text
 
+    def test_times_of_changes_are_equal_in_any_unit(self, write: Write) -> None:
+        # 2.2 h are more than 132 min, and 4.1 h less than 246 min, by the rounding of a product.
+        assert 2.2 * 3600 > 132 * 60
+        assert 4.1 * 3600 < 246 * 60
+        stages = "".join(
+            '[[stages]]\ncontrol = "stress"\n'
+            f"start_time = {start}\nend_time = {end}\nstress = {load}\n"
+            for start, end, load in ((0.0, 2.2, 2e6), (2.2, 4.1, 1e6))
+        )
+        rows = "time,stress,strain\n60,,0.1\n132,,0.2\n246,,0.3\n"
+        test = load_loading_history(write(f'{HEAD}stage_time_unit = "h"\n{stages}{TAIL}', rows))
+        np.testing.assert_array_equal(test.reading_stage, [0, 1, 1])
+        np.testing.assert_array_equal(test.time[1:], [stage.end_time for stage in test.stages])
+
     def test_compliance_and_zero_of_strain(self, write: Write) -> None:
         keys = """
 [apparatus]

@@ -280,6 +280,20 @@ class TestTurning:
         np.testing.assert_allclose(np.interp(time, corners, stress), true, rtol=2e-3)
         assert len(test.legs) < 30
 
+    @pytest.mark.parametrize("stated", ["", "strain_uncertainty = 0.2\n"])
+    def test_noise_of_the_strain_is_no_load_under_a_constant_force(
+        self, write: Write, stated: str
+    ) -> None:
+        time = np.linspace(0.0, 1000.0, 201)
+        noise = 2e-3 * np.random.default_rng(1).standard_normal(time.size)
+        rows = table(("time", time), ("strain", 100 * (1e-4 * time + noise)))
+        text = one_stage(
+            'control = "stress"\nstress = 1e6', 1000.0, 'stress_measure = "engineering"'
+        ).replace('stress_column = "stress"\nstress_unit = "MPa"\n', stated)
+        (leg,) = load_loading_history(write(text, rows)).legs
+        assert leg.start_value == pytest.approx(1e6, rel=1e-3)
+        assert leg.end_value == pytest.approx(1e6 * np.exp(-0.1), rel=5e-3)
+
     def test_constant_displacement_rate(self, write: Write) -> None:
         rows = table(("time", np.array([100.0, 200.0])), ("stress", np.array([1.0, 2.0])))
         text = one_stage(
@@ -482,6 +496,42 @@ def ends_of_stages(test: LoadingHistory) -> list[tuple[float, float]]:
     """Stress (MPa) at the start and the end of each stage."""
     own = [[leg for leg in test.legs if leg.stage == number] for number in range(len(test.stages))]
     return [(legs[0].start_value / 1e6, legs[-1].end_value / 1e6) for legs in own]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("", "", None),
+        ("= 1e-5", "= 1e-6", "Stage 1: the strain that was read lies 0.00135 from the one"),
+        ('control = "hold_strain"', 'control = "strain_rate"\nstrain_rate_per_s = 1e-5', "Stage 2"),
+        ("stress = 2.0", "stress = 0.2", "Stage 3: the stress that was read lies 1.8 MPa from"),
+        ("stress_rate = -0.1", "stress_rate = -0.1\nstart_stress = 20", "Stage 4: the stress"),
+    ],
+)
+def test_readings_unlike_what_is_imposed_are_told(
+    old: str, new: str, words: str | None, write: Write
+) -> None:
+    rows = """\
+time,stress,strain
+2,0.5,0.12
+4,1.3,0.24
+5,1.5,0.3
+9,2.0,0.54
+12,1.5,0.6
+20,1.2,0.6
+26,1.1,0.6
+40,2.0,0.65
+45,2.0,0.7
+55,2.0,0.71
+60,2.0,0.75
+62,1.8,0.75
+66,1.4,0.75
+70,1.0,0.74
+"""
+    notices = load_loading_history(write(MIXED, rows, (old, new))).notices
+    told = [notice for notice in notices if "check units, signs" in notice]
+    assert bool(told) == (words is not None)
+    assert (words or "") in "".join(told)
 
 
 SERIES = 'control = "stress_series"'

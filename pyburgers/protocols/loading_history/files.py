@@ -17,6 +17,7 @@ from pyburgers.protocols.experiment import (
 )
 from pyburgers.protocols.loading_history.conventions import Conventions
 from pyburgers.protocols.loading_history.experiment import LoadingHistory, Stated
+from pyburgers.protocols.loading_history.imposed_readings import unlike_imposed
 from pyburgers.protocols.loading_history.readings import (
     NO_READINGS,
     HistoryDataTable,
@@ -97,7 +98,7 @@ def load_loading_history(path: str | Path) -> LoadingHistory:
     file = read_toml(path, _LoadingHistoryFile)
     values, (test, offset) = all_of(lambda: shared_values(path, file), lambda: _test(path, file))
     stages, changes = read_stages(test, file.stages)
-    changes = _turned(file) + changes
+    changes = [*_turned(file), *changes, *unlike_imposed(test.readings, stages)]
     response: list[Literal["stress", "strain"]] = [
         "strain" if stage.driven == "stress" else "stress" for stage in stages
     ]

@@ -273,7 +273,9 @@ class _StageReader:
         series = self._readings("strain", "the area under the force")
         time, zero = series.time, self.test.first_strain[0]
         value = (start + rate * (time - self.start)) * np.exp(zero - series.value)
-        corners, line = line_through(time, value, tolerance_of(value, 0.0))
+        stated = self.test.strain_error
+        error = reading_error(time, value) if stated is None else stated * np.abs(value).max()
+        corners, line = line_through(time, value, tolerance_of(value, error))
         self.notices.append(
             f"Stage {self.number}: the force over the first area became a true stress in "
             f"{counted(corners.size - 1, 'leg')}, by the measured strain.{series.unread}"

@@ -119,6 +119,7 @@ class TestReading:
         np.testing.assert_allclose(test.response, expected, rtol=1e-14)
         np.testing.assert_array_equal(test.response_is_strain, [0, 0, 0, 1, 1, 1, 1])
         assert test.largest_stress == 2e6
+        assert "ice, 263 to 265 K, 4 stages" in test.title
         assert test.n_readings_in_file == 8
         assert test.notices == ("The reading at the start was dropped: the model starts at rest.",)
 

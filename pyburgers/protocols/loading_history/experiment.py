@@ -217,9 +217,9 @@ class LoadingHistory(Experiment):
 
     @property
     def title(self) -> str:
-        """Sample, material, temperature, number of stages and kind of data."""
+        """Sample, material, temperatures, number of stages and kind of data."""
         n_stages = len(self.stages)
         return (
-            f"{self.id}: {self.material}, {self.temperature:g} K, "
+            f"{self.id}: {self.material}, {self.temperature_text}, "
             f"{n_stages} {'stage' if n_stages == 1 else 'stages'}, {self.provenance.kind} data"
         )

@@ -585,6 +585,15 @@ class TestSeries:
         test = load_loading_history(write(stages(SERIES, 'control = "hold_strain"'), rows))
         assert ends_of_stages(test)[0] == pytest.approx((1, 3))
 
+    def test_a_force_goes_on_from_where_keys_say_that_it_ends(self, write: Write) -> None:
+        rate = 'control = "stress_rate"\nstress_rate = '
+        text = stages(
+            f"{rate}0.2", f"{rate}-0.1", f"{rate}-0.1", keys='stress_measure = "engineering"\n'
+        ).replace('stress_column = "stress"\nstress_unit = "MPa"\n', "")
+        rows = table(("time", np.linspace(0.0, 30.0, 31)), ("strain", np.zeros(31)))
+        ends = ends_of_stages(load_loading_history(write(text, rows)))
+        np.testing.assert_allclose(ends, [(0, 2), (2, 1), (1, 0)], atol=1e-9)
+
     def test_the_area_under_a_force_is_that_of_its_own_stage(self, write: Write) -> None:
         """The strain that comes back when the force goes is no strain of the stage before."""
         time = np.arange(0.0, 21.0)

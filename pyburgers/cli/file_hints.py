@@ -84,6 +84,8 @@ def hints(path: Path, content: Mapping[str, Any]) -> list[str]:
         except InputError:
             continue  # the error itself is told
         found += [f"{look.path}: {hint}" for hint in _hints_of(look, data, small_strain)]
+        if content.get("compression") != "negative":
+            found += [f"{look.path}: {hint}" for hint in _hints_of_signs(look, data)]
     return list(dict.fromkeys(found))
 
 
@@ -135,13 +137,18 @@ def _hints_of_strain(
     strain = np.array(look.numbers(column))
     if not strain.size:
         return
-    if np.mean(strain < 0) > 0.5:
-        yield (
-            f"strains in {column!r} are negative, but compression is positive in this model: turn "
-            'the signs (in loading histories compression = "negative" says so).'
-        )
     largest = float(np.max(np.abs(strain)))
     if unit == "fraction" and largest > 1:
         yield f"{column!r} reaches {largest:g}: is it in percent rather than a fraction?"
     if unit == "percent" and 0 < largest < 100 * small_strain:
         yield f"{column!r} reaches {largest:g} only: is it a fraction rather than percent?"
+
+
+def _hints_of_signs(look: TextTable, data: Mapping[str, Any]) -> Iterator[str]:
+    column = data.get("strain_column")
+    strain = look.numbers(column) if column in look.columns else []
+    if sum(value < 0 for value in strain) > len(strain) / 2:
+        yield (
+            f"strains in {column!r} are negative, but compression is positive in this model: turn "
+            'the signs (in loading histories compression = "negative" says so).'
+        )

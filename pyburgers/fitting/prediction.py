@@ -67,7 +67,7 @@ class Prediction:
     def title(self) -> str:
         """What is predicted from what."""
         about = f"{self.experiment.id} ({self.experiment.material}"
-        return f"{about}, {self.experiment.temperature:g} K) predicted from {self.fitted_to}"
+        return f"{about}, {self.experiment.temperature_text}) predicted from {self.fitted_to}"
 
 
 def predict_test(

@@ -23,11 +23,9 @@ SHOWN: Mapping[str, tuple[str, float]] = {
 }
 """Display unit of each condition, and its factor to SI."""
 
-ROUNDING = 0.01
-"""Share by which a condition may lie outside a range and still count as inside."""
-
-TEMPERATURE_ROUNDING = 0.001
-"""The same of a temperature: a percent of it, 2.6 K, can change rates of ice twofold."""
+ROUNDING, TEMPERATURE_ROUNDING = 0.01, 0.001
+"""Shares by which a condition, or a temperature, may lie outside a range and still count as inside:
+a thousandth of a temperature is worth some three percent of a flow rate."""
 
 
 def conditions(experiment: Experiment, predictions: xr.Dataset, parameters: xr.Dataset) -> Ranges:
@@ -104,8 +102,8 @@ def outside(target: Ranges, fitted: Sequence[Ranges]) -> tuple[str, ...]:
         low, high = target[name]
         least = min(one[name][0] for one in fitted)
         most = max(one[name][1] for one in fitted)
-        share = TEMPERATURE_ROUNDING if name == "temperature" else ROUNDING
-        if low < least * (1 - share) or high > most * (1 + share):
+        rounding = TEMPERATURE_ROUNDING if name == "temperature" else ROUNDING
+        if low < least * (1 - rounding) or high > most * (1 + rounding):
             unit, factor = SHOWN[name]
             there, here = (_range(*ends, factor) for ends in ((low, high), (least, most)))
             phrases.append(f"{name} {there} {unit} (fitted: {here})")

@@ -20,6 +20,7 @@ from pydantic import Field
 
 from pyburgers.common.errors import InputError, all_of, nearest
 from pyburgers.common.toml_files import NAME, Table, write_toml
+from pyburgers.common.units import span_text
 from pyburgers.model.parameters import CONDITIONS, PARAMETER_BY_NAME
 from pyburgers.protocols.microstructure import MeasuredMicrostructure
 
@@ -191,6 +192,12 @@ class Experiment(ABC):
     def temperatures(self) -> FloatArray:
         """All temperatures (K) of the test, in any order."""
         return np.array([self.temperature])
+
+    @property
+    def temperature_text(self) -> str:
+        """The temperature, or the lowest and the highest of the test, in K."""
+        temperatures = self.temperatures
+        return f"{span_text((temperatures.min(), temperatures.max()), digits=6)} K"
 
     @property
     def parts(self) -> Mapping[str, int]:

@@ -223,9 +223,9 @@ def simulate(
         strain, where they are missing, are those that the test states, else none.
     at : array, shape (n,), optional
         Positions on the clock of the protocol, within the test, not decreasing: strains (fraction,
-        positive; those of rate steps are added), times (s) of an oscillating test or a loading
-        history (the second of two at a jump is behind it), places in a table of attenuation.
-        Default `pyburgers.protocols.protocol.Protocol.output_grid`.
+        positive; those of rate steps are added), times (s) of an oscillating test, or since the
+        start of a loading history (the second of two at a jump is behind it), places in a table
+        of attenuation. Default `pyburgers.protocols.protocol.Protocol.output_grid`.
     solver : SolverOptions
         Tolerance and step limit.
 

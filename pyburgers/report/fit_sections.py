@@ -83,7 +83,7 @@ class Section:
     def about_data(self) -> tuple[object, ...]:
         """What the page tells about the data."""
         one = self.experiment
-        known = (one.material, one.temperature, one.initial_grain_size)
+        known = (one.material, one.temperature_text, one.initial_grain_size)
         return *known, one.provenance, dict(one.metadata), list(self.protocol.facts(one))
 
     @property

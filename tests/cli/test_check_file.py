@@ -171,13 +171,21 @@ source = "somebody"
 
 
 def checked_creep(
-    folder: Path, capsys: pytest.CaptureFixture[str], strain: tuple[float, ...], stress: float = 1.0
+    folder: Path,
+    capsys: pytest.CaptureFixture[str],
+    strain: tuple[float, ...],
+    stress: float = 1.0,
+    *replaced: tuple[str, str],
 ) -> str:
     """What is said of creep whose strains are read every second."""
     rows = "".join(f"{k},{one}\n" for k, one in enumerate(strain))
     (folder / "creep.csv").write_text(f"time,strain\n{rows}", encoding="utf-8")
     path = folder / "creep.toml"
-    path.write_text(CREEP.replace("stress = 1.0", f"stress = {stress}"), encoding="utf-8")
+    text = CREEP.replace("stress = 1.0", f"stress = {stress}")
+    for old, new in replaced:
+        assert old in text
+        text = text.replace(old, new)
+    path.write_text(text, encoding="utf-8")
     assert main(["check-file", str(path)]) == 0
     out, error = capsys.readouterr()
     assert error == ""
@@ -192,12 +200,65 @@ def test_small_strains_of_creep_are_no_fractions(
     assert hint in checked_creep(tmp_path, capsys, (0.0002, 0.0003, 0.0004))
 
 
-@pytest.mark.parametrize(("stress", "warned"), [(-1.0, True), (1.0, False)])
+@pytest.mark.parametrize("stress", [-1.0, 1.0])
+@pytest.mark.parametrize("sign", [-1, 1])
 def test_strains_against_the_imposed_stress_are_warned_about(
-    stress: float, warned: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    stress: float, sign: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    said = checked_creep(tmp_path, capsys, (0.2, 0.3, 0.4), stress)
-    assert ("imposed stresses are extension while strains are compression" in said) == warned
+    said = checked_creep(tmp_path, capsys, (0.2 * sign, 0.3 * sign, 0.4 * sign), stress)
+    there, here = (("compression" if one > 0 else "extension") for one in (stress, sign))
+    warning = f"imposed stresses are {there} while strains are {here}"
+    assert (warning in said) == (stress != sign)
+
+
+def test_a_zero_of_strain_in_a_wrong_unit_is_warned_about(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    zero = ("[data]", '[strain_offset]\nvalue = 0.1\nunit = "fraction"\n\n[data]')
+    said = checked_creep(tmp_path, capsys, (0.2, 0.3, 0.4), 1.0, zero)
+    assert "strains are extension" in said
+    assert "the zero of the strain" in said
+
+
+def test_negative_strains_need_no_hint_where_compression_is_negative(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    strain = (-0.2, -0.3, -0.4)
+    assert "turn the signs" in checked_creep(tmp_path, capsys, strain, -1.0)
+    negative = ("stage_stress_unit", 'compression = "negative"\nstage_stress_unit')
+    said = checked_creep(tmp_path, capsys, strain, -1.0, negative)
+    assert "signs were turned" in said
+    assert "turn the signs" not in said
+    assert "extension" not in said
+
+
+@pytest.mark.parametrize(
+    ("replaced", "words"),
+    [
+        (("start_time = 0", "start_time = -30"), "stage 1 lasts 50 s, of which 30 s are before"),
+        (("end_time = 20", "end_time = 200"), "stage 1 lasts 200 s, of which 190 s are after"),
+        (("end_time = 20", "end_time = 16"), None),
+    ],
+)
+def test_readings_that_leave_most_of_a_stage_out_are_warned_about(
+    replaced: tuple[str, str],
+    words: str | None,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    strain = tuple(0.1 + 0.01 * k for k in range(11))
+    said = checked_creep(tmp_path, capsys, strain, 1.0, replaced)
+    assert ("check units and start of the times" in said) == (words is not None)
+    assert (words or "") in said
+
+
+@pytest.mark.parametrize(("compliance", "warned"), [("1e-11", False), ("1e-5", True)])
+def test_an_apparatus_that_gives_way_more_than_was_read_is_warned_about(
+    compliance: str, warned: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    stated = ("[data]", f"[apparatus]\ncompliance_per_Pa = {compliance}\n\n[data]")
+    said = checked_creep(tmp_path, capsys, (0.2, 0.3, 0.4), 1.0, stated)
+    assert ("makes a strain of 10 of a stress of 1 MPa" in said) == warned
 
 
 def test_a_notice_is_told_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -251,6 +251,7 @@ def test_a_fit_is_kept_and_shown(
     for recipe in recipes:
         assert recipe.result(kept).endswith(".")
         assert (tmp_path / "page" / "figures" / f"run_{recipe.name}.svg").is_file()
+    assert experiment.temperature_text in page.text
     for fact, _ in protocols()[protocol].facts(experiment):
         assert fact in page.text
     for table in protocols()[protocol].tables(kept):

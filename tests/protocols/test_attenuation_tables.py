@@ -286,6 +286,10 @@ def test_conditions_of_a_table_are_temperatures_and_periods() -> None:
     warmer = {**found, "temperature": (1173.15, 1573.15), "strain": (0.0, 0.01)}
     assert outside(warmer, [found]) == ("temperature 1173 to 1573 K (fitted: 1173 to 1473)",)
     assert outside(found, [found]) == ()
+    # Five kelvin change rates by a tenth; half a kelvin is rounding.
+    for more, told in ((0.5, False), (5.0, True)):
+        near = {**found, "temperature": (1173.15, 1473.15 + more)}
+        assert bool(outside(near, [found])) == told
 
 
 @pytest.mark.parametrize(

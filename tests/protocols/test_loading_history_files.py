@@ -119,6 +119,7 @@ class TestReading:
         np.testing.assert_allclose(test.response, expected, rtol=1e-14)
         np.testing.assert_array_equal(test.response_is_strain, [0, 0, 0, 1, 1, 1, 1])
         assert test.largest_stress == 2e6
+        assert "ice, 263 to 265 K, 4 stages" in test.title
         assert test.n_readings_in_file == 8
         assert test.notices == ("The reading at the start was dropped: the model starts at rest.",)
 
@@ -156,6 +157,20 @@ class TestReading:
         text = refusal(write(MIXED, wrong, (column[0], column[1] + "\nstress_column")), load)
         assert "stage column 'stage', data row 3: found 1 at 20 min, expected times from 0" in text
 
+    def test_times_of_changes_are_equal_in_any_unit(self, write: Write) -> None:
+        # 2.2 h are more than 132 min, and 4.1 h less than 246 min, by the rounding of a product.
+        assert 2.2 * 3600 > 132 * 60
+        assert 4.1 * 3600 < 246 * 60
+        stages = "".join(
+            '[[stages]]\ncontrol = "stress"\n'
+            f"start_time = {start}\nend_time = {end}\nstress = {load}\n"
+            for start, end, load in ((0.0, 2.2, 2e6), (2.2, 4.1, 1e6))
+        )
+        rows = "time,stress,strain\n60,,0.1\n132,,0.2\n246,,0.3\n"
+        test = load_loading_history(write(f'{HEAD}stage_time_unit = "h"\n{stages}{TAIL}', rows))
+        np.testing.assert_array_equal(test.reading_stage, [0, 1, 1])
+        np.testing.assert_array_equal(test.time[1:], [stage.end_time for stage in test.stages])
+
     def test_compliance_and_zero_of_strain(self, write: Write) -> None:
         keys = """
 [apparatus]
@@ -185,6 +200,11 @@ unit = "percent"
         test = load_loading_history(write(text, ROWS))
         assert test.n_points == 0
         assert test.largest_stress == 2e6
+
+    def test_a_test_without_data_in_which_nothing_is_imposed(self, write: Write) -> None:
+        held = '[[stages]]\ncontrol = "hold_strain"\nstart_time = 0\nend_time = 10\n'
+        source = "\n[provenance]\nkind = 'measured'\nsource = 'nobody'\n"
+        assert "a model at rest tells nothing" in refusal(write(HEAD + held + source, ROWS), load)
 
 
 class TestTurning:
@@ -260,6 +280,20 @@ class TestTurning:
         assert test.stages[0].control == "stress_series"
         np.testing.assert_allclose(np.interp(time, corners, stress), true, rtol=2e-3)
         assert len(test.legs) < 30
+
+    @pytest.mark.parametrize("stated", ["", "strain_uncertainty = 0.2\n"])
+    def test_noise_of_the_strain_is_no_load_under_a_constant_force(
+        self, write: Write, stated: str
+    ) -> None:
+        time = np.linspace(0.0, 1000.0, 201)
+        noise = 2e-3 * np.random.default_rng(1).standard_normal(time.size)
+        rows = table(("time", time), ("strain", 100 * (1e-4 * time + noise)))
+        text = one_stage(
+            'control = "stress"\nstress = 1e6', 1000.0, 'stress_measure = "engineering"'
+        ).replace('stress_column = "stress"\nstress_unit = "MPa"\n', stated)
+        (leg,) = load_loading_history(write(text, rows)).legs
+        assert leg.start_value == pytest.approx(1e6, rel=1e-3)
+        assert leg.end_value == pytest.approx(1e6 * np.exp(-0.1), rel=5e-3)
 
     def test_constant_displacement_rate(self, write: Write) -> None:
         rows = table(("time", np.array([100.0, 200.0])), ("stress", np.array([1.0, 2.0])))
@@ -465,6 +499,42 @@ def ends_of_stages(test: LoadingHistory) -> list[tuple[float, float]]:
     return [(legs[0].start_value / 1e6, legs[-1].end_value / 1e6) for legs in own]
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("", "", None),
+        ("= 1e-5", "= 1e-6", "Stage 1: the strain that was read lies 0.00135 from the one"),
+        ('control = "hold_strain"', 'control = "strain_rate"\nstrain_rate_per_s = 1e-5', "Stage 2"),
+        ("stress = 2.0", "stress = 0.2", "Stage 3: the stress that was read lies 1.8 MPa from"),
+        ("stress_rate = -0.1", "stress_rate = -0.1\nstart_stress = 20", "Stage 4: the stress"),
+    ],
+)
+def test_readings_unlike_what_is_imposed_are_told(
+    old: str, new: str, words: str | None, write: Write
+) -> None:
+    rows = """\
+time,stress,strain
+2,0.5,0.12
+4,1.3,0.24
+5,1.5,0.3
+9,2.0,0.54
+12,1.5,0.6
+20,1.2,0.6
+26,1.1,0.6
+40,2.0,0.65
+45,2.0,0.7
+55,2.0,0.71
+60,2.0,0.75
+62,1.8,0.75
+66,1.4,0.75
+70,1.0,0.74
+"""
+    notices = load_loading_history(write(MIXED, rows, (old, new))).notices
+    told = [notice for notice in notices if "check units, signs" in notice]
+    assert bool(told) == (words is not None)
+    assert (words or "") in "".join(told)
+
+
 SERIES = 'control = "stress_series"'
 
 
@@ -514,6 +584,15 @@ class TestSeries:
         rows = "time,stress,strain\n0,1,0.1\n10,3,0.2\n15,2.5,0.2\n20,2,0.2\n"
         test = load_loading_history(write(stages(SERIES, 'control = "hold_strain"'), rows))
         assert ends_of_stages(test)[0] == pytest.approx((1, 3))
+
+    def test_a_force_goes_on_from_where_keys_say_that_it_ends(self, write: Write) -> None:
+        rate = 'control = "stress_rate"\nstress_rate = '
+        text = stages(
+            f"{rate}0.2", f"{rate}-0.1", f"{rate}-0.1", keys='stress_measure = "engineering"\n'
+        ).replace('stress_column = "stress"\nstress_unit = "MPa"\n', "")
+        rows = table(("time", np.linspace(0.0, 30.0, 31)), ("strain", np.zeros(31)))
+        ends = ends_of_stages(load_loading_history(write(text, rows)))
+        np.testing.assert_allclose(ends, [(0, 2), (2, 1), (1, 0)], atol=1e-9)
 
     def test_the_area_under_a_force_is_that_of_its_own_stage(self, write: Write) -> None:
         """The strain that comes back when the force goes is no strain of the stage before."""

@@ -8,10 +8,14 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from pyburgers.model.display import time_unit
 from pyburgers.protocols.experiment import Experiment, FloatArray
 from pyburgers.protocols.loading_history.stages import Leg, Stage, imposed_stresses, legs_of
 
 IntArray = npt.NDArray[np.int64]
+
+UNREAD_PART = 0.5
+"""Share of a stage at either end of the readings from which on their times are doubted."""
 
 
 @dataclass(frozen=True)
@@ -122,21 +126,72 @@ class LoadingHistory(Experiment):
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Say where signs do not go together, and where a path strain is beyond what is read."""
-        return (*self._doubts_about_signs(), *self._doubts_about_path_strains())
-
-    def _doubts_about_signs(self) -> tuple[str, ...]:
-        """Say where imposed stress is extension alone and most strain that is read compression."""
-        imposed, strain = self.imposed_stresses, self.reading[self.response_is_strain]
-        zero = 0.0 if self.strain_offset is None else self.strain_offset.value
-        if not imposed.size or not strain.size or imposed.max() > 0 or not imposed.any():
-            return ()
-        if np.median(strain) <= zero:
+        """Say where signs, times, compliance or path strains do not go with what was read."""
+        if not self.n_points:
             return ()
         return (
-            "imposed stresses are extension while strains are compression; check their signs "
-            '(compression is positive unless compression = "negative").',
+            *self._doubts_about_signs(),
+            *self._doubts_about_times(),
+            *self._doubts_about_compliance(),
+            *self._doubts_about_path_strains(),
         )
+
+    def _doubts_about_signs(self) -> tuple[str, ...]:
+        """Say where imposed stresses and most strains that are read have opposite signs."""
+        imposed, strain = self.imposed_stresses, self._strains_read
+        if not imposed.any() or not strain.size:
+            return ()
+        if imposed.max() <= 0 < np.median(strain):
+            there, here = "extension", "compression"
+        elif imposed.min() >= 0 > np.median(strain):
+            there, here = "compression", "extension"
+        else:
+            return ()
+        return (
+            f"imposed stresses are {there} while strains are {here}; check their signs "
+            '(compression is positive unless compression = "negative") and the zero of the strain.',
+        )
+
+    def _doubts_about_times(self) -> tuple[str, ...]:
+        """Say where half of a stage passes ahead of its first reading or behind the last one."""
+        first, last = (int(self.reading_stage[k]) for k in (0, -1))
+        unread = (
+            (first, self.time[0] - self.stages[first].start_time, "before the first"),
+            (last, self.stages[last].end_time - self.time[-1], "after the last"),
+        )
+        unit, seconds = time_unit(self.end_time)
+        found = []
+        for k, passed, where in unread:
+            duration = self.stages[k].end_time - self.stages[k].start_time
+            if passed > UNREAD_PART * duration:
+                found.append(
+                    f"stage {k + 1} lasts {duration / seconds:.4g} {unit}, of which "
+                    f"{passed / seconds:.4g} {unit} are {where} reading; check units and start "
+                    "of the times."
+                )
+        return tuple(found)
+
+    def _doubts_about_compliance(self) -> tuple[str, ...]:
+        """Say where the apparatus alone would take up more than all strain that is known."""
+        if self.apparatus_compliance is None:
+            return ()
+        imposed = np.cumsum([leg.end_value for leg in self.legs if leg.driven == "strain"])
+        known = float(np.abs([*self._strains_read, *imposed]).max(initial=0.0))
+        taken_up = self.apparatus_compliance.value * self.largest_stress
+        if taken_up <= known:
+            return ()
+        return (
+            f"the compliance of the apparatus makes a strain of {taken_up:.3g} of a stress of "
+            f"{self.largest_stress / 1e6:.3g} MPa, but no strain that is read or imposed exceeds "
+            f"{known:.3g}; check its unit.",
+        )
+
+    @property
+    def _strains_read(self) -> FloatArray:
+        """Strains among the readings, from their stated zero."""
+        zero = 0.0 if self.strain_offset is None else self.strain_offset.value
+        strains: FloatArray = self.reading[self.response_is_strain] - zero
+        return strains
 
     def _doubts_about_path_strains(self) -> tuple[str, ...]:
         """Say where microstructure was measured beyond all strain that is imposed and read."""
@@ -162,9 +217,9 @@ class LoadingHistory(Experiment):
 
     @property
     def title(self) -> str:
-        """Sample, material, temperature, number of stages and kind of data."""
+        """Sample, material, temperatures, number of stages and kind of data."""
         n_stages = len(self.stages)
         return (
-            f"{self.id}: {self.material}, {self.temperature:g} K, "
+            f"{self.id}: {self.material}, {self.temperature_text}, "
             f"{n_stages} {'stage' if n_stages == 1 else 'stages'}, {self.provenance.kind} data"
         )

@@ -17,6 +17,7 @@ from pyburgers.protocols.experiment import (
 )
 from pyburgers.protocols.loading_history.conventions import Conventions
 from pyburgers.protocols.loading_history.experiment import LoadingHistory, Stated
+from pyburgers.protocols.loading_history.imposed_readings import unlike_imposed
 from pyburgers.protocols.loading_history.measured_sections import SectionTable, read_sections
 from pyburgers.protocols.loading_history.readings import (
     NO_READINGS,
@@ -97,7 +98,7 @@ def load_loading_history(path: str | Path) -> LoadingHistory:
     file = read_toml(path, _LoadingHistoryFile)
     values, (test, offset) = all_of(lambda: shared_values(path, file), lambda: _test(path, file))
     stages, changes = read_stages(test, file.stages)
-    changes = _turned(file) + changes
+    changes = [*_turned(file), *changes, *unlike_imposed(test.readings, stages)]
     response: list[Literal["stress", "strain"]] = [
         "strain" if stage.driven == "stress" else "stress" for stage in stages
     ]
@@ -232,6 +233,7 @@ def _used(
 ) -> tuple[Response, list[str]]:
     """Return the readings of the response that are used, and sentences about the others."""
     if data is None:
+        check_loaded(test.path, found, stages)
         return found, []
     used, notices = without_start(found, stages)
     if not data.is_copy:

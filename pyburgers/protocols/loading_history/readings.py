@@ -20,6 +20,9 @@ IntArray = npt.NDArray[np.int64]
 
 Measure = Literal["true", "engineering"]
 
+ROUNDING = 1e-14
+"""Relative difference of equal times that were turned from different units into s."""
+
 
 class HistoryDataTable(TextFilesTable):
     """The table [data]. An empty cell is no reading."""
@@ -137,7 +140,7 @@ def read_readings(path: Path, data: HistoryDataTable, bounds: FloatArray, sign: 
         may_be_empty=("stress_column", "strain_column"),
     )
     table = dict(zip(columns, found, strict=True))
-    time = table["time_column"]
+    time = _at_bounds(table["time_column"], bounds)
     nothing = np.full_like(time, np.nan)
     second = factor_to_si(data.time_unit, "time", f"{path}: key 'time_unit' in [data]")
     rows = _Rows(f"{source}{data.selection}", data.time_unit, second)
@@ -308,6 +311,13 @@ class _Rows:
     def time(self, time: float) -> str:
         """Return a time (s) as it stands in the file, with its unit."""
         return f"{self.number(time)} {self.unit}"
+
+
+def _at_bounds(time: FloatArray, bounds: FloatArray) -> FloatArray:
+    """Return times, those of bounds exactly where only rounding tells them apart."""
+    for bound in bounds:
+        time = np.where(np.abs(time - bound) <= ROUNDING * abs(bound), bound, time)
+    return time
 
 
 def _stages(

@@ -162,7 +162,7 @@ def check_loaded(path: Path, found: Response, stages: Sequence[Stage]) -> None:
     if first is None:
         raise InputError(
             f"{path}: [[stages]]: found zero wherever a stress or a strain is imposed, expected "
-            "another value somewhere because readings of a model at rest tell nothing."
+            "another value somewhere because a model at rest tells nothing."
         )
 
 

@@ -160,10 +160,9 @@ def read_stages(test: Test, tables: Sequence[StageTable]) -> tuple[tuple[Stage, 
     notices: list[str] = []
     for number, table in enumerate(tables):
         _check_keys(test.path, number, table)
-        before = tables[number - 1] if number else None
         after = tables[number + 1] if number + 1 < len(tables) else None
         strain_follows = after is not None and DRIVEN[after.control] == "strain"
-        reader = _StageReader(test, table, before, tuple(stages), strain_follows, notices)
+        reader = _StageReader(test, table, tables[:number], tuple(stages), strain_follows, notices)
         stages.append(reader.read())
     return tuple(stages), notices
 
@@ -184,13 +183,27 @@ def _check_keys(path: Path, number: int, table: StageTable) -> None:
         )
 
 
+def _given_end(tables: Sequence[StageTable]) -> float | None:
+    """Return the stress at the end of stages, in their unit, as far as keys alone say it."""
+    if not tables:
+        return 0.0
+    *before, last = tables
+    if last.control == "stress":
+        return last.stress
+    if last.control != "stress_rate":
+        return None
+    start = last.start_stress if last.start_stress is not None else _given_end(before)
+    duration = last.end_time - last.start_time
+    return None if start is None else start + (last.stress_rate or 0.0) * duration
+
+
 @dataclass(frozen=True, eq=False)
 class _StageReader:
     """Reads the next stage, given those before it."""
 
     test: Test
     table: StageTable
-    table_before: StageTable | None
+    tables_before: Sequence[StageTable]
     before: Sequence[Stage]
     strain_follows: bool
     notices: list[str]
@@ -250,18 +263,17 @@ class _StageReader:
 
     def _start_stress(self, factor: float) -> float:
         """Stress (Pa) at which a rate starts: the key, or where the stage before ends."""
-        before = self.table_before
         if self.table.start_stress is not None:
             return factor * self.table.start_stress
-        if before is None:
-            return 0.0
-        if before.control == "stress":
-            return factor * (before.stress or 0.0)
-        if self.before[-1].driven == "stress" and self.test.conventions.stress_measure == "true":
+        is_true = self.test.conventions.stress_measure == "true"
+        if is_true and self.before and self.before[-1].driven == "stress":
             return legs_of(self.before)[-1].end_value
+        given = _given_end(self.tables_before)
+        if given is not None:
+            return factor * given
         raise InputError(
             f"{self.where}: key 'start_stress' is missing, expected the stress at the start: "
-            f"the stage before has control {before.control!r}."
+            f"the stage before has control {self.tables_before[-1].control!r}."
         )
 
     def _load(self, start: float, rate: float) -> Stage:
@@ -273,7 +285,9 @@ class _StageReader:
         series = self._readings("strain", "the area under the force")
         time, zero = series.time, self.test.first_strain[0]
         value = (start + rate * (time - self.start)) * np.exp(zero - series.value)
-        corners, line = line_through(time, value, tolerance_of(value, 0.0))
+        stated = self.test.strain_error
+        error = reading_error(time, value) if stated is None else stated * np.abs(value).max()
+        corners, line = line_through(time, value, tolerance_of(value, error))
         self.notices.append(
             f"Stage {self.number}: the force over the first area became a true stress in "
             f"{counted(corners.size - 1, 'leg')}, by the measured strain.{series.unread}"

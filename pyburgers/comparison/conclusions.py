@@ -86,8 +86,8 @@ def sentences(comparison: Comparison) -> tuple[str, ...]:
         if result.unreliable.any():
             doubts.append(
                 f"{name}: its elpd may be far off, because of {_numbered(result.unreliable)} with "
-                f"a Pareto k above {PARETO_K_LIMIT}, not left out by fitting again; so no fit is "
-                "called better, and no two are called alike."
+                f"a Pareto k above {PARETO_K_LIMIT}, not left out by fitting again; a fit is "
+                "called better, or two alike, only where all other points say so by themselves."
             )
     said = [pair.sentence() for pair in pairs(comparison)]
     elpd = {name: one.elpd for name, one in comparison.results.items()}

@@ -10,7 +10,13 @@ import numpy.typing as npt
 
 from pyburgers.model.display import time_unit
 from pyburgers.protocols.experiment import Experiment, FloatArray
-from pyburgers.protocols.loading_history.stages import Leg, Stage, imposed_stresses, legs_of
+from pyburgers.protocols.loading_history.stages import (
+    Leg,
+    Stage,
+    imposed_strains,
+    imposed_stresses,
+    legs_of,
+)
 
 IntArray = npt.NDArray[np.int64]
 
@@ -175,8 +181,8 @@ class LoadingHistory(Experiment):
         """Say where the apparatus alone would take up more than all strain that is known."""
         if self.apparatus_compliance is None:
             return ()
-        imposed = np.cumsum([leg.end_value for leg in self.legs if leg.driven == "strain"])
-        known = float(np.abs([*self._strains_read, *imposed]).max(initial=0.0))
+        strains = [*self._strains_read, *imposed_strains(self.legs)]
+        known = float(np.abs(strains).max(initial=0.0))
         taken_up = self.apparatus_compliance.value * self.largest_stress
         if taken_up <= known:
             return ()

@@ -6,7 +6,13 @@ import numpy as np
 
 from pyburgers.protocols.experiment import FloatArray
 from pyburgers.protocols.loading_history.readings import Readings
-from pyburgers.protocols.loading_history.stages import Leg, Stage, imposed_stresses, legs_of
+from pyburgers.protocols.loading_history.stages import (
+    Leg,
+    Stage,
+    imposed_strains,
+    imposed_stresses,
+    legs_of,
+)
 
 LEAST_READINGS = 3
 """Of a stage behind its start, where a reading may still be that of the stage before."""
@@ -38,7 +44,8 @@ def unlike_imposed(readings: Readings, stages: Sequence[Stage]) -> list[str]:
         if stage.driven == "strain":
             read, imposed = read - read[0], imposed - imposed[0]
         distance = float(np.median(np.abs(read - imposed)))
-        largest = float(np.abs([*read, *imposed, *_elsewhere(legs, stage)]).max())
+        elsewhere = imposed_stresses(legs) if stage.driven == "stress" else imposed_strains(legs)
+        largest = float(np.abs([*read, *imposed, *elsewhere]).max())
         if distance > UNLIKE * largest:
             size = f"{distance:.3g}" if stage.driven == "strain" else f"{distance / 1e6:.3g} MPa"
             found.append(
@@ -54,14 +61,7 @@ def _imposed(legs: Sequence[Leg], number: int, time: FloatArray) -> FloatArray:
     starts = np.array([leg.start_time for leg in own])
     values = np.array([leg.start_value for leg in own])
     if own[0].driven == "strain":
-        values = np.cumsum([0.0, *(leg.end_value for leg in own[:-1])])
+        values = np.array([0.0, *imposed_strains(own)[:-1]])
     k = np.searchsorted(starts, time, side="right") - 1
     imposed: FloatArray = values[k] + np.array([leg.rate for leg in own])[k] * (time - starts[k])
     return imposed
-
-
-def _elsewhere(legs: Sequence[Leg], stage: Stage) -> FloatArray:
-    """Return stresses or strains, as of the stage, that the test imposes in all of its stages."""
-    if stage.driven == "stress":
-        return imposed_stresses(legs)
-    return np.cumsum([leg.end_value for leg in legs if leg.driven == "strain"])

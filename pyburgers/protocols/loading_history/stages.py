@@ -109,6 +109,11 @@ def imposed_stresses(legs: Sequence[Leg]) -> FloatArray:
     return np.array([value for leg in loads for value in (leg.start_value, leg.end_value)])
 
 
+def imposed_strains(legs: Sequence[Leg]) -> FloatArray:
+    """Return the sums of imposed strain at the ends of the legs that impose one; empty for none."""
+    return np.cumsum([leg.end_value for leg in legs if leg.driven == "strain"])
+
+
 def _legs(stage: Stage, number: int) -> list[Leg]:
     if not stage.knots:
         start, rate = _start_and_rate(stage)

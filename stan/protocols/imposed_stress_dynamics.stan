@@ -86,7 +86,9 @@ vector imposed_stress_rhs(real time, vector state, data real median_stress, data
   if (evolves) {
     real spring_rate = amplitude * angular_frequency * cos(angular_frequency * time)
                        / parameter[i_maxwell_modulus()];
-    rate[3] = abs(spring_rate + driving_stress * largest_stress / kelvin_viscosity + dashpot_rate);
+    real strain_rate
+      = spring_rate + driving_stress * largest_stress / kelvin_viscosity + dashpot_rate;
+    rate[3] = fmax(strain_rate, -strain_rate);
     rate[4] = microstructure_rate(state[4],
                                   preferred_grain_size(stress, parameter, initial[1]),
                                   parameter[i_critical_strain_grain_size()], rate[3]);

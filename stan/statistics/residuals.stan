@@ -31,7 +31,8 @@ matrix correlated_part_given_before(vector residual, data vector strain,
       mean = 0;
       variance = share;
     } else {
-      real lost = expm1(-abs(strain[i] - strain[i - 1]) / correlation_strain);
+      real step = strain[i] - strain[i - 1];
+      real lost = expm1(-fmax(step, -step) / correlation_strain);
       real kept = 1 + lost;
       real gain = variance / (variance + 1 - share);
       mean = kept * (mean + gain * (residual[i - 1] - mean));

@@ -22,6 +22,7 @@ from pyburgers.model.pooling import parse_pooling
 from pyburgers.model.priors import PriorSet, load_priors, with_flow_law
 from pyburgers.model.variants import parse_choices, with_variant
 from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.fixed_parameters import fixed_in_effect
 from pyburgers.protocols.problem import of_one_program
 from pyburgers.protocols.protocol import load_experiment
 from pyburgers.protocols.stan_data import SolverOptions
@@ -104,7 +105,7 @@ def run(options: argparse.Namespace) -> int:
     table = (
         shown_pooling_table(pooling_table(result))
         if result.is_joint
-        else parameter_table(result.summary("SI"), result.priors)
+        else parameter_table(result.summary("SI"), result.priors, fixed_in_effect(result))
     )
     print_table(table, ["quantity", "unit", "pooling", "fit"])
     print(f"run directory: {result.directory.path}")

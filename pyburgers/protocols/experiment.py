@@ -164,6 +164,11 @@ class Experiment(ABC):
         return np.full(self.n_points, -np.inf)
 
     @property
+    def without_readings(self) -> frozenset[str]:
+        """Sizes of residuals (parameters) of readings that the test does not have."""
+        return frozenset()
+
+    @property
     @abstractmethod
     def largest_stress(self) -> float:
         """Largest |σ| (Pa) in the test; only of an experiment with data."""

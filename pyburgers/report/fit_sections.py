@@ -15,6 +15,7 @@ from pyburgers.drawing.page_parts import PageTable
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.fixed_parameters import fixed_in_effect
 from pyburgers.protocols.protocol import Protocol, protocol_of
 from pyburgers.report import tables
 from pyburgers.report.illustrations import Illustration, picture_file
@@ -156,9 +157,8 @@ def write_section(name: str, fit: Fit, out: Path) -> Section:
         priors=files["priors"],
         sampler=sampler,
         fixed=tuple(
-            tables.fixed_row(PARAMETER_BY_NAME[name], prior)
-            for name, prior in fit.priors.priors.items()
-            if prior.is_fixed
+            tables.fixed_row(PARAMETER_BY_NAME[prior.parameter], prior)
+            for prior in fixed_in_effect(fit)
         ),
         truth=truth,
         more_tables=more_tables,

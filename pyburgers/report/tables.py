@@ -25,7 +25,9 @@ INTERVALS = (50, 90, 95)
 """Central intervals (%) in which the truth behind synthetic data is looked for."""
 
 
-def parameter_table(summary: pd.DataFrame, priors: PriorSet) -> pd.DataFrame:
+def parameter_table(
+    summary: pd.DataFrame, priors: PriorSet, fixed: Sequence[Prior] = ()
+) -> pd.DataFrame:
     """Posterior beside prior, a row for each sampled quantity, then the fixed parameters.
 
     Parameters
@@ -34,6 +36,8 @@ def parameter_table(summary: pd.DataFrame, priors: PriorSet) -> pd.DataFrame:
         Posterior table in SI units (`Fit.summary`).
     priors : PriorSet
         Priors of the fit, resolved.
+    fixed : sequence of Prior
+        Fixed parameters to name (`pyburgers.protocols.fixed_parameters.fixed_in_effect`).
 
     Returns
     -------
@@ -51,9 +55,7 @@ def parameter_table(summary: pd.DataFrame, priors: PriorSet) -> pd.DataFrame:
         }
         for name, row in summary.iterrows()
     ]
-    for name, prior in priors.priors.items():
-        if prior.is_fixed:
-            rows.append(fixed_row(PARAMETER_BY_NAME[name], prior))
+    rows += [fixed_row(PARAMETER_BY_NAME[prior.parameter], prior) for prior in fixed]
     return pd.DataFrame(rows).fillna("")
 
 
@@ -85,7 +87,7 @@ def result_table(
         column `DECISION`, with a truth the columns truth and off by (sd).
     """
     names = [*map(str, summary.index)]
-    table = parameter_table(summary, priors).head(len(names)).drop(columns=list(SAMPLER_COLUMNS))
+    table = parameter_table(summary, priors).drop(columns=list(SAMPLER_COLUMNS))
     if influences:
         table[DECISION] = [
             DECIDED_BY[influences[name].origin] if name in influences else "" for name in names

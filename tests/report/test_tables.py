@@ -9,6 +9,7 @@ from pyburgers.fitting.fit import Fit
 from pyburgers.model.display import prior_text, shown_quantity, symbol_text, unit_text
 from pyburgers.model.parameters import PARAMETER_BY_NAME, PARAMETERS, PROGRAM_PARAMETERS
 from pyburgers.model.prior_families import Prior
+from pyburgers.protocols.fixed_parameters import fixed_in_effect
 from pyburgers.report import tables
 from pyburgers.report.glossary import with_definitions
 
@@ -67,7 +68,7 @@ def test_every_symbol_can_be_printed_without_mathematics() -> None:
 
 def test_the_parameter_table_shows_the_summary_in_display_units(fit: Fit) -> None:
     summary = fit.summary("SI")
-    shown = tables.parameter_table(summary, fit.priors).set_index("quantity")
+    shown = tables.parameter_table(summary, fit.priors, fixed_in_effect(fit)).set_index("quantity")
     row = shown.loc["Kelvin viscosity"]
     sd = summary["sd"]["kelvin_viscosity"] / 1e9
     assert row["mean"] == rounded(summary["mean"]["kelvin_viscosity"] / 1e9, sd)

@@ -120,6 +120,13 @@ class LoadingHistory(Experiment):
         return is_strain
 
     @property
+    def without_readings(self) -> frozenset[str]:
+        """Sizes of residuals of what is imposed in all stages that are read."""
+        is_strain = self.response_is_strain
+        read = {"strain_noise": is_strain.any(), "stress_noise": (~is_strain).any()}
+        return frozenset(name for name, any_reading in read.items() if not any_reading)
+
+    @property
     def imposed_stresses(self) -> FloatArray:
         """Stresses (Pa) at the ends of all legs that impose one; empty for none."""
         return imposed_stresses(self.legs)

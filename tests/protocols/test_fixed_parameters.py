@@ -1,0 +1,51 @@
+"""Tables name the fixed parameters that a fit depends on, and no others."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+import xarray as xr
+
+from pyburgers.model.parameters import PIEZOMETER
+from pyburgers.model.priors import PriorSet
+from pyburgers.model.variants import with_variant
+from pyburgers.protocols.experiment import Experiment
+from pyburgers.protocols.fixed_parameters import fixed_in_effect
+from pyburgers.protocols.problem import problem_of
+from pyburgers.protocols.protocol import load_experiment
+from pyburgers.protocols.together import default_priors_for
+
+DATA = Path(__file__).parents[2] / "data"
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A test and its priors, before anything was drawn."""
+
+    experiment: Experiment
+    priors: PriorSet
+    posterior: xr.DataTree
+
+
+def _named(file: str, choices: dict[str, str]) -> set[str]:
+    experiment = load_experiment(DATA / file)
+    priors = with_variant(default_priors_for([experiment]), experiment, choices)
+    (resolved,) = problem_of([experiment], priors).priors
+    fitted = Fitted(experiment, resolved, xr.DataTree())
+    return {prior.parameter for prior in fixed_in_effect(fitted)}
+
+
+@pytest.mark.parametrize(
+    ("file", "choices", "expected"),
+    [
+        ("dunite/dunite_4506.toml", {}, set()),
+        ("dunite/dunite_4506.toml", {"grain_size": "constant", "fabric": "constant"}, set()),
+        ("dunite/dunite_4506.toml", {"grain_size": "piezometric"}, set(PIEZOMETER)),
+        ("olivine/olivine_twin.toml", {}, set(PIEZOMETER)),
+        ("halite/halite_z3.toml", {"residuals": "independent"}, set()),
+    ],
+)
+def test_only_what_a_fit_depends_on_is_named(
+    file: str, choices: dict[str, str], expected: set[str]
+) -> None:
+    assert _named(file, choices) == expected

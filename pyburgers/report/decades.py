@@ -16,16 +16,28 @@ from pyburgers.protocols.protocol import FittedTest
 
 FloatArray = npt.NDArray[np.float64]
 
-DECADES = 1.5
-"""Decades between the ends of the central 90 % of draws from which the logarithm is shown."""
+DECADES = 1.0
+"""Decades between the ends of the central 90 % of draws from which the logarithm may be shown."""
 
 _QUANTILES = np.linspace(0.0005, 0.9995, 1000)
 
 
 def spans_decades(draws: FloatArray) -> bool:
-    """Tell whether draws of a quantity, of any shape, go over decades."""
-    low, high = np.quantile(draws, [0.05, 0.95])
-    return bool(low > 0 and high >= low * 10**DECADES)
+    """Tell whether draws of a quantity, of any shape, go over decades and lie evenly in them.
+
+    A share that may be anything up to 1 goes over decades too, most of them near zero; it is read
+    in its own unit, as what lies more evenly there than by its logarithm.
+    """
+    ends = np.quantile(draws, [0.05, 0.5, 0.95])
+    if not 0 < ends[0] * 10**DECADES <= ends[2]:
+        return False
+    return _unevenness(np.log(ends)) < _unevenness(ends)
+
+
+def _unevenness(ends: FloatArray) -> float:
+    """Distance of the median from the middle of the outer quantiles, 0 to 1."""
+    low, median, high = ends
+    return float(abs(low + high - 2 * median) / (high - low))
 
 
 def logarithm_of(quantity: Parameter) -> Parameter:

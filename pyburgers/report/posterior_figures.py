@@ -172,7 +172,7 @@ def _density_limits(
 ) -> tuple[float, float, bool]:
     """Limits of a panel (SI), and whether they cut the prior's range."""
     ends = _prior_range(prior)
-    low, high = (float(end) for end in np.quantile(draws, [0.005, 0.995]))
+    low, high = (float(end) for end in np.quantile(draws, [0.01, 0.99]))
     cut = high - low < NARROW * (ends[1] - ends[0])
     if cut:
         width = max(high - low, 1e-3 * abs(high))
@@ -253,7 +253,8 @@ def rank(fit: FittedTest) -> Figure:
                 counts, _ = np.histogram(chain_ranks, bins=edges)
                 axes.stairs(counts, 100 * edges, baseline=None, linewidth=1.1, **_chain_style(k))
             label = textwrap.fill(quantity.label, PANEL_TITLE_WIDTH)
-            axes.set_title(f"{label}, ${quantity.symbol}$", loc="left", fontsize=9.5)
+            gap = "\n" if quantity.symbol.startswith(r"\log") else " "
+            axes.set_title(f"{label},{gap}${quantity.symbol}$", loc="left", fontsize=9.5)
             axes.set_ylim(bottom=0.0)
             axes.set_xlim(0.0, 100.0)
             axes.xaxis.set_major_locator(few_ticks(4))

@@ -24,6 +24,13 @@ def test_decades_are_counted_between_the_ends_of_most_draws() -> None:
     assert not spans_decades(np.full(10, 3.0))
 
 
+def test_what_lies_evenly_in_its_own_unit_is_shown_in_it() -> None:
+    rng = np.random.default_rng(1)
+    assert not spans_decades(rng.beta(1.0, 1.5, 4000))  # a share, most of whose decades are empty
+    assert not spans_decades(np.abs(rng.normal(0.0, 1.0, 4000)))
+    assert spans_decades(np.exp(rng.normal(0.0, 1.0, 4000)))
+
+
 def test_the_logarithm_of_a_prior_is_its_distribution() -> None:
     prior = PriorOfLogarithm(make_prior("kelvin_viscosity", "lognormal", 3e10, 1.2, 0.0))
     of_log = stats.norm(np.log10(3e10), 1.2 / np.log(10))

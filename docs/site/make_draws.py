@@ -36,7 +36,7 @@ PARAMETERS = (
     "critical_strain_grain_size",
     "critical_strain_fabric",
 )
-OPTIONS = pyburgers.SamplerOptions(chains=4, draws=500, seed=20, adapt_delta=0.95)
+OPTIONS = pyburgers.SamplerOptions(chains=4, draws=500, seed=20)
 
 
 def main() -> None:

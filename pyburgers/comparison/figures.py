@@ -1,8 +1,12 @@
 """Figures of what comparisons found."""
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from pyburgers.comparison.results import (
     BoolArray,
@@ -25,6 +29,10 @@ from pyburgers.drawing.style import (
 )
 
 FIT_COLOURS = (VERMILION, BLUE, GREEN, PURPLE, ORANGE)
+REFITTED: dict[str, Any] = {"marker": "o", "color": BLACK, "markersize": 9, "fillstyle": "none"}
+DOUBTFUL: dict[str, Any] = {"marker": "x", "color": BLACK, "markersize": 8}
+"""Marks of points that were left out by fitting again, and of those that cannot be trusted."""
+
 TEST_SHIFT = 0.12
 """Distance of the fits of a test from each other; tests are 1 apart."""
 
@@ -32,8 +40,8 @@ COMPARISON_CAPTION = (
     "Above: log predictive density of each left-out point under a fit less that under the best "
     "one; below zero the best fit predicts the point better. Below: the same added up along the "
     "test, so that its steps show which part of the curve decides and its end is the difference of "
-    "elpd. A black ring marks a point that was left out by fitting again, a cross one whose "
-    "importance weights are too uneven to be trusted (Pareto k above 0.7)."
+    "elpd. The importance weights of a doubtful point are too uneven to be trusted (Pareto k above "
+    "0.7)."
 )
 
 LEFT_OUT_CAPTION = (
@@ -72,13 +80,28 @@ def pointwise_differences(comparison: Comparison) -> Figure:
             sums.set_xlabel(comparison.clock.label)
         panels[0, 0].set_ylabel("difference of a point's\nlog density (–)")
         panels[1, 0].set_ylabel("added up (–)")
-        _legend_above(figure, panels[0, 0])
+        _legend_above(figure, panels[0, 0], _marks(comparison))
     return figure
 
 
-def _legend_above(figure: Figure, axes: Axes) -> None:
+def _marks(comparison: Comparison) -> list[Line2D]:
+    """Return handles of the marks that some points have."""
+    results = comparison.results.values()
+    marked = {
+        "left out by fitting again": (REFITTED, any(one.exact.any() for one in results)),
+        "doubtful": (DOUBTFUL, any(one.unreliable.any() for one in results)),
+    }
+    return [
+        Line2D([], [], linestyle="none", label=label, **mark)
+        for label, (mark, any_point) in marked.items()
+        if any_point
+    ]
+
+
+def _legend_above(figure: Figure, axes: Axes, marks: Sequence[Line2D] = ()) -> None:
     """Name what the axes show, in two columns where the longest names fit side by side."""
-    handles, labels = axes.get_legend_handles_labels()
+    handles = [*axes.get_legend_handles_labels()[0], *marks]
+    labels = [str(handle.get_label()) for handle in handles]
     widest = LETTER_WIDTH * max(map(len, labels), default=0) + HANDLE_WIDTH
     columns = 2 if len(labels) > 1 and 2 * widest <= figure.get_figwidth() else 1
     figure.legend(handles, labels, loc="outside upper left", ncols=columns)
@@ -115,9 +138,9 @@ def _draw_differences(
         label=label,
     )
     exact = here & (result.exact | best.exact)
-    axes.plot(along[exact], difference[exact], "o", color=BLACK, markersize=9, fillstyle="none")
+    axes.plot(along[exact], difference[exact], linestyle="none", **REFITTED)
     doubtful = here & (result.unreliable | best.unreliable)
-    axes.plot(along[doubtful], difference[doubtful], "x", color=BLACK, markersize=8)
+    axes.plot(along[doubtful], difference[doubtful], linestyle="none", **DOUBTFUL)
 
 
 def left_out_tests(comparison: ComparisonByTest) -> Figure:

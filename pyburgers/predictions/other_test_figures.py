@@ -45,8 +45,13 @@ def prediction_figure(prediction: Prediction) -> Figure:
             for sentence in (prediction.title, *prediction.cautions)
             for line in textwrap.wrap(sentence, TITLE_WIDTH)
         ]
-        figure.suptitle("\n".join(said), fontsize=9, x=0.01, ha="left")
-        panels[0].legend(loc="best")
+        figure.legend(
+            *panels[0].get_legend_handles_labels(),
+            loc="outside upper left",
+            ncols=3,
+            title="\n".join(said),
+            alignment="left",
+        )
         panels[-1].set_xlabel(_clock(prediction.experiment).label)
     return figure
 

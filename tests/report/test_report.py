@@ -160,7 +160,8 @@ def test_failed_checks_cannot_be_overlooked(page: Page, fits: list[Fit]) -> None
             assert page.text_without_marks.count(f"{check.remedy}.") == 1
     for fit in fits:
         passed = [check for check in fit.checks() if check.passed]
-        assert f"✓ {len(passed)} of {len(fit.checks())} checks passed" in page.text
+        mark = "✓" if len(passed) == len(fit.checks()) else "✗"
+        assert f"{mark} {len(passed)} of {len(fit.checks())} checks passed" in page.text
         for kind in CheckKind:
             made = [check.name for check in fit.checks() if check.check.kind is kind]
             assert page.text_without_marks.count(f"{kind.value} {', '.join(made)}") == 1

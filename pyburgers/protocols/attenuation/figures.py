@@ -186,8 +186,8 @@ def compliances(tan_delta: FloatArray, modulus: FloatArray) -> tuple[FloatArray,
 ARRHENIUS_CAPTION = (
     "Relaxation time of the Kelvin element against inverse temperature, and beside it the Maxwell "
     "time of the dashpot, which is the flow law's: lines are posterior medians, areas 90 % of "
-    "draws, the grey band the periods of the table. Its slope is the activation enthalpy. Beyond "
-    "the periods a time is what the law makes of it, not what was seen."
+    "draws. The slope of a line is its activation enthalpy. Beyond the periods of the table a time "
+    "is what the law makes of it, not what was seen."
 )
 
 
@@ -203,7 +203,8 @@ def arrhenius(fit: FittedTest) -> Figure:
     with style():
         figure = Figure(figsize=(8.0, 5.2), layout="constrained")
         axes = figure.subplots()
-        axes.axhspan(conditions.period.min(), conditions.period.max(), color="#e6e6e6", linewidth=0)
+        seen = conditions.period.min(), conditions.period.max()
+        axes.axhspan(*seen, color="#e6e6e6", linewidth=0, label="periods of the table")
         for name, colour, label in (
             ("log_relaxation_time", BLUE, "Kelvin element"),
             ("log_maxwell_time", VERMILION, "Maxwell time of the dashpot"),

@@ -28,9 +28,8 @@ SPECTRUM_CAPTION = (
     "Relaxation times of the Kelvin part at the temperature of the file's head: compliance for "
     "each decade of the time, over the elastic one. A band of times is a ramp with two ends, a "
     "peak a bell, Andrade creep a line without ends; an element of one time is a dot at its "
-    "strength, with 90 % of draws as bars. Grey are the times that the periods of the table see, "
-    "moved to that temperature as the fit has it: beyond them a spectrum is what law and prior "
-    "make of it."
+    "strength, with 90 % of draws as bars. The periods of the table see the grey times, moved to "
+    "that temperature as the fit has it: beyond them a spectrum is what law and prior make of it."
 )
 
 
@@ -47,7 +46,7 @@ def relaxation_spectrum(fit: FittedTest) -> Figure:
     with style():
         figure = Figure(figsize=(8.0, 5.2), layout="constrained")
         axes = figure.subplots()
-        axes.axvspan(*seen, color="#e6e6e6", linewidth=0)
+        axes.axvspan(*seen, color="#e6e6e6", linewidth=0, label="seen by the periods")
         if density.any():
             draw_band(axes, np.exp(log_time), density, BLUE, "per decade")
         else:

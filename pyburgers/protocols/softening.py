@@ -74,10 +74,10 @@ def microstructure_facts(
 def softening_caption(end: str) -> str:
     """Return the caption of the figure; the end is that of the test, such as ``final strain``."""
     return (
-        "Why the material weakens: (a) mean grain size, (b) fabric factor (1 = isotropic), (c) the "
-        "factors by which smaller grains and stronger fabric lower the flow stress, and their "
-        "product; lines are posterior medians, areas hold 90 % of draws. (d) Share of grain size "
-        f"in the total softening (logarithms) at the {end}; below 0 or above 1 one of the two "
+        "Why the material weakens or hardens: (a) mean grain size, (b) fabric factor (1 = "
+        "isotropic), (c) the factors by which grain size and fabric change the flow stress, and "
+        "their product; lines are posterior medians, areas hold 90 % of draws. (d) Share of grain "
+        f"size in the total softening (logarithms) at the {end}; below 0 or above 1 one of the two "
         "hardens, and the outermost 1 % of draws may be cut off. Where this histogram is broad, "
         "the data do not tell which mechanism did it. Circles with bars: measured, with standard "
         "deviation."
@@ -121,8 +121,8 @@ def softening_along(fit: FittedTest, along: Along) -> Figure:
             label="flow stress / undeformed (–)",
         )
         _draw_measured(grains, fabric, experiment, along.measured)
-        for axes, top in ((grains, None), (fabric, 1.05), (strength, None)):
-            axes.set_ylim(0.0, top)
+        for axes, least_top in ((grains, 0.0), (fabric, 1.05), (strength, 1.05)):
+            axes.set_ylim(0.0, max(axes.get_ylim()[1], least_top))
             axes.set_xlabel(along.label)
             axes.set_xlim(0.0, along.end)
         _draw_share(share, softening_shares(predictions))

@@ -30,7 +30,7 @@ from pyburgers.protocols.experiment import Experiment, UncertainCondition
 from pyburgers.protocols.forced_oscillation.experiment import load_forced_oscillation
 from pyburgers.protocols.forward import simulate_data
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
-from pyburgers.protocols.loading_history.figures import softening
+from pyburgers.protocols.loading_history.figures import response, softening
 from pyburgers.protocols.microstructure import MeasuredMicrostructure
 from pyburgers.protocols.problem import of_one_program, problem_of
 from pyburgers.report.joint_section import joint_sections
@@ -258,6 +258,23 @@ def test_it_is_drawn_along_time_with_what_was_measured(measured: Fit) -> None:
     np.testing.assert_allclose(np.asarray(bars.lines[0].get_ydata()), [160.0, 105.0])
     np.testing.assert_allclose(np.asarray(factors.lines[0].get_ydata()), [0.74])
     assert grains.get_xlim()[1] == pytest.approx(at[1])
+
+
+def test_recovery_that_dies_away_does_not_stretch_the_axis_of_rates(measured: Fit) -> None:
+    creep = measured["creep"]
+    dying = creep.posterior.copy()
+    group = dying["predictions"].to_dataset()
+    rate = abs(group["strain_rate"]).median(("chain", "draw"))
+    back = np.where(np.arange(rate.size) < rate.size // 2, rate, -1e-12 * rate)
+    dying["predictions"] = xr.DataTree(
+        group.assign(strain_rate=0 * group["strain_rate"] + xr.DataArray(back, dims=rate.dims))
+    )
+    (axes,) = (
+        one
+        for one in response(replace(creep, posterior=dying)).axes
+        if "rate" in one.get_title("left")
+    )
+    assert axes.get_ylim()[0] == pytest.approx(1e-3 * back[back > 0].min(), rel=1e-4)
 
 
 def test_no_softening_is_drawn_where_nothing_evolves(mixed: Fit) -> None:

@@ -100,6 +100,17 @@ def test_shares_of_next_to_no_softening_do_not_stretch_the_axis(tmp_path: Path) 
     assert {"median 0.50", "10 % of draws lie beyond"} <= set(legend_texts(figure))
 
 
+def test_a_fabric_that_hardens_stays_inside_its_panel(tmp_path: Path) -> None:
+    fit = make_fit(tmp_path, chains=2, draws=50)
+    predictions = fit.posterior["predictions"].to_dataset()
+    predictions["fabric_factor"] = predictions["fabric_factor"] * 0 + 2.5
+    fit.posterior["predictions"] = xr.DataTree(predictions)
+    (axes,) = (one for one in softening(fit).axes if "fabric" in one.get_title("left"))
+    low, high = axes.get_ylim()
+    assert low == 0.0
+    assert all(np.max(line.get_ydata()) < high for line in axes.lines)
+
+
 def test_softening_without_any_softening_draws_no_share(tmp_path: Path) -> None:
     fit = make_fit(tmp_path, chains=2, draws=50)
     predictions = fit.posterior["predictions"].to_dataset()

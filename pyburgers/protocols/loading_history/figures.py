@@ -108,11 +108,15 @@ def fitted_curve(fit: FittedTest) -> FittedCurve:
     return _curve(fit, _main(loading_history_test(fit)))
 
 
+RECOVERY_SHOWN = 1e-3
+"""Slowest rate of recovery that is drawn, over the slowest forward one."""
+
 RESPONSE_CAPTION = (
     "The same solutions as the field draws them; lines are posterior medians, areas hold 90 % of "
     "draws, a colour for each stage. (a) Stress against strain. (b) Strain rate against strain on "
     "a logarithmic scale: a minimum is where the Kelvin element is exhausted and softening wins; "
-    "rates of recovery, which run backwards, are drawn dashed. (c) What was read in each stage, "
+    "rates of recovery, which run backwards, are drawn dashed down to a thousandth of the slowest "
+    "forward one. (c) What was read in each stage, "
     "against the time since the stage began on a logarithmic scale, over its value at the end of "
     "the stage: relaxation and transient creep are seen from their first readings on."
 )
@@ -162,6 +166,7 @@ def response(fit: FittedTest) -> Figure:
                     markerfacecolor="white",
                     markeredgewidth=0.5,
                 )
+        _cut_slow_recovery(places["rate"], middle["strain_rate"])
         _label_response(places)
         figure.suptitle(f"{experiment.title}\n{LINES_AND_AREAS}", fontsize=10)
     return figure
@@ -279,6 +284,13 @@ def _draw_rate(axes: Axes, strain: FloatArray, rates: FloatArray, colour: str) -
         )
         axes.plot(strain, shown, linestyle=line, color=colour, linewidth=1.6)
     axes.set_yscale("log")
+
+
+def _cut_slow_recovery(axes: Axes, rates: FloatArray) -> None:
+    """Leave out rates of recovery (1/s) that die away over decades below all forward ones."""
+    forward = rates[rates > 0]
+    if forward.size:
+        axes.set_ylim(bottom=max(axes.get_ylim()[0], RECOVERY_SHOWN * float(forward.min())))
 
 
 def _draw_log_time(

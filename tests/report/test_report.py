@@ -174,6 +174,14 @@ def test_a_page_without_failures_says_so(fits: list[Fit], passing_page: Page) ->
     assert "FAILED" not in passing_page.text
 
 
+def test_what_cannot_be_told_is_no_finding(sketched: None, tmp_path: Path) -> None:
+    few = small_fit(tmp_path / "runs" / "few", draws=12)
+    assert {verdict.outcome for verdict in few.verdicts().values()} == {Outcome.CANNOT_TELL}
+    text = write([few], tmp_path / "page").text
+    assert "? Does the model describe the data? Cannot tell ." in text
+    assert "Intervals of these fits may leave out what the model misses." in text
+
+
 def test_both_answers_stand_in_the_contents_and_in_the_section(page: Page, fits: list[Fit]) -> None:
     for fit in fits:
         for kind, verdict in fit.verdicts().items():

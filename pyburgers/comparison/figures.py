@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from pyburgers.checks.fit_checks import PARETO_K_LIMIT
 from pyburgers.comparison.results import (
     BoolArray,
     Comparison,
@@ -41,7 +42,7 @@ COMPARISON_CAPTION = (
     "one; below zero the best fit predicts the point better. Below: the same added up along the "
     "test, so that its steps show which part of the curve decides and its end is the difference of "
     "elpd. The importance weights of a doubtful point are too uneven to be trusted (Pareto k above "
-    "0.7)."
+    f"{PARETO_K_LIMIT})."
 )
 
 LEFT_OUT_CAPTION = (

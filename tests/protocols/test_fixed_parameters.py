@@ -1,15 +1,12 @@
 """Tables name the fixed parameters that a fit depends on, and no others."""
 
-from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
-import xarray as xr
 
 from pyburgers.model.parameters import PIEZOMETER
-from pyburgers.model.priors import PriorSet
 from pyburgers.model.variants import with_variant
-from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.fixed_parameters import fixed_in_effect
 from pyburgers.protocols.problem import problem_of
 from pyburgers.protocols.protocol import load_experiment
@@ -18,21 +15,12 @@ from pyburgers.protocols.together import default_priors_for
 DATA = Path(__file__).parents[2] / "data"
 
 
-@dataclass(frozen=True)
-class Fitted:
-    """A test and its priors, before anything was drawn."""
-
-    experiment: Experiment
-    priors: PriorSet
-    posterior: xr.DataTree
-
-
 def _named(file: str, choices: dict[str, str]) -> set[str]:
     experiment = load_experiment(DATA / file)
     priors = with_variant(default_priors_for([experiment]), experiment, choices)
     (resolved,) = problem_of([experiment], priors).priors
-    fitted = Fitted(experiment, resolved, xr.DataTree())
-    return {prior.parameter for prior in fixed_in_effect(fitted)}
+    fit = SimpleNamespace(experiment=experiment, priors=resolved)
+    return {prior.parameter for prior in fixed_in_effect(fit)}
 
 
 @pytest.mark.parametrize(

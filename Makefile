@@ -33,6 +33,8 @@ lint: $(VENV)/.lint-installed
 	@$(BIN)/ruff format --check
 	@$(BIN)/ruff check
 	@$(BIN)/mypy
+	@echo "==> Listing sentences that are hard to read at once (they fail nothing)"
+	@$(BIN)/python docs/site/sentences.py
 
 docs: cmdstan $(VENV)/.docs-installed
 	@echo "==> Building the site: its pages run their commands, which takes some minutes"

@@ -45,7 +45,7 @@ def sentences(text: str) -> Iterator[tuple[int, str]]:
 
 def _as_read(match: re.Match[str]) -> str:
     """Return the text of a link, or one word for a piece of code."""
-    return match[1] if match[1] is not None else "code" + "\n" * match[2].count("\n")
+    return match[1] if match[1] is not None else "CODE" + "\n" * match[2].count("\n")
 
 
 def fault(sentence: str) -> str | None:

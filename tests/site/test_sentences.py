@@ -46,7 +46,7 @@ others. A [link of words](that/counts/as/its/text.md) stands here.
         (3, "Tests of et al (1984) and\nothers."),
         (4, "A link of words stands here."),
         (14, "one point"),
-        (15, "code"),
+        (15, "CODE"),
     ]
 
 

@@ -36,7 +36,7 @@ include_patterns = [
 ]
 exclude_patterns = ["build", ".venv", "runs", "report", "docs/site"]
 
-myst_enable_extensions = ["attrs_inline", "colon_fence", "deflist"]
+myst_enable_extensions = ["colon_fence"]
 myst_heading_anchors = 3
 
 autodoc_typehints = "none"  # the docstrings say them

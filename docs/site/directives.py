@@ -1,11 +1,12 @@
 """Sphinx extension: pages that run what they show, and tables that come from the code.
 
+Pages are plain Markdown, in which `markers` finds their directives. Their folders lie beside a link
+``data`` to the shipped data, as a folder of the checkout does.
+
 Directives
 ----------
 write-file NAME
     Shows a file and writes it into the folder of the page.
-copy-file PATH
-    Copies files of the repository into that folder; shows nothing.
 run shell, run python
     Shows and runs lines there, then shows what they print. Options: ``exit`` (codes that are
     expected), ``lines`` (of output that are shown), ``messages`` (shows standard error, too),
@@ -36,6 +37,7 @@ from generated_tables import (
     key_lines,
     parameter_lines,
 )
+from markers import with_directives
 from sphinx.application import Sphinx
 from sphinx.util import logging
 from sphinx.util.docutils import SphinxDirective
@@ -111,21 +113,6 @@ class WriteFile(PageDirective):
         block = nodes.container("", literal_block=True, classes=["literal-block-wrapper"])
         block += [title, self.code(text, LANGUAGES.get(target.suffix, "text"))]
         return [block]
-
-
-class CopyFile(PageDirective):
-    """``copy-file PATH...``."""
-
-    required_arguments = 1
-    final_argument_whitespace = True
-
-    def run(self) -> list[nodes.Node]:
-        """Copy the files."""
-        self.folder.mkdir(parents=True, exist_ok=True)
-        for name in self.arguments[0].split():
-            shutil.copy(ROOT / name, self.folder)
-            self.env.note_dependency(str(ROOT / name))
-        return []
 
 
 def _numbers(text: str) -> tuple[int, ...]:
@@ -260,15 +247,20 @@ class Commands(PageDirective):
 
 
 def _start_afresh(app: Sphinx, docname: str, source: list[str]) -> None:
-    """Empty the folder of a page that is built again: commands go on with what they find there."""
-    shutil.rmtree(WORK / docname, ignore_errors=True)
+    """Read the markers of a page, and empty its folder for its commands."""
+    source[0] = with_directives(source[0])
+    folder = WORK / docname
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    data = folder.with_name("data")
+    if not data.is_symlink():
+        data.symlink_to(ROOT / "data")
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
     """Register the directives."""
     for name, directive in {
         "write-file": WriteFile,
-        "copy-file": CopyFile,
         "run": Run,
         "example": Example,
         "page": EmbeddedPage,

@@ -19,7 +19,7 @@ ROOT = Path(__file__).parents[2]
 MAX_WORDS = 30
 
 ABBREVIATIONS = re.compile(r"\b(et al|Eqs?|Figs?|e\.g|i\.e|vs)\.(?=\s)")
-END_OF_SENTENCE = re.compile(r"(?<=[.?!:])[)*\"”]*\s+(?=[^a-z])")
+END_OF_SENTENCE = re.compile(r"(?<=[.?!])[)*\"”]*\s+|(?<=:)\**\s+(?=[^a-z])")
 SUBJECT_CLAUSE = re.compile(r"What\b[^?]*$|Where\b[^,?]*$")
 NO_PROSE = re.compile(
     r"^```.*?^```$|<!--.*?-->"

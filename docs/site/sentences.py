@@ -34,7 +34,7 @@ def sentences(text: str) -> Iterator[tuple[int, str]]:
     text = NO_PROSE.sub(lambda match: "\n" * match[0].count("\n"), text)
     text = re.sub(r"!?\[([^]]*)\]\([^)]*\)|`+([^`]+)`+", _as_read, text)
     for block in re.finditer(r"(?:[^\n]+\n?(?![ \t]*(?:[-*]|\d+\.) ))+", text):
-        paragraph = ABBREVIATIONS.sub(r"\1", block[0])
+        paragraph = ABBREVIATIONS.sub(r"\1", block[0]).rstrip()
         line, start = text.count("\n", 0, block.start()) + 1, 0
         ends = [match.span() for match in END_OF_SENTENCE.finditer(paragraph)]
         for end, following in [*ends, (len(paragraph), 0)]:

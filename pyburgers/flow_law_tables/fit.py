@@ -4,9 +4,10 @@ A run has the files of a fit of a curve (`pyburgers.sampling.run_directory`), wi
 its priors in ``inputs/`` and `FLOW_LAW_PRIOR_FILE` beside the draws.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Self
 
 import numpy as np
@@ -15,6 +16,7 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.checks.fit_checks import CHAIN_CHECKS, Check
+from pyburgers.checks.prior_influence import Influence, prior_influence
 from pyburgers.cmdstan.draw_files import Draws, read_draws
 from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
@@ -166,6 +168,17 @@ class PeakStressFit(SampledFit):
     def provenance(self) -> Provenance:
         """Where the table comes from."""
         return self.data.provenance
+
+    def influences(
+        self, derived: Mapping[str, FloatArray] = MappingProxyType({})
+    ) -> dict[str, dict[str, Influence]]:
+        """Return who decides each quantity, under the name of the table."""
+        if not self.manifest["use_likelihood"]:
+            return {}
+        found = prior_influence(
+            self.posterior, self.priors, derived=derived, data=frozenset({self.data.id})
+        )
+        return {self.data.id: self._usable(found)}
 
     def si_summary(self) -> pd.DataFrame:
         """Posterior table in SI units (`pyburgers.posterior.labelled_draws.summary_table`)."""

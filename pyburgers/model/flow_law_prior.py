@@ -206,6 +206,19 @@ class FlowLawPrior:
         )
         return log_rate
 
+    def scores(self, values: Mapping[str, npt.ArrayLike]) -> FloatArray:
+        """Independent standard normal scores of n, p, Q_M and beta, along the last axis.
+
+        Parameters
+        ----------
+        values : mapping
+            As for `log_flow_rate`.
+        """
+        found = {**values, "log_reference_flow_rate": self.log_flow_rate(values)}
+        beside = np.stack([np.asarray(found[name]) for name in self.quantities], axis=-1)
+        solved = np.linalg.solve(self.factor, (beside - self.mean)[..., np.newaxis])
+        return np.asarray(solved[..., 0], dtype=np.float64)
+
     def log_density(self, values: Mapping[str, npt.ArrayLike]) -> FloatArray:
         """Log density of n, p, Q_M and beta: `flow_law_prior_log_density` of the Stan functions.
 
@@ -214,9 +227,7 @@ class FlowLawPrior:
         values : mapping
             n, p, Q_M (J/mol) and beta (mol/J) by name, of any shape.
         """
-        found = {**values, "log_reference_flow_rate": self.log_flow_rate(values)}
-        beside = np.stack([np.asarray(found[name]) for name in self.quantities], axis=-1)
-        scores = np.linalg.solve(self.factor, (beside - self.mean)[..., np.newaxis])[..., 0]
+        scores = self.scores(values)
         slope = 1 / (GAS_CONSTANT * self.conditions.temperature) - np.asarray(values["beta"])
         density: FloatArray = (
             -0.5 * np.sum(scores**2, axis=-1)

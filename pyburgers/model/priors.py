@@ -267,6 +267,7 @@ def save_priors(
             **prior.numbers(),
             "unit": MAX_STRESS if prior.relative_to_max_stress else parameter.si_unit,
             "source": prior.source,
+            "read_off": list(prior.read_off) or None,
         }
     table = {
         "material": priors.material,

@@ -66,7 +66,9 @@ def main() -> None:
     for beyond in AWAY:
         fits = uniform_fits(n // 10, 4, draws=draws, noise=0.03, beyond=beyond)
         found, at_bound, of = count(fits, NAMES[0])
-        logger.info(f"reading {beyond:g} sd beyond a bound: conflict {found}, bound {at_bound}, {of}")
+        logger.info(
+            f"reading {beyond:g} sd beyond a bound: conflict {found}, bound {at_bound}, {of}"
+        )
     for path in options.runs:
         fit = Fit.load(path)
         logger.info(f"{path}: {fit.prior_conflicts()}")

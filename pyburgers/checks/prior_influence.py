@@ -25,7 +25,7 @@ from pyburgers.common.units import number
 from pyburgers.model.display import shown_quantity, symbol_text, unit_after_number
 from pyburgers.model.prior_families import Prior, normal_scores
 from pyburgers.model.priors import FLOW_LAW, PriorSet
-from pyburgers.posterior.labelled_draws import free_parameters, own_name
+from pyburgers.posterior.labelled_draws import free_parameters, on_scale_of_prior, own_name
 from pyburgers.protocols.coordinates import CENTRE, SPREAD
 
 FloatArray = npt.NDArray[np.float64]
@@ -34,7 +34,7 @@ PRIOR_SHARE = 2.0 / 3.0
 """Share of the priors in the variance of a quantity from which its number is theirs."""
 
 LEAST_SHARE = 0.1
-"""Share of the priors, or of one of them, below which it does not count: a move by 0.3 sd."""
+"""Share of the priors below which the data decide: a move by 0.3 sd."""
 
 CONFLICT_LEVEL = 0.01
 """Probability with which a fit of a correct model reports any conflict."""
@@ -68,14 +68,14 @@ THRESHOLDS_TEXT = (
     "If the mean of a prior moved by one of its standard deviations, the number would move too; "
     "the square of that move, in standard deviations of the posterior, is the share of the prior "
     f"in the number. Prior: all priors together have a share of {PRIOR_SHARE:.2f} or more. Data: "
-    f"they have less than {LEAST_SHARE:g}. Both: between. The brackets name the priors with a "
-    f"share of {LEAST_SHARE:g} or more, unless there is only the quantity's own. Bound: at least "
-    f"{100 * AT_BOUND:.0f} % of the draws lie within {NEAR_BOUND:g} standard deviations of a bound "
-    "of the prior, and the posterior is not as flat as the prior. Conflict: the posterior mean "
-    "lies further from the median of the prior than chance allows, given how much the data narrow "
-    "the prior; a fit whose model and priors are right reports any conflict with a probability of "
-    f"{CONFLICT_LEVEL:g}. Cannot tell: the draws are too few. Priors count on a scale on which "
-    "they are normal."
+    f"they have less than {LEAST_SHARE:g}. Both: between. The brackets name the strongest "
+    "priors, which have two thirds of that share, unless there is only the quantity's own. "
+    f"Bound: at least {100 * AT_BOUND:.0f} % of the draws lie within {NEAR_BOUND:g} standard "
+    "deviations of a bound of the prior, and the posterior is not as flat as the prior. Conflict: "
+    "the posterior mean lies further from the median of the prior than chance allows, given how "
+    "much the data narrow the prior; a fit whose model and priors are right reports any conflict "
+    f"with a probability of {CONFLICT_LEVEL:g}. Cannot tell: the draws are too few. Priors count "
+    "on a scale on which they are normal."
 )
 
 
@@ -153,25 +153,25 @@ class Influence:
         """Who decides it."""
         if not self.usable or self.chance >= LEAST_SHARE:
             return Origin.CANNOT_TELL
-        if self.is_conflict:
-            return Origin.CONFLICT
         if self.bound is not None:
             return Origin.BOUND
+        if self.is_conflict:
+            return Origin.CONFLICT
         if self.prior_share >= PRIOR_SHARE:
             return Origin.PRIOR
         return Origin.BOTH if self.prior_share >= LEAST_SHARE else Origin.DATA
 
     @property
     def priors(self) -> tuple[str, ...]:
-        """Priors that take part in the decision, the strongest first."""
+        """Strongest priors in the decision, which have `PRIOR_SHARE` of what all have in it."""
         if self.origin in (Origin.CONFLICT, Origin.BOUND):
             return (self.name,)
         if self.origin not in (Origin.PRIOR, Origin.BOTH):
             return ()
-        ordered = sorted(self.moves, key=lambda name: -abs(self.moves[name]))
-        return tuple(
-            name for k, name in enumerate(ordered) if not k or self.moves[name] ** 2 >= LEAST_SHARE
-        )
+        shares = {name: move**2 for name, move in self.moves.items()}
+        ordered = sorted(shares, key=lambda name: -shares[name])
+        reached = np.cumsum([shares[name] for name in ordered])
+        return tuple(ordered[: 1 + int(np.searchsorted(reached, PRIOR_SHARE * reached[-1]))])
 
 
 def prior_influence(
@@ -225,7 +225,9 @@ def prior_influence(
     return {
         name: Influence(
             name,
-            *_moves(name, own.get(name, one), columns),
+            *_moves(
+                name, on_scale_of_prior(one, priors[name]) if name in bounded else one, columns
+            ),
             *_surprise(own.get(name), family or len(own)),
             bound=_bound(one, own[name], priors[name]) if name in bounded else None,
             read_off=read_off,

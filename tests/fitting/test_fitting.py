@@ -155,6 +155,8 @@ def test_the_checks_are_written_with_their_sentences(small_fit: Fit) -> None:
     assert {c["kind"] for c in written["checks"]} == set(written["verdicts"])
     assert set(written["verdicts"]) == {"sampling", "description"}
     assert written["prior_conflicts"] == list(small_fit.prior_conflicts())
+    assert written["prior_decisions"] == list(small_fit.prior_decisions())
+    assert (small_fit.summary()["decided_by"] != "").all()
     for kind, verdict in small_fit.verdicts().items():
         told = written["verdicts"][kind.name.lower()]
         assert told == {"outcome": verdict.outcome.value, "sentence": verdict.sentence}

@@ -7,7 +7,7 @@ the quantity, are the shares of the priors in its variance; the data have the re
 model with normal noise all of this is exact.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from types import MappingProxyType
@@ -24,7 +24,7 @@ from pyburgers.common.draws import all_draws
 from pyburgers.common.units import number
 from pyburgers.model.display import shown_quantity, symbol_text, unit_after_number
 from pyburgers.model.prior_families import Prior, normal_scores
-from pyburgers.model.priors import FLOW_LAW, PriorSet
+from pyburgers.model.priors import FLOW_LAW, JOINT_PRIOR, PriorSet
 from pyburgers.posterior.labelled_draws import free_parameters, on_scale_of_prior, own_name
 from pyburgers.protocols.coordinates import CENTRE, SPREAD
 
@@ -48,9 +48,6 @@ the second number on, draws pile up there."""
 
 CHANCE_SHIFTS = 8
 """Shifts of draws against each other that say which share of the priors chance alone gives."""
-
-JOINT_PRIOR = "flow_law"
-"""Stands for the joint prior of the flow law among the priors of single parameters."""
 
 
 class Origin(StrEnum):
@@ -181,7 +178,7 @@ def prior_influence(
     spread_scales: Mapping[str, float] = MappingProxyType({}),
     family: int | None = None,
     derived: Mapping[str, FloatArray] = MappingProxyType({}),
-    data: frozenset[str] = frozenset(),
+    read_off: frozenset[str] = frozenset(),
 ) -> dict[str, Influence]:
     """Tell for every sampled quantity who decides it.
 
@@ -199,8 +196,8 @@ def prior_influence(
         those of the test.
     derived : mapping of str to array, shape (n,)
         Draws of further quantities, chains one after the other.
-    data : frozenset of str
-        Names of the tests or tables that were fitted: priors that were read off these are marked.
+    read_off : frozenset of str
+        Priors that were read off the data of the fit (`PriorSet.read_off`).
     """
     draws = posterior["posterior"].to_dataset()
     values = {name: all_draws(draws[name]) for name in free_parameters(posterior)}
@@ -221,7 +218,6 @@ def prior_influence(
         columns = {name: score for name, score in columns.items() if name not in FLOW_LAW}
         columns[JOINT_PRIOR] = priors.flow_law.scores({name: values[name] for name in FLOW_LAW})
     bounded = own.keys() & set(priors.free)
-    read_off = frozenset(name for name in own if data & set(priors[name.split("[")[0]].read_off))
     return {
         name: Influence(
             name,
@@ -304,7 +300,10 @@ def decision_columns(influence: Influence | None) -> dict[str, object]:
     """Return the columns of a table of numbers that say who decides one; empty where unknown."""
     if influence is None:
         return {"decided_by": "", "by_prior_of": "", "prior_share": np.nan}
-    marked = (f"{name}{READ_OFF * (name in influence.read_off)}" for name in influence.priors)
+    marked = (
+        f"{name}{READ_OFF * (name.split('[')[0] in influence.read_off)}"
+        for name in influence.priors
+    )
     return {
         "decided_by": influence.origin.value,
         "by_prior_of": ", ".join(marked),
@@ -391,8 +390,8 @@ def conflict_sentence(influences: Mapping[str, Influence]) -> str | None:
 
 def decision_sentences(influences: Mapping[str, Influence]) -> tuple[str, ...]:
     """Say which numbers a bound or another prior decides, and which priors the data had part in."""
-    read_off = _read_off_sentence(influences)
-    return (*_decisions(influences), *(() if read_off is None else (read_off,)))
+    read_off = frozenset().union(*(one.read_off for one in influences.values()))
+    return (*_decisions(influences), *read_off_sentences(read_off))
 
 
 def _decisions(influences: Mapping[str, Influence]) -> Iterator[str]:
@@ -410,15 +409,14 @@ def _decisions(influences: Mapping[str, Influence]) -> Iterator[str]:
             )
 
 
-def _read_off_sentence(influences: Mapping[str, Influence]) -> str | None:
-    """Say which priors were read off the data of the fit; None where none was."""
-    names = sorted(frozenset().union(*(one.read_off for one in influences.values())))
+def read_off_sentences(names: Collection[str]) -> tuple[str, ...]:
+    """Say which priors were read off the data of the fit; nothing where none was."""
     if not names:
-        return None
+        return ()
     return (
-        f"Priors that were read off these data: {', '.join(map(symbol_of, names))}. There the data "
-        "count twice: agreement of prior and data means nothing, intervals are too narrow, and the "
-        "marginal likelihood is too high."
+        f"Priors that were read off these data: {', '.join(map(symbol_of, sorted(names)))}. There "
+        "the data count twice: agreement of prior and data means nothing, intervals are too "
+        "narrow, and the marginal likelihood is too high.",
     )
 
 

@@ -20,6 +20,7 @@ from pyburgers.fitting.prediction import Prediction, predict_test
 from pyburgers.fitting.sampled_fit import (
     FloatArray,
     SampledFit,
+    data_words,
     put_aside_where_few_diverged,
     write_tables,
 )
@@ -141,6 +142,12 @@ class Fit(SampledFit):
             found[alone.name] = replace(self, posterior=posterior, problem=alone)
         return found
 
+    @property
+    def read_off(self) -> frozenset[str]:
+        """Priors that were read off the fitted data (`PriorSet.read_off`)."""
+        data = [data_words(one.id, one.provenance) for one in self.problem.experiments]
+        return self.problem.priors[0].read_off(data)
+
     def influences(
         self, derived: Mapping[str, FloatArray] = MappingProxyType({})
     ) -> dict[str, dict[str, Influence]]:
@@ -156,7 +163,7 @@ class Fit(SampledFit):
                     spread_scales=pooling_from(self.manifest["pooling"]).spread_scales,
                     family=len(fitted) * len(test.priors.free),
                     derived=derived,
-                    data=frozenset(fitted),
+                    read_off=self.read_off,
                 )
             )
             for name, test in self.tests().items()

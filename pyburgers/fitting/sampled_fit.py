@@ -231,6 +231,11 @@ class SampledFit(ABC):
         )
 
 
+def data_words(name: str, provenance: Provenance) -> str:
+    """Return what says which data were fitted (`PriorSet.read_off`)."""
+    return f"{name} {provenance.source} {provenance.doi}"
+
+
 def put_aside_where_few_diverged(result: SampledFit) -> bool:
     """Have all chains go on with shorter steps where a few trajectories diverged.
 

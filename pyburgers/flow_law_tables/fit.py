@@ -23,7 +23,12 @@ from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.atomic_files import write_json
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError
-from pyburgers.fitting.sampled_fit import SampledFit, put_aside_where_few_diverged, write_tables
+from pyburgers.fitting.sampled_fit import (
+    SampledFit,
+    data_words,
+    put_aside_where_few_diverged,
+    write_tables,
+)
 from pyburgers.flow_law_tables.description import LOG_STRESS, TABLE_CHECKS
 from pyburgers.flow_law_tables.groups import GRID_STRESSES, groups
 from pyburgers.flow_law_tables.inputs import (
@@ -175,9 +180,8 @@ class PeakStressFit(SampledFit):
         """Return who decides each quantity, under the name of the table."""
         if not self.manifest["use_likelihood"]:
             return {}
-        found = prior_influence(
-            self.posterior, self.priors, derived=derived, data=frozenset({self.data.id})
-        )
+        read_off = self.priors.read_off([data_words(self.data.id, self.provenance)])
+        found = prior_influence(self.posterior, self.priors, derived=derived, read_off=read_off)
         return {self.data.id: self._usable(found)}
 
     def si_summary(self) -> pd.DataFrame:

@@ -109,6 +109,8 @@ class FlowLawPrior:
         What it was fitted to.
     tests : tuple of PeakTest
         The same, test by test: none of them may be fitted with this prior.
+    read_off : tuple of str
+        Words in the id, source or DOI of other data that the flow law was read off.
     """
 
     quantities: tuple[str, ...]
@@ -118,6 +120,7 @@ class FlowLawPrior:
     material: str
     source: str
     tests: tuple[PeakTest, ...] = ()
+    read_off: tuple[str, ...] = ()
 
     def __eq__(self, other: object) -> bool:
         """Whether it is the same distribution of the same material, from the same source."""
@@ -280,6 +283,7 @@ class FlowLawPrior:
             "mean": self.mean.tolist(),
             "covariance": self.covariance.tolist(),
             "tests": [asdict(test) for test in self.tests],
+            "read_off": list(self.read_off),
             **asdict(self.conditions),
         }
 
@@ -325,6 +329,9 @@ class FlowLawTable(Table):
     tests: list[PeakTestTable] = Field(
         default=[], description="the tests that it was fitted to, if it is a fit"
     )
+    read_off: list[str] = Field(
+        default=[], description="words in the id, source or DOI of data that it was read off"
+    )
 
     def flow_law_prior(self, material: str, where: str) -> FlowLawPrior:
         """Return the flow law of a material, checked; `where` is the file in messages.
@@ -346,6 +353,7 @@ class FlowLawTable(Table):
             material=material,
             source=self.source,
             tests=tuple(PeakTest(**test.model_dump()) for test in self.tests),
+            read_off=tuple(self.read_off),
         ).checked(where)
 
 

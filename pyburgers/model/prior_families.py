@@ -118,7 +118,7 @@ class Prior:
     relative_to_max_stress : bool
         Whether the numbers are shares of the largest measured stress, see `PriorSet.resolved`.
     read_off : tuple of str
-        Tests or tables whose data the prior was read off.
+        Words in the id, source or DOI of the data that the prior was read off.
     """
 
     parameter: str
@@ -242,7 +242,8 @@ class PriorTable(Table):
     upper: float | None = Field(None, description="the upper bound")
     value: float | None = Field(None, description="the value of a fixed parameter")
     read_off: list[str] = Field(
-        default=[], description="the id of each test or table whose data the prior was read off"
+        default=[],
+        description="words in the id, source or DOI of the data that the prior was read off",
     )
 
     def numbers(self) -> dict[str, float]:

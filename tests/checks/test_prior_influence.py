@@ -21,7 +21,6 @@ from linear_priors import (
 from scipy import stats
 
 from pyburgers.checks.prior_influence import (
-    JOINT_PRIOR,
     Influence,
     Origin,
     conflict_sentence,
@@ -36,7 +35,7 @@ from pyburgers.fitting.fit import fit
 from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, Conditions, FlowLawPrior
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.prior_families import Prior, normal_scores
-from pyburgers.model.priors import PriorSet, with_flow_law
+from pyburgers.model.priors import JOINT_PRIOR, PriorSet, with_flow_law
 
 FloatArray = npt.NDArray[np.float64]
 N_DRAWS = 4000
@@ -249,9 +248,10 @@ def test_scores_reach_far_into_both_tails_and_are_finite_at_a_bound() -> None:
 
 def test_a_prior_that_was_read_off_the_data_is_named() -> None:
     posterior, priors = trade_off()
-    enthalpy = replace(priors["activation_enthalpy"], read_off=("dunite_4581", "other"))
+    enthalpy = replace(priors["activation_enthalpy"], read_off=("sample 4581", "10.1/other"))
     marked = priors.exchanging(enthalpy)
-    found = prior_influence(posterior, marked, data=frozenset({"dunite_4581"}))
+    read_off = marked.read_off(["mine, digitised from sample 4581 10.1/abc"])
+    found = prior_influence(posterior, marked, read_off=read_off)
     decided = decision_columns(found["stress_exponent"])
     assert decided["by_prior_of"] == "activation_enthalpy [read off these data]"
     assert (
@@ -261,7 +261,8 @@ def test_a_prior_that_was_read_off_the_data_is_named() -> None:
     sentence = decision_sentences(found)[-1]
     assert sentence.startswith("Priors that were read off these data: Q_M. ")
     assert "agreement of prior and data means nothing" in sentence
-    elsewhere = prior_influence(posterior, marked, data=frozenset({"dunite_4580"}))
+    assert marked.read_off(["4580, sample 4580 10.1/abc"]) == frozenset()
+    elsewhere = prior_influence(posterior, marked)
     assert "read off" not in " ".join(decision_sentences(elsewhere))
 
 

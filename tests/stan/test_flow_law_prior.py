@@ -15,7 +15,7 @@ from oracle import GAS_CONSTANT
 from scipy import stats
 from stan_data import one_test_data
 
-from pyburgers.checks.prior_influence import JOINT_PRIOR, prior_influence
+from pyburgers.checks.prior_influence import prior_influence
 from pyburgers.cli.main import main
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.draws import all_draws

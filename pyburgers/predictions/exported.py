@@ -14,7 +14,6 @@ import numpy.typing as npt
 import pandas as pd
 
 from pyburgers.checks.prior_influence import (
-    JOINT_PRIOR,
     decision_columns,
     decision_text,
     symbol_of,
@@ -26,6 +25,7 @@ from pyburgers.flow_law_tables.fit import PeakStressFit
 from pyburgers.model.display import shown_quantity, unit_text
 from pyburgers.model.parameters import CONDITIONS, STRESS_SCATTER
 from pyburgers.model.priors import FLOW_LAW as FLOW_LAW_NAMES
+from pyburgers.model.priors import JOINT_PRIOR
 
 LOG_FACTOR = "ln_flow_law_factor"
 """ln A in SI units, which β and Q_M give: A = exp(β Q_M)."""

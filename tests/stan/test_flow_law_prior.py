@@ -31,6 +31,7 @@ from pyburgers.model.flow_law_prior import (
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import (
     FLOW_LAW,
+    JOINT_PRIOR,
     PriorSet,
     default_priors,
     load_priors,

@@ -46,6 +46,9 @@ NEAR_BOUND, AT_BOUND = 0.5, 0.15
 """A posterior as flat as its uniform prior has 0.144 of its draws within 0.5 sd of a bound: from
 the second number on, draws pile up there."""
 
+MOST_LEFT_AT_BOUND = 0.5
+"""Share of the prior's variance that may be left for a bound to be called the one that decides."""
+
 CHANCE_SHIFTS = 8
 """Shifts of draws against each other that say which share of the priors chance alone gives."""
 
@@ -68,7 +71,7 @@ THRESHOLDS_TEXT = (
     f"they have less than {LEAST_SHARE:g}. Both: between. The brackets name the strongest "
     "priors, which have two thirds of that share, unless there is only the quantity's own. "
     f"Bound: at least {100 * AT_BOUND:.0f} % of the draws lie within {NEAR_BOUND:g} standard "
-    "deviations of a bound of the prior, and the posterior is not as flat as the prior. Conflict: "
+    "deviations of a bound of the prior, and the data took off half of its variance. Conflict: "
     "the posterior mean lies further from the median of the prior than chance allows, given how "
     "much the data narrow the prior; a fit whose model and priors are right reports any conflict "
     f"with a probability of {CONFLICT_LEVEL:g}. Cannot tell: the draws are too few. Priors count "
@@ -275,8 +278,8 @@ def _surprise(scores: FloatArray | None, family: int) -> tuple[float | None, flo
 
 
 def _bound(values: FloatArray, scores: FloatArray, prior: Prior) -> Bound | None:
-    """Return the bound of a prior at which draws pile up, unless they are as flat as the prior."""
-    if prior.family == "lognormal" or scores.var(ddof=1) >= PRIOR_SHARE:
+    """Return the bound of a prior at which draws pile up, unless they are nearly the prior's."""
+    if prior.family == "lognormal" or scores.var(ddof=1) >= MOST_LEFT_AT_BOUND:
         return None
     reach, physical = NEAR_BOUND * float(np.std(values, ddof=1)), prior.physical_bounds
     lower = float(np.mean(values <= prior.lower + reach))

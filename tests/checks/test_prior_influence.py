@@ -180,6 +180,13 @@ def test_a_posterior_as_flat_as_its_prior_is_the_prior() -> None:
     assert found.origin is Origin.PRIOR
 
 
+def test_a_posterior_that_hardly_leans_towards_a_bound_is_not_piled_there() -> None:
+    """A density that rises to the bound all the way from the other end: most is the prior's."""
+    found = piled(0.5, 10.0 - 9.5 * (1.0 - np.sqrt(np.random.default_rng(2).uniform(size=N_DRAWS))))
+    assert found.bound is None
+    assert found.origin in (Origin.PRIOR, Origin.BOTH)
+
+
 def counted(
     fits: Iterator[tuple[xr.DataTree, PriorSet]], name: str | None = None
 ) -> tuple[int, int]:

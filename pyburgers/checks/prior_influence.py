@@ -161,6 +161,11 @@ class Influence:
             return Origin.PRIOR
         return Origin.BOTH if self.prior_share >= LEAST_SHARE else Origin.DATA
 
+    def was_read_off(self, prior: str) -> bool:
+        """Whether a prior, be it by itself or in the joint one, was read off the data."""
+        of_joint = prior in FLOW_LAW and JOINT_PRIOR in self.read_off
+        return of_joint or prior.split("[")[0] in self.read_off
+
     @property
     def priors(self) -> tuple[str, ...]:
         """Strongest priors in the decision, which have `PRIOR_SHARE` of what all have in it."""
@@ -303,10 +308,7 @@ def decision_columns(influence: Influence | None) -> dict[str, object]:
     """Return the columns of a table of numbers that say who decides one; empty where unknown."""
     if influence is None:
         return {"decided_by": "", "by_prior_of": "", "prior_share": np.nan}
-    marked = (
-        f"{name}{READ_OFF * (name.split('[')[0] in influence.read_off)}"
-        for name in influence.priors
-    )
+    marked = (f"{name}{READ_OFF * influence.was_read_off(name)}" for name in influence.priors)
     return {
         "decided_by": influence.origin.value,
         "by_prior_of": ", ".join(marked),
@@ -379,7 +381,7 @@ def disagreement(influences: Mapping[str, Influence]) -> str | None:
     names = conflicts(influences)
     listed = ", ".join(
         conflict_text(_label(name), influences[name])
-        + READ_OFF * (name in influences[name].read_off)
+        + READ_OFF * influences[name].was_read_off(name)
         for name in names
     )
     return f"Prior and data disagree about {listed}" if names else None

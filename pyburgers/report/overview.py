@@ -9,12 +9,14 @@ import pandas as pd
 from pyburgers.checks.fit_checks import CheckKind, CheckResult, Outcome, coverage
 from pyburgers.checks.prior_influence import (
     Influence,
+    Origin,
     conflict_text,
     conflicts,
     decision_columns,
     decision_sentences,
     decision_text,
     disagreement,
+    symbol_of,
 )
 from pyburgers.checks.verdicts import ANSWERS, Verdict, verdicts
 from pyburgers.common.units import number, with_error
@@ -277,13 +279,11 @@ def _conflicts_text(influences: Mapping[str, Influence]) -> str:
         conflict_text(symbol_text(shown_quantity(name)), influences[name])
         for name in names[:SHOWN_CONFLICTS]
     ]
-    shown += [
-        f"{symbol_text(shown_quantity(name))} at its {one.bound.side} bound"
-        for name, one in influences.items()
-        if one.bound is not None and one.usable
-    ]
-    more = len(names[SHOWN_CONFLICTS:])
-    return ", ".join(shown) + (f" and {more} more" if more else "")
+    more = len(names) - len(shown)
+    told = ", ".join(shown) + (f" and {more} more" if more else "")
+    at_bound = [symbol_of(name) for name, one in influences.items() if one.origin is Origin.BOUND]
+    bounds = f"at a bound: {', '.join(at_bound)}" if at_bound else ""
+    return "; ".join(filter(None, (told, bounds)))
 
 
 def _decided_exponent(value: str, influences: Mapping[str, Influence]) -> str:

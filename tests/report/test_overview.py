@@ -70,7 +70,7 @@ def test_a_row_names_what_is_furthest_out_and_what_a_bound_decides(tmp_path: Pat
     assert "stress exponent (+2.0 prior sd)" in entry.conflict
     piled = replace(influences["beta"], bound=Bound("lower", 1.0, 0.6, is_physical=False))
     entry = entry_of("A", "A", good, good.checks(), {"beta": replace(piled, distance=0.0)})
-    assert entry.row[CONFLICT_COLUMN].endswith("β at its lower bound")
+    assert entry.row[CONFLICT_COLUMN].endswith("; at a bound: β")
     assert "60 % of the draws lie within 0.5 sd of it" in entry.decisions[0]
 
 

@@ -58,9 +58,13 @@ def main() -> None:
         ),
     )
 
-    # A row for each parameter, SI units; sd against prior_sd tells what the curve has taught us.
+    # A row for each parameter, SI units. A small sd does not say that the curve taught us a number:
+    # decided_by does, and by_prior_of names the priors that took part.
     summary = fit.summary("SI")
-    print(summary[["unit", "mean", "sd", "q5", "q95", "prior_sd", "rhat"]].to_string())
+    columns = ["unit", "mean", "sd", "q5", "q95", "decided_by", "by_prior_of", "rhat"]
+    print(summary[columns].to_string())
+    for sentence in (*fit.prior_conflicts(), *fit.prior_decisions()):
+        print(sentence)
 
     # Two questions; do not use the numbers before both are a yes.
     for verdict in fit.verdicts().values():

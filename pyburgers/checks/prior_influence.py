@@ -1,272 +1,362 @@
-"""Where do the numbers come from: how far prior and data each move a posterior.
+"""Who decides a number: the data, a prior (and of which quantity), both, or the bound of a prior.
 
-Prior or likelihood is raised to a power slightly above and below 1 by weighting the draws; how far
-the marginal distribution of a parameter moves is its sensitivity (Kallioinen, Paananen, Bürkner
-and Vehtari 2024, Statistics and Computing 34, 57). ArviZ has it too, but under another name and
-signature in each of its major versions, and not for the priors of single parameters.
+Each prior counts on a scale on which it is a standard normal distribution (`normal_scores`). If
+the mean of a prior moves by one standard deviation there, the posterior mean of a quantity moves by
+the covariance of the quantity with the score. The squares of these moves, in standard deviations of
+the quantity, are the shares of the priors in its variance; the data have the rest. For a linear
+model with normal noise all of this is exact.
 """
 
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass
 from enum import StrEnum
+from types import MappingProxyType
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 import xarray as xr
-from scipy.special import ndtri, xlogy
+from scipy import stats
+from scipy.special import ndtr
 
 from pyburgers.common.draws import all_draws
-from pyburgers.model.display import shown_quantity
-from pyburgers.model.prior_families import Prior
-from pyburgers.model.priors import FLOW_LAW, PriorSet
-from pyburgers.posterior.labelled_draws import (
-    free_parameters,
-    on_scale_of_prior,
-    smooth_weights,
-    total_log_likelihood,
-    width_beside_prior,
-)
+from pyburgers.common.units import number
+from pyburgers.model.display import shown_quantity, symbol_text, unit_after_number
+from pyburgers.model.prior_families import Prior, normal_scores
+from pyburgers.model.priors import FLOW_LAW, JOINT_PRIOR, PriorSet
+from pyburgers.posterior.labelled_draws import free_parameters, on_scale_of_prior, own_name
+from pyburgers.protocols.coordinates import CENTRE, SPREAD
 
 FloatArray = npt.NDArray[np.float64]
 
-POWER_STEP = 0.01
-"""Powers are 1 / (1 + step) and 1 + step: a finite difference around 1."""
+PRIOR_SHARE = 2.0 / 3.0
+"""Share of the priors in the variance of a quantity from which its number is theirs."""
 
-SENSITIVE = 0.05
-"""Sensitivity from which a part of the model matters: the threshold of Kallioinen et al. 2024."""
+LEAST_SHARE = 0.1
+"""Share of the priors below which the data decide: a move by 0.3 sd."""
+
+CONFLICT_LEVEL = 0.01
+"""Probability with which a fit of a correct model reports any conflict."""
+
+MOST_LEFT = 0.9
+"""Share of the prior's variance that may be left for a conflict to be looked for."""
+
+NEAR_BOUND, AT_BOUND = 0.5, 0.15
+"""A posterior as flat as its uniform prior has 0.144 of its draws within 0.5 sd of a bound: from
+the second number on, draws pile up there."""
+
+MOST_LEFT_AT_BOUND = 0.5
+"""Share of the prior's variance that may be left for a bound to be called the one that decides."""
 
 CHANCE_SHIFTS = 8
-"""Shifts of the weights of draws against the draws that say what chance alone moves."""
-
-CHANCE_FACTOR = 2.0
-"""Times what they move on the mean, which some 1 of 100 quantities exceed that a component of the
-model says nothing of."""
-
-PULL = 0.05
-"""Shift of the mean, in standard deviations for a doubled weight, that counts as a pull."""
-
-CLOSE = 1.0
-"""Prior standard deviations from the prior's median within which nothing disagrees with it."""
-
-FAR_OUT = 2.0
-"""Prior standard deviations from the prior's median at which a posterior counts as far out."""
-
-AS_WIDE = 0.75
-"""Share of the prior's standard deviation from which a posterior counts as the prior itself."""
-
-JOINT_PRIOR = "flow_law"
-"""Stands for the joint prior of the flow law among the priors of single parameters."""
+"""Shifts of draws against each other that say which share of the priors chance alone gives."""
 
 
 class Origin(StrEnum):
-    """What decides a number, by the thresholds of `THRESHOLDS_TEXT`."""
+    """Who decides a number, by the rules of `THRESHOLDS_TEXT`."""
 
-    PRIOR = "this number is your prior"
-    DATA = "the data decide"
-    AGREEMENT = "prior and data agree"
-    DISAGREEMENT = "prior and data disagree"
-    BOTH = "prior and data both decide"
-    CANNOT_TELL = "cannot tell from these draws"
+    PRIOR = "prior"
+    DATA = "data"
+    BOTH = "both"
+    CONFLICT = "conflict"
+    BOUND = "bound"
+    CANNOT_TELL = "cannot tell"
 
 
 THRESHOLDS_TEXT = (
-    "Sensitivity: cumulative Jensen-Shannon distance by which the posterior of a quantity moves, "
-    f"per doubling of the weight of prior or data; from {SENSITIVE:g} on, that part matters. Only "
-    "the prior matters: this number is your prior, but of what has no prior of its own (flow rate "
-    "and stress at the reference) both decide where its sensitivity to the data is more than "
-    "chance may give. Only the data: the data decide, but where the "
-    f"posterior is at least {AS_WIDE:g} times as wide as the prior, which then holds it, both do. "
-    "Both matter: "
-    "prior and data disagree where they pull the mean in opposite directions by at least "
-    f"{PULL:g} standard deviations each and the posterior is not close to the prior's median, that "
-    f"is within {CLOSE:g} of its standard deviations, else both decide. Neither: this number is "
-    f"your prior where the posterior is at least {AS_WIDE:g} times as wide as it, else prior and "
-    "data agree. "
-    f"A sensitivity of {SENSITIVE:g} or more that chance may give (at most {CHANCE_FACTOR:g} times "
-    "the mean of what it is where the weights are shifted against the draws) decides nothing: then "
-    "it cannot be told from these draws. "
-    "A uniform prior has no slope, so that it counts as not mattering; its bounds are not scaled, "
-    "and a posterior that leans on one is held there by the prior whatever the table says. All "
-    "priors count together: along a trade-off that the data leave open, a quantity can be set by "
-    "the prior of another one; the last column names the prior that alone moves the quantity "
-    f"furthest, by at least {SENSITIVE:g}. Of a quantity with a lognormal prior all numbers are "
-    "about its logarithm. The distance is how far the posterior median is from "
-    "that of a normal or lognormal prior, in its standard deviations (of the logarithm for the "
-    "latter), counted by the probability beyond, so that what its bounds cut off has none; from "
-    f"{FAR_OUT:g} on, prior and data count as disagreeing whatever they pull."
+    "If the mean of a prior moved by one of its standard deviations, the number would move too; "
+    "the square of that move, in standard deviations of the posterior, is the share of the prior "
+    f"in the number. Prior: all priors together have a share of {PRIOR_SHARE:.2f} or more. Data: "
+    f"they have less than {LEAST_SHARE:g}. Both: between. The brackets name the strongest "
+    "priors, which have two thirds of that share, unless there is only the quantity's own. "
+    f"Bound: at least {100 * AT_BOUND:.0f} % of the draws lie within {NEAR_BOUND:g} standard "
+    "deviations of a bound of the prior, and the data took off half of its variance. Conflict: "
+    "the posterior mean lies further from the median of the prior than chance allows, given how "
+    "much the data narrow the prior; a fit whose model and priors are right reports any conflict "
+    f"with a probability of {CONFLICT_LEVEL:g}. Cannot tell: the draws are too few. Priors count "
+    "on a scale on which they are normal."
 )
 
 
 @dataclass(frozen=True)
-class Influence:
-    """What one quantity owes to prior and data.
+class Bound:
+    """A bound of a prior at which the posterior piles up.
 
     Attributes
     ----------
-    prior_sensitivity, likelihood_sensitivity : float
-        Distance per doubling of the weight (dimensionless, 0 to about 1).
-    prior_chance, likelihood_chance : float
-        Largest sensitivity that may be chance (`chance_sensitivity`).
-    prior_pull, likelihood_pull : float
-        Shift of the mean in posterior standard deviations per doubling of the weight.
-    strongest_prior : str or None
-        Parameter whose prior (or `JOINT_PRIOR`, which alone) moves the quantity furthest; None
-        where none moves it by `SENSITIVE`.
-    width : float or None
-        Posterior over prior standard deviation; None for a quantity without a prior of its own.
-    distance : float or None
-        How far the posterior median is from the prior's, in standard deviations of a normal
-        distribution with the same probability; None without a normal or lognormal prior.
+    side : {"lower", "upper"}
+        Which one.
+    value : float
+        The bound (SI).
+    share : float
+        Share of the draws within `NEAR_BOUND` standard deviations of it.
+    is_physical : bool
+        Whether the model itself ends there, such as at zero.
     """
 
-    prior_sensitivity: float
-    likelihood_sensitivity: float
-    prior_chance: float
-    likelihood_chance: float
-    prior_pull: float
-    likelihood_pull: float
-    strongest_prior: str | None
-    width: float | None
-    distance: float | None
+    side: Literal["lower", "upper"]
+    value: float
+    share: float
+    is_physical: bool
+
+
+@dataclass(frozen=True)
+class Influence:
+    """Who decides one quantity.
+
+    Attributes
+    ----------
+    name : str
+        The quantity.
+    moves : mapping of str to float
+        By prior (of a parameter, or `JOINT_PRIOR`): how far the posterior mean moves, in posterior
+        standard deviations, if the prior moves by one of its own; of `JOINT_PRIOR` the furthest.
+    chance : float
+        Share of the priors of other quantities that chance alone gives.
+    distance : float or None
+        Mean of the posterior in standard deviations from the median of the quantity's own prior,
+        counted by probability; None where it has none.
+    conflict_probability : float
+        Probability that any quantity of a fit of a correct model is that far out; 1 where it
+        cannot be told.
+    bound : Bound or None
+        Where draws pile up.
+    read_off : frozenset of str
+        Priors that were read off the data of the fit.
+    usable : bool
+        Whether anything can be concluded from the draws.
+    """
+
+    name: str
+    moves: Mapping[str, float]
+    chance: float = 0.0
+    distance: float | None = None
+    conflict_probability: float = 1.0
+    bound: Bound | None = None
+    read_off: frozenset[str] = frozenset()
+    usable: bool = True
+
+    @property
+    def prior_share(self) -> float:
+        """Share of all priors in the variance of the quantity, 0 to 1."""
+        found = sum(move**2 for move in self.moves.values()) - self.chance
+        return float(np.clip(found, 0.0, 1.0))
 
     @property
     def is_conflict(self) -> bool:
-        """Whether prior and data disagree: they pull apart, or the posterior is far out."""
-        far_out = self.distance is not None and abs(self.distance) >= FAR_OUT
-        return far_out or self.origin is Origin.DISAGREEMENT
+        """Whether prior and data disagree about it."""
+        return self.usable and self.conflict_probability <= CONFLICT_LEVEL
 
     @property
     def origin(self) -> Origin:
-        """What decides it."""
-        prior_matters = self.prior_sensitivity >= SENSITIVE
-        data_matter = self.likelihood_sensitivity >= SENSITIVE
-        if (prior_matters and self.prior_sensitivity <= self.prior_chance) or (
-            data_matter and self.likelihood_sensitivity <= self.likelihood_chance
-        ):
+        """Who decides it."""
+        if not self.usable or self.chance >= LEAST_SHARE:
             return Origin.CANNOT_TELL
-        if prior_matters and not data_matter:
-            # What has no prior of its own is no prior's number where the data move it at all.
-            moved = self.width is None and self.likelihood_sensitivity > self.likelihood_chance
-            return Origin.BOTH if moved else Origin.PRIOR
-        as_wide = self.width is not None and self.width >= AS_WIDE
-        if data_matter and not prior_matters:
-            return Origin.BOTH if as_wide else Origin.DATA
-        if not data_matter:
-            return Origin.PRIOR if as_wide else Origin.AGREEMENT
-        close = self.distance is not None and abs(self.distance) < CLOSE
-        opposed = self.prior_pull * self.likelihood_pull < 0 and not close
-        if opposed and min(abs(self.prior_pull), abs(self.likelihood_pull)) >= PULL:
-            return Origin.DISAGREEMENT
-        return Origin.BOTH
+        if self.bound is not None:
+            return Origin.BOUND
+        if self.is_conflict:
+            return Origin.CONFLICT
+        if self.prior_share >= PRIOR_SHARE:
+            return Origin.PRIOR
+        return Origin.BOTH if self.prior_share >= LEAST_SHARE else Origin.DATA
+
+    def was_read_off(self, prior: str) -> bool:
+        """Whether a prior, be it by itself or in the joint one, was read off the data."""
+        of_joint = prior in FLOW_LAW and JOINT_PRIOR in self.read_off
+        return of_joint or prior.split("[")[0] in self.read_off
+
+    @property
+    def priors(self) -> tuple[str, ...]:
+        """Strongest priors in the decision, which have `PRIOR_SHARE` of what all have in it."""
+        if self.origin in (Origin.CONFLICT, Origin.BOUND):
+            return (self.name,)
+        if self.origin not in (Origin.PRIOR, Origin.BOTH):
+            return ()
+        shares = {name: move**2 for name, move in self.moves.items()}
+        ordered = sorted(shares, key=lambda name: -shares[name])
+        reached = np.cumsum([shares[name] for name in ordered])
+        return tuple(ordered[: 1 + int(np.searchsorted(reached, PRIOR_SHARE * reached[-1]))])
 
 
 def prior_influence(
-    posterior: xr.DataTree, priors: PriorSet, pooled: Collection[str] = ()
+    posterior: xr.DataTree,
+    priors: PriorSet,
+    *,
+    spread_scales: Mapping[str, float] = MappingProxyType({}),
+    family: int | None = None,
+    derived: Mapping[str, FloatArray] = MappingProxyType({}),
+    read_off: frozenset[str] = frozenset(),
 ) -> dict[str, Influence]:
-    """Tell for every sampled quantity what prior and data do to it.
+    """Tell for every sampled quantity who decides it.
 
     Parameters
     ----------
     posterior : DataTree
-        Labelled draws with the groups posterior, log_prior (variable lprior) and log_likelihood
-        (one variable, by point). In a test of a joint fit the data are those of all tests.
+        Labelled draws of one test; in a joint fit a part of the draws of all tests.
     priors : PriorSet
-        Priors of the fit, resolved.
-    pooled : collection of str
-        Parameters of a test whose prior is a normal distribution about a centre of several tests,
-        so that they have none of their own.
+        Priors of the test, resolved.
+    spread_scales : mapping of str to float
+        Scale of the prior of the spread of each partially pooled parameter. Its prior is that of
+        the centre, which is told as well, as is the spread.
+    family : int, optional
+        Number of quantities of the whole fit among which a conflict may be found by chance; default
+        those of the test.
+    derived : mapping of str to array, shape (n,)
+        Draws of further quantities, chains one after the other.
+    read_off : frozenset of str
+        Priors that were read off the data of the fit (`PriorSet.read_off`).
     """
     draws = posterior["posterior"].to_dataset()
-    log_prior = all_draws(posterior["log_prior"].to_dataset()["lprior"])
-    log_likelihood = all_draws(total_log_likelihood(posterior))
-    alone = [name for name in priors.free if priors.flow_law is None or name not in FLOW_LAW]
-    single = {
-        name: priors[name].distribution().logpdf(all_draws(draws[name]))
-        for name in alone
-        if name not in pooled
-    }
+    values = {name: all_draws(draws[name]) for name in free_parameters(posterior)}
+    own = {name: normal_scores(priors[name].distribution(), values[name]) for name in priors.free}
+    pooled = {}
+    of_all = posterior.root["posterior"].to_dataset()
+    for name, scale in spread_scales.items():
+        centre, spread = own_name(name, CENTRE), own_name(name, SPREAD)
+        if centre not in of_all:
+            continue
+        del own[name]
+        values |= {key: all_draws(of_all[key]) for key in (centre, spread)}
+        pooled[centre] = normal_scores(priors[name].distribution(), values[centre])
+        pooled[spread] = normal_scores(stats.halfnorm(scale=scale), values[spread])
+    own |= pooled
+    columns = {name: score[:, None] for name, score in own.items()}
     if priors.flow_law is not None:
-        single[JOINT_PRIOR] = priors.flow_law.log_density(
-            {name: all_draws(draws[name]) for name in FLOW_LAW}
-        )
-    found = {}
-    for name in free_parameters(posterior):
-        values = all_draws(draws[name])
-        if name in priors.free:
-            values = on_scale_of_prior(values, priors[name])
-        by_prior = {key: power_scaling_sensitivity(values, part) for key, part in single.items()}
-        strongest = max(by_prior, key=by_prior.__getitem__)
-        found[name] = Influence(
-            prior_sensitivity=power_scaling_sensitivity(values, log_prior),
-            likelihood_sensitivity=power_scaling_sensitivity(values, log_likelihood),
-            prior_chance=chance_sensitivity(values, log_prior),
-            likelihood_chance=chance_sensitivity(values, log_likelihood),
-            prior_pull=mean_pull(values, log_prior),
-            likelihood_pull=mean_pull(values, log_likelihood),
-            strongest_prior=(
-                strongest
-                if by_prior[strongest]
-                >= max(SENSITIVE, chance_sensitivity(values, single[strongest]))
-                else None
+        columns = {name: score for name, score in columns.items() if name not in FLOW_LAW}
+        columns[JOINT_PRIOR] = priors.flow_law.scores({name: values[name] for name in FLOW_LAW})
+    bounded = own.keys() & set(priors.free)
+    return {
+        name: Influence(
+            name,
+            *_moves(
+                name, on_scale_of_prior(one, priors[name]) if name in bounded else one, columns
             ),
-            width=(
-                width_beside_prior(all_draws(draws[name]), priors[name])
-                if name in priors.free
-                else None
-            ),
-            distance=_distance(all_draws(draws[name]), priors[name]) if name in alone else None,
+            *_surprise(own.get(name), family or len(own)),
+            bound=_bound(one, own[name], priors[name]) if name in bounded else None,
+            read_off=read_off,
         )
-    return found
+        for name, one in {**values, **derived}.items()
+    }
 
 
-def _distance(values: FloatArray, prior: Prior) -> float | None:
-    """Probability that a bell-shaped prior puts below the median of draws, as a normal score."""
-    if prior.family not in ("normal", "lognormal"):
-        return None
-    law, median = prior.distribution(), np.median(values)
-    # The smaller tail: the other one is 1 to machine precision where the median is far out.
-    below = law.cdf(median) < law.sf(median)
-    return float(ndtri(law.cdf(median)) if below else -ndtri(law.sf(median)))
+def _moves(
+    name: str, values: FloatArray, columns: Mapping[str, FloatArray]
+) -> tuple[dict[str, float], float]:
+    """Return how far each prior moves a quantity, and the share that chance alone gives.
 
-
-def influence_table(influences: Mapping[str, Influence]) -> pd.DataFrame:
-    """Sensitivities as text for people, a row for each quantity.
-
-    Returns
-    -------
-    DataFrame
-        Text. Columns quantity, prior, data (sensitivities), sd / prior sd, distance (prior sd),
-        where it comes from, mostly the prior of.
+    Shifts of draws against the scores, around the end, keep how draws follow one another and
+    nothing else.
     """
-    return pd.DataFrame(
-        [
-            {
-                "quantity": shown_quantity(name).label,
-                "prior": f"{influence.prior_sensitivity:.2f}",
-                "data": f"{influence.likelihood_sensitivity:.2f}",
-                "sd / prior sd": "" if influence.width is None else f"{influence.width:.2f}",
-                "distance (prior sd)": ""
-                if influence.distance is None
-                else f"{influence.distance:+.1f}",
-                "where it comes from": influence.origin,
-                "mostly the prior of": ""
-                if influence.strongest_prior is None
-                else _prior_label(influence.strongest_prior),
-            }
-            for name, influence in influences.items()
-        ]
+    sd = float(np.std(values, ddof=1))
+    if sd == 0:  # a derived quantity of known parameters
+        return dict.fromkeys(columns, 0.0), 0.0
+    standard = (values - values.mean()) / sd
+    others = [score for prior, score in columns.items() if prior != name]
+    shifts = [k * values.size // (CHANCE_SHIFTS + 1) for k in range(1, CHANCE_SHIFTS + 1)]
+    by_shift = [
+        sum(_move(np.roll(standard, shift), score) ** 2 for score in others) for shift in shifts
+    ]
+    return {prior: _move(standard, score) for prior, score in columns.items()}, float(
+        np.mean(by_shift)
     )
 
 
+def _move(standard: FloatArray, scores: FloatArray) -> float:
+    """Covariance with the scores of a prior; of several scores the length of the covariances."""
+    found = standard @ (scores - scores.mean(axis=0)) / (standard.size - 1)
+    return float(found[0] if found.size == 1 else np.linalg.norm(found))
+
+
+def _surprise(scores: FloatArray | None, family: int) -> tuple[float | None, float]:
+    """Return how far a posterior is from its prior, and the probability of that in a whole fit.
+
+    Before the data are known the posterior mean of a score varies by what the data take off the
+    variance of the prior, which is 1.
+    """
+    if scores is None:
+        return None, 1.0
+    mean, left = float(scores.mean()), float(scores.var(ddof=1))
+    if left > MOST_LEFT:
+        return mean, 1.0
+    return mean, float(min(1.0, family * 2.0 * ndtr(-abs(mean) / np.sqrt(1.0 - left))))
+
+
+def _bound(values: FloatArray, scores: FloatArray, prior: Prior) -> Bound | None:
+    """Return the bound of a prior at which draws pile up, unless they are nearly the prior's."""
+    if prior.family == "lognormal" or scores.var(ddof=1) >= MOST_LEFT_AT_BOUND:
+        return None
+    reach, physical = NEAR_BOUND * float(np.std(values, ddof=1)), prior.physical_bounds
+    lower = float(np.mean(values <= prior.lower + reach))
+    upper = float(np.mean(values >= prior.upper - reach))
+    if max(lower, upper) < AT_BOUND:
+        return None
+    if lower >= upper:
+        return Bound("lower", prior.lower, lower, physical[0])
+    return Bound("upper", prior.upper, upper, physical[1])
+
+
+def symbol_of(name: str) -> str:
+    """Return the symbol of a quantity, also of a centre or spread, or of `JOINT_PRIOR`."""
+    if name == JOINT_PRIOR:
+        return "the flow law"
+    base, bracket, owner = name.partition("[")
+    return symbol_text(shown_quantity(base)) + bracket + owner
+
+
+def decision_columns(influence: Influence | None) -> dict[str, object]:
+    """Return the columns of a table of numbers that say who decides one; empty where unknown."""
+    if influence is None:
+        return {"decided_by": "", "by_prior_of": "", "prior_share": np.nan}
+    marked = (f"{name}{READ_OFF * influence.was_read_off(name)}" for name in influence.priors)
+    return {
+        "decided_by": influence.origin.value,
+        "by_prior_of": ", ".join(marked),
+        "prior_share": influence.prior_share,
+    }
+
+
+READ_OFF = " [read off these data]"
+"""Behind the name of a prior that was read off the data of the fit."""
+
+
+def decision_text(
+    name: str, decided_by: str, by_prior_of: str, symbol: Callable[[str], str] = symbol_of
+) -> str:
+    """Say in a few words who decides a quantity, such as ``prior (of Q_M)``.
+
+    Parameters
+    ----------
+    name : str
+        The quantity.
+    decided_by, by_prior_of : str
+        From `decision_columns`.
+    symbol : callable
+        Returns the symbol of a parameter or of `JOINT_PRIOR`.
+    """
+    if by_prior_of in ("", name):
+        return decided_by
+    shown = [
+        symbol(one.removesuffix(READ_OFF)) + READ_OFF * one.endswith(READ_OFF)
+        for one in by_prior_of.split(", ")
+    ]
+    return f"{decided_by} (of {', '.join(shown)})"
+
+
 def influence_numbers(influences: Mapping[str, Influence]) -> pd.DataFrame:
-    """Return every number of `Influence`, and its origin, a row for each quantity."""
-    rows = {name: {**asdict(one), "origin": one.origin} for name, one in influences.items()}
+    """Return every number of `Influence`, a row for each quantity and a column for each prior."""
+    rows = {
+        name: {
+            **decision_columns(one),
+            "chance": one.chance,
+            "distance": one.distance,
+            "conflict_probability": one.conflict_probability,
+            "share_at_bound": 0.0 if one.bound is None else one.bound.share,
+            **{f"moved_by_{prior}": move for prior, move in one.moves.items()},
+        }
+        for name, one in influences.items()
+    }
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("parameter")
-
-
-def _prior_label(name: str) -> str:
-    return "the flow law, jointly" if name == JOINT_PRIOR else shown_quantity(name).label
 
 
 def conflicts(influences: Mapping[str, Influence]) -> list[str]:
@@ -276,9 +366,7 @@ def conflicts(influences: Mapping[str, Influence]) -> list[str]:
 
 
 def conflict_text(label: str, influence: Influence) -> str:
-    """Say how far what a label names is from its prior's median where that has a bell."""
-    if influence.distance is None:
-        return label
+    """Say how far what a label names is from its prior's median."""
     return f"{label} ({influence.distance:+.1f} prior sd)"
 
 
@@ -292,7 +380,9 @@ def disagreement(influences: Mapping[str, Influence]) -> str | None:
     """Name what prior and data disagree about; None where they do not."""
     names = conflicts(influences)
     listed = ", ".join(
-        conflict_text(shown_quantity(name).label, influences[name]) for name in names
+        conflict_text(_label(name), influences[name])
+        + READ_OFF * influences[name].was_read_off(name)
+        for name in names
     )
     return f"Prior and data disagree about {listed}" if names else None
 
@@ -303,95 +393,56 @@ def conflict_sentence(influences: Mapping[str, Influence]) -> str | None:
     return named and f"{named}: {CONFLICT_MEANING}."
 
 
-def power_scaling_sensitivity(draws: FloatArray, log_component: FloatArray) -> float:
-    """Distance by which a marginal distribution moves per doubling of a component's weight.
-
-    Parameters
-    ----------
-    draws : array, shape (n,)
-        Draws of one quantity; its unit does not matter.
-    log_component : array, shape (n,)
-        Log prior or log likelihood of each draw.
-
-    Returns
-    -------
-    float
-        Mean of the cumulative Jensen-Shannon distances to the posteriors with the component
-        raised to the powers 1 + `POWER_STEP` and its inverse, over log2(1 + `POWER_STEP`).
-    """
-    return _moved(draws, _weights_of_powers(log_component))
+def decision_sentences(influences: Mapping[str, Influence]) -> tuple[str, ...]:
+    """Say which numbers a bound or another prior decides, and which priors the data had part in."""
+    read_off = frozenset().union(*(one.read_off for one in influences.values()))
+    return (*_decisions(influences), *read_off_sentences(read_off))
 
 
-def chance_sensitivity(draws: FloatArray, log_component: FloatArray) -> float:
-    """Sensitivity that a quantity may have by chance, which falls with the number of draws.
-
-    Shifts of a component against the draws, around the end, keep how draws follow one another and
-    nothing else.
-
-    Parameters
-    ----------
-    draws, log_component
-        As for `power_scaling_sensitivity`.
-    """
-    weights = _weights_of_powers(log_component)
-    shifts = [k * draws.size // (CHANCE_SHIFTS + 1) for k in range(1, CHANCE_SHIFTS + 1)]
-    by_shift = [_moved(draws, [np.roll(one, shift) for one in weights]) for shift in shifts]
-    return float(CHANCE_FACTOR * np.mean(by_shift))
+def _decisions(influences: Mapping[str, Influence]) -> Iterator[str]:
+    for name, one in influences.items():
+        if one.origin is Origin.CANNOT_TELL:
+            continue
+        if one.bound is not None:
+            yield _bound_sentence(name, one.bound)
+        elif one.origin is Origin.PRIOR and one.priors[0] != name:
+            other = one.priors[0]
+            yield (
+                f"{_label(name)} is decided by the prior of {_label(other)}, not by the data: if "
+                f"that prior moved by one of its standard deviations, {symbol_of(name)} would move "
+                f"by {abs(one.moves[other]):.2f} of its own."
+            )
 
 
-def _weights_of_powers(log_component: FloatArray) -> list[FloatArray]:
-    """Weights of draws by which a component has a power a step below and above 1."""
-    powers = (1.0 / (1.0 + POWER_STEP), 1.0 + POWER_STEP)
-    return [np.exp(smooth_weights((power - 1.0) * log_component)[0]) for power in powers]
+def read_off_sentences(names: Collection[str]) -> tuple[str, ...]:
+    """Say which priors were read off the data of the fit; nothing where none was."""
+    if not names:
+        return ()
+    return (
+        f"Priors that were read off these data: {', '.join(map(symbol_of, sorted(names)))}. There "
+        "the data count twice: agreement of prior and data means nothing, intervals are too "
+        "narrow, and the marginal likelihood is too high.",
+    )
 
 
-def _moved(draws: FloatArray, weights: Sequence[FloatArray]) -> float:
-    """Mean distance by which weights move draws, per doubling of a component's weight."""
-    moved = [max(cumulative_distance(draws, w), cumulative_distance(-draws, w)) for w in weights]
-    return float(np.mean(moved) / np.log2(1.0 + POWER_STEP))
+def _label(name: str) -> str:
+    return "the flow law, jointly" if name == JOINT_PRIOR else _shown(name)
 
 
-def mean_pull(draws: FloatArray, log_component: FloatArray) -> float:
-    """Shift of a mean, in standard deviations, per doubling of a component's weight.
-
-    The derivative of the mean by the power of a component is their covariance.
-
-    Parameters
-    ----------
-    draws, log_component
-        As for `power_scaling_sensitivity`.
-    """
-    if np.ptp(draws) == 0:  # a derived quantity of known parameters
-        return 0.0
-    covariance = float(np.cov(draws, log_component)[0, 1])
-    return float(np.log(2.0) * covariance / np.std(draws, ddof=1))
+def _shown(name: str) -> str:
+    base, bracket, owner = name.partition("[")
+    return shown_quantity(base).label + bracket + owner
 
 
-def cumulative_distance(draws: FloatArray, weights: FloatArray) -> float:
-    """Cumulative Jensen-Shannon distance between draws with equal and with given weights.
-
-    The Jensen-Shannon divergence of two cumulative distribution functions instead of two
-    densities, over its upper bound, and its square root (Nguyen and Vreeken 2015, ECML PKDD).
-
-    Parameters
-    ----------
-    draws : array, shape (n,)
-        Not all the same.
-    weights : array, shape (n,)
-        Positive, adding up to 1.
-
-    Returns
-    -------
-    float
-        0 where the distributions are the same, at most 1.
-    """
-    order = np.argsort(draws)
-    width = np.diff(draws[order])
-    p = np.arange(1, draws.size) / draws.size
-    q = np.cumsum(weights[order])[:-1]
-    middle = 0.5 * (p + q)
-    # The terms (q - p) / (2 ln 2) of the two directed divergences cancel in their sum.
-    divergence = width @ (xlogy(p, p / middle) + xlogy(q, q / middle)) / np.log(2.0)
-    bound = width @ (p + q)
-    # Draws that never vary, such as a reference stress of a known flow law, are the same.
-    return float(np.sqrt(max(0.0, divergence) / bound)) if bound > 0 else 0.0
+def _bound_sentence(name: str, bound: Bound) -> str:
+    quantity = shown_quantity(name)
+    value = f"{number(bound.value * quantity.display_factor)}{unit_after_number(quantity)}"
+    meaning = (
+        "The quantity ends there: quote the other end of the interval as a limit, no mean and sd."
+        if bound.is_physical
+        else "Widen the prior, or say in its 'source' why it ends there."
+    )
+    return (
+        f"The {bound.side} bound of the prior, {value}, decides {quantity.label}: "
+        f"{100 * bound.share:.0f} % of the draws lie within {NEAR_BOUND:g} sd of it. {meaning}"
+    )

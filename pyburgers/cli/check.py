@@ -28,4 +28,4 @@ def run(options: argparse.Namespace) -> int:
             f"{fit.directory.path}: {' and '.join(renewed)}, which did not hold what follows from "
             f"the draws, {'was' if len(renewed) == 1 else 'were'} written again."
         )
-    return print_checks(fit.checks(), fit.prior_conflicts())
+    return print_checks(fit.checks(), fit.prior_conflicts(), fit.prior_decisions())

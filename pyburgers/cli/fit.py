@@ -109,7 +109,7 @@ def run(options: argparse.Namespace) -> int:
     )
     print_table(table, ["quantity", "unit", "pooling", "fit"])
     print(f"run directory: {result.directory.path}")
-    return print_checks(result.checks(), result.prior_conflicts())
+    return print_checks(result.checks(), result.prior_conflicts(), result.prior_decisions())
 
 
 def _priors_for(

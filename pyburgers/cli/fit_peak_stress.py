@@ -80,4 +80,4 @@ def run(options: argparse.Namespace) -> int:
     write_images(flow_law(result), folder / "flow_law.png")
     print_table(flow_law_table(result), ["quantity", "unit"])
     print(f"run directory: {folder}")
-    return print_checks(result.checks())
+    return print_checks(result.checks(), result.prior_conflicts(), result.prior_decisions())

@@ -52,10 +52,13 @@ def print_table(table: pd.DataFrame, keys: Sequence[str]) -> None:
         console.print(_drawn(table[[*named, *block]], named))
 
 
-def print_checks(checks: Sequence[CheckResult], conflicts: Sequence[str] = ()) -> int:
+def print_checks(
+    checks: Sequence[CheckResult], conflicts: Sequence[str] = (), decisions: Sequence[str] = ()
+) -> int:
     """Print both verdicts on a run with the checks behind them; return the exit code.
 
-    What prior and data disagree about follows; it does not count for the code.
+    What prior and data disagree about, and which numbers the data do not decide, follows; it does
+    not count for the code.
     """
     console, answers = _console(), verdicts(checks)
     for kind, verdict in answers.items():
@@ -72,6 +75,10 @@ def print_checks(checks: Sequence[CheckResult], conflicts: Sequence[str] = ()) -
         console.print(heading, soft_wrap=True)
         for conflict in conflicts:
             console.print(conflict, soft_wrap=True)
+    if decisions:
+        console.print(Text("\nNumbers that the data alone do not decide", "bold"), soft_wrap=True)
+        for decision in decisions:
+            console.print(decision, soft_wrap=True)
     if answers[CheckKind.SAMPLING].outcome is not Outcome.YES:
         return EXIT_CHECK_FAILED
     asked = any(check.check.kind is CheckKind.DESCRIPTION for check in checks)

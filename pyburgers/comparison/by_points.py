@@ -17,6 +17,7 @@ import numpy.typing as npt
 import xarray as xr
 from scipy.special import logsumexp
 
+from pyburgers.checks.prior_influence import read_off_sentences
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError, SamplingError
@@ -71,6 +72,7 @@ def compare(fits: Mapping[str, Fit], *, refits: Path | None = None) -> Compariso
             [leave_one_out(test.posterior) for test in tests_of(one)],
             sampling_doubts(one, one.problem.name, "its elpd may be far off"),
         )
+        result = replace(result, notes=read_off_sentences(one.read_off))
         flagged = np.flatnonzero(result.unreliable).tolist()
         if flagged and refits is not None:
             if one.is_joint:

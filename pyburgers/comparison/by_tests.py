@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from pyburgers.checks.prior_influence import read_off_sentences
 from pyburgers.common.errors import InputError
 from pyburgers.common.tasks import ALL_HERE, Workers
 from pyburgers.comparison.doubts import sampling_doubts
@@ -197,4 +198,5 @@ def _left_out(joint: Fit) -> LeaveOneTestOut:
         without=tuple(without),
         doubts=doubts,
         kind=joint.problem.parts_name,
+        notes=read_off_sentences(joint.read_off),
     )

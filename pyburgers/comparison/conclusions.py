@@ -82,7 +82,7 @@ def sentences(comparison: Comparison) -> tuple[str, ...]:
     """One sentence for each pair of fits, then those about weights and doubtful points."""
     doubts = []
     for name, result in comparison.results.items():
-        doubts += [f"{name}: {doubt}" for doubt in result.doubts]
+        doubts += [f"{name}: {doubt}" for doubt in (*result.doubts, *result.notes)]
         if result.unreliable.any():
             doubts.append(
                 f"{name}: its elpd may be far off, because of {_numbered(result.unreliable)} with "
@@ -145,7 +145,7 @@ def sentences_by_test(comparison: ComparisonByTest) -> tuple[str, ...]:
                 "other is as much as the other tells about it."
             )
     for name, result in results:
-        said += [f"{name}: {doubt}" for doubt in result.doubts]
+        said += [f"{name}: {doubt}" for doubt in (*result.doubts, *result.notes)]
         said += [
             f"{name}: the log density of {test} has a Monte Carlo error of {error:.1f}, more than "
             f"{LARGEST_ERROR:g}; run the fit and those without single {kind} for longer."

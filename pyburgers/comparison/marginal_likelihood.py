@@ -18,6 +18,7 @@ from scipy.optimize import brentq
 from scipy.special import expit
 from scipy.stats import multivariate_normal
 
+from pyburgers.checks.prior_influence import read_off_sentences
 from pyburgers.cmdstan.draw_files import read_draws
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.errors import InputError, SamplingError
@@ -68,6 +69,8 @@ def log_marginal_likelihood(fit: Fit) -> LogIntegral:
     data = {**data, **solver_block(REFERENCE_SOLVER)}
     program = load_program(fit.problem.protocol.program)
     logger.info(f"Marginal likelihood of {fit.manifest['experiment']}: bridge sampling.")
+    for sentence in read_off_sentences(fit.read_off):
+        logger.info(f"note: {sentence}")
     return log_integral(
         draws,
         # A draw without solution at the reference tolerance has no density there.

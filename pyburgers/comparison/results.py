@@ -84,6 +84,8 @@ class LeaveOneOut:
         Log pointwise predictive density of the points that the fit has seen, summed.
     doubts : tuple of str
         A sentence for the fit, and for each one without a point, whose draws failed a check.
+    notes : tuple of str
+        Which priors were read off the data (`pyburgers.checks.prior_influence`).
     """
 
     elpd: FloatArray
@@ -91,6 +93,7 @@ class LeaveOneOut:
     exact: BoolArray
     lppd: float
     doubts: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def unreliable(self) -> BoolArray:
@@ -169,6 +172,8 @@ class LeaveOneTestOut:
         A sentence for each of these fits whose draws failed a check.
     kind : str
         What is left out, in the plural: tests, or parts of a single one.
+    notes : tuple of str
+        Which priors were read off the data (`pyburgers.checks.prior_influence`).
     """
 
     tests: tuple[str, ...]
@@ -177,6 +182,7 @@ class LeaveOneTestOut:
     without: tuple[LogIntegral, ...]
     doubts: tuple[str, ...]
     kind: str = "tests"
+    notes: tuple[str, ...] = ()
 
     @property
     def elpd(self) -> FloatArray:

@@ -5,23 +5,36 @@ import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Self
+from types import MappingProxyType
+from typing import Self
 
 import pandas as pd
 import xarray as xr
 
 from pyburgers.checks.fit_checks import Outcome, check_solver
-from pyburgers.checks.prior_influence import Influence, conflict_sentence, prior_influence
+from pyburgers.checks.prior_influence import Influence, prior_influence
 from pyburgers.common.errors import InputError, nearest
 from pyburgers.fitting.new_test import Source
 from pyburgers.fitting.plots import FitPlots
 from pyburgers.fitting.prediction import Prediction, predict_test
-from pyburgers.fitting.sampled_fit import SampledFit, put_aside_where_few_diverged, write_tables
+from pyburgers.fitting.sampled_fit import (
+    FloatArray,
+    SampledFit,
+    data_words,
+    put_aside_where_few_diverged,
+    write_tables,
+)
 from pyburgers.model.pooling import pooling_from
 from pyburgers.model.priors import PriorSet, load_priors, note_other_material
 from pyburgers.model.variants import ModelVariant, variant_of
 from pyburgers.posterior.build import build_posterior
-from pyburgers.posterior.labelled_draws import TESTS, draws_table, load_posterior, summary_table
+from pyburgers.posterior.labelled_draws import (
+    TESTS,
+    draws_table,
+    load_posterior,
+    own_name,
+    summary_table,
+)
 from pyburgers.protocols.experiment import Experiment, Provenance
 from pyburgers.protocols.problem import Problem, one_test, problem_of
 from pyburgers.protocols.protocol import load_experiment
@@ -129,28 +142,41 @@ class Fit(SampledFit):
             found[alone.name] = replace(self, posterior=posterior, problem=alone)
         return found
 
-    def influences(self) -> dict[str, dict[str, Influence]]:
-        """Return what each quantity owes to prior and data, by test; empty without likelihood."""
+    @property
+    def read_off(self) -> frozenset[str]:
+        """Priors that were read off the fitted data (`PriorSet.read_off`)."""
+        data = [data_words(one.id, one.provenance) for one in self.problem.experiments]
+        return self.problem.priors[0].read_off(data)
+
+    def influences(
+        self, derived: Mapping[str, FloatArray] = MappingProxyType({})
+    ) -> dict[str, dict[str, Influence]]:
+        """Return who decides each quantity, by test; empty without likelihood."""
         if not self.manifest["use_likelihood"]:
             return {}
+        fitted = self.manifest["experiments"]
         return {
-            name: prior_influence(test.posterior, test.priors, self.problem.partial)
+            name: self._usable(
+                prior_influence(
+                    test.posterior,
+                    test.priors,
+                    spread_scales=pooling_from(self.manifest["pooling"]).spread_scales,
+                    family=len(fitted) * len(test.priors.free),
+                    derived=derived,
+                    read_off=self.read_off,
+                )
+            )
             for name, test in self.tests().items()
         }
 
-    def prior_conflicts(self) -> tuple[str, ...]:
-        """Return a sentence for each test in which prior and data disagree.
-
-        There is none where the draws are of no use, as of fewer than 100.
-        """
-        if any(one.unusable for one in self.checks()):
-            return ()
-        said = {name: conflict_sentence(found) for name, found in self.influences().items()}
-        return tuple(f"{name}: {text}" for name, text in said.items() if text is not None)
-
-    def checks_record(self) -> dict[str, Any]:
-        """Return verdicts, checks, and what prior and data disagree about."""
-        return {**super().checks_record(), "prior_conflicts": list(self.prior_conflicts())}
+    def decisions(self) -> dict[str, Influence]:
+        """Return who decides each row of `summary`."""
+        found: dict[str, Influence] = {}
+        for e, of_test in enumerate(self.influences().values()):
+            for name, one in of_test.items():
+                own = self.is_joint and name not in self.problem.shared and "[" not in name
+                found.setdefault(own_name(name, self.problem.owner(name, e)) if own else name, one)
+        return found
 
     def predict(
         self,

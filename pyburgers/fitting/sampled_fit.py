@@ -2,12 +2,15 @@
 
 import logging
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Literal, get_args
 
+import numpy as np
+import numpy.typing as npt
 import pandas as pd
 import xarray as xr
 from markupsafe import escape
@@ -19,6 +22,12 @@ from pyburgers.checks.fit_checks import (
     CheckResult,
     Outcome,
     run_checks,
+)
+from pyburgers.checks.prior_influence import (
+    Influence,
+    conflict_sentence,
+    decision_columns,
+    decision_sentences,
 )
 from pyburgers.checks.registry import CHECKS
 from pyburgers.checks.verdicts import Verdict, verdicts, verdicts_record
@@ -33,6 +42,8 @@ from pyburgers.sampling.repetitions import SHORTENING, shorten_steps, shortened
 from pyburgers.sampling.run_directory import RunDirectory
 
 logger = logging.getLogger(__name__)
+
+FloatArray = npt.NDArray[np.float64]
 
 MAX_SHORTENED = 2
 """Times that a run is repeated with shorter steps."""
@@ -73,9 +84,33 @@ class SampledFit(ABC):
         """Name of the test where this is what a joint fit says of one; else None."""
         return None
 
+    @abstractmethod
+    def influences(
+        self, derived: Mapping[str, FloatArray] = MappingProxyType({})
+    ) -> dict[str, dict[str, Influence]]:
+        """Return who decides each quantity, by test or table; empty without likelihood.
+
+        Parameters
+        ----------
+        derived : mapping of str to array, shape (n,)
+            Draws of further quantities, chains one after the other.
+        """
+
+    def decisions(self) -> dict[str, Influence]:
+        """Return who decides each row of `summary`."""
+        return {name: one for found in self.influences().values() for name, one in found.items()}
+
     def prior_conflicts(self) -> tuple[str, ...]:
         """Return a sentence for each test in which prior and data disagree."""
-        return ()
+        said = {name: conflict_sentence(found) for name, found in self.influences().items()}
+        return tuple(f"{name}: {text}" for name, text in said.items() if text is not None)
+
+    def prior_decisions(self) -> tuple[str, ...]:
+        """Return a sentence for each number that a bound or another quantity's prior decides.
+
+        Another one names the priors that were read off the data of the fit.
+        """
+        return decision_sentences(self.decisions())
 
     @abstractmethod
     def si_summary(self) -> pd.DataFrame:
@@ -92,7 +127,9 @@ class SampledFit(ABC):
         Returns
         -------
         DataFrame
-            As of `si_summary`.
+            As of `si_summary`, with a likelihood then decided_by
+            (`pyburgers.checks.prior_influence.Origin`), by_prior_of (parameters whose priors take
+            part) and prior_share (share of all priors in the variance).
 
         Raises
         ------
@@ -102,6 +139,9 @@ class SampledFit(ABC):
         if units not in get_args(_Units):
             raise InputError(f"units is {units!r}, expected 'display' or 'SI'.")
         table = self.si_summary()
+        if found := self.decisions():
+            rows = [decision_columns(found.get(str(name))) for name in table.index]
+            table = table.join(pd.DataFrame(rows, index=table.index))
         return table if units == "SI" else in_display_units(table)
 
     def __repr__(self) -> str:
@@ -144,8 +184,17 @@ class SampledFit(ABC):
         return run_checks(self.checked_draws, self.asked_checks())
 
     def checks_record(self) -> dict[str, Any]:
-        """Return both verdicts and the checks behind them as ``checks.json`` has them."""
-        return verdicts_record(self.checks())
+        """Return verdicts, checks, and what priors do, as ``checks.json`` has them."""
+        return {
+            **verdicts_record(self.checks()),
+            "prior_conflicts": list(self.prior_conflicts()),
+            "prior_decisions": list(self.prior_decisions()),
+        }
+
+    def _usable(self, found: Mapping[str, Influence]) -> dict[str, Influence]:
+        """Mark that nothing can be told from draws of no use."""
+        usable = not any(one.unusable for one in self.checks())
+        return {name: replace(one, usable=usable) for name, one in found.items()}
 
     def verdicts(self) -> dict[CheckKind, Verdict]:
         """Return both: was the posterior sampled well, does the model describe the data."""
@@ -180,6 +229,11 @@ class SampledFit(ABC):
         return missing_chains(
             self.posterior["posterior"]["chain"].to_numpy().tolist(), self.manifest
         )
+
+
+def data_words(name: str, provenance: Provenance) -> str:
+    """Return what says which data were fitted (`PriorSet.read_off`)."""
+    return f"{name} {provenance.source} {provenance.doi}"
 
 
 def put_aside_where_few_diverged(result: SampledFit) -> bool:

@@ -4,9 +4,10 @@ A run has the files of a fit of a curve (`pyburgers.sampling.run_directory`), wi
 its priors in ``inputs/`` and `FLOW_LAW_PRIOR_FILE` beside the draws.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Self
 
 import numpy as np
@@ -15,13 +16,19 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.checks.fit_checks import CHAIN_CHECKS, Check
+from pyburgers.checks.prior_influence import Influence, prior_influence
 from pyburgers.cmdstan.draw_files import Draws, read_draws
 from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.atomic_files import write_json
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError
-from pyburgers.fitting.sampled_fit import SampledFit, put_aside_where_few_diverged, write_tables
+from pyburgers.fitting.sampled_fit import (
+    SampledFit,
+    data_words,
+    put_aside_where_few_diverged,
+    write_tables,
+)
 from pyburgers.flow_law_tables.description import LOG_STRESS, TABLE_CHECKS
 from pyburgers.flow_law_tables.groups import GRID_STRESSES, groups
 from pyburgers.flow_law_tables.inputs import (
@@ -166,6 +173,16 @@ class PeakStressFit(SampledFit):
     def provenance(self) -> Provenance:
         """Where the table comes from."""
         return self.data.provenance
+
+    def influences(
+        self, derived: Mapping[str, FloatArray] = MappingProxyType({})
+    ) -> dict[str, dict[str, Influence]]:
+        """Return who decides each quantity, under the name of the table."""
+        if not self.manifest["use_likelihood"]:
+            return {}
+        read_off = self.priors.read_off([data_words(self.data.id, self.provenance)])
+        found = prior_influence(self.posterior, self.priors, derived=derived, read_off=read_off)
+        return {self.data.id: self._usable(found)}
 
     def si_summary(self) -> pd.DataFrame:
         """Posterior table in SI units (`pyburgers.posterior.labelled_draws.summary_table`)."""

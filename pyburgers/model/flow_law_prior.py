@@ -109,6 +109,8 @@ class FlowLawPrior:
         What it was fitted to.
     tests : tuple of PeakTest
         The same, test by test: none of them may be fitted with this prior.
+    read_off : tuple of str
+        Words in the id, source or DOI of other data that the flow law was read off.
     """
 
     quantities: tuple[str, ...]
@@ -118,6 +120,7 @@ class FlowLawPrior:
     material: str
     source: str
     tests: tuple[PeakTest, ...] = ()
+    read_off: tuple[str, ...] = ()
 
     def __eq__(self, other: object) -> bool:
         """Whether it is the same distribution of the same material, from the same source."""
@@ -206,6 +209,19 @@ class FlowLawPrior:
         )
         return log_rate
 
+    def scores(self, values: Mapping[str, npt.ArrayLike]) -> FloatArray:
+        """Independent standard normal scores of n, p, Q_M and beta, along the last axis.
+
+        Parameters
+        ----------
+        values : mapping
+            As for `log_flow_rate`.
+        """
+        found = {**values, "log_reference_flow_rate": self.log_flow_rate(values)}
+        beside = np.stack([np.asarray(found[name]) for name in self.quantities], axis=-1)
+        solved = np.linalg.solve(self.factor, (beside - self.mean)[..., np.newaxis])
+        return np.asarray(solved[..., 0], dtype=np.float64)
+
     def log_density(self, values: Mapping[str, npt.ArrayLike]) -> FloatArray:
         """Log density of n, p, Q_M and beta: `flow_law_prior_log_density` of the Stan functions.
 
@@ -214,9 +230,7 @@ class FlowLawPrior:
         values : mapping
             n, p, Q_M (J/mol) and beta (mol/J) by name, of any shape.
         """
-        found = {**values, "log_reference_flow_rate": self.log_flow_rate(values)}
-        beside = np.stack([np.asarray(found[name]) for name in self.quantities], axis=-1)
-        scores = np.linalg.solve(self.factor, (beside - self.mean)[..., np.newaxis])[..., 0]
+        scores = self.scores(values)
         slope = 1 / (GAS_CONSTANT * self.conditions.temperature) - np.asarray(values["beta"])
         density: FloatArray = (
             -0.5 * np.sum(scores**2, axis=-1)
@@ -269,6 +283,7 @@ class FlowLawPrior:
             "mean": self.mean.tolist(),
             "covariance": self.covariance.tolist(),
             "tests": [asdict(test) for test in self.tests],
+            "read_off": list(self.read_off),
             **asdict(self.conditions),
         }
 
@@ -314,6 +329,9 @@ class FlowLawTable(Table):
     tests: list[PeakTestTable] = Field(
         default=[], description="the tests that it was fitted to, if it is a fit"
     )
+    read_off: list[str] = Field(
+        default=[], description="words in the id, source or DOI of data that it was read off"
+    )
 
     def flow_law_prior(self, material: str, where: str) -> FlowLawPrior:
         """Return the flow law of a material, checked; `where` is the file in messages.
@@ -335,6 +353,7 @@ class FlowLawTable(Table):
             material=material,
             source=self.source,
             tests=tuple(PeakTest(**test.model_dump()) for test in self.tests),
+            read_off=tuple(self.read_off),
         ).checked(where)
 
 

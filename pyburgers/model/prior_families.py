@@ -12,8 +12,10 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
+import numpy.typing as npt
 from pydantic import Field
 from scipy import stats
+from scipy.special import ndtri_exp
 
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, factor_to_si
@@ -84,6 +86,12 @@ LOWER_LIMITS: Mapping[str, tuple[float, str]] = MappingProxyType(
 BELOW_ONE = frozenset({"relaxation_exponent", "andrade_exponent"})
 """Exponents of relaxation and creep, which at 1 are a dashpot."""
 
+ENDS_AT_ONE = BELOW_ONE | {"steady_state_fabric_factor", "residual_correlated_share"}
+"""Parameters for which an upper bound of 1 is no choice: a dashpot, no softening, the whole."""
+
+SCORE_AT_BOUND = 8.0
+"""Normal score that stands for infinity: of a draw that rounding has put on a bound."""
+
 
 @dataclass(frozen=True)
 class Prior:
@@ -109,6 +117,8 @@ class Prior:
         Where the prior comes from.
     relative_to_max_stress : bool
         Whether the numbers are shares of the largest measured stress, see `PriorSet.resolved`.
+    read_off : tuple of str
+        Words in the id, source or DOI of the data that the prior was read off.
     """
 
     parameter: str
@@ -120,11 +130,19 @@ class Prior:
     unit: str = field(compare=False)
     source: str
     relative_to_max_stress: bool = False
+    read_off: tuple[str, ...] = ()
 
     @property
     def is_fixed(self) -> bool:
         """Whether the parameter has one value and is not inferred."""
         return self.family == "fixed"
+
+    @property
+    def physical_bounds(self) -> tuple[bool, bool]:
+        """Whether the lower and the upper bound are where the model itself ends."""
+        zero = -math.inf if self.parameter in UNSIGNED else 0.0
+        lower = self.lower <= LOWER_LIMITS.get(self.parameter, (zero, ""))[0]
+        return lower, self.upper == 1.0 and self.parameter in ENDS_AT_ONE
 
     def distribution(self) -> "rv_continuous_frozen[Any, Any]":
         """Return the prior as a frozen distribution of `scipy.stats`, SI units.
@@ -185,7 +203,31 @@ class Prior:
         if not self.relative_to_max_stress:
             return self
         numbers = _scaled(self.numbers(), max_stress, self.family)
-        return Prior.of_family(self.parameter, self.family, numbers, unit="Pa", source=self.source)
+        return Prior.of_family(
+            self.parameter,
+            self.family,
+            numbers,
+            unit="Pa",
+            source=self.source,
+            read_off=self.read_off,
+        )
+
+
+def normal_scores(
+    law: "rv_continuous_frozen[Any, Any]", values: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64]:
+    """Map values to a scale on which a distribution is standard normal.
+
+    Parameters
+    ----------
+    law : frozen distribution of `scipy.stats`
+        Continuous.
+    values : array
+        In the unit of the distribution.
+    """
+    below, above = law.logcdf(values), law.logsf(values)
+    scores = np.where(below < above, ndtri_exp(below), -ndtri_exp(above))
+    return np.where(np.isinf(scores), np.sign(scores) * SCORE_AT_BOUND, scores)
 
 
 class PriorTable(Table):
@@ -199,10 +241,14 @@ class PriorTable(Table):
     lower: float | None = Field(None, description="the lower bound")
     upper: float | None = Field(None, description="the upper bound")
     value: float | None = Field(None, description="the value of a fixed parameter")
+    read_off: list[str] = Field(
+        default=[],
+        description="words in the id, source or DOI of the data that the prior was read off",
+    )
 
     def numbers(self) -> dict[str, float]:
         """Return the number keys that are present."""
-        return self.model_dump(exclude={"family", "unit", "source"}, exclude_none=True)
+        return self.model_dump(exclude={"family", "unit", "source", "read_off"}, exclude_none=True)
 
 
 def load_prior(path: Path, parameter: Parameter, table: PriorTable) -> Prior:
@@ -227,6 +273,7 @@ def load_prior(path: Path, parameter: Parameter, table: PriorTable) -> Prior:
         unit=table.unit,
         source=table.source,
         relative_to_max_stress=relative,
+        read_off=tuple(table.read_off),
     )
     _check_prior(where, prior)
     return prior

@@ -41,6 +41,9 @@ logger = logging.getLogger(__name__)
 FLOW_LAW = ("stress_exponent", "grain_size_exponent", "activation_enthalpy", "beta")
 """Parameters that a joint prior of the flow law is about."""
 
+JOINT_PRIOR = "flow_law"
+"""Stands for the joint prior of the flow law among the priors of single parameters."""
+
 
 TAKEN_OUT: Mapping[tuple[str, str], tuple[str, ...]] = MappingProxyType(
     {
@@ -87,6 +90,21 @@ class PriorSet:
     def free(self) -> tuple[str, ...]:
         """Names of the parameters that are inferred."""
         return tuple(name for name, prior in self.priors.items() if not prior.is_fixed)
+
+    def read_off(self, data: Sequence[str]) -> frozenset[str]:
+        """Return the priors, or `JOINT_PRIOR`, that were read off data.
+
+        Parameters
+        ----------
+        data : sequence of str
+            Id, source and DOI of each test or table, in one text.
+        """
+        words = {name: self.priors[name].read_off for name in self.free}
+        if self.flow_law is not None:
+            words[JOINT_PRIOR] = self.flow_law.read_off
+        return frozenset(
+            name for name, own in words.items() if any(one in text for one in own for text in data)
+        )
 
     def sample(self, rng: np.random.Generator) -> dict[str, float]:
         """Draw every parameter (SI); fixed ones have their value."""
@@ -267,6 +285,7 @@ def save_priors(
             **prior.numbers(),
             "unit": MAX_STRESS if prior.relative_to_max_stress else parameter.si_unit,
             "source": prior.source,
+            "read_off": list(prior.read_off) or None,
         }
     table = {
         "material": priors.material,

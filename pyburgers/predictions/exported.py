@@ -13,6 +13,11 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from pyburgers.checks.prior_influence import (
+    decision_columns,
+    decision_text,
+    symbol_of,
+)
 from pyburgers.common.units import rounded
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import SampledFit
@@ -20,6 +25,7 @@ from pyburgers.flow_law_tables.fit import PeakStressFit
 from pyburgers.model.display import shown_quantity, unit_text
 from pyburgers.model.parameters import CONDITIONS, STRESS_SCATTER
 from pyburgers.model.priors import FLOW_LAW as FLOW_LAW_NAMES
+from pyburgers.model.priors import JOINT_PRIOR
 
 LOG_FACTOR = "ln_flow_law_factor"
 """ln A in SI units, which β and Q_M give: A = exp(β Q_M)."""
@@ -52,6 +58,10 @@ class Exported:
         Posterior covariance; zero of what is fixed.
     n_draws : int
         Draws that they are of.
+    decided_by, by_prior_of : tuple of str
+        Of each parameter, as `Fit.summary` has them; "fixed" and nothing of a fixed one.
+    notes : tuple of str
+        Conflicts, and numbers that the data alone do not decide, in sentences.
     """
 
     test: str
@@ -64,6 +74,9 @@ class Exported:
     mean: npt.NDArray[np.float64]
     covariance: npt.NDArray[np.float64]
     n_draws: int
+    decided_by: tuple[str, ...]
+    by_prior_of: tuple[str, ...]
+    notes: tuple[str, ...]
 
     @property
     def sd(self) -> npt.NDArray[np.float64]:
@@ -104,6 +117,8 @@ def _exported(
     covariance = np.atleast_2d(np.cov(values))
     # Rounding would give what never varies a spread, and correlations of 1.
     covariance[fixed, :] = covariance[:, fixed] = 0.0
+    (influences,) = fit.influences({LOG_FACTOR: columns[LOG_FACTOR]}).values() or ({},)
+    decided = [decision_columns(influences.get(name)) for name in columns]
     return Exported(
         test=test,
         material=material,
@@ -115,6 +130,15 @@ def _exported(
         mean=np.where(fixed, values[:, 0], values.mean(axis=1)),
         covariance=covariance,
         n_draws=values.shape[1],
+        decided_by=tuple(
+            "fixed" if known else str(one["decided_by"])
+            for known, one in zip(fixed, decided, strict=True)
+        ),
+        by_prior_of=tuple(
+            "" if known else str(one["by_prior_of"])
+            for known, one in zip(fixed, decided, strict=True)
+        ),
+        notes=(*fit.prior_conflicts(), *fit.prior_decisions()),
     )
 
 
@@ -137,15 +161,25 @@ def as_json(one: Exported) -> str:
         "units": [_si_unit(name) for name in one.names],
         "mean": one.mean.tolist(),
         "sd": one.sd.tolist(),
+        "decided_by": list(one.decided_by),
+        "by_prior_of": list(one.by_prior_of),
+        "notes": list(one.notes),
         "covariance": one.covariance.tolist(),
     }
     return json.dumps(content, indent=1, ensure_ascii=False) + "\n"
 
 
 def as_csv(one: Exported) -> str:
-    """Return rows of name, unit, mean and sd, and a column of the covariance for each name."""
+    """Return name, unit, mean, sd, who decides, and a column of the covariance for each name."""
     table = pd.DataFrame(
-        {"name": one.names, "unit": map(_si_unit, one.names), "mean": one.mean, "sd": one.sd}
+        {
+            "name": one.names,
+            "unit": map(_si_unit, one.names),
+            "mean": one.mean,
+            "sd": one.sd,
+            "decided_by": one.decided_by,
+            "by_prior_of": one.by_prior_of,
+        }
     )
     covariance = pd.DataFrame(one.covariance, columns=[f"cov_{name}" for name in one.names])
     buffer = io.StringIO()
@@ -162,9 +196,13 @@ def as_latex(one: Exported) -> str:
     lines = [
         f"% {one.test}, {one.material}, model {one.variant}; {FLOW_LAW}",
         f"% sampled well: {one.sampled_well}, describes the data: {one.describes_data}",
-        rf"\begin{{tabular}}{{llr{'r' * len(free)}}}",
+        *(f"% {note}" for note in one.notes),
+        rf"\begin{{tabular}}{{llrl{'r' * len(free)}}}",
         r"\toprule",
-        " & ".join(["", "unit", "mean $\\pm$ sd", *(f"${_symbol(one.names[k])}$" for k in free)])
+        " & ".join(
+            ["", "unit", "mean $\\pm$ sd", "decided by"]
+            + [f"${_symbol(one.names[k])}$" for k in free]
+        )
         + r" \\",
         r"\midrule",
     ]
@@ -176,12 +214,23 @@ def as_latex(one: Exported) -> str:
         spread = rf"${rounded(mean, sd)} \pm {rounded(sd, sd)}$" if sd else f"${mean:.4g}$ (fixed)"
         row = correlation[free.index(k)] if k in free else np.full(len(free), np.nan)
         cells = ["" if np.isnan(value) else f"${value:z.2f}$" for value in row]
-        lines.append(" & ".join([f"${_symbol(name)}$", unit, spread, *cells]) + r" \\")
+        decided = _decided(name, one.decided_by[k], one.by_prior_of[k])
+        lines.append(" & ".join([f"${_symbol(name)}$", unit, spread, decided, *cells]) + r" \\")
     return "\n".join([*lines, r"\bottomrule", r"\end{tabular}"]) + "\n"
 
 
 def _symbol(name: str) -> str:
     return r"\ln A" if name == LOG_FACTOR else shown_quantity(name).symbol
+
+
+def _decided(name: str, decided_by: str, by_prior_of: str) -> str:
+    """Return who decides a number, such as ``prior (of $Q_M$)``."""
+    return decision_text(
+        name,
+        decided_by,
+        by_prior_of,
+        lambda other: symbol_of(other) if other == JOINT_PRIOR else f"${_symbol(other)}$",
+    )
 
 
 def _display(name: str) -> tuple[float, str]:
@@ -198,7 +247,9 @@ FORMATS: Mapping[str, Callable[[Exported], str]] = MappingProxyType(
 )
 """What writes each format."""
 
-_BEGINNING = re.compile(r'\{\n "test": |name,unit,mean,sd,cov_|% .*\n% sampled well: ')
+_BEGINNING = re.compile(
+    r'\{\n "test": |name,unit,mean,sd,(decided_by,|cov_)|% .*\n% sampled well: '
+)
 """Of what each of them writes."""
 
 

@@ -14,7 +14,7 @@ from pyburgers.report.decades import shown_draws
 
 
 def narrowed(fit: FittedTest) -> str:
-    """Say which quantity the data tell most about, and which they hardly touch."""
+    """Say which quantity is narrowest beside its prior, and which is widest."""
     share = {name: shown_draws(fit, name).width_beside_prior for name in fit.priors.free}
     least, most = min(share, key=share.__getitem__), max(share, key=share.__getitem__)
     return (

@@ -26,7 +26,11 @@ from pyburgers.report.posterior_figures import figures_for
 NAMED = ["symbol", "quantity", "unit"]
 """Columns of a table of parameters that say what a row is about."""
 
-OF_THE_PRIOR, DISAGREE = tables.DECIDED_BY[Origin.PRIOR], tables.DECIDED_BY[Origin.DISAGREEMENT]
+OF_THE_PRIOR = Origin.PRIOR.value
+"""Cell of a number that its own prior decides."""
+
+DOUBTFUL = (Origin.PRIOR, Origin.CONFLICT, Origin.BOUND, Origin.CANNOT_TELL)
+"""Who decides a number that the data do not."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,11 +109,10 @@ class Section:
 
     @property
     def not_by_data(self) -> dict[str, list[bool]]:
-        """Rows of the parameters that are the prior's, or about which prior and data disagree."""
+        """Rows of the parameters that the data do not decide."""
         if tables.DECISION not in self.parameters:
             return {}
-        doubtful = self.parameters[tables.DECISION].isin((OF_THE_PRIOR, DISAGREE))
-        return {tables.DECISION: doubtful.tolist()}
+        return {tables.DECISION: self.parameters[tables.DECISION].str.startswith(DOUBTFUL).tolist()}
 
     @property
     def passed(self) -> list[CheckResult]:
@@ -153,7 +156,7 @@ def write_section(name: str, fit: Fit, out: Path) -> Section:
         name=name,
         fit=fit,
         entry=entry_of(key, name, fit, checks, influences),
-        parameters=tables.result_table(summary, fit.priors, influences, truth),
+        parameters=tables.result_table(summary, fit.priors, truth),
         priors=files["priors"],
         sampler=sampler,
         fixed=tuple(
@@ -233,6 +236,15 @@ class SameData:
         return [Said((text,), self._names(told, text)) for text in dict.fromkeys(told) if text]
 
     @property
+    def decisions(self) -> list[Said]:
+        """Say which numbers the data alone do not decide, alike sentences once."""
+        told = [section.entry.decisions for section in self.sections]
+        each = dict.fromkeys(text for texts in told for text in texts)
+        return [
+            Said((text,), self._names([text in texts for texts in told], True)) for text in each
+        ]
+
+    @property
     def without_data(self) -> list[Said]:
         """Say which fits the data were kept from."""
         told = [section.fit.manifest["use_likelihood"] for section in self.sections]
@@ -254,8 +266,8 @@ class SameData:
         DataFrame
             Text. Columns symbol, quantity, unit; then mean, sd and, with a likelihood, what
             decides of the one fit, or mean ± sd of each of several, with the word prior in place
-            of a number that is the prior's and an exclamation mark behind one about which prior
-            and data disagree.
+            of a number that its own prior decides, and in brackets who decides others that the data
+            do not.
         """
         if not self.others:
             columns = [*NAMED, "mean", "sd", *([tables.DECISION] if self._is_decided else [])]
@@ -279,10 +291,10 @@ class SameData:
 
     @property
     def doubtful(self) -> dict[str, list[bool]]:
-        """Cells of `values` about which prior and data disagree, by column."""
+        """Cells of `values` that the data do not decide, by column."""
         values = self.values
         return {
-            column: [text == DISAGREE or text.endswith(" !") for text in values[column]]
+            column: [text.startswith(DOUBTFUL) or text.endswith("]") for text in values[column]]
             for column in map(str, values.columns)
             if column not in NAMED
         }
@@ -331,12 +343,12 @@ def _decided_by(parameters: pd.DataFrame) -> list[str]:
 
 
 def _in_one_cell(parameters: pd.DataFrame) -> list[str]:
-    """Mean ± sd of each quantity, and whether it is the prior's or disputed."""
+    """Mean ± sd of each quantity, and who decides it where the data do not."""
     cells = []
     for row, decided in zip(parameters.to_dict("records"), _decided_by(parameters), strict=True):
         value = f"{row['mean']} ± {row['sd']}"
-        disputed = f"{value} !" if decided == DISAGREE else value
-        cells.append(OF_THE_PRIOR if decided == OF_THE_PRIOR else disputed)
+        doubted = f"{value} [{decided}]" if decided.startswith(DOUBTFUL) else value
+        cells.append(OF_THE_PRIOR if decided == OF_THE_PRIOR else doubted)
     return cells
 
 

@@ -7,7 +7,9 @@ from markupsafe import Markup, escape
 DEFINITIONS = {
     "posterior": "What is known about the parameters after the data: prior times likelihood.",
     "prior": "What is known about a parameter before the data.",
-    "sd / prior sd": "Share of the prior's width that is left; near 1 the data said nothing.",
+    "sd / prior sd": "Share of the prior's width that is left; near 1 the data said nothing. A "
+    "small one may come from the prior of another quantity.",
+    "decided by": "Who decides the number: data, a prior and of which quantity, both, or a bound.",
     "R-hat": "Compares chains with each other; 1 where they agree, at most 1.01 is wanted.",
     "effective sample size": "How many independent draws the correlated ones are worth.",
     "effective draws": "How many equally weighted draws the weighted ones are worth.",

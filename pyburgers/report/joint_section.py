@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from pyburgers.checks.fit_checks import CheckKind
+from pyburgers.checks.prior_influence import decision_columns, decision_text
 from pyburgers.common.draws import BAND, TAIL, all_draws
 from pyburgers.common.units import number, with_error
 from pyburgers.comparison.same_data import fits_alone
@@ -25,7 +26,7 @@ from pyburgers.protocols.protocol import protocol_of
 from pyburgers.report.decades import spans_decades
 from pyburgers.report.names import joint_key, page_keys
 from pyburgers.report.overview import joint_entry
-from pyburgers.report.tables import checks_page_table
+from pyburgers.report.tables import DECISION, checks_page_table, decided_cell
 
 
 def pooling_table(joint: Fit, separate: Sequence[Fit] = ()) -> pd.DataFrame:
@@ -43,11 +44,12 @@ def pooling_table(joint: Fit, separate: Sequence[Fit] = ()) -> pd.DataFrame:
     -------
     DataFrame
         Columns quantity, test, pooling (`Problem.kind`, or "derived" for the reference stress),
-        mean, sd, and NaN where there is no fit of the test alone separate_mean,
-        separate_sd and sd_ratio, joint over separate.
+        mean, sd, decided_by and by_prior_of (empty without likelihood), and NaN where there is no
+        fit of the test alone separate_mean, separate_sd and sd_ratio, joint over separate.
     """
     tests, alone = joint.tests(), fits_alone(joint, separate)
     problem, reference = joint.problem, joint.problem.protocol.reference.name
+    influences = joint.influences()
     rows = []
     for quantity in (*problem.free, reference):
         kind = "derived" if quantity == reference else problem.kind(quantity)
@@ -55,6 +57,7 @@ def pooling_table(joint: Fit, separate: Sequence[Fit] = ()) -> pd.DataFrame:
             if not problem.has_effect(quantity, e):
                 continue
             mean, sd = _moments(fit, quantity)
+            decided = decision_columns(influences.get(name, {}).get(quantity))
             other, alone_mean, alone_sd = alone[name], np.nan, np.nan
             if other is not None:
                 alone_mean, alone_sd = _moments(other, quantity)
@@ -65,6 +68,7 @@ def pooling_table(joint: Fit, separate: Sequence[Fit] = ()) -> pd.DataFrame:
                     "pooling": kind,
                     "mean": mean,
                     "sd": sd,
+                    **{key: decided[key] for key in ("decided_by", "by_prior_of")},
                     "separate_mean": alone_mean,
                     "separate_sd": alone_sd,
                     "sd_ratio": sd / alone_sd,
@@ -121,6 +125,7 @@ def shown_pooling_table(table: pd.DataFrame) -> pd.DataFrame:
             "quantity": quantity.label,
             "unit": unit_text(quantity),
             "pooling": pooling,
+            DECISION: _decided(str(name), group),
         }
         if name not in ratios:
             rows.append({**row, **joint})
@@ -135,6 +140,19 @@ def shown_pooling_table(table: pd.DataFrame) -> pd.DataFrame:
         }
         rows.append({"fit": "alone", **alone})
     return pd.DataFrame(rows).fillna("")
+
+
+def _decided(name: str, rows: pd.DataFrame) -> str:
+    """Say who decides a quantity: once where that is the same in all tests, else by test."""
+    by_test = {
+        test: decision_text(name, decided, priors)
+        for test, decided, priors in zip(
+            rows["test"], rows["decided_by"], rows["by_prior_of"], strict=True
+        )
+    }
+    if len(set(by_test.values())) == 1:
+        return next(iter(by_test.values()))
+    return ", ".join(f"{test}: {text}" for test, text in by_test.items())
 
 
 def pooled_table(joint: Fit) -> pd.DataFrame:
@@ -160,6 +178,7 @@ def shown_pooled_table(joint: Fit) -> pd.DataFrame:
                 "quantity": quantity.label,
                 "unit": unit_text(quantity),
                 CENTRE: shown(name, CENTRE, quantity.display_factor),
+                DECISION: decided_cell(name, summary.loc[own_name(name, CENTRE)].to_dict()) or "",
                 "spread on the real line": shown(name, SPREAD, 1.0),
                 "scale of its prior": number(joint.problem.pooling.spread_scales[name]),
             }
@@ -209,7 +228,7 @@ def joint_section(name: str, joint: Fit, separate: Sequence[Fit]) -> PageSection
                 "Mean ± standard deviation, test by test",
                 shown_pooling_table(table),
                 table,
-                words=("quantity", "unit", "pooling", "fit"),
+                words=("quantity", "unit", "pooling", DECISION, "fit"),
             ),
             *(
                 (
@@ -218,7 +237,7 @@ def joint_section(name: str, joint: Fit, separate: Sequence[Fit]) -> PageSection
                         "Common centres and spreads",
                         shown_pooled_table(joint),
                         pooled.reset_index(),
-                        words=("quantity", "unit"),
+                        words=("quantity", "unit", DECISION),
                     ),
                 )
                 if len(pooled)

@@ -9,9 +9,14 @@ import pandas as pd
 from pyburgers.checks.fit_checks import CheckKind, CheckResult, Outcome, coverage
 from pyburgers.checks.prior_influence import (
     Influence,
+    Origin,
     conflict_text,
     conflicts,
+    decision_columns,
+    decision_sentences,
+    decision_text,
     disagreement,
+    symbol_of,
 )
 from pyburgers.checks.verdicts import ANSWERS, Verdict, verdicts
 from pyburgers.common.units import number, with_error
@@ -46,6 +51,8 @@ class Entry:
         What is behind them.
     conflict : str or None
         What prior and data disagree about, in words.
+    decisions : tuple of str
+        Sentences about numbers that a bound or another prior decides, and priors read off the data.
     row : dict
         Its row of the table, as text.
     """
@@ -56,6 +63,7 @@ class Entry:
     verdicts: Mapping[CheckKind, Verdict]
     checks: tuple[CheckResult, ...]
     conflict: str | None
+    decisions: tuple[str, ...]
     row: dict[str, str]
 
     def doubts(self, kind: CheckKind) -> list[str]:
@@ -161,21 +169,21 @@ def entry_of(
     checks : sequence of CheckResult
         Its checks.
     influences : mapping of str to Influence
-        What each quantity owes to prior and data; empty without likelihood.
+        Who decides each quantity; empty without likelihood.
     """
     answered = verdicts(checks)
-    told = {} if any(one.unusable for one in checks) else influences
     row = {
         "run": name,
         "data": fit.experiment.provenance.kind,
         "model": fit.variant.short_text,
         **_answers_text(answered, checks),
-        "stress exponent n": _stress_exponent(fit),
+        "stress exponent n": _stress_exponent(fit, influences),
         "in 90 % band": f"{100.0 * coverage(fit.posterior):.0f} %",
-        CONFLICT_COLUMN: _conflicts_text(told),
+        CONFLICT_COLUMN: _conflicts_text(influences),
     }
     is_synthetic = fit.experiment.provenance.kind == "synthetic"
-    return Entry(key, name, is_synthetic, answered, tuple(checks), disagreement(told), row)
+    said = disagreement(influences), decision_sentences(influences)
+    return Entry(key, name, is_synthetic, answered, tuple(checks), *said, row)
 
 
 def told_entry(key: str, name: str, fit: SampledFit) -> Entry:
@@ -190,8 +198,8 @@ def told_entry(key: str, name: str, fit: SampledFit) -> Entry:
     fit : SampledFit
         Of one test, or of a table of peak stresses.
     """
+    influences = fit.decisions()
     if isinstance(fit, Fit):
-        influences = fit.influences().get(fit.problem.name, {})
         return entry_of(key, name, fit, fit.checks(), influences)
     checks, draws = fit.checks(), fit.posterior["posterior"].to_dataset()
     answered, kind = verdicts(checks), fit.provenance.kind
@@ -201,10 +209,14 @@ def told_entry(key: str, name: str, fit: SampledFit) -> Entry:
         "data": kind,
         "model": "flow law",
         **_answers_text(answered, checks),
-        "stress exponent n": with_error(mean, sd) if sd > 0 else f"{number(mean)} (fixed)",
+        "stress exponent n": _decided_exponent(with_error(mean, sd), influences)
+        if sd > 0
+        else f"{number(mean)} (fixed)",
         "in 90 % band": f"{100.0 * coverage(fit.posterior):.0f} %",
+        CONFLICT_COLUMN: _conflicts_text(influences),
     }
-    return Entry(key, name, kind == "synthetic", answered, tuple(checks), None, row)
+    said = disagreement(influences), decision_sentences(influences)
+    return Entry(key, name, kind == "synthetic", answered, tuple(checks), *said, row)
 
 
 def joint_entry(key: str, name: str, joint: Fit) -> Entry:
@@ -229,8 +241,8 @@ def joint_entry(key: str, name: str, joint: Fit) -> Entry:
         **_answers_text(answered, checks),
     }
     if "stress_exponent" in joint.problem.shared:
-        row["stress exponent n"] = _stress_exponent(joint)
-    return Entry(key, name, "synthetic" in kinds, answered, tuple(checks), None, row)
+        row["stress exponent n"] = _stress_exponent(joint, joint.decisions())
+    return Entry(key, name, "synthetic" in kinds, answered, tuple(checks), None, (), row)
 
 
 def overview_table(entries: Sequence[Entry]) -> pd.DataFrame:
@@ -268,13 +280,25 @@ def _conflicts_text(influences: Mapping[str, Influence]) -> str:
         for name in names[:SHOWN_CONFLICTS]
     ]
     more = len(names) - len(shown)
-    return ", ".join(shown) + (f" and {more} more" if more else "")
+    told = ", ".join(shown) + (f" and {more} more" if more else "")
+    at_bound = [symbol_of(name) for name, one in influences.items() if one.origin is Origin.BOUND]
+    bounds = f"at a bound: {', '.join(at_bound)}" if at_bound else ""
+    return "; ".join(filter(None, (told, bounds)))
 
 
-def _stress_exponent(fit: Fit) -> str:
-    """Mean and standard deviation, or the value that was not inferred."""
+def _decided_exponent(value: str, influences: Mapping[str, Influence]) -> str:
+    """Return the stress exponent with who decides it."""
+    name = "stress_exponent"
+    decided = decision_columns(influences.get(name))
+    text = decision_text(name, str(decided["decided_by"]), str(decided["by_prior_of"]))
+    return f"{value}, {text}" if text else value
+
+
+def _stress_exponent(fit: Fit, influences: Mapping[str, Influence]) -> str:
+    """Mean, standard deviation and who decides it, or the value that was not inferred."""
     name = "stress_exponent"
     if name not in fit.problem.free:
         return f"{number(fit.problem.priors[0][name].location)} (fixed)"
     draws = fit.posterior["posterior"].to_dataset()[name]
-    return with_error(float(draws.mean()), float(draws.std(ddof=1)))
+    value = with_error(float(draws.mean()), float(draws.std(ddof=1)))
+    return _decided_exponent(value, influences)

@@ -12,7 +12,7 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.checks.fit_checks import CheckResult, Outcome
-from pyburgers.checks.prior_influence import Influence, Origin
+from pyburgers.checks.prior_influence import decision_text
 from pyburgers.common.units import number, rounded
 from pyburgers.drawing.page_parts import PageTable
 from pyburgers.fitting.fit import Fit
@@ -42,9 +42,9 @@ def parameter_table(
     Returns
     -------
     DataFrame
-        Text. Columns symbol, quantity, unit, mean, sd, 5 %, 95 %, prior, sd / prior sd (how much
-        of the prior's width is left), ESS bulk, ESS tail, R-hat. The reference stress has no
-        prior of its own.
+        Text. Columns symbol, quantity, unit, mean, sd, with a likelihood `DECISION`, then 5 %,
+        95 %, prior, sd / prior sd (how much of the prior's width is left), ESS bulk, ESS tail,
+        R-hat. The reference stress has no prior of its own.
     """
     rows = [
         {
@@ -66,7 +66,6 @@ SAMPLER_COLUMNS = ("ESS bulk", "ESS tail", "R-hat")
 def result_table(
     summary: pd.DataFrame,
     priors: PriorSet,
-    influences: Mapping[str, Influence],
     truth: pd.DataFrame | None,
 ) -> pd.DataFrame:
     """Return what a page says of the parameters of a fit.
@@ -75,23 +74,17 @@ def result_table(
     ----------
     summary, priors
         As for `parameter_table`.
-    influences : mapping of str to Influence
-        What each quantity owes to prior and data; empty without likelihood.
     truth : DataFrame or None
         `truth_table` of synthetic data.
 
     Returns
     -------
     DataFrame
-        Text. `parameter_table` without `SAMPLER_COLUMNS` and fixed parameters; with influences a
-        column `DECISION`, with a truth the columns truth and off by (sd).
+        Text. `parameter_table` without `SAMPLER_COLUMNS` and fixed parameters; with a truth the
+        columns truth and off by (sd).
     """
     names = [*map(str, summary.index)]
     table = parameter_table(summary, priors).drop(columns=list(SAMPLER_COLUMNS))
-    if influences:
-        table[DECISION] = [
-            DECIDED_BY[influences[name].origin] if name in influences else "" for name in names
-        ]
     if truth is not None:
         beside = {
             str(name): _truth_beside(shown_quantity(str(name)), row)
@@ -103,16 +96,7 @@ def result_table(
 
 
 DECISION = "decided by"
-
-DECIDED_BY = {
-    Origin.PRIOR: "prior",
-    Origin.DATA: "data",
-    Origin.AGREEMENT: "either",
-    Origin.BOTH: "both",
-    Origin.DISAGREEMENT: "disagree",
-    Origin.CANNOT_TELL: "cannot tell",
-}
-"""Words for what a number comes from."""
+"""Title of the column that says who decides a number (`pyburgers.checks.prior_influence`)."""
 
 
 def _truth_beside(quantity: Parameter, row: "pd.Series[Any]") -> dict[str, str]:
@@ -137,16 +121,27 @@ def posterior_row(
 ) -> dict[str, str]:
     """Return what a posterior table in SI units says of a sampled quantity."""
     sd = float(row["sd"]) * quantity.display_factor
-    numbers = {"mean": "mean", "sd": "sd", "5 %": "q5", "95 %": "q95"}
+    shown = {
+        title: rounded(float(row[key]) * quantity.display_factor, sd)
+        for title, key in {"mean": "mean", "sd": "sd", "5 %": "q5", "95 %": "q95"}.items()
+    }
+    decided = decided_cell(quantity.name, row)
     return {
         **_named(quantity),
-        **{
-            title: rounded(float(row[key]) * quantity.display_factor, sd)
-            for title, key in numbers.items()
-        },
+        "mean": shown.pop("mean"),
+        "sd": shown.pop("sd"),
+        **({} if decided is None else {DECISION: decided}),
+        **shown,
         "prior": "implied" if prior is None else prior_text(prior, quantity, with_unit=False),
         "sd / prior sd": "" if prior is None else f"{row['width_beside_prior']:.2f}",
     }
+
+
+def decided_cell(name: str, row: Mapping[Hashable, Any]) -> str | None:
+    """Say who decides a row of `Fit.summary`; None where the data took no part."""
+    if "decided_by" not in row:
+        return None
+    return decision_text(name, str(row["decided_by"]), str(row["by_prior_of"]))
 
 
 def fixed_row(parameter: Parameter, prior: Prior) -> dict[str, str]:

@@ -84,12 +84,38 @@ def test_latex_is_a_table_with_a_row_for_each(
     one = exported(small_fit)
     body = text.split(r"\midrule")[1].split(r"\bottomrule")[0].strip().splitlines()
     assert len(body) == len(one.names)
-    columns = 3 + int(np.count_nonzero(one.sd))
+    columns = 4 + int(np.count_nonzero(one.sd))
     assert all(row.endswith(r" \\") and row.count("&") == columns - 1 for row in body)
     out = tmp_path / "table.tex"
     arguments = ["export", str(small_fit.directory.path), "--format", "latex", "--out", str(out)]
     assert main(arguments) == 0
     assert out.read_text(encoding="utf-8") == text
+
+
+def test_every_format_says_who_decides_a_number(
+    small_fit: Fit, capsys: pytest.CaptureFixture[str]
+) -> None:
+    decided = small_fit.summary("SI")[["decided_by", "by_prior_of"]]
+    content = json.loads(printed(small_fit, "json", capsys))
+    table = pd.read_csv(io.StringIO(printed(small_fit, "csv", capsys)), index_col=0)
+    text = printed(small_fit, "latex", capsys)
+    one = exported(small_fit)
+    for k, name in enumerate(content["names"]):
+        word, priors = content["decided_by"][k], content["by_prior_of"][k]
+        if name in decided.index:
+            assert [word, priors] == decided.loc[name].tolist()
+        assert word == ("fixed" if one.sd[k] == 0 else word) != ""
+        assert table["decided_by"][name] == word
+    assert content["notes"] == [*small_fit.prior_conflicts(), *small_fit.prior_decisions()]
+    by_enthalpy = replace(
+        one,
+        decided_by=("prior",) * len(one.names),
+        by_prior_of=("activation_enthalpy",) * len(one.names),
+        notes=("n is decided by a prior.",),
+    )
+    assert "& prior (of $Q_M$) &" in as_latex(by_enthalpy)
+    assert "\n% n is decided by a prior.\n" in as_latex(by_enthalpy)
+    assert "decided by" in text
 
 
 def test_what_does_not_correlate_has_no_sign(small_fit: Fit) -> None:

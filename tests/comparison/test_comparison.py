@@ -11,7 +11,7 @@ import pytest
 import xarray as xr
 from conftest import LONG_RUN, Problem, with_fixed
 from scipy import stats
-from synthetic_fit import make_fit
+from synthetic_fit import make_fit, with_problem
 from synthetic_olivine_fit import make_olivine_fit
 
 from pyburgers.cli.compare import save_comparison
@@ -223,6 +223,16 @@ def test_fits_that_were_not_sampled_well_are_named(small_fit: Fit, long_fit: Fit
     }
     assert not replace(comparison, results=settled).reliable
     assert replace(comparison, results={"long": settled["long"]}).reliable
+
+
+def test_priors_that_were_read_off_the_data_are_named_beside_the_evidence(tmp_path: Path) -> None:
+    plain = make_fit(tmp_path, draws=100)
+    modulus = replace(plain.priors["kelvin_modulus"], read_off=("made up for a test",))
+    flagged = with_problem(plain, plain.experiment, plain.priors.exchanging(modulus))
+    said = sentences(compare({"plain": plain, "flagged": flagged}))
+    (told,) = (one for one in said if "read off these data" in one)
+    assert told.startswith("flagged: Priors that were read off these data: E_K. ")
+    assert "marginal likelihood is too high" in told
 
 
 @pytest.mark.parametrize(("correlated", "told"), [((), 0), (("one",), 1), (("one", "two"), 0)])

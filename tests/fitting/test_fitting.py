@@ -155,6 +155,8 @@ def test_the_checks_are_written_with_their_sentences(small_fit: Fit) -> None:
     assert {c["kind"] for c in written["checks"]} == set(written["verdicts"])
     assert set(written["verdicts"]) == {"sampling", "description"}
     assert written["prior_conflicts"] == list(small_fit.prior_conflicts())
+    assert written["prior_decisions"] == list(small_fit.prior_decisions())
+    assert (small_fit.summary()["decided_by"] != "").all()
     for kind, verdict in small_fit.verdicts().items():
         told = written["verdicts"][kind.name.lower()]
         assert told == {"outcome": verdict.outcome.value, "sentence": verdict.sentence}
@@ -330,7 +332,8 @@ def test_a_tolerance_too_loose_is_tightened_and_the_chains_run_again(
     assert {check.name: check.passed for check in again.checks()}["solver"]
     after = contents(tmp_path / "run")
     changed = {name for name in before if after[name] != before[name]}
-    assert changed <= {"manifest.json", "checks.json"}
+    # Who decides a number cannot be told while the solver is too loose.
+    assert changed <= {"manifest.json", "checks.json", "summary.csv"}
 
 
 def test_few_draws_are_told_as_such_and_not_sampled_again(

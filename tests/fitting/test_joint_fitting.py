@@ -13,7 +13,13 @@ from pyburgers.common.errors import InputError
 from pyburgers.comparison.same_data import fits_alone
 from pyburgers.fitting.fit import Fit, fit_jointly
 from pyburgers.posterior.labelled_draws import total_log_likelihood
-from pyburgers.report.joint_section import intervals, joint_section, pooling_table, sd_ratios
+from pyburgers.report.joint_section import (
+    intervals,
+    joint_section,
+    pooling_table,
+    sd_ratios,
+    shown_pooling_table,
+)
 from pyburgers.report.names import page_keys
 from pyburgers.report.page import write_report
 
@@ -40,6 +46,17 @@ def test_the_influence_of_data_is_that_of_all_tests(joint: Fit) -> None:
     np.testing.assert_allclose(total_log_likelihood(of_test), total)
     own = of_test["log_likelihood"].to_dataset()["stress"].sum("point")
     assert not np.allclose(total_log_likelihood(of_test), own)
+
+
+def test_every_number_of_a_joint_fit_says_who_decides_it(joint: Fit) -> None:
+    summary = joint.summary("SI")
+    assert (summary["decided_by"] != "").all()
+    table = pooling_table(joint)
+    for row in table.to_dict("records"):
+        name, test = row["quantity"], row["test"]
+        key = name if name in summary.index else f"{name}[{test}]"
+        assert row["decided_by"] == summary["decided_by"][key]
+    assert (shown_pooling_table(table)["decided by"] != "").all()
 
 
 def test_loading_gives_the_same_fit(joint: Fit) -> None:

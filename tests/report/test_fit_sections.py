@@ -87,7 +87,7 @@ def test_a_conflict_names_the_fits_that_have_it(sections: list[Section]) -> None
 
 
 def test_what_is_the_priors_is_named_below_the_table(sections: list[Section]) -> None:
-    one = SameData((decided(sections[0], {"p": "prior", "n": "disagree"}),))
+    one = SameData((decided(sections[0], {"p": "prior", "n": "conflict"}),))
     assert list(one.values.columns) == ["symbol", "quantity", "unit", "mean", "sd", DECISION]
     assert [row["symbol"] for row in one.left_to_prior] == ["p"]
     assert len(one.values) + 1 == len(sections[0].parameters)
@@ -97,7 +97,7 @@ def test_what_is_the_priors_is_named_below_the_table(sections: list[Section]) ->
 
 def test_numbers_of_several_fits_stand_side_by_side(sections: list[Section]) -> None:
     good = decided(sections[0], {"p": "prior", "n": "prior"})
-    failed = decided(sections[1], {"p": "prior", "E_M": "disagree"})
+    failed = decided(sections[1], {"p": "prior", "E_M": "conflict"})
     both = SameData((good, failed))
     rows = both.values.set_index("symbol")
     assert [row["symbol"] for row in both.left_to_prior] == ["p"]
@@ -105,8 +105,31 @@ def test_numbers_of_several_fits_stand_side_by_side(sections: list[Section]) -> 
     assert rows["good"]["n"] == "prior"
     numbers = failed.parameters.set_index("symbol").loc["n"]
     assert rows["failed"]["n"] == f"{numbers['mean']} ± {numbers['sd']}"
-    assert rows["failed"]["E_M"].endswith(" !")
+    assert rows["failed"]["E_M"].endswith(" [conflict]")
     assert both.values["symbol"][pd.Series(both.doubtful["failed"])].tolist() == ["E_M"]
+
+
+def test_a_number_that_another_prior_decides_stands_with_its_name(sections: list[Section]) -> None:
+    good = decided(sections[0], {"n": "prior (of Q_M)", "p": "data"})
+    alone = SameData((good,))
+    assert "n" not in [row["symbol"] for row in alone.left_to_prior]
+    assert alone.values.set_index("symbol").loc["n", DECISION] == "prior (of Q_M)"
+    both = SameData((good, decided(sections[1], {"n": "data"})))
+    rows = both.values.set_index("symbol")
+    assert rows["good"]["n"].endswith(" [prior (of Q_M)]")
+    assert both.values["symbol"][pd.Series(both.doubtful["good"])].tolist() == ["n"]
+
+
+def test_what_a_bound_decides_is_told_in_a_line_to_unfold(
+    fits: Mapping[str, Fit], sections: list[Section]
+) -> None:
+    entry = replace(sections[0].entry, decisions=("A bound decides.",))
+    other = replace(sections[1].entry, decisions=("A bound decides.", "n is of Q_M."))
+    group = SameData((replace(sections[0], entry=entry), replace(sections[1], entry=other)))
+    assert [(said.lines, said.of) for said in group.decisions] == [
+        (("A bound decides.",), ("good", "failed")),
+        (("n is of Q_M.",), ("failed",)),
+    ]
 
 
 def test_a_quantity_of_one_fit_alone_is_empty_in_the_others(sections: list[Section]) -> None:

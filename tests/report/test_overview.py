@@ -8,7 +8,7 @@ import pytest
 from synthetic_fit import make_fit, make_prior, with_problem
 
 from pyburgers.checks.fit_checks import CheckKind, Outcome
-from pyburgers.checks.prior_influence import Influence
+from pyburgers.checks.prior_influence import Bound, Influence
 from pyburgers.fitting.fit import Fit
 from pyburgers.report.overview import (
     CONFLICT_COLUMN,
@@ -28,9 +28,9 @@ def fit(tmp_path_factory: pytest.TempPathFactory) -> Fit:
     return make_fit(tmp_path_factory.mktemp("run"), chains=2, draws=300, apart=3.0)
 
 
-def influence(distance: float) -> Influence:
+def influence(name: str, distance: float) -> Influence:
     """What a quantity far from its prior owes to it."""
-    return Influence(0.2, 0.2, 0.0, 0.0, 0.1, -0.1, None, 0.5, distance)
+    return Influence(name, {name: 0.5}, distance=distance, conflict_probability=1e-4)
 
 
 def test_a_row_has_both_answers_with_what_failed(fit: Fit) -> None:
@@ -58,12 +58,9 @@ def test_the_answer_for_all_fits_is_no_where_it_is_for_one(fit: Fit, tmp_path: P
     assert overview_table(entries)["run"].tolist() == ["A", "B"]
 
 
-def test_a_row_names_what_is_furthest_out(fit: Fit, tmp_path: Path) -> None:
+def test_a_row_names_what_is_furthest_out_and_what_a_bound_decides(tmp_path: Path) -> None:
     names = ("stress_exponent", "beta", "maxwell_modulus", "kelvin_modulus")
-    influences = {name: influence(k + 2.0) for k, name in enumerate(names)}
-    useless = entry_of("A", "A", fit, fit.checks(), influences)
-    assert useless.row[CONFLICT_COLUMN] == ""
-    assert useless.conflict is None
+    influences = {name: influence(name, k + 2.0) for k, name in enumerate(names)}
     good = make_fit(tmp_path, chains=2, draws=600)
     entry = entry_of("A", "A", good, good.checks(), influences)
     told = entry.row[CONFLICT_COLUMN]
@@ -71,6 +68,18 @@ def test_a_row_names_what_is_furthest_out(fit: Fit, tmp_path: Path) -> None:
     assert told.endswith("and 2 more")
     assert entry.conflict is not None
     assert "stress exponent (+2.0 prior sd)" in entry.conflict
+    piled = replace(influences["beta"], bound=Bound("lower", 1.0, 0.6, is_physical=False))
+    entry = entry_of("A", "A", good, good.checks(), {"beta": replace(piled, distance=0.0)})
+    assert entry.row[CONFLICT_COLUMN].endswith("; at a bound: β")
+    assert "60 % of the draws lie within 0.5 sd of it" in entry.decisions[0]
+
+
+def test_the_exponent_of_a_row_says_who_decides_it(tmp_path: Path) -> None:
+    good = make_fit(tmp_path, chains=2, draws=600)
+    by_enthalpy = Influence("stress_exponent", {"activation_enthalpy": -0.94})
+    entry = entry_of("A", "A", good, good.checks(), {"stress_exponent": by_enthalpy})
+    assert entry.row["stress exponent n"].endswith(", prior (of Q_M)")
+    assert "is decided by the prior of activation enthalpy" in entry.decisions[0]
 
 
 def test_draws_of_no_use_say_nothing_of_prior_and_data(tmp_path: Path) -> None:
@@ -83,6 +92,8 @@ def test_draws_of_no_use_say_nothing_of_prior_and_data(tmp_path: Path) -> None:
             fit, fit.experiment, replace(fit.priors, priors=MappingProxyType(priors))
         )
         assert bool(moved.prior_conflicts()) == told
+        words = set(moved.summary()["decided_by"])
+        assert ("cannot tell" in words) != told
 
 
 def test_doubts_are_told_without_what_to_do_and_that_once(fit: Fit, tmp_path: Path) -> None:

@@ -38,6 +38,7 @@ FEW = (
 )
 HOSTILE = "<script>alert('data')</script> & \"quotes\""
 BACKGROUNDS: tuple[Background, Background] = ("removed", "kept")
+TEXT_COLUMNS = {"decided_by": str, "by_prior_of": str}
 COMMAND = "pyburgers report runs/A runs/B --out page"
 
 
@@ -275,12 +276,13 @@ def test_the_page_says_what_prior_and_data_decide(
     assert page.text.count(THRESHOLDS_TEXT) == 1
     for fit in fits:
         file = folder / "page" / "tables" / f"{fit.experiment.id}_influence.csv"
-        written = pd.read_csv(file, index_col=0)
+        written = pd.read_csv(file, index_col=0, dtype=TEXT_COLUMNS)
         influences = prior_influence(fit.posterior, fit.priors)
-        assert written["origin"].to_dict() == {k: one.origin for k, one in influences.items()}
-        assert written["prior_sensitivity"].to_dict() == {
-            name: pytest.approx(one.prior_sensitivity) for name, one in influences.items()
+        assert written["prior_share"].to_dict() == {
+            name: pytest.approx(one.prior_share) for name, one in influences.items()
         }
+        decided = fit.summary()[["decided_by", "by_prior_of"]]
+        assert written[["decided_by", "by_prior_of"]].fillna("").equals(decided)
     # A posterior that data have not touched: as wide as its prior, and moved by nothing.
     untouched = small_fit(tmp_path / "run")
     draws = untouched.posterior["posterior"].to_dataset()
@@ -333,7 +335,8 @@ def test_how_fits_were_made_is_told_of_all_that_were_made_alike(
 def test_tables_hold_the_summary_at_full_precision(folder: Path, fits: list[Fit]) -> None:
     for fit in fits:
         key = fit.experiment.id
-        written = pd.read_csv(folder / "page" / "tables" / f"{key}_summary.csv", index_col=0)
+        file = folder / "page" / "tables" / f"{key}_summary.csv"
+        written = pd.read_csv(file, index_col=0, dtype=TEXT_COLUMNS).fillna({"by_prior_of": ""})
         pd.testing.assert_frame_equal(
             written, fit.summary("SI"), check_exact=True, check_dtype=False
         )

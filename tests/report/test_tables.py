@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from synthetic_fit import TRUTH, make_fit, make_prior, uniform
 
+from pyburgers.checks.prior_influence import Origin, decision_text
 from pyburgers.common.units import number, rounded
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.display import prior_text, shown_quantity, symbol_text, unit_text
@@ -84,11 +85,14 @@ def test_the_parameter_table_shows_the_summary_in_display_units(fit: Fit) -> Non
 def test_a_page_says_what_decides_a_number_and_how_far_it_is_off(fit: Fit) -> None:
     summary, truth = fit.summary("SI"), tables.truth_table(fit)
     assert truth is not None
-    influences = fit.influences()[fit.problem.name]
-    shown = tables.result_table(summary, fit.priors, influences, truth)
+    shown = tables.result_table(summary, fit.priors, truth)
     assert not set(tables.SAMPLER_COLUMNS) & set(shown)
     rows = {row["quantity"]: row for row in shown.to_dict("records")}
-    assert {row["decided by"] for row in rows.values()} <= {"", *tables.DECIDED_BY.values()}
+    words = {row["decided by"].split(" (")[0] for row in rows.values()}
+    assert words <= {one.value for one in Origin}
+    told = summary.loc["kelvin_viscosity"]
+    by = decision_text("kelvin_viscosity", str(told["decided_by"]), str(told["by_prior_of"]))
+    assert rows["Kelvin viscosity"]["decided by"] == by != ""
     exponent, of_draws = rows["stress exponent"], summary.loc["stress_exponent"]
     distance = (TRUTH["stress_exponent"] - of_draws["mean"]) / of_draws["sd"]
     assert exponent["off by (sd)"] == f"{distance:+.2f}"
@@ -96,7 +100,7 @@ def test_a_page_says_what_decides_a_number_and_how_far_it_is_off(fit: Fit) -> No
     assert rows["reference stress"]["truth"] == ""
     assert fit.priors["beta"].is_fixed
     assert "pre-exponent ln(A)/Q" not in rows
-    assert "truth" not in tables.result_table(summary, fit.priors, influences, None)
+    assert "truth" not in tables.result_table(summary, fit.priors, None)
 
 
 def test_each_source_of_a_prior_stands_once(fit: Fit) -> None:

@@ -14,6 +14,7 @@ import xarray as xr
 from pyburgers.common.atomic_files import write_json
 from pyburgers.fitting.fit import Fit
 from pyburgers.model.parameters import PARAMETER_BY_NAME, PARAMETERS
+from pyburgers.model.pooling import SEPARATE
 from pyburgers.model.prior_families import Family, Prior
 from pyburgers.model.priors import PriorSet
 from pyburgers.protocols.constant_rate.experiment import ConstantRateExperiment, RateSegment
@@ -318,6 +319,7 @@ def _manifest(
         "fingerprint": "f" * 64,
         "experiment": experiment.id,
         "experiments": [experiment.id],
+        "pooling": SEPARATE.record(),
         "data_kind": experiment.provenance.kind,
         "command": command,
         "started": "2025-01-01T00:00:00+00:00",

@@ -1,0 +1,108 @@
+"""Posteriors of linear models whose truths come from their priors: exact draws, many data sets."""
+
+from collections.abc import Iterator
+from types import MappingProxyType
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+from scipy import stats
+
+from pyburgers.model.parameters import PARAMETER_BY_NAME
+from pyburgers.model.prior_families import Prior
+from pyburgers.model.priors import PriorSet
+
+FloatArray = npt.NDArray[np.float64]
+
+NAMES = (
+    "maxwell_modulus",
+    "kelvin_modulus",
+    "kelvin_viscosity",
+    "stress_exponent",
+    "grain_size_exponent",
+    "activation_enthalpy",
+    "beta",
+    "steady_state_grain_size",
+    "steady_state_fabric_factor",
+    "critical_strain_grain_size",
+    "critical_strain_fabric",
+    "stress_noise",
+)
+
+
+def standard_normal(name: str) -> Prior:
+    """Return N(0, 1) without bounds."""
+    unit = PARAMETER_BY_NAME[name].si_unit
+    return Prior(name, "normal", 0.0, 1.0, -np.inf, np.inf, unit, "test")
+
+
+def uniform(name: str) -> Prior:
+    """Return a uniform prior from 1 to 2: neither bound is one of the model."""
+    return Prior(name, "uniform", 1.5, 0.5, 1.0, 2.0, PARAMETER_BY_NAME[name].si_unit, "test")
+
+
+def prior_set(*given: Prior) -> PriorSet:
+    """Return priors of some parameters."""
+    return PriorSet("ice", "test", MappingProxyType({p.parameter: p for p in given}), "test")
+
+
+def labelled(draws: FloatArray, priors: PriorSet) -> xr.DataTree:
+    """Return draws of shape (n, n_parameters) as those of one chain."""
+    columns = {
+        name: (("chain", "draw"), draws[None, :, k], {"fixed": 0})
+        for k, name in enumerate(priors.free)
+    }
+    return xr.DataTree.from_dict({"posterior": xr.Dataset(columns)})
+
+
+def normal_fits(
+    n_fits: int, seed: int, *, draws: int, away: float | None = None
+) -> Iterator[tuple[xr.DataTree, PriorSet]]:
+    """Make truths from 12 normal priors, data of random designs, and draws of their posteriors.
+
+    Parameters
+    ----------
+    n_fits, seed, draws : int
+        Data sets, of what they are made, and draws of each.
+    away : float, optional
+        Standard deviations from its prior at which the first truth lies, which the data know well.
+    """
+    rng = np.random.default_rng(seed)
+    priors = prior_set(*map(standard_normal, NAMES))
+    size = len(NAMES)
+    for _ in range(n_fits):
+        # Some directions are known well, some are left to the priors.
+        design = rng.standard_normal((size, size)) * np.exp(rng.uniform(-4, 3, size))[:, None]
+        truth = rng.standard_normal(size)
+        if away is not None:
+            truth[0] = away
+            design = np.vstack([design, 3.0 * np.eye(1, size)])
+        data = design @ truth + rng.standard_normal(len(design))
+        covariance = np.linalg.inv(np.eye(size) + design.T @ design)
+        mean = covariance @ design.T @ data
+        yield labelled(rng.multivariate_normal(mean, covariance, draws), priors), priors
+
+
+def uniform_fits(
+    n_fits: int, seed: int, *, draws: int, noise: float, beyond: float | None = None
+) -> Iterator[tuple[xr.DataTree, PriorSet]]:
+    """Make truths from 12 uniform priors, one reading of each, and draws of their posteriors.
+
+    Parameters
+    ----------
+    n_fits, seed, draws : int
+        As for `normal_fits`.
+    noise : float
+        Standard deviation of a reading, in ranges of the prior.
+    beyond : float, optional
+        How far the first reading lies below the lower bound, in its standard deviations.
+    """
+    rng = np.random.default_rng(seed)
+    priors = prior_set(*map(uniform, NAMES))
+    for _ in range(n_fits):
+        reading = rng.uniform(1.0, 2.0, len(NAMES)) + noise * rng.standard_normal(len(NAMES))
+        if beyond is not None:
+            reading[0] = 1.0 - beyond * noise
+        ends = (1.0 - reading) / noise, (2.0 - reading) / noise
+        law = stats.truncnorm(*ends, loc=reading, scale=noise)
+        yield labelled(law.rvs((draws, len(NAMES)), random_state=rng), priors), priors

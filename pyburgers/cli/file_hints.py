@@ -94,6 +94,12 @@ def hints(path: Path, content: Mapping[str, Any]) -> list[str]:
         for look in looks(path, content)
         for hint in _hints_of(look, data, small_strain)
     ]
+    if content.get("compression") != "negative":
+        found += [
+            f"{look.path}: {hint}"
+            for look in looks(path, content)
+            for hint in _hints_of_signs(look, data)
+        ]
     return list(dict.fromkeys(found))
 
 
@@ -149,3 +155,13 @@ def _hints_of_strain(
         yield f"{column!r} reaches {largest:g}: is it in percent rather than a fraction?"
     if unit == "percent" and 0 < largest < 100 * small_strain:
         yield f"{column!r} reaches {largest:g} only: is it a fraction rather than percent?"
+
+
+def _hints_of_signs(look: TextTable, data: Mapping[str, Any]) -> Iterator[str]:
+    column = data.get("strain_column")
+    strain = look.numbers(column) if column in look.columns else []
+    if sum(value < 0 for value in strain) > len(strain) / 2:
+        yield (
+            f"strains in {column!r} are negative, but compression is positive in this model: if it "
+            'is negative in this file, write compression = "negative".'
+        )

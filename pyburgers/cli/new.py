@@ -96,7 +96,7 @@ def run(options: argparse.Namespace) -> int:
     description = Description(file, table, columns, answers)
     text = experiment_text(name, new_file, description)
     with writing(out):
-        write_atomically(out, lambda draft: _write_checked(draft, out, text))
+        write_atomically(out, lambda draft: _write_checked(draft, out, text, file))
     print(f"written: {out}")
     code = check(out)
     if code == 0:
@@ -116,15 +116,15 @@ def _named_in_text(file: str) -> str:
     return file
 
 
-def _write_checked(draft: Path, out: Path, text: str) -> None:
+def _write_checked(draft: Path, out: Path, text: str, file: str) -> None:
     """Write an experiment file; `draft` lies beside `out`, whose name it gets.
 
-    Where rows of the text file are at fault, comments at its top say so.
+    Where the text file `file` alone is at fault, comments at the top of the draft say so.
 
     Raises
     ------
     InputError
-        If a key of the file would be wrong.
+        If the experiment file would be wrong.
     """
     draft.write_text(text, encoding="utf-8")
     try:
@@ -132,7 +132,7 @@ def _write_checked(draft: Path, out: Path, text: str) -> None:
     except InputError as error:  # such as of a control character
         errors = list(error.sentences)
     told = [error.replace(f"{draft}: ", "").replace(str(draft), str(out)) for error in errors]
-    if any(error.startswith((f"{draft}: key", f"{draft}: not")) for error in errors):
+    if not all(error.startswith(str(draft.parent / file)) for error in errors):
         said = "; ".join(error.rstrip(".") for error in told)
         raise InputError(f"{out}: not written, because it would be wrong: {said}.")
     if told:

@@ -306,7 +306,7 @@ def _read_points(
     )
     if abscissa == "time":
         return _strain_at(position, segments), sign * stress, notes
-    if sign * np.median(position) < 0:
+    if np.mean(sign * position < 0) > 0.5:
         expected, other = ("positive", "negative") if sign > 0 else ("negative", "positive")
         raise InputError(
             f"{source}: column {data.strain_column!r}: found strains down to "

@@ -302,7 +302,7 @@ def test_a_file_that_could_not_be_read_is_not_written(
     ("text", "error", "hint"),
     [
         ("0.001,2\n\u22120.02,3\n", "found '\u22120.02'", "write '-'"),
-        ("-0.001,2\n-0.02,3\n", "found strains down to -0.02", "write compression"),
+        ("-0.001,2\n-0.02,3\n", "found strains to -0.02", "write compression"),
         ("0.015,1,020\n0.02,1,100\n", "line 2: found 3 cells", None),
         ("0.015,1\n0.02,1_000\n", "found '1_000'", None),
         ("0.015,1\n0.02,\u0661\n", "found '\u0661'", None),

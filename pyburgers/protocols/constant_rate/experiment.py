@@ -312,14 +312,15 @@ def _read_points(
     )
     if abscissa == "time":
         return _strain_at(position, segments), sign * stress, notes
-    if np.mean(sign * position < 0) > 0.5:
-        expected, other = ("positive", "negative") if sign > 0 else ("negative", "positive")
+    strain = sign * position
+    if np.mean(strain < 0) > 0.5:
+        expected, other = ("positive", "negative")[::sign]
         raise InputError(
-            f"{source}: column {data.strain_column!r}: found strains down to "
-            f"{sign * np.min(sign * position):g} whose sign is {other}, expected {expected} ones: "
-            f'if compression is {other} in this file, write compression = "{other}" in {path}.'
+            f"{source}: column {data.strain_column!r}: found strains to {sign * np.min(strain):g} "
+            f"(fraction), which are {other}, expected {expected} ones: if compression is {other} "
+            f'in this file, write compression = "{other}" in {path}.'
         )
-    return sign * position, sign * stress, notes
+    return strain, sign * stress, notes
 
 
 def _stress_uncertainty(path: Path, data: DataTable | None) -> float | None:

@@ -160,6 +160,15 @@ def test_a_date_and_a_time_of_day_are_one_time(tmp_path: Path) -> None:
     assert "'Time' with 'Date' holds time stamps" in table.notes[0]
 
 
+@pytest.mark.parametrize("date", ["", "12/16/2022,"])
+def test_noon_that_is_written_as_12_am(date: str, tmp_path: Path) -> None:
+    clocks = ("11:00:00 AM", "12:00:00 AM", "1:00:00 PM")
+    rows = "".join(f"{date}{clock},{k}\n" for k, clock in enumerate(clocks))
+    table = looked_at(tmp_path, f"{'Date,' if date else ''}Time,e\n{rows}")
+    assert table.numbers("Time") == [0, 3600, 7200]
+    assert "12 AM was read as noon" in table.notes[1]
+
+
 @pytest.mark.parametrize("cells", ["01:30\n01:45", "03/04/2024\n03/05/2024"])
 def test_a_time_stamp_with_two_meanings_is_no_time_and_is_told(cells: str, tmp_path: Path) -> None:
     lines = [f"{cell},{k}" for k, cell in enumerate(cells.splitlines())]

@@ -262,8 +262,8 @@ class TestNumbersThatNoTestHas:
         [
             ({"temperature": -10.0}, "temperature: found -10, expected kelvin"),
             ({"temperature": float("nan")}, "temperature: found nan"),
-            ({"initial_grain_size": 230.0}, "initial_grain_size: found 230, expected metres"),
-            ({"initial_grain_size": float("nan")}, "initial_grain_size: found nan"),
+            ({"initial_grain_size": 230.0}, "grain size: found 230, expected metres"),
+            ({"initial_grain_size": float("nan")}, "grain size: found nan"),
             ({"final_strain": 99.0}, "strain: found 99 as a fraction"),
             ({"stress": np.full(12, np.nan)}, "reading 1: found nan, expected a finite number"),
         ],

@@ -35,6 +35,7 @@ from pyburgers.posterior.labelled_draws import (
     own_name,
     summary_table,
 )
+from pyburgers.protocols.doubts import doubts
 from pyburgers.protocols.experiment import Experiment, Provenance
 from pyburgers.protocols.problem import Problem, one_test, problem_of
 from pyburgers.protocols.protocol import load_experiment
@@ -324,6 +325,9 @@ def fit(
     tests = [experiments] if isinstance(experiments, Experiment) else list(experiments)
     for test in tests[:1]:
         note_other_material(priors, test.material)
+    for test in tests:
+        for sentence in (*test.notices, *doubts(test)):
+            logger.info(f"note: {sentence}")
     return fit_problem(
         problem_of(tests, priors, pooling_for(tests, pool)),
         out=out,

@@ -95,22 +95,25 @@ def test_of_many_bad_cells_some_are_named_and_the_others_counted(checked: Checke
 
 HINTS = {
     "commented header": ((), "# strain,stress\n0.01,2\n0.02,3\n", "remove that '#'"),
-    "no header": ((), "0.01,2\n0.02,3\n", "write header = false"),
+    "no header": ((), "0.01,2\n0.02,3\n", "numbers of the columns from 1"),
     "header said to be none": (
         (("[data]\n", "[data]\nheader = false\n"),),
         CURVE,
         "remove header = false",
     ),
-    "semicolons": ((), "strain;stress\n0.01;2\n0.02;3\n", "semicolons"),
-    "tabs": ((), "strain\tstress\n0.01\t2\n0.02\t3\n", 'separator = "tab"'),
+    "another separator": (
+        (("[data]\n", '[data]\nseparator = ","\n'),),
+        "strain;stress\n0.01;2\n0.02;3\n",
+        "as if semicolons stood between them: remove the key separator",
+    ),
     "empty cells between tabs": (
         (("[data]\n", '[data]\nseparator = "whitespace"\n'),),
         "strain\tnote\tstress\n0.01\t\t2\n0.02\t\t3\n",
-        'separator = "tab"',
+        "as if tabs stood between them",
     ),
-    "decimal commas": ((), "strain;stress\n0,01;2\n0,02;3\n", "'0,01' (and 1 more)"),
+    "decimal commas": ((), "strain\tstress\n0,01\t2.5\n0,02\t3.1\n", "'0,01' (and 1 more)"),
     "minus signs": ((), "strain,stress\n0.01,\u22122\n0.02,3\n", "no minus sign"),
-    "negative strain": ((), "strain,stress\n-0.01,2\n-0.02,3\n", "turn the signs"),
+    "negative strain": ((), "strain,stress\n-0.01,2\n-0.02,3\n", 'write compression = "negative"'),
     "percent as fraction": ((), "strain,stress\n1,2\n20,3\n", "percent rather than a fraction"),
     "fraction as percent": (
         (('"fraction"', '"percent"'),),
@@ -224,11 +227,11 @@ def test_negative_strains_need_no_hint_where_compression_is_negative(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     strain = (-0.2, -0.3, -0.4)
-    assert "turn the signs" in checked_creep(tmp_path, capsys, strain, -1.0)
+    assert "write compression" in checked_creep(tmp_path, capsys, strain, -1.0)
     negative = ("stage_stress_unit", 'compression = "negative"\nstage_stress_unit')
     said = checked_creep(tmp_path, capsys, strain, -1.0, negative)
     assert "signs were turned" in said
-    assert "turn the signs" not in said
+    assert "write compression" not in said
     assert "extension" not in said
 
 
@@ -333,6 +336,31 @@ def test_other_commands_tell_the_first_error_and_how_many_there_are(
     error = capsys.readouterr().err
     assert error.count("\n") == 1
     assert error.endswith("`pyburgers check-file` tells 1 more.\n")
+
+
+@pytest.mark.parametrize("command", ["fit", "check-file", "simulate"])
+@pytest.mark.parametrize("content", [CURVE.encode(), CURVE.encode("utf-16"), b"PK\x03\x04\xff"])
+def test_a_table_in_the_place_of_an_experiment_file(
+    command: str, content: bytes, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "my curve.csv"
+    path.write_bytes(content)
+    more = ("--parameters", "p.toml", "--out", "o.csv") if command == "simulate" else ()
+    assert main([command, str(path), *more]) == 2
+    out, error = capsys.readouterr()
+    assert f"write an experiment file for them: pyburgers new '{path}'." in out + error
+
+
+def test_what_was_done_to_read_a_table_is_noted(checked: Checked) -> None:
+    text = "a line\nstrain;stress\n%;MPa\n0,01;2\n0,02;3\n"
+    code, lines = checked(curve=text)
+    assert code == 0
+    notes = of_kind("note", lines)
+    assert len(notes) == 3
+    assert "note: curve.csv: line 1 ahead of the table was passed over." in notes
+    code, lines = checked(curve=text + "0,03;x\n")
+    assert code == 2
+    assert of_kind("note", lines) == sorted(notes)
 
 
 def test_what_stands_in_for_missing_keys_gives_no_errors_of_its_own(checked: Checked) -> None:

@@ -129,7 +129,7 @@ def load_attenuation(path: str | Path) -> AttenuationExperiment:
                 f"{path}: key {key!r}: found {getattr(file, key):g}, expected none, because tables "
                 "of attenuation are fitted at their stated conditions."
             )
-    values, elasticity, (conditions, readings) = all_of(
+    values, elasticity, (conditions, readings, notes) = all_of(
         lambda: shared_values(path, file),
         lambda: _elasticity(path, file.attenuation),
         lambda: _table(path, file),
@@ -140,7 +140,7 @@ def load_attenuation(path: str | Path) -> AttenuationExperiment:
         conditions=conditions.ordered(by_period),
         readings=readings.ordered(by_period),
         elasticity=elasticity,
-        notices=tuple(dict.fromkeys([*file.notices, *_notices(conditions, readings)])),
+        notices=tuple(dict.fromkeys([*file.notices, *notes, *_notices(conditions, readings)])),
     )
 
 
@@ -183,6 +183,7 @@ def save_attenuation(experiment: AttenuationExperiment, directory: Path) -> Path
         "file": "experiment.csv",
         "separator": ",",
         "header": True,
+        "missing": [],
         "period_column": "period_s",
         "period_unit": "s",
         "temperature_column": "temperature_K",
@@ -208,8 +209,8 @@ def save_attenuation(experiment: AttenuationExperiment, directory: Path) -> Path
     return write_experiment(experiment, directory, {"attenuation": attenuation, "data": data})
 
 
-def _table(path: Path, file: _AttenuationFile) -> tuple[Conditions, Readings]:
-    """Return the rows, measured or imagined."""
+def _table(path: Path, file: _AttenuationFile) -> tuple[Conditions, Readings, tuple[str, ...]]:
+    """Return the rows, measured or imagined, and notes on their file."""
     if (file.data is None) == (not file.spectra):
         found = "neither" if file.data is None else "both"
         raise InputError(
@@ -222,22 +223,19 @@ def _table(path: Path, file: _AttenuationFile) -> tuple[Conditions, Readings]:
             file.attenuation.median_stress_Pa,
             file.attenuation.amplitude_Pa,
         )
-        return conditions_of(file.spectra, *common, where=f"{path}: [[spectra]]"), NO_READINGS
+        return conditions_of(file.spectra, *common, where=f"{path}: [[spectra]]"), NO_READINGS, ()
     return _measured(path, file, file.data)
 
 
-def _measured(path: Path, file: _AttenuationFile, data: _DataTable) -> tuple[Conditions, Readings]:
-    """Read and check the rows, in the order of the data file."""
+def _measured(
+    path: Path, file: _AttenuationFile, data: _DataTable
+) -> tuple[Conditions, Readings, tuple[str, ...]]:
+    """Read and check the rows, in the order of the data file; return notes on it with them."""
     source = data.folder(path) / data.file
     periods = _one_of(path, data, "period_column", "frequency_column")
     columns = _columns(path, data, periods)
-    found = dict(
-        zip(
-            columns,
-            read_columns(source, data, columns, where=path, file_key="'file' in [data]"),
-            strict=True,
-        )
-    )
+    read, notes = read_columns(source, data, columns, where=path, file_key="'file' in [data]")
+    found = dict(zip(columns, read, strict=True))
     if data.least_temperature is not None:
         found = _from_temperature(path, found, data.least_temperature)
     order = found[periods]
@@ -256,7 +254,7 @@ def _measured(path: Path, file: _AttenuationFile, data: _DataTable) -> tuple[Con
     readings = _readings(path, data, found, n_rows)
     increasing = "period" if periods == "period_column" else "frequency"
     check_table(conditions, readings, order, str(source), increasing)
-    return conditions, readings
+    return conditions, readings, notes
 
 
 def _one_of(path: Path, data: _DataTable, first: str, second: str) -> str:

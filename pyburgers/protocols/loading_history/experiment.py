@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from pyburgers.model.display import time_unit
 from pyburgers.protocols.experiment import Experiment, FloatArray
+from pyburgers.protocols.limits import far_reading
 from pyburgers.protocols.loading_history.stages import (
     Leg,
     Stage,
@@ -47,7 +48,7 @@ class LoadingHistory(Experiment):
     stages : tuple of Stage
         One after the other without gaps; the first starts at 0 s, where the sample is at rest.
     time : array, shape (n_points,)
-        Of the readings (s since the start), not decreasing, and increasing within a stage.
+        Of the readings (s since the start), not decreasing.
     reading_stage : array of int, shape (n_points,)
         Stage of each reading, from 0.
     reading : array, shape (n_points,)
@@ -147,6 +148,8 @@ class LoadingHistory(Experiment):
             *self._doubts_about_times(),
             *self._doubts_about_compliance(),
             *self._doubts_about_path_strains(),
+            *far_reading(self._strains_read, "strain"),
+            *far_reading(self.reading[~self.response_is_strain] / 1e6, "stress (MPa)"),
         )
 
     def _doubts_about_signs(self) -> tuple[str, ...]:

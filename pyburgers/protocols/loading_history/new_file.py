@@ -16,6 +16,7 @@ from pyburgers.protocols.new_file import (
     NewFile,
     Question,
     column_lines,
+    compression_of,
     layout_lines,
     line,
     optional,
@@ -99,10 +100,11 @@ class LoadingHistoryFile(NewFile):
 
     def lines(self, test: Description) -> list[str]:
         """Return the stages and the columns."""
+        compression = compression_of(test, test.values[STRESS.name])
         return [
             line("stage_time_unit", test.columns["time"].unit, "of the stages; s, min or h"),
             line("stage_stress_unit", "MPa", "of the stages; Pa, MPa or GPa"),
-            line("compression", "positive", "or negative: of stages and data"),
+            line("compression", compression, "positive or negative: of stages and data"),
             line("strain_measure", "true", "or engineering; stress_measure likewise"),
             "",
             *_stage_lines(test),

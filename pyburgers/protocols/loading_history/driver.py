@@ -13,6 +13,7 @@ import numpy as np
 from scipy import stats
 from scipy.interpolate import make_lsq_spline
 
+from pyburgers.common.neighbours import distances_from_neighbours
 from pyburgers.protocols.experiment import FloatArray
 
 TOLERANCE = 5.0
@@ -44,10 +45,8 @@ def scatter(time: FloatArray, value: FloatArray) -> float:
     """
     if time.size < 3:
         return 0.0
-    share = (time[1:-1] - time[:-2]) / (time[2:] - time[:-2])
-    distance = value[1:-1] - (1 - share) * value[:-2] - share * value[2:]
-    scaled = distance / np.sqrt(1 + share**2 + (1 - share) ** 2)
-    return float(np.median(np.abs(scaled)) / stats.norm.ppf(0.75))
+    distances = distances_from_neighbours(time, value)
+    return float(np.median(np.abs(distances)) / stats.norm.ppf(0.75))
 
 
 def reading_error(time: FloatArray, value: FloatArray) -> float:

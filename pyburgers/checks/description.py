@@ -1,10 +1,6 @@
 """Checks of whether the model describes the data: what is missed, where, and what to try."""
 
-from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, TypeAlias
-
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
 from pyburgers.checks.discrepancies import (
@@ -38,77 +34,59 @@ from pyburgers.checks.residual_numbers import (
     segment_parts,
     straight_line,
 )
+from pyburgers.checks.told import (
+    Row,
+    Told,
+    beside,
+    finding_of,
+    points_of_segment,
+    remedy,
+    segment_name,
+)
 from pyburgers.common.draws import TAIL
-from pyburgers.posterior.labelled_draws import free_parameters, response_in
-from pyburgers.protocols.advice import LET_CORRELATE, laws_to_try
+from pyburgers.posterior.labelled_draws import response_in
 
 LEVEL_SQUARED = 12.5
 """The square of a mean in its standard errors: of pure noise more than that in 1 of 2500 cases."""
+
+SHARE = "residual_correlated_share"
+UNSTATED = "no reading error is stated"
+SEVERITY = (Outcome.NO, Outcome.CANNOT_TELL, Outcome.YES)
 
 NARROW = "the intervals of its parameters are then too narrow"
 DESCRIPTION = CheckKind.DESCRIPTION
 
 
-class Told(NamedTuple):
-    """A discrepancy of a test in words.
-
-    Attributes
-    ----------
-    good : str
-        What it is, for a model that is right in it.
-    bad : str
-        What is missed, and where.
-    remedy : str
-        What to try.
-    where : str
-        Segment, strain or time; empty where it is all of the test.
-    """
-
-    good: str
-    bad: str
-    remedy: str
-    where: str
-
-
-Row: TypeAlias = "pd.Series[Any]"
-Tell = Callable[[Leftover, Family, Row], Told]
-"""Puts a discrepancy of a test into words."""
-
-
 @check("coverage", DESCRIPTION, least_draws=LEAST_DRAWS, least_readings=ENOUGH_FOR_SHARES)
 def check_coverage(draws: CheckedDraws) -> Finding:
     """Predictive band of 90 % holds about 90 % of the data."""
-    return _finding(draws, (OUTSIDE,), _tell_coverage)
+    return finding_of(draws, (OUTSIDE,), _tell_coverage)
 
 
 @check("residual trend", DESCRIPTION, least_draws=LEAST_DRAWS, least_readings=ENOUGH_FOR_SHARES)
 def check_residual_trend(draws: CheckedDraws) -> Finding:
     """Neighbouring residuals go together no more than replicated ones do."""
-    return _finding(draws, (AUTOCORRELATION,), _tell_trend)
+    return finding_of(draws, (AUTOCORRELATION,), _tell_trend)
 
 
 @check("runs", DESCRIPTION, least_draws=LEAST_DRAWS, least_readings=ENOUGH_FOR_SHARES)
 def check_runs(draws: CheckedDraws) -> Finding:
     """No more residuals in a row have one sign than replicated ones do."""
-    return _finding(draws, (RUN,), _tell_run)
+    return finding_of(draws, (RUN,), _tell_run)
 
 
 @check("trend by segment", DESCRIPTION, least_draws=LEAST_DRAWS, least_readings=ENOUGH)
 def check_segments(draws: CheckedDraws) -> Finding:
-    """No segment lies off the model, or tilts against it, as a whole."""
-    return _finding(draws, (SEGMENT_TREND,), _tell_segment)
-
-
-@check("offset", DESCRIPTION, least_draws=LEAST_DRAWS, least_readings=ENOUGH)
-def check_offset(draws: CheckedDraws) -> Finding:
-    """No quantity of a test lies off the model as a whole."""
-    return _finding(draws, (OFFSET,), _tell_offset)
+    """No segment lies off the model, or tilts against it, as a whole, and no quantity does."""
+    found = finding_of(draws, (SEGMENT_TREND, OFFSET), _tell_segment)
+    of_tests = found.table.sort_values("probability", kind="stable").drop_duplicates("test")
+    return found._replace(table=of_tests.sort_index())
 
 
 @check("largest residual", DESCRIPTION, least_draws=LEAST_DRAWS, least_readings=ENOUGH)
 def check_largest(draws: CheckedDraws) -> Finding:
     """No residual is too large beside the others."""
-    return _finding(draws, (LARGEST,), _tell_largest)
+    return finding_of(draws, (LARGEST,), _tell_largest)
 
 
 @check("size of residuals", DESCRIPTION, least_draws=LEAST_DRAWS, least_readings=ENOUGH)
@@ -145,23 +123,18 @@ def check_size(draws: CheckedDraws) -> Finding:
     return worst._replace(meaning=meaning, note=note)
 
 
-SHARE = "residual_correlated_share"
-UNSTATED = "no reading error is stated"
-SEVERITY = (Outcome.NO, Outcome.CANNOT_TELL, Outcome.YES)
-
-
 def _against_limits(draws: CheckedDraws, family: Family) -> list[Finding]:
     """Compare sizes with stated errors and with each other, as far as there are such."""
     limits = (OVER_READING_ERROR, SEGMENT_SPREAD)
     stated = family.table.index.isin(limits, "discrepancy").any()
-    return [_finding(draws, limits, _tell_size)] if stated else []
+    return [finding_of(draws, limits, _tell_size)] if stated else []
 
 
 def _against_variance(sizes: pd.DataFrame) -> list[Finding]:
     """Compare what is left over with what a constant would leave."""
     most = 1.0 + LEVEL_SQUARED / sizes["readings"]
     beyond = sizes["share_of_variance"] / most
-    test = beyond.idxmax()
+    test = str(beyond.idxmax())
     if not beyond[test] > 1.0:
         return []
     missed = f"a constant would leave {test} less (at most {most[test]:.2%} by chance)"
@@ -176,7 +149,7 @@ def _against_neighbours(draws: CheckedDraws, family: Family, sizes: pd.DataFrame
     """
     findings = []
     if family.table.index.isin((OVER_SCATTER,), "discrepancy").any():
-        found = _finding(draws, (OVER_SCATTER,), _tell_size)
+        found = finding_of(draws, (OVER_SCATTER,), _tell_size)
         passed = found.outcome is Outcome.YES
         findings.append(
             found._replace(
@@ -215,24 +188,6 @@ def _state_errors(leftover: Leftover) -> str:
     return "state the errors of its readings and fit again"
 
 
-def _finding(draws: CheckedDraws, discrepancies: tuple[str, ...], tell: Tell) -> Finding:
-    """Judge discrepancies of all tests by the least probable one."""
-    family = discrepancies_of(draws)
-    every = family.table.reset_index()
-    table = every[every["discrepancy"].isin(discrepancies)].reset_index(drop=True)
-    # Some discrepancies are families of their own, so that the worst goes by the family's.
-    order = table.assign(passes=table["found"] <= table["at_most"]).sort_values(
-        ["passes", "family_probability", "probability"], kind="stable"
-    )
-    worst = table.loc[order.index[0]]
-    leftover = family.tests[worst["test"]]
-    told = tell(leftover, family, worst)
-    table = table.assign(
-        where=[tell(family.tests[row["test"]], family, row).where for _, row in table.iterrows()]
-    )
-    return family.finding(worst, table, told.good, told.bad, told.remedy)
-
-
 def _tell_coverage(leftover: Leftover, family: Family, row: Row) -> Told:
     share = inside_text(row, "data")
     return Told(
@@ -253,7 +208,7 @@ def _tell_trend(leftover: Leftover, family: Family, row: Row) -> Told:
         f"No more of a trend than a correct model leaves: {found}.",
         f"The residuals look like a trend: {found}, and {run}: the model misses the shape of the "
         f"curve there, and {NARROW}",
-        _remedy(leftover, _run_of(leftover)[0]),
+        remedy(leftover, _run_of(leftover)[0]),
         where,
     )
 
@@ -267,40 +222,42 @@ def _tell_run(leftover: Leftover, family: Family, row: Row) -> Told:
     return Told(
         f"No longer a run than a correct model leaves: {expected}.",
         f"Too long a run: {expected}: the model misses the shape of the curve there, and {NARROW}",
-        _remedy(leftover, _run_of(leftover)[0]),
+        remedy(leftover, _run_of(leftover)[0]),
         where,
     )
 
 
 def _tell_segment(leftover: Leftover, family: Family, row: Row) -> Told:
+    if row["discrepancy"] == OFFSET:
+        return _tell_offset(leftover, row)
     trend, _ = segment_parts(leftover.residual[None], leftover.segment, leftover.position)
-    points = _points_of_segment(leftover, int(trend[:, 0].argmax()))
-    where = _segment_name(leftover, points)
+    points = points_of_segment(leftover, int(trend[:, 0].argmax()))
+    where = segment_name(leftover, points)
     line = straight_line(leftover.position[points], leftover.residual[points])
     offset = (
         f"a straight line through the residuals of {leftover.name}, {where}, starts "
-        f"{_beside(leftover, line[0], points[0])} and ends "
-        f"{_beside(leftover, line[-1], points[-1])}"
+        f"{beside(leftover, line[0], points[0])} and ends "
+        f"{beside(leftover, line[-1], points[-1])}"
     )
     return Told(
         f"No segment is off as a whole: {offset}, no more than chance.",
         f"A segment is off as a whole: {offset}, which chance does not do: the model misses its "
         f"level or slope, and {NARROW}",
-        _remedy(leftover, int(points[0])),
+        remedy(leftover, int(points[0])),
         where,
     )
 
 
-def _tell_offset(leftover: Leftover, family: Family, row: Row) -> Told:
+def _tell_offset(leftover: Leftover, row: Row) -> Told:
     numbers = np.unique(leftover.quantity)
     by_quantity = offsets(leftover.residual[None], leftover.quantity)[:, 0]
     worst = numbers[np.abs(by_quantity).argmax()]
     points = np.flatnonzero(leftover.quantity == worst)
-    mean = np.mean(leftover.residual[points])
+    mean = float(leftover.residual[points].mean())
     where = leftover.place(int(points[0]), int(points[-1]))
     offset = (
         f"residuals of {leftover.name}, {where}, lie on average "
-        f"{_beside(leftover, mean, points[0])}, {row['found']:.1f} standard errors (at most "
+        f"{beside(leftover, mean, points[0])}, {row['found']:.1f} standard errors (at most "
         f"{row['at_most']:.1f} expected of a correct model)"
     )
     return Told(
@@ -321,7 +278,7 @@ def _tell_largest(leftover: Leftover, family: Family, row: Row) -> Told:
     beyond = int(np.sum(sizes > row["at_most"] * others))
     far = (
         f"the reading of {leftover.name} at {where} lies "
-        f"{_beside(leftover, leftover.residual[point], point)}, {row['found']:.1f} times the root "
+        f"{beside(leftover, leftover.residual[point], point)}, {row['found']:.1f} times the root "
         f"mean square of the others (at most {row['at_most']:.1f} expected of a correct model)"
     )
     if beyond > 1:
@@ -331,6 +288,21 @@ def _tell_largest(leftover: Leftover, family: Family, row: Row) -> Told:
         f"No outlier: {far}.",
         f"A single reading is an outlier: {far}; it alone makes s larger and pulls the curve",
         "look at it in the raw record, and leave it out if it was a mistake",
+        where,
+    )
+
+
+def _run_of(leftover: Leftover) -> tuple[int, int]:
+    return longest_run(leftover.residual, np.diff(leftover.segment) == 0)
+
+
+def _run(leftover: Leftover) -> tuple[str, str]:
+    """Return the longest run of one sign in words, and where it lies."""
+    first, last = _run_of(leftover)
+    where = leftover.place(first, last)
+    side = "above" if leftover.residual[first] > 0 else "below"
+    return (
+        f"{last - first + 1} in a row have one sign, from {where}, the data {side} the model",
         where,
     )
 
@@ -355,18 +327,18 @@ def _tell_size(leftover: Leftover, family: Family, row: Row) -> Told:
             f"{found}, as it may be (at most {most:.1f}).",
             f"{found} (at most {most:.1f}): the model misses more than the readings are uncertain "
             "by, and calls it noise",
-            _remedy(leftover, int(np.abs(leftover.residual).argmax())),
+            remedy(leftover, int(np.abs(leftover.residual).argmax())),
             leftover.place(0, -1),
         )
     _, spread = segment_parts(leftover.residual[None], leftover.segment, leftover.position)
-    points = _points_of_segment(leftover, int(spread[:, 0].argmax()))
-    where = _segment_name(leftover, points)
-    found = f"residuals of {leftover.name}, {where}, are {ratio:.1f} times those of the whole test"
+    points = points_of_segment(leftover, int(spread[:, 0].argmax()))
+    where = segment_name(leftover, points)
+    found = f"residuals of {leftover.name}, {where}, are {ratio:.2f} times those of the whole test"
     return Told(
-        f"{found}, no more than chance (at most {most:.1f}).",
-        f"{found} (at most {most:.1f} expected of a correct model): the model describes one "
+        f"{found}, no more than chance (at most {most:.2f}).",
+        f"{found} (at most {most:.2f} expected of a correct model): the model describes one "
         f"segment worse than the others, and {NARROW}",
-        _remedy(leftover, int(points[0])),
+        remedy(leftover, int(points[0])),
         where,
     )
 
@@ -388,68 +360,3 @@ def _sizes(leftover: Leftover) -> dict[str, object]:
         # Residuals that correlate may all lie aside by chance.
         "readings": 1 if leftover.correlates else data.size,
     }
-
-
-def _run_of(leftover: Leftover) -> tuple[int, int]:
-    return longest_run(leftover.residual, np.diff(leftover.segment) == 0)
-
-
-def _run(leftover: Leftover) -> tuple[str, str]:
-    """Return the longest run of one sign in words, and where it lies."""
-    first, last = _run_of(leftover)
-    where = leftover.place(first, last)
-    side = "above" if leftover.residual[first] > 0 else "below"
-    return (
-        f"{last - first + 1} in a row have one sign, from {where}, the data {side} the model",
-        where,
-    )
-
-
-def _points_of_segment(leftover: Leftover, number: int) -> npt.NDArray[np.int64]:
-    return np.flatnonzero(leftover.segment == np.unique(leftover.segment)[number])
-
-
-def _segment_name(leftover: Leftover, points: npt.NDArray[np.int64]) -> str:
-    place = leftover.place(int(points[0]), int(points[-1]))
-    if np.unique(leftover.segment).size == 1:
-        return place
-    return f"segment {leftover.segment[points[0]] + 1} ({place})"
-
-
-def _beside(leftover: Leftover, residual: float, point: int) -> str:
-    """Return how far data lie from the model at a point, such as ``12 MPa above it``."""
-    read = leftover.protocol.read[leftover.quantity[point]]
-    size = abs(residual) / leftover.weight[point]
-    far = f"{size * read.display_factor:.2g} {read.display_unit}"
-    return f"{far} {'above' if residual > 0 else 'below'} the model"
-
-
-def _remedy(leftover: Leftover, point: int) -> str:
-    """Return what to try where the shape is missed from a point on."""
-    free = _free_parameters(leftover)
-    along = leftover.group["constant_data"].to_dataset()
-    known = leftover.protocol.remedy(free, along)
-    if known is not None:
-        return known
-    laws = laws_to_try(free)
-    steps = leftover.segment[-1] > leftover.segment[0]
-    if steps or "segment" not in along:
-        behind = "it lies behind a step of the rate: " if leftover.segment[point] > 0 else ""
-        first = f"{behind}see whether the test was paused or unloaded there, and " + (
-            f"try a law that answers changes of the rate otherwise ({laws})"
-            if laws
-            else "compare with other laws"
-        )
-    else:
-        first = (
-            "at one rate other laws hardly differ, so see whether the test was paused or unloaded "
-            "there, and fit it together with tests at other rates"
-        )
-    # Where strain goes back and forth no residuals correlate along it.
-    if "segment" not in along or leftover.correlates:
-        return first
-    return f"{first}; {LET_CORRELATE}"
-
-
-def _free_parameters(leftover: Leftover) -> Sequence[str]:
-    return free_parameters(leftover.group) if "posterior" in leftover.group.children else ()

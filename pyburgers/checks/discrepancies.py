@@ -51,7 +51,7 @@ READING_ERROR_FACTOR = 1.5
 """Reading errors are seldom known better: residuals may be as much larger than the stated one."""
 
 AS_LARGE = 2**0.5
-"""Size of residuals over the reading error where a part that correlates is as large as the error."""
+"""Size of residuals over the reading error where as much correlates as does not."""
 
 AUTOCORRELATION = "autocorrelation"
 RUN = "longest run"
@@ -67,12 +67,12 @@ FAMILIES = {OVER_READING_ERROR: "stated errors", OVER_SCATTER: "estimated errors
 """Discrepancies that are judged apart, because errors may be larger than they seem: a correct model
 is next to never beyond the limits. All others are one family."""
 
-DECIMALS = {OUTSIDE: 3, AUTOCORRELATION: 2}
+DECIMALS = {OUTSIDE: 3, AUTOCORRELATION: 2, SEGMENT_SPREAD: 2}
 """Decimals to which a discrepancy and its limit are printed and compared, if not 1."""
 
-TAIL_EXPONENTS = {AUTOCORRELATION: 1.5, OFFSET: 1.5, LARGEST: 1.5, SEGMENT_SPREAD: 2.0}
-"""Power of a discrepancy, if not 1, of which the tail is about exponential: that of normal numbers
-is so of their power 1.5 from 1.3 to 4 standard deviations."""
+TAIL_EXPONENTS = {AUTOCORRELATION: 1.5, OFFSET: 1.5, SEGMENT_SPREAD: 4.0}
+"""Power of a discrepancy, if not 1, whose tail is about exponential: of normal numbers it is 1.5,
+of those that cannot exceed a value a larger one."""
 
 NEGLIGIBLE_SHARE = 1e-3
 """Reading errors below this share of the span of the readings make no difference to a verdict."""
@@ -237,8 +237,8 @@ def inside_text(row: "pd.Series[Any]", readings: str) -> str:
     """Return how many readings lie inside the predictive band, from the row of `OUTSIDE`."""
     inside, least = 1.0 - row["found"], max(0.0, 1.0 - row["at_most"])
     return (
-        f"{inside:.1%} of the {readings} lie inside the 90 % predictive band (at least {least:.1%} "
-        "expected of a correct model)"
+        f"{100 * inside:.3g}% of the {readings} lie inside the 90 % predictive band (at least "
+        f"{100 * least:.3g}% expected of a correct model)"
     )
 
 
@@ -254,29 +254,40 @@ def beside_replicates(pairs: Mapping[tuple[str, str], Pair]) -> Judged:
         key: Tail.of(refits.ravel(), TAIL_EXPONENTS.get(key[0], 1.0))
         for key, (_, refits) in pairs.items()
     }
-    rarity = {
-        key: -np.log(tails[key].share(refits).mean(axis=1)) for key, (_, refits) in pairs.items()
-    }
+    shares = {key: tails[key].share(refits).mean(axis=1) for key, (_, refits) in pairs.items()}
     family_of = {key: FAMILIES.get(key[0], "residuals") for key in pairs}
-    worst = {
-        family: Tail.of(np.max([rarity[key] for key in pairs if family_of[key] == family], axis=0))
+    least = {
+        family: np.min([shares[key] for key in pairs if family_of[key] == family], axis=0)
         for family in set(family_of.values())
     }
     rows = []
     for key, (found, _) in pairs.items():
-        of_family, digits = worst[family_of[key]], DECIMALS.get(key[0], 1)
-        probability = tails[key].share(found).mean()
-        allowed = float(np.exp(-of_family.value(LEVEL)))
+        of_family, digits = least[family_of[key]], DECIMALS.get(key[0], 1)
+        probability = float(tails[key].share(found).mean())
+        allowed = float(np.exp(-Tail.of(-np.log(of_family)).value(LEVEL)))
         rows.append(
             {
                 "found": round(float(found.mean()), digits),
                 "at_most": round(_largest_mean(tails[key], found - found.mean(), allowed), digits),
-                "probability": float(probability),
-                "family_probability": float(of_family.share(-np.log(probability))),
+                "probability": probability,
+                "family_probability": family_probability(probability, of_family),
             }
         )
     index = pd.MultiIndex.from_tuples(list(pairs), names=["discrepancy", "test"])
-    return Judged(pd.DataFrame(rows, index), next(iter(rarity.values())).size)
+    return Judged(pd.DataFrame(rows, index), next(iter(shares.values())).size)
+
+
+def family_probability(probability: float, least: FloatArray) -> float:
+    """Probability that the worst discrepancy of a replicate is as improbable.
+
+    Parameters
+    ----------
+    probability : float
+        Of a discrepancy of the data.
+    least : array, shape (replicates,)
+        Least probability of each replicate that was fitted as the data were.
+    """
+    return float(Tail.of(-np.log(least)).share(-np.log(probability)))
 
 
 def _largest_mean(tail: Tail, about_mean: FloatArray, allowed: float) -> float:

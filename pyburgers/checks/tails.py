@@ -8,9 +8,9 @@ import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
 
-MOST_IN_TAIL = 0.2
-TAIL_PER_ROOT = 3.0
-"""The tail of n numbers holds so many times the root of n of them, or that share if it is less."""
+MOST_IN_TAIL = 100
+LARGEST_TAIL = 0.2
+"""How many of some numbers their tail holds, and the largest share of them."""
 
 ALIKE = 1e-9
 """Scale of the tail of numbers that do not differ, over their size."""
@@ -50,7 +50,7 @@ class Tail:
         """Return the tail of numbers, shape (n,)."""
         ordered = np.sort(numbers)
         powers = _power(ordered, exponent)
-        most = max(1, int(min(MOST_IN_TAIL * ordered.size, TAIL_PER_ROOT * ordered.size**0.5)))
+        most = max(1, min(MOST_IN_TAIL, int(LARGEST_TAIL * ordered.size)))
         start = powers[max(0, ordered.size - most - 1)]
         if start == powers[-1]:
             start = powers[max(0, np.searchsorted(powers, start) - 1)]

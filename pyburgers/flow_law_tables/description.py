@@ -221,8 +221,8 @@ def check_table_scatter(draws: CheckedDraws) -> Finding:
     _, spread = segment_parts(left.residual[None], left.group, left.log_rate)
     worst, row = int(spread[:, 0].argmax()), left.row(SEGMENT_SPREAD)
     found = (
-        f"residuals of {left.group_text(worst)} are {row['found']:.1f} times those of "
-        f"the table (at most {row['at_most']:.1f} expected of a correct model)"
+        f"residuals of {left.group_text(worst)} are {row['found']:.2f} times those of "
+        f"the table (at most {row['at_most']:.2f} expected of a correct model)"
     )
     bad = f"One group scatters more than the others: {found}, and {NARROW}"
     remedy = "state the uncertainty of its stresses, or fit it as a table of its own"

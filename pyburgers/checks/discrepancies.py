@@ -306,7 +306,7 @@ def _largest_mean(tail: Tail, about_mean: FloatArray, allowed: float) -> float:
         bisect(
             lambda mean: tail.share(about_mean + mean).mean() - allowed,
             tail.ordered[0] - about_mean.max() - 1.0,
-            tail.value(allowed) - about_mean.min() + 1.0,
+            max(tail.ordered[-1], tail.value(allowed)) - about_mean.min() + 1.0,
             xtol=1e-6,
         )
     )

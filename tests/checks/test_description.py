@@ -527,7 +527,7 @@ def test_a_family_counts_its_worst_number_once() -> None:
 SIZES = st.sampled_from([0.01, 1.0, 30.0])
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),
     n_replicates=st.sampled_from([100, 150, 400, 1000]),

@@ -1,10 +1,6 @@
 """Checks of whether the model describes the data: what is missed, where, and what to try."""
 
-from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, TypeAlias
-
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
 from pyburgers.checks.discrepancies import (
@@ -12,14 +8,17 @@ from pyburgers.checks.discrepancies import (
     ENOUGH,
     ENOUGH_FOR_SHARES,
     LARGEST,
+    OFFSET,
     OUTSIDE,
     OVER_READING_ERROR,
+    OVER_SCATTER,
     RUN,
     SEGMENT_SPREAD,
     SEGMENT_TREND,
     Family,
     Leftover,
     discrepancies_of,
+    inside_text,
 )
 from pyburgers.checks.fit_checks import (
     LEAST_DRAWS,
@@ -29,73 +28,70 @@ from pyburgers.checks.fit_checks import (
     Outcome,
     check,
 )
-from pyburgers.checks.residual_numbers import longest_run, segment_parts, straight_line
-from pyburgers.posterior.labelled_draws import CORRELATED, free_parameters, response_in
-from pyburgers.protocols.advice import LET_CORRELATE, laws_to_try
+from pyburgers.checks.residual_numbers import (
+    longest_run,
+    offsets,
+    segment_parts,
+    straight_line,
+)
+from pyburgers.checks.told import (
+    Row,
+    Told,
+    beside,
+    finding_of,
+    points_of_segment,
+    remedy,
+    segment_name,
+)
+from pyburgers.common.draws import TAIL
+from pyburgers.posterior.labelled_draws import response_in
+
+LEVEL_SQUARED = 12.5
+"""The square of a mean in its standard errors: of pure noise more than that in 1 of 2500 cases."""
+
+SHARE = "residual_correlated_share"
+UNSTATED = "no reading error is stated"
+SEVERITY = (Outcome.NO, Outcome.CANNOT_TELL, Outcome.YES)
 
 NARROW = "the intervals of its parameters are then too narrow"
 DESCRIPTION = CheckKind.DESCRIPTION
 
 
-class Told(NamedTuple):
-    """A discrepancy of a test in words.
-
-    Attributes
-    ----------
-    good : str
-        What it is, for a model that is right in it.
-    bad : str
-        What is missed, and where.
-    remedy : str
-        What to try.
-    where : str
-        Segment, strain or time; empty where it is all of the test.
-    """
-
-    good: str
-    bad: str
-    remedy: str
-    where: str
-
-
-Row: TypeAlias = "pd.Series[Any]"
-Tell = Callable[[Leftover, Family, Row], Told]
-"""Puts a discrepancy of a test into words."""
-
-
 @check("coverage", DESCRIPTION, least_draws=LEAST_DRAWS, least_readings=ENOUGH_FOR_SHARES)
 def check_coverage(draws: CheckedDraws) -> Finding:
     """Predictive band of 90 % holds about 90 % of the data."""
-    return _finding(draws, (OUTSIDE,), _tell_coverage)
+    return finding_of(draws, (OUTSIDE,), _tell_coverage)
 
 
 @check("residual trend", DESCRIPTION, least_draws=LEAST_DRAWS, least_readings=ENOUGH_FOR_SHARES)
 def check_residual_trend(draws: CheckedDraws) -> Finding:
     """Neighbouring residuals go together no more than replicated ones do."""
-    return _finding(draws, (AUTOCORRELATION,), _tell_trend)
+    return finding_of(draws, (AUTOCORRELATION,), _tell_trend)
 
 
 @check("runs", DESCRIPTION, least_draws=LEAST_DRAWS, least_readings=ENOUGH_FOR_SHARES)
 def check_runs(draws: CheckedDraws) -> Finding:
     """No more residuals in a row have one sign than replicated ones do."""
-    return _finding(draws, (RUN,), _tell_run)
+    return finding_of(draws, (RUN,), _tell_run)
 
 
 @check("trend by segment", DESCRIPTION, least_draws=LEAST_DRAWS, least_readings=ENOUGH)
 def check_segments(draws: CheckedDraws) -> Finding:
-    """No segment lies off the model, or tilts against it, as a whole."""
-    return _finding(draws, (SEGMENT_TREND,), _tell_segment)
+    """No segment lies off the model, or tilts against it, as a whole, and no quantity does."""
+    found = finding_of(draws, (SEGMENT_TREND, OFFSET), _tell_segment)
+    of_tests = found.table.sort_values("probability", kind="stable").drop_duplicates("test")
+    return found._replace(table=of_tests.sort_index())
 
 
 @check("largest residual", DESCRIPTION, least_draws=LEAST_DRAWS, least_readings=ENOUGH)
 def check_largest(draws: CheckedDraws) -> Finding:
     """No residual is too large beside the others."""
-    return _finding(draws, (LARGEST,), _tell_largest)
+    return finding_of(draws, (LARGEST,), _tell_largest)
 
 
 @check("size of residuals", DESCRIPTION, least_draws=LEAST_DRAWS, least_readings=ENOUGH)
 def check_size(draws: CheckedDraws) -> Finding:
-    """Residuals are of one size in all segments, and not above a stated reading error."""
+    """Residuals are of one size in all segments, and no larger than errors of the readings."""
     family = discrepancies_of(draws)
     sizes = pd.DataFrame.from_dict(
         {name: _sizes(leftover) for name, leftover in family.tests.items()}, "index"
@@ -107,42 +103,96 @@ def check_size(draws: CheckedDraws) -> Finding:
         else f"a root mean square of {row['root_mean_square']} of {name}"
         for name, row in sizes.iterrows()
     )
-    correlated = any(CORRELATED in one.group.children for one in family.tests.values())
-    left = f"What the model leaves over is {sentence}" + (
-        ", and part of it correlates: it is misfit, told as such" if correlated else ""
+    left = f"What the model leaves over is {sentence}" + "".join(
+        f", and most of it correlates in {name}"
+        for name, leftover in family.tests.items()
+        if _mostly_correlates(leftover)
+    )
+    findings = [
+        *_against_limits(draws, family),
+        *_against_variance(sizes),
+        *_against_neighbours(draws, family, sizes),
+    ]
+    unsaid = Finding(Outcome.YES, sizes, f"{UNSTATED} to compare it with.")
+    worst = next(
+        (one for kind in SEVERITY for one in findings if one.outcome is kind),
+        unsaid,
     )
     note = f"{left[0].lower()}{left[1:]}"
-    compared = family.table.index.isin((OVER_READING_ERROR, SEGMENT_SPREAD), "discrepancy")
-    if not compared.any():
-        meaning = f"{left}; no reading error is stated to compare it with."
-        return Finding(Outcome.YES, sizes, meaning, note=note)
-    judged = _finding(draws, (OVER_READING_ERROR, SEGMENT_SPREAD), _tell_size)
-    meaning = f"{left}; {judged.meaning[0].lower()}{judged.meaning[1:]}"
-    return judged._replace(meaning=meaning, note=note)
+    meaning = f"{left}; {worst.meaning[0].lower()}{worst.meaning[1:]}"
+    return worst._replace(meaning=meaning, note=note)
 
 
-def _finding(draws: CheckedDraws, discrepancies: tuple[str, ...], tell: Tell) -> Finding:
-    """Judge discrepancies of all tests by the least probable one."""
-    family = discrepancies_of(draws)
-    every = family.table.reset_index()
-    table = every[every["discrepancy"].isin(discrepancies)].reset_index(drop=True)
-    # Some discrepancies are families of their own, so that the outcome goes by the family's.
-    worst = table.sort_values(["family_probability", "probability"], kind="stable").iloc[0]
-    leftover = family.tests[worst["test"]]
-    told = tell(leftover, family, worst)
-    table = table.assign(
-        where=[tell(family.tests[row["test"]], family, row).where for _, row in table.iterrows()]
-    )
-    return family.finding(worst, table, told.good, told.bad, told.remedy)
+def _against_limits(draws: CheckedDraws, family: Family) -> list[Finding]:
+    """Compare sizes with stated errors and with each other, as far as there are such."""
+    limits = (OVER_READING_ERROR, SEGMENT_SPREAD)
+    stated = family.table.index.isin(limits, "discrepancy").any()
+    return [finding_of(draws, limits, _tell_size)] if stated else []
+
+
+def _against_variance(sizes: pd.DataFrame) -> list[Finding]:
+    """Compare what is left over with what a constant would leave."""
+    most = 1.0 + LEVEL_SQUARED / sizes["readings"]
+    beyond = sizes["share_of_variance"] / most
+    test = str(beyond.idxmax())
+    if not beyond[test] > 1.0:
+        return []
+    missed = f"a constant would leave {test} less (at most {most[test]:.2%} by chance)"
+    return [Finding(Outcome.NO, sizes, missed, "see whether its units and priors are right")]
+
+
+def _against_neighbours(draws: CheckedDraws, family: Family, sizes: pd.DataFrame) -> list[Finding]:
+    """Compare sizes with errors that neighbouring readings tell, where none are stated.
+
+    Residuals that correlate take up any misfit, but may be errors that neighbours share: larger
+    ones tell nothing without a stated error. Independent ones are held against trends.
+    """
+    findings = []
+    if family.table.index.isin((OVER_SCATTER,), "discrepancy").any():
+        found = finding_of(draws, (OVER_SCATTER,), _tell_size)
+        passed = found.outcome is Outcome.YES
+        findings.append(
+            found._replace(
+                outcome=Outcome.YES if passed else Outcome.CANNOT_TELL,
+                table=sizes.join(family.table.loc[OVER_SCATTER]),
+                meaning=f"{UNSTATED}; {found.meaning}",
+            )
+        )
+    for name, leftover in family.tests.items():
+        if leftover.correlates and not {OVER_SCATTER, OVER_READING_ERROR} & {
+            *leftover.discrepancies
+        }:
+            few = (
+                f"residuals of {name} may correlate, and too few readings are neighbours to tell "
+                "errors of readings from misfit"
+            )
+            remedy = _state_errors(leftover)
+            findings.append(Finding(Outcome.CANNOT_TELL, family.table.iloc[:0], few, remedy))
+    return findings
+
+
+def _mostly_correlates(leftover: Leftover) -> bool:
+    """Whether draws show that more than half of the variance of residuals correlates."""
+    if not leftover.correlates or "posterior" not in leftover.group.children:
+        return False
+    share = leftover.group["posterior"].to_dataset().get(SHARE)
+    return share is None or float(share.quantile(TAIL)) > 0.5
+
+
+def _state_errors(leftover: Leftover) -> str:
+    """Return the advice to state errors of the readings of a test."""
+    read = {leftover.protocol.read[k].name for k in np.unique(leftover.quantity)}
+    keys = sorted(f"{name}_uncertainty" for name in read & {"stress", "strain"})
+    if keys:
+        return f"state {' and '.join(keys)} in the experiment file and fit again"
+    return "state the errors of its readings and fit again"
 
 
 def _tell_coverage(leftover: Leftover, family: Family, row: Row) -> Told:
-    inside, least = 1.0 - row["found"], 1.0 - row["at_most"]
-    share = f"{inside:.0%} of the data lie inside the 90 % predictive band"
+    share = inside_text(row, "data")
     return Told(
-        f"{share} (at least {least:.0%} expected of a correct model).",
-        f"Only {share} (at least {least:.0%} expected of a correct model): the model or the noise "
-        "does not describe this curve",
+        f"{share}.",
+        f"Only {share}: the model or the noise does not describe this curve",
         "look at the residuals before using its parameters",
         "",
     )
@@ -158,38 +208,64 @@ def _tell_trend(leftover: Leftover, family: Family, row: Row) -> Told:
         f"No more of a trend than a correct model leaves: {found}.",
         f"The residuals look like a trend: {found}, and {run}: the model misses the shape of the "
         f"curve there, and {NARROW}",
-        _remedy(leftover, _run_of(leftover)[0]),
+        remedy(leftover, _run_of(leftover)[0]),
         where,
     )
 
 
 def _tell_run(leftover: Leftover, family: Family, row: Row) -> Told:
     run, where = _run(leftover)
-    expected = f"at most {row['at_most']:.0f} in a row expected of a correct model"
+    expected = (
+        f"longest runs of {leftover.name} have {row['found']:.1f} residuals, a mean over the draws "
+        f"(at most {row['at_most']:.1f} expected of a correct model); of mean residuals {run}"
+    )
     return Told(
-        f"No longer a run than a correct model leaves: of {leftover.name}, {run} ({expected}).",
-        f"Too long a run: of {leftover.name}, {run} ({expected}): the model misses the shape of "
-        f"the curve there, and {NARROW}",
-        _remedy(leftover, _run_of(leftover)[0]),
+        f"No longer a run than a correct model leaves: {expected}.",
+        f"Too long a run: {expected}: the model misses the shape of the curve there, and {NARROW}",
+        remedy(leftover, _run_of(leftover)[0]),
         where,
     )
 
 
 def _tell_segment(leftover: Leftover, family: Family, row: Row) -> Told:
+    if row["discrepancy"] == OFFSET:
+        return _tell_offset(leftover, row)
     trend, _ = segment_parts(leftover.residual[None], leftover.segment, leftover.position)
-    points = _points_of_segment(leftover, int(trend[:, 0].argmax()))
-    where = _segment_name(leftover, points)
+    points = points_of_segment(leftover, int(trend[:, 0].argmax()))
+    where = segment_name(leftover, points)
     line = straight_line(leftover.position[points], leftover.residual[points])
     offset = (
         f"a straight line through the residuals of {leftover.name}, {where}, starts "
-        f"{_beside(leftover, line[0], points[0])} and ends "
-        f"{_beside(leftover, line[-1], points[-1])}"
+        f"{beside(leftover, line[0], points[0])} and ends "
+        f"{beside(leftover, line[-1], points[-1])}"
     )
     return Told(
         f"No segment is off as a whole: {offset}, no more than chance.",
         f"A segment is off as a whole: {offset}, which chance does not do: the model misses its "
         f"level or slope, and {NARROW}",
-        _remedy(leftover, int(points[0])),
+        remedy(leftover, int(points[0])),
+        where,
+    )
+
+
+def _tell_offset(leftover: Leftover, row: Row) -> Told:
+    numbers = np.unique(leftover.quantity)
+    by_quantity = offsets(leftover.residual[None], leftover.quantity)[:, 0]
+    worst = numbers[np.abs(by_quantity).argmax()]
+    points = np.flatnonzero(leftover.quantity == worst)
+    mean = float(leftover.residual[points].mean())
+    where = leftover.place(int(points[0]), int(points[-1]))
+    offset = (
+        f"residuals of {leftover.name}, {where}, lie on average "
+        f"{beside(leftover, mean, points[0])}, {row['found']:.1f} standard errors (at most "
+        f"{row['at_most']:.1f} expected of a correct model)"
+    )
+    return Told(
+        f"Nothing is displaced as a whole: {offset}.",
+        f"All readings are displaced together: {offset}: the model misses their level, calls it "
+        f"noise, and {NARROW}",
+        "see whether the unit, the zero or the calibration of the readings is wrong, and whether "
+        "priors exclude what was read",
         where,
     )
 
@@ -202,7 +278,7 @@ def _tell_largest(leftover: Leftover, family: Family, row: Row) -> Told:
     beyond = int(np.sum(sizes > row["at_most"] * others))
     far = (
         f"the reading of {leftover.name} at {where} lies "
-        f"{_beside(leftover, leftover.residual[point], point)}, {row['found']:.1f} times the root "
+        f"{beside(leftover, leftover.residual[point], point)}, {row['found']:.1f} times the root "
         f"mean square of the others (at most {row['at_most']:.1f} expected of a correct model)"
     )
     if beyond > 1:
@@ -216,27 +292,53 @@ def _tell_largest(leftover: Leftover, family: Family, row: Row) -> Told:
     )
 
 
+def _run_of(leftover: Leftover) -> tuple[int, int]:
+    return longest_run(leftover.residual, np.diff(leftover.segment) == 0)
+
+
+def _run(leftover: Leftover) -> tuple[str, str]:
+    """Return the longest run of one sign in words, and where it lies."""
+    first, last = _run_of(leftover)
+    where = leftover.place(first, last)
+    side = "above" if leftover.residual[first] > 0 else "below"
+    return (
+        f"{last - first + 1} in a row have one sign, from {where}, the data {side} the model",
+        where,
+    )
+
+
 def _tell_size(leftover: Leftover, family: Family, row: Row) -> Told:
     ratio, most = row["found"], row["at_most"]
+    if row["discrepancy"] == OVER_SCATTER:
+        found = (
+            f"residuals of {leftover.name} are {ratio:.1f} times the reading error that "
+            "neighbouring residuals tell"
+        )
+        return Told(
+            f"{found}, as it may be (at most {most:.1f}).",
+            f"{found} (at most {most:.1f}): they are misfit unless neighbouring readings share "
+            "an error",
+            _state_errors(leftover),
+            leftover.place(0, -1),
+        )
     if row["discrepancy"] == OVER_READING_ERROR:
         found = f"residuals of {leftover.name} are {ratio:.1f} times the stated reading error"
         return Told(
             f"{found}, as it may be (at most {most:.1f}).",
             f"{found} (at most {most:.1f}): the model misses more than the readings are uncertain "
             "by, and calls it noise",
-            _remedy(leftover, int(np.abs(leftover.residual).argmax())),
+            remedy(leftover, int(np.abs(leftover.residual).argmax())),
             leftover.place(0, -1),
         )
     _, spread = segment_parts(leftover.residual[None], leftover.segment, leftover.position)
-    points = _points_of_segment(leftover, int(spread[:, 0].argmax()))
-    where = _segment_name(leftover, points)
-    ratio, most = np.sqrt(ratio), np.sqrt(most)
-    found = f"residuals of {leftover.name}, {where}, are {ratio:.1f} times those of the whole test"
+    points = points_of_segment(leftover, int(spread[:, 0].argmax()))
+    where = segment_name(leftover, points)
+    found = f"residuals of {leftover.name}, {where}, are {ratio:.2f} times those of the whole test"
     return Told(
-        f"{found}, no more than chance (at most {most:.1f}).",
-        f"{found} (at most {most:.1f} expected of a correct model): the model describes one "
+        f"{found}, no more than chance (at most {most:.2f}).",
+        f"{found} (at most {most:.2f} expected of a correct model): the model describes one "
         f"segment worse than the others, and {NARROW}",
-        _remedy(leftover, int(points[0])),
+        remedy(leftover, int(points[0])),
         where,
     )
 
@@ -255,69 +357,6 @@ def _sizes(leftover: Leftover) -> dict[str, object]:
     return {
         "share_of_variance": float(squares.sum()) / spread if spread > 0 else np.nan,
         "root_mean_square": " and ".join(sizes),
+        # Residuals that correlate may all lie aside by chance.
+        "readings": 1 if leftover.correlates else data.size,
     }
-
-
-def _run_of(leftover: Leftover) -> tuple[int, int]:
-    return longest_run(leftover.residual, np.diff(leftover.segment) == 0)
-
-
-def _run(leftover: Leftover) -> tuple[str, str]:
-    """Return the longest run of one sign in words, and where it lies."""
-    first, last = _run_of(leftover)
-    where = leftover.place(first, last)
-    side = "above" if leftover.residual[first] > 0 else "below"
-    return (
-        f"{last - first + 1} in a row have one sign, from {where}, the data {side} the model",
-        where,
-    )
-
-
-def _points_of_segment(leftover: Leftover, number: int) -> npt.NDArray[np.int64]:
-    return np.flatnonzero(leftover.segment == np.unique(leftover.segment)[number])
-
-
-def _segment_name(leftover: Leftover, points: npt.NDArray[np.int64]) -> str:
-    place = leftover.place(int(points[0]), int(points[-1]))
-    if np.unique(leftover.segment).size == 1:
-        return place
-    return f"segment {leftover.segment[points[0]] + 1} ({place})"
-
-
-def _beside(leftover: Leftover, residual: float, point: int) -> str:
-    """Return how far data lie from the model at a point, such as ``12 MPa above it``."""
-    read = leftover.protocol.read[leftover.quantity[point]]
-    size = abs(residual) / leftover.weight[point]
-    far = f"{size * read.display_factor:.2g} {read.display_unit}"
-    return f"{far} {'above' if residual > 0 else 'below'} the model"
-
-
-def _remedy(leftover: Leftover, point: int) -> str:
-    """Return what to try where the shape is missed from a point on."""
-    free = _free_parameters(leftover)
-    along = leftover.group["constant_data"].to_dataset()
-    known = leftover.protocol.remedy(free, along)
-    if known is not None:
-        return known
-    laws = laws_to_try(free)
-    steps = leftover.segment[-1] > leftover.segment[0]
-    if steps or "segment" not in along:
-        behind = "it lies behind a step of the rate: " if leftover.segment[point] > 0 else ""
-        first = f"{behind}see whether the test was paused or unloaded there, and " + (
-            f"try a law that answers changes of the rate otherwise ({laws})"
-            if laws
-            else "compare with other laws"
-        )
-    else:
-        first = (
-            "at one rate other laws hardly differ, so see whether the test was paused or unloaded "
-            "there, and fit it together with tests at other rates"
-        )
-    # Where strain goes back and forth no residuals correlate along it.
-    if "segment" not in along or CORRELATED in leftover.group.children:
-        return first
-    return f"{first}; {LET_CORRELATE}"
-
-
-def _free_parameters(leftover: Leftover) -> Sequence[str]:
-    return free_parameters(leftover.group) if "posterior" in leftover.group.children else ()

@@ -6,7 +6,8 @@ and Stern 1996, Statistica Sinica 6, 733-807). All such numbers of all tests of 
 family: the probability of the worst is compared with that of the worst of each replicate that is
 fitted as the data were (`pyburgers.checks.refits`), so that in 1 of 100 fits at most a correct
 model fails any of them (`docs/checks.md`), however many there are, however they hang together and
-however far the posterior follows the data.
+however far the posterior follows the data. The limit of each number follows from that, and a number
+fails if and only if it lies beyond its limit as it is printed.
 """
 
 from collections.abc import Callable, Mapping
@@ -18,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 import xarray as xr
+from scipy.optimize import bisect
 
 from pyburgers.checks.fit_checks import CheckedDraws, Finding, Outcome
 from pyburgers.checks.refits import refitted_means, refitted_residuals, scale_of
@@ -26,9 +28,12 @@ from pyburgers.checks.residual_numbers import (
     autocorrelation,
     largest_residual,
     longest_runs,
+    offsets,
+    over_scatter,
     segment_parts,
     signed_ranks,
 )
+from pyburgers.checks.tails import Tail
 from pyburgers.common.draws import TAIL
 from pyburgers.common.units import span_text
 from pyburgers.posterior.labelled_draws import CORRELATED, groups_of_tests, response_in
@@ -45,13 +50,32 @@ confidence limit of such a count is, too."""
 READING_ERROR_FACTOR = 1.5
 """Reading errors are seldom known better: residuals may be as much larger than the stated one."""
 
+AS_LARGE = 2**0.5
+"""Size of residuals over the reading error where as much correlates as does not."""
+
 AUTOCORRELATION = "autocorrelation"
 RUN = "longest run"
 SEGMENT_TREND = "trend of a segment"
 LARGEST = "largest residual"
 SEGMENT_SPREAD = "spread of a segment"
 OUTSIDE = "share outside"
+OFFSET = "offset of a quantity"
 OVER_READING_ERROR = "over reading error"
+OVER_SCATTER = "over scatter of neighbours"
+
+FAMILIES = {OVER_READING_ERROR: "stated errors", OVER_SCATTER: "estimated errors"}
+"""Discrepancies that are judged apart, because errors may be larger than they seem: a correct model
+is next to never beyond the limits. All others are one family."""
+
+DECIMALS = {OUTSIDE: 3, AUTOCORRELATION: 2, SEGMENT_SPREAD: 2}
+"""Decimals to which a discrepancy and its limit are printed and compared, if not 1."""
+
+TAIL_EXPONENTS = {AUTOCORRELATION: 1.5, OFFSET: 1.5, SEGMENT_SPREAD: 4.0}
+"""Power of a discrepancy, if not 1, whose tail is about exponential: of normal numbers it is 1.5,
+of those that cannot exceed a value a larger one."""
+
+NEGLIGIBLE_SHARE = 1e-3
+"""Reading errors below this share of the span of the readings make no difference to a verdict."""
 
 ENOUGH_FOR_SHARES = 10
 """Readings of a test. Of fewer a band of 90 % misses less than one by chance, and even all of one
@@ -67,7 +91,9 @@ LEAST_READINGS = {
     SEGMENT_TREND: ENOUGH,
     LARGEST: ENOUGH,
     SEGMENT_SPREAD: ENOUGH,
+    OFFSET: ENOUGH,
     OVER_READING_ERROR: 1,
+    OVER_SCATTER: ENOUGH,
 }
 """Readings without which a discrepancy of a test tells nothing, and is left out. A stated error
 needs no other readings to be compared with."""
@@ -113,6 +139,11 @@ class Leftover:
     discrepancies: dict[str, Pair] = field(repr=False)
 
     @property
+    def correlates(self) -> bool:
+        """Whether the fit lets residuals correlate."""
+        return CORRELATED in self.group.children
+
+    @property
     def residual(self) -> FloatArray:
         """Mean residual of each reading over the draws, shape (n,)."""
         mean: FloatArray = self.observed.mean(axis=0)
@@ -141,9 +172,9 @@ class Judged:
     Attributes
     ----------
     table : DataFrame
-        Index discrepancy and test; columns found (mean over the draws), at_most (the mean from
-        which on it fails), probability (that a replicate has as much) and family_probability (that
-        a replicate has any discrepancy as improbable).
+        Index discrepancy and test; columns found (mean over the draws) and at_most (the largest
+        that passes), both rounded as they are printed, probability (that a replicate has as much)
+        and family_probability (that a replicate has any discrepancy as improbable).
     n_replicates : int
         Number of replicates.
     """
@@ -152,14 +183,13 @@ class Judged:
     n_replicates: int
 
     def outcome(self, row: "pd.Series[float]") -> Outcome:
-        """Whether the model is right in a discrepancy.
+        """Whether the model is right in a discrepancy: what is printed decides.
 
-        It cannot be told where it is beyond all replicates, but these are too few for `LEVEL`.
+        Of fewer replicates than 1/`LEVEL` the limit is too uncertain for a no.
         """
-        if row["family_probability"] <= LEVEL:
-            return Outcome.NO
-        beyond_all = row["family_probability"] * (self.n_replicates + 1) < 1.5
-        return Outcome.CANNOT_TELL if beyond_all else Outcome.YES
+        if row["found"] <= row["at_most"]:
+            return Outcome.YES
+        return Outcome.NO if self.n_replicates * LEVEL >= 1 else Outcome.CANNOT_TELL
 
     def finding(
         self, row: "pd.Series[float]", table: pd.DataFrame, good: str, bad: str, remedy: str
@@ -203,6 +233,15 @@ def discrepancies_of(draws: CheckedDraws) -> Family:
     return Family(judged.table, judged.n_replicates, tests)
 
 
+def inside_text(row: "pd.Series[Any]", readings: str) -> str:
+    """Return how many readings lie inside the predictive band, from the row of `OUTSIDE`."""
+    inside, least = 1.0 - row["found"], max(0.0, 1.0 - row["at_most"])
+    return (
+        f"{100 * inside:.3g}% of the {readings} lie inside the 90 % predictive band (at least "
+        f"{100 * least:.3g}% expected of a correct model)"
+    )
+
+
 def beside_replicates(pairs: Mapping[tuple[str, str], Pair]) -> Judged:
     """Compare numbers of the data with those of replicates that are fitted as the data were.
 
@@ -211,30 +250,31 @@ def beside_replicates(pairs: Mapping[tuple[str, str], Pair]) -> Judged:
     pairs : mapping of (str, str) to (array, array)
         By discrepancy and test, as `Leftover.discrepancies` has them.
     """
-    # Errors as stated are so far below what they may be that they are a family of their own.
-    alone = {key: key[0] == OVER_READING_ERROR for key in pairs}
-    ordered = {key: np.sort(refits, axis=None) for key, (_, refits) in pairs.items()}
-    shares = {
-        key: share_as_large(ordered[key], refits).mean(axis=1) for key, (_, refits) in pairs.items()
+    tails = {
+        key: Tail.of(refits.ravel(), TAIL_EXPONENTS.get(key[0], 1.0))
+        for key, (_, refits) in pairs.items()
     }
+    shares = {key: tails[key].share(refits).mean(axis=1) for key, (_, refits) in pairs.items()}
+    family_of = {key: FAMILIES.get(key[0], "residuals") for key in pairs}
     least = {
-        kind: np.min([shares[key] for key in pairs if alone[key] == kind], axis=0)
-        for kind in set(alone.values())
+        family: np.min([shares[key] for key in pairs if family_of[key] == family], axis=0)
+        for family in set(family_of.values())
     }
     rows = []
     for key, (found, _) in pairs.items():
-        probability = float(share_as_large(ordered[key], found).mean())
-        of_family = least[alone[key]]
+        of_family, digits = least[family_of[key]], DECIMALS.get(key[0], 1)
+        probability = float(tails[key].share(found).mean())
+        allowed = float(np.exp(-Tail.of(-np.log(of_family)).value(LEVEL)))
         rows.append(
             {
-                "found": found.mean(),
-                "at_most": _largest_mean(ordered[key], found, of_family),
+                "found": round(float(found.mean()), digits),
+                "at_most": round(_largest_mean(tails[key], found - found.mean(), allowed), digits),
                 "probability": probability,
                 "family_probability": family_probability(probability, of_family),
             }
         )
     index = pd.MultiIndex.from_tuples(list(pairs), names=["discrepancy", "test"])
-    return Judged(pd.DataFrame(rows, index), next(iter(least.values())).size)
+    return Judged(pd.DataFrame(rows, index), next(iter(shares.values())).size)
 
 
 def family_probability(probability: float, least: FloatArray) -> float:
@@ -247,50 +287,33 @@ def family_probability(probability: float, least: FloatArray) -> float:
     least : array, shape (replicates,)
         Least probability of each replicate that was fitted as the data were.
     """
-    return float((1 + np.sum(least <= probability)) / (least.size + 1))
+    return float(Tail.of(-np.log(least)).share(-np.log(probability)))
 
 
-def share_as_large(ordered: FloatArray, found: FloatArray) -> FloatArray:
-    """Share of ascending numbers that are as large, what was found counted as one more.
-
-    Returns
-    -------
-    array, shape of `found`
-    """
-    below = np.searchsorted(ordered, found, side="left")
-    return np.asarray((1.0 + ordered.size - below) / (ordered.size + 1), dtype=np.float64)
-
-
-def _largest_mean(ordered: FloatArray, found: FloatArray, least: FloatArray) -> float:
-    """Return the largest mean of a discrepancy that passes, its spread over the draws as it is.
+def _largest_mean(tail: Tail, about_mean: FloatArray, allowed: float) -> float:
+    """Return the mean of a discrepancy that has a probability, its spread over the draws as it is.
 
     Parameters
     ----------
-    ordered : array
-        A discrepancy of replicates, ascending.
-    found : array, shape (draws,)
-        Of the data.
-    least : array, shape (replicates,)
-        As for `family_probability`.
+    tail : Tail
+        Of the discrepancy.
+    about_mean : array, shape (draws,)
+        What was found of the data, less its mean.
+    allowed : float
+        The probability.
     """
-    allowed = np.sort(least)[max(0, int(LEVEL * (least.size + 1)) - 1)]
-    about_mean = found - found.mean()
-    low, high = (
-        float(extreme - spread)
-        for extreme, spread in (
-            (ordered[0], about_mean.max()),
-            (ordered[-1], about_mean.min()),
+    return float(
+        bisect(
+            lambda mean: tail.share(about_mean + mean).mean() - allowed,
+            tail.ordered[0] - about_mean.max() - 1.0,
+            max(tail.ordered[-1], tail.value(allowed)) - about_mean.min() + 1.0,
+            xtol=1e-6,
         )
     )
-    while high - low > 1e-3 * abs(high):
-        middle = 0.5 * (low + high)
-        probability = share_as_large(ordered, about_mean + middle).mean()
-        low, high = (middle, high) if probability >= allowed else (low, middle)
-    return low
 
 
 def _leftover(name: str, group: xr.DataTree, number: int) -> Leftover:
-    data, model, replicas = (
+    read, model, replicas = (
         response_in(group, part)
         for part in ("observed_data", "model_response", "posterior_predictive")
     )
@@ -298,7 +321,7 @@ def _leftover(name: str, group: xr.DataTree, number: int) -> Leftover:
     protocol = next(
         p
         for p in protocols().values()
-        if p.clock.name in group["predictions"].dims and p.response.name == data.name
+        if p.clock.name in group["predictions"].dims and p.response.name == read.name
     )
     position = along[protocol.clock.name].to_numpy()
     segment = (
@@ -313,7 +336,7 @@ def _leftover(name: str, group: xr.DataTree, number: int) -> Leftover:
     )
     error = along["reading_error"].to_numpy() if "reading_error" in along else None
     spread = along["typical_error"].to_numpy() if "typical_error" in along else error
-    observed, replicated = (_by_draw(values - model) for values in (data, replicas))
+    observed, replicated = (_by_draw(values - model) for values in (read, replicas))
     weight = _of_one_size(replicated, quantity) if spread is None else spread.mean() / spread
     observed, replicated = observed * weight, replicated * weight
     of_replicas = _by_draw(replicas)
@@ -322,16 +345,22 @@ def _leftover(name: str, group: xr.DataTree, number: int) -> Leftover:
         observed,
         replicated,
         (band - _by_draw(model).mean(axis=0)) * weight,
-        partial(_numbers, segment=segment, position=position),
+        partial(_numbers, segment=segment, position=position, quantity=quantity),
         correlated=CORRELATED in group.children,
     )
+    rng = np.random.default_rng([position.size, number])
+    noise = rng.standard_normal((len(pairs[OUTSIDE][1]), position.size))
     if error is not None:
         over_error = np.sqrt(((observed / error.mean()) ** 2).mean(axis=1))
-        n_replicates = len(pairs[OUTSIDE][1])
-        pairs[OVER_READING_ERROR] = (
-            over_error,
-            _sizes_of_errors(n_replicates, position.size, number),
-        )
+        by_chance = READING_ERROR_FACTOR * np.sqrt((noise**2).mean(axis=1))
+        pairs[OVER_READING_ERROR] = over_error, by_chance[:, None]
+    elif CORRELATED in group.children:
+        span = np.array([np.ptp(read.to_numpy()[quantity == k]) for k in quantity])
+        over = partial(over_scatter, position=position, segment=segment, quantity=quantity)
+        found = over(observed.mean(axis=0, keepdims=True), least=NEGLIGIBLE_SHARE * span * weight)
+        if found.size:
+            by_chance = over(noise, least=np.zeros(position.size)).max(axis=0)
+            pairs[OVER_SCATTER] = found.max(axis=0), np.maximum(by_chance, AS_LARGE)[:, None]
     enough = {key: pair for key, pair in pairs.items() if position.size >= LEAST_READINGS[key]}
     return Leftover(name, group, protocol, position, segment, quantity, observed, weight, enough)
 
@@ -374,11 +403,14 @@ def data_and_refits(
         }
         for residuals in refitted_residuals(observed, means)
     ]
-    pairs = {name: (found[name], np.concatenate([part[name] for part in parts])) for name in found}
-    pairs[OUTSIDE] = (
-        np.full(len(observed), _outside(observed.mean(axis=0), band)),
-        _outside(means / scale_of(means), band)[:, None],
-    )
+    pairs = {
+        name: (values, np.concatenate([part[name] for part in parts]))
+        for name, values in found.items()
+    }
+    shares = _outside(means / scale_of(means), band)
+    # As many readings as no replicate has outside may be chance, too.
+    shares[shares.argmax()] += 1.0 / observed.shape[1]
+    pairs[OUTSIDE] = _outside(observed.mean(axis=0, keepdims=True), band), shares[:, None]
     return pairs
 
 
@@ -389,7 +421,10 @@ def _outside(values: FloatArray, band: FloatArray) -> FloatArray:
 
 
 def _numbers(
-    residuals: FloatArray, segment: npt.NDArray[np.int64], position: FloatArray
+    residuals: FloatArray,
+    segment: npt.NDArray[np.int64],
+    position: FloatArray,
+    quantity: npt.NDArray[np.int64],
 ) -> dict[str, FloatArray]:
     """Discrepancies that residuals alone say, each of shape (draws,)."""
     joined = np.diff(segment) == 0
@@ -399,25 +434,12 @@ def _numbers(
         RUN: longest_runs(residuals, joined),
         LARGEST: largest_residual(residuals),
         SEGMENT_TREND: trend.max(axis=0),
+        OFFSET: np.abs(offsets(residuals, quantity)).max(axis=0),
     }
-    return found if len(spread) == 1 else {**found, SEGMENT_SPREAD: spread.max(axis=0)}
+    return found if len(spread) == 1 else {**found, SEGMENT_SPREAD: np.sqrt(spread.max(axis=0))}
 
 
 def _by_draw(values: xr.DataArray) -> FloatArray:
     """Draws of points, shape (draws, n)."""
     ordered = values.transpose("chain", "draw", "point").to_numpy()
     return np.asarray(ordered.reshape(-1, ordered.shape[-1]), dtype=np.float64)
-
-
-def _sizes_of_errors(n_replicates: int, n: int, number: int) -> FloatArray:
-    """Root mean squares of n errors as much larger than stated as they may be, over the stated one.
-
-    Those of tests by another number are independent: the worst of all tests is judged.
-
-    Returns
-    -------
-    array, shape (n_replicates, 1)
-    """
-    squares = np.random.default_rng([n, number]).chisquare(n, (n_replicates, 1))
-    sizes: FloatArray = READING_ERROR_FACTOR * np.sqrt(squares / n)
-    return sizes

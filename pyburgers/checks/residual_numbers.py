@@ -3,11 +3,16 @@
 import numpy as np
 import numpy.typing as npt
 
+from pyburgers.common.neighbours import distances_from_neighbours
+
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
 TINY = 1e-100
 """Keeps residuals that are exactly 0 from a division by 0."""
+
+FEWEST_NEIGHBOURS = 5
+"""Readings between two others, without which an error is not estimated from them."""
 
 
 def autocorrelation(residuals: FloatArray, joined: BoolArray) -> FloatArray:
@@ -97,6 +102,69 @@ def largest_residual(residuals: FloatArray) -> FloatArray:
     others = np.maximum(squares.sum(axis=1) - largest, TINY)
     found: FloatArray = np.sqrt(largest * max(1, squares.shape[1] - 1) / others)
     return found
+
+
+def offsets(residuals: FloatArray, quantity: npt.NDArray[np.int64]) -> FloatArray:
+    """How far residuals of each quantity lie from zero as a whole.
+
+    Parameters
+    ----------
+    residuals : array, shape (draws, n)
+    quantity : array, shape (n,)
+        What each reading is of.
+
+    Returns
+    -------
+    array, shape (quantities, draws)
+        Mean residual in its standard errors, were residuals of the quantity independent and about
+        zero: at most the root of their number.
+    """
+    found = []
+    for one in np.unique(quantity):
+        here = residuals[:, quantity == one]
+        size = np.sqrt(np.maximum((here**2).mean(axis=1), TINY))
+        found.append(np.sqrt(here.shape[1]) * here.mean(axis=1) / size)
+    return np.stack(found)
+
+
+def over_scatter(
+    residuals: FloatArray,
+    position: FloatArray,
+    segment: npt.NDArray[np.int64],
+    quantity: npt.NDArray[np.int64],
+    least: FloatArray,
+) -> FloatArray:
+    """Root mean square of residuals over the error that their neighbours tell.
+
+    Parameters
+    ----------
+    residuals : array, shape (any, n)
+        Along the clock.
+    position, segment, quantity : array, shape (n,)
+        Of the readings; only those of one segment and quantity are neighbours.
+    least : array, shape (n,)
+        Least error of a reading.
+
+    Returns
+    -------
+    array, shape (quantities, any)
+        Of quantities with `FEWEST_NEIGHBOURS` readings between two others.
+    """
+    found = []
+    for one in np.unique(quantity):
+        parts = [
+            distances_from_neighbours(position[here], residuals[:, here])
+            for here in ((quantity == one) & (segment == k) for k in np.unique(segment))
+            if here.sum() > 2
+        ]
+        distances = np.concatenate([residuals[:, :0], *parts], axis=1)
+        if distances.shape[1] >= FEWEST_NEIGHBOURS:
+            # Of normal errors; the mean distance says more of few readings than the median.
+            error = np.abs(distances).mean(axis=1) * np.sqrt(np.pi / 2)
+            error = np.maximum(error, max(TINY, least[quantity == one].max()))
+            size = np.sqrt((residuals[:, quantity == one] ** 2).mean(axis=1))
+            found.append(size / error)
+    return np.stack(found) if found else np.empty((0, len(residuals)))
 
 
 def segment_parts(

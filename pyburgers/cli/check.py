@@ -4,7 +4,8 @@ import argparse
 import logging
 from pathlib import Path
 
-from pyburgers.cli.terminal import print_checks
+from pyburgers.cli.terminal import print_checks, print_lines
+from pyburgers.comparison.neighbours import what_a_yes_leaves_open
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import renew_tables
 from pyburgers.flow_law_tables.fit import PeakStressFit, is_peak_stress_run
@@ -28,4 +29,7 @@ def run(options: argparse.Namespace) -> int:
             f"{fit.directory.path}: {' and '.join(renewed)}, which did not hold what follows from "
             f"the draws, {'was' if len(renewed) == 1 else 'were'} written again."
         )
-    return print_checks(fit.checks(), fit.prior_conflicts(), fit.prior_decisions())
+    code = print_checks(fit.checks(), fit.prior_conflicts(), fit.prior_decisions())
+    if isinstance(fit, Fit):
+        print_lines(what_a_yes_leaves_open(fit))
+    return code

@@ -18,6 +18,7 @@ from pyburgers.comparison.by_tests import (
 )
 from pyburgers.comparison.conclusions import pairs, pairs_by_test, sentences, sentences_by_test
 from pyburgers.comparison.figures import left_out_tests, pointwise_differences
+from pyburgers.comparison.neighbours import MOVED, parameter_shifts
 from pyburgers.comparison.pairs import Pair
 from pyburgers.comparison.results import (
     Comparison,
@@ -82,6 +83,8 @@ def run(options: argparse.Namespace) -> int:
     print(comparison_table(comparison).round(2).to_string())
     for sentence in sentences(comparison):
         print(sentence)
+    print(f"\nHow far each parameter moves from {next(iter(fits))}, in its sd there:")
+    print(parameter_shifts(fits).filter(like=MOVED).round(2).to_string())
     print(f"numbers and figure: {options.out}")
     return exit_code(comparison.reliable)
 
@@ -144,6 +147,7 @@ def save_comparison(
             "reliable": comparison.reliable,
             "pairs": _pair_records(pairs(comparison)),
             "sentences": list(sentences(comparison)),
+            "parameters": parameter_shifts(fits).reset_index().to_dict("records"),
         },
     )
 

@@ -12,8 +12,9 @@ from pyburgers.cli.shared import (
     command_line,
     sampler_options,
 )
-from pyburgers.cli.terminal import print_checks, print_table
+from pyburgers.cli.terminal import print_checks, print_lines, print_table
 from pyburgers.common.errors import InputError
+from pyburgers.comparison.neighbours import what_a_yes_leaves_open
 from pyburgers.fitting.fit import fit
 from pyburgers.model.flow_law_prior import load_flow_law_of_run
 from pyburgers.model.pooling import parse_pooling
@@ -102,7 +103,9 @@ def run(options: argparse.Namespace) -> int:
     )
     print_table(table, ["quantity", "unit", "pooling", "fit"])
     print(f"run directory: {result.directory.path}")
-    return print_checks(result.checks(), result.prior_conflicts(), result.prior_decisions())
+    code = print_checks(result.checks(), result.prior_conflicts(), result.prior_decisions())
+    print_lines(what_a_yes_leaves_open(result))
+    return code
 
 
 def _priors_for(

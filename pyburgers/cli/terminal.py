@@ -86,6 +86,12 @@ def print_checks(
     return EXIT_NOT_DESCRIBED if asked and not described else 0
 
 
+def print_lines(lines: Sequence[str]) -> None:
+    """Print lines as they are, an empty one ahead of them."""
+    if lines:
+        print("", *lines, sep="\n")
+
+
 def _console() -> Console:
     """Return where output goes: in colours where it is a terminal and NO_COLOR is not set."""
     console = Console(highlight=False, markup=False, emoji=False)

@@ -23,6 +23,7 @@ from pyburgers.checks.discrepancies import (
     Judged,
     beside_replicates,
     data_and_refits,
+    inside_text,
 )
 from pyburgers.checks.fit_checks import (
     LEAST_DRAWS,
@@ -149,10 +150,7 @@ def check_table_coverage(draws: CheckedDraws) -> Finding:
     """Predictive band of 90 % holds about 90 % of the peak stresses."""
     left = table_leftover(draws)
     row = left.row(OUTSIDE)
-    share = (
-        f"{1 - row['found']:.0%} of the peak stresses lie inside the 90 % predictive band (at "
-        f"least {1 - row['at_most']:.0%} expected of a correct model)"
-    )
+    share = inside_text(row, "peak stresses")
     remedy = "look at the residuals before using the flow law"
     return _finding(left, OUTSIDE, f"{share}.", f"Only {share}", remedy)
 
@@ -223,8 +221,8 @@ def check_table_scatter(draws: CheckedDraws) -> Finding:
     _, spread = segment_parts(left.residual[None], left.group, left.log_rate)
     worst, row = int(spread[:, 0].argmax()), left.row(SEGMENT_SPREAD)
     found = (
-        f"residuals of {left.group_text(worst)} are {np.sqrt(row['found']):.1f} times those of "
-        f"the table (at most {np.sqrt(row['at_most']):.1f} expected of a correct model)"
+        f"residuals of {left.group_text(worst)} are {row['found']:.2f} times those of "
+        f"the table (at most {row['at_most']:.2f} expected of a correct model)"
     )
     bad = f"One group scatters more than the others: {found}, and {NARROW}"
     remedy = "state the uncertainty of its stresses, or fit it as a table of its own"
@@ -262,7 +260,7 @@ def _numbers(
         mean_square = np.maximum((residuals**2).mean(axis=1), TINY)
         found[BEND] = (residuals @ _bend(log_rate)) ** 2 / mean_square
     if len(spread) > 1:
-        found[SEGMENT_SPREAD] = spread.max(axis=0)
+        found[SEGMENT_SPREAD] = np.sqrt(spread.max(axis=0))
     return found
 
 

@@ -10,6 +10,7 @@ import pandas as pd
 from pyburgers.checks.fit_checks import CheckKind, CheckResult, Outcome
 from pyburgers.checks.prior_influence import Influence, Origin, influence_numbers
 from pyburgers.common.atomic_files import write_text
+from pyburgers.comparison.neighbours import what_a_yes_leaves_open
 from pyburgers.comparison.same_data import data_hash
 from pyburgers.drawing.page_parts import PageTable
 from pyburgers.fitting.fit import Fit
@@ -113,6 +114,11 @@ class Section:
         if tables.DECISION not in self.parameters:
             return {}
         return {tables.DECISION: self.parameters[tables.DECISION].str.startswith(DOUBTFUL).tolist()}
+
+    @property
+    def left_open(self) -> tuple[str, ...]:
+        """What the yes of the fit does not exclude, and commands."""
+        return what_a_yes_leaves_open(self.fit)
 
     @property
     def passed(self) -> list[CheckResult]:

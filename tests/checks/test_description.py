@@ -2,11 +2,14 @@
 
 import json
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pytest
 import xarray as xr
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from linear_fits import LinearModel
 from scipy.signal import lfilter
 
@@ -19,8 +22,11 @@ from pyburgers.checks.description import (
 )
 from pyburgers.checks.discrepancies import (
     LEVEL,
+    OUTSIDE,
     OVER_READING_ERROR,
     SEGMENT_SPREAD,
+    SEGMENT_TREND,
+    beside_replicates,
     discrepancies_of,
     family_probability,
 )
@@ -55,7 +61,7 @@ def groups(
     replicated: FloatArray | None = None,
     *,
     clock: str = "strain",
-    segment: FloatArray | None = None,
+    segment: npt.NDArray[Any] | None = None,
     reading_error: float | None = None,
     draws: int = DRAWS,
 ) -> dict[str, xr.Dataset]:
@@ -192,6 +198,39 @@ def test_a_single_outlier_is_told_as_such() -> None:
     assert "too narrow" not in sentence
 
 
+@pytest.mark.parametrize("n", [36, 72])
+def test_a_quantity_that_is_displaced_as_a_whole_is_told(n: int) -> None:
+    """Its noise is fitted as large, so that no segment by itself is off by more than chance."""
+    residual = 0.05 * white(n=n)
+    quantity = np.repeat([0.0, 1.0], n // 2)
+    residual[n // 2 :] += 0.8
+    rng = np.random.default_rng(6)
+    sizes = np.repeat([0.05, 0.8], n // 2)
+    own = groups(
+        residual, sizes * rng.standard_normal((CHAINS, DRAWS, n)), segment=np.arange(n) // 3.0
+    )
+    own["constant_data"] = own["constant_data"].assign(quantity=("point", quantity))
+    own = {
+        name: one.rename(stress="response") if "stress" in one else one for name, one in own.items()
+    }
+    own["predictions"] = own["predictions"].rename(strain="time")
+    own["constant_data"] = own["constant_data"].rename(strain="time")
+    draws = draws_of(one=own)
+    trend = discrepancies_of(draws).table.loc[SEGMENT_TREND].iloc[0]
+    assert trend["found"] < trend["at_most"]
+    result = check_segments(draws)
+    assert result.outcome is Outcome.NO
+    assert "standard errors (at most" in result.sentence
+    assert "% above the model" in result.sentence
+
+
+def test_a_displaced_test_of_a_joint_fit_is_told() -> None:
+    aside = groups(3.0 + 0.5 * white(2), 3.0 * draws_of_noise())
+    result = check_segments(draws_of(good=groups(white()), aside=aside))
+    assert result.outcome is Outcome.NO
+    assert "residuals of aside" in result.sentence
+
+
 def draws_of_noise() -> FloatArray:
     return np.random.default_rng(8).standard_normal((CHAINS, DRAWS, POINTS))
 
@@ -248,8 +287,64 @@ def test_the_share_of_the_variance_that_is_left_is_told() -> None:
     assert "no reading error is stated" in result.sentence
     assert f"{share:.2%} of the variance" in result.note
     assert "correlates" not in result.note
-    own = groups(residual) | {CORRELATED: xr.Dataset()}
-    assert "part of it correlates: it is misfit" in check_size(draws_of(one=own)).note
+
+
+@pytest.mark.parametrize(("mean", "told"), [(0.48, False), (0.92, True)])
+def test_correlation_is_told_only_where_the_draws_show_it(mean: float, told: bool) -> None:
+    """The share that correlates is left to its prior by residuals that do not."""
+    share = np.random.default_rng(1).beta(4 * mean / (1 - mean), 4, (CHAINS, DRAWS))
+    own = groups(white(5)) | {
+        CORRELATED: xr.Dataset(),
+        "posterior": xr.Dataset({"residual_correlated_share": (("chain", "draw"), share)}),
+    }
+    result = check_size(draws_of(one=own))
+    assert ("most of it correlates" in result.note) == told
+    assert "it is misfit" not in result.sentence
+
+
+@pytest.mark.parametrize("leftover", ["sine", "drift", "process"])
+@pytest.mark.parametrize("stated", [False, True])
+def test_residuals_that_correlate_do_not_take_misfit_for_a_yes(leftover: str, stated: bool) -> None:
+    """Replicates of such a fit correlate as the misfit does, so that all other checks pass."""
+    rng = np.random.default_rng(3)
+    along = np.linspace(0.0, 1.0, POINTS)
+    smooth = {
+        "sine": 2.7 * np.sqrt(2.0) * np.sin(9.0 * along),
+        "drift": 9.0 * (along - 0.5),
+        "process": 3.0 * correlated(rng, 0.95, POINTS),
+    }[leftover]
+    residual = smooth + white()
+    replicated = np.sqrt(np.mean(residual**2)) * correlated(rng, 0.9, CHAINS, DRAWS, POINTS)
+    error = 1.0 if stated else None
+    own = groups(residual, replicated, reading_error=error) | {CORRELATED: xr.Dataset()}
+    result = check_size(draws_of(one=own))
+    assert result.outcome is (Outcome.NO if stated else Outcome.CANNOT_TELL)
+    if not stated:
+        assert "times the reading error that neighbouring residuals tell" in result.sentence
+        assert "state stress_uncertainty" in result.sentence
+
+
+def test_white_noise_passes_where_residuals_may_correlate() -> None:
+    passed = 0
+    for seed in range(20):
+        own = groups(white(seed), segment=np.zeros(POINTS)) | {CORRELATED: xr.Dataset()}
+        passed += check_size(draws_of(one=own)).outcome is Outcome.YES
+    assert passed == 20
+
+
+def test_a_few_readings_cannot_tell_misfit_from_errors_that_correlate() -> None:
+    segment = np.arange(10.0) // 2
+    own = groups(white(n=10), segment=segment) | {CORRELATED: xr.Dataset()}
+    result = check_size(draws_of(one=own))
+    assert result.outcome is Outcome.CANNOT_TELL
+    assert "too few readings are neighbours" in result.sentence
+
+
+def test_a_leftover_larger_than_the_variance_is_no_pass() -> None:
+    own = groups(10.0 + white(), 10.0 * draws_of_noise())
+    result = check_size(draws_of(one=own))
+    assert result.outcome is Outcome.NO
+    assert "a constant would leave the test less" in result.sentence
 
 
 def test_places_are_told_on_the_clock_of_the_protocol() -> None:
@@ -403,7 +498,7 @@ def test_a_large_correlation_that_passes_is_told_to_be_no_more_than_a_model_leav
 
 
 def test_few_draws_cannot_fail_a_correct_model() -> None:
-    """A number beyond all of 150 replicates is no rarer than 1 in 151."""
+    """The tail of 150 replicates is known too badly."""
     trend = np.sin(np.linspace(0.0, 6.0, POINTS)) + 0.1 * white(3)
     result = check_residual_trend(draws_of(one=groups(trend, draws=75)))
     assert result.outcome is Outcome.CANNOT_TELL
@@ -427,6 +522,63 @@ def test_a_family_counts_its_worst_number_once() -> None:
     # Four times the same number are one.
     same = family_probability(7e-4, np.repeat(rng.random((1, 2000)), 4, axis=0).min(axis=0))
     assert same == pytest.approx(7e-4, abs=1.5e-3)
+
+
+SIZES = st.sampled_from([0.01, 1.0, 30.0])
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    n_replicates=st.sampled_from([100, 150, 400, 1000]),
+    decimals=st.sampled_from([0, 1, 8]),
+    found=st.lists(st.floats(-3.0, 12.0), min_size=1, max_size=12),
+    size=SIZES,
+)
+def test_a_verdict_never_contradicts_the_limit_that_is_printed(
+    seed: int, n_replicates: int, decimals: int, found: list[float], size: float
+) -> None:
+    """Numbers of any kind: with ties, in families of any size, near and beyond all replicates."""
+    rng = np.random.default_rng(seed)
+    kinds = (OUTSIDE, OVER_READING_ERROR, "a number")
+    pairs = {
+        (kinds[k % 3], f"test {k}"): (
+            size * (one + rng.choice([0.0, 0.3]) * rng.standard_normal(50)),
+            size * np.round(rng.standard_normal((n_replicates, 4)), decimals),
+        )
+        for k, one in enumerate(found)
+    }
+    judged = beside_replicates(pairs)
+    for _, row in judged.table.iterrows():
+        outcome, passes = judged.outcome(row), row["found"] <= row["at_most"]
+        assert (outcome is Outcome.YES) == passes
+        assert np.isfinite(row["at_most"])
+        if n_replicates >= 1 / LEVEL:
+            assert outcome is not Outcome.CANNOT_TELL
+
+
+@pytest.mark.parametrize("n_replicates", [400, 2000])
+def test_a_number_far_beyond_all_replicates_fails_in_families_of_any_size(
+    n_replicates: int,
+) -> None:
+    """The least share of replicates that k numbers can have is about k times that of one."""
+    replicates = np.random.default_rng(4).standard_normal((20, n_replicates))
+    pairs = {("a number", str(k)): (np.zeros(1), one[:, None]) for k, one in enumerate(replicates)}
+    pairs["a number", "0"] = (np.array([12.0]), replicates[0][:, None])
+    judged = beside_replicates(pairs)
+    outcomes = [judged.outcome(row) for _, row in judged.table.iterrows()]
+    assert outcomes == [Outcome.NO] + 19 * [Outcome.YES]
+    limits = judged.table["at_most"]
+    assert (limits > replicates.max(axis=1) - 0.5).all()
+    assert (limits < 7.0).all()
+
+
+def test_coverage_never_passes_beyond_its_limit() -> None:
+    """A tenth of the data inside, of few draws: all other numbers of the family are as small."""
+    residual = 30.0 * white(n=POINTS)
+    result = check_coverage(draws_of(one=groups(residual, draws=300)))
+    assert result.outcome is Outcome.NO
+    assert "% of the data lie inside the 90 % predictive band (at least 7" in result.sentence
 
 
 def test_the_mean_at_which_a_check_fails_is_told() -> None:

@@ -13,6 +13,7 @@ import numpy as np
 from scipy import stats
 from scipy.interpolate import make_lsq_spline
 
+from pyburgers.common.neighbours import distances_from_neighbours
 from pyburgers.protocols.experiment import FloatArray
 
 TOLERANCE = 5.0
@@ -42,14 +43,10 @@ def scatter(time: FloatArray, value: FloatArray) -> float:
     time, value : array, shape (n,)
         The series, times not decreasing.
     """
-    if time.size < 3:
+    distances = distances_from_neighbours(time, value)
+    if distances.size == 0:
         return 0.0
-    between = time[2:] - time[:-2]
-    moved = np.where(between > 0, time[1:-1] - time[:-2], 0.5)
-    share = moved / np.where(between > 0, between, 1.0)
-    distance = value[1:-1] - (1 - share) * value[:-2] - share * value[2:]
-    scaled = distance / np.sqrt(1 + share**2 + (1 - share) ** 2)
-    return float(np.median(np.abs(scaled)) / stats.norm.ppf(0.75))
+    return float(np.median(np.abs(distances)) / stats.norm.ppf(0.75))
 
 
 def reading_error(time: FloatArray, value: FloatArray) -> float:

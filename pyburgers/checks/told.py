@@ -1,0 +1,109 @@
+"""Discrepancies in words: what a number of the residuals says, where, and what to try."""
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from pyburgers.checks.discrepancies import Family, Leftover, discrepancies_of
+from pyburgers.checks.fit_checks import CheckedDraws, Finding
+from pyburgers.posterior.labelled_draws import free_parameters
+from pyburgers.protocols.advice import LET_CORRELATE, laws_to_try
+
+
+class Told(NamedTuple):
+    """A discrepancy of a test in words.
+
+    Attributes
+    ----------
+    good : str
+        What it is, for a model that is right in it.
+    bad : str
+        What is missed, and where.
+    remedy : str
+        What to try.
+    where : str
+        Segment, strain or time; empty where it is all of the test.
+    """
+
+    good: str
+    bad: str
+    remedy: str
+    where: str
+
+
+Row: TypeAlias = "pd.Series[Any]"
+Tell = Callable[[Leftover, Family, Row], Told]
+"""Puts a discrepancy of a test into words."""
+
+
+def finding_of(draws: CheckedDraws, discrepancies: tuple[str, ...], tell: Tell) -> Finding:
+    """Judge discrepancies of all tests by the least probable one."""
+    family = discrepancies_of(draws)
+    every = family.table.reset_index()
+    table = every[every["discrepancy"].isin(discrepancies)].reset_index(drop=True)
+    # Some discrepancies are families of their own, so that the worst goes by the family's.
+    order = table.assign(passes=table["found"] <= table["at_most"]).sort_values(
+        ["passes", "family_probability", "probability"], kind="stable"
+    )
+    worst = table.loc[order.index[0]]
+    leftover = family.tests[worst["test"]]
+    told = tell(leftover, family, worst)
+    table = table.assign(
+        where=[tell(family.tests[row["test"]], family, row).where for _, row in table.iterrows()]
+    )
+    return family.finding(worst, table, told.good, told.bad, told.remedy)
+
+
+def points_of_segment(leftover: Leftover, number: int) -> npt.NDArray[np.int64]:
+    """Return the readings of a segment by its place among the segments."""
+    return np.flatnonzero(leftover.segment == np.unique(leftover.segment)[number])
+
+
+def segment_name(leftover: Leftover, points: npt.NDArray[np.int64]) -> str:
+    """Return the number and the place of a segment, the place alone of the only one."""
+    place = leftover.place(int(points[0]), int(points[-1]))
+    if np.unique(leftover.segment).size == 1:
+        return place
+    return f"segment {leftover.segment[points[0]] + 1} ({place})"
+
+
+def beside(leftover: Leftover, residual: float, point: int) -> str:
+    """Return how far data lie from the model at a point, such as ``12 MPa above it``."""
+    read = leftover.protocol.read[leftover.quantity[point]]
+    size = abs(residual) / leftover.weight[point]
+    far = f"{size * read.display_factor:.2g} {read.display_unit}"
+    return f"{far} {'above' if residual > 0 else 'below'} the model"
+
+
+def remedy(leftover: Leftover, point: int) -> str:
+    """Return what to try where the shape is missed from a point on."""
+    free = _free_parameters(leftover)
+    along = leftover.group["constant_data"].to_dataset()
+    known = leftover.protocol.remedy(free, along)
+    if known is not None:
+        return known
+    laws = laws_to_try(free)
+    steps = leftover.segment[-1] > leftover.segment[0]
+    if steps or "segment" not in along:
+        behind = "it lies behind a step of the rate: " if leftover.segment[point] > 0 else ""
+        first = f"{behind}see whether the test was paused or unloaded there, and " + (
+            f"try a law that answers changes of the rate otherwise ({laws})"
+            if laws
+            else "compare with other laws"
+        )
+    else:
+        first = (
+            "at one rate other laws hardly differ, so see whether the test was paused or unloaded "
+            "there, and fit it together with tests at other rates"
+        )
+    # Where strain goes back and forth no residuals correlate along it.
+    if "segment" not in along or leftover.correlates:
+        return first
+    return f"{first}; {LET_CORRELATE}"
+
+
+def _free_parameters(leftover: Leftover) -> Sequence[str]:
+    return free_parameters(leftover.group) if "posterior" in leftover.group.children else ()

@@ -1,0 +1,70 @@
+"""Fits under neighbouring laws: which, the commands that make them, how far parameters move."""
+
+import shlex
+from pathlib import Path
+
+import pytest
+
+from pyburgers.checks.fit_checks import CheckKind, Outcome
+from pyburgers.checks.verdicts import Verdict
+from pyburgers.cli.main import main
+from pyburgers.comparison.neighbours import parameter_shifts, shifts_table, what_a_yes_leaves_open
+from pyburgers.fitting.fit import Fit
+from pyburgers.model.neighbouring_laws import neighbouring_laws
+from pyburgers.model.variants import ModelVariant
+
+
+def described(outcome: Outcome) -> dict[CheckKind, Verdict]:
+    return {CheckKind.DESCRIPTION: Verdict(CheckKind.DESCRIPTION, outcome, "")}
+
+
+def test_neighbours_are_laws_that_the_kind_of_test_can_have(small_fit: Fit) -> None:
+    experiment = small_fit.experiment
+    assert neighbouring_laws(ModelVariant(), experiment) == (
+        "kelvin=power_law",
+        "maxwell=hyperbolic_sine",
+    )
+    other = ModelVariant(kelvin="power_law", maxwell="hyperbolic_sine")
+    assert neighbouring_laws(other, experiment) == ("kelvin=linear", "maxwell=power_law")
+
+
+def test_a_yes_says_what_it_does_not_exclude_and_how_to_see(
+    small_fit: Fit, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Fit, "verdicts", lambda _: described(Outcome.YES))
+    sentence, make, compare = what_a_yes_leaves_open(small_fit)
+    assert "does not exclude kelvin=power_law or maxwell=hyperbolic_sine" in sentence
+    words = shlex.split(make)
+    assert words[:2] == ["pyburgers", "fit"]
+    assert all(Path(words[k]).is_file() for k in (2, words.index("--priors") + 1))
+    assert words[words.index("--variant") + 1] == "kelvin=power_law"
+    run = str(small_fit.directory.path)
+    assert shlex.split(compare)[2:] == [run, words[words.index("--out") + 1]]
+
+
+@pytest.mark.parametrize("outcome", [Outcome.NO, Outcome.CANNOT_TELL])
+def test_nothing_is_left_open_without_a_yes(
+    outcome: Outcome, small_fit: Fit, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Fit, "verdicts", lambda _: described(outcome))
+    assert what_a_yes_leaves_open(small_fit) == ()
+
+
+def test_parameters_move_by_their_own_sd(small_fit: Fit, long_fit: Fit) -> None:
+    table = parameter_shifts({"one": small_fit, "other": long_fit})
+    one, other = small_fit.summary("SI"), long_fit.summary("SI")
+    expected = (other["mean"] - one["mean"]) / one["sd"]
+    assert table["other moved"].to_dict() == pytest.approx(expected[table.index].to_dict())
+    shown = shifts_table({"one": small_fit, "other": long_fit})
+    assert shown.shown["other moved"][0] == f"{table['other moved'].iloc[0]:+.1f}"
+
+
+@pytest.mark.usefixtures("in_this_process")
+def test_a_comparison_prints_how_far_parameters_move(
+    small_fit: Fit, long_fit: Fit, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    runs = [str(one.directory.path) for one in (small_fit, long_fit)]
+    main(["compare", *runs, "--out", str(tmp_path / "out"), "--no-refit"])
+    printed = capsys.readouterr().out
+    assert "How far each parameter moves from" in printed
+    assert "kelvin_modulus" in printed

@@ -7,7 +7,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from pyburgers.common.processes import completed, number_of_processes
-from pyburgers.drawing.inline_svg import InlineSvg, glyph_library, inline_svg
+from pyburgers.drawing.inline_svg import InlineSvg, dark_colours, glyph_library, inline_svg
 from pyburgers.drawing.page_parts import FigureText
 from pyburgers.drawing.style import write_page_images
 from pyburgers.report.names import file_key
@@ -88,6 +88,11 @@ class Pictures:
     def glyphs(self) -> str:
         """Letters of all figures, as elements of one of the page's definitions."""
         return glyph_library(picture.svg for picture in self.by_anchor.values())
+
+    @property
+    def dark_colours(self) -> dict[str, str]:
+        """Colours of figures on a dark ground, by the digits of those on white."""
+        return dark_colours(picture.svg for picture in self.by_anchor.values())
 
 
 def write_figures(

@@ -225,6 +225,12 @@ def render_page(
         written=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         version=importlib.metadata.version("pyburgers"),
         thresholds=THRESHOLDS_TEXT,
+        has_truth=any(section.truth is not None for section in sections),
+        decisions={
+            word: origin.value
+            for origin, word in tables.DECIDED_BY.items()
+            if any(tables.DECISION in section.parameters for section in sections)
+        },
         conflict_meaning=CONFLICT_MEANING,
         truth_sentence=tables.truth_sentence,
     )

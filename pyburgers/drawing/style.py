@@ -1,13 +1,13 @@
 """What all figures share: colours, letters, rendering; no state of matplotlib is changed."""
 
 import io
+import math
 import re
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Literal, TypeAlias
 
-import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -97,10 +97,11 @@ def image(figure: Figure, kind: Kind) -> bytes:
 @contextmanager
 def _whole_dots(figure: Figure, dots_per_inch: int) -> Iterator[None]:
     """Give a figure whole dots: of others matplotlib cuts its pictures, which lie too high then."""
-    size = figure.get_size_inches()
-    figure.set_size_inches(np.ceil(size * dots_per_inch - ROUNDING) / dots_per_inch)
+    width, height = figure.get_size_inches().tolist()
+    dots = (math.ceil(side * dots_per_inch - ROUNDING) for side in (width, height))
+    figure.set_size_inches(*(side / dots_per_inch for side in dots))
     yield
-    figure.set_size_inches(size)
+    figure.set_size_inches(width, height)
 
 
 def write_images(figure: Figure, path: Path) -> None:

@@ -124,7 +124,7 @@ def test_statements_stand_with_verdict_evidence_and_rule(
     page: Page, sections: tuple[PageSection, ...], folder: Path
 ) -> None:
     table, grounds = sections[0].tables
-    assert len(table.shown) == len(grounds.shown) == 23
+    assert len(table.shown) == len(grounds.shown) == 24
     assert grounds.shown["rule"].str.endswith(".").all()
     for row in table.shown.to_dict("records"):
         for cell in row.values():

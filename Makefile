@@ -1,6 +1,8 @@
 # From a bare checkout with Python 3.11 or newer, g++ and make:
 #
-#   make report                 fit, and write the page (PRESET=paper for the full length)
+#   make report                 fit a rock, ice and olivine, and write a page that grows with each fit
+#   make study                  the same page with the whole study: all fits and the paper's statements
+#                               (PRESET=paper for chains of full length, of both)
 #   make test                   the fast test suite
 #   make lint                   format, style and types
 #   make docs                   the documentation site, build/site/index.html
@@ -15,13 +17,17 @@ VENV := .venv
 BIN := $(VENV)/bin
 CANDIDATES := python3 python3.14 python3.13 python3.12 python3.11
 
-.PHONY: help report test lint docs bench clean venv install cmdstan
+.PHONY: help report study test lint docs bench clean venv install cmdstan
 
 help:
 	@sed -n '2,/^$$/s/^# \{0,1\}//p' Makefile
 
 report: cmdstan
-	@echo "==> Running the study with preset '$(PRESET)'"
+	@echo "==> Running the main part of the study with preset '$(PRESET)'"
+	@$(BIN)/pyburgers reproduce --main --preset $(PRESET) --out report
+
+study: cmdstan
+	@echo "==> Running the whole study with preset '$(PRESET)'"
 	@$(BIN)/pyburgers reproduce --preset $(PRESET) --out report
 
 test: cmdstan

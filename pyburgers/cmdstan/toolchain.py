@@ -180,9 +180,10 @@ def cmdstan_defect(cmdstan: Path) -> str | None:
     if (int(match[2]), int(match[3])) < MINIMUM_VERSION:
         minimum = ".".join(map(str, MINIMUM_VERSION))
         return f"is CmdStan {match[1]}, while {minimum} or newer is needed"
-    for tool in ("stanc", "stansummary", "diagnose"):
-        if not os.access(cmdstan / "bin" / tool, os.X_OK):
-            return f"is CmdStan {match[1]} but not built: bin/{tool} is missing"
+    if not os.access(cmdstan / "bin" / "stanc", os.X_OK):
+        return f"is CmdStan {match[1]} but not built: bin/stanc is missing"
+    if not any((cmdstan / "src" / "cmdstan").glob("main*.o")):
+        return f"is CmdStan {match[1]} but not built: src/cmdstan/main.o is missing"
     return None
 
 

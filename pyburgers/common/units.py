@@ -70,3 +70,12 @@ def counted(number: SupportsIndex, what: str) -> str:
 def count_points(number: SupportsIndex) -> str:
     """Return "1 point", "2 points" and so on."""
     return counted(number, "point")
+
+
+def duration_text(seconds: float) -> str:
+    """Return a time such as ``45 s``, ``12 min`` or ``3.4 h``."""
+    if seconds < 120:
+        return f"{seconds:.0f} s"
+    if seconds < 7200:
+        return f"{seconds / 60:.0f} min"
+    return f"{seconds / 3600:.1f} h"

@@ -8,6 +8,8 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from pyburgers.drawing.style import (
     BLACK,
     BLUE,
@@ -33,7 +35,14 @@ PAGE_COLOURS = {
 }
 """Names of the page's colours that take the place of those of a figure."""
 
+DARK_PAPER = 0.009
+"""Luminance of the page's dark ground, `--paper` of its style sheet."""
+
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+"""Shares of linear red, green and blue in it."""
+
 _COLOUR = re.compile("|".join(PAGE_COLOURS), re.IGNORECASE)
+_OTHER_COLOUR = re.compile("(?<=: )#([0-9a-f]{6})")
 _NAMES = {colour.lower(): name for colour, name in PAGE_COLOURS.items()}
 _DROPPED = re.compile(r"<!--.*?-->|<metadata>.*?</metadata>|<style.*?</style>", re.DOTALL)
 _ROOT = re.compile(r'.*?<svg[^>]*viewBox="0 0 ([\d.]+) ([\d.]+)"[^>]*>(.*)</svg>', re.DOTALL)
@@ -58,12 +67,15 @@ class InlineSvg:
         What stands inside the svg element, without letters.
     glyphs : mapping of str to str
         Path elements of the letters it uses, by id; those of several pictures have the same ids.
+    colours : frozenset of str
+        Six digits of colours that the page has no name for; they stand as ``--c-DIGITS``.
     """
 
     width: float
     height: float
     content: str
     glyphs: dict[str, str] = field(repr=False)
+    colours: frozenset[str] = frozenset()
 
 
 def inline_svg(picture: str, key: str) -> InlineSvg:
@@ -98,7 +110,8 @@ def inline_svg(picture: str, key: str) -> InlineSvg:
     content = _ID.sub(lambda own: f' id="{names[own[1]]}"' if own[1] in names else "", content)
     content = _REFERENCE.sub(lambda to: to[1].removeprefix("xlink:") + names[to[2]], content)
     content = _TAG.sub(lambda tag: _short_tag(tag[0]), content)
-    return InlineSvg(width, height, _BETWEEN.sub("><", content).strip(), glyphs)
+    colours = frozenset(re.findall(r"var\(--c-([0-9a-f]{6})", content))
+    return InlineSvg(width, height, _BETWEEN.sub("><", content).strip(), glyphs, colours)
 
 
 def glyph_library(pictures: Iterable[InlineSvg]) -> str:
@@ -107,6 +120,32 @@ def glyph_library(pictures: Iterable[InlineSvg]) -> str:
     for picture in pictures:
         found |= picture.glyphs
     return "".join(found.values())
+
+
+def dark_colours(pictures: Iterable[InlineSvg]) -> dict[str, str]:
+    """Return what stands on a dark ground for the colours that the page has no name for."""
+    found = set().union(*(picture.colours for picture in pictures))
+    return {digits: on_dark(digits) for digits in sorted(found)}
+
+
+def on_dark(digits: str) -> str:
+    """Return a colour of the same hue whose contrast with the dark ground is that with white.
+
+    Parameters
+    ----------
+    digits : str
+        Red, green and blue, two hexadecimal digits each.
+    """
+    coded = np.array([int(digits[k : k + 2], 16) / 255 for k in (0, 2, 4)])
+    linear = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4)
+    before = float(linear @ LUMINANCE)
+    after = min(1.0, 1.05 / (before + 0.05) * (DARK_PAPER + 0.05) - 0.05)
+    if after > before:
+        linear = linear + (after - before) / (1 - before) * (1 - linear)
+    else:
+        linear = linear * after / before
+    coded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    return "#" + "".join(f"{round(255 * part):02x}" for part in coded.tolist())
 
 
 def _letter(name: str, x: str, y: str) -> str:
@@ -130,6 +169,7 @@ def _short_tag(tag: str) -> str:
     if tag.startswith("<image"):
         return tag.replace("xlink:href", "href")
     tag = _COLOUR.sub(lambda colour: f"var(--{_NAMES[colour[0].lower()]})", tag)
+    tag = _OTHER_COLOUR.sub(r"var(--c-\1, #\1)", tag)
     tag = _PATH.sub(lambda path: f' d="{_short_path(path[1])}"', tag)
     return tag if "scale(" in tag else _COORDINATES.sub(_tenths, tag)
 

@@ -1,8 +1,10 @@
 """What all figures share: colours, letters, rendering; no state of matplotlib is changed."""
 
 import io
+import math
 import re
-from contextlib import AbstractContextManager
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Literal, TypeAlias
 
@@ -29,6 +31,9 @@ SVG_DOTS_PER_INCH = 50
 
 PAGE_DOTS_PER_INCH = 72
 """Of the same in the figures of a page, which are enlarged to be read."""
+
+ROUNDING = 1e-6
+"""Part of a dot that is none."""
 
 _TAG, _DECIMALS = re.compile(rb"<[^>]*>"), re.compile(rb"(\.\d\d)\d+")
 """Tags of a vector file, and decimals beyond a hundredth of a point in their coordinates."""
@@ -76,16 +81,27 @@ def image(figure: Figure, kind: Kind) -> bytes:
             figure.set_layout_engine(None)
         buffer = io.BytesIO()
         if kind == "svg":
-            figure.savefig(buffer, format="svg", dpi=SVG_DOTS_PER_INCH, metadata={"Date": None})
+            with _whole_dots(figure, SVG_DOTS_PER_INCH):
+                figure.savefig(buffer, format="svg", dpi=SVG_DOTS_PER_INCH, metadata={"Date": None})
             return _TAG.sub(lambda tag: _DECIMALS.sub(rb"\1", tag[0]), buffer.getvalue())
         if kind == "page":
-            with rc_context({"svg.fonttype": "path"}):
+            with rc_context({"svg.fonttype": "path"}), _whole_dots(figure, PAGE_DOTS_PER_INCH):
                 figure.savefig(
                     buffer, format="svg", dpi=PAGE_DOTS_PER_INCH, metadata={"Date": None}
                 )
             return buffer.getvalue()
         figure.savefig(buffer, format="png", dpi=PNG_DOTS_PER_INCH)
     return buffer.getvalue()
+
+
+@contextmanager
+def _whole_dots(figure: Figure, dots_per_inch: int) -> Iterator[None]:
+    """Give a figure whole dots: of others matplotlib cuts its pictures, which lie too high then."""
+    width, height = figure.get_size_inches().tolist()
+    dots = (math.ceil(side * dots_per_inch - ROUNDING) for side in (width, height))
+    figure.set_size_inches(*(side / dots_per_inch for side in dots))
+    yield
+    figure.set_size_inches(width, height)
 
 
 def write_images(figure: Figure, path: Path) -> None:

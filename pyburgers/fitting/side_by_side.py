@@ -3,7 +3,7 @@
 import logging
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -77,6 +77,7 @@ def run_fits(
     workers: Workers = ALL_HERE,
     command: str,
     keep_going: bool = False,
+    after: Callable[[Path], None] = lambda _: None,
 ) -> dict[Path, PyburgersError]:
     """Do several fits, each in a process of its own; continue where a call stopped.
 
@@ -93,6 +94,8 @@ def run_fits(
         What regenerates the runs, for their manifests.
     keep_going : bool
         Whether fits that cannot be done are returned instead of raised, and the others go on.
+    after : callable
+        Receives the run directory of each fit when it is done, while others go on.
 
     Returns
     -------
@@ -128,11 +131,18 @@ def run_fits(
         logger.info(f"Fit {calls[out][0]} {how}, {n_done} of {len(mine)}.")
         if error is not None:
             failed[out] = error
+        else:
+            after(out)
     return failed
 
 
 def fit_side_by_side(
-    tasks: Mapping[str, Task], folder: Path, *, workers: Workers = ALL_HERE, command: str
+    tasks: Mapping[str, Task],
+    folder: Path,
+    *,
+    workers: Workers = ALL_HERE,
+    command: str,
+    after: Callable[[str, Fit], None] = lambda _name, _fit: None,
 ) -> dict[str, Fit]:
     """Do several fits (`run_fits`) and return those of this part, in their order.
 
@@ -144,10 +154,22 @@ def fit_side_by_side(
         Of the run directories, ``folder/NAME``.
     workers, command
         As for `run_fits`, which says what is raised.
+    after : callable
+        Receives name and fit when a fit is done, while others go on.
     """
-    outs = {name: folder / name for name in tasks}
-    run_fits({outs[name]: task for name, task in tasks.items()}, workers=workers, command=command)
-    return {name: Fit.load(outs[name]) for name in workers.mine(tasks)}
+    found: dict[str, Fit] = {}
+
+    def keep(out: Path) -> None:
+        found[out.name] = Fit.load(out)
+        after(out.name, found[out.name])
+
+    run_fits(
+        {folder / name: task for name, task in tasks.items()},
+        workers=workers,
+        command=command,
+        after=keep,
+    )
+    return {name: found[name] for name in workers.mine(tasks)}
 
 
 def _do(name: str, task: Task, out: Path, command: str, keep_going: bool) -> PyburgersError | None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from pyburgers.common.processes import completed, number_of_processes
-from pyburgers.drawing.inline_svg import InlineSvg, glyph_library, inline_svg
+from pyburgers.drawing.inline_svg import InlineSvg, dark_colours, glyph_library, inline_svg
 from pyburgers.drawing.page_parts import FigureText
 from pyburgers.drawing.style import write_page_images
 from pyburgers.report.names import file_key
@@ -89,8 +89,15 @@ class Pictures:
         """Letters of all figures, as elements of one of the page's definitions."""
         return glyph_library(picture.svg for picture in self.by_anchor.values())
 
+    @property
+    def dark_colours(self) -> dict[str, str]:
+        """Colours of figures on a dark ground, by the digits of those on white."""
+        return dark_colours(picture.svg for picture in self.by_anchor.values())
 
-def write_figures(illustrations: Sequence[Illustration], out: Path, jobs: int | None) -> Pictures:
+
+def write_figures(
+    illustrations: Sequence[Illustration], out: Path, jobs: int | None, by_file: dict[Path, str]
+) -> Pictures:
     """Write every figure as PNG and SVG, and return what stands in the page.
 
     Parameters
@@ -101,8 +108,10 @@ def write_figures(illustrations: Sequence[Illustration], out: Path, jobs: int | 
         Folder of the page.
     jobs : int or None
         As for `pyburgers.report.page.write_report`.
+    by_file : dict of Path to str
+        Pictures that are there already; the others are added.
     """
-    calls = {one.file: (one.figure, one.file) for one in illustrations}
+    calls = {one.file: (one.figure, one.file) for one in illustrations if one.file not in by_file}
     processes = number_of_processes(jobs, len(calls))
     if processes == 1:
         drawn: Iterable[tuple[Path, str]] = (
@@ -110,7 +119,7 @@ def write_figures(illustrations: Sequence[Illustration], out: Path, jobs: int | 
         )
     else:
         drawn = completed(write_page_images, calls, processes=processes, folder=out)
-    by_file = dict(drawn)
+    by_file |= dict(drawn)
     found: dict[str, Picture] = {}
     explained: dict[str, str] = {}
     for number, one in enumerate(illustrations):

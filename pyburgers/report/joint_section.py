@@ -326,7 +326,7 @@ CURVES_CAPTION = (
 )
 INTERVALS_CAPTION = (
     f"Median, central 50 % (thick) and {BAND:.0%} (thin) of every parameter in every test: in the "
-    "joint fit (blue) and, where there is one, in the fit of the test alone (red). A shared "
+    "joint fit (blue) and, where there is one, in the fit of the test alone (orange). A shared "
     "parameter has one joint posterior, shown as a band across all tests."
 )
 COLUMNS = 3

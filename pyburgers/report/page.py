@@ -53,6 +53,8 @@ def write_report(
     joints: Sequence[Fit] = (),
     extras: Sequence[PageSection] = (),
     told: Mapping[str, Sequence[SampledFit]] = MappingProxyType({}),
+    to_come: Sequence[str] = (),
+    drawn: dict[Path, str] | None = None,
     jobs: int | None = 1,
 ) -> Path:
     """Write the page ``index.html``, ``figures/``, ``tables/`` and ``manifest.json``.
@@ -78,6 +80,11 @@ def write_report(
         Fits that one of the extras is about, by its key, those of tables of peak stresses among
         them: they have no section of their own, and both verdicts on them stand at the top of the
         page like those on all others.
+    to_come : sequence of str
+        What is not on the page yet, such as fits that still run; a later call is to add it.
+    drawn : dict of Path to str, optional
+        Pictures of earlier calls by their files, which are not drawn again; those of this call are
+        added.
     jobs : int, optional
         Processes that write figures; None takes one for each core, which pays for many figures.
 
@@ -110,7 +117,7 @@ def write_report(
     figures = [*ahead, *(section.illustrations for section in sections), *behind]
     illustrations = [one for part in figures for one in part]
     logger.info(f"Writing {len(illustrations)} figures.")
-    pictures = write_figures(illustrations, out, jobs)
+    pictures = write_figures(illustrations, out, jobs, {} if drawn is None else drawn)
     told_entries = [
         told_entry(key, name, fit)
         for (key, _), (name, fit) in zip(others, named[len(fits) :], strict=True)
@@ -134,6 +141,7 @@ def write_report(
         runs=runs_table(named),
         title=title,
         command=command,
+        to_come=to_come,
     )
     write_text(page, text)
     return page
@@ -170,6 +178,7 @@ def render_page(
     runs: pd.DataFrame,
     title: str,
     command: str,
+    to_come: Sequence[str],
 ) -> str:
     """Fill the page's template; everything that comes from files is escaped."""
     environment = jinja2.Environment(
@@ -186,6 +195,7 @@ def render_page(
     return environment.get_template("report.html").render(
         title=title,
         command=command,
+        to_come=to_come,
         groups=groups,
         extras=extras,
         pictures=pictures,
@@ -215,6 +225,8 @@ def render_page(
         written=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         version=importlib.metadata.version("pyburgers"),
         thresholds=THRESHOLDS_TEXT,
+        has_truth=any(section.truth is not None for section in sections),
+        tells_who_decided=any(tables.DECISION in section.parameters for section in sections),
         conflict_meaning=CONFLICT_MEANING,
         truth_sentence=tables.truth_sentence,
     )

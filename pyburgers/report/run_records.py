@@ -9,6 +9,7 @@ from typing import Any
 import pandas as pd
 
 from pyburgers.common.atomic_files import sha256_of_file
+from pyburgers.common.units import duration_text
 from pyburgers.fitting.sampled_fit import SampledFit
 
 REPORT_KIND = "pyburgers report"
@@ -34,15 +35,6 @@ def runs_table(named: Sequence[tuple[str, SampledFit]]) -> pd.DataFrame:
 def _seconds(fit: SampledFit) -> float:
     """Wall time of all chains."""
     return sum(float(record["wall_seconds"]) for record in fit.manifest["chains"].values())
-
-
-def duration_text(seconds: float) -> str:
-    """Return a time such as ``45 s``, ``12 min`` or ``3.4 h``."""
-    if seconds < 120:
-        return f"{seconds:.0f} s"
-    if seconds < 7200:
-        return f"{seconds / 60:.0f} min"
-    return f"{seconds / 3600:.1f} h"
 
 
 def report_manifest(

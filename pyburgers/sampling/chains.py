@@ -4,6 +4,7 @@ import logging
 import re
 import shutil
 import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
@@ -20,6 +21,7 @@ from pyburgers.cmdstan.program import Program
 from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.processes import Running, cores, side_by_side
 from pyburgers.common.toml_files import read_json
+from pyburgers.common.units import counted, duration_text
 from pyburgers.sampling.failures import ChainFailure
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.repetitions import Resumption, adaptation, resumption
@@ -51,7 +53,7 @@ def shown_progress(chains: Sequence[int], total: int) -> Iterator[Advance]:
         with bars(chains, total, sys.stderr) as advance:
             yield advance
     else:
-        yield quarter_messages(total)
+        yield quarter_messages(chains, total)
 
 
 @contextmanager
@@ -85,21 +87,27 @@ def bars(chains: Sequence[int], total: int, stream: TextIO) -> Iterator[Advance]
         )
 
 
-def quarter_messages(total: int) -> Advance:
-    """Return what logs a line for each quarter of a chain.
+def quarter_messages(chains: Sequence[int], total: int) -> Advance:
+    """Return what logs a line for each quarter of all chains together, with the time left.
 
     Parameters
     ----------
-    total : int
-        Iterations of each chain, warm-up included.
+    chains, total
+        As for `shown_progress`.
     """
-    quarters: dict[int, int] = {}
+    done = dict.fromkeys(chains, 0)
+    started, last = time.monotonic(), 0
 
     def advance(chain: int, iteration: int, phase: str) -> None:
-        quarter = 4 * iteration // total
-        if quarter > quarters.get(chain, 0):
-            quarters[chain] = quarter
-            logger.info(f"chain {chain}: {iteration} of {total} iterations ({phase.lower()})")
+        nonlocal last
+        done[chain] = iteration
+        share = sum(done.values()) / (len(done) * total)
+        if int(4 * share) > last:
+            last = int(4 * share)
+            seconds = (time.monotonic() - started) * (1 / share - 1)
+            left = f", about {duration_text(seconds)} left" if share < 1 else ""
+            of_all = f"{counted(len(done), 'chain')} of {total} iterations"
+            logger.info(f"{share:.0%} of {of_all} ({phase.lower()}){left}")
 
     return advance
 

@@ -50,7 +50,7 @@ for (const picture of all(".picture")) {
   button.textContent = "⤢";
   button.setAttribute("aria-label", "Enlarge: " + picture.dataset.title);
   button.addEventListener("click", () => enlarge(picture));
-  picture.prepend(button);
+  picture.nextElementSibling.prepend(button);
   picture.addEventListener("click", (event) => { if (event.target.closest("svg")) enlarge(picture); });
 }
 

@@ -140,6 +140,20 @@ def test_a_figure_is_enlarged_and_put_back(browser: Any, page_file: Path) -> Non
 
 
 @pytest.mark.parametrize("width", WIDTHS)
+def test_nothing_lies_over_a_figure(browser: Any, page_file: Path, width: int) -> None:
+    visit = Visit(browser, page_file, width=width)
+    over = visit.tab.eval_on_selector_all(
+        "main figure:has(.enlarge)",
+        "all => all.map((one) => [...one.querySelectorAll('.picture, .enlarge')]"
+        ".map((part) => part.getBoundingClientRect()))"
+        ".filter(([picture, button]) => picture.height > 0 && button.top < picture.bottom)",
+    )
+    visit.tab.close()
+    assert over == []
+    assert visit.complaints == []
+
+
+@pytest.mark.parametrize("width", WIDTHS)
 def test_letters_of_first_figures_can_be_read(browser: Any, page_file: Path, width: int) -> None:
     visit = Visit(browser, page_file, width=width)
     shown = visit.tab.eval_on_selector_all(

@@ -136,8 +136,7 @@ def test_progress_goes_to_standard_error_and_is_said_once_at_every_call(
     main(arguments)
     first = capsys.readouterr()
     assert "Coordinates: " in first.err
-    for chain in (1, 2):
-        assert first.err.count(f"chain {chain}: 250 of 250 iterations (sampling)\n") == 1
+    assert first.err.count("100% of 2 chains of 250 iterations (sampling)\n") == 1
     assert "iterations" not in first.out
     main(arguments)
     assert capsys.readouterr().err == "2 of 2 chains are there already.\n"
@@ -244,7 +243,7 @@ def test_a_fit_prints_table_and_checks_and_check_repeats_the_verdicts(
     assert f"run directory: {run}" in out
     assert re.search(r"^FAILED +effective sample size: .*--draws", out, re.MULTILINE)
     assert re.search(r"^passed +chains: ", out, re.MULTILINE)
-    assert "chain 2: 200 of 200 iterations (sampling)" in error
+    assert "100% of 2 chains of 200 iterations (sampling)" in error
 
     verdicts = re.findall(r"^(?:FAILED|passed) .*$", out, re.MULTILINE)
     assert len(verdicts) == len(CHECKS)

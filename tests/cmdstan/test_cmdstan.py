@@ -38,13 +38,18 @@ from pyburgers.common.errors import (
 from pyburgers.sampling.run import software_versions
 
 MATH = "stan/lib/stan_math/"
-TOOLS = ("stanc", "stansummary", "diagnose")
+TOOLS = ("stansummary", "diagnose")
+"""Built by `make build`, and needed by no program."""
+
 BUILD = "\n".join(
     [
         "CMDSTAN_VERSION := 2.27.0",
         "build:",
         "\techo $(TBB_BIN_ABSOLUTE_PATH) > library_folder",
-        *(f"\tcp bin/linux-stanc bin/{tool} && chmod +x bin/{tool}" for tool in TOOLS),
+        "\tcp bin/linux-stanc bin/stanc && chmod +x bin/stanc",
+        "\ttouch src/cmdstan/main.o",
+        f"build: {' '.join(f'bin/{tool}' for tool in TOOLS)}",
+        *(f"bin/{tool}:\n\ttouch bin/{tool}" for tool in TOOLS),
         "",
     ]
 )
@@ -65,9 +70,11 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def make_cmdstan(folder: Path, version: str = "2.27.0", *, built: bool = True) -> Path:
     (folder / "bin").mkdir(parents=True)
     (folder / "makefile").write_text(f"all:\n\nCMDSTAN_VERSION := {version}\n")
-    for tool in TOOLS if built else ("stanc",):
-        (folder / "bin" / tool).write_text("#!/bin/sh\n")
-        (folder / "bin" / tool).chmod(0o755)
+    (folder / "bin" / "stanc").write_text("#!/bin/sh\n")
+    (folder / "bin" / "stanc").chmod(0o755)
+    if built:
+        (folder / "src" / "cmdstan").mkdir(parents=True)
+        (folder / "src" / "cmdstan" / "main.o").touch()
     return folder
 
 
@@ -101,7 +108,7 @@ class TestFind:
         ("version", "built", "message"),
         [
             (None, False, "is not a folder"),
-            ("2.30.0", False, "not built: bin/stansummary is missing"),
+            ("2.30.0", False, "not built: src/cmdstan/main.o is missing"),
             ("2.20.0", True, "is CmdStan 2.20.0, while 2.27 or newer is needed"),
         ],
     )
@@ -211,8 +218,9 @@ class TestInstallFromIndex:
             "makefile",
             "library_folder",
             "bin/linux-stanc",
-            *(f"bin/{tool}" for tool in TOOLS),
+            "bin/stanc",
             "src/cmdstan/main.cpp",
+            "src/cmdstan/main.o",
             "stan/src/stan/model/model_header.hpp",
             MATH + "lib/boost_1.75.0/boost/any.hpp",
             MATH + "lib/sundials_5.7.0/src/cvodes/cvodes.c",
@@ -507,7 +515,6 @@ class TestCache:
 
     def test_a_program_with_threads_is_another_one(self, tools: Path, tiny: Path) -> None:
         main = Path(os.environ["CMDSTAN"]) / "src" / "cmdstan" / "main.cpp"
-        main.parent.mkdir(parents=True)
         main.write_text("int main() {}")
         given = tools / "given"
         make = (tools / "make").read_text().replace("for last", f'echo "$*" >> {given}; for last')

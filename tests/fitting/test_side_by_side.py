@@ -32,12 +32,20 @@ def test_draws_and_runs_are_those_of_a_single_fit(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     caplog.set_level(logging.INFO, "pyburgers.fitting.side_by_side")
-    found = fit_side_by_side(tasks, tmp_path, workers=Workers(jobs=2), command="make it")
+    done: list[tuple[str, str]] = []
+    found = fit_side_by_side(
+        tasks,
+        tmp_path,
+        workers=Workers(jobs=2),
+        command="make it",
+        after=lambda name, one: done.append((name, one.experiment.id)),
+    )
+    assert sorted(done) == [("first", "first"), ("second", "second")]
     assert list(found) == ["first", "second"]
     assert sorted(sentence.split()[1] for sentence in caplog.messages) == ["first", "second"]
     error = capfd.readouterr().err
     for name, one in found.items():
-        assert f"{name}: chain 1: " in error
+        assert f"{name}: 100% of " in error
         assert one.experiment.id == name
         assert one.manifest["status"] == "complete"
         assert one.manifest["command"] == "make it"

@@ -1,12 +1,20 @@
 """Pictures in a page: ids, letters, colours."""
 
+import base64
+import io
 import re
+from pathlib import Path
 
+import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from matplotlib.image import imread as read_png
 
-from pyburgers.drawing.inline_svg import InlineSvg, glyph_library, inline_svg
-from pyburgers.drawing.style import BLUE, image
+from pyburgers.drawing.inline_svg import InlineSvg, dark_colours, glyph_library, inline_svg
+from pyburgers.drawing.style import BLUE, Kind, image
+from pyburgers.report import page
+
+CSS = Path(page.__file__).parent.parent / "templates" / "report.css"
 
 
 def drawn(text: str) -> str:
@@ -55,6 +63,68 @@ def test_colours_are_those_of_the_page(pictures: list[InlineSvg]) -> None:
         assert BLUE.lower() not in picture.content
         assert "0.04" in picture.content  # only coordinates are rounded
         assert "<style" not in picture.content
+
+
+@pytest.mark.parametrize("digits", ["2a0593", "de5f65", "e6e6e6", "00224e"])
+def test_colours_without_a_name_keep_their_contrast_on_a_dark_ground(digits: str) -> None:
+    figure = Figure()
+    figure.subplots().plot([0, 1], color=f"#{digits}")
+    picture = inline_svg(image(figure, "page").decode("utf-8"), "f0")
+    assert f"var(--c-{digits}, #{digits})" in picture.content
+    (dark,) = dark_colours([picture]).values()
+    dark_ground = re.findall(r"--paper: #([0-9a-f]{6})", CSS.read_text(encoding="utf-8"))[1]
+    on_white = contrast(digits, "ffffff")
+    assert contrast(dark[1:], dark_ground) == pytest.approx(min(on_white, 17.8), rel=0.05)
+
+
+def contrast(digits: str, ground: str) -> float:
+    """Contrast of two colours as the rules of accessibility count it."""
+    lower, upper = sorted(luminance(colour) for colour in (digits, ground))
+    return (upper + 0.05) / (lower + 0.05)
+
+
+def luminance(digits: str) -> float:
+    parts = [int(digits[k : k + 2], 16) / 255 for k in (0, 2, 4)]
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in parts]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+@pytest.mark.parametrize("kind", ["svg", "page"])
+@pytest.mark.parametrize("height", [6.4, 5.6, 4.37])
+def test_what_lies_as_a_picture_is_where_it_would_be_as_lines(kind: Kind, height: float) -> None:
+    figure = Figure(figsize=(8.0, height))
+    axes = figure.subplots()
+    axes.axhline(0.4, color="#010203", linewidth=8.0, snap=False)
+    axes.axhline(0.4, color=BLUE, linewidth=8.0, rasterized=True, snap=False)
+    axes.set_ylim(0, 1)
+    size = figure.get_size_inches().tolist()
+    text = image(figure, kind).decode("utf-8")
+    assert figure.get_size_inches().tolist() == size
+    line = re.search(r'<path d="M [\d.]+ ([\d.]+)[^"]*"[^>]*stroke: #010203', text)
+    picture = re.search(r"<image[^>]*>", text)
+    assert line is not None
+    assert picture is not None
+    found = dict(re.findall(r'([\w:]+)="([^"]*)"', picture[0]))
+    pixels = read_png(io.BytesIO(base64.b64decode(found["xlink:href"].partition(",")[2])))
+    weights = pixels[:, pixels.shape[1] // 2, 3]
+    middle = float(weights @ (np.arange(len(weights)) + 0.5) / weights.sum()) / len(weights)
+    scale, top, shift = placed(found)
+    assert shift + scale * (top + middle * float(found["height"])) == pytest.approx(
+        float(line[1]), abs=0.1
+    )
+
+
+def placed(image_tag: dict[str, str]) -> tuple[float, float, float]:
+    """Scale, top and shift (points) along the vertical of a picture in a vector file."""
+    numbers = re.findall(r"(\w+)\(([^)]*)\)", image_tag.get("transform", ""))
+    scale, shift = 1.0, 0.0
+    for name, values in numbers:
+        last = float(re.split(r"[ ,]+", values.strip())[-1])
+        if name == "scale":
+            scale *= last
+        else:
+            shift += scale * last
+    return scale, float(image_tag.get("y", 0.0)), shift
 
 
 def test_curves_keep_their_commands() -> None:

@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 from synthetic_fit import make_fit
 
-from pyburgers.report.run_records import duration_text, runs_table
+from pyburgers.common.units import duration_text
+from pyburgers.report.run_records import runs_table
 
 
 def test_a_run_has_its_state_its_hash_and_the_time_of_all_chains(tmp_path: Path) -> None:

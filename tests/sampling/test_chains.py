@@ -37,7 +37,7 @@ def test_fits_in_threads_are_like_any_other_and_leave_the_streams_alone(
         print("mine")
         found = [one.result() for one in waiting]
     assert capfd.readouterr() == ("mine\n", "")
-    assert caplog.messages.count("chain 2: 250 of 250 iterations (sampling)") == 2
+    assert caplog.messages.count("100% of 2 chains of 250 iterations (sampling)") == 2
     expected = small_fit.posterior["posterior"].to_dataset().drop_attrs()
     for one in found:
         draws = one.posterior["posterior"].to_dataset().drop_attrs()

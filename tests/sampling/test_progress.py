@@ -3,6 +3,7 @@
 import io
 import logging
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -24,20 +25,21 @@ def terminal_as_stderr(monkeypatch: pytest.MonkeyPatch) -> Terminal:
     return stream
 
 
-def test_without_terminal_there_is_a_line_for_each_quarter(
-    caplog: pytest.LogCaptureFixture,
+def test_without_terminal_there_is_a_line_for_each_quarter_of_all_chains_with_the_time_left(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     caplog.set_level(logging.INFO, "pyburgers")
+    now = iter(range(0, 1000, 60))
+    monkeypatch.setattr(time, "monotonic", lambda: next(now))
     with shown_progress([1, 2], 100) as advance:
-        for iteration in range(1, 101):
-            advance(1, iteration, "Warmup" if iteration <= 50 else "Sampling")
-        advance(2, 60, "Sampling")
+        for chain, seen in ((1, range(1, 101)), (2, (60, 100))):
+            for iteration in seen:
+                advance(chain, iteration, "Warmup" if iteration <= 50 else "Sampling")
     assert caplog.messages == [
-        "chain 1: 25 of 100 iterations (warmup)",
-        "chain 1: 50 of 100 iterations (warmup)",
-        "chain 1: 75 of 100 iterations (sampling)",
-        "chain 1: 100 of 100 iterations (sampling)",
-        "chain 2: 60 of 100 iterations (sampling)",
+        "25% of 2 chains of 100 iterations (warmup), about 3 min left",
+        "50% of 2 chains of 100 iterations (sampling), about 2 min left",
+        "80% of 2 chains of 100 iterations (sampling), about 45 s left",
+        "100% of 2 chains of 100 iterations (sampling)",
     ]
 
 
@@ -64,7 +66,8 @@ def test_processes_beside_each_other_draw_no_bars(
     with shown_progress([1], 100) as advance:
         advance(1, 50, "Warmup")
     assert terminal.getvalue() == ""
-    assert caplog.messages == ["chain 1: 50 of 100 iterations (warmup)"]
+    (message,) = caplog.messages
+    assert message.startswith("50% of 1 chain of 100 iterations (warmup), about ")
 
 
 def test_the_streams_of_the_process_stay_in_place(capsys: pytest.CaptureFixture[str]) -> None:
@@ -76,7 +79,7 @@ def test_the_streams_of_the_process_stay_in_place(capsys: pytest.CaptureFixture[
 
 
 def test_nobody_listens_by_default(capfd: pytest.CaptureFixture[str]) -> None:
-    quarter_messages(100)(1, 50, "Warmup")
+    quarter_messages([1], 100)(1, 50, "Warmup")
     assert capfd.readouterr() == ("", "")
 
 

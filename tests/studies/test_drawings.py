@@ -2,9 +2,7 @@
 
 import numpy as np
 import pytest
-from known import make_known
 from synthetic_fit import make_fit
-from synthetic_olivine_fit import normal, redrawn
 
 from pyburgers.fitting.fit import Fit
 from pyburgers.studies.maor.drawings import (
@@ -16,11 +14,9 @@ from pyburgers.studies.maor.drawings import (
 from pyburgers.studies.maor.flow_law import (
     STRESSES,
     FlowLaws,
-    flow_law_statement,
     flow_laws,
     flow_laws_table,
 )
-from pyburgers.studies.maor.statements import Verdict
 
 PEAK = 8e6
 
@@ -65,15 +61,6 @@ def test_the_table_has_the_laws_where_they_agree_and_where_not(laws: FlowLaws) -
     at = table[np.isclose(table["stress_Pa"], PEAK)].iloc[0]
     assert at["hyperbolic_sine_per_s"] == pytest.approx(at["power_law_per_s"], rel=0.02)
     assert at["linear_per_s"] < 0.5 * at["power_law_per_s"]
-
-
-def test_the_laws_differ_where_attenuation_is_predicted(fit: Fit) -> None:
-    known = {"PIL40": make_known(fit)}
-    statement = flow_law_statement(known)
-    assert statement.verdict is Verdict.CANNOT_HOLD  # n from 2.7 on, at an eighth of the peak
-    linear = redrawn(fit, stress_exponent=normal(fit, 1.05, 0.01))
-    (belief,) = flow_law_statement({"PIL40": make_known(linear)}).beliefs.values()
-    assert belief.posterior == 1
 
 
 def test_the_strains_of_the_elements_add_up(fit: Fit) -> None:

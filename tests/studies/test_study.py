@@ -1,6 +1,6 @@
 """The parts of the study's page beside the fits."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -32,6 +32,7 @@ from pyburgers.protocols.forward import simulate
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.problem import Problem
 from pyburgers.protocols.protocol import load_experiment
+from pyburgers.report.growing_page import GrowingPage
 from pyburgers.report.page import write_report
 from pyburgers.studies.dunite import JOINT_RUN, ONE_RATE, STEPPED, TOGETHER
 from pyburgers.studies.halite import QUICK as HALITE_RUNS
@@ -42,6 +43,8 @@ from pyburgers.studies.maor.elastic_modulus import ELASTIC_MODULUS_SENTENCE, ICE
 from pyburgers.studies.maor.olivine import background_section
 from pyburgers.studies.maor.reproduce import (
     COMBINED_RUN,
+    EXTENSIONS,
+    MAIN,
     PEAK_STRESS_TABLE,
     reproduce,
     study_experiments,
@@ -120,7 +123,7 @@ def test_statements_stand_with_verdict_evidence_and_rule(
     page: Page, sections: tuple[PageSection, ...], folder: Path
 ) -> None:
     table, grounds = sections[0].tables
-    assert len(table.shown) == len(grounds.shown) == 23
+    assert len(table.shown) == len(grounds.shown) == 24
     assert grounds.shown["rule"].str.endswith(".").all()
     for row in table.shown.to_dict("records"):
         for cell in row.values():
@@ -323,7 +326,7 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
 
     monkeypatch.setattr("pyburgers.studies.maor.reproduce.fit_peak_stress", of_peaks)
     monkeypatch.setattr("pyburgers.studies.maor.reproduce.fit_side_by_side", quickly)
-    monkeypatch.setattr("pyburgers.studies.maor.reproduce.write_report", written)
+    monkeypatch.setattr("pyburgers.report.growing_page.write_report", written)
     monkeypatch.setattr(
         "pyburgers.studies.maor.reproduce.predicted_tests",
         lambda _: [load_experiment(ICE / "PIL105.toml")],
@@ -336,7 +339,7 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
         "pyburgers.studies.maor.reproduce.halite_section",
         lambda fits: PageSection(key="halite", title="", paragraphs=tuple(fits)),
     )
-    outcome = reproduce("quick", tmp_path, command="make report")
+    outcome = reproduce("quick", tmp_path, command="make study")
     measured = [ONE_RATE, *STEPPED, *joint.tests()]
     names = [*study_experiments(), COMBINED_RUN]
     assert outcome.fits[-1].priors.flow_law is not None
@@ -345,7 +348,7 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
     for fits in (outcome.fits, shown["fits"]):
         assert [fit.experiment.id for fit in fits] == [*measured, *names]
     assert shown["joints"] == [joint]
-    assert shown["command"] == "make report"
+    assert shown["command"] == "make study"
     keys = [section.key for section in shown["extras"]]
     of_study = ["statements", "counterparts", "model", "attenuation", "preparation", "background"]
     assert keys[0] == "rate_steps"
@@ -358,4 +361,67 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
     assert keys[4].startswith("joint_")
     assert keys[5:13] == [*of_study, "stress_floor", "peak_stress"]
     assert names[:-1] == ["PIL40", "PIL72", "PIL105", "olivine_kept", "olivine_removed"]
+    assert outcome.peak_stress is not None
     assert outcome.peak_stress.data.id == PEAK_STRESS_TABLE
+
+
+def test_the_main_part_is_on_its_page_after_each_of_its_fits(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pages: list[Page] = []
+
+    def quickly(
+        tasks: Mapping[str, Task],
+        folder: Path,
+        after: Callable[[str, Fit], None],
+        **_: object,
+    ) -> dict[str, Fit]:
+        found = {}
+        for name, task in tasks.items():
+            assert task.extensions == EXTENSIONS
+            found[name] = (
+                make_olivine_fit(folder / name, "kept")
+                if "olivine" in name
+                else make_fit(folder / name, name=name, draws=100)
+            )
+            after(name, found[name])
+            pages.append(Page((tmp_path / "index.html").read_text(encoding="utf-8")))
+        return found
+
+    sketch_pictures(monkeypatch)
+    monkeypatch.setattr("pyburgers.studies.maor.reproduce.fit_side_by_side", quickly)
+    outcome = reproduce("quick", tmp_path, main=True, command="make report")
+    assert [fit.directory.path.name for fit in outcome.fits] == list(MAIN)
+    assert outcome.fits[0].directory.path.parent == tmp_path / "runs" / "quick"
+    for number, page in enumerate(pages, start=1):
+        assert set(MAIN) & set(page.ids) == set(MAIN[:number])
+        rest = ", ".join([*MAIN[number:], "the attenuation of ice"])
+        assert f"Not finished. Still to come: {rest}." in page.unfolded
+    last = Page(outcome.page.read_text(encoding="utf-8"))
+    assert {*MAIN, "attenuation"} <= set(last.ids)
+    assert "Not finished" not in last.text
+
+
+def test_pictures_of_a_growing_page_are_drawn_once(
+    ice: dict[str, Fit], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn: list[str] = []
+
+    def sketched(_: object, file: Path) -> str:
+        drawn.append(file.name)
+        return '<svg viewBox="0 0 576 432"></svg>'
+
+    monkeypatch.setattr("pyburgers.report.illustrations.write_page_images", sketched)
+    page = GrowingPage(tmp_path, "T", "x", (*ice, "told"), tuple(ice), "the end")
+    for name, fit in ice.items():
+        page.add(name, fit)
+    page.add("told", ice["PIL40"])
+    assert "Still to come: the end." in page.out.joinpath("index.html").read_text(encoding="utf-8")
+    assert len(drawn) == len(set(drawn)) > 2 * len(ice)
+
+
+def test_parts_of_a_job_array_are_those_of_the_whole_study(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["reproduce", "--main", "--part", "1/2", "--out", str(tmp_path / "p")]) == 2
+    assert "--part: is of the whole study" in capsys.readouterr().err

@@ -19,7 +19,7 @@ tiny = SamplerOptions(chains=2, warmup=40, draws=20)
 reproduce.PRESETS = dict.fromkeys(reproduce.PRESETS, tiny)
 sys.exit(main(["reproduce", "--out", sys.argv[1]]))
 """
-"""`make report` with chains that are far too short to say anything."""
+"""`make study` with chains that are far too short to say anything."""
 
 PLAN = """
 id = "killed"

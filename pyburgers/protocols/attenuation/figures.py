@@ -79,7 +79,8 @@ def _spectra(fit: FittedTest) -> list[_Spectrum]:
     found = []
     for k, own in enumerate(temperature):
         here = {q: (spectrum == k) & (quantity == q) for q in (ATTENUATION, MODULUS)}
-        shade = colormaps["plasma"](0.05 + 0.8 * float((own - coolest) / span))
+        # Yellow, beyond, is too pale for a line on white.
+        shade = colormaps["plasma"](0.05 + 0.6 * float((own - coolest) / span))
         found.append(
             _Spectrum(
                 float(own),

@@ -7,15 +7,12 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from pyburgers.common.units import number
-from pyburgers.model.display import STRESS_FACTOR, STRESS_UNIT
 from pyburgers.predictions.closed_forms import dashpot_rates
-from pyburgers.predictions.stress_cycles import BREAKDOWN, PAPER_REGIMES, PARAMETER_NAMES, Regime
+from pyburgers.predictions.stress_cycles import BREAKDOWN, PARAMETER_NAMES, Regime
 from pyburgers.protocols.protocol import FittedTest
 from pyburgers.studies.maor.before_data import Knowledge, parameter_draws
 from pyburgers.studies.maor.ice_curves import PEAK_STRESS
 from pyburgers.studies.maor.statements import (
-    DOMINANT,
     BoolArray,
     Statement,
     joined,
@@ -29,6 +26,9 @@ STRESSES = np.geomspace(0.02, 2.0, 21)
 
 TABLED = (0.1, 0.25, 0.5, 1.0, 1.5)
 """Those of the table."""
+
+A_LITTLE, SENSITIVE = 0.01, 0.05
+"""Relative change of a parameter, and that of the stress from which it is a large one."""
 
 STEEPEST = 20.0
 """Largest stress exponent for which a hyperbolic sine of the same slope is found."""
@@ -129,44 +129,44 @@ def flow_laws_table(laws: FlowLaws) -> pd.DataFrame:
     )
 
 
-def flow_law_statement(known: Mapping[str, Knowledge]) -> Statement:
-    """Judge whether Eq. 2 could stand for the power law where attenuation is predicted.
+def sensitivity_statement(known: Mapping[str, Knowledge]) -> Statement:
+    """Judge how sensitive the strength of the undeformed material is to beta and Q_M.
 
     Parameters
     ----------
     known : mapping of str to Knowledge
         Tests at constant rate by sample, at least one.
     """
-    stress = np.array([regime.median_stress for regime in PAPER_REGIMES])
 
-    def ratios(fit: FittedTest) -> FloatArray:
-        laws = flow_laws(fit, stress, shared_stress=PEAK_STRESS.observed(fit))
-        ratio: FloatArray = laws.sinh / laws.power_law
-        return ratio
+    def changes(fit: FittedTest, name: str) -> FloatArray:
+        """Relative change of the stress at one rate when a parameter is `A_LITTLE` larger."""
+        draws = {own: parameter_draws(fit, own) for own in PARAMETER_NAMES}
+        draws[BREAKDOWN] = np.zeros(draws[name].size)
+        stress = np.array([PEAK_STRESS.observed(fit)])
+        before, after = (
+            _rates(fit, {**draws, name: factor * draws[name]}, stress)[:, 0]
+            for factor in (1.0, 1.0 + A_LITTLE)
+        )
+        change: FloatArray = np.abs((before / after) ** (1 / draws["stress_exponent"]) - 1)
+        return change
 
-    def alike(fit: FittedTest) -> BoolArray:
-        near = np.abs(np.log(ratios(fit))) < np.log(DOMINANT)
-        return np.asarray(near.all(axis=1))
+    def sensitive(fit: FittedTest) -> BoolArray:
+        both = [changes(fit, name) > SENSITIVE for name in ("beta", "activation_enthalpy")]
+        return np.logical_and(*both)
 
     details = "; ".join(
-        f"{name} " + ", ".join(f"{ratio:.3g}" for ratio in np.median(ratios(one.fit), axis=0))
+        f"{name} {100 * np.median(changes(one.fit, 'beta')):.0f} % and "
+        f"{100 * np.median(changes(one.fit, 'activation_enthalpy')):.0f} %"
         for name, one in known.items()
     )
-    stresses = ", ".join(number(one * STRESS_FACTOR) for one in stress)
     return Statement(
-        key="flow_law",
-        source="Eqs. 1, 2",
-        text="The hyperbolic sine and its linear limit at low stress (Eq. 2) may be replaced by "
-        "the power law (Eq. 1).",
+        key="sensitivity",
+        source="Ice",
+        text="The solution is highly sensitive to β and Q_M.",
         evidence=joined(
-            [
-                "rate of the hyperbolic sine that has the rate and the slope of the fitted power "
-                f"law at the peak stress, over the power law's, at {stresses} {STRESS_UNIT}, "
-                f"medians: {details}"
-            ]
+            [f"change of the stress by {100 * A_LITTLE:g} % of β and of Q_M, medians: {details}"]
         ),
-        beliefs={name: probability(one, alike) for name, one in known.items()},
-        rule="A draw counts if the two rates differ by less than a factor "
-        f"{DOMINANT:g} at each median stress of Fig. 6; a test at one rate cannot tell the laws "
-        "apart.",
+        beliefs={name: probability(one, sensitive) for name, one in known.items()},
+        rule=f"A draw counts if {100 * A_LITTLE:g} % more of either changes the stress at which "
+        f"the undeformed material flows at one rate by more than {100 * SENSITIVE:g} %.",
     )

@@ -4,26 +4,24 @@ from collections.abc import Mapping
 
 import numpy as np
 import numpy.typing as npt
+import xarray as xr
 
 from pyburgers.checks.fit_checks import RHAT_LIMIT
 from pyburgers.common.units import number, rounded
 from pyburgers.model.display import shown_quantity
 from pyburgers.model.display import symbol_text as symbol
-from pyburgers.posterior.labelled_draws import convergence_table, grain_size_share
+from pyburgers.posterior.labelled_draws import convergence_table
 from pyburgers.protocols.protocol import FittedTest
 from pyburgers.studies.maor.before_data import (
     Knowledge,
     parameter_draws,
 )
+from pyburgers.studies.maor.flow_law import sensitivity_statement
 from pyburgers.studies.maor.ice_curves import curve_statements
 from pyburgers.studies.maor.statements import (
-    FEW,
-    MOST,
-    NARROW,
     Belief,
     BoolArray,
     Statement,
-    between,
     joined,
     probability,
 )
@@ -35,6 +33,9 @@ PIL40_VALUES: Mapping[str, tuple[float, float]] = {
     "critical_strain_grain_size": (0.03, 0.01),
 }
 """What the paper finds for PIL40, and how far from it is still about it."""
+
+LEAST_FIRST, FIRST_RHAT = 50, 1.2
+"""Draws at least that count as the first of a chain, and their R-hat from which chains differ."""
 
 KELVIN_ELEMENT = frozenset({"kelvin_modulus", "kelvin_viscosity"})
 
@@ -53,11 +54,11 @@ def ice_statements(known: Mapping[str, Knowledge]) -> tuple[Statement, ...]:
     of_one = {name: one for name, one in known.items() if name == "PIL40"}
     return (
         *(_value(of_one, name) for name in PIL40_VALUES if of_one),
-        _narrow_posteriors(known),
         _most_uncertain(known),
         *curve_statements(known),
         _softer_fabric(known),
-        _mechanism(known),
+        sensitivity_statement(known),
+        burn_in_statement(known),
     )
 
 
@@ -90,56 +91,6 @@ def _value(known: Mapping[str, Knowledge], name: str) -> Statement:
         rule=f"A draw counts if it is within {number(tolerance)} of {number(value)}. What the "
         "peak stress narrows by itself, n through the priors of Q_M and β, is not credited to the "
         "curve.",
-    )
-
-
-def _narrow_posteriors(known: Mapping[str, Knowledge]) -> Statement:
-    """Count the parameters that the curve narrows much beyond prior and peak stress."""
-
-    def shares(one: Knowledge) -> dict[str, tuple[float, float]]:
-        found = {}
-        for name in one.fit.priors.free:
-            if name != "stress_noise":
-                sd = parameter_draws(one.fit, name).std(ddof=1)
-                by_prior, by_peak = one.sd_before(name)
-                found[name] = float(sd / by_prior), float(sd / by_peak)
-        return found
-
-    by_test = {key: shares(one) for key, one in known.items()}
-
-    def belief(key: str) -> Belief:
-        of_curve = np.array([share for _, share in by_test[key].values()])
-        narrow = float((of_curve < NARROW).mean())
-        of_peak = np.array(
-            [by_peak / alone for by_peak, alone in map(known[key].sd_before, by_test[key])]
-        )
-        return Belief(
-            prior=False,
-            number=between(float((of_peak < NARROW).mean()), wrong_below=FEW, right_above=MOST),
-            posterior=between(narrow, wrong_below=FEW, right_above=MOST),
-            effective_draws=known[key].effective_draws,
-        )
-
-    every = [pair for ratios in by_test.values() for pair in ratios.values()]
-    of_prior, of_curve = (sum(pair[k] < NARROW for pair in every) for k in (0, 1))
-    details = "; ".join(
-        f"{key}: "
-        + ", ".join(
-            f"{symbol(shown_quantity(name))} {share[1]:.2f}"
-            for name, share in sorted(ratios.items(), key=lambda item: item[1][1])
-        )
-        for key, ratios in by_test.items()
-    )
-    return Statement(
-        key="narrow_posteriors",
-        source="Ice, Table 1",
-        text="For ice the posteriors are narrow although the priors are wide.",
-        evidence=f"{of_prior} of {len(every)} posteriors have a standard deviation below "
-        f"{NARROW:g} of the prior's, {of_curve} below {NARROW:g} of that with the peak stress "
-        f"alone (ratios to the latter for {details}).",
-        beliefs={key: belief(key) for key in known},
-        rule="Parameters, the noise aside: holds if more than two thirds are narrower than half of "
-        "what prior and peak stress leave, does not hold if less than a third are.",
     )
 
 
@@ -190,6 +141,43 @@ def _most_uncertain(known: Mapping[str, Knowledge]) -> Statement:
     )
 
 
+def burn_in_statement(known: Mapping[str, Knowledge]) -> Statement:
+    """Judge whether chains agree from their first draws on.
+
+    Parameters
+    ----------
+    known : mapping of str to Knowledge
+        Tests at constant rate by sample, at least one.
+    """
+
+    def first(one: Knowledge) -> tuple[float, int]:
+        draws = one.fit.posterior["posterior"].to_dataset()[list(one.fit.priors.free)]
+        n_first = max(LEAST_FIRST, draws.sizes["draw"] // 10)
+        table = convergence_table(
+            xr.DataTree.from_dict({"posterior": draws.isel(draw=slice(n_first))})
+        )
+        return float(table["rhat"].max()), n_first
+
+    def belief(one: Knowledge) -> Belief:
+        apart = first(one)[0] > FIRST_RHAT
+        return Belief(None, None, False if apart else None, one.effective_draws)
+
+    details = ", ".join(
+        f"{key} {rhat:.2f} of {n_first}"
+        for key, (rhat, n_first) in ((key, first(one)) for key, one in known.items())
+    )
+    return Statement(
+        key="burn_in",
+        source="Ice, Fig. 4",
+        text="The chains converge without burn-in.",
+        evidence=joined([f"largest R-hat of the first draws of each chain: {details}"]),
+        beliefs={key: belief(one) for key, one in known.items()},
+        rule="Does not hold if the first tenth of the draws of the chains differs from chain to "
+        f"chain (R-hat above {FIRST_RHAT:g}). Our chains begin at the posterior mode and warm up "
+        "before their first draw, so that chains that agree cannot tell.",
+    )
+
+
 def _softer_fabric(known: Mapping[str, Knowledge]) -> Statement:
     """Whether the fabric softens."""
     name = "steady_state_fabric_factor"
@@ -208,39 +196,4 @@ def _softer_fabric(known: Mapping[str, Knowledge]) -> Statement:
         },
         rule="A draw counts if its F_ss is below 1; where the prior ends below 1 the model cannot "
         "do otherwise.",
-    )
-
-
-def _mechanism(known: Mapping[str, Knowledge]) -> Statement:
-    """Whether convergence of the critical strains tells what softens the ice."""
-    names = ("critical_strain_grain_size", "critical_strain_fabric")
-
-    def by_grains(fit: FittedTest) -> BoolArray:
-        share: BoolArray = grain_size_share(fit.posterior).to_numpy().ravel() > 1 / 2
-        return share
-
-    def words(one: Knowledge) -> str:
-        rhat = convergence_table(one.fit.posterior)["rhat"]
-        return ", ".join(
-            f"{symbol(shown_quantity(name))} "
-            f"{parameter_draws(one.fit, name).std(ddof=1) / one.sd_before(name)[0]:.2f} (R-hat "
-            f"{float(rhat[name]):.3f})"
-            for name in names
-        )
-
-    details = "; ".join(f"{key} {words(one)}" for key, one in known.items())
-    return Statement(
-        key="mechanism",
-        source="Ice",
-        text="Which of ε_c1 and ε_c2 converges tells the mechanism: ε_c1 does, so that smaller "
-        "grains soften the ice more than fabric does.",
-        evidence=joined(
-            [
-                f"standard deviation over the prior's: {details}; chains that agree say that a "
-                "parameter was sampled well, not that the data fix it"
-            ]
-        ),
-        beliefs={key: probability(one, by_grains) for key, one in known.items()},
-        rule="A draw counts if grain size does more than half of the softening beyond the peak "
-        "(of its logarithm), which is the mechanism itself rather than a sign of it.",
     )

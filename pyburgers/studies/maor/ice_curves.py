@@ -30,6 +30,9 @@ FloatArray = npt.NDArray[np.float64]
 PEAK_STRAIN, NEAR_PEAK_STRAIN = 0.03, 0.005
 """Where the paper sees the peaks, and how far from it is still near it."""
 
+FEW_MINUTES = 10.0
+"""Time (min) until which it is a few minutes."""
+
 AROUND_PEAK = 0.25
 """Relative distance in strain from the peak within which readings tell the misfit there."""
 
@@ -83,6 +86,7 @@ def curve_statements(known: Mapping[str, Knowledge]) -> tuple[Statement, ...]:
     """
     return (
         _peak_strain(known),
+        _time_of_peak(known),
         *([_error_at_peak(known)] if _by_rate(known) is not None else []),
         _mean_solution(known),
     )
@@ -108,6 +112,31 @@ def _peak_strain(known: Mapping[str, Knowledge]) -> Statement:
         beliefs={key: probability(one, near) for key, one in known.items()},
         rule="A draw counts if the largest stress of its solution lies within "
         f"{NEAR_PEAK_STRAIN * STRAIN_FACTOR:g} % of {PEAK_STRAIN * STRAIN_FACTOR:g} % strain.",
+    )
+
+
+def _time_of_peak(known: Mapping[str, Knowledge]) -> Statement:
+    """Whether stress peaks within a few minutes."""
+
+    def minutes(fit: FittedTest) -> FloatArray:
+        time: FloatArray = peaks(fit)[0] / constant_rate_test(fit).segments[0].strain_rate / 60
+        return time
+
+    def soon(fit: FittedTest) -> BoolArray:
+        inside: BoolArray = minutes(fit) <= FEW_MINUTES
+        return inside
+
+    details = ", ".join(
+        f"{key} {np.nanmedian(minutes(one.fit)):.1f} min" for key, one in known.items()
+    )
+    return Statement(
+        key="time_of_peak",
+        source="Fig. 3",
+        text="Stress peaks “within a few minutes”.",
+        evidence=joined([f"median time of the peak of the solutions: {details}"]),
+        beliefs={key: probability(one, soon) for key, one in known.items()},
+        rule="A draw counts if the largest stress of its solution comes within "
+        f"{FEW_MINUTES:g} minutes; the strain of the peak over the rate that is imposed.",
     )
 
 

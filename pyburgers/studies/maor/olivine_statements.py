@@ -34,6 +34,12 @@ UNINFORMED = 0.8
 STRESS_EXPONENT, ABOUT = 3.0, 0.25
 """What the paper finds for n, and how far from it is still about it."""
 
+FLAT, BELL = -0.9, -0.6
+"""Excess kurtosis up to which a distribution is flat, and from which it is a bell."""
+
+LEAST_OFFSET = 1.0
+"""Standard deviation of the mean stress of draws (Pa) below which none is off."""
+
 NEGLIGIBLE_GROWTH = 0.1
 """Relative change of grain size over the record that is still negligible."""
 
@@ -60,8 +66,10 @@ def olivine_statements(known: Mapping[str, Knowledge]) -> tuple[Statement, ...]:
     """
     judges = (
         _constrained_kelvin_modulus,
+        _shape_of_kelvin_modulus,
         _unconstrained_critical_strain,
         _stress_exponent,
+        _cause_of_offset,
         _grain_growth,
         _spread_in_amplitude,
     )
@@ -100,6 +108,87 @@ def _constrained_kelvin_modulus(known: Mapping[str, Knowledge]) -> Statement:
         text="The Kelvin modulus E_K of olivine is constrained by the data.",
         rule="Holds if the standard deviation is below a third of the prior's, does not hold "
         "above two thirds.",
+    )
+
+
+def _shape_of_kelvin_modulus(known: Mapping[str, Knowledge]) -> Statement:
+    """Whether the posterior of the Kelvin modulus is a bell, and not flat as its prior."""
+    name = "kelvin_modulus"
+
+    def judge(one: Knowledge) -> tuple[Belief, str]:
+        before, after = (parameter_draws(fit, name) for fit in (one.prior, one.fit))
+        flat = np.full(before.size, 1 / before.size)
+        by_prior, by_number = _excess_kurtosis(before, flat), _excess_kurtosis(before, one.weights)
+        by_data = _excess_kurtosis(after, np.full(after.size, 1 / after.size))
+        shapes = (by_prior, by_number, by_data)
+        prior, number, posterior = (
+            between(shape, wrong_below=FLAT, right_above=BELL) for shape in shapes
+        )
+        return Belief(prior, number, posterior, one.effective_draws), (
+            f"the excess kurtosis of E_K is {by_data:.1f} ({by_prior:.1f} under the prior, "
+            f"{by_number:.1f} with the amplitude alone)"
+        )
+
+    return _judge(
+        known,
+        judge,
+        key="shape_of_kelvin_modulus",
+        source="Olivine, Table 2",
+        text="The posterior of E_K has the shape of a bell, where its prior is flat.",
+        rule="Its excess kurtosis, 0 of a normal and -1.2 of a uniform distribution: holds above "
+        f"{BELL:g}, does not hold below {FLAT:g}.",
+    )
+
+
+def _excess_kurtosis(draws: FloatArray, weights: FloatArray) -> float:
+    away = draws - weights @ draws
+    return float(weights @ away**4 / (weights @ away**2) ** 2 - 3)
+
+
+def _cause_of_offset(known: Mapping[str, Knowledge]) -> Statement:
+    """Whether draws are off the mean stress of the record by their stress exponents."""
+
+    def correlation(fit: FittedTest, weights: FloatArray) -> float:
+        columns = (
+            parameter_draws(fit, "stress_exponent"),
+            prediction_draws(fit, "stress").mean(axis=1),
+        )
+        solved = np.isfinite(columns[1])
+        weights = weights[solved] / weights[solved].sum()
+        away = [column[solved] - weights @ column[solved] for column in columns]
+        spreads = [np.sqrt(weights @ one**2) for one in away]
+        if spreads[1] < LEAST_OFFSET:
+            return np.nan
+        return float(weights @ (away[0] * away[1]) / (spreads[0] * spreads[1]))
+
+    def judge(one: Knowledge) -> tuple[Belief, str]:
+        before, after = one.prior, one.fit
+        n_before, n_after = (len(prediction_draws(fit, "stress")) for fit in (before, after))
+        found = (
+            correlation(before, np.full(n_before, 1 / n_before)),
+            correlation(before, one.weights),
+            correlation(after, np.full(n_after, 1 / n_after)),
+        )
+        prior, number, posterior = (
+            between(abs(value), wrong_below=FEW, right_above=MOST) if np.isfinite(value) else None
+            for value in found
+        )
+        words = (
+            f"n and the mean stress correlate by {found[-1]:.2f}"
+            if np.isfinite(found[-1])
+            else "no draw has an offset"
+        )
+        return Belief(prior, number, posterior, one.effective_draws), words
+
+    return _judge(
+        known,
+        judge,
+        key="cause_of_offset",
+        source="Olivine, Fig. 5",
+        text="A stress exponent n near 3 causes the offset of the predicted stress.",
+        rule="The correlation of n with the mean of the predicted stress over the draws, of either "
+        f"sign: holds above {MOST:.2f}, does not hold below {FEW:.2f}. With the background removed "
+        "no stress has an offset, and we cannot tell.",
     )
 
 

@@ -21,6 +21,7 @@ from pyburgers.flow_law_tables.inputs import (
     without_test,
 )
 from pyburgers.model.priors import PriorSet, default_priors, with_flow_law
+from pyburgers.predictions.attenuation import predict_attenuation
 from pyburgers.predictions.measured_attenuation import MeasuredAttenuation
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forced_oscillation.experiment import (
@@ -30,8 +31,8 @@ from pyburgers.protocols.forced_oscillation.experiment import (
 from pyburgers.protocols.forced_oscillation.preparation import Background
 from pyburgers.protocols.protocol import load_experiment
 from pyburgers.report.comparison_sections import comparison_sections
+from pyburgers.report.growing_page import GrowingPage
 from pyburgers.report.joint_section import joint_sections
-from pyburgers.report.page import write_report
 from pyburgers.report.peak_stress_section import PEAK_STRESS_KEY, peak_stress_section
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.studies.dunite import (
@@ -44,7 +45,7 @@ from pyburgers.studies.dunite import (
 from pyburgers.studies.dunite_predictions import predicted_tests, predictions_section
 from pyburgers.studies.halite import QUICK as HALITE_RUNS
 from pyburgers.studies.halite import halite_section, halite_tasks
-from pyburgers.studies.maor.sections import study_sections
+from pyburgers.studies.maor.sections import attenuation_section, study_sections
 from pyburgers.studies.olivine_spectra import run_name, spectra_section, spectra_tasks
 
 logger = logging.getLogger(__name__)
@@ -83,6 +84,11 @@ HANDED_ON_RUN = f"{PEAK_STRESS_TABLE}_handed_on"
 """Fit of the same table without that test, whose flow law that test gets."""
 
 
+MAIN = (ONE_RATE, OLIVINE_RUNS["kept"], "PIL40")
+"""Fits of the main part, as they begin: one of measured rock, which is sampled well in a minute and
+describes its data, then the one that takes longest. The treatment of the olivine record is that of
+its file; with the background removed, as in the paper, the fit takes three times as long."""
+
 LONGEST_FIRST = (
     JOINT_RUN,
     "olivine_removed",
@@ -112,13 +118,13 @@ class Outcome:
         The HTML page.
     fits : tuple of Fit
         The fits it shows, of single tests and of the tests of the joint fit.
-    peak_stress : PeakStressFit
-        The flow law it shows.
+    peak_stress : PeakStressFit or None
+        The flow law that the page of the whole study shows.
     """
 
     page: Path
     fits: tuple[Fit, ...]
-    peak_stress: PeakStressFit
+    peak_stress: PeakStressFit | None = None
 
 
 def study_experiments() -> dict[str, Experiment]:
@@ -137,24 +143,30 @@ def reproduce(
     preset: str,
     out: Path,
     *,
+    main: bool = False,
     workers: Workers = ALL_HERE,
     command: str,
     measured: MeasuredAttenuation | None = None,
 ) -> Outcome:
     """Fit the experiments of the study and write the page; continue where a call stopped.
 
-    The page has the fits, those of measured dunite first and with them which law describes steps
-    of the strain rate and what two tests predict of others, measured attenuation of olivine and
-    what two laws make of it, measured creep of rock salt and where each law misses it, attenuation
-    as the ice fits predict it, what the treatment of the olivine record changes, the paper's
-    statements, the flow law of measured peak stresses, and what that adds to one of the curves.
+    The page is there after the first fit and is written again after each; what is about several
+    fits comes last. It has the fits, those of measured dunite first and with them which law
+    describes steps of the strain rate and what two tests predict of others, measured attenuation of
+    olivine and what two laws make of it, measured creep of rock salt and where each law misses it,
+    attenuation as the ice fits predict it, what the treatment of the olivine record changes, the
+    paper's statements, the flow law of measured peak stresses, and what that adds to one of the
+    curves.
 
     Parameters
     ----------
     preset : str
         A key of `PRESETS`.
     out : Path
-        Folder of the page; the runs go into its subfolder ``runs``.
+        Folder of the page; the runs go into its subfolder ``runs``, where a call for the whole
+        study finds those of its main part.
+    main : bool
+        Whether only the fits of `MAIN` are done, and attenuation is predicted from that of ice.
     workers : Workers
         Who does the fits, all of them.
     command : str
@@ -163,14 +175,50 @@ def reproduce(
         Points to draw over the spectra of ice, such as those of the paper's Fig. 6, which are not
         public.
     """
+    do = _main_part if main else _whole_study
+    return do(preset, out, workers, command, measured)
+
+
+def _main_part(
+    preset: str, out: Path, workers: Workers, command: str, measured: MeasuredAttenuation | None
+) -> Outcome:
+    """Fit one test of each kind of the study, and predict attenuation from the one of ice."""
+    every = {**_problems(preset), **_measured_dunite(preset)}
+    page = GrowingPage(
+        out,
+        f"Nonlinear Burgers fits of dunite, ice and olivine ({preset} preset)",
+        command,
+        names=MAIN,
+        shown=MAIN,
+        at_the_end="the attenuation of ice",
+    )
+    found = _fit_all({name: every[name] for name in MAIN}, page, _runs(out, preset), workers)
+    ice = {name: found[name] for name in MAIN if name in ICE_TWINS}
+    logger.info("Predicting attenuation.")
+    spectra = {name: predict_attenuation(fit) for name, fit in ice.items()}
+    fits = tuple(found.values())
+    return Outcome(page.finish(fits, extras=[attenuation_section(ice, spectra, measured)]), fits)
+
+
+def _whole_study(
+    preset: str, out: Path, workers: Workers, command: str, measured: MeasuredAttenuation | None
+) -> Outcome:
+    """Do all fits, and show what several of them say together."""
     runs = _runs(out, preset)
     compile_programs([stan_directory() / f"{name}.stan" for name in PROGRAMS])
     peak_stress, handed_on = _fit_peak_stresses(runs, command)
     problems = {**_problems(preset), COMBINED_RUN: _combined(handed_on)}
     of_dunite, of_spectra = _measured_dunite(preset), _measured_spectra(preset)
     tasks = {**problems, **of_dunite, **of_spectra, **_measured_halite()}
-    begun = {name: replace(tasks[name], extensions=EXTENSIONS) for name in LONGEST_FIRST}
-    found = fit_side_by_side(begun, runs, workers=workers, command=command)
+    page = GrowingPage(
+        out,
+        f"Nonlinear Burgers fits of dunite, olivine, halite and ice ({preset} preset)",
+        command,
+        names=LONGEST_FIRST,
+        shown=[name for name in (*of_dunite, *problems) if name != JOINT_RUN],
+        at_the_end="what several fits say together",
+    )
+    found = _fit_all({name: tasks[name] for name in LONGEST_FIRST}, page, runs, workers)
     joint = found[JOINT_RUN]
     alone = {name: found[name] for name in of_dunite if name != JOINT_RUN}
     fits = [*alone.values(), *joint.tests().values(), *(found[name] for name in problems)]
@@ -180,11 +228,8 @@ def reproduce(
     }
     spectra = spectra_section({name: found[name] for name in of_spectra})
     halite = halite_section({name: found[name] for name in HALITE_RUNS})
-    page = write_report(
+    written = page.finish(
         fits,
-        out,
-        title=f"Nonlinear Burgers fits of dunite, olivine, halite and ice ({preset} preset)",
-        command=command,
         joints=[joint],
         extras=(
             rate_steps_section({name: found[name] for name in STEPPED}),
@@ -201,9 +246,16 @@ def reproduce(
             halite.key: [found[name] for name in HALITE_RUNS],
             PEAK_STRESS_KEY: [peak_stress, handed_on],
         },
-        jobs=None,
     )
-    return Outcome(page=page, fits=tuple(fits), peak_stress=peak_stress)
+    return Outcome(written, tuple(fits), peak_stress)
+
+
+def _fit_all(
+    tasks: Mapping[str, Task], page: GrowingPage, runs: Path, workers: Workers
+) -> dict[str, Fit]:
+    """Do fits in their order, and add each to the page when it is done."""
+    begun = {name: replace(task, extensions=EXTENSIONS) for name, task in tasks.items()}
+    return fit_side_by_side(begun, runs, workers=workers, command=page.command, after=page.add)
 
 
 def fit_part(preset: str, out: Path, *, workers: Workers, command: str) -> None:

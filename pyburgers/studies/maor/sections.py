@@ -52,7 +52,6 @@ from pyburgers.studies.maor.elastic_modulus import (
 )
 from pyburgers.studies.maor.flow_law import (
     STRESSES,
-    flow_law_statement,
     flow_laws,
     flow_laws_table,
 )
@@ -82,6 +81,11 @@ SYNTHETIC_SENTENCE = (
     "The data behind these posteriors are synthetic: a verdict tests the method, that is whether "
     "it would show what the paper saw, had the material been the one that made the data; it says "
     "nothing about nature."
+)
+
+WORDS_SENTENCE = (
+    "Statements are the paper's in our words, beside the figure, table or material that they are "
+    "about; words in quotation marks are the paper's own. Numbers in the rules are ours."
 )
 
 STATEMENTS_KEY, MODEL_KEY, ATTENUATION_KEY = "statements", "model", "attenuation"
@@ -170,7 +174,6 @@ def paper_statements(
         *ice_statements(ice),
         *olivine_statements(olivine),
         *attenuation_statements(spectra),
-        *([flow_law_statement(ice)] if ice else []),
     )
 
 
@@ -195,7 +198,7 @@ def statements_section(statements: tuple[Statement, ...], *, is_synthetic: bool)
             f"{findings} of {len(statements)} verdicts are findings of the data: {counted}.",
             *((SYNTHETIC_SENTENCE,) if is_synthetic else ()),
         ),
-        details=(VERDICTS_TEXT, MICROSTRUCTURE_SENTENCE),
+        details=(WORDS_SENTENCE, VERDICTS_TEXT, MICROSTRUCTURE_SENTENCE),
         tables=(
             PageTable(
                 "table",

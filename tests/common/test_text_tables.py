@@ -79,6 +79,8 @@ LAYOUTS = {
         + "".join(f'"{k}" {line}\n' for k, line in enumerate(rows(" ").splitlines(), start=1)),
         ["", "time", "strain", "stress"],
     ),
+    "numbers for names": ("Period,263,268\n" + rows(","), ["Period", "263", "268"]),
+    "end of an old text": ("t,e,s\n" + rows(",") + "\x1a", ["t", "e", "s"]),
     "matrix of a program": (rows("   ", before="  "), ["1", "2", "3"]),
     "keys and values ahead": (
         "Sample,PIL40\nTemperature,263\nDiameter,25.4\n\nTime (s),Strain,Stress\n" + rows(","),

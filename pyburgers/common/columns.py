@@ -210,8 +210,8 @@ def _numbers(
         more = f" and {len(lines) - NAMED_CELLS} more" if len(lines) > NAMED_CELLS else ""
         notes = (
             *notes,
-            f"{source.name}: {counted(len(lines), 'row')} without a number in a column that is "
-            f"read left out (line {', '.join(lines[:NAMED_CELLS])}{more}).",
+            f"{source.name}: {counted(len(lines), 'row')} left out, where a column that is read "
+            f"holds no reading (line {', '.join(lines[:NAMED_CELLS])}{more}).",
         )
     return [values[~without] for values in found], notes
 

@@ -90,10 +90,7 @@ def bars(chains: Sequence[int], total: int, stream: TextIO) -> Iterator[Advance]
 def quarter_messages(chains: Sequence[int], total: int) -> Advance:
     """Return what logs a line for each quarter of all chains together, with the time left.
 
-    Parameters
-    ----------
-    chains, total
-        As for `shown_progress`.
+    Arguments are those of `shown_progress`.
     """
     done = dict.fromkeys(chains, 0)
     started, last = time.monotonic(), 0

@@ -324,6 +324,15 @@ def test_a_draft_is_written_of_a_table_with_bad_rows(
     assert load_experiment(draft).n_points == 2
 
 
+def test_what_is_wrong_with_a_table_is_told_though_no_column_is_known(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "curve.txt"
+    path.write_text("Wert a b\n0.1 2\n0.2 3\n", encoding="utf-8")
+    assert main(["new", str(path), *KNOWN, *RATE]) == 2
+    assert "found 3 words for names (Wert a b) above 2 columns" in capsys.readouterr().out
+
+
 REFUSED = {
     "no terminal": ("strain,stress\n0.001,2\n", (), ("--material", "--strain-rate-per-s")),
     "no such columns": ("force,length\n1,2\n", (*KNOWN, *RATE), ("strain or time", "protocol")),

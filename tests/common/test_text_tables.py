@@ -79,6 +79,8 @@ LAYOUTS = {
         + "".join(f'"{k}" {line}\n' for k, line in enumerate(rows(" ").splitlines(), start=1)),
         ["", "time", "strain", "stress"],
     ),
+    "numbers for names": ("Period,263,268\n" + rows(","), ["Period", "263", "268"]),
+    "end of an old text": ("t,e,s\n" + rows(",") + "\x1a", ["t", "e", "s"]),
     "matrix of a program": (rows("   ", before="  "), ["1", "2", "3"]),
     "keys and values ahead": (
         "Sample,PIL40\nTemperature,263\nDiameter,25.4\n\nTime (s),Strain,Stress\n" + rows(","),
@@ -148,8 +150,11 @@ def test_time_stamps_are_seconds_since_the_first_row(
 
 
 def test_a_clock_of_the_test_keeps_its_zero(tmp_path: Path) -> None:
-    table = looked_at(tmp_path, "Elapsed time,e\n0:00:30,1\n30:00:30,2\n")
-    assert table.numbers("Elapsed time") == [30, 108030]
+    for dates in (("", "", ""), ("Date,", "3/1/2024,", "3/2/2024,")):
+        rows = "{}Elapsed time,e\n{}0:00:30,1\n{}30:00:30,2\n".format(*dates)
+        table = looked_at(tmp_path, rows)
+        assert table.numbers("Elapsed time") == [30, 108030]
+        assert any("as seconds since 0:00" in note for note in table.notes)
 
 
 def test_a_date_and_a_time_of_day_are_one_time(tmp_path: Path) -> None:

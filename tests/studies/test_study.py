@@ -32,8 +32,7 @@ from pyburgers.protocols.forward import simulate
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.problem import Problem
 from pyburgers.protocols.protocol import load_experiment
-from pyburgers.report.growing_page import GrowingPage
-from pyburgers.report.page import write_report
+from pyburgers.report.page import GrowingPage, write_report
 from pyburgers.studies.dunite import JOINT_RUN, ONE_RATE, STEPPED, TOGETHER
 from pyburgers.studies.halite import QUICK as HALITE_RUNS
 from pyburgers.studies.maor import sections as maor_sections
@@ -326,7 +325,7 @@ def test_the_study_fits_every_experiment_and_shows_all_of_it(
 
     monkeypatch.setattr("pyburgers.studies.maor.reproduce.fit_peak_stress", of_peaks)
     monkeypatch.setattr("pyburgers.studies.maor.reproduce.fit_side_by_side", quickly)
-    monkeypatch.setattr("pyburgers.report.growing_page.write_report", written)
+    monkeypatch.setattr("pyburgers.report.page.write_report", written)
     monkeypatch.setattr(
         "pyburgers.studies.maor.reproduce.predicted_tests",
         lambda _: [load_experiment(ICE / "PIL105.toml")],

@@ -309,6 +309,7 @@ def _read_points(
         },
         where=path,
         file_key=file_key,
+        has_own_clock=data.file is not None or len(segments) == 1,
     )
     if abscissa == "time":
         return _strain_at(position, segments), sign * stress, notes

@@ -31,8 +31,8 @@ from pyburgers.protocols.forced_oscillation.experiment import (
 from pyburgers.protocols.forced_oscillation.preparation import Background
 from pyburgers.protocols.protocol import load_experiment
 from pyburgers.report.comparison_sections import comparison_sections
-from pyburgers.report.growing_page import GrowingPage
 from pyburgers.report.joint_section import joint_sections
+from pyburgers.report.page import GrowingPage
 from pyburgers.report.peak_stress_section import PEAK_STRESS_KEY, peak_stress_section
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.studies.dunite import (

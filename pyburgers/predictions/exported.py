@@ -19,7 +19,8 @@ from pyburgers.fitting.sampled_fit import SampledFit
 from pyburgers.flow_law_tables.fit import PeakStressFit
 from pyburgers.model.display import shown_quantity, unit_text
 from pyburgers.model.parameters import CONDITIONS, STRESS_SCATTER
-from pyburgers.model.priors import FLOW_LAW as FLOW_LAW_NAMES
+from pyburgers.model.priors import FLOW_LAW
+from pyburgers.predictions.stated_laws import POWER_LAW, VARIABLES, laws_of, undeformed
 
 LOG_FACTOR = "ln_flow_law_factor"
 """ln A in SI units, which β and Q_M give: A = exp(β Q_M)."""
@@ -30,8 +31,6 @@ LEFT_OUT = CONDITIONS | {
     *("strain_offset", "apparatus_compliance"),
 }
 """Parameters that belong to a test or its readings, not to the material."""
-
-FLOW_LAW = "strain rate = A sigma^n d^-p exp(-Q_M/(R T)), ln A = beta Q_M; Pa, m, s, J/mol, K"
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +51,8 @@ class Exported:
         Posterior covariance; zero of what is fixed.
     n_draws : int
         Draws that they are of.
+    laws : mapping of str to object
+        Laws that were fitted, and their microstructures (`pyburgers.predictions.stated_laws`).
     """
 
     test: str
@@ -64,6 +65,7 @@ class Exported:
     mean: npt.NDArray[np.float64]
     covariance: npt.NDArray[np.float64]
     n_draws: int
+    laws: Mapping[str, object]
 
     @property
     def sd(self) -> npt.NDArray[np.float64]:
@@ -81,7 +83,8 @@ def exported(fit: Fit) -> Exported:
     """
     names = [name for name in fit.priors.priors if name not in LEFT_OUT]
     one = fit.experiment
-    return _exported(fit, names, test=one.id, material=one.material, law=fit.variant.short_text)
+    laws, variant = laws_of(fit.priors, one), fit.variant.short_text
+    return _exported(fit, names, test=one.id, material=one.material, variant=variant, laws=laws)
 
 
 def exported_table(fit: PeakStressFit) -> Exported:
@@ -89,12 +92,25 @@ def exported_table(fit: PeakStressFit) -> Exported:
 
     The flow law is that of all its tests; single ones scatter about it in ln(stress).
     """
-    names, data = (*FLOW_LAW_NAMES, STRESS_SCATTER.name), fit.data
-    return _exported(fit, names, test=data.id, material=data.material, law="flow law")
+    names, data = (*FLOW_LAW, STRESS_SCATTER.name), fit.data
+    # Its priors of the softening turn peaks into stresses of undeformed material.
+    laws = {
+        "flow_law": POWER_LAW,
+        "microstructure": {"undeformed": undeformed("initial_grain_size")},
+    }
+    return _exported(
+        fit, names, test=data.id, material=data.material, variant="flow law", laws=laws
+    )
 
 
 def _exported(
-    fit: SampledFit, names: Sequence[str], *, test: str, material: str, law: str
+    fit: SampledFit,
+    names: Sequence[str],
+    *,
+    test: str,
+    material: str,
+    variant: str,
+    laws: Mapping[str, object],
 ) -> Exported:
     draws = fit.posterior["posterior"].to_dataset()
     columns = {name: draws[name].to_numpy().ravel() for name in names}
@@ -107,7 +123,7 @@ def _exported(
     return Exported(
         test=test,
         material=material,
-        variant=law,
+        variant=variant,
         run=fit.directory.path.name,
         sampled_well=fit.sampled_well.value,
         describes_data=fit.describes_data.value,
@@ -115,6 +131,7 @@ def _exported(
         mean=np.where(fixed, values[:, 0], values.mean(axis=1)),
         covariance=covariance,
         n_draws=values.shape[1],
+        laws=laws,
     )
 
 
@@ -132,7 +149,8 @@ def as_json(one: Exported) -> str:
         "sampled_well": one.sampled_well,
         "describes_data": one.describes_data,
         "draws": one.n_draws,
-        "flow_law": FLOW_LAW,
+        **one.laws,
+        "variables": dict(VARIABLES),
         "names": list(one.names),
         "units": [_si_unit(name) for name in one.names],
         "mean": one.mean.tolist(),
@@ -160,8 +178,9 @@ def as_latex(one: Exported) -> str:
     """
     free = [k for k, sd in enumerate(one.sd) if sd > 0]
     lines = [
-        f"% {one.test}, {one.material}, model {one.variant}; {FLOW_LAW}",
+        f"% {one.test}, {one.material}, model {one.variant}",
         f"% sampled well: {one.sampled_well}, describes the data: {one.describes_data}",
+        *(f"% {line}" for line in _law_lines(one.laws)),
         rf"\begin{{tabular}}{{llr{'r' * len(free)}}}",
         r"\toprule",
         " & ".join(["", "unit", "mean $\\pm$ sd", *(f"${_symbol(one.names[k])}$" for k in free)])
@@ -178,6 +197,16 @@ def as_latex(one: Exported) -> str:
         cells = ["" if np.isnan(value) else f"${value:z.2f}$" for value in row]
         lines.append(" & ".join([f"${_symbol(name)}$", unit, spread, *cells]) + r" \\")
     return "\n".join([*lines, r"\bottomrule", r"\end{tabular}"]) + "\n"
+
+
+def _law_lines(laws: Mapping[str, object], under: str = "") -> list[str]:
+    lines: list[str] = []
+    for name, law in laws.items():
+        if isinstance(law, Mapping):
+            lines += _law_lines(law, f"{under}{name} ")
+        else:
+            lines.append(f"{under}{name}: {law}")
+    return lines
 
 
 def _symbol(name: str) -> str:

@@ -17,6 +17,7 @@ from pyburgers.fitting.fit import Fit
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.pooling import DEFAULT_KINDS
 from pyburgers.predictions.exported import LEFT_OUT, LOG_FACTOR, as_latex, exported
+from pyburgers.predictions.stated_laws import POWER_LAW
 from pyburgers.protocols.forward import simulate
 from pyburgers.protocols.protocol import load_experiment
 
@@ -40,6 +41,12 @@ def test_json_holds_mean_and_covariance_of_the_draws(
     expected = np.cov(*(draws[names[k]].to_numpy().ravel() for k in pair))
     np.testing.assert_allclose(np.array(content["covariance"])[np.ix_(pair, pair)], expected)
     assert content["units"][names.index("maxwell_modulus")] == "Pa"
+    # The text names the law, and what it holds for; its values: predictions/test_stated_laws.py.
+    assert content["flow_law"] == POWER_LAW
+    assert content["microstructure"]["undeformed"] == {
+        "grain_size": f"{small_fit.experiment.initial_grain_size:g}",
+        "fabric_factor": "1",
+    }
     # ln A is that of the flow law written with A.
     product = (draws["beta"] * draws["activation_enthalpy"]).to_numpy()
     assert content["mean"][names.index(LOG_FACTOR)] == pytest.approx(product.mean())

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import oracle
 import pytest
 from refusals import refusal, written
 from same_contents import assert_equal
@@ -11,6 +12,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.model.priors import default_priors
 from pyburgers.protocols.attenuation.files import load_attenuation
 from pyburgers.protocols.forced_oscillation.experiment import load_forced_oscillation
+from pyburgers.protocols.forced_oscillation.stan_data import START_MARGIN
 from pyburgers.protocols.forward import simulate
 from pyburgers.protocols.problem import problem_of
 from pyburgers.protocols.protocol import load_experiment, save_experiment
@@ -137,6 +139,30 @@ def test_imposed_cycles_are_a_record_of_the_same_strain(
     assert found["time_s"].iloc[-1] == 1500.0
     for name in ("strain", "stress_Pa", "kelvin_strain", "grain_size_m"):
         np.testing.assert_allclose(found[name], expected[name], rtol=1e-6, atol=1e-12)
+
+
+@pytest.mark.usefixtures("programs")
+@pytest.mark.parametrize("cycles", [1, 2])
+@pytest.mark.parametrize("amplitude", ["2e-3", "0.1"])
+def test_imposed_cycles_have_as_many_cycles_ahead_as_the_file_says(
+    cycles: int, amplitude: str, tmp_path: Path, parameters: dict[str, float]
+) -> None:
+    """Their stress is that of scipy, which starts that many periods ahead."""
+    settings = f"period_s = 300.0\nspin_up_cycles = {cycles}"
+    text = OSCILLATION.replace("2e-3", amplitude).replace("period_s = 300.0", settings)
+    imagined = load_forced_oscillation(written(tmp_path / "one.toml", text, (), {}))
+    found = simulate(imagined, parameters, at=np.linspace(10.0, 1500.0, 40))
+    expected = oracle.oscillation(
+        parameters,
+        imagined.temperature,
+        imagined.initial_grain_size,
+        oracle.OscillatingStrain(300.0, [float(amplitude)], [0.0], [5e-6], -300.0 * START_MARGIN),
+        start=-300.0 * cycles,
+        start_stress=150e6,
+        time=found["time_s"].to_numpy(),
+    )
+    largest = np.abs(expected[0]).max()
+    np.testing.assert_allclose(found["stress_Pa"], expected[0], rtol=0, atol=1e-4 * largest)
 
 
 @pytest.mark.usefixtures("programs")

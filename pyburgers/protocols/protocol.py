@@ -261,6 +261,10 @@ class Protocol(ABC, Generic[E]):
         grain_size_m and fabric_factor where the test has them.
         """
 
+    def solution_table(self, experiment: E, solution: pd.DataFrame) -> pd.DataFrame:
+        """Return the table that `pyburgers simulate` writes of a solution."""
+        return solution
+
     @abstractmethod
     def observed_positions(self, experiment: E) -> dict[str, tuple[FloatArray, str]]:
         """Return where the points lie along the test, by quantity, with its SI unit.
@@ -275,10 +279,7 @@ class Protocol(ABC, Generic[E]):
         return np.unique(experiment.position)
 
     def response_in(self, experiment: E, solution: pd.DataFrame) -> FloatArray:
-        """Return the response (SI) of every point, (n_points,), from what `simulate` gives.
-
-        It was asked for the solution at `simulated_positions`.
-        """
+        """Return the response (SI), (n_points,), in a solution at `simulated_positions`."""
         found: FloatArray = np.interp(
             experiment.position, solution[self.clock.column], solution[self.response.column]
         )

@@ -1,4 +1,4 @@
-"""Laws of a fit as expressions, for the exports: which law was fitted, and for which microstructure.
+"""Laws of a fit as expressions for exports, and the microstructures that each law holds for.
 
 The expressions use the names of the exported parameters and the variables of `VARIABLES`. Tests
 evaluate the expressions and compare the values with those of the Stan functions.

@@ -177,7 +177,8 @@ def test_a_solution_from_a_run_has_what_the_file_states_as_a_prediction_has(
     )
     run = str(small_fit.directory.path)
     ends = {}
-    for name, text in (("plain", IMAGINED), ("stated", IMAGINED + stated)):
+    force = IMAGINED.replace("stage_time_unit", 'stress_measure = "engineering"\nstage_time_unit')
+    for name, text in (("plain", IMAGINED), ("stated", IMAGINED + stated), ("force", force)):
         path, out = (tmp_path / f"{name}{suffix}" for suffix in (".toml", ".csv"))
         path.write_text(text, encoding="utf-8")
         assert main(["simulate", str(path), "--from", run, "--draw", "1", "--out", str(out)]) == 0
@@ -188,3 +189,5 @@ def test_a_solution_from_a_run_has_what_the_file_states_as_a_prediction_has(
         assert solved.iloc[-1] == pytest.approx(predicted.iloc[-1], rel=1e-5)
         ends[name] = solved.iloc[-1]
     assert ends["stated"] - ends["plain"] == pytest.approx(1e-2 + 1e-9 * 1e6, rel=1e-6)
+    # Under a constant force the area grows.
+    assert 0 < ends["force"] < 0.998 * ends["plain"]

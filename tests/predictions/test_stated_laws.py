@@ -15,8 +15,8 @@ from linear_bodies import LAWS
 
 from pyburgers.model.arrhenius import GAS_CONSTANT
 from pyburgers.predictions.exported import LOG_FACTOR, Exported, as_json, as_latex
-from pyburgers.protocols.attenuation.files import load_attenuation
 from pyburgers.predictions.stated_laws import HYPERBOLIC_SINE, laws_of
+from pyburgers.protocols.attenuation.files import load_attenuation
 from pyburgers.protocols.experiment import Experiment
 from pyburgers.protocols.forward import simulate
 from pyburgers.protocols.loading_history.experiment import LoadingHistory

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table
-from pyburgers.common.units import counted
+from pyburgers.common.units import counted, span_text
 from pyburgers.protocols.experiment import FloatArray
 from pyburgers.protocols.loading_history.conventions import Conventions
 from pyburgers.protocols.loading_history.driver import (
@@ -21,6 +21,7 @@ from pyburgers.protocols.loading_history.driver import (
     reading_error,
     scatter,
     tolerance_of,
+    tolerances,
 )
 from pyburgers.protocols.loading_history.readings import Readings, true_stress
 from pyburgers.protocols.loading_history.series import (
@@ -389,12 +390,16 @@ class _StageReader:
             error = scatter(time, value) if stated is None else stated
             allowed = max(TOLERANCE * error, TURNED_TOLERANCE * float(np.ptp(value)))
             self._check_jump(float(value[0]), allowed)
-        tolerance = tolerance_of(value, reading_error(time, value) if stated is None else stated)
+        factor = 1.0 if strain_driven else self.test.conventions.stress
         if self.table.tolerance is not None:
-            factor = 1.0 if strain_driven else self.test.conventions.stress
-            tolerance = factor * self.table.tolerance
+            tolerance = np.array([factor * self.table.tolerance])
+        elif stated is not None:
+            tolerance = np.array([tolerance_of(value, stated)])
+        else:
+            tolerance = tolerances(time, value)
         corners, line = line_through(time, value, tolerance)
-        distance = f"{tolerance:.2g}" if strain_driven else f"{tolerance / 1e6:.2g} MPa"
+        unit, scale = ("", 1.0) if strain_driven else (" MPa", 1e-6)
+        distance = span_text((scale * tolerance.min(), scale * tolerance.max()), digits=2) + unit
         self.notices.append(
             f"Stage {self.number}: {series.n_read} readings of the {quantity} became "
             f"{counted(corners.size - 1, 'leg')}, which "

@@ -16,6 +16,7 @@ from pyburgers.cli.shared import (
 )
 from pyburgers.cli.terminal import print_checks, print_table
 from pyburgers.common.errors import InputError
+from pyburgers.common.paths import shown
 from pyburgers.fitting.fit import fit
 from pyburgers.model.flow_law_prior import load_flow_law_of_run
 from pyburgers.model.pooling import parse_pooling
@@ -108,7 +109,7 @@ def run(options: argparse.Namespace) -> int:
         else parameter_table(result.summary("SI"), result.priors, fixed_in_effect(result))
     )
     print_table(table, ["quantity", "unit", "pooling", "fit"])
-    print(f"run directory: {result.directory.path}")
+    print(shown(f"run directory: {result.directory.path}"))
     return print_checks(result.checks(), result.prior_conflicts())
 
 

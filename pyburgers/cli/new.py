@@ -16,6 +16,7 @@ from pyburgers.cli.parser import is_text
 from pyburgers.cli.shared import writing
 from pyburgers.common.atomic_files import write_atomically
 from pyburgers.common.errors import InputError
+from pyburgers.common.paths import shown
 from pyburgers.common.text_tables import TextTable, look_at
 from pyburgers.common.toml_files import read_tables
 from pyburgers.model.priors import shipped_prior_files
@@ -101,9 +102,9 @@ def run(options: argparse.Namespace) -> int:
     text = experiment_text(name, new_file, description)
     with writing(out):
         write_atomically(out, lambda draft: _write_checked(draft, out, text))
-    print(f"written: {out}")
+    print(shown(f"written: {out}"))
     code = check(out)
-    print(f"next: {shlex.join(['pyburgers', 'fit', str(out)])}")
+    print(f"next: {shlex.join(['pyburgers', 'fit', shown(out)])}")
     return code
 
 

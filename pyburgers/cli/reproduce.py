@@ -5,6 +5,7 @@ from pathlib import Path
 
 from pyburgers.cli.shared import command_line
 from pyburgers.cli.workers import add_worker_options, workers_of
+from pyburgers.common.paths import shown
 from pyburgers.predictions.measured_attenuation import load_measured_attenuation
 from pyburgers.studies.maor.reproduce import PRESETS, fit_part, reproduce
 
@@ -15,7 +16,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
         "--preset", choices=sorted(PRESETS), default="quick", help="how long chains are"
     )
     command.add_argument(
-        "--out", type=Path, default=Path("report"), metavar="DIR", help="folder of page and runs"
+        "--out", type=Path, default="report", metavar="DIR", help="folder of page and runs"
     )
     command.add_argument(
         "--measured",
@@ -37,5 +38,5 @@ def run(options: argparse.Namespace) -> int:
             print("fits of part {}/{} are done".format(*options.part))
             return 0
         outcome = reproduce(preset, out, workers=workers, command=command, measured=measured)
-    print(f"The page is {outcome.page}")
+    print(shown(f"The page is {outcome.page}"))
     return 0

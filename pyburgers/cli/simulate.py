@@ -8,6 +8,7 @@ from pyburgers.cli.outputs import check_output
 from pyburgers.cli.shared import add_variant_option, writing
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.errors import InputError
+from pyburgers.common.paths import shown
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.new_test import of_any_test
 from pyburgers.model.variants import parse_choices
@@ -61,7 +62,7 @@ def run(options: argparse.Namespace) -> int:
     solution = protocol_of(experiment).solution_table(experiment, simulate(experiment, parameters))
     with writing(options.out):
         write_text(options.out, solution.to_csv(index=False))
-    print(f"{len(solution)} rows in {options.out}")
+    print(shown(f"{len(solution)} rows in {options.out}"))
     return 0
 
 

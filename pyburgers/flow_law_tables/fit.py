@@ -21,6 +21,7 @@ from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.atomic_files import write_json
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError
+from pyburgers.common.paths import given_path
 from pyburgers.fitting.sampled_fit import SampledFit, put_aside_where_few_diverged, write_tables
 from pyburgers.flow_law_tables.description import LOG_STRESS, TABLE_CHECKS
 from pyburgers.flow_law_tables.groups import GRID_STRESSES, groups
@@ -186,7 +187,7 @@ class PeakStressFit(SampledFit):
             If it is not a run of this kind, has no finished chain, or a file of it was damaged or
             has changed.
         """
-        run = RunDirectory(Path(path))
+        run = RunDirectory(given_path(path))
         run.read_manifest()
         if not is_peak_stress_run(path):
             raise InputError(
@@ -248,7 +249,7 @@ def fit_peak_stress(
     SamplingError
         If no chain finished.
     """
-    run = RunDirectory(Path(out))
+    run = RunDirectory(given_path(out))
     options = options or SamplerOptions()
     options = replace(
         options,
@@ -298,7 +299,7 @@ def fit_peak_stress(
 
 def is_peak_stress_run(path: str | Path) -> bool:
     """Whether a run directory holds a fit of a table of peak stresses."""
-    return (RunDirectory(Path(path)).inputs / TABLE_FILE).is_file()
+    return (RunDirectory(given_path(path)).inputs / TABLE_FILE).is_file()
 
 
 def flow_law_prior(fit: PeakStressFit) -> FlowLawPrior:

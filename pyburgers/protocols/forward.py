@@ -10,6 +10,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from pyburgers.common.errors import InputError
+from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import read_json
 from pyburgers.model.parameters import (
     GIVEN_TOGETHER,
@@ -50,7 +51,7 @@ def load_parameters(path: str | Path) -> dict[str, float]:
     InputError
         If the file is missing, is no JSON object, or has wrong names or values.
     """
-    return check_parameters(read_json(Path(path)), where=str(path))
+    return check_parameters(read_json(given_path(path)), where=str(path))
 
 
 def check_parameters(values: Mapping[str, object], where: str = "parameters") -> dict[str, float]:

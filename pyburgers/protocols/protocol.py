@@ -24,6 +24,7 @@ from pydantic import ConfigDict, Field
 from pyburgers.cmdstan.draw_files import Draws
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.errors import InputError
+from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import Table, read_toml
 from pyburgers.drawing.page_parts import FigureRecipe, PageFigure, PageTable
 from pyburgers.drawing.panels import FittedCurve
@@ -430,7 +431,7 @@ def load_experiment(path: str | Path) -> Experiment:
     InputError
         If a file, key, unit or number is not what it has to be.
     """
-    path = Path(path)
+    path = given_path(path)
     name = read_toml(path, _ProtocolTable).protocol
     if name not in NAMES:
         expected = " or ".join(map(repr, NAMES))

@@ -8,6 +8,7 @@ from pydantic import Field
 
 from pyburgers.common.columns import write_columns
 from pyburgers.common.errors import InputError, all_of
+from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import Table, factor_to_si, read_toml
 from pyburgers.protocols.experiment import (
     ExperimentFile,
@@ -94,7 +95,7 @@ def load_loading_history(path: str | Path) -> LoadingHistory:
     InputError
         If a file, key, unit or number is not what it has to be.
     """
-    path = Path(path)
+    path = given_path(path)
     file = read_toml(path, _LoadingHistoryFile)
     values, (test, offset) = all_of(lambda: shared_values(path, file), lambda: _test(path, file))
     stages, changes = read_stages(test, file.stages)

@@ -29,7 +29,9 @@ def shown(text: object) -> str:
         A path, or a message with paths.
     """
     try:
-        here = re.escape(f"{Path.cwd()}{os.sep}")
+        here = re.escape(str(Path.cwd()))
     except FileNotFoundError:  # it was removed: nothing lies below it
         return str(text)
-    return re.sub(rf"(?<![^\s'\"`(=:,]){here}(?!~)(?=\S)", "", str(text))
+    begins, ends = r"(?<![^\s'\"`(=:,])", r"(?![^\s'\"`):;,])"
+    below = re.sub(rf"{begins}{here}{os.sep}(?!~)(?=\S)", "", str(text))
+    return re.sub(rf"{begins}{here}{ends}", ".", below)

@@ -173,16 +173,14 @@ def load_posterior(run: RunDirectory) -> xr.DataTree | None:
     Raises
     ------
     InputError
-        If the file has changed since the run. The bytes that are hashed are those that are read.
+        If the file has changed since the run, by the hash of the bytes that are read.
     """
     noted = run.read_manifest().get("posterior_sha256")
     if not run.posterior_file.is_file() or noted is None:
         return None
-    content = run.posterior_file.read_bytes()
-    if sha256_of_bytes(content) != noted:
+    if sha256_of_bytes(content := run.posterior_file.read_bytes()) != noted:
         raise InputError(
-            f"{run.path}: {run.posterior_file.name} has changed since the run, whose hash says so; "
-            f"{REMEDY}."
+            f"{run.posterior_file} has changed since the run, as its hash says; {REMEDY}."
         )
     tree = read_netcdf(content)
     if json.loads(tree.attrs["chains"]) != list(run.finished_chains()):

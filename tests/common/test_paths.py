@@ -49,8 +49,9 @@ def test_messages_show_paths_from_the_working_folder(home: Path) -> None:
     assert (
         shown(f"{here}/runs/x: is no run, see {here}/a.toml.") == "runs/x: is no run, see a.toml."
     )
-    for text in (f"{here}/~/x", f"{home}/x", f"/other{here}/x", f"{here}"):
+    for text in (f"{here}/~/x", f"{home}/x", f"/other{here}/x", f"{here}s"):
         assert shown(text) == text
+    assert shown(f"--out {here}: it is a folder") == "--out .: it is a folder"
 
 
 @pytest.mark.parametrize(

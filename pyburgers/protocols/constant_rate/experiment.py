@@ -9,13 +9,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from pyburgers.common.columns import (
-    Cell,
-    Column,
-    TextFilesTable,
-    read_columns,
-    write_columns,
-)
+from pyburgers.common.columns import Cell, Column, TextFilesTable, read_columns, write_columns
 from pyburgers.common.errors import InputError, all_of
 from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import Table, factor_to_si, read_toml

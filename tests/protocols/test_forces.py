@@ -78,7 +78,7 @@ def by_scipy(
 
     def stress_of(force: float, kelvin: float, dashpot: float) -> float:
         def missed(stress: float) -> float:
-            return stress - force * np.exp(-(stress / modulus + kelvin + dashpot))
+            return stress - force * float(np.exp(-(stress / modulus + kelvin + dashpot)))
 
         return float(brentq(missed, -2 * abs(force) - 1, 2 * abs(force) + 1, xtol=1e-6, rtol=1e-14))
 
@@ -86,7 +86,7 @@ def by_scipy(
         wanted = oracle.wanted_grain_size(values, stress)
         grown = 1 - np.exp(-path / values["critical_strain_grain_size"])
         fabric = 1 - np.exp(-path / values["critical_strain_fabric"])
-        return state + np.array(
+        changes: FloatArray = np.array(
             [
                 0.0,
                 0.0,
@@ -94,12 +94,13 @@ def by_scipy(
                 (values["steady_state_fabric_factor"] - state[3]) * fabric,
             ]
         )
+        return state + changes
 
     def rates(time: float, state: FloatArray, force: float, slope: float) -> FloatArray:
         kelvin_strain, dashpot_strain, grains, fabric = state
         stress = stress_of(force + slope * time, kelvin_strain, dashpot_strain)
         kelvin = oracle.kelvin_rate(values, TEMPERATURE, stress, kelvin_strain)
-        dashpot = float(oracle.dashpot_rate(values, TEMPERATURE, stress, grains, fabric))
+        dashpot = float(oracle.dashpot_rate(values, TEMPERATURE, np.array(stress), grains, fabric))
         # ln(stress) = ln(force) - strain, in which the spring has the share stress/modulus.
         area = np.exp(-(stress / modulus + kelvin_strain + dashpot_strain))
         stress_rate = (slope * area - stress * (kelvin + dashpot)) / (1 + stress / modulus)

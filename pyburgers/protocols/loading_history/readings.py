@@ -238,7 +238,7 @@ def true_stress(
             f"up a strain of more than {np.exp(-1):.2f} under {np.nanmax(rigid):.3g} Pa, expected "
             "a smaller compliance: check its unit."
         )
-    return np.asarray(-lambertw(-compliance * rigid).real / compliance)
+    return np.asarray(-lambertw(-compliance * rigid, 0).real / compliance)
 
 
 def responses(

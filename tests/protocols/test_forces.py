@@ -16,6 +16,8 @@ from scipy.optimize import brentq
 from pyburgers.protocols.forward import simulate
 from pyburgers.protocols.loading_history.experiment import LoadingHistory
 from pyburgers.protocols.loading_history.files import load_loading_history, save_loading_history
+from pyburgers.protocols.program_data import solve
+from pyburgers.protocols.stan_data import SolverOptions
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -165,6 +167,21 @@ def test_a_force_without_data_is_solved_with_the_area_of_the_solution(
     np.testing.assert_allclose(found["strain"], read, rtol=1e-5, atol=1e-9)
     # The area matters here: a constant true stress would strain the sample otherwise.
     assert np.abs(strain).max() > 0.03
+
+
+@pytest.mark.usefixtures("programs")
+@pytest.mark.parametrize("stages", STAGES)
+def test_the_strain_rate_under_a_force_is_the_slope_of_the_strain(
+    stages: str, tmp_path: Path
+) -> None:
+    """That of the apparatus and of the error of the load cell included."""
+    test = load(tmp_path, text_of(STAGES[stages]) + APPARATUS)
+    values = {**TRUTH, "apparatus_compliance": COMPLIANCE, "stress_calibration_error": 0.05}
+    middle = np.linspace(0.0, test.end_time, 20)[1:-1] + 0.7
+    at = np.sort(np.concatenate([middle - 0.1, middle, middle + 0.1]))
+    found = solve(test, values, at, solver=SolverOptions(tolerance=1e-11, max_num_steps=1_000_000))
+    slope = (found["grid_strain"][2::3] - found["grid_strain"][::3]) / 0.2
+    np.testing.assert_allclose(found["grid_strain_rate"][1::3], slope, rtol=1e-4)
 
 
 def test_a_copy_of_a_test_under_a_force_is_the_same(tmp_path: Path) -> None:
